@@ -4,8 +4,8 @@
     cargo build --release --workspace --bins --example fill
     python3 benches/pages.py [--count 100000] [--folder DIR] [--programs target/release] [--times 30] [--limit 100]
 
-It fills a data directory with made-up individuals, lets a coordinator finish the campaign, and asks for each thing as a page
-does: over a connection that stays open, the first time (when the coordinator reads what it keeps afterwards), then the given
+It fills a data directory with made-up individuals, lets a coordinator finish the campaign and a small one to compare it with, and asks
+for each thing as a page does: over a connection that stays open, the first time (when the coordinator reads what it keeps afterwards), then the given
 number of times. Ends with exit code 1 if the median of some interaction is over the limit.
 """
 
@@ -20,13 +20,24 @@ import statistics
 import sys
 import tempfile
 import time
+import urllib.parse
 
-from large_archive import CAMPAIGN, ROOT, run, serving, state
+from large_archive import CAMPAIGN, ROOT, run, serving
 
 # Pictures that the gallery of a selection shows, and connections that a browser opens to one coordinator.
 GALLERY = 60
 CONNECTIONS = 6
 LABELS = 2000
+# The fields of the campaign that the large one is compared with.
+SMALL = {
+    "step": "start",
+    "name": "small",
+    "model": "single-sensor",
+    "method": "hand-crafted",
+    "search.population": 20,
+    "search.generations": 3,
+    "world.horizon": 100,
+}
 
 
 class Page:
@@ -36,12 +47,19 @@ class Page:
         self.address = url.removeprefix("http://")
         self.connection = http.client.HTTPConnection(self.address, timeout=600)
 
+    def submit(self, path, fields):
+        """Sends a form."""
+        self.send(path, urllib.parse.urlencode(fields), "application/x-www-form-urlencoded")
+
     def ask(self, path, body=None, whole=True):
         """Milliseconds until the answer (or its first bytes) is here, and the answer."""
-        headers = {"content-type": "application/json", "origin": f"http://{self.address}"} if body is not None else {}
+        return self.send(path, json.dumps(body) if body is not None else None, "application/json", whole)
+
+    def send(self, path, body, kind, whole=True):
+        headers = {"content-type": kind, "origin": f"http://{self.address}"} if body is not None else {}
         method = "GET" if body is None else "POST"
         begun = time.perf_counter()
-        self.connection.request(method, path, json.dumps(body) if body is not None else None, headers)
+        self.connection.request(method, path, body, headers)
         answer = self.connection.getresponse()
         read = answer.read() if whole else answer.read1(1)
         took = 1000 * (time.perf_counter() - begun)
@@ -86,9 +104,25 @@ class Interactions:
         said = [{"index": next(self.fresh), "answer": ["milling", "dispersal", "random"][number % 3]}]
         return {"request_id": f"bench-{secrets.token_hex(8)}", "annotator": "Ana", "answers": said}
 
+    def comparison(self, number):
+        reference, left, right = (next(self.fresh) for _ in range(3))
+        said = {"reference": reference, "left": left, "right": right, "preference": ["left", "right"][number % 2]}
+        return {"request_id": f"bench-{secrets.token_hex(8)}", "annotator": "Ana", **said}
+
+    def change(self, **change):
+        return {"request_id": f"bench-{secrets.token_hex(8)}", "annotator": "Ana", "change": change}
+
+    def rename(self, number):
+        """There and back, so that the class has both names in turn."""
+        names = ["milling", "mill"]
+        return self.change(rename={"class": names[number % 2], "to": names[(number + 1) % 2]})
+
+    def colour(self, number):
+        return self.change(colour={"class": "dispersal", "colour": f"#{number % 256:02x}4080"})
+
     def all(self):
         """By name."""
-        names = ["", "/map", "/label", "/taxonomy", "/classes"]
+        names = ["", "/map", "/label", "/sheet", "/comparisons", "/answers", "/classes", "/taxonomy", "/taxonomy/changes"]
         pages = {f"the page {name or '/'}": self.get(CAMPAIGN + name) for name in names}
         return {
             "the list of campaigns": self.get("/"),
@@ -101,12 +135,20 @@ class Interactions:
             f"a lasso: {GALLERY} pictures, {CONNECTIONS} at a time": self.gallery,
             "the next questions": self.post("/questions", self.question),
             "an answer": self.post("/labels", self.answer),
+            "the next three to compare": self.post("/comparisons/question", lambda _: {"annotator": "Ana"}),
+            "a comparison": self.post("/comparisons", self.comparison),
             "the labels that stand": self.get(CAMPAIGN + "/labels"),
+            "the answers that stand, with who and when": self.get(CAMPAIGN + "/answers/standing"),
             "the classes and their pictures": self.get(CAMPAIGN + "/classes/details"),
+            "a class in another colour": self.post("/classes", self.colour),
+            "a class under another name": self.post("/classes", self.rename),
             "how the campaign stands: the first event": self.get(CAMPAIGN + "/changes", whole=False),
             "labels as CSV: the first bytes": self.get(CAMPAIGN + "/labels.csv", whole=False),
             "the archive as CSV: the first bytes": self.get(CAMPAIGN + "/archive.csv", whole=False),
             "novelty over generations": self.get(CAMPAIGN + "/generations"),
+            "epochs of trainings, and events": self.get(CAMPAIGN + "/epochs"),
+            "what moves on Progress: the newest and most novel": self.get(CAMPAIGN + "/shown"),
+            "two campaigns side by side, the other small": self.get("/compare?campaign=filled-1&campaign=small-2"),
         }
 
 
@@ -118,13 +160,22 @@ def label(page, count):
         page.ask(f"{CAMPAIGN}/labels", body)
 
 
+def finished(page, name):
+    """Waits until the campaign of that name is completed."""
+    while f"campaign-{name}-".encode() not in page.ask(f"/?words={name}&state=completed")[1]:
+        time.sleep(0.2)
+
+
 def measure(options, folder):
     data = folder / "data"
     if not data.exists():
         run("fill", options.programs / "examples/fill", data, options.count)
     with serving(options.programs, data, 1) as (_, url, _):
-        while state(options.programs, url) == "running":
-            time.sleep(0.2)
+        page = Page(url)
+        finished(page, "filled")
+        if b"small-2" not in page.ask("/")[1]:
+            page.submit("/new", SMALL)
+        finished(page, "small")
     slow = []
     with serving(options.programs, data, 1) as (_, url, _):
         interactions = Interactions(url, options.count)

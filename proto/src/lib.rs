@@ -21,7 +21,7 @@ mod image_format;
 mod invalid;
 mod lease_id;
 mod method;
-mod near;
+pub mod near;
 pub mod onnx;
 pub mod parts;
 mod picture_shape;

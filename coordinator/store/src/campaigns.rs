@@ -1,13 +1,13 @@
 //! Rows of campaigns.
 
-use super::{Store, StoreError};
+use super::{Store, StoreError, UnknownCampaign};
 use crate::{checkpoint_rows::checkpoint_number, hidden::HIDDEN, numbers::now_ms};
 use murmuration_model::{
     ArchiveEmbedder, CampaignHead, CampaignId, CampaignRecord, CampaignState, NewCampaign, Rounds, Weight,
     labels::RequestId, study_name,
 };
 use murmuration_proto::{
-    CampaignName, CampaignSpec, CheckpointDigest, EmbedderSource, Invalid, SIMULATOR_VERSION, Text,
+    CampaignName, CampaignSpec, CheckpointDigest, EmbedderSource, Invalid, SIMULATOR_VERSION, Text, near,
 };
 use rusqlite::{Connection, OptionalExtension as _, Params, Row, params};
 
@@ -215,7 +215,12 @@ pub(super) fn number_of(connection: &Connection, id: &CampaignId) -> Result<i64,
             |row| row.get(0),
         )
         .optional()?
-        .ok_or_else(|| StoreError::NoCampaign(id.as_str().to_owned()))
+        .ok_or_else(|| {
+            StoreError::NoCampaign(UnknownCampaign {
+                id: id.as_str().to_owned(),
+                nearest: None,
+            })
+        })
 }
 
 /// The campaign of that id; `latest` is the newest that was started for no study.
@@ -224,7 +229,29 @@ pub(super) fn campaign(connection: &Connection, id: &str) -> Result<CampaignReco
         "latest" => records(connection, "c.study = '' ORDER BY c.number DESC LIMIT 1", []),
         id => records(connection, "c.id = ?1", [id]),
     };
-    found?.pop().ok_or_else(|| StoreError::NoCampaign(id.to_owned()))
+    match found?.pop() {
+        Some(record) => Ok(record),
+        None => Err(StoreError::NoCampaign(unknown(connection, id)?)),
+    }
+}
+
+/// Longest id for which a similar one is looked for, in bytes: longer than any campaign's.
+const LONGEST_ID: usize = 128;
+
+fn unknown(connection: &Connection, id: &str) -> Result<UnknownCampaign, StoreError> {
+    let mut known: Vec<String> = Vec::new();
+    // `latest` is missing only where there is nothing.
+    if id != "latest" && id.len() <= LONGEST_ID {
+        let mut statement =
+            connection.prepare("SELECT id FROM campaigns WHERE state <> ?1 ORDER BY number")?;
+        let ids = statement.query_map([HIDDEN], |row| row.get(0))?;
+        known = ids.collect::<Result<_, _>>()?;
+    }
+    let nearest = near::nearest(id, known.iter().map(String::as_str));
+    Ok(UnknownCampaign {
+        id: id.to_owned(),
+        nearest: nearest.map(|id| CampaignId::from_store(id.to_owned())),
+    })
 }
 
 /// The campaigns of which the condition `which` holds, apart from those that nobody sees.

@@ -1,6 +1,6 @@
 //! What each epoch of a campaign's trainings measured.
 
-use super::{Store, StoreError, campaigns::number_of};
+use super::{Store, StoreError, campaigns::number_of, numbers::now_ms};
 use murmuration_model::CampaignId;
 use rusqlite::params;
 
@@ -32,9 +32,9 @@ impl Store {
                 params![number, round, place],
             )?;
             transaction.execute(
-                "INSERT INTO epochs (campaign, round, epoch, generations, loss, accuracy) VALUES (?1, ?2, ?3,
-                    (SELECT coalesce(max(generation) + 1, 0) FROM generations WHERE campaign = ?1), ?4, ?5)",
-                params![number, round, place, epoch.loss, epoch.accuracy],
+                "INSERT INTO epochs (campaign, round, epoch, generations, loss, accuracy, ended_ms) VALUES (?1, ?2, ?3,
+                    (SELECT coalesce(max(generation) + 1, 0) FROM generations WHERE campaign = ?1), ?4, ?5, ?6)",
+                params![number, round, place, epoch.loss, epoch.accuracy, now_ms()],
             )?;
             Ok(())
         })
@@ -60,6 +60,22 @@ impl Store {
                 Ok((epoch, row.get(4)?))
             })?;
             rows.map(|row| Ok(row?)).collect()
+        })
+    }
+
+    /// When the epochs of the training of a round ended, in order: milliseconds since 1970-01-01 UTC. Without those of which nobody
+    /// noted it.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn epoch_times(&self, campaign: &CampaignId, round: u32) -> Result<Vec<u64>, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let mut statement = connection.prepare_cached(
+                "SELECT ended_ms FROM epochs WHERE campaign = ?1 AND round = ?2 AND ended_ms NOT NULL ORDER BY epoch",
+            )?;
+            let rows = statement.query_map(params![number, round], |row| row.get::<_, i64>(0))?;
+            rows.map(|row| Ok(row?.unsigned_abs())).collect()
         })
     }
 }
@@ -89,5 +105,7 @@ mod tests {
         let kept = store.epochs(&id).unwrap();
         let expected = [(0, 1), (0, 2), (1, 1)].map(|(round, place)| (epoch(round, place), 0));
         assert_eq!(kept, expected);
+        let times = store.epoch_times(&id, 0).unwrap();
+        assert!(times.len() == 2 && times.is_sorted() && times[0] > 0, "{times:?}");
     }
 }

@@ -5,9 +5,28 @@
 use murmuration_model::{CampaignId, labels::RequestId};
 use rusqlite::{ErrorCode, ffi};
 use std::{
-    io,
+    fmt, io,
     path::{Path, PathBuf},
 };
+
+/// An id that no campaign has.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct UnknownCampaign {
+    /// The id.
+    pub id: String,
+    /// The campaign whose id is most similar, if one is similar enough to be meant.
+    pub nearest: Option<CampaignId>,
+}
+
+impl fmt::Display for UnknownCampaign {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "there is no campaign \"{}\": ", self.id)?;
+        if let Some(nearest) = &self.nearest {
+            write!(f, "did you mean \"{nearest}\"? ")?;
+        }
+        f.write_str("`murmuration list` shows those there are")
+    }
+}
 
 /// Why the store could not do what was asked; nothing was changed.
 #[derive(Debug, thiserror::Error)]
@@ -100,8 +119,8 @@ pub enum StoreError {
         path: PathBuf,
     },
     /// Nothing of that name is stored.
-    #[error("there is no campaign \"{0}\": `murmuration list` shows those there are")]
-    NoCampaign(String),
+    #[error("{0}")]
+    NoCampaign(UnknownCampaign),
     /// No checkpoint of that digest is stored.
     #[error("there is no checkpoint {0}: `murmuration checkpoints list` shows those there are")]
     NoCheckpoint(String),

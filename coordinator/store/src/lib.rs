@@ -48,7 +48,7 @@ pub use data_directory::DataDirectory;
 pub use deletion::{Deletion, DeletionError};
 pub use embeddings::Switch;
 pub use epochs::EpochRecord;
-pub use error::StoreError;
+pub use error::{StoreError, UnknownCampaign};
 pub use individual::{ArchivedIndividual, Trial};
 pub use labels::{LabelError, Undone, WithdrawnComparison};
 pub use lock_holder::LockHolder;

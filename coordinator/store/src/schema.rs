@@ -185,6 +185,8 @@ const MIGRATIONS: &[&str] = &[
      ALTER TABLE versions RENAME TO taxonomies",
     // The label log may hold comparisons, in the columns that it has: an older murmuration, which could not read them, is kept away.
     "-- no table changes",
+    // When an epoch ended: how long a training took.
+    "ALTER TABLE epochs ADD COLUMN ended_ms INTEGER",
 ];
 
 /// The newest version.

@@ -3,6 +3,7 @@
 mod size;
 mod switches;
 mod taxonomies;
+mod unknown;
 
 use super::*;
 use murmuration_model::{CampaignId, CampaignState, MachineId, Maker, Quarantined, SavedTraining, Weight};

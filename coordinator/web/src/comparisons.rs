@@ -3,6 +3,7 @@
 use super::{
     Web, keys,
     layout::{Part, campaign_page},
+    learning,
     page_error::PageError,
     parts,
     refused::Refused,
@@ -72,7 +73,7 @@ pub(super) async fn page(
                 (parts::rename())
             }
             (parts::status_line())
-            (parts::learn(&record))
+            (learning::button(&web, &record).await?)
         }
         dialog #withdraw aria-labelledby="withdraw-title" {
             h2 #withdraw-title { "Withdraw your last comparisons" }

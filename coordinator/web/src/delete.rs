@@ -2,11 +2,14 @@
 
 use super::{Web, layout::layout, page_error::PageError, visitor::Visitor};
 use axum::{
+    Form,
     extract::{Path, State},
     response::Redirect,
 };
 use maud::{Markup, html};
-use murmuration_model::{CampaignRecord, CampaignState};
+use murmuration_model::{CampaignRecord, CampaignState, study_name};
+use murmuration_store::Deletion;
+use serde::Deserialize;
 
 /// The page that asks.
 pub(super) async fn page(
@@ -16,31 +19,55 @@ pub(super) async fn page(
 ) -> Result<Markup, PageError> {
     let record = web.campaigns.status(&id).await?.record;
     let deletion = web.campaigns.deletion(&record.id).await?;
-    let id = record.id.as_str();
     Ok(layout(
         "Delete a campaign",
         &visitor,
-        html! {
-            h1 { "Delete " (id) "?" }
-            @if record.state == CampaignState::Running {
-                p.lead { "This campaign is running. Cancel it first." }
-            } @else if let Some(study) = &record.study {
-                p.lead { "This campaign belongs to the study " (study.as_str()) ". To delete it anyway, run:" }
-                pre { code { "murmuration delete " (id) " --study " (study.as_str()) " --yes" } }
-            } @else {
-                p.lead {
-                    "This deletes " (deletion.in_words()) ". It cannot be undone. Checkpoints stay. To keep a copy, export the campaign first."
-                }
-                form method="post" action={ "/campaigns/" (id) "/delete" } { button.danger #delete { "Delete the campaign" } }
-            }
-            p { a href={ "/campaigns/" (id) } { "Back to the campaign" } " · " a href="/" { "All campaigns" } }
-        },
+        question(&record, &deletion),
     ))
 }
 
+/// What would go, and the button. A campaign of a study is only deleted for somebody who names the study, which the form does.
+fn question(record: &CampaignRecord, deletion: &Deletion) -> Markup {
+    let id = record.id.as_str();
+    html! {
+        h1 { "Delete " (id) "?" }
+        @if record.state == CampaignState::Running {
+            p.lead { "This campaign is running. Cancel it first." }
+        } @else {
+            p.lead {
+                "This deletes " (deletion.in_words()) ". It cannot be undone. Checkpoints stay. To keep a copy, export the campaign first."
+            }
+            @if let Some(study) = &record.study {
+                p {
+                    "The campaign belongs to the study " strong { (study.as_str()) } ". What the study has measured of it stays. If it has not "
+                    "been measured yet, the next " code { "murmuration study run" } " runs it again from the beginning."
+                }
+            }
+            form method="post" action={ "/campaigns/" (id) "/delete" } {
+                @if let Some(study) = &record.study { input type="hidden" name="study" value=(study.as_str()); }
+                button.danger #delete { "Delete the campaign" }
+            }
+        }
+        p { a href={ "/campaigns/" (id) } { "Back to the campaign" } " · " a href="/" { "All campaigns" } }
+    }
+}
+
+/// What the form says.
+#[derive(Debug, Deserialize)]
+pub(super) struct Named {
+    /// The study that the campaign belongs to; absent if it belongs to none.
+    #[serde(default)]
+    study: String,
+}
+
 /// Deletes it.
-pub(super) async fn delete(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
-    web.campaigns.delete(id.parse()?, None).await?;
+pub(super) async fn delete(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    Form(named): Form<Named>,
+) -> Result<Redirect, PageError> {
+    let study = study_name(named.study)?;
+    web.campaigns.delete(id.parse()?, study).await?;
     Ok(Redirect::to("/"))
 }
 
@@ -48,8 +75,59 @@ pub(super) async fn delete(State(web): State<Web>, Path(id): Path<String>) -> Re
 /// too long for a page that is sent again and again.
 pub(super) fn button(record: &CampaignRecord) -> Markup {
     html! {
-        @if record.state != CampaignState::Running && record.study.is_none() {
+        @if record.state != CampaignState::Running {
             form method="get" action={ "/campaigns/" (record.id) "/delete" } { button.danger #delete { "Delete" } }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples;
+
+    #[test]
+    fn a_campaign_of_a_study_is_deleted_on_the_page_that_says_what_becomes_of_its_figures() {
+        let deletion = Deletion {
+            individuals: 100,
+            pictures: 0,
+            labelled: 3,
+            comparisons: 0,
+            taxonomy: true,
+        };
+        let cell = CampaignRecord {
+            state: CampaignState::Completed,
+            study: study_name("phase".to_owned()).unwrap(),
+            ..samples::record("model = \"single-sensor\"\nmethod = \"random\"")
+        };
+        let page = question(&cell, &deletion).into_string();
+        for said in [
+            "the study <strong>phase</strong>",
+            "name=\"study\" value=\"phase\"",
+            "100 individuals",
+            "cannot be undone",
+        ] {
+            assert!(page.contains(said), "{said} is not in {page}");
+        }
+        let alone = CampaignRecord { study: None, ..cell };
+        assert!(!question(&alone, &deletion).into_string().contains("study"));
+    }
+
+    #[test]
+    fn a_campaign_that_runs_is_cancelled_first() {
+        let running = samples::record("model = \"single-sensor\"\nmethod = \"random\"");
+        let nothing = Deletion {
+            individuals: 0,
+            pictures: 0,
+            labelled: 0,
+            comparisons: 0,
+            taxonomy: false,
+        };
+        let page = question(&running, &nothing).into_string();
+        assert!(
+            page.contains("Cancel it first.") && !page.contains("<form"),
+            "{page}"
+        );
+        assert!(button(&running).into_string().is_empty());
     }
 }

@@ -44,7 +44,7 @@ fn slug(word: &str) -> String {
 }
 
 /// A paragraph with its code, emphasis and links to the web; links to other files are their texts.
-fn inline(text: &str) -> Markup {
+pub(super) fn inline(text: &str) -> Markup {
     let mut rest = text;
     let mut parts = Vec::new();
     while let Some(at) = rest.find(['`', '*', '[']) {

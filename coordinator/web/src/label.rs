@@ -3,6 +3,7 @@
 use super::{
     Web, keys,
     layout::{Part, campaign_page},
+    learning,
     page_error::PageError,
     parts,
     visitor::Visitor,
@@ -43,7 +44,7 @@ pub(super) async fn one(
                 }
                 (parts::palette(record.spec.world(), true))
                 (parts::status_line())
-                (parts::learn(&record))
+                (learning::button(&web, &record).await?)
                 @if record.spec.method().embeds() {
                     p.reason { "You can also " a href={ "/campaigns/" (record.id) "/comparisons" } { "compare behaviours" } ", which needs no names." }
                 }
@@ -119,7 +120,7 @@ pub(super) async fn sheet(
                 p #rest.reason.scripted { "…" }
                 (parts::palette(record.spec.world(), false))
                 (parts::status_line())
-                (parts::learn(&record))
+                (learning::button(&web, &record).await?)
             }
         }
     };

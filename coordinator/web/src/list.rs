@@ -6,8 +6,8 @@ use super::{
     glossary::term,
     layout::layout_with,
     page_error::PageError,
-    pages::progress,
     parts,
+    stages::progress,
     visitor::Visitor,
 };
 use axum::{

@@ -1,12 +1,14 @@
 //! The event streams of pages: parts of a page are sent again whenever they change.
 
-use super::{Web, archive_state::ArchiveState, found::Wanted, list, page_error::PageError, pages};
+use super::{Web, archive_state::ArchiveState, found::Wanted, list, page_error::PageError, pages, stages};
 use axum::{
     extract::{Path, Query, State},
     response::sse::{Event, KeepAlive, Sse},
 };
 use maud::Markup;
 use murmuration_engine::{blocking::blocking, campaign::CampaignError};
+use murmuration_model::Rounds;
+use murmuration_proto::CheckpointDigest;
 use murmuration_service::Permit;
 use serde_json::json;
 use std::{convert::Infallible, sync::Arc, time::Duration};
@@ -33,32 +35,48 @@ pub(super) async fn campaigns(
 pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, PageError> {
     let id = web.campaigns.status(&id).await?.record.id;
     let permit = permit(&web)?;
-    let latest = Arc::<Mutex<Option<RenderedTaxonomy>>>::default();
+    let latest = Arc::<Mutex<Option<Rendered>>>::default();
     let look = move || {
         let (web, id, latest) = (web.clone(), id.clone(), latest.clone());
         async move {
             let status = web.campaigns.status(id.as_str()).await?;
             let (store, of) = (web.store.clone(), status.record.id.clone());
             let entries = blocking(move || store.label_entries(&of)).await??;
-            let state = (ArchiveState::of(&status.record), entries);
+            let record = &status.record;
+            let of = (
+                ArchiveState::of(record),
+                entries,
+                record.rounds,
+                record.embedder.next(),
+            );
             let mut latest = latest.lock().await;
-            let taxonomy = match latest.take() {
-                Some((rendered, taxonomy)) if rendered == state => taxonomy,
-                _ => pages::taxonomy(&web, &status.record).await?,
+            let rendered = match latest.take() {
+                Some(rendered) if rendered.of == of => rendered,
+                _ => Rendered {
+                    of,
+                    taxonomy: pages::taxonomy(&web, record).await?,
+                    history: pages::rounds(&web, record).await?,
+                },
             };
-            *latest = Some((state, taxonomy.clone()));
             let slots = pages::Slots {
-                taxonomy,
+                taxonomy: rendered.taxonomy.clone(),
+                history: rendered.history.clone(),
                 ..pages::Slots::of(&web, &status).await
             };
+            *latest = Some(rendered);
             Ok::<_, CampaignError>(slots.sent())
         }
     };
     Ok(follow(permit, look))
 }
 
-/// The markup of a taxonomy, and what it was rendered from: the state of the archive, and the length of the label log.
-type RenderedTaxonomy = ((ArchiveState, u64), Markup);
+/// The markup of a taxonomy and of the rounds that led to it.
+struct Rendered {
+    /// What it was rendered from: the state of the archive, the length of the label log, the rounds, and what the archive moves to.
+    of: (ArchiveState, u64, Rounds, Option<CheckpointDigest>),
+    taxonomy: Markup,
+    history: Markup,
+}
 
 /// For scripts: the state of the archive, the length of its label log, and the current stage as a sentence.
 pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, PageError> {
@@ -68,7 +86,7 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
         let (web, id) = (web.clone(), id.clone());
         async move {
             let status = web.campaigns.status(id.as_str()).await?;
-            let doing = status.active.then(|| pages::doing(&status));
+            let doing = status.active.then(|| stages::doing(&status));
             let record = status.record;
             let entries = blocking(move || web.store.label_entries(&id)).await??;
             let archive = ArchiveState::of(&record);

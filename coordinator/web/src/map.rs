@@ -3,6 +3,7 @@
 use super::{
     Web, keys,
     layout::{Part, campaign_page},
+    learning,
     page_error::PageError,
     parts,
     refused::Refused,
@@ -110,7 +111,7 @@ pub(super) async fn page(
                 p #gallery-line.reason.scripted hidden {}
                 (parts::palette(record.spec.world(), false))
                 (parts::status_line())
-                (parts::learn(&record))
+                (learning::button(&web, &record).await?)
                 (parts::downloads(&record))
             }
         }

@@ -3,7 +3,10 @@
 use super::Web;
 use maud::{Markup, html};
 use murmuration_engine::{blocking::blocking, campaign::CampaignError, taxonomy::Taxonomy};
-use murmuration_model::{CampaignRecord, labels::GivenClass};
+use murmuration_model::{
+    CampaignRecord,
+    labels::{ClassName, GivenClass},
+};
 use murmuration_proto::grouped;
 use murmuration_store::StoreError;
 use std::collections::BTreeMap;
@@ -28,6 +31,12 @@ impl NamedTaxonomy {
             Ok(Some(Self { taxonomy, classes }))
         };
         Ok(blocking(read).await??)
+    }
+
+    /// The class of the medoid at a place, if it has one.
+    pub(super) fn class(&self, place: usize) -> Option<&ClassName> {
+        let medoid = self.taxonomy.medoids.get(place)?;
+        Some(&self.classes.get(&medoid.individual.index)?.class)
     }
 
     /// The line under the picture of a medoid: its place from 1, its name if it has one, and its cluster's share of all individuals.

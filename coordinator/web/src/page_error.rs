@@ -9,6 +9,7 @@ use axum::{
 use maud::html;
 use murmuration_access::Refusal;
 use murmuration_engine::{blocking::Broken, campaign::CampaignError};
+use murmuration_model::CampaignId;
 use murmuration_proto::Invalid;
 use murmuration_report::picture::PictureError;
 use murmuration_store::StoreError;
@@ -76,6 +77,7 @@ impl PageError {
                 p.lead { (self.to_string()) }
                 @if is_missing { p { "Its address may have been typed wrongly, or what it shows was deleted." } }
                 ul.ways {
+                    @if let Some(nearest) = self.nearest() { li { a href={ "/campaigns/" (nearest) } { "Campaign " (nearest) } } }
                     li { a href="/" { "All campaigns" } }
                     @if is_missing {
                         li { a href="/new" { "Start a new campaign" } }
@@ -86,6 +88,14 @@ impl PageError {
             },
         );
         (self.status(), page).into_response()
+    }
+
+    /// The campaign that was probably meant, where there is none of the id in the address.
+    const fn nearest(&self) -> Option<&CampaignId> {
+        match self {
+            Self::Campaign(CampaignError::Store(StoreError::NoCampaign(unknown))) => unknown.nearest.as_ref(),
+            _ => None,
+        }
     }
 
     const fn title(&self) -> &'static str {

@@ -3,12 +3,13 @@
 use super::{
     Web,
     archived::{self, Created},
-    delete,
+    delete, history,
     layout::{Part, campaign_page},
     machines,
     named::NamedTaxonomy,
     page_error::PageError,
     parts,
+    stages::{progress, stage_left, whole_left},
     visitor::Visitor,
 };
 use axum::{
@@ -22,7 +23,7 @@ use murmuration_engine::{
     campaign::{CampaignError, CampaignStatus},
 };
 use murmuration_model::{CampaignRecord, CampaignState, Change, Stage, generations_in_words};
-use murmuration_proto::{EmbedderSource, Feedback, World, counted, figure, grouped};
+use murmuration_proto::{EmbedderSource, World, counted, figure, grouped};
 use murmuration_report::picture::{image_png, robot_svg};
 
 /// What somebody is told before a campaign is cancelled.
@@ -43,6 +44,7 @@ pub(super) async fn campaign(
     let running = status.record.state == CampaignState::Running;
     let slots = Slots {
         taxonomy: taxonomy(&web, &status.record).await?,
+        history: rounds(&web, &status.record).await?,
         ..Slots::of(&web, &status).await
     };
     Ok(campaign_page(
@@ -60,7 +62,8 @@ pub(super) async fn campaign(
                     (found(running, status.record.spec.world()))
                 }
                 (curve("novelty", "Novelty", running || status.record.generations_done > 1))
-                (curve("training", "Training", trains(&status.record)))
+                (training_curves(trains(&status.record)))
+                div data-slot="history" { (slots.history) }
                 div data-slot="around" { (slots.around) }
             }
             section aria-labelledby="specification" {
@@ -76,6 +79,12 @@ pub(super) async fn campaign(
 pub(super) async fn taxonomy(web: &Web, record: &CampaignRecord) -> Result<Markup, CampaignError> {
     let named = NamedTaxonomy::read(web, record).await?;
     Ok(named.map_or_else(Markup::default, |named| behaviours(record, &named)))
+}
+
+/// The history of a campaign over its rounds, as a table.
+pub(super) async fn rounds(web: &Web, record: &CampaignRecord) -> Result<Markup, CampaignError> {
+    let (store, record) = (web.store.clone(), record.clone());
+    Ok(blocking(move || history::read(&store, &record)).await??)
 }
 
 /// Where behaviours move as they are found, until there is a taxonomy in their place: as large from the beginning.
@@ -94,12 +103,32 @@ fn found(running: bool, world: &World) -> Markup {
     }
 }
 
+/// What the place of a curve says before there is a line to draw.
+const NO_CURVE: &str = "The curve begins with its second point.";
+
 /// The place of a curve, which a script draws; as large before there is anything to draw.
 fn curve(id: &str, title: &str, shown: bool) -> Markup {
     html! {
         section.scripted #(id) aria-label=(title) hidden[!shown] {
             h2 { (title) }
-            div.chart { div.reason.none { "The curve begins with its second point." } }
+            div.chart { div.reason.none { (NO_CURVE) } }
+        }
+    }
+}
+
+/// The places of the two curves of trainings, side by side: they are over the same epochs, and in units of their own.
+fn training_curves(shown: bool) -> Markup {
+    html! {
+        section.scripted #training aria-label="Training" hidden[!shown] {
+            h2 { "Training" }
+            div.charts {
+                @for (id, title) in [("accuracy", "Accuracy on held-out triplets"), ("loss", "Loss")] {
+                    div {
+                        h3 { (title) }
+                        div.chart #(id) { div.reason.none { (NO_CURVE) } }
+                    }
+                }
+            }
         }
     }
 }
@@ -116,12 +145,14 @@ pub(super) struct Slots {
     pub(super) status: Markup,
     /// The behaviours of the taxonomy; nothing before there is one.
     pub(super) taxonomy: Markup,
+    /// The rounds of a campaign that learns.
+    pub(super) history: Markup,
     /// Who works, and what was noticed.
     pub(super) around: Markup,
 }
 
 impl Slots {
-    /// Those of a campaign as it is, without the taxonomy, which takes longer to read.
+    /// Those of a campaign as it is, without the taxonomy and the history, which take longer to read.
     pub(super) async fn of(web: &Web, status: &CampaignStatus) -> Self {
         let running = status.record.state == CampaignState::Running;
         let (workers, trainers) = match running {
@@ -131,6 +162,7 @@ impl Slots {
         Self {
             status: figures(status),
             taxonomy: Markup::default(),
+            history: Markup::default(),
             around: html! {
                 (machines::table(&workers, &trainers))
                 @if !status.notices.is_empty() {
@@ -148,6 +180,7 @@ impl Slots {
         let slots = [
             ("status", &self.status),
             ("taxonomy", &self.taxonomy),
+            ("history", &self.history),
             ("around", &self.around),
         ];
         let slots = html! { @for (name, content) in slots { div data-slot=(name) { (content) } } };
@@ -198,81 +231,6 @@ fn capitalised(word: &str) -> String {
         .unwrap_or_default()
 }
 
-/// The state of a campaign in words; of one that runs, its stage.
-pub(super) fn state_name(status: &CampaignStatus) -> &'static str {
-    match status.record.state {
-        CampaignState::Running if !status.active => "interrupted",
-        CampaignState::Running if status.waiting.is_some() => "waiting",
-        CampaignState::Running => stage(status.stage),
-        state => state.name(),
-    }
-}
-
-/// The progress of a campaign, as a bar and in words.
-pub(super) fn progress(status: &CampaignStatus) -> Markup {
-    let amount = amount(status);
-    let (done, total) = amount.map_or((0, 1), |(done, total, _)| (done, total.max(1)));
-    html! {
-        div.progress {
-            progress value=(done) max=(total) aria-label={ "Progress of " (status.record.id) } {}
-            span.figures {
-                strong.stands { (state_name(status)) }
-                @if let Some((done, total, unit)) = amount { (grouped(done)) " of " (counted(total, unit)) }
-            }
-        }
-    }
-}
-
-/// The stage of a running campaign and its progress, as a sentence.
-pub(super) fn doing(status: &CampaignStatus) -> String {
-    let stage = stage(status.stage);
-    match amount(status) {
-        Some((done, total, unit)) => format!("Now {stage}: {} of {}.", grouped(done), counted(total, unit)),
-        None => format!("Now {stage}."),
-    }
-}
-
-const fn stage(stage: Stage) -> &'static str {
-    match stage {
-        Stage::Dataset => "simulating the dataset",
-        Stage::Pretrain => "training the embedder",
-        Stage::Embed => "re-embedding the archive",
-        Stage::Evolve => "searching",
-        Stage::Label => "labelling",
-        Stage::FineTune => "learning from labels",
-        Stage::Taxonomy => "clustering",
-    }
-}
-
-/// The amount that the stage has done, the amount that it has to do, and their unit in the singular; nothing before a
-/// trainer has reported its epochs.
-fn amount(status: &CampaignStatus) -> Option<(u64, u64, &'static str)> {
-    let spec = &status.record.spec;
-    let search = spec.search();
-    let archived = status.record.individuals();
-    let evaluations = u64::from(status.record.generations()) * u64::from(search.population());
-    let arrived = u64::from(status.arrived);
-    let (done, total, unit) = match (status.stage, spec.embedder()) {
-        (Stage::Dataset, Some(EmbedderSource::Trained { dataset, .. })) => (
-            status.record.dataset_done() + arrived,
-            dataset.pictures(),
-            "picture",
-        ),
-        (Stage::Pretrain | Stage::FineTune, _) => {
-            let training = status.training?;
-            (training.epoch, training.epochs, "epoch")
-        }
-        (Stage::Embed, _) => (status.record.embedder.embedded() + arrived, archived, "picture"),
-        (Stage::Label, _) => {
-            let wanted = spec.feedback().map_or(0, Feedback::labels);
-            (arrived, wanted.into(), "label")
-        }
-        (Stage::Evolve, _) => (archived + arrived, evaluations, "evaluation"),
-        (Stage::Taxonomy | Stage::Dataset, _) => (archived, evaluations, "evaluation"),
-    };
-    Some((done.min(total), total, unit))
-}
-
 /// Current figures. While a campaign runs, those that are not known yet have their places too, so that nothing below them moves.
 fn facts(status: &CampaignStatus) -> Markup {
     let record = &status.record;
@@ -305,7 +263,8 @@ fn facts(status: &CampaignStatus) -> Markup {
                 (fact("Loss", training.and_then(|training| training.loss).map(figure)))
                 (fact("Accuracy on held-out triplets", accuracy.map(|share| format!("{:.1} %", 100.0 * share))))
             }
-            (fact("Time left in this stage", time_left(status)))
+            (fact("Time left in this stage", stage_left(status)))
+            (fact("Time left in all", whole_left(status)))
             (fact("Rate", rate.map(|rate| format!("{} per second", grouped(rate.round() as u64)))))
             (fact("Workers", Some(status.workers.to_string())))
             (fact("Trainers", Some(status.trainers.to_string())))
@@ -314,23 +273,6 @@ fn facts(status: &CampaignStatus) -> Markup {
             }
         }
     }
-}
-
-/// How long the stage still takes, if that can be told.
-fn time_left(status: &CampaignStatus) -> Option<String> {
-    let seconds = match (status.training, amount(status)) {
-        _ if !status.active => None,
-        (Some(training), _) => training.seconds_left,
-        (None, Some((done, total, _))) if status.per_second > 0.0 => {
-            Some((total - done) as f64 / status.per_second)
-        }
-        (None, _) => None,
-    }?;
-    Some(match seconds {
-        under if under < 60.0 => "under a minute".to_owned(),
-        under if under < 3600.0 => format!("about {}", counted((under / 60.0).ceil() as u64, "minute")),
-        hours => format!("about {}", counted((hours / 3600.0).round() as u64, "hour")),
-    })
 }
 
 /// The medoids, largest cluster first.

@@ -3,8 +3,8 @@
 use super::keys;
 use maud::{Markup, html};
 use murmuration_accuracy::RANDOM;
-use murmuration_model::{CampaignRecord, CampaignState, Timestamp};
-use murmuration_proto::{Class, Feedback, World, counted};
+use murmuration_model::{CampaignRecord, Timestamp};
+use murmuration_proto::{Class, World};
 
 /// The paper's classes that robots with either of its capability models can show, the one for everything else last.
 const OFFERED: [Class; 6] = [
@@ -94,34 +94,6 @@ pub(super) fn palette(world: &World, single: bool) -> Markup {
             p.reason { "Use the class " strong { (RANDOM) } " for behaviours that fit no other class; two of them need not be alike." }
         }
     }
-}
-
-/// The button that has the campaign learn from its labels and comparisons; nothing where the campaign has no embedding.
-pub(super) fn learn(record: &CampaignRecord) -> Markup {
-    let offered = record.spec.method().embeds() && record.state != CampaignState::Cancelled;
-    html! {
-        @if offered {
-            form.learn method="post" action={ "/campaigns/" (record.id) "/refine" } data-ask=(learning(record)) {
-                button { "Learn from all answers" }
-                p #doing.reason role="status" {}
-            }
-        }
-    }
-}
-
-/// What learning does to a campaign, for somebody who is about to begin it.
-fn learning(record: &CampaignRecord) -> String {
-    let further = record.spec.feedback().map_or(0, Feedback::generations);
-    let search = match further {
-        0 => String::new(),
-        further => format!(", searches for {} more", counted(further.into(), "generation")),
-    };
-    format!(
-        "The campaign fine-tunes its embedder on all labels and comparisons, embeds its {} again{search}, and clusters them anew. That \
-         takes from seconds to some minutes; Progress shows how far it is, and can pause it. The clusters and their order change; your \
-         labels and comparisons stay.",
-        counted(record.individuals(), "individual")
-    )
 }
 
 /// The form that asks for the annotator's name until the browser knows it; until then, parts with the class `once-named`

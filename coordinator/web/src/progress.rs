@@ -116,28 +116,16 @@ pub(super) async fn shown(State(web): State<Web>, Path(id): Path<String>) -> Res
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_model::{ArchiveEmbedder, CampaignState, Rounds, Weight};
-    use murmuration_proto::{CampaignSpec, CheckpointDigest};
+    use crate::samples;
+    use murmuration_model::{ArchiveEmbedder, CampaignState, Rounds};
+    use murmuration_proto::CheckpointDigest;
 
     #[test]
     fn a_training_in_the_middle_of_which_a_campaign_is_paused_has_not_ended() {
         let first = CampaignRecord {
-            id: "two-1".parse().unwrap(),
-            spec: CampaignSpec::from_toml("model = \"two-sensor\"\nmethod = \"latent\"").unwrap(),
-            weight: Weight::default(),
-            study: None,
             state: CampaignState::Paused,
-            error: String::new(),
-            created_ms: 7,
-            ended_ms: None,
-            rollbacks: 0,
-            decisions: 0,
-            simulator_version: String::new(),
-            generations_done: 0,
-            last_novelty: None,
-            embedder: ArchiveEmbedder::None,
             pictures_done: 20_000,
-            rounds: Rounds::default(),
+            ..samples::record("model = \"two-sensor\"\nmethod = \"latent\"")
         };
         assert!(!has_ended(&first, 0));
         let taught = CampaignRecord {

@@ -1,6 +1,7 @@
 //! What a campaign's status says to a person.
 
 use indicatif::HumanDuration;
+use murmuration_model::{Stage, WorkLeft};
 use murmuration_proto::{CampaignSpec, EmbedderSource, Feedback, Search, figure, grouped, v1};
 use std::time::Duration;
 
@@ -52,7 +53,8 @@ impl StatusLine {
             v1::CampaignStage::Dataset => {
                 let total = spec.as_ref().map_or(0, pictures);
                 let done = status.dataset_done.min(total);
-                Self::counted(status, (done, total), "picture", "simulations")
+                let line = Self::counted(status, (done, total), "picture", "simulations");
+                line.with_whole(status, spec.as_ref(), Stage::Dataset)
             }
             v1::CampaignStage::Pretrain | v1::CampaignStage::FineTune => Self::training(status),
             v1::CampaignStage::Label => {
@@ -70,8 +72,32 @@ impl StatusLine {
                 Self::counted(status, (done, total), "picture", "embeddings")
             }
             v1::CampaignStage::Evolve | v1::CampaignStage::Taxonomy | v1::CampaignStage::Unspecified => {
-                Self::evolution(status, spec.as_ref().map(|spec| *spec.search()))
+                let line = Self::evolution(status, spec.as_ref().map(|spec| *spec.search()));
+                line.with_whole(status, spec.as_ref(), Stage::Evolve)
             }
+        }
+    }
+
+    /// Says too how long the whole campaign takes at least, where it has more to do than this stage.
+    fn with_whole(self, status: &v1::Campaign, spec: Option<&CampaignSpec>, stage: Stage) -> Self {
+        let rate = status.evaluations_per_second;
+        let left = spec.map(|spec| WorkLeft {
+            spec,
+            stage,
+            generations_done: status.generations_done,
+            arrived: status.evaluated_in_generation,
+            rounds_done: status.rounds_done,
+            is_learning: false,
+            per_second: rate,
+            stage_seconds: (rate > 0.0).then(|| (self.total - self.done) as f64 / rate),
+        });
+        let whole = left.and_then(|left| left.whole());
+        match whole.filter(|whole| status.active && whole.is_least && self.done < self.total) {
+            Some(whole) => Self {
+                text: format!("{} · {} in all", self.text, whole.in_words()),
+                ..self
+            },
+            None => self,
         }
     }
 
@@ -172,4 +198,36 @@ fn pictures(spec: &CampaignSpec) -> u64 {
 
 fn population(search: Option<Search>) -> u64 {
     search.map_or(0, |search| search.population().into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_campaign_with_rounds_to_come_says_how_long_all_of_it_takes_at_least() {
+        let line = |feedback: &str| {
+            let text = format!(
+                "model = \"single-sensor\"\nmethod = \"latent\"\n[search]\npopulation = 10\ngenerations = 20\n{feedback}"
+            );
+            let spec = CampaignSpec::from_toml(&text).unwrap();
+            let mut status = v1::Campaign {
+                spec: Some((&spec).into()),
+                active: true,
+                generations: 20,
+                evaluations_per_second: 1.0,
+                workers: 1,
+                ..v1::Campaign::default()
+            };
+            status.set_stage(v1::CampaignStage::Evolve);
+            StatusLine::of(&status).text
+        };
+        let rounds = line("[feedback]\nrounds = 1\ngenerations = 20");
+        assert!(
+            rounds.ends_with("3 minutes left · at least 6 minutes in all"),
+            "{rounds}"
+        );
+        let none = line("");
+        assert!(none.ends_with("3 minutes left"), "{none}");
+    }
 }

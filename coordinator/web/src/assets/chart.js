@@ -35,6 +35,8 @@ export class Chart {
     this.name = name;
     this.fromLeast = fromLeast;
     this.events = [];
+    // Charts over the same places, which tell their values together.
+    this.beside = [];
     this.at = -1;
     this.x = [];
     // It takes the arrow keys itself, which a screen reader leaves to applications alone.
@@ -54,12 +56,19 @@ export class Chart {
       event.preventDefault();
       const from = this.at < 0 ? this.x.length - 1 : this.at + way;
       this.point(Math.min(Math.max(from, 0), this.x.length - 1));
-      this.spoken.textContent = this.told.textContent;
+      this.spoken.textContent = [this, ...this.beside].map(({ told }) => told.textContent).join("; ");
     });
     new ResizeObserver(() => this.draw()).observe(root);
   }
 
-  // Shows the values of each line at each x, NaN where there is none, and marks events: each an x and a text.
+  // Has another chart over the same places tell its values where this one does.
+  link(other) {
+    this.beside.push(other);
+    other.beside.push(this);
+  }
+
+  // Shows the values of each line at each x, NaN where there is none, and marks events: each an x and a text, and the place of
+  // a line if it is of that alone.
   show(x, values, events = []) {
     this.x = x;
     this.values = values;
@@ -113,9 +122,9 @@ export class Chart {
 
   // A line down for each event, with a flag on top that names it.
   marked() {
-    return this.events.map(({ x: at, text }) => {
+    return this.events.map(({ x: at, text, line }) => {
       const x = this.acrossOf(at);
-      const group = element("g", { class: "event" });
+      const group = element("g", { class: line === undefined ? "event" : `event of-line key-${line}` });
       const title = element("title", {}, text);
       const flag = element("path", { d: `M${x - 5} ${ROOM.top - 8}h10l-5 7z` });
       group.append(title, element("line", { x1: x, x2: x, y1: ROOM.top, y2: HEIGHT - ROOM.bottom }), flag);
@@ -163,6 +172,7 @@ export class Chart {
     this.at = at;
     this.svg.querySelector(".mark-at")?.replaceWith(this.mark());
     this.tell();
+    for (const chart of this.beside) chart.point(at);
   }
 
   // The values where the pointer is, or else the last.

@@ -7,20 +7,23 @@ export function noveltyOf(told) {
   return { generation: of(told.generation, Uint32Array), best: of(told.best, Float64Array), mean: of(told.mean, Float64Array) };
 }
 
-// The accuracy after each epoch, in percent, the trainings of rounds after the first; `epochs` are lists of round, epoch, loss and
-// accuracy. Where a round begins is an event.
+// What each epoch measured, the trainings of rounds after the first: its accuracy in percent and its loss, NaN where one was not
+// measured; `epochs` are lists of round, epoch, loss and accuracy. Where a round begins is an event.
 export function trainingOf(epochs) {
-  const measured = epochs.filter(([, , , accuracy]) => accuracy !== null);
-  const events = measured.flatMap(([round], i) =>
-    i > 0 && measured[i - 1][0] !== round ? [{ x: i + 1, text: `round ${round} begins` }] : [],
+  const events = epochs.flatMap(([round], i) =>
+    i > 0 && epochs[i - 1][0] !== round ? [{ x: i + 1, text: `round ${round} begins` }] : [],
   );
   return {
-    x: measured.map((_, i) => i + 1),
-    accuracy: measured.map(([, , , accuracy]) => 100 * accuracy),
+    x: epochs.map((_, i) => i + 1),
+    accuracy: epochs.map(([, , , accuracy]) => (accuracy === null ? NaN : 100 * accuracy)),
+    loss: epochs.map(([, , loss]) => loss ?? NaN),
     name: (x) => {
-      const [round, epoch] = measured[Math.round(x) - 1] ?? [0, x];
+      const [round, epoch] = epochs[Math.round(x) - 1] ?? [0, x];
       return round > 0 ? `${epoch} of round ${round}` : String(epoch);
     },
     events,
   };
 }
+
+// What happened during a search, for a chart over its generations.
+export const eventsOf = ({ events }) => events.map(({ generation, text }) => ({ x: Math.max(generation - 1, 0), text }));

@@ -2,7 +2,7 @@
 import "./live.js";
 import { Chart } from "./chart.js";
 import { get, insist, pause } from "./coordinator.js";
-import { noveltyOf, trainingOf } from "./curves.js";
+import { eventsOf, noveltyOf, trainingOf } from "./curves.js";
 import { follow } from "./moving.js";
 
 // Least time between two requests for the curves.
@@ -12,12 +12,11 @@ const live = document.querySelector("[data-live]");
 const facts = () => live.querySelector("[data-generations]").dataset;
 let nameOfEpoch = String;
 const novelty = new Chart(document.querySelector("#novelty .chart"), { across: "generation", lines: ["best", "mean"] });
-const training = new Chart(document.querySelector("#training .chart"), {
-  across: "epoch",
-  lines: ["accuracy on held-out triplets, %"],
-  name: (x) => nameOfEpoch(x),
-  fromLeast: true,
-});
+const overEpochs = (id, line, heights = {}) =>
+  new Chart(document.getElementById(id), { across: "epoch", lines: [line], name: (x) => nameOfEpoch(x), ...heights });
+const accuracy = overEpochs("accuracy", "accuracy on held-out triplets, %", { fromLeast: true });
+const loss = overEpochs("loss", "mean loss");
+accuracy.link(loss);
 // How the campaign stood when the curves were drawn.
 let drawn = "";
 let asking = false;
@@ -40,11 +39,11 @@ async function draw() {
     const [generations, told] = await Promise.all(["generations", "epochs"].map((what) => insist(() => get(what))));
     drawn = now;
     const { generation, best, mean } = noveltyOf(generations);
-    const events = told.events.map(({ generation: at, text }) => ({ x: Math.max(at - 1, 0), text }));
-    show("novelty", novelty, generation, [best, mean], events);
-    const { x, accuracy, name, events: rounds } = trainingOf(told.epochs);
-    nameOfEpoch = name;
-    show("training", training, x, [accuracy], rounds);
+    show("novelty", novelty, generation, [best, mean], eventsOf(told));
+    const training = trainingOf(told.epochs);
+    nameOfEpoch = training.name;
+    show("training", accuracy, training.x, [training.accuracy], training.events);
+    show("training", loss, training.x, [training.loss], training.events);
     await pause(PAUSE_MS);
   } finally {
     asking = false;

@@ -1,7 +1,7 @@
 // Campaigns side by side: their curves over each other.
 import { Chart } from "./chart.js";
 import { insist, reply } from "./coordinator.js";
-import { noveltyOf, trainingOf } from "./curves.js";
+import { eventsOf, noveltyOf, trainingOf } from "./curves.js";
 
 const ids = [...document.querySelectorAll(".compared [data-campaign]")].map(({ dataset }) => dataset.campaign);
 const ask = async (id, what) => (await reply(fetch(`/campaigns/${id}/${what}`))).json();
@@ -19,11 +19,17 @@ function over(lines) {
   return { x, values };
 }
 
-function draw(section, across, lines, heights = {}) {
+// What happened to each campaign, with its id, in the colour of its line.
+const named = (events) =>
+  events.flatMap((own, line) => own.map(({ x, text }) => ({ x, text: `${ids[line]}: ${text}`, line })));
+
+function draw(section, across, lines, events, heights = {}) {
   const root = document.querySelector(`#${section} .chart`);
+  // Where no campaign embeds there are no trainings.
+  if (!root) return;
   const { x, values } = over(lines);
   document.querySelector(`#${section} .none`).hidden = x.length > 1;
-  new Chart(root, { across, lines: ids, ...heights }).show(x, values);
+  new Chart(root, { across, lines: ids, ...heights }).show(x, values, named(events));
 }
 
 const [novelty, training] = await Promise.all(
@@ -31,7 +37,10 @@ const [novelty, training] = await Promise.all(
 );
 const curves = novelty.map(noveltyOf);
 for (const which of ["best", "mean"]) {
-  draw(which, "generation", curves.map((curve) => ({ x: curve.generation, y: curve[which] })));
+  draw(which, "generation", curves.map((curve) => ({ x: curve.generation, y: curve[which] })), training.map(eventsOf));
 }
 const trainings = training.map(({ epochs }) => trainingOf(epochs));
-draw("training", "epoch", trainings.map(({ x, accuracy }) => ({ x, y: accuracy })), { fromLeast: true });
+for (const [which, heights] of [["accuracy", { fromLeast: true }], ["loss", {}]]) {
+  const lines = trainings.map((curve) => ({ x: curve.x, y: curve[which] }));
+  draw(which, "epoch", lines, trainings.map(({ events }) => events), heights);
+}

@@ -168,19 +168,29 @@ pub(super) fn fields() -> impl Iterator<Item = &'static Field> {
     GROUPS.iter().flat_map(|(_, fields)| *fields)
 }
 
+/// The path of a field in a campaign file, by its section and its name.
+pub(super) fn path(section: &str, name: &str) -> String {
+    match section {
+        "" => name.to_owned(),
+        section => format!("{section}.{name}"),
+    }
+}
+
+/// What the contract says of a field, without the names of its methods; `None` of fields that it does not know.
+pub(super) fn explanation(section: &str, name: &str) -> Option<String> {
+    let said = spec_sections::explanation(section, name)?;
+    Some(said.replace(" (RefineCampaign)", ""))
+}
+
 impl Field {
     /// Its path in a campaign file, which is its name in the form.
     pub(super) fn path(&self) -> String {
-        match self.section {
-            "" => self.name.to_owned(),
-            section => format!("{section}.{}", self.name),
-        }
+        path(self.section, self.name)
     }
 
     /// What the contract says of it, without the names of its methods.
     pub(super) fn explanation(&self) -> String {
-        let said = spec_sections::explanation(self.section, self.name).unwrap_or_default();
-        said.replace(" (RefineCampaign)", "")
+        explanation(self.section, self.name).unwrap_or_default()
     }
 
     /// The values to choose from, for a field that has such.

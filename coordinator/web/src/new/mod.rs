@@ -2,6 +2,7 @@
 //! before it starts.
 
 mod draft;
+mod every_field;
 mod fields;
 mod view;
 

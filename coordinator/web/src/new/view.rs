@@ -3,6 +3,7 @@
 use super::{
     super::{examples::EXAMPLES, layout::layout_with, visitor::Visitor},
     draft::{Draft, Problem},
+    every_field,
     fields::{Field, GROUPS, Kind, fields},
 };
 use maud::{Markup, html};
@@ -48,6 +49,7 @@ pub(super) fn page(draft: &Draft, token: &str, was_sent: bool, visitor: &Visitor
                     }
                 }
             }
+            (every_field::list())
         },
     )
 }

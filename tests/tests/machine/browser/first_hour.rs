@@ -318,7 +318,7 @@ impl Researcher {
         self.look("campaigns").await;
         self.follow("#compare button", "/compare").await;
         window
-            .until("document.querySelectorAll('#best polyline').length === 2 && document.querySelectorAll('#training polyline').length === 2")
+            .until("document.querySelectorAll('#best polyline').length === 2 && document.querySelectorAll('#accuracy polyline').length === 2")
             .await;
         self.look("compare").await;
     }

@@ -22,8 +22,14 @@ pub async fn what_was_said_is_learned_and_the_map_changes() {
         answer(&window, ["1", "2"][turn % 2]).await;
     }
     saved(&window).await;
+    window
+        .until(
+            "document.readyState === 'complete' && document.querySelector('.learn button').checkVisibility()",
+        )
+        .await;
     window.click(".learn button").await;
     // It says first what that does.
+    window.until("document.querySelector('dialog.ask').open").await;
     window.click("dialog.ask [value=yes]").await;
     // One generation of 20 more, placed by what was learned.
     window
@@ -34,6 +40,14 @@ pub async fn what_was_said_is_learned_and_the_map_changes() {
         .await;
     assert_ne!(scene.cluster.status("latest").await.checkpoint, before);
     window.picture("map-learned").await;
+    // Now it is known how long a round takes, and it is said before the next.
+    window.driver.refresh().await.unwrap();
+    let said = window.value("document.querySelector('.learn').dataset.ask").await;
+    let said = said.as_str().unwrap();
+    assert!(
+        said.contains("By the last round, that takes") && said.contains("of training"),
+        "{said}"
+    );
     window.close().await;
     scene.cluster.stop().await;
 }
@@ -49,6 +63,8 @@ pub async fn who_only_compares_teaches_too() {
     asked_after(&window, 8).await;
     window.click(".learn button").await;
     window.until("document.querySelector('dialog.ask').open").await;
+    let said = window.text("#asked").await;
+    assert!(said.contains("from seconds to some minutes"), "{said}");
     check(&window, "comparisons-learn").await;
     window.click("dialog.ask [value=yes]").await;
     window
@@ -83,8 +99,14 @@ pub async fn where_there_is_nothing_to_learn_from_the_page_says_so() {
     let driver = Driver::start();
     let scene = Scene::of(&small_latent_spec(FEEDBACK)).await;
     let window = scene.visit(&driver, "/map", "Ana").await;
+    window
+        .until(
+            "document.readyState === 'complete' && document.querySelector('.learn button').checkVisibility()",
+        )
+        .await;
     window.click(".learn button").await;
     // It says first what that does.
+    window.until("document.querySelector('dialog.ask').open").await;
     window.click("dialog.ask [value=yes]").await;
     window
         .until("document.querySelector('.lead').textContent.includes('at least 2 classes')")

@@ -69,6 +69,24 @@ pub async fn campaigns_are_found_compared_and_deleted_after_a_question() {
             .await,
         json!(8)
     );
+    // Both are measured in one space: one map has the behaviours of both, and a click on one leads to its row.
+    assert_eq!(
+        window
+            .value("document.querySelectorAll('.common-map circle').length")
+            .await,
+        json!(8)
+    );
+    let rows = "[...document.querySelectorAll('.taxonomies tbody th')].map((row) => row.textContent)";
+    let rows = window.value(rows).await;
+    let known = |row: &serde_json::Value| {
+        let row = row.as_str().unwrap();
+        row == "all 2" || row.starts_with("only in ")
+    };
+    assert!(rows.as_array().unwrap().iter().all(known), "{rows}");
+    window.click(".common-map a").await;
+    window
+        .until("document.querySelector('.taxonomies tr:target')")
+        .await;
     window.focus("#best svg").await;
     window.press("\u{e012}").await;
     window.press("\u{e012}").await;
@@ -118,7 +136,16 @@ pub async fn a_campaign_is_described_checked_and_started_once() {
             check(&window, "new").await;
         }
     }
+    window.resize(390, 844, true).await;
+    window.click(".every-field summary").await;
+    window
+        .until("document.querySelector('.every-field').textContent.includes('world.start.shape')")
+        .await;
+    window.picture("new-every-field-390-dark").await;
+    check(&window, "new").await;
     window.resize(1280, 900, false).await;
+    window.picture("new-every-field-1280").await;
+    check(&window, "new").await;
     // What it costs follows what is written.
     window.click("[name='search.population']").await;
     window.press("7").await;

@@ -83,12 +83,33 @@ pub async fn the_training_and_its_rounds_are_drawn_after_a_reload() {
     let window = driver.open(&scene.url("")).await;
     for _ in 0..2 {
         window
-            .until("document.querySelectorAll('#training .event').length === 1")
+            .until("document.querySelectorAll('#accuracy .event').length === 1 && document.querySelectorAll('#loss .event').length === 1")
             .await;
-        let event = window.text("#training .event title").await;
+        let event = window.text("#loss .event title").await;
         assert_eq!(event, "round 1 begins");
-        let told = window.text("#training p").await;
+        let told = window.text("#accuracy p").await;
         assert!(told.contains("of round 1: accuracy"), "{told}");
+        // What is pointed at in one curve is told in both.
+        window.focus("#loss svg").await;
+        window.press("\u{e012}").await;
+        window.press("\u{e012}").await;
+        for curve in ["accuracy", "loss"] {
+            window
+                .until(&format!(
+                    "document.querySelectorAll('#{curve} circle').length === 1"
+                ))
+                .await;
+        }
+        let told = window.text("#loss p").await;
+        assert!(told.contains("mean loss ") && !told.contains('–'), "{told}");
+        let spoken = window
+            .value("document.querySelector('#loss [role=status]').textContent")
+            .await;
+        let spoken = spoken.as_str().unwrap();
+        assert!(
+            spoken.contains("mean loss ") && spoken.contains("accuracy "),
+            "{spoken}"
+        );
         let marks =
             "[...document.querySelectorAll('#novelty .event title')].map((title) => title.textContent)";
         let marks = window.value(marks).await;
@@ -96,9 +117,38 @@ pub async fn the_training_and_its_rounds_are_drawn_after_a_reload() {
             marks,
             json!(["first checkpoint", "new checkpoint, after round 1"])
         );
+        // The round is in the table too, with its taxonomy; that before it has none.
+        let rows = window
+            .value("[...document.querySelectorAll('.history tbody tr')].map((row) => row.textContent)")
+            .await;
+        let rows: Vec<&str> = rows
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|row| row.as_str().unwrap())
+            .collect();
+        assert_eq!(rows.len(), 2, "{rows:?}");
+        assert!(
+            rows[0].contains("pictures without labels") && rows[0].ends_with("none"),
+            "{rows:?}"
+        );
+        assert!(
+            rows[1].contains("the classes of ") && rows[1].contains(" %") && rows[1].ends_with("version 1"),
+            "{rows:?}"
+        );
         window.driver.refresh().await.unwrap();
     }
-    window.picture("trained-1280").await;
+    for (width, height) in SIZES {
+        for dark in [false, true] {
+            window.resize(width, height, dark).await;
+            let scheme = if dark { "dark" } else { "light" };
+            window
+                .until("document.querySelectorAll('#loss .event').length === 1")
+                .await;
+            window.picture(&format!("trained-{width}-{scheme}")).await;
+            check(&window, "progress").await;
+        }
+    }
     window.close().await;
     scene.cluster.stop().await;
 }

@@ -109,19 +109,33 @@ async fn a_campaign_is_deleted_once_it_does_not_run_and_leaves_the_list() {
     assert_eq!(cluster.finish(&cell.id).await.study, "mini");
     assert!(browser.page("/").await.contains("Study mini"));
     assert_eq!(delete(&cell.id).await, StatusCode::CONFLICT);
-    let request = v1::DeleteCampaignRequest {
-        campaign: cell.id,
-        study: "mini".to_owned(),
-        preview: false,
-    };
-    let deleted = cluster
-        .client
-        .delete_campaign(request)
-        .await
-        .unwrap()
-        .into_inner();
-    assert_eq!((deleted.individuals, deleted.taxonomy), (100, true));
+    let page = format!("/campaigns/{}/delete", cell.id);
+    let asks = browser.page(&page).await;
+    assert!(
+        asks.contains("This deletes 100 individuals") && asks.contains("name=\"study\" value=\"mini\""),
+        "{asks}"
+    );
+    let other = browser.post(&page, &[("study", "another")], own.as_deref()).await;
+    assert_eq!(other.status(), StatusCode::CONFLICT);
+    let deleted = browser.post(&page, &[("study", "mini")], own.as_deref()).await;
+    assert_eq!(deleted.status(), StatusCode::SEE_OTHER);
     assert_eq!(cluster.campaigns().await.len(), 1);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_id_that_was_typed_wrongly_leads_to_the_campaign_that_was_meant() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    cluster.run(&small_spec("")).await;
+    let request = reqwest::Client::new().get(format!("{}/campaigns/smal-1/map", cluster.url()));
+    let answer = request.header("accept", "text/html").send().await.unwrap();
+    assert_eq!(answer.status(), StatusCode::NOT_FOUND);
+    let page = answer.text().await.unwrap();
+    assert!(
+        page.contains("did you mean") && page.contains("<a href=\"/campaigns/small-1\">Campaign small-1</a>"),
+        "{page}"
+    );
     cluster.stop().await;
 }
 

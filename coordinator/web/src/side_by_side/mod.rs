@@ -1,8 +1,9 @@
-//! Campaigns side by side: their curves over each other, their taxonomies in columns, and what their specifications do not share.
+//! Campaigns side by side: their curves and their taxonomies over each other, and what their specifications do not share.
 
-use super::{
-    Web, archived, layout::layout_with, named::NamedTaxonomy, page_error::PageError, visitor::Visitor,
-};
+mod matching;
+mod taxonomies;
+
+use super::{Web, layout::layout_with, named::NamedTaxonomy, page_error::PageError, visitor::Visitor};
 use axum::extract::{Query, State};
 use maud::{Markup, html};
 use murmuration_model::CampaignRecord;
@@ -57,22 +58,11 @@ fn shown(compared: &[(CampaignRecord, Option<NamedTaxonomy>)]) -> Markup {
                 }
             }
         }
-        @for (id, title, note) in [
-            ("best", "Best novelty", "Novelty of different methods is in different units."),
-            ("mean", "Mean novelty", ""),
-            ("training", "Training", "Accuracy on held-out triplets; the trainings of rounds follow the first."),
-        ] {
-            section.scripted #(id) aria-label=(title) {
-                h2 { (title) }
-                @if !note.is_empty() { p.reason { (note) } }
-                div.chart {}
-                p.reason.none hidden { "None of these campaigns has such a curve." }
-            }
+        @for (id, title, note) in NOVELTY { (curves(id, title, note)) }
+        @if compared.iter().any(|(record, _)| record.spec.method().embeds()) {
+            @for (id, title, note) in TRAININGS { (curves(id, title, note)) }
         }
-        section aria-labelledby="taxonomies" {
-            h2 #taxonomies { "Taxonomies" }
-            div.taxonomies { @for (record, taxonomy) in compared { (column(record, taxonomy.as_ref())) } }
-        }
+        (taxonomies::section(compared))
         section aria-labelledby="differences" {
             h2 #differences { "Specifications" }
             (differences(&compared.iter().map(|(record, _)| record).collect::<Vec<_>>()))
@@ -80,26 +70,37 @@ fn shown(compared: &[(CampaignRecord, Option<NamedTaxonomy>)]) -> Markup {
     }
 }
 
-/// The medoids of a campaign, largest cluster first.
-fn column(record: &CampaignRecord, named: Option<&NamedTaxonomy>) -> Markup {
+/// The curves of the page: the id of each, its title, and what is to be known of it.
+const NOVELTY: [(&str, &str, &str); 2] = [
+    (
+        "best",
+        "Best novelty",
+        "Novelty of different methods is in different units.",
+    ),
+    ("mean", "Mean novelty", ""),
+];
+/// Those of campaigns that embed.
+const TRAININGS: [(&str, &str, &str); 2] = [
+    (
+        "accuracy",
+        "Accuracy of trainings",
+        "Share of held-out triplets that are told apart, in percent; the trainings of rounds follow the first.",
+    ),
+    (
+        "loss",
+        "Loss of trainings",
+        "Losses of different recipes are in different units.",
+    ),
+];
+
+/// The place of a curve, which a script draws.
+fn curves(id: &str, title: &str, note: &str) -> Markup {
     html! {
-        div.column {
-            h3 { (record.id) }
-            @match named {
-                None => p.reason { "It has no taxonomy yet." },
-                Some(named) => {
-                    ol {
-                        @for (place, medoid) in named.taxonomy.medoids.iter().enumerate() {
-                            @let index = medoid.individual.index;
-                            li {
-                                img src=(archived::picture(record, index)) width="75" height="75" loading="lazy"
-                                    alt={ "Paths of behaviour " (place + 1) " of " (record.id) };
-                                (named.caption(place))
-                            }
-                        }
-                    }
-                }
-            }
+        section.scripted #(id) aria-label=(title) {
+            h2 { (title) }
+            @if !note.is_empty() { p.reason { (note) } }
+            div.chart {}
+            p.reason.none hidden { "None of these campaigns has such a curve." }
         }
     }
 }

@@ -1,0 +1,200 @@
+//! How long a campaign still takes, as far as what is measured tells.
+
+use crate::Stage;
+use murmuration_proto::{CampaignSpec, Feedback, counted};
+
+/// What a campaign at work has before it, and how fast it goes.
+#[derive(Debug, Clone, Copy)]
+pub struct WorkLeft<'a> {
+    /// What it was asked to do.
+    pub spec: &'a CampaignSpec,
+    /// What it does now.
+    pub stage: Stage,
+    /// Complete generations.
+    pub generations_done: u32,
+    /// Evaluations of the next generation that have arrived.
+    pub arrived: u32,
+    /// Rounds of feedback that were learned.
+    pub rounds_done: u32,
+    /// Whether a further round is learned now.
+    pub is_learning: bool,
+    /// Evaluations a second over the last seconds; simulations in the stage that makes the dataset, 0 if unknown.
+    pub per_second: f64,
+    /// Seconds that its stage still takes, where that can be told.
+    pub stage_seconds: Option<f64>,
+}
+
+/// A time that something still takes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TimeLeft {
+    /// What the known parts take.
+    pub seconds: f64,
+    /// Whether there are further parts, of which nothing was measured.
+    pub is_least: bool,
+}
+
+impl WorkLeft<'_> {
+    /// How long the whole campaign still takes, without the clustering at its end, which takes seconds; `None` where nothing is
+    /// known. The pace of a search is only known while it searches (and, from below, while it simulates its dataset), that of a
+    /// training only during the training.
+    #[must_use]
+    pub fn whole(&self) -> Option<TimeLeft> {
+        let of_spec = self.spec.feedback().map_or(0, Feedback::rounds);
+        let rounds = of_spec.max(self.rounds_done.saturating_add(self.is_learning.into()));
+        let evaluations = self.evaluations(rounds);
+        let has_rounds = rounds > self.rounds_done;
+        let (seconds, is_least) = match self.stage {
+            Stage::Taxonomy => return None,
+            Stage::Evolve => (self.lasts(evaluations)?, has_rounds),
+            // An evaluation is as many simulations as it has starts, and more.
+            Stage::Dataset => {
+                let simulations = evaluations * self.spec.starts().get() as u64;
+                (self.stage_seconds? + self.lasts(simulations)?, true)
+            }
+            Stage::Embed => (self.stage_seconds?, has_rounds || evaluations > 0),
+            Stage::Pretrain | Stage::Label | Stage::FineTune => (self.stage_seconds?, true),
+        };
+        Some(TimeLeft { seconds, is_least })
+    }
+
+    /// Evaluations to come once there have been `rounds`.
+    fn evaluations(&self, rounds: u32) -> u64 {
+        let search = self.spec.search();
+        let further = self.spec.feedback().map_or(0, Feedback::generations);
+        let generations = u64::from(search.generations()) + u64::from(further) * u64::from(rounds);
+        let left = generations.saturating_sub(self.generations_done.into());
+        let arrived = match self.stage {
+            Stage::Evolve => self.arrived,
+            _ => 0,
+        };
+        (left * u64::from(search.population())).saturating_sub(arrived.into())
+    }
+
+    fn lasts(&self, count: u64) -> Option<f64> {
+        (self.per_second > 0.0).then(|| count as f64 / self.per_second)
+    }
+}
+
+impl TimeLeft {
+    /// The time as it is said of something of which nothing further is unknown.
+    #[must_use]
+    pub const fn about(seconds: f64) -> Self {
+        Self {
+            seconds,
+            is_least: false,
+        }
+    }
+
+    /// As in `about 5 minutes` and `at least 2 hours`.
+    #[must_use]
+    pub fn in_words(self) -> String {
+        let seconds = self.seconds;
+        match self.is_least {
+            false => match seconds {
+                under if under < 60.0 => "under a minute".to_owned(),
+                under if under < 3600.0 => {
+                    format!("about {}", counted((under / 60.0).ceil() as u64, "minute"))
+                }
+                hours => format!("about {}", counted((hours / 3600.0).round() as u64, "hour")),
+            },
+            true => match seconds {
+                under if under < 10.0 => "at least some seconds".to_owned(),
+                under if under < 60.0 => format!("at least {} seconds", 10 * (under / 10.0) as u64),
+                under if under < 3600.0 => format!("at least {}", counted((under / 60.0) as u64, "minute")),
+                hours => format!("at least {}", counted((hours / 3600.0) as u64, "hour")),
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spec(feedback: &str) -> CampaignSpec {
+        let text = format!(
+            "model = \"single-sensor\"\nmethod = \"latent\"\n[search]\npopulation = 10\ngenerations = 20\n\
+             [evaluation]\nstarts = 3\n{feedback}"
+        );
+        CampaignSpec::from_toml(&text).unwrap()
+    }
+
+    fn left(spec: &CampaignSpec, stage: Stage) -> WorkLeft<'_> {
+        WorkLeft {
+            spec,
+            stage,
+            generations_done: 4,
+            arrived: 5,
+            rounds_done: 0,
+            is_learning: false,
+            per_second: 5.0,
+            stage_seconds: Some(60.0),
+        }
+    }
+
+    #[test]
+    fn a_search_without_rounds_is_known_and_one_with_rounds_takes_at_least_its_evaluations() {
+        let (plain, rounds) = (spec(""), spec("[feedback]\nrounds = 2\ngenerations = 10"));
+        // 16 generations of 10, without the 5 that have arrived.
+        assert_eq!(left(&plain, Stage::Evolve).whole(), Some(TimeLeft::about(31.0)));
+        let whole = left(&rounds, Stage::Evolve).whole().unwrap();
+        assert_eq!((whole.seconds, whole.is_least), (71.0, true));
+        let last = WorkLeft {
+            rounds_done: 2,
+            generations_done: 39,
+            ..left(&rounds, Stage::Evolve)
+        };
+        assert_eq!(last.whole(), Some(TimeLeft::about(1.0)));
+    }
+
+    #[test]
+    fn a_dataset_tells_the_pace_of_the_search_and_a_training_tells_none() {
+        let spec = spec("");
+        let dataset = WorkLeft {
+            generations_done: 0,
+            ..left(&spec, Stage::Dataset)
+        };
+        // 200 evaluations of three starts, at five simulations a second.
+        let whole = dataset.whole().unwrap();
+        assert_eq!((whole.seconds, whole.is_least), (180.0, true));
+        let training = left(&spec, Stage::Pretrain).whole().unwrap();
+        assert_eq!((training.seconds, training.is_least), (60.0, true));
+    }
+
+    #[test]
+    fn the_search_after_a_round_that_is_learned_now_is_not_forgotten() {
+        let spec = spec("[feedback]\nrounds = 0\ngenerations = 10");
+        let embedding = WorkLeft {
+            generations_done: 20,
+            ..left(&spec, Stage::Embed)
+        };
+        assert_eq!(embedding.whole(), Some(TimeLeft::about(60.0)));
+        let learned = WorkLeft {
+            rounds_done: 1,
+            ..embedding
+        };
+        assert!(learned.whole().unwrap().is_least);
+    }
+
+    #[test]
+    fn nothing_is_said_where_nothing_is_known() {
+        let spec = spec("");
+        for stage in [Stage::Evolve, Stage::Dataset, Stage::FineTune, Stage::Taxonomy] {
+            let unknown = WorkLeft {
+                per_second: 0.0,
+                stage_seconds: None,
+                ..left(&spec, stage)
+            };
+            assert_eq!(unknown.whole(), None, "{stage:?}");
+        }
+    }
+
+    #[test]
+    fn a_least_time_is_rounded_down_and_another_up() {
+        let said = |seconds| [false, true].map(|is_least| TimeLeft { seconds, is_least }.in_words());
+        assert_eq!(said(4.0), ["under a minute", "at least some seconds"]);
+        assert_eq!(said(59.0), ["under a minute", "at least 50 seconds"]);
+        assert_eq!(said(61.0), ["about 2 minutes", "at least 1 minute"]);
+        assert_eq!(said(7_100.0), ["about 2 hours", "at least 1 hour"]);
+    }
+}

@@ -1,0 +1,311 @@
+//! What a campaign has learned from, round by round: its checkpoints with their accuracies, and the taxonomies made with them.
+
+use super::parts;
+use maud::{Markup, html};
+use murmuration_model::{CampaignRecord, CampaignState, Round};
+use murmuration_proto::{CheckpointDigest, Feedback, Lineage, grouped};
+use murmuration_store::{CheckpointRecord, Store, StoreError, TaxonomyVersion};
+use murmuration_study::wide;
+use std::collections::BTreeSet;
+
+/// Most rows for rounds that are still to come.
+const MOST_TO_COME: u32 = 10;
+
+/// A checkpoint of a campaign's archive, and what was made with it.
+#[derive(Debug, Clone, PartialEq)]
+struct Step {
+    /// The rounds before it, its own included: 0 for the first checkpoint.
+    round: u32,
+    /// `None` where there is none (yet).
+    checkpoint: Option<Learned>,
+    /// The taxonomy that was made with it.
+    version: Option<TaxonomyVersion>,
+}
+
+/// What a checkpoint learned, and what came of that.
+#[derive(Debug, Clone, PartialEq)]
+struct Learned {
+    digest: CheckpointDigest,
+    made_ms: u64,
+    /// The labels and comparisons that it learned from, in words; `None` if there were none.
+    from: Option<String>,
+    /// Share of the held-out triplets that its parent told apart, as far as that is known.
+    before: Option<f64>,
+    /// Share of the held-out triplets that it tells apart, as far as that is known.
+    after: Option<f64>,
+}
+
+/// The table; nothing for a campaign that embeds nothing. Blocks while it reads the store.
+///
+/// # Errors
+/// If the store cannot be read.
+pub(super) fn read(store: &Store, record: &CampaignRecord) -> Result<Markup, StoreError> {
+    if !record.spec.method().embeds() {
+        return Ok(Markup::default());
+    }
+    let versions = store.taxonomy_versions(&record.id)?;
+    let mut known = Vec::new();
+    for (round, digest) in checkpoints(store, record, &versions)? {
+        known.push((round, learned(store, digest)?));
+    }
+    Ok(table(
+        record,
+        &with_rounds_to_come(record, steps(versions, known)),
+    ))
+}
+
+/// The checkpoints of an archive, with their rounds: those that led to what it is embedded with, what it moves to, and those of
+/// former taxonomies.
+fn checkpoints(
+    store: &Store,
+    record: &CampaignRecord,
+    versions: &[TaxonomyVersion],
+) -> Result<Vec<(u32, CheckpointDigest)>, StoreError> {
+    let rounds = store.repetition(record)?.rounds;
+    let first = rounds.first().map(|round| round.parent);
+    let first = first.or(record.embedder.checkpoint());
+    let mut all: Vec<(u32, CheckpointDigest)> = first.into_iter().map(|digest| (0, digest)).collect();
+    all.extend((1..).zip(rounds.iter().map(|round| round.checkpoint)));
+    all.extend(record.embedder.next().map(|next| (record.rounds.done, next)));
+    all.extend(
+        versions
+            .iter()
+            .filter_map(|version| Some((version.rounds, version.checkpoint?))),
+    );
+    let mut seen = BTreeSet::new();
+    all.retain(|(_, digest)| seen.insert(digest.to_string()));
+    Ok(all)
+}
+
+fn learned(store: &Store, digest: CheckpointDigest) -> Result<Learned, StoreError> {
+    let CheckpointRecord {
+        lineage, created_ms, ..
+    } = store.checkpoint(digest)?;
+    let before = match lineage.parent.map(|parent| store.checkpoint(parent)) {
+        Some(Ok(parent)) => accuracy(&parent.lineage),
+        // An imported campaign may come without it.
+        Some(Err(StoreError::NoCheckpoint(_))) | None => None,
+        Some(Err(error)) => return Err(error),
+    };
+    let count = |metric: &str| lineage.metrics.get(metric).map_or(0, |&count| count as u64);
+    let (labels, comparisons) = (count("labels"), count("comparisons"));
+    let from = lineage.parent.filter(|_| labels + comparisons > 0).map(|parent| {
+        let round = Round {
+            parent,
+            checkpoint: digest,
+            labels,
+            comparisons,
+            label_digest: String::new(),
+        };
+        round.learned_from()
+    });
+    Ok(Learned {
+        digest,
+        made_ms: created_ms,
+        from,
+        before,
+        after: accuracy(&lineage),
+    })
+}
+
+fn accuracy(lineage: &Lineage) -> Option<f64> {
+    lineage.metrics.get("triplet_accuracy").copied()
+}
+
+/// One step for each taxonomy and for each checkpoint without one, in the order of rounds and of time.
+fn steps(versions: Vec<TaxonomyVersion>, known: Vec<(u32, Learned)>) -> Vec<Step> {
+    let of =
+        |digest: Option<CheckpointDigest>| known.iter().find(|(_, learned)| Some(learned.digest) == digest);
+    let has_version: Vec<_> = versions.iter().filter_map(|version| version.checkpoint).collect();
+    let mut steps: Vec<Step> = versions
+        .into_iter()
+        .map(|version| Step {
+            round: version.rounds,
+            checkpoint: of(version.checkpoint).map(|(_, learned)| learned.clone()),
+            version: Some(version),
+        })
+        .collect();
+    let without = known
+        .iter()
+        .filter(|(_, learned)| !has_version.contains(&learned.digest));
+    steps.extend(without.map(|(round, learned)| Step {
+        round: *round,
+        checkpoint: Some(learned.clone()),
+        version: None,
+    }));
+    steps.sort_by_key(|step| (step.round, step.made_ms()));
+    steps
+}
+
+impl Step {
+    /// When its taxonomy was made, or else its checkpoint; milliseconds since 1970-01-01 UTC.
+    fn made_ms(&self) -> Option<u64> {
+        match &self.version {
+            Some(version) => version.made_ms,
+            None => self.checkpoint.as_ref().map(|learned| learned.made_ms),
+        }
+    }
+}
+
+/// Adds a step for each round that the campaign learns now or will learn by itself, so that the table does not grow when they come.
+fn with_rounds_to_come(record: &CampaignRecord, mut steps: Vec<Step>) -> Vec<Step> {
+    let ends = match record.state {
+        CampaignState::Running | CampaignState::Paused => {
+            let of_spec = record.spec.feedback().map_or(0, Feedback::rounds);
+            of_spec.max(record.rounds.done + u32::from(record.rounds.current_cutoff.is_some()))
+        }
+        CampaignState::Completed | CampaignState::Failed | CampaignState::Cancelled => return steps,
+    };
+    let first = steps.last().map_or(0, |step| step.round + 1);
+    steps.extend((first..=ends).take(MOST_TO_COME as usize).map(|round| Step {
+        round,
+        checkpoint: None,
+        version: None,
+    }));
+    steps
+}
+
+fn table(record: &CampaignRecord, steps: &[Step]) -> Markup {
+    html! {
+        section.history aria-labelledby="history" {
+            h2 #history { "History" }
+            p.reason {
+                "A round learns from the labels and comparisons that there are when it begins, and goes on from the checkpoint before. The "
+                "accuracy is the share of held-out triplets that a checkpoint tells apart."
+            }
+            (wide("Rounds", &html! { table {
+                thead { tr { @for title in [
+                    "Round", "Made", "Learned from", "Accuracy before", "Accuracy after", "Checkpoint", "Individuals", "Taxonomy",
+                ] { th scope="col" { (title) } } } }
+                tbody { @for (place, step) in steps.iter().enumerate() { (line(record, step, place + 1 == steps.len())) } }
+            } }))
+        }
+    }
+}
+
+fn line(record: &CampaignRecord, step: &Step, is_last: bool) -> Markup {
+    let learned = step.checkpoint.as_ref();
+    let is_learned_now = record.rounds.current_cutoff.is_some() && step.round == record.rounds.done + 1;
+    html! {
+        tr {
+            th scope="row" { @if step.round == 0 { "first" } @else { (step.round) } }
+            td { @if let Some(ms) = step.made_ms() { (parts::moment(ms)) } @else { "–" } }
+            td {
+                @match learned {
+                    Some(learned) => (learned.from.as_deref().unwrap_or("pictures without labels")),
+                    None if is_learned_now => "is learned now",
+                    None => "to come",
+                }
+            }
+            td { (share(learned.and_then(|learned| learned.before))) }
+            td { (share(learned.and_then(|learned| learned.after))) }
+            td { @if let Some(learned) = learned { code { (learned.digest.to_string().chars().take(12).collect::<String>()) } } @else { "–" } }
+            td { @if let Some(version) = &step.version { (grouped(version.individuals)) } @else { "–" } }
+            td {
+                @match &step.version {
+                    Some(version) => {
+                        a href={ "/campaigns/" (record.id) "/taxonomy?version=" (version.version) } { "version " (version.version) }
+                    },
+                    // The campaign learned again before it was clustered.
+                    None if !is_last => "none",
+                    None => "when the search has ended",
+                }
+            }
+        }
+    }
+}
+
+fn share(share: Option<f64>) -> String {
+    share.map_or_else(|| "–".to_owned(), |share| format!("{:.1} %", 100.0 * share))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples;
+    use murmuration_model::Rounds;
+
+    fn record(state: CampaignState, rounds: Rounds) -> CampaignRecord {
+        CampaignRecord {
+            state,
+            rounds,
+            ..samples::record("model = \"two-sensor\"\nmethod = \"latent\"\n[feedback]\nrounds = 2")
+        }
+    }
+
+    fn learned(name: &[u8], made_ms: u64, from: Option<&str>) -> Learned {
+        Learned {
+            digest: CheckpointDigest::of(name),
+            made_ms,
+            from: from.map(str::to_owned),
+            before: from.map(|_| 0.5),
+            after: Some(0.75),
+        }
+    }
+
+    fn version(number: u32, rounds: u32, checkpoint: &[u8]) -> TaxonomyVersion {
+        TaxonomyVersion {
+            version: number,
+            stands: false,
+            made_ms: Some(u64::from(number) * 60_000),
+            checkpoint: Some(CheckpointDigest::of(checkpoint)),
+            rounds,
+            generations: 5,
+            individuals: 1_200,
+        }
+    }
+
+    #[test]
+    fn every_round_has_a_row_with_what_it_learned_from_and_its_taxonomy_if_it_has_one() {
+        let known = vec![
+            (0, learned(b"first", 30_000, None)),
+            (1, learned(b"skipped", 90_000, Some("1 comparison"))),
+            (
+                2,
+                learned(b"taught", 100_000, Some("the classes of 20 individuals")),
+            ),
+        ];
+        let steps = steps(vec![version(1, 0, b"first"), version(2, 2, b"taught")], known);
+        let rounds: Vec<_> = steps
+            .iter()
+            .map(|step| (step.round, step.version.is_some()))
+            .collect();
+        assert_eq!(rounds, [(0, true), (1, false), (2, true)]);
+        let record = record(CampaignState::Completed, Rounds::default());
+        let page = table(&record, &steps).into_string();
+        for said in [
+            "pictures without labels",
+            "<td>the classes of 20 individuals</td><td>50.0 %</td><td>75.0 %</td>",
+            "<a href=\"/campaigns/two-1/taxonomy?version=2\">version 2</a>",
+            "<td>1,200</td>",
+            "<td>none</td>",
+        ] {
+            assert!(page.contains(said), "{said} is not in {page}");
+        }
+        assert!(!page.contains("to come"), "{page}");
+    }
+
+    #[test]
+    fn rounds_to_come_have_their_rows_before_they_begin() {
+        let rows = |rounds, known: Vec<(u32, Learned)>| {
+            let record = record(CampaignState::Running, rounds);
+            with_rounds_to_come(&record, steps(Vec::new(), known))
+        };
+        let before = rows(Rounds::default(), Vec::new());
+        assert_eq!(
+            before.iter().map(|step| step.round).collect::<Vec<_>>(),
+            [0, 1, 2]
+        );
+        let learning = Rounds {
+            current_cutoff: Some(9),
+            ..Rounds::default()
+        };
+        let first = vec![(0, learned(b"first", 1, None))];
+        assert_eq!(rows(learning, first.clone()).len(), before.len());
+        let page = table(&record(CampaignState::Running, learning), &rows(learning, first)).into_string();
+        assert!(
+            page.contains("is learned now") && page.contains("to come"),
+            "{page}"
+        );
+    }
+}

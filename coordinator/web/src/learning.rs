@@ -1,0 +1,152 @@
+//! What learning does to a campaign and how long that takes, as far as the last round tells; and the button that begins it.
+
+use super::{Web, page_error::PageError};
+use maud::{Markup, html};
+use murmuration_engine::blocking::blocking;
+use murmuration_model::{CampaignRecord, CampaignState, TimeLeft};
+use murmuration_proto::{Feedback, counted};
+use murmuration_store::{Store, StoreError};
+
+/// The button that has the campaign learn from its labels and comparisons; nothing where the campaign has no embedding.
+pub(super) async fn button(web: &Web, record: &CampaignRecord) -> Result<Markup, PageError> {
+    if !record.spec.method().embeds() || record.state == CampaignState::Cancelled {
+        return Ok(Markup::default());
+    }
+    let (store, of) = (web.store.clone(), record.clone());
+    let estimate = blocking(move || Estimate::read(&store, &of)).await??;
+    Ok(html! {
+        form.learn method="post" action={ "/campaigns/" (record.id) "/refine" } data-ask=(announcement(record, estimate)) {
+            button { "Learn from all answers" }
+            p #doing.reason role="status" {}
+            p.reason { a href={ "/campaigns/" (record.id) "#pause" } { "Progress" } " shows how far it is, and can pause it." }
+        }
+    })
+}
+
+/// How long a round takes, by what the last one took.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Estimate {
+    /// Seconds of training.
+    training: f64,
+    /// Seconds from the end of the training to the taxonomy, for as many individuals as there are now; `None` where the last round
+    /// led to no taxonomy.
+    after: Option<f64>,
+}
+
+impl Estimate {
+    /// `None` before the first round, and where nobody noted when its epochs ended.
+    fn read(store: &Store, record: &CampaignRecord) -> Result<Option<Self>, StoreError> {
+        let round = record.rounds.done;
+        if round == 0 {
+            return Ok(None);
+        }
+        let Some(training) = lasted(&store.epoch_times(&record.id, round)?) else {
+            return Ok(None);
+        };
+        let versions = store.taxonomy_versions(&record.id)?;
+        let made = versions.iter().find(|version| version.rounds == round);
+        let after = match made.and_then(|made| made.checkpoint) {
+            None => None,
+            Some(checkpoint) => {
+                let trained_ms = store.checkpoint(checkpoint)?.created_ms;
+                let made = made.and_then(|made| Some((made.made_ms?, made.individuals)));
+                made.map(|made| until_made(trained_ms, made, record.individuals()))
+            }
+        };
+        Ok(Some(Self { training, after }))
+    }
+
+    fn in_words(self) -> String {
+        let said = |seconds| TimeLeft::about(seconds).in_words();
+        match self.after {
+            Some(after) => format!(
+                "By the last round, that takes {}: {} of training, and {} to embed, search and cluster.",
+                said(self.training + after),
+                said(self.training),
+                said(after)
+            ),
+            None => format!(
+                "By the last round, the training takes {}; then the campaign embeds, searches and clusters.",
+                said(self.training)
+            ),
+        }
+    }
+}
+
+/// Seconds that a training took whose epochs ended at these times, in milliseconds. The median epoch stands for each, so that a
+/// pause in between does not count. `None` for fewer than two epochs.
+fn lasted(times: &[u64]) -> Option<f64> {
+    let mut epochs: Vec<u64> = times
+        .windows(2)
+        .map(|pair| pair[1].saturating_sub(pair[0]))
+        .collect();
+    epochs.sort_unstable();
+    let median = *epochs.get(epochs.len() / 2)?;
+    Some(median as f64 / 1000.0 * times.len() as f64)
+}
+
+/// Seconds from the end of a training to the taxonomy that was made at `made_ms` of so many individuals, for `now` of them.
+fn until_made(trained_ms: u64, (made_ms, individuals): (u64, u64), now: u64) -> f64 {
+    let took = made_ms.saturating_sub(trained_ms) as f64 / 1000.0;
+    took * now as f64 / individuals.max(1) as f64
+}
+
+/// What learning does to a campaign, for somebody who is about to begin it.
+fn announcement(record: &CampaignRecord, estimate: Option<Estimate>) -> String {
+    let further = record.spec.feedback().map_or(0, Feedback::generations);
+    let search = match further {
+        0 => String::new(),
+        further => format!(", searches for {} more", counted(further.into(), "generation")),
+    };
+    let takes = estimate.map_or_else(
+        || "That takes from seconds to some minutes.".to_owned(),
+        Estimate::in_words,
+    );
+    format!(
+        "The campaign fine-tunes its embedder on all labels and comparisons, embeds its {} again{search}, and clusters them anew. {takes} \
+         The clusters and their order change; your labels and comparisons stay. Progress shows how far it is, and can pause it: until \
+         the archive is embedded again, a paused campaign keeps the taxonomy that it has. Resume goes on after the last epoch; to learn \
+         again begins the training anew, with the answers as they are then.",
+        counted(record.individuals(), "individual")
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_training_takes_its_median_epoch_as_often_as_it_had_epochs() {
+        // A pause of an hour between two epochs.
+        assert_eq!(lasted(&[1_000, 3_000, 3_603_000, 3_605_000]), Some(8.0));
+        assert_eq!(lasted(&[1_000]), None);
+        assert_eq!(lasted(&[]), None);
+        // A clock that was set back tells nothing, and breaks nothing.
+        assert_eq!(lasted(&[5_000, 1_000]), Some(0.0));
+    }
+
+    #[test]
+    fn what_comes_after_the_training_grows_with_the_archive() {
+        assert_eq!(until_made(10_000, (70_000, 100), 150), 90.0);
+        assert_eq!(until_made(70_000, (10_000, 0), 150), 0.0);
+    }
+
+    #[test]
+    fn the_last_round_says_how_long_the_next_takes() {
+        let whole = Estimate {
+            training: 100.0,
+            after: Some(500.0),
+        };
+        assert_eq!(
+            whole.in_words(),
+            "By the last round, that takes about 10 minutes: about 2 minutes of training, and about 9 minutes to embed, search and \
+             cluster."
+        );
+        let cut = Estimate { after: None, ..whole };
+        assert!(
+            cut.in_words().contains("the training takes about 2 minutes"),
+            "{}",
+            cut.in_words()
+        );
+    }
+}

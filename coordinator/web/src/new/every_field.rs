@@ -1,0 +1,101 @@
+//! Every field of a campaign file with its explanation: those of the contract's messages from their comments, those of trainings
+//! from the page of the documentation that lists them.
+
+use super::{
+    super::glossary::inline,
+    fields::{explanation, path},
+};
+use maud::{Markup, html};
+use murmuration_proto::spec_sections;
+use murmuration_study::wide;
+
+const CAMPAIGNS: &str = include_str!("../../../../docs/campaigns.md");
+/// The heading under which that page lists the fields of trainings.
+const TRAINING: &str = "\n## Training\n";
+
+/// The list, folded until somebody wants it.
+pub(super) fn list() -> Markup {
+    html! {
+        details.every-field {
+            summary { "Every field of a campaign file" }
+            p.reason { "A field that is left out has its default. " code { "murmuration show" } " prints all fields with the values that a campaign has." }
+            @for (section, fields) in spec_sections::sections() {
+                @let said: Vec<_> = fields.iter().filter_map(|field| Some((field, explanation(section, field)?))).collect();
+                @if !said.is_empty() {
+                    h3 { @if section.is_empty() { "At the top of the file" } @else { code { "[" (section) "]" } } }
+                    dl { @for (field, said) in said { div { dt { code { (path(section, field)) } } dd { (said) } } } }
+                }
+            }
+            h3 { code { "[training]" } " and " code { "[feedback.recipe]" } }
+            @for block in training().split("\n\n") { (shown(block.trim())) }
+        }
+    }
+}
+
+/// What the documentation says of the fields of trainings.
+fn training() -> &'static str {
+    let after = CAMPAIGNS.split_once(TRAINING).map_or("", |(_, after)| after);
+    after.split_once("\n## ").map_or(after, |(section, _)| section)
+}
+
+/// A table or a paragraph.
+fn shown(block: &str) -> Markup {
+    let mut rows = block.lines().filter_map(cells);
+    let (Some(head), Some(_)) = (rows.next(), rows.next()) else {
+        return html! { p { (inline(block)) } };
+    };
+    let name = format!(
+        "Table: {}",
+        head.first().copied().unwrap_or_default().replace('`', "")
+    );
+    wide(
+        &name,
+        &html! { table {
+            thead { tr { @for title in head { th scope="col" { (inline(title)) } } } }
+            tbody {
+                @for row in rows {
+                    tr { @for (place, cell) in row.iter().enumerate() {
+                        @if place == 0 { th scope="row" { (inline(cell)) } } @else { td { (inline(cell)) } }
+                    } }
+                }
+            }
+        } },
+    )
+}
+
+/// The cells of a row of a table; `None` of a line that is none.
+fn cells(line: &str) -> Option<Vec<&str>> {
+    let inner = line.trim().strip_prefix('|')?.strip_suffix('|')?;
+    Some(inner.split('|').map(str::trim).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_field_of_a_campaign_file_is_listed() {
+        let page = list().into_string();
+        for (section, fields) in spec_sections::sections() {
+            for field in fields {
+                let is_listed = match explanation(section, &field) {
+                    Some(_) => page.contains(&format!("<dt><code>{}</code></dt>", path(section, &field))),
+                    // Tables name several fields in a cell, and those of a network with its name.
+                    None => ["", "network."]
+                        .iter()
+                        .any(|of| page.contains(&format!("<code>{of}{field}</code>"))),
+                };
+                // A table that has a heading of its own.
+                assert!(is_listed || field == "network", "{section} {field}");
+            }
+        }
+        assert!(
+            page.contains("Controllers per generation, 1 to 100,000"),
+            "{page}"
+        );
+        assert!(
+            !page.contains("RefineCampaign") && !page.contains("|--"),
+            "{page}"
+        );
+    }
+}

@@ -1,0 +1,223 @@
+//! Which behaviours of several campaigns are the same: by their distance where all campaigns measure in one space, else by the classes
+//! that people gave.
+
+use std::collections::BTreeMap;
+
+/// A medoid of one of the compared campaigns.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Behaviour {
+    /// The place of its campaign among the compared ones, from 0.
+    pub(super) campaign: usize,
+    /// Its place in the taxonomy of that campaign, from 0.
+    pub(super) place: usize,
+    /// Where it is in the behaviour space of its campaign.
+    pub(super) at: Vec<f64>,
+    /// Mean distance of its cluster's members to it, in units of that space.
+    pub(super) mean_distance: f64,
+    /// Its class, if it has one.
+    pub(super) class: Option<String>,
+}
+
+/// Behaviours that are taken for the same one.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Group {
+    /// By campaign, the places of its behaviours in the list of all, largest cluster first.
+    pub(super) members: Vec<Vec<usize>>,
+    /// A behaviour of another campaign that this one touches although it is in another group: the nearest, as a place in the list of
+    /// all. Only for a behaviour that is alone.
+    pub(super) touches: Option<usize>,
+}
+
+impl Group {
+    /// How many campaigns have it.
+    pub(super) fn campaigns(&self) -> usize {
+        self.members.iter().filter(|own| !own.is_empty()).count()
+    }
+
+    fn of(campaigns: usize, all: &[Behaviour], members: impl IntoIterator<Item = usize>) -> Self {
+        let mut group = Self {
+            members: vec![Vec::new(); campaigns],
+            touches: None,
+        };
+        for member in members {
+            group.members[all[member].campaign].push(member);
+        }
+        group
+    }
+}
+
+/// Groups of behaviours whose clusters touch: their medoids are nearer to each other than the mean distances of both clusters' members
+/// to their medoids come to together, as on the page Taxonomy. The nearest two are joined first; a group has one behaviour of a
+/// campaign at most. All are in one space.
+pub(super) fn by_distance(campaigns: usize, all: &[Behaviour]) -> Vec<Group> {
+    let touching = touching(all);
+    // By behaviour, the group that it is in.
+    let mut group_of: Vec<usize> = (0..all.len()).collect();
+    for &(one, other, _) in &touching {
+        let (into, from) = (
+            group_of[one].min(group_of[other]),
+            group_of[one].max(group_of[other]),
+        );
+        let of = |group: usize| -> Vec<usize> {
+            (0..all.len())
+                .filter(|&member| group_of[member] == group)
+                .collect()
+        };
+        let (staying, moving) = (of(into), of(from));
+        let clash = |&one: &usize| {
+            moving
+                .iter()
+                .any(|&other| all[one].campaign == all[other].campaign)
+        };
+        if into != from && !staying.iter().any(clash) {
+            moving.into_iter().for_each(|member| group_of[member] = into);
+        }
+    }
+    let mut members: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for (member, group) in group_of.into_iter().enumerate() {
+        members.entry(group).or_default().push(member);
+    }
+    let nearest = |member: usize| {
+        let mut pairs = touching.iter();
+        let (one, other, _) = pairs.find(|(one, other, _)| *one == member || *other == member)?;
+        Some(if *one == member { *other } else { *one })
+    };
+    let groups = members.into_values().map(|members| Group {
+        touches: match members.as_slice() {
+            [alone] => nearest(*alone),
+            _ => None,
+        },
+        ..Group::of(campaigns, all, members)
+    });
+    ordered(groups.collect())
+}
+
+/// Pairs of behaviours of two campaigns whose clusters touch, with their distances, nearest first.
+fn touching(all: &[Behaviour]) -> Vec<(usize, usize, f64)> {
+    let mut found = Vec::new();
+    for (other, theirs) in all.iter().enumerate() {
+        for (one, ours) in all[..other].iter().enumerate() {
+            let distance = distance(&ours.at, &theirs.at);
+            if ours.campaign != theirs.campaign && distance <= ours.mean_distance + theirs.mean_distance {
+                found.push((one, other, distance));
+            }
+        }
+    }
+    found.sort_by(|(.., a), (.., b)| a.total_cmp(b));
+    found
+}
+
+fn distance(one: &[f64], other: &[f64]) -> f64 {
+    let squares = one.iter().zip(other).map(|(a, b)| (a - b) * (a - b));
+    squares.sum::<f64>().sqrt()
+}
+
+/// Groups of behaviours of one class, and at last the behaviours that have none.
+pub(super) fn by_class(campaigns: usize, all: &[Behaviour]) -> Vec<Group> {
+    let mut classes: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    let mut without = Vec::new();
+    for (member, behaviour) in all.iter().enumerate() {
+        match &behaviour.class {
+            Some(class) => classes.entry(class).or_default().push(member),
+            None => without.push(member),
+        }
+    }
+    let named = classes
+        .into_values()
+        .map(|members| Group::of(campaigns, all, members));
+    let mut groups = ordered(named.collect());
+    if !without.is_empty() {
+        groups.push(Group::of(campaigns, all, without));
+    }
+    groups
+}
+
+/// Those that most campaigns have come first, then those of the first campaigns, largest clusters first.
+fn ordered(mut groups: Vec<Group>) -> Vec<Group> {
+    let first = |group: &Group| group.members.iter().flatten().min().copied();
+    groups.sort_by_key(|group| (std::cmp::Reverse(group.campaigns()), first(group)));
+    groups
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn behaviour(campaign: usize, place: usize, at: f64) -> Behaviour {
+        Behaviour {
+            campaign,
+            place,
+            at: vec![at],
+            mean_distance: 1.0,
+            class: None,
+        }
+    }
+
+    fn members(groups: &[Group]) -> Vec<Vec<Vec<usize>>> {
+        groups.iter().map(|group| group.members.clone()).collect()
+    }
+
+    #[test]
+    fn the_nearest_that_touch_are_the_same_and_what_touches_nothing_is_only_here() {
+        let all = [
+            behaviour(0, 0, 0.0),
+            behaviour(0, 1, 1.5),
+            behaviour(0, 2, 50.0),
+            behaviour(1, 0, 0.5),
+            behaviour(1, 1, 9.0),
+        ];
+        let groups = by_distance(2, &all);
+        assert_eq!(
+            members(&groups),
+            [
+                vec![vec![0], vec![3]],
+                vec![vec![1], vec![]],
+                vec![vec![2], vec![]],
+                vec![vec![], vec![4]],
+            ]
+        );
+        // The second of the first campaign is like one of the other, which is nearer to another.
+        let touches: Vec<_> = groups.iter().map(|group| group.touches).collect();
+        assert_eq!(touches, [None, Some(3), None, None]);
+        assert_eq!(groups[0].campaigns(), 2);
+    }
+
+    #[test]
+    fn a_group_has_one_of_each_campaign_however_many_there_are() {
+        let all = [
+            behaviour(0, 0, 0.0),
+            behaviour(1, 0, 1.0),
+            behaviour(2, 0, 2.5),
+            behaviour(0, 1, 3.0),
+        ];
+        // 2.5 and 3.0 are nearest; 0.0 and 1.0 come next; the two groups do not become one, for both have one of the first campaign.
+        let groups = by_distance(3, &all);
+        assert_eq!(
+            members(&groups),
+            [vec![vec![0], vec![1], vec![]], vec![vec![3], vec![], vec![2]]]
+        );
+    }
+
+    #[test]
+    fn behaviours_of_one_class_are_in_one_row_and_those_without_in_the_last() {
+        let named = |campaign, place, class: &str| Behaviour {
+            class: Some(class.to_owned()),
+            ..behaviour(campaign, place, 0.0)
+        };
+        let all = [
+            behaviour(0, 0, 0.0),
+            named(0, 1, "ring"),
+            named(0, 2, "ring"),
+            named(1, 0, "wall"),
+            named(1, 1, "ring"),
+        ];
+        assert_eq!(
+            members(&by_class(2, &all)),
+            [
+                vec![vec![1, 2], vec![4]],
+                vec![vec![], vec![3]],
+                vec![vec![0], vec![]],
+            ]
+        );
+    }
+}

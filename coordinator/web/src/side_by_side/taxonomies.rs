@@ -1,0 +1,317 @@
+//! The taxonomies of the compared campaigns over each other: one map of all behaviours where there is one space, and a row for each
+//! behaviour, with what every campaign found of it.
+
+use super::{
+    super::{archived, named::NamedTaxonomy},
+    matching::{Behaviour, Group, by_class, by_distance},
+};
+use maud::{Markup, html};
+use murmuration_model::CampaignRecord;
+use murmuration_proto::counted;
+use murmuration_report::point_map;
+use murmuration_search::{interrupt::Interrupt, novelty::Behaviours, projection::principal_axes};
+use murmuration_study::wide;
+
+/// Side of the map, and room above and below what is on it, in the units of its drawing.
+const MAP: f64 = 640.0;
+const MARGIN: f64 = 24.0;
+
+type Compared = (CampaignRecord, Option<NamedTaxonomy>);
+
+/// The map and the rows.
+pub(super) fn section(compared: &[Compared]) -> Markup {
+    let all = behaviours(compared);
+    let with = compared.iter().filter(|(_, named)| named.is_some()).count();
+    let has_one_space = with > 1 && have_one_space(compared);
+    let groups = match has_one_space {
+        true => by_distance(compared.len(), &all),
+        false => by_class(compared.len(), &all),
+    };
+    html! {
+        section aria-labelledby="taxonomies" {
+            h2 #taxonomies { "Taxonomies" }
+            @if with > 1 {
+                (explanation(compared, has_one_space, &groups, with))
+                @if has_one_space { (map(compared, &all, &groups)) }
+            }
+            (rows(compared, &all, &groups, has_one_space, with))
+        }
+    }
+}
+
+/// All medoids, campaign by campaign, largest cluster first.
+fn behaviours(compared: &[Compared]) -> Vec<Behaviour> {
+    let mut all = Vec::new();
+    for (campaign, (record, named)) in compared.iter().enumerate() {
+        let Some(named) = named else { continue };
+        all.extend(
+            named
+                .taxonomy
+                .medoids
+                .iter()
+                .enumerate()
+                .map(|(place, medoid)| Behaviour {
+                    campaign,
+                    place,
+                    at: medoid.individual.behaviour(record.spec.method()),
+                    mean_distance: medoid.mean_distance,
+                    class: named.class(place).map(|class| class.shown().to_string()),
+                }),
+        );
+    }
+    all
+}
+
+/// Whether distances between behaviours of all campaigns with a taxonomy mean something.
+fn have_one_space(compared: &[Compared]) -> bool {
+    let mut with = compared.iter().filter(|(_, named)| named.is_some());
+    let first = with.next();
+    first.is_some_and(|(first, _)| with.all(|(other, _)| share_a_space(first, other)))
+}
+
+/// Embeddings are comparable if one checkpoint made them; hand-crafted features if they are of the same robots in a world of the same
+/// size, which they are measured by.
+fn share_a_space(one: &CampaignRecord, other: &CampaignRecord) -> bool {
+    let [ours, theirs] = [one, other].map(|record| record.spec.method());
+    let same_parts = ours.embeds() == theirs.embeds() && ours.has_features() == theirs.has_features();
+    let size = |record: &CampaignRecord| [record.spec.world().width(), record.spec.world().height()];
+    let same_features =
+        one.spec.model().species() == other.spec.model().species() && size(one) == size(other);
+    let [ours_by, theirs_by] = [one, other].map(|record| record.embedder.checkpoint());
+    same_parts && (!ours.has_features() || same_features) && (!ours.embeds() || ours_by == theirs_by)
+}
+
+/// What a campaign measures behaviours by.
+fn space_in_words(record: &CampaignRecord) -> String {
+    let method = record.spec.method();
+    let checkpoint = record.embedder.checkpoint().filter(|_| method.embeds());
+    let embedding = checkpoint.map(|digest| {
+        let short: String = digest.to_string().chars().take(12).collect();
+        format!("the embedding by checkpoint {short}")
+    });
+    let features = method.has_features().then(|| {
+        let world = record.spec.world();
+        format!(
+            "the features of {} robots in a world of {} x {}",
+            record.spec.model(),
+            world.width(),
+            world.height()
+        )
+    });
+    let parts: Vec<String> = embedding.into_iter().chain(features).collect();
+    parts.join(" and ")
+}
+
+fn explanation(compared: &[Compared], has_one_space: bool, groups: &[Group], with: usize) -> Markup {
+    let shared = groups.iter().filter(|group| group.campaigns() == with).count();
+    html! {
+        @if has_one_space {
+            p.lead {
+                "These campaigns measure behaviours in one space, so that behaviours can be matched by their distance. Two are taken for the same "
+                "where their clusters touch: their medoids are nearer to each other than the mean distances of both clusters' members to "
+                "them come to together. " (counted(shared as u64, "behaviour")) (if shared == 1 { " is" } else { " are" }) " in all " (with) " campaigns."
+            }
+        } @else {
+            p.lead {
+                "These campaigns measure behaviours in different spaces, in which distances do not mean the same. So behaviours are matched by "
+                "the classes that people gave, and those without a class are not matched."
+            }
+            ul.reason {
+                @for (record, _) in compared.iter().filter(|(_, named)| named.is_some()) {
+                    li { strong { (record.id) } ": " (space_in_words(record)) }
+                }
+            }
+        }
+    }
+}
+
+/// All medoids along the two axes on which they differ most; lines join those that are taken for the same.
+fn map(compared: &[Compared], all: &[Behaviour], groups: &[Group]) -> Markup {
+    let Some((places, shares)) = placed(all) else {
+        return Markup::default();
+    };
+    let rows = places.iter().map(|[_, y]| *y);
+    let [top, bottom] = rows.fold([MAP / 2.0; 2], |[top, bottom], y| [top.min(y), bottom.max(y)]);
+    let (top, bottom) = (top - MARGIN, bottom + MARGIN);
+    html! {
+        figure.common-map {
+            svg.version-map viewBox={ "0 " (format!("{top:.1}")) " " (MAP) " " (format!("{:.1}", bottom - top)) } role="group"
+                aria-label={ "Map of " (counted(all.len() as u64, "behaviour")) " of " (counted(compared.len() as u64, "campaign")) } {
+                @for group in groups {
+                    @let members: Vec<usize> = group.members.iter().flatten().copied().collect();
+                    @for pair in members.windows(2) {
+                        @let ([x1, y1], [x2, y2]) = (places[pair[0]], places[pair[1]]);
+                        line.joined x1=(format!("{x1:.1}")) y1=(format!("{y1:.1}")) x2=(format!("{x2:.1}")) y2=(format!("{y2:.1}")) {}
+                    }
+                }
+                @for (row, group) in groups.iter().enumerate() {
+                    @for &member in group.members.iter().flatten() {
+                        @let Behaviour { campaign, place, .. } = &all[member];
+                        @let [x, y] = places[member];
+                        a href={ "#row-" (row + 1) } aria-label={ "Behaviour " (place + 1) " of " (compared[*campaign].0.id) } {
+                            title { "Behaviour " (place + 1) " of " (compared[*campaign].0.id) @if let Some(class) = &all[member].class { ": " (class) } }
+                            circle class={ "line-" (campaign) } cx=(format!("{x:.1}")) cy=(format!("{y:.1}")) r="8" {}
+                            text x=(format!("{:.1}", if x > MAP - 40.0 { x - 12.0 } else { x + 12.0 })) y=(format!("{:.1}", y + 5.0))
+                                text-anchor=[(x > MAP - 40.0).then_some("end")] { (place + 1) }
+                        }
+                    }
+                }
+            }
+            figcaption.reason {
+                "Each ring is the medoid of a behaviour, with its number, in the colour and dashes of its campaign's line. The axes are the two along "
+                "which these medoids differ most, and have " (format!("{:.0} %", 100.0 * shares)) " of their variance. Lines join what is taken for the same. "
+                "A click on a ring leads to its row."
+            }
+        }
+    }
+}
+
+/// Where behaviours of one space are on the map, and what share of the variance its axes have; `None` for fewer than two, and for
+/// vectors that cannot be compared.
+fn placed(all: &[Behaviour]) -> Option<(Vec<[f64; 2]>, f64)> {
+    let mut behaviours = Behaviours::new(all.first()?.at.len());
+    for behaviour in all {
+        behaviours.push(&behaviour.at).ok()?;
+    }
+    let projection = principal_axes(&behaviours, &Interrupt::default()).ok()?;
+    let places = point_map::places(&projection.points, MAP);
+    (all.len() > 1).then(|| (places, projection.shares.iter().sum()))
+}
+
+/// A row for each group, a column for each campaign.
+fn rows(
+    compared: &[Compared],
+    all: &[Behaviour],
+    groups: &[Group],
+    is_by_distance: bool,
+    with: usize,
+) -> Markup {
+    let table = html! {
+        table.taxonomies {
+            thead { tr {
+                th scope="col" { "Found in" }
+                @for (record, named) in compared { th scope="col" { (record.id) @if named.is_none() { p.reason { "It has no taxonomy yet." } } } }
+            } }
+            tbody {
+                @for (place, group) in groups.iter().enumerate() {
+                    tr id={ "row-" (place + 1) } {
+                        th scope="row" { (found_in(compared, all, group, is_by_distance, with)) }
+                        @for (campaign, members) in group.members.iter().enumerate() {
+                            td { (pictures(&compared[campaign], all, members)) }
+                        }
+                    }
+                }
+            }
+        }
+    };
+    wide("Behaviours", &table)
+}
+
+/// Which campaigns have a behaviour.
+fn found_in(
+    compared: &[Compared],
+    all: &[Behaviour],
+    group: &Group,
+    is_by_distance: bool,
+    with: usize,
+) -> Markup {
+    let campaigns = group.campaigns();
+    let first = group.members.iter().flatten().next().map(|&member| &all[member]);
+    let class = first.and_then(|first| first.class.as_deref());
+    let touched = group.touches.map(|member| &all[member]);
+    let alone = |first: &Behaviour| html! { strong { "only in " (compared[first.campaign].0.id) } };
+    html! {
+        @if is_by_distance {
+            @match (campaigns, first) {
+                (1, Some(first)) => {
+                    (alone(first))
+                    @if let Some(other) = touched {
+                        p.reason { "touches behaviour " (other.place + 1) " of " (compared[other.campaign].0.id) ", which is nearer to another" }
+                    }
+                },
+                _ => (in_so_many(campaigns, with)),
+            }
+        } @else if let Some(class) = class {
+            strong { (class) }
+            br;
+            @match (campaigns, first) {
+                (1, Some(first)) if with > 1 => { "only in " (compared[first.campaign].0.id) },
+                _ => (in_so_many(campaigns, with)),
+            }
+        } @else {
+            "no class yet"
+        }
+    }
+}
+
+fn in_so_many(campaigns: usize, with: usize) -> String {
+    match campaigns == with {
+        true => format!("all {with}"),
+        false => format!("{campaigns} of {with}"),
+    }
+}
+
+fn pictures((record, named): &Compared, all: &[Behaviour], members: &[usize]) -> Markup {
+    html! {
+        @if let Some(named) = named {
+            @if members.is_empty() { span.reason { "not found" } }
+            ul.found {
+                @for &member in members {
+                    @let place = all[member].place;
+                    @let index = named.taxonomy.medoids[place].individual.index;
+                    li {
+                        img src=(archived::picture(record, index)) width="75" height="75" loading="lazy"
+                            alt={ "Paths of behaviour " (place + 1) " of " (record.id) };
+                        (named.caption(place))
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples;
+    use murmuration_model::ArchiveEmbedder;
+    use murmuration_proto::CheckpointDigest;
+
+    fn by(name: &[u8], record: CampaignRecord) -> CampaignRecord {
+        CampaignRecord {
+            embedder: ArchiveEmbedder::Checkpoint(CheckpointDigest::of(name)),
+            ..record
+        }
+    }
+
+    #[test]
+    fn embeddings_are_of_one_space_if_one_checkpoint_made_them() {
+        let latent = || samples::record("model = \"two-sensor\"\nmethod = \"latent\"");
+        let (one, other) = (by(b"one", latent()), by(b"other", latent()));
+        assert!(share_a_space(&one, &by(b"one", latent())));
+        assert!(!share_a_space(&one, &other));
+        let both = by(
+            b"one",
+            samples::record("model = \"two-sensor\"\nmethod = \"concatenate\""),
+        );
+        assert!(!share_a_space(&one, &both));
+        assert!(
+            space_in_words(&both).contains(" and the features of two-sensor"),
+            "{}",
+            space_in_words(&both)
+        );
+    }
+
+    #[test]
+    fn features_are_of_one_space_for_the_same_robots_in_a_world_of_the_same_size() {
+        let of = |text: &str| samples::record(&format!("method = \"hand-crafted\"\n{text}"));
+        let one = of("model = \"two-sensor\"\nseed = 1");
+        let random = samples::record("model = \"two-sensor\"\nmethod = \"random\"\nseed = 2");
+        assert!(share_a_space(&one, &random));
+        assert!(!share_a_space(&one, &of("model = \"single-sensor\"")));
+        assert!(!share_a_space(
+            &one,
+            &of("model = \"two-sensor\"\n[world]\nwidth = 123")
+        ));
+    }
+}
