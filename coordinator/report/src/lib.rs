@@ -16,6 +16,7 @@ mod page;
 pub mod picture;
 mod plots;
 pub mod point_map;
+mod raster;
 pub mod score_histogram;
 pub mod scripts;
 pub mod svg;
