@@ -1,13 +1,13 @@
-//! A map of points in the colours of their classes, fit for a paper: as SVG with a legend, and as PNG without words.
+//! A map of points in the colours of their classes with a legend, fit for a paper: as SVG and as PNG.
 
 use crate::{
-    atlas::square_png,
     picture::PictureError,
-    point_map::{self, places},
+    point_map::places,
+    raster,
     svg::{Drawing, GRID, MUTED, WHITE, tenth},
 };
 use maud::html;
-use murmuration_model::colours::{self, Rgb, class_colour};
+use murmuration_model::colours::{self, class_colour};
 use murmuration_proto::{Class, grouped};
 
 /// A point with its class.
@@ -24,9 +24,8 @@ const SIDE: f64 = 640.0;
 const TOP: f64 = 44.0;
 const LEGEND: f64 = 190.0;
 const DOT: f64 = 4.0;
-/// Side of the PNG, and radius of a point; pixels.
-const PNG_SIDE: usize = 1280;
-const PNG_DOT: i64 = 4;
+/// Pixels of the PNG for one of the SVG.
+const PNG_SCALE: f32 = 2.0;
 
 /// The map as SVG. A unit is as long across as it is up.
 #[must_use]
@@ -68,20 +67,12 @@ pub fn svg(points: &[ClassPoint], title: &str) -> String {
     drawing.with(&content).into_string()
 }
 
-/// The map as PNG: the points alone, on white.
+/// A map that [`svg`] made, as PNG.
 ///
 /// # Errors
-/// [`PictureError`] if it cannot be encoded.
-pub fn png(points: &[ClassPoint]) -> Result<Vec<u8>, PictureError> {
-    let mut pixels: Vec<Rgb> = vec![[0xff; 3]; PNG_SIDE * PNG_SIDE];
-    let ordered = in_order().flat_map(|class| points.iter().filter(move |point| point.class == class));
-    let ordered: Vec<([f64; 2], Rgb)> = ordered
-        .map(|point| (point.at, class_colour(point.class)))
-        .collect();
-    point_map::draw(&ordered, (PNG_SIDE, PNG_DOT), |pixel, colour| {
-        pixels[pixel] = colour
-    });
-    square_png(pixels.as_flattened(), PNG_SIDE, png::ColorType::Rgb)
+/// [`PictureError`] if it cannot be drawn.
+pub fn png(svg: &str) -> Result<Vec<u8>, PictureError> {
+    raster::png(svg, PNG_SCALE)
 }
 
 /// Classes as they are drawn: what is random lies below the others.
@@ -106,9 +97,14 @@ mod tests {
 
     #[test]
     fn random_behaviours_hide_no_other() {
-        let (width, _, pixels) = decode_png(&png(&points()).unwrap());
+        let (width, height, pixels) = decode_png(&png(&svg(&points(), "A map")).unwrap());
+        assert_eq!(
+            [width, height].map(f64::from),
+            [2.0 * (SIDE + LEGEND), 2.0 * (SIDE + TOP)]
+        );
         let at = points().map(|point| point.at);
-        let [x, y] = places(&at, f64::from(width))[1].map(|pixel| pixel as usize);
+        let [x, y] = places(&at, SIDE)[1];
+        let [x, y] = [x, y + TOP].map(|pixel| (2.0 * pixel) as usize);
         let at = 3 * (y * width as usize + x);
         assert_eq!(pixels[at..at + 3], class_colour(Class::Dispersal));
     }

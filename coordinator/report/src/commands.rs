@@ -20,16 +20,20 @@ pub(super) fn write_labels(report: &Report) -> String {
 
 /// Shows one individual's whole run as a GIF.
 pub(super) fn simulate(spec: &CampaignSpec, entry: &Entry, gif: &str) -> String {
-    let model = spec.model();
     let genes: Vec<String> = entry.controller.genes().iter().map(f64::to_string).collect();
-    let robots = match model.preset() {
-        Some(preset) if *spec.world() == World::default() => format!("--model {preset}"),
-        _ => "--spec spec.toml".to_owned(),
-    };
     // Brackets, so that a first gene below zero is not taken for an option.
     format!(
-        "murmuration simulate {robots} --controller \"[{}]\" --seed {} --gif {gif}",
+        "{} --controller \"[{}]\" --seed {} --gif {gif}",
+        simulator(spec),
         genes.join(", "),
         entry.seed
     )
+}
+
+/// The command that simulates any controller of a campaign, before the options that say which.
+pub(super) fn simulator(spec: &CampaignSpec) -> String {
+    match spec.model().preset() {
+        Some(preset) if *spec.world() == World::default() => format!("murmuration simulate --model {preset}"),
+        _ => "murmuration simulate --spec spec.toml".to_owned(),
+    }
 }

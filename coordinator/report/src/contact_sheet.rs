@@ -6,7 +6,7 @@ use super::{
     picture::{Bodies, trajectory_svg},
 };
 use maud::{Markup, PreEscaped, html};
-use std::io::{self, Write};
+use std::fmt::Write as _;
 
 /// Side of a behaviour's square, in units of the figure.
 const SIDE: f64 = 240.0;
@@ -17,28 +17,45 @@ const GAP: f64 = 14.0;
 /// Most behaviours in a row.
 const MOST_ABREAST: usize = 8;
 
-/// Writes the sheet as SVG: the largest cluster first, row by row, each behaviour with its number, its name if it has one, and
+/// The sheet as SVG: the largest cluster first, row by row, each behaviour with its number, its name if it has one, and
 /// the share of the archive that is in its cluster.
-pub(super) fn write(report: &Report, file: &mut dyn Write) -> io::Result<()> {
+pub(super) fn svg(report: &Report) -> String {
     let columns = columns(report.medoids.len());
     let rows = report.medoids.len().div_ceil(columns);
     let width = GAP + columns as f64 * (SIDE + GAP);
     let height = GAP + rows as f64 * (SIDE + CAPTION + GAP);
-    writeln!(
-        file,
+    let mut sheet = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" \
-         font-family=\"system-ui, sans-serif\" font-size=\"15\">\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>"
-    )?;
+         font-family=\"system-ui, sans-serif\" font-size=\"15\">\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n"
+    );
     for (place, medoid) in report.medoids.iter().enumerate() {
         let left = GAP + (place % columns) as f64 * (SIDE + GAP);
         let top = GAP + (place / columns) as f64 * (SIDE + CAPTION + GAP);
-        writeln!(
-            file,
-            "{}",
-            behaviour(report, (place, medoid), [left, top]).into_string()
-        )?;
+        sheet += &behaviour(report, (place, medoid), [left, top]).into_string();
+        sheet.push('\n');
     }
-    writeln!(file, "</svg>")
+    sheet + "</svg>\n"
+}
+
+/// Most bytes of a sheet that a page holds.
+const MOST_IN_PAGE: usize = 2 << 20;
+
+/// The sheet as an address that a page can offer as a download; `None` if it is too large for a page.
+pub(super) fn address(report: &Report) -> Option<String> {
+    let sheet = svg(report);
+    (sheet.len() <= MOST_IN_PAGE).then(|| {
+        let mut address = "data:image/svg+xml,".to_owned();
+        for byte in sheet.bytes() {
+            // The numbers of paths, most of a sheet, stay as they are.
+            if byte.is_ascii_alphanumeric() || b" .,:;/()='-_".contains(&byte) {
+                address.push(byte.into());
+            } else {
+                // Writing to a string cannot fail.
+                let _ = write!(address, "%{byte:02X}");
+            }
+        }
+        address
+    })
 }
 
 /// The paths of one behaviour as SVG, a unit for each world unit.
@@ -87,9 +104,7 @@ mod tests {
         let by_machine = false;
         let given = GivenClass { class, by_machine };
         report.names.by_individual.insert(report.medoids[0].index, given);
-        let mut sheet = Vec::new();
-        write(&report, &mut sheet).unwrap();
-        let sheet = String::from_utf8(sheet).unwrap();
+        let sheet = svg(&report);
         assert_eq!(sheet.matches("viewBox").count(), 1 + report.medoids.len());
         for (place, medoid) in report.medoids.iter().enumerate() {
             let number = format!("<tspan font-weight=\"bold\">{}</tspan>", place + 1);
@@ -99,6 +114,20 @@ mod tests {
         }
         assert!(sheet.contains("</tspan> ring of few<tspan"), "{sheet}");
         assert_eq!(sheet.matches("<svg").count(), sheet.matches("</svg>").count());
+    }
+
+    #[test]
+    fn the_address_of_a_sheet_is_read_back_as_the_sheet() {
+        let report = sample::report(&SMALL);
+        let address = address(&report).unwrap();
+        let mut parts = address.strip_prefix("data:image/svg+xml,").unwrap().split('%');
+        let mut read = parts.next().unwrap().as_bytes().to_vec();
+        for part in parts {
+            read.push(u8::from_str_radix(&part[..2], 16).unwrap());
+            read.extend(part[2..].bytes());
+        }
+        assert_eq!(String::from_utf8(read).unwrap(), svg(&report));
+        assert!(!address.contains(['"', '<', '&', '#']));
     }
 
     #[test]

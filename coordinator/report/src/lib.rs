@@ -14,8 +14,10 @@ mod names;
 mod numbers;
 mod page;
 pub mod picture;
+mod pictured;
 mod plots;
 pub mod point_map;
+mod raster;
 pub mod score_histogram;
 pub mod scripts;
 pub mod svg;
@@ -27,6 +29,7 @@ mod sample;
 pub use document::Document;
 pub use files::{Folder, temporary_for};
 pub use names::{CarriedName, Names};
+pub use pictured::{PictureSheets, Pictured};
 pub use plots::condensed;
 
 use crate::picture::{Bodies, Paper, PictureError};
@@ -63,6 +66,8 @@ pub struct Report {
     pub clusters: Vec<u32>,
     /// The behaviour space in two dimensions.
     pub map: Map,
+    /// Pictures of individuals, for the map.
+    pub pictured: Pictured,
     /// Sum over the archive of the distance to the nearest medoid, units of the behaviour space.
     pub loss: f64,
     /// The names of behaviours, and who gave them.
@@ -258,7 +263,7 @@ pub enum ReportError {
 pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError> {
     check(report)?;
     let pictures = draw_medoids(report)?;
-    let novelty = plots::novelty(&report.generations, plots::WIDE)?;
+    let novelty = plots::novelty(&report.generations, plots::WIDE)?.svg;
     let map = plots::map(report)?;
     let page = page::render(report, &pictures, Files::Beside)?;
 
@@ -273,7 +278,7 @@ pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError>
     files.write("generations.csv", |file| tables::generations(report, file))?;
     files.text("novelty.svg", &novelty)?;
     files.text("map.svg", &map)?;
-    files.write("contact-sheet.svg", |file| contact_sheet::write(report, file))?;
+    files.text("contact-sheet.svg", &contact_sheet::svg(report))?;
     files.folder("medoids")?;
     for (place, picture) in pictures.iter().enumerate() {
         let number = place + 1;
@@ -297,6 +302,15 @@ pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError>
 pub fn page(report: &Report) -> Result<String, ReportError> {
     check(report)?;
     page::render(report, &draw_medoids(report)?, Files::Absent)
+}
+
+/// The contact sheet alone, as SVG: the paths of all behaviours in one figure. It needs no pictures of individuals.
+///
+/// # Errors
+/// [`ReportError::Inconsistent`].
+pub fn contact_sheet(report: &Report) -> Result<String, ReportError> {
+    check(report)?;
+    Ok(contact_sheet::svg(report))
 }
 
 /// Whether the other files of a report are written with its page.
@@ -334,6 +348,14 @@ fn check(report: &Report) -> Result<(), ReportError> {
         .any(|entry| entry.embedding.len() != dimensions)
     {
         return fail("embeddings are of different lengths".into());
+    }
+    if let Some(index) = report
+        .pictured
+        .indices
+        .iter()
+        .find(|&&index| index >= count as u64)
+    {
+        return fail(format!("a picture of individual {index} among {count}"));
     }
     for medoid in &report.medoids {
         if medoid.index >= count as u64 {

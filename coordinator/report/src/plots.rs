@@ -34,8 +34,27 @@ const MOST_POINTS: usize = 20_000;
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Failed = DrawingAreaErrorKind<std::io::Error>;
 
+/// A plot over generations, and what a script needs to tell its values.
+pub(super) struct Curves {
+    pub(super) svg: String,
+    /// Each with its values by generation.
+    pub(super) lines: Vec<Line>,
+    pub(super) frame: Frame,
+}
+
+/// Where the values of a plot are in its picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Frame {
+    /// Where the first generation and the `last` one are, as parts of the width from the left.
+    pub(super) across: [f64; 2],
+    /// Where 0 and `top` are, as parts of the height from above.
+    pub(super) down: [f64; 2],
+    pub(super) last: u32,
+    pub(super) top: f64,
+}
+
 /// Best and mean novelty over generations.
-pub(super) fn novelty(generations: &[GenerationSummary], size: (u32, u32)) -> Result<String, ReportError> {
+pub(super) fn novelty(generations: &[GenerationSummary], size: (u32, u32)) -> Result<Curves, ReportError> {
     let steps = condensed(generations);
     let best = steps
         .iter()
@@ -45,49 +64,58 @@ pub(super) fn novelty(generations: &[GenerationSummary], size: (u32, u32)) -> Re
         .iter()
         .map(|step| (step.generation, step.mean_novelty))
         .collect();
-    let lines = [("best", BEST, best), ("mean", MEAN, mean)];
-    draw("novelty.svg", size, |area| {
-        over_generations(area, &lines, "novelty")
-    })
+    let lines = vec![("best", BEST, best), ("mean", MEAN, mean)];
+    curves("novelty.svg", size, lines, "novelty")
 }
 
 /// Proposals that the filter rejected, over generations.
-pub(super) fn filtered(generations: &[GenerationSummary], size: (u32, u32)) -> Result<String, ReportError> {
+pub(super) fn filtered(generations: &[GenerationSummary], size: (u32, u32)) -> Result<Curves, ReportError> {
     let steps = condensed(generations);
     let filtered = steps
         .iter()
         .map(|step| (step.generation, step.filtered as f64))
         .collect();
-    let lines = [("", BEST, filtered)];
-    draw("the filter's plot", size, |area| {
-        over_generations(area, &lines, "rejected")
-    })
+    let lines = vec![("", BEST, filtered)];
+    curves("the filter's plot", size, lines, "rejected")
+}
+
+fn curves(
+    plot: &'static str,
+    size: (u32, u32),
+    lines: Vec<Line>,
+    title: &str,
+) -> Result<Curves, ReportError> {
+    let (svg, frame) = draw(plot, size, |area| over_generations(area, &lines, title))?;
+    Ok(Curves { svg, lines, frame })
 }
 
 /// All individuals in the colours of their clusters, and the medoids with their numbers.
 pub(super) fn map(report: &Report) -> Result<String, ReportError> {
-    draw("map.svg", MAP, |area| behaviour_space(area, report))
-}
-
-fn draw(
-    plot: &'static str,
-    size: (u32, u32),
-    fill: impl FnOnce(&Area<'_>) -> Result<(), Failed>,
-) -> Result<String, ReportError> {
-    let mut svg = String::new();
-    let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-    let drawn = fill(&area).and_then(|()| area.present());
-    drop(area);
-    drawn.map_err(|error| ReportError::Plot {
-        plot,
-        reason: error.to_string(),
-    })?;
+    let (svg, ()) = draw("map.svg", MAP, |area| behaviour_space(area, report))?;
     Ok(svg)
 }
 
-type Line = (&'static str, RGBColor, Vec<(u32, f64)>);
+/// A drawing as SVG, and what `fill` says of it.
+fn draw<T>(
+    plot: &'static str,
+    size: (u32, u32),
+    fill: impl FnOnce(&Area<'_>) -> Result<T, Failed>,
+) -> Result<(String, T), ReportError> {
+    let mut svg = String::new();
+    let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+    let drawn = fill(&area).and_then(|told| area.present().map(|()| told));
+    drop(area);
+    let told = drawn.map_err(|error| ReportError::Plot {
+        plot,
+        reason: error.to_string(),
+    })?;
+    Ok((svg, told))
+}
 
-fn over_generations(area: &Area<'_>, lines: &[Line], title: &str) -> Result<(), Failed> {
+/// What a line is called, its colour, and its values by generation.
+pub(super) type Line = (&'static str, RGBColor, Vec<(u32, f64)>);
+
+fn over_generations(area: &Area<'_>, lines: &[Line], title: &str) -> Result<Frame, Failed> {
     let values = || {
         lines
             .iter()
@@ -134,7 +162,14 @@ fn over_generations(area: &Area<'_>, lines: &[Line], title: &str) -> Result<(), 
             chart.plotting_area().draw(&label)?;
         }
     }
-    Ok(())
+    let ends = [(0, 0.0), (last, top)].map(|end| chart.plotting_area().map_coordinate(&end));
+    let (width, height) = area.dim_in_pixel();
+    Ok(Frame {
+        across: ends.map(|(x, _)| f64::from(x) / f64::from(width)),
+        down: ends.map(|(_, y)| f64::from(y) / f64::from(height)),
+        last,
+        top,
+    })
 }
 
 fn behaviour_space(area: &Area<'_>, report: &Report) -> Result<(), Failed> {
@@ -315,11 +350,38 @@ mod tests {
     #[test]
     fn generations_are_whole_and_no_tick_is_there_twice() {
         for count in [1, 2, 3, 20] {
-            let svg = novelty(&run(count), WIDE).unwrap();
+            let svg = novelty(&run(count), WIDE).unwrap().svg;
             let ticks = numbers(&svg);
             let once: std::collections::BTreeSet<_> = ticks.iter().collect();
             // Both axes begin at 0, and both may have a 1.
             assert!(ticks.len() <= once.len() + 2, "{count} generations: {ticks:?}");
+        }
+    }
+
+    #[test]
+    fn the_frame_says_where_the_lines_are() {
+        for size in [WIDE, NARROW] {
+            let Curves { svg, lines, frame } = novelty(&run(20), size).unwrap();
+            let line = svg
+                .split("<polyline")
+                .find(|line| line.contains("#1F5F8B"))
+                .unwrap();
+            let points = line.split("points=\"").nth(1).unwrap().split('"').next().unwrap();
+            let points: Vec<&str> = points.split_whitespace().collect();
+            let at = |part: f64, [from, to]: [f64; 2]| from + part * (to - from);
+            for (point, (generation, value)) in points.iter().zip(&lines[0].2) {
+                let (x, y) = point.split_once(',').unwrap();
+                let across = at(f64::from(*generation) / f64::from(frame.last), frame.across);
+                let down = at(value / frame.top, frame.down);
+                let off = |place: &str, part: f64, size: u32| {
+                    (place.parse::<f64>().unwrap() - part * f64::from(size)).abs()
+                };
+                assert!(
+                    off(x, across, size.0) <= 1.0 && off(y, down, size.1) <= 1.0,
+                    "{point}: {frame:?}"
+                );
+            }
+            assert_eq!(points.len(), 20);
         }
     }
 
@@ -342,8 +404,14 @@ mod tests {
             &odd[4..],
         ] {
             for size in [WIDE, NARROW] {
-                assert!(novelty(generations, size).unwrap().trim_end().ends_with("</svg>"));
-                assert!(filtered(generations, size).unwrap().contains("rejected"));
+                assert!(
+                    novelty(generations, size)
+                        .unwrap()
+                        .svg
+                        .trim_end()
+                        .ends_with("</svg>")
+                );
+                assert!(filtered(generations, size).unwrap().svg.contains("rejected"));
             }
         }
     }

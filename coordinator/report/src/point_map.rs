@@ -45,11 +45,7 @@ pub fn png(points: &[([f64; 2], Rgb)], side: usize, radius: i64) -> Result<Vec<u
 }
 
 /// Tells `set` the colour of each pixel of the points, row by row.
-pub(crate) fn draw(
-    points: &[([f64; 2], Rgb)],
-    (side, radius): (usize, i64),
-    mut set: impl FnMut(usize, Rgb),
-) {
+fn draw(points: &[([f64; 2], Rgb)], (side, radius): (usize, i64), mut set: impl FnMut(usize, Rgb)) {
     let at: Vec<[f64; 2]> = points.iter().map(|(at, _)| *at).collect();
     let inside = |value: i64| usize::try_from(value).ok().filter(|&value| value < side);
     for (place, (_, colour)) in places(&at, side as f64).into_iter().zip(points) {

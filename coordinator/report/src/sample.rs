@@ -2,7 +2,9 @@
 //!
 //! Its swarms obey the robots' kinematics and sensors but not the simulator's exact rules: the report does not care.
 
-use super::{Entry, GenerationSummary, Map, MedoidEntry, Member, Names, Report, Spread};
+use super::{
+    Entry, GenerationSummary, Map, MedoidEntry, Member, Names, PictureSheets, Pictured, Report, Spread,
+};
 use murmuration_model::{
     Repetition,
     labels::{Class, GivenClass},
@@ -87,7 +89,7 @@ pub(super) fn report(sample: &Sample) -> Report {
             .filter(|&&cluster| cluster as usize == place)
             .count()
     };
-    let medoids = (0..count)
+    let medoids: Vec<MedoidEntry> = (0..count)
         .map(|place| {
             let replay = swarm(&individuals[place], spec.world(), sample.frames);
             MedoidEntry {
@@ -121,6 +123,7 @@ pub(super) fn report(sample: &Sample) -> Report {
             points,
             axis_titles: ["first component (61 %)".into(), "second component (22 %)".into()],
         },
+        pictured: pictured(&medoids, &clusters, &spec),
         individuals,
         medoids,
         clusters,
@@ -129,6 +132,15 @@ pub(super) fn report(sample: &Sample) -> Report {
         repetition: Repetition::default(),
         spec,
     }
+}
+
+/// Individuals that look like their medoids.
+fn pictured(medoids: &[MedoidEntry], clusters: &[u32], spec: &CampaignSpec) -> Pictured {
+    let mut sheets = PictureSheets::of(clusters.len(), spec.image().shape());
+    for (index, &cluster) in (0..).zip(clusters) {
+        sheets.add(index, &medoids[cluster as usize].image).unwrap();
+    }
+    sheets.finish().unwrap()
 }
 
 /// Members that look like the medoid, at distances that no other cluster has.

@@ -13,7 +13,8 @@ use murmuration_proto::{
     v1::{self, campaign_service_client::CampaignServiceClient, label_service_client::LabelServiceClient},
 };
 use murmuration_report::{
-    CarriedName, Entry, GenerationSummary, Map, MedoidEntry, Member, Names, Report, Spread, TrialEntry,
+    CarriedName, Entry, GenerationSummary, Map, MedoidEntry, Member, Names, PictureSheets, Pictured, Report,
+    Spread, TrialEntry, picture::PictureError,
 };
 use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
@@ -39,6 +40,14 @@ pub enum ReportDataError {
     /// The archive holds vectors that cannot be compared.
     #[error("the archive holds vectors that cannot be compared: {0}")]
     Misfit(#[from] Misfit),
+    /// A picture of an individual cannot be drawn.
+    #[error("cannot draw individual {index}: {source}")]
+    Picture {
+        /// Index of the individual; of the last one of a sheet of pictures.
+        index: u64,
+        /// What is wrong.
+        source: PictureError,
+    },
     /// Whoever wanted the report is gone.
     #[error("{0}")]
     Interrupted(#[from] Interrupted),
@@ -98,6 +107,15 @@ fn class(class: &v1::LabelClass) -> Result<Class, Invalid> {
     })
 }
 
+/// Whose pictures a report has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PicturesOf {
+    /// Those of the medoids and of evenly chosen individuals.
+    Individuals,
+    /// Those of the medoids and of the members that show how far their clusters reach.
+    Medoids,
+}
+
 /// The report of a completed campaign, with what its behaviours were called.
 ///
 /// # Errors
@@ -106,6 +124,7 @@ pub async fn report<C>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
     names: Names,
+    pictures: PicturesOf,
 ) -> Result<Report, ReportDataError>
 where
     C: GrpcService<Body> + Send,
@@ -131,7 +150,13 @@ where
         .list_generations(v1::ListGenerationsRequest { campaign: id() })
         .await?;
     let generations = whole(generations.into_inner()).await?;
-    let mut individuals = archive(client, campaign, spec.model()).await?;
+    let (mut individuals, pictured) = match pictures {
+        PicturesOf::Individuals => pictured_archive(client, campaign, &spec, taxonomy.clusters.len()).await?,
+        PicturesOf::Medoids => (
+            archive(client, campaign, spec.model()).await?,
+            Pictured::default(),
+        ),
+    };
     let starts = spec.starts().get() as f64;
     for (entry, &robust) in individuals.iter_mut().zip(&taxonomy.robust_trials) {
         entry.robustness = Some(f64::from(robust) / starts);
@@ -181,6 +206,7 @@ where
         simulator_version: SIMULATOR_VERSION.to_owned(),
         generations: generations.generations.into_iter().map(generation).collect(),
         map: map(&behaviours)?,
+        pictured,
         individuals,
         medoids,
         clusters: taxonomy.clusters,
@@ -241,6 +267,40 @@ where
         }
     }
     Ok(entries)
+}
+
+/// The archive, and the pictures of some of its individuals: those of a part are forgotten before the next one is read.
+async fn pictured_archive<C>(
+    client: &mut CampaignServiceClient<C>,
+    campaign: &str,
+    spec: &CampaignSpec,
+    count: usize,
+) -> Result<(Vec<Entry>, Pictured), ReportDataError>
+where
+    C: GrpcService<Body> + Send,
+    C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
+    <C::ResponseBody as HttpBody>::Error: Into<StdError> + Send,
+    C::Future: Send,
+{
+    let request = v1::GetArchiveRequest {
+        campaign: campaign.to_owned(),
+        images: true,
+    };
+    let mut chunks = client.get_archive(request).await?.into_inner();
+    let mut entries = Vec::new();
+    let mut sheets = PictureSheets::of(count, spec.image().shape());
+    let failed = |index: u64| move |source| ReportDataError::Picture { index, source };
+    while let Some(chunk) = chunks.message().await? {
+        for individual in chunk.individuals {
+            let index = entries.len() as u64;
+            entries.push(entry(&individual, spec.model())?);
+            if let Some(image) = &individual.image {
+                sheets.add(index, image).map_err(failed(index))?;
+            }
+        }
+    }
+    let last = (entries.len() as u64).saturating_sub(1);
+    Ok((entries, sheets.finish().map_err(failed(last))?))
 }
 
 /// What the judge said of the trials of a completed campaign that judges them: `count` gets each verdict, individual after

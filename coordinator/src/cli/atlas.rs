@@ -28,8 +28,8 @@ use std::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 The command runs the campaign of the file, or continues it, and writes atlas.csv and its README.md; where all controllers of four \
-speeds were evaluated, also atlas.png, atlas-poster.svg, atlas.html and the pictures of all swarms. docs/atlas.md says what they \
-show.
+speeds were evaluated, also atlas.png, atlas-poster.svg, atlas-poster.png, atlas.html and the pictures of all swarms. docs/atlas.md says \
+what they show.
 
 Examples:
   murmuration atlas examples/atlas.toml --values 7        a coarse atlas, in seconds

@@ -115,9 +115,10 @@ impl From<ReportDataError> for CliError {
     fn from(error: ReportDataError) -> Self {
         match error {
             ReportDataError::Service(status) => status.into(),
-            ReportDataError::Answer(_) | ReportDataError::Misfit(_) | ReportDataError::Interrupted(_) => {
-                Self::Failed(error.to_string())
-            }
+            ReportDataError::Answer(_)
+            | ReportDataError::Misfit(_)
+            | ReportDataError::Picture { .. }
+            | ReportDataError::Interrupted(_) => Self::Failed(error.to_string()),
         }
     }
 }

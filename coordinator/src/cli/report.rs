@@ -12,7 +12,7 @@ use murmuration_link::{errln, outln};
 use murmuration_model::CampaignId;
 use murmuration_proto::v1;
 use murmuration_report as report;
-use murmuration_service::report_data;
+use murmuration_service::report_data::{self, PicturesOf};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `report`.
@@ -69,7 +69,8 @@ pub(super) async fn write_report(
     folder: &Path,
 ) -> Result<PathBuf, CliError> {
     let names = report_data::names(&mut connection.labels, campaign.as_str()).await?;
-    let report = report_data::report(&mut connection.client, campaign.as_str(), names).await?;
+    let client = &mut connection.client;
+    let report = report_data::report(client, campaign.as_str(), names, PicturesOf::Individuals).await?;
     let folder = folder.to_owned();
     let written = tokio::task::spawn_blocking(move || report::write(&report, &folder)).await;
     match written {

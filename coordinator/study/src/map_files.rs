@@ -49,14 +49,12 @@ impl Picture {
             class: individual.class(),
         };
         let points: Vec<ClassPoint> = maps.individuals.iter().map(point).collect();
-        let png = class_map::png(&points).map_err(|error| ReportError::Map {
+        let svg = class_map::svg(&points, title);
+        let png = class_map::png(&svg).map_err(|error| ReportError::Map {
             title: title.to_owned(),
             reason: error.to_string(),
         })?;
-        Ok(Self {
-            svg: class_map::svg(&points, title),
-            png,
-        })
+        Ok(Self { svg, png })
     }
 }
 

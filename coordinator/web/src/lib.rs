@@ -175,6 +175,11 @@ fn pages() -> GuardedRouter<Web> {
         // Changes nothing, as the motion of the page Play.
         .post("/campaigns/{id}/pieces", VIEWER, play::pieces)
         .get("/campaigns/{id}/report", VIEWER, taxonomy::export)
+        .get(
+            "/campaigns/{id}/contact-sheet.svg",
+            VIEWER,
+            taxonomy::contact_sheet,
+        )
         .get("/campaigns/{id}/changes", VIEWER, live::changes)
         .get(
             "/campaigns/{id}/individuals/{index}/motion",

@@ -103,7 +103,13 @@ fn an_atlas_that_is_killed_goes_on_to_the_same_digest_and_is_not_computed_again(
         (&resumed["digest"], &resumed["campaign"]),
         (&whole["digest"], &whole["campaign"])
     );
-    for name in ["atlas.csv", "atlas.png", "atlas.html", "atlas-poster.svg"] {
+    for name in [
+        "atlas.csv",
+        "atlas.png",
+        "atlas.html",
+        "atlas-poster.svg",
+        "atlas-poster.png",
+    ] {
         let [one, other] =
             ["whole", "resumed"].map(|of| fs::read(folder.path().join(of).join(name)).unwrap());
         assert!(one == other, "{name} differs");

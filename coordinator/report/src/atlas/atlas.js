@@ -1,8 +1,72 @@
+// Pictures of single controllers, for a map that has no tiles of them: those that are wanted are asked for a few at a time.
+class Singles {
+  // Most requests at a time, and most pictures that are kept.
+  static AT_ONCE = 8;
+  static KEPT = 4000;
+  // Milliseconds for which a part of the map is seen before its pictures are asked for: a map that moves shows many parts.
+  static SETTLED_MS = 120;
+
+  // `address(entry)` is where a picture is; `arrived()` hears that there are more.
+  constructor(address, arrived) {
+    this.address = address;
+    this.arrived = arrived;
+    // By entry, the one that was needed last at the end; false where there is none.
+    this.kept = new Map();
+    this.wanted = [];
+    this.asked = new Set();
+    this.timer = 0;
+    this.isTold = true;
+  }
+
+  // The picture of an entry; null while it is not there.
+  known(entry) {
+    const image = this.kept.get(entry);
+    if (!image) return null;
+    this.kept.delete(entry);
+    this.kept.set(entry, image);
+    return image;
+  }
+
+  // Takes the entries that are seen now, the first the most needed; those that were wanted before are no longer.
+  want(entries) {
+    this.wanted = [...new Set(entries)].slice(0, Singles.KEPT).filter((entry) => !this.kept.has(entry) && !this.asked.has(entry));
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.ask(), Singles.SETTLED_MS);
+  }
+
+  ask() {
+    while (this.asked.size < Singles.AT_ONCE && this.wanted.length > 0) this.fetch(this.wanted.shift());
+  }
+
+  fetch(entry) {
+    const image = new Image();
+    this.asked.add(entry);
+    image.onload = () => this.take(entry, image);
+    image.onerror = () => this.take(entry, false);
+    image.src = this.address(entry);
+  }
+
+  take(entry, image) {
+    this.asked.delete(entry);
+    this.kept.set(entry, image);
+    if (this.kept.size > Singles.KEPT) this.kept.delete(this.kept.keys().next().value);
+    this.ask();
+    // Once for each picture of the screen.
+    if (!this.isTold) return;
+    this.isTold = false;
+    requestAnimationFrame(() => {
+      this.isTold = true;
+      this.arrived();
+    });
+  }
+}
+
 // The map of an atlas, on the elements of its page: `map` is the canvas, `source` the picture of a pixel a controller, `chosen`
 // tells of one controller, and `classes` lists the classes. Of a page with a coordinator, `choose(at, genes)` hears of the
-// controller that somebody chose, or of null; without one there are pictures of swarms beside the page. `seen` is what was seen
-// of another atlas of as many controllers, as `seen()` of the answer says it: zoom, middle, and place of the chosen controller.
-function showAtlas(data, choose = null, seen = null) {
+// controller that somebody chose, or of null, and `pictureOf(entry)` is the address of its picture; without `choose` there are
+// pictures of swarms beside the page. `seen` is what was seen of another atlas of as many controllers, as `seen()` of the answer
+// says it: zoom, middle, and place of the chosen controller.
+function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) {
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
   const map = new Uint32Array(bytes(data.map));
   const said = new Uint8Array(bytes(data.said));
@@ -17,7 +81,9 @@ function showAtlas(data, choose = null, seen = null) {
   let scale = 1, left = 0, top = 0;
   // The scale at which the whole map is seen.
   let whole = 1;
-  let pinned = null, onlyClass = null, shown = source;
+  // The controller that somebody chose, and that of which the page tells.
+  let pinned = null, told = null;
+  let onlyClass = null, shown = source;
 
   const entryAt = (x, y) => {
     if (x < 0 || y < 0 || x >= side || y >= side) return null;
@@ -55,20 +121,32 @@ function showAtlas(data, choose = null, seen = null) {
     const image = tiles.get(key);
     return image.complete && image.naturalWidth > 0 ? image : null;
   };
-  // Draws the picture of a swarm; whether it is there.
-  const drawSwarm = (pen, at, x, y, size) => {
-    if (choose) return false;
-    const pixel = simulated.get(at.entry);
+  const singles = pictureOf && new Singles(pictureOf, () => {
+    draw();
+    if (told) drawChosen(told);
+  });
+  // The image that has the picture of an entry, and where in it; null while it is not there.
+  const pictured = (entry) => {
+    if (singles) {
+      const image = singles.known(entry);
+      return image && { image, x: 0, y: 0 };
+    }
+    const pixel = simulated.get(entry);
     const [column, row] = [pixel % side, Math.floor(pixel / side)];
     const image = tile(Math.floor(column / n), Math.floor(row / n));
-    if (!image) return false;
+    return image && { image, x: (column % n) * data.side, y: (row % n) * data.side };
+  };
+  // Draws the picture of a swarm; whether it is there.
+  const drawSwarm = (pen, at, x, y, size) => {
+    const picture = pictured(at.entry);
+    if (!picture) return false;
     pen.save();
     pen.imageSmoothingEnabled = false;
     if (at.mirrored) {
       pen.translate(2 * x + size, 0);
       pen.scale(-1, 1);
     }
-    pen.drawImage(image, (column % n) * data.side, (row % n) * data.side, data.side, data.side, x, y, size, size);
+    pen.drawImage(picture.image, picture.x, picture.y, data.side, data.side, x, y, size, size);
     pen.restore();
     return true;
   };
@@ -89,6 +167,13 @@ function showAtlas(data, choose = null, seen = null) {
     return copy;
   };
 
+  // The controllers of a part of the map.
+  const between = (from, to) => {
+    const found = [];
+    for (let y = from[1]; y < to[1]; y++) for (let x = from[0]; x < to[0]; x++) found.push(entryAt(x, y));
+    return found.filter(Boolean);
+  };
+
   function draw() {
     const ratio = window.devicePixelRatio || 1;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
@@ -102,15 +187,11 @@ function showAtlas(data, choose = null, seen = null) {
     pen.drawImage(shown, left, top, side * scale, side * scale);
     const from = [0, 1].map((axis) => Math.max(0, Math.floor(-[left, top][axis] / scale)));
     const to = [width, height].map((size, axis) => Math.min(side, Math.ceil((size - [left, top][axis]) / scale)));
-    if (scale >= Math.max(28, 1.5 * whole)) {
-      const rim = 2;
-      for (let y = from[1]; y < to[1]; y++) {
-        for (let x = from[0]; x < to[0]; x++) {
-          const at = entryAt(x, y);
-          if (at) drawSwarm(pen, at, left + x * scale + rim, top + y * scale + rim, scale - 2 * rim);
-        }
-      }
-    }
+    const seen = scale >= Math.max(28, 1.5 * whole) ? between(from, to) : [];
+    const rim = 2;
+    for (const at of seen) drawSwarm(pen, at, left + at.x * scale + rim, top + at.y * scale + rim, scale - 2 * rim);
+    // The chosen one first.
+    singles?.want([...(pinned ? [pinned.entry] : []), ...seen.map(({ entry }) => entry)]);
     if (scale * n >= 24) {
       pen.strokeStyle = "#00000088";
       pen.beginPath();
@@ -136,8 +217,14 @@ function showAtlas(data, choose = null, seen = null) {
     parent.append(made);
     return made;
   };
+  // Draws the picture of the controller that is told of; until it is there, nothing is in its place.
+  const drawChosen = (at) => {
+    const picture = chosen.querySelector("canvas");
+    if (picture) picture.hidden = !drawSwarm(picture.getContext("2d"), at, 0, 0, data.side);
+  };
   const show = (at) => {
     if (!at) return;
+    told = at;
     chosen.replaceChildren();
     const name = classOf(at.entry).replaceAll("_", " ");
     const title = element("p", "", chosen);
@@ -145,7 +232,9 @@ function showAtlas(data, choose = null, seen = null) {
     title.append(at.mirrored ? ", a mirror image of what was simulated" : "");
     const picture = element("canvas", "", chosen);
     picture.width = picture.height = data.side;
-    if (!drawSwarm(picture.getContext("2d"), at, 0, 0, data.side)) picture.remove();
+    picture.setAttribute("role", "img");
+    picture.setAttribute("aria-label", "Picture of its swarm");
+    drawChosen(at);
     const table = element("table", "", chosen);
     const row = (head, text) => {
       const line = element("tr", "", table);

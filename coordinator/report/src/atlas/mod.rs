@@ -20,7 +20,7 @@ pub(crate) use picture::square_png;
 pub use tally::{Tally, agreed, precision};
 pub use tiles::Tiles;
 
-use super::{ReportError, ReportFiles, files::Folder};
+use super::{ReportError, ReportFiles, files::Folder, raster};
 use murmuration_proto::{CampaignSpec, Controller, Features, Verdict};
 use std::{
     fs,
@@ -58,17 +58,18 @@ pub struct AtlasEntry {
 /// The table, by which the folder of an atlas is known.
 const TABLE: &str = "atlas.csv";
 /// The other files of an atlas, but for the pictures of swarms.
-const FILES: [&str; 5] = [
+const FILES: [&str; 6] = [
     "README.md",
     "spec.toml",
     "atlas.png",
     "atlas-poster.svg",
+    "atlas-poster.png",
     "atlas.html",
 ];
 
 /// Writes `atlas.csv`, its `README.md` and `spec.toml` into `folder`, which is made if it does not exist; where all
-/// controllers of four speeds were evaluated, also `atlas.png`, `atlas-poster.svg` and, last, `atlas.html`, the page of
-/// the answer; otherwise the page is the table. The page shows pictures of swarms if [`Tiles`] wrote them into the same
+/// controllers of four speeds were evaluated, also `atlas.png`, `atlas-poster.svg`, `atlas-poster.png` and, last, `atlas.html`,
+/// the page of the answer; otherwise the page is the table. The page shows pictures of swarms if [`Tiles`] wrote them into the same
 /// folder.
 ///
 /// # Errors
@@ -96,8 +97,14 @@ pub fn write(atlas: &Atlas, folder: &Path) -> Result<ReportFiles, ReportError> {
     };
     let map = drawn("atlas.png", 1)?;
     let large = drawn("atlas-poster.svg", poster::scale(&layout))?;
+    let poster = poster::svg(atlas, &layout, &tallies, &large);
+    let print = raster::png(&poster, poster::PNG_SCALE).map_err(|source| ReportError::Drawing {
+        file: "atlas-poster.png",
+        source,
+    })?;
     files.bytes("atlas.png", &map)?;
-    files.text("atlas-poster.svg", &poster::svg(atlas, &layout, &tallies, &large))?;
+    files.text("atlas-poster.svg", &poster)?;
+    files.bytes("atlas-poster.png", &print)?;
     let others = files.written().to_vec();
     let page = files.text("atlas.html", &page::render(atlas, &layout, &places, &map))?;
     Ok(ReportFiles { page, others })

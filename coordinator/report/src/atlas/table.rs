@@ -47,8 +47,8 @@ pub(super) fn readme(atlas: &Atlas) -> String {
         .zip(atlas.entries.first())
         .is_some_and(|(all, first)| all.mirrored(&first.controller).is_some());
     let images = if mirrored {
-        "A controller and its mirror image (left and right exchanged) do the same in law, so only the first of the two in the order of \
-         the genes was simulated and has a row."
+        "A controller and its mirror image (left and right wheels exchanged) show each behaviour equally often over random starts, so \
+         only the first of the two in the order of the genes was simulated and has a row."
     } else {
         "Each controller that was evaluated has a row."
     };
@@ -59,10 +59,10 @@ Campaign `{campaign}`, archive digest `{digest}`: {controllers} controllers, {st
 
 - `atlas.csv`: the data, below.
 - `atlas.png`: a pixel a controller, where all controllers of four speeds were evaluated. Tiles are the speeds while nothing is seen \
-(the first to the right, the second up), pixels in a tile the speeds while something is seen. Colours are classes, brightness is the \
-column `sureness`.
+(the first to the right, the second up), pixels in a tile the speeds while something is seen. Colours are classes, the \
+brightness is how sure the class is (column `sureness`).
 - `spec.toml`: the campaign file.
-- `atlas-poster.svg`: the same with axes and a legend.
+- `atlas-poster.svg`, `atlas-poster.png`: the same with axes and a legend.
 - `atlas.html`: the same to zoom into. It needs no network. The folder `pictures`, if it is there, has the picture of each swarm.
 
 {images} `murmuration atlas spec.toml` evaluates the same again.
@@ -74,7 +74,8 @@ column `sureness`.
 | `seed` | seed of the first start, from which those of the others follow |
 | `class` | the class that the judge gave most trials; of several, that of the earliest trial |
 | `share` | share of the trials that are of this class |
-| `sureness` | `share`, times how likely people are to agree with the judge where it names this class |
+| `sureness` | how sure the class is, from 0 to 1: `share`, times the share of motions of this class, by the judge, that people called \
+by it too (on labelled sets; one agreement and one disagreement are added to the counts, since some classes were seldom met) |
 | `share_CLASS` | share of the trials that are of each class; `share_random` is of random ones without a pattern |
 | `share_small_clusters`, `share_chain`, `share_moving_clumps` | share of the trials that are random with this pattern |
 | {features} | hand-crafted features, means over the trials and the last 100 steps |

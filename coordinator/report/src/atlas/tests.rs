@@ -225,6 +225,31 @@ fn the_page_holds_the_map_and_loads_nothing_from_elsewhere() {
 }
 
 #[test]
+fn the_poster_as_png_has_the_map_and_the_legend() {
+    let (_place, files) = written(&atlas());
+    let read = |name: &str| decode_png(&fs::read(files.page.with_file_name(name)).unwrap());
+    let (width, height, pixels) = read("atlas-poster.png");
+    assert_eq!((width, height), (3726, 3066));
+    let at = |x: usize, y: usize| &pixels[3 * (2 * y * 3726 + 2 * x)..][..3];
+    let (_, _, map) = read("atlas.png");
+    assert_eq!(at(110 + 10, 120 + 10), &map[..3]);
+    let first_of_legend = at(110 + 1323 + 34 + 15, 120 + 20 + 15);
+    let is_class = Class::ALL
+        .map(class_colour)
+        .iter()
+        .any(|colour| colour == first_of_legend);
+    assert!(is_class, "{first_of_legend:?}");
+    // The words beside it.
+    let words = (0..300).map(|x| at(110 + 1323 + 78 + x, 120 + 28));
+    assert!(
+        words
+            .filter(|pixel| pixel.iter().all(|&value| value < 90))
+            .count()
+            > 10
+    );
+}
+
+#[test]
 fn an_atlas_has_no_files_of_one_that_was_in_its_folder_before() {
     let (_place, files) = written(&atlas());
     let folder = files.page.parent().unwrap();

@@ -2,7 +2,7 @@
 
 use super::{copyable, image_names, inline_png, robots::robots};
 use crate::{
-    Files, MedoidEntry, MedoidPictures, Report, Spread, commands,
+    Files, MedoidEntry, MedoidPictures, Report, Spread, commands, contact_sheet,
     numbers::{counted, grouped, percent, short},
 };
 use maud::{Markup, html};
@@ -38,9 +38,15 @@ pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures], files: Fi
                 (one_colour) ", with older parts fainter. "
                 @if report.spec.model().species().len() > 1 { (species(report)) " " }
                 span.scripted { "Point at a picture, or focus it and press Space, to play the whole run from its start." }
-                @if files == Files::Beside {
-                    " " a href="contact-sheet.svg" { "contact-sheet.svg" } " has all of them in one figure, the folder medoids each as PNG and SVG."
+                @match contact_sheet::address(report) {
+                    Some(address) => {
+                        " The " a href=(address) download="contact-sheet.svg" { "contact sheet" }
+                        " has all of them in one figure, to download as SVG."
+                    },
+                    None if files == Files::Absent => { " " code { "murmuration report " (report.campaign) } " writes all of them in one figure." },
+                    None => { " " a href="contact-sheet.svg" { "contact-sheet.svg" } " has all of them in one figure." },
                 }
+                @if files == Files::Beside { " The folder medoids has each as PNG and SVG." }
             }
             div.cards {
                 @for (place, (medoid, pictures)) in report.medoids.iter().zip(pictures).enumerate() {

@@ -2,19 +2,19 @@
 //! individuals and the motion of every medoid stay small and load at once.
 
 use crate::{
-    Entry, Report,
+    Entry, Report, commands,
     picture::{
         Bodies,
         columns::{self, column, span, spread},
         thinned,
     },
+    pictured::{COLUMNS, MOST_POINTS, TILES},
 };
+use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{Markup, PreEscaped, html};
 use murmuration_model::colours;
 use serde_json::{Value, json};
 
-/// Most individuals on the map.
-const MOST_POINTS: usize = 100_000;
 /// Bytes for the motion of all medoids together, before base64.
 const MOTION_BYTES: usize = 6 << 20;
 
@@ -53,8 +53,32 @@ fn content(report: &Report) -> Value {
         "classes": report.names.classes.iter().map(|class| class.name.shown()).collect::<Vec<_>>(),
         "runs": runs,
         "archive": archive(report),
+        "pictures": pictures(report),
+        "simulator": commands::simulator(&report.spec),
     })
 }
+
+/// The sheets of pictures, and of the individual of each tile the exact genes and the seed, with which it can be simulated again.
+fn pictures(report: &Report) -> Value {
+    let pictured = &report.pictured;
+    let entries = || {
+        pictured
+            .indices
+            .iter()
+            .map(|&index| &report.individuals[index as usize])
+    };
+    json!({
+        "sheets": pictured.sheets.iter().map(|sheet| STANDARD.encode(sheet)).collect::<Vec<_>>(),
+        "side": report.spec.image().resolution(),
+        "columns": COLUMNS,
+        "tiles": TILES,
+        "genes": column(entries().flat_map(|entry| entry.controller.genes()).map(|gene| gene.to_le_bytes())),
+        "seeds": column(entries().map(|entry| entry.seed.to_le_bytes())),
+    })
+}
+
+/// The tile of an individual without a picture of its own.
+const TILELESS: u16 = u16::MAX;
 
 /// The class of an individual without a name.
 const NAMELESS: u16 = u16::MAX;
@@ -67,8 +91,8 @@ fn robust_starts(report: &Report, entry: &Entry) -> u8 {
         .map_or(u8::MAX, |robustness| (robustness * starts).round() as u8)
 }
 
-/// The individuals on the map: place, cluster, index, class, who gave that, generation, novelty when evaluated, and genes in
-/// ten-thousandths, or coarser where genes are large.
+/// The individuals on the map: place, cluster, index, class, who gave that, generation, novelty when evaluated, genes in
+/// ten-thousandths, or coarser where genes are large, and tile.
 fn archive(report: &Report) -> Value {
     let shown = shown_points(report);
     let entries = || shown.iter().map(|&index| &report.individuals[index]);
@@ -91,6 +115,9 @@ fn archive(report: &Report) -> Value {
         "novelty": column(entries().map(|entry| (entry.novelty_when_evaluated as f32).to_le_bytes())),
         "genes": column(genes().map(|gene| ((gene / gene_unit).round() as i16).to_le_bytes())),
         "geneUnit": gene_unit,
+        "tile": column(shown.iter().map(|&index| {
+            report.pictured.tile(index as u64).map_or(TILELESS, |tile| tile as u16).to_le_bytes()
+        })),
         // In starts, 255 where individuals have one.
         "robust": column(entries().map(|entry| [robust_starts(report, entry)])),
         "trials": report.spec.starts().get(),

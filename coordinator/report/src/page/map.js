@@ -1,5 +1,5 @@
 // Draws the behaviour space, and highlights a cluster: on the map, the pins and the legend.
-const { archive, classes, clusterColours, equalScale, fit, grouped, Plot, steer, zoomButtons } = window.murmuration;
+const { clusterColours, equalScale, fit, Plot, steer, zoomButtons } = window.murmuration;
 const plot = new Plot(document.getElementById("space"));
 const { canvas } = plot;
 const pen = canvas.getContext("2d");
@@ -10,10 +10,11 @@ const print = matchMedia("print");
 // Paper is light, whatever the screen is.
 const isDark = () => scheme.matches && !print.matches;
 const count = archive.x.length;
-const genes = archive.genes.length / Math.max(count, 1);
 const PIN = 46;
 let chosen = -1;
 let hovered = -1;
+// The individual that the panel shows.
+let opened = -1;
 
 // Order of drawing: by cluster, so that a colour is set once a cluster.
 const order = Uint32Array.from(archive.x.keys()).sort((a, b) => archive.cluster[a] - archive.cluster[b]);
@@ -28,13 +29,14 @@ function paint() {
   const dense = canvas.width / Math.max(canvas.clientWidth, 1);
   pen.setTransform(dense, 0, 0, dense, 0, 0);
   paintLeaders();
-  if (hovered >= 0) {
-    const [x, y] = place(hovered);
+  for (const [i, radius] of [[hovered, 5.5], [opened, 8]]) {
+    if (i < 0) continue;
+    const [x, y] = place(i);
     pen.globalAlpha = 1;
     pen.lineWidth = 2;
     pen.strokeStyle = isDark() ? "#ffffff" : "#1d1d1b";
     pen.beginPath();
-    pen.arc(x, y, 5.5, 0, 2 * Math.PI);
+    pen.arc(x, y, radius, 0, 2 * Math.PI);
     pen.stroke();
   }
 }
@@ -182,34 +184,21 @@ function schedule() {
   });
 }
 
-// What a behaviour was called, if anything, and whether no person called it so.
-function named(i) {
-  const name = classes[archive.class[i]];
-  if (name === undefined) return "";
-  return archive.machine[i] ? ` · ${name} (by the rule-based judge)` : ` · ${name}`;
-}
-
 function describe(i) {
-  const values = Array.from(archive.genes.subarray(i * genes, (i + 1) * genes), (gene) =>
-    Number((gene * archive.geneUnit).toFixed(4)),
-  );
+  const name = named(i);
   const lines = [
-    `Individual ${grouped(archive.index[i])} · behaviour ${archive.cluster[i] + 1}${named(i)}`,
-    `[${values.join(", ")}]`,
+    `${titleOf(i)} · behaviour ${archive.cluster[i] + 1}${name && ` · ${name}`}`,
+    `[${rounded(i).join(", ")}]`,
     `novelty when evaluated ${archive.novelty[i].toPrecision(4)} · generation ${grouped(archive.generation[i])}`,
   ];
   if (archive.trials > 1) lines.push(`robustness ${archive.robust[i]} of ${archive.trials}`);
-  tip.replaceChildren(
-    ...lines.map((line) => {
-      const row = document.createElement("div");
-      row.textContent = line;
-      return row;
-    }),
-  );
+  if (!hasOwnPicture(i)) lines.push("picture of its medoid");
+  tip.querySelector(".lines").replaceChildren(...lines.map((line) => element("div", line)));
+  drawPicture(tip.querySelector("canvas"), i);
 }
 
-canvas.addEventListener("pointermove", (event) => {
-  const i = plot.nearest(event.offsetX, event.offsetY);
+// Tells of a point, as a pointer or a key reaches it; of none with -1.
+function hover(i) {
   if (i === hovered) return;
   hovered = i;
   tip.hidden = i < 0;
@@ -221,12 +210,55 @@ canvas.addEventListener("pointermove", (event) => {
   }
   choose(i >= 0 ? archive.cluster[i] : -1);
   schedule();
-});
-canvas.addEventListener("pointerleave", () => {
-  hovered = -1;
-  tip.hidden = true;
-  choose(-1);
+}
+
+function show(i) {
+  if (i < 0) return;
+  opened = i;
+  openPanel(i, place(i)[0] < canvas.clientWidth / 2);
   schedule();
+}
+
+function letGo() {
+  if (opened < 0) return;
+  const hadFocus = panel.contains(document.activeElement);
+  opened = -1;
+  panel.hidden = true;
+  if (hadFocus) canvas.focus();
+  schedule();
+}
+
+canvas.addEventListener("pointermove", (event) => hover(plot.nearest(event.offsetX, event.offsetY)));
+canvas.addEventListener("pointerleave", () => hover(-1));
+canvas.addEventListener("blur", () => hover(-1));
+// A drag ends with a click too.
+let pressed = [0, 0];
+canvas.addEventListener("pointerdown", ({ clientX, clientY }) => (pressed = [clientX, clientY]));
+canvas.addEventListener("click", ({ clientX, clientY, offsetX, offsetY }) => {
+  if (Math.hypot(clientX - pressed[0], clientY - pressed[1]) < 5) show(plot.nearest(offsetX, offsetY));
+});
+panel.querySelector(".close").addEventListener("click", letGo);
+document.addEventListener("keydown", ({ key }) => {
+  if (key === "Escape") letGo();
+});
+canvas.addEventListener("keydown", (event) => {
+  const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+  const way = ways[event.key];
+  const zooms = { "+": "in", "=": "in", "-": "out", Home: "whole" };
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  if (way) {
+    const next = plot.towards(hovered, ...way);
+    if (next >= 0 && plot.reveal(next)) {
+      plot.layOut();
+      arrange();
+    }
+    hover(next);
+  } else if (zooms[event.key]) document.querySelector(`.zoom [data-zoom=${zooms[event.key]}]`).click();
+  else if (event.key === "Enter") {
+    show(hovered);
+    if (hovered >= 0) panel.querySelector("h3").focus();
+  } else return;
+  event.preventDefault();
 });
 
 for (const marked of document.querySelectorAll(".pin, .legend a, .card")) {

@@ -21,10 +21,11 @@ use murmuration_proto::{Method, Starts};
 
 const STYLE: &str = include_str!("style.css");
 /// Each in a scope of its own, in this order, so that one that fails takes no other with it.
-const SCRIPTS: [[&str; 2]; 4] = [
+const SCRIPTS: [[&str; 2]; 5] = [
     [scripts::INLINE, include_str!("data.js")],
     ["", include_str!("cards.js")],
-    ["", include_str!("map.js")],
+    [include_str!("individual.js"), include_str!("map.js")],
+    ["", include_str!("hover.js")],
     ["", include_str!("copy.js")],
 ];
 

@@ -5,12 +5,14 @@ use crate::{
     Files, Report, ReportError, again, commands,
     names::Named,
     numbers::{counted, grouped, percent, short},
-    plots, scripts,
+    plots::{self, Curves, Frame, Line},
+    scripts,
 };
 use maud::{Markup, PreEscaped, html};
 use murmuration_model::{Round, colours};
 use murmuration_proto::{FEATURE_NAMES, Method, Preset};
 use murmuration_worker::features::FEATURE_STEPS;
+use serde_json::{Value, json};
 
 /// The behaviour space in two dimensions.
 pub(super) fn map(report: &Report, files: Files) -> Markup {
@@ -26,22 +28,25 @@ pub(super) fn map(report: &Report, files: Files) -> Markup {
                 "much of the variance they hold; points that are close here may be far apart in the rest. "
                 @if shown < count { (grouped(shown as u64)) " of " (counted(count as u64, "point")) " are drawn, evenly chosen. " }
                 span.scripted {
-                    "Point at a cluster, a number or a card to highlight its cluster. Zoom by the buttons or Ctrl and the wheel, and drag to \
-                     move."
+                    "Point at a cluster, a number or a card to highlight its cluster. Point at a point to see its picture, and click to \
+                     see it large, with the command that replays it. Zoom by the buttons or Ctrl and the wheel, and drag to move. With \
+                     keys: arrows go from point to point, Enter shows one, + and − zoom, Home shows the whole map."
+                    (pictures(report, shown))
                 }
             }
             p.lead { (space(report)) }
             div.map.scripted {
-                canvas #space role="img" aria-label={
+                canvas #space role="application" aria-roledescription="map" tabindex="0" aria-label={
                     "Map of " (counted(count as u64, "controller")) " in " (counted(report.medoids.len() as u64, "cluster"))
                     "; across: "
-                    (across) ", up: " (up)
+                    (across) ", up: " (up) ". Arrow keys go from point to point, Enter shows one."
                 } {}
                 div #pins {}
                 div.zoom role="group" aria-label="Zoom" { (scripts::zoom_buttons()) }
-                div #tip role="status" hidden {}
+                div #tip role="status" hidden { canvas aria-hidden="true" {} div.lines {} }
                 p.across { (across) }
                 p.up { (up) }
+                (chosen())
             }
             noscript { p {
                 "The map needs JavaScript. "
@@ -60,6 +65,36 @@ pub(super) fn map(report: &Report, files: Files) -> Markup {
                     } }
                 }
             }
+        }
+    }
+}
+
+/// How many points have pictures of their own, where not all have.
+fn pictures(report: &Report, shown: usize) -> Markup {
+    let pictured = report.pictured.indices.len();
+    html! {
+        @if pictured < shown {
+            " " (grouped(pictured as u64)) " of the points, evenly chosen, have a picture of their own; another shows that of its medoid."
+        }
+    }
+}
+
+/// The panel of the individual that somebody chose on the map; a script fills it.
+fn chosen() -> Markup {
+    html! {
+        section #chosen aria-labelledby="chosen-title" hidden {
+            div.heading {
+                h3 #chosen-title tabindex="-1" {}
+                button.close type="button" aria-label="Close the chosen individual" { "Close" }
+            }
+            canvas.large role="img" aria-label="Its picture" {}
+            p.whose {}
+            dl {}
+            h4 { "Controller" }
+            (copyable("controller of the chosen individual", ""))
+            h4 { "Replay" }
+            (copyable("command of the chosen individual", ""))
+            p.elsewhere {}
         }
     }
 }
@@ -221,13 +256,34 @@ pub(super) fn filtered(report: &Report) -> Result<Markup, ReportError> {
     })
 }
 
-/// A plot for wide pages and one for narrow pages; the style sheet shows the one that fits.
-fn plot(name: &str, draw: impl Fn((u32, u32)) -> Result<String, ReportError>) -> Result<Markup, ReportError> {
+/// A plot for wide pages and one for narrow pages; the style sheet shows the one that fits. A script tells its values at a pointer
+/// or by keys.
+fn plot(name: &str, draw: impl Fn((u32, u32)) -> Result<Curves, ReportError>) -> Result<Markup, ReportError> {
+    let (wide, narrow) = (draw(plots::WIDE)?, draw(plots::NARROW)?);
     Ok(html! {
-        div.plot role="img" aria-label=(name) {
-            div.wide { (PreEscaped(draw(plots::WIDE)?)) }
-            div.narrow { (PreEscaped(draw(plots::NARROW)?)) }
+        div.plot role="img" aria-label=(name) data-plot=(told(&wide, &narrow).to_string()) {
+            div.wide { (PreEscaped(&wide.svg)) }
+            div.narrow { (PreEscaped(&narrow.svg)) }
         }
+        p.told.scripted { "Point at the plot, or focus it and press the arrow keys, to read its values." }
+    })
+}
+
+/// What a script needs to tell the values of a plot: those of each line, and where they are in the pictures. A value that is no
+/// number is null.
+fn told(wide: &Curves, narrow: &Curves) -> Value {
+    let frame = |Frame {
+                     across,
+                     down,
+                     last,
+                     top,
+                 }: Frame| json!({ "across": across, "down": down, "last": last, "top": top });
+    let values = |line: &Line| line.2.iter().map(|(_, value)| *value).collect::<Vec<_>>();
+    json!({
+        "x": wide.lines.first().map_or_else(Vec::new, |line| line.2.iter().map(|(generation, _)| *generation).collect()),
+        "lines": wide.lines.iter().map(|line| json!({ "name": line.0, "values": values(line) })).collect::<Vec<_>>(),
+        "wide": frame(wide.frame),
+        "narrow": frame(narrow.frame),
     })
 }
 
@@ -342,8 +398,9 @@ pub(super) fn reading(report: &Report) -> Markup {
                     }
                 }))
                 (entry("Mean distance", html! {
-                    "The mean distance of the members of a cluster from its medoid, which counts as a member. A low value means that the "
-                    "picture represents all of them; a high value, that the cluster is mixed. The distances of the whole archive add up to "
+                    "The mean distance of the members of a cluster from its medoid, which counts as a member, in the behaviour space. It is \
+                     an average: some members may be far away even where it is low, and the card shows the farthest one. The distances of \
+                     the whole archive add up to "
                     (short(report.loss)) "."
                 }))
                 @match report.spec.starts().get() {

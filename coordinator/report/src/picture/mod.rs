@@ -43,6 +43,9 @@ pub enum PictureError {
     /// The PNG encoder refused.
     #[error("cannot encode the picture as PNG: {0}")]
     Png(#[from] png::EncodingError),
+    /// An SVG that cannot be read, or is too large to be drawn.
+    #[error("cannot draw the SVG: {0}")]
+    Svg(String),
     /// The GIF encoder refused.
     #[error("cannot encode the animation as GIF: {0}")]
     Gif(#[from] gif::EncodingError),

@@ -1,5 +1,5 @@
 // The atlas of a campaign: the map of all controllers, and the motion of the one that somebody chose.
-import { get, insist, path } from "./coordinator.js";
+import { archived, get, insist, path } from "./coordinator.js";
 import { Endless } from "./endless.js";
 import { isForPage } from "./keys.js";
 import { complain } from "./outbox.js";
@@ -105,6 +105,6 @@ function switches(atlas) {
 if (root) {
   const choose = begin();
   insist(() => get("atlas/data"))
-    .then((data) => switches(showAtlas(data, choose, seenBefore())))
+    .then((data) => switches(showAtlas(data, { choose, pictureOf: (entry) => path(archived(entry)), seen: seenBefore() })))
     .catch((error) => complain(status, error));
 }

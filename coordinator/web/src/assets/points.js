@@ -45,34 +45,6 @@ export class Points extends Plot {
     return super.nearest(x, y);
   }
 
-  // The nearest point that lies in a direction, for keys; the one in the middle where there was none before.
-  towards(from, dx, dy) {
-    if (from < 0) return this.nearestToMiddle();
-    let best = from;
-    let least = Infinity;
-    for (let i = 0; i < this.count; i++) {
-      if (this.visible !== null && this.visible[i] === 0) continue;
-      const ahead = (this.across[i] - this.across[from]) * dx + (this.down[i] - this.down[from]) * dy;
-      const aside = Math.abs((this.across[i] - this.across[from]) * dy) + Math.abs((this.down[i] - this.down[from]) * dx);
-      const cost = ahead + 2 * aside;
-      if (ahead > 0.5 && aside <= 2 * ahead && cost < least) [best, least] = [i, cost];
-    }
-    return best;
-  }
-
-  // The point nearest to the middle of the canvas; -1 if none is shown.
-  nearestToMiddle() {
-    const { clientWidth: width, clientHeight: height } = this.canvas;
-    let best = -1;
-    let closest = Infinity;
-    for (let i = 0; i < this.count; i++) {
-      if (!this.isShown(i)) continue;
-      const distance = Math.hypot(this.across[i] - width / 2, this.down[i] - height / 2);
-      if (distance < closest) [best, closest] = [i, distance];
-    }
-    return best;
-  }
-
   within(line) {
     const found = [];
     for (let i = 0; i < this.count; i++) {

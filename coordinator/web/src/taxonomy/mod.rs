@@ -28,7 +28,7 @@ use murmuration_engine::{
     blocking::blocking,
     taxonomy::{Alike, Names, Taxonomy},
 };
-use murmuration_model::{CampaignRecord, labels::Labels};
+use murmuration_model::{CampaignId, CampaignRecord, labels::Labels};
 use murmuration_proto::{
     Verdict,
     v1::{
@@ -37,7 +37,10 @@ use murmuration_proto::{
     },
 };
 use murmuration_report as report;
-use murmuration_service::{OrStatus as _, report_data};
+use murmuration_service::{
+    OrStatus as _,
+    report_data::{self, PicturesOf},
+};
 use murmuration_store::{Store, StoreError, TaxonomyVersion};
 use serde::Deserialize;
 use std::{collections::BTreeMap, sync::Arc};
@@ -125,7 +128,10 @@ fn actions(record: &CampaignRecord, shown: &Shown) -> Markup {
             }
         }
         @if shown.versions.len() > 1 { a.button href={ (of) "/taxonomy/changes" } { "Before and after" } }
-        @if shown.version.stands { a.button href={ (of) "/report" } { "Export the report" } }
+        @if shown.version.stands {
+            a.button href={ (of) "/contact-sheet.svg" } { "Contact sheet (SVG)" }
+            a.button href={ (of) "/report" } { "Export the report" }
+        }
     }
 }
 
@@ -198,7 +204,36 @@ pub(super) async fn export(
     State(web): State<Web>,
     Path(id): Path<String>,
 ) -> Result<impl IntoResponse, PageError> {
-    let id = web.campaigns.status(&id).await?.record.id;
+    let (id, gathered) = gather(web, &id, PicturesOf::Individuals).await?;
+    let page = blocking(move || report::page(&gathered)).await?;
+    let page = page.map_err(|error| Status::internal(error.to_string()))?;
+    let name = format!("attachment; filename=\"{id}.html\"");
+    let headers = [
+        (CONTENT_TYPE, "text/html; charset=utf-8".to_owned()),
+        (CONTENT_DISPOSITION, name),
+    ];
+    Ok((headers, page))
+}
+
+/// All behaviours in one figure, to download as SVG. What is said of [`export`] holds here too.
+pub(super) async fn contact_sheet(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+) -> Result<impl IntoResponse, PageError> {
+    let (id, gathered) = gather(web, &id, PicturesOf::Medoids).await?;
+    let sheet = blocking(move || report::contact_sheet(&gathered)).await?;
+    let sheet = sheet.map_err(|error| Status::internal(error.to_string()))?;
+    let name = format!("attachment; filename=\"{id}-contact-sheet.svg\"");
+    let headers = [
+        (CONTENT_TYPE, "image/svg+xml".to_owned()),
+        (CONTENT_DISPOSITION, name),
+    ];
+    Ok((headers, sheet))
+}
+
+/// The data of the report of a campaign, with its id; workers simulate the motions of its medoids.
+async fn gather(web: Web, id: &str, pictures: PicturesOf) -> Result<(CampaignId, report::Report), PageError> {
+    let id = web.campaigns.status(id).await?.record.id;
     web.archive.dispatch.check_staffed().or_status()?;
     // The service of this process, without a network between.
     let mut archive = CampaignServiceClient::new(CampaignServiceServer::new(web.archive));
@@ -206,18 +241,11 @@ pub(super) async fn export(
     let failed = |error: String| Status::internal(error);
     let gathered = async {
         let names = report_data::names(&mut labels, id.as_str()).await?;
-        report_data::report(&mut archive, id.as_str(), names).await
+        report_data::report(&mut archive, id.as_str(), names, pictures).await
     };
     let gathered = gathered.await.map_err(|error| match error {
         report_data::ReportDataError::Service(status) => status,
         other => failed(other.to_string()),
     })?;
-    let page = blocking(move || report::page(&gathered)).await?;
-    let page = page.map_err(|error| failed(error.to_string()))?;
-    let name = format!("attachment; filename=\"{id}.html\"");
-    let headers = [
-        (CONTENT_TYPE, "text/html; charset=utf-8".to_owned()),
-        (CONTENT_DISPOSITION, name),
-    ];
-    Ok((headers, page))
+    Ok((id, gathered))
 }

@@ -67,6 +67,7 @@ pub fn tests() -> Vec<Test> {
         test!(async printing::pins_stay_with_their_medoids_when_the_report_is_laid_out_for_paper),
         test!(async report::a_card_plays_pauses_and_rests_by_keyboard_in_a_file),
         test!(async report::a_pointer_on_the_map_tells_what_is_there),
+        test!(async report::plots_tell_their_values_at_a_pointer_and_by_keys),
         test!(async reviewing::the_papers_classes_are_offered_and_keys_can_be_chosen),
         test!(async reviewing::every_page_with_keys_lists_them),
         test!(async reviewing::answers_are_looked_through_changed_and_withdrawn),

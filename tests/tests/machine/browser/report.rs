@@ -1,6 +1,10 @@
 //! The report as a file, without a coordinator.
 
-use crate::browser::{axe::check_barriers, driver::Driver, scene::Scene};
+use crate::browser::{
+    axe::check_barriers,
+    driver::{Driver, Window},
+    scene::Scene,
+};
 use serde_json::json;
 
 /// The first card: how it is, whether its button offers to pause, and the step.
@@ -69,6 +73,91 @@ pub async fn a_card_plays_pauses_and_rests_by_keyboard_in_a_file() {
     window.close().await;
 }
 
+/// Whether a canvas has the picture of a swarm.
+fn drawn(canvas: &str) -> String {
+    format!(
+        "(() => {{ const canvas = document.querySelector('{canvas}'); const {{ width, height }} = canvas; \
+         const pixels = new Uint32Array(canvas.getContext('2d').getImageData(0, 0, width, height).data.buffer); \
+         return width === window.murmuration.pictures.side && pixels.some((pixel) => (pixel & 0xffffff) !== 0); }})()"
+    )
+}
+
+/// The commands that replay behaviour 1 and the individual that was opened, without their files.
+const COMMANDS: &str = "['behaviour-1', 'chosen'].map((id) => \
+    [...document.getElementById(id).querySelectorAll('.copyable .line')].map((line) => line.textContent) \
+    .find((line) => line.startsWith('murmuration simulate')).split(' --gif ')[0])";
+
+/// The map's own keys: zoom, and from point to point.
+async fn keys_of_the_map(window: &Window) {
+    let pins = "[...document.querySelectorAll('.pin')].map(({ style }) => style.left + style.top).join()";
+    let before = window.value(pins).await;
+    window.focus("#space").await;
+    window.press("+").await;
+    window.until(&format!("{pins} !== {before}")).await;
+    window.press("\u{e011}").await;
+    window.until(&format!("{pins} === {before}")).await;
+    window.press("\u{e014}").await;
+    window.until("!document.getElementById('tip').hidden").await;
+    let first = window.text("#tip .lines div").await;
+    window.press("\u{e014}").await;
+    window
+        .until(&format!(
+            "document.querySelector('#tip .lines div').textContent !== {first:?}"
+        ))
+        .await;
+    window.press("\u{e007}").await;
+    window.until("document.activeElement.id === 'chosen-title'").await;
+    check_barriers(window, "the report with an individual opened").await;
+    window.press("\u{e00c}").await;
+    window
+        .until("document.getElementById('chosen').hidden && document.activeElement.id === 'space'")
+        .await;
+}
+
+pub async fn plots_tell_their_values_at_a_pointer_and_by_keys() {
+    let driver = Driver::start();
+    let scene = Scene::set().await;
+    let window = scene.report(&driver).await;
+    scene.cluster.stop().await;
+    let told = "#novelty .told";
+    window.focus("#novelty .plot").await;
+    window.press("\u{e011}").await;
+    let first = window.text(told).await;
+    assert!(
+        first.starts_with("Generation 0: best ") && first.contains(" · mean "),
+        "{first}"
+    );
+    let data = "JSON.parse(document.querySelector('#novelty .plot').dataset.plot)";
+    let best = window.value(&format!("{data}.lines[0].values[0]")).await;
+    let said = first.split(' ').nth(3).and_then(|said| said.parse::<f64>().ok());
+    let off = said
+        .zip(best.as_f64())
+        .map(|(said, best)| (said - best).abs() / best);
+    assert!(off.is_some_and(|off| off < 1e-3), "{first} for {best}");
+    window.press("\u{e014}").await;
+    window
+        .until(&format!(
+            "document.querySelector('{told}').textContent.startsWith('Generation 1: ')"
+        ))
+        .await;
+    // At the right edge is the last generation, and a dot lies on its line.
+    let last = window.value(&format!("{data}.x.at(-1)")).await;
+    let width = window
+        .value("document.querySelector('#novelty .plot .wide').clientWidth")
+        .await;
+    let right = width.as_f64().unwrap() - 5.0;
+    window
+        .draw("#novelty .plot .wide", &[(right - 40.0, 60.0), (right, 60.0)])
+        .await;
+    window
+        .until(&format!(
+            "document.querySelector('{told}').textContent.startsWith('Generation {last}: ') \
+             && document.querySelector('#novelty .wide .mark .dot-1').checkVisibility()"
+        ))
+        .await;
+    window.close().await;
+}
+
 pub async fn a_pointer_on_the_map_tells_what_is_there() {
     let driver = Driver::start();
     let scene = Scene::set().await;
@@ -91,9 +180,21 @@ pub async fn a_pointer_on_the_map_tells_what_is_there() {
     let told = window.text("#tip").await;
     let expected = format!("Individual {} · behaviour 1", found[2]);
     assert!(told.starts_with(&expected), "{told} is not of {expected}");
+    window.until(&drawn("#tip canvas")).await;
     // What is not of that cluster is faded.
     let faded = "document.querySelectorAll('.pin.faded').length";
     assert_eq!(window.value(faded).await, json!(3));
+    window.draw("#space", &[(x, y)]).await;
+    window.until("!document.getElementById('chosen').hidden").await;
+    window.until(&drawn("#chosen canvas")).await;
+    let commands = window.value(COMMANDS).await;
+    assert_eq!(
+        commands[0], commands[1],
+        "the first medoid is replayed as on its card"
+    );
+    window.picture("report-opened").await;
+    window.press("\u{e00c}").await;
+    window.until("document.getElementById('chosen').hidden").await;
     // Each card shows on a small map where its cluster lies.
     let blank = "[...document.querySelectorAll('canvas.where')].filter((small) => \
                  !new Uint32Array(small.getContext('2d').getImageData(0, 0, small.width, small.height).data.buffer).some(Boolean)).length";
@@ -104,5 +205,6 @@ pub async fn a_pointer_on_the_map_tells_what_is_there() {
     window.until(&format!("{pins} !== {before}")).await;
     window.click("[data-zoom='whole']").await;
     window.until(&format!("{pins} === {before}")).await;
+    keys_of_the_map(&window).await;
     window.close().await;
 }

@@ -340,7 +340,7 @@ pub async fn medoids_are_named_and_the_report_is_taken_away() {
     assert_eq!(scene.labels.standing().await[&index.as_u64().unwrap()], "milling");
     window.driver.refresh().await.unwrap();
     window
-        .until("document.querySelector('.medoid input').value === 'milling'")
+        .until("document.querySelector('.medoid input').value === 'milling' && document.querySelector('a[href$=\"/contact-sheet.svg\"]')")
         .await;
     window.close().await;
 
@@ -351,8 +351,18 @@ pub async fn medoids_are_named_and_the_report_is_taken_away() {
         "attachment; filename=\"small-1.html\""
     );
     let report = report.text().await.unwrap();
-    for said in ["into 4 clusters", ">milling</span>", "milling · 1"] {
+    for said in [
+        "into 4 clusters",
+        ">milling</span>",
+        "milling · 1",
+        "download=\"contact-sheet.svg\"",
+    ] {
         assert!(report.contains(said), "{said}");
     }
+    let sheet = reqwest::get(scene.url("/contact-sheet.svg")).await.unwrap();
+    assert_eq!(sheet.headers()["content-type"], "image/svg+xml");
+    let sheet = sheet.text().await.unwrap();
+    assert_eq!(sheet.matches("viewBox").count(), 5);
+    assert!(sheet.contains("milling"), "{sheet}");
     scene.cluster.stop().await;
 }

@@ -188,6 +188,22 @@ pub async fn a_controller_of_an_atlas_is_chosen_and_its_motion_plays() {
     window.press("\u{e014}").await;
     window.until(&format!("{genes} === '0,0,0.5,0'")).await;
     window.until(playing).await;
+    // Of the whole map, the page has the pictures of the controllers that were chosen.
+    let picture = "document.querySelector('#chosen canvas')";
+    window.until(&format!("{picture} && !{picture}.hidden")).await;
+    let light = format!(
+        "new Uint32Array({picture}.getContext('2d').getImageData(0, 0, {picture}.width, {picture}.height).data.buffer) \
+         .some((pixel) => (pixel & 0xffffff) !== 0)"
+    );
+    assert_eq!(window.value(&light).await, true);
+    let pictures = "performance.getEntriesByType('resource').filter(({ name }) => /individuals\\/\\d+\\?created=/.test(name)).length";
+    let few = window.value(pictures).await.as_u64();
+    assert!(few.is_some_and(|few| (1..=2).contains(&few)), "{few:?}");
+    // Close up, it has those of all in sight.
+    window.press("++").await;
+    window.until(&format!("{pictures} > 20")).await;
+    window.picture("atlas-close-up").await;
+    window.press("--").await;
     // Space stops it, and Escape lets the controller go.
     window.press(" ").await;
     window

@@ -1,0 +1,107 @@
+// An individual of the map: its picture, what is known of it, and a panel that shows both with the command that replays it.
+const { archive, classes, grouped, pictures, simulator } = window.murmuration;
+const TILELESS = 65535;
+const panel = document.getElementById("chosen");
+const genesEach = archive.genes.length / Math.max(archive.x.length, 1);
+
+// Sheets of pictures that were asked for, by number: a browser decodes one when it is first needed.
+const sheets = new Map();
+function sheet(number) {
+  if (!sheets.has(number)) {
+    const image = new Image();
+    image.src = `data:image/png;base64,${pictures.sheets[number]}`;
+    sheets.set(number, image);
+  }
+  return sheets.get(number);
+}
+
+const cardOf = (i) => document.getElementById(`behaviour-${archive.cluster[i] + 1}`);
+const isMedoid = (i) => archive.medoids[archive.cluster[i]] === i;
+const hasOwnPicture = (i) => archive.tile[i] !== TILELESS || isMedoid(i);
+
+// Draws the picture of an individual, or of its medoid if it has none of its own.
+async function drawPicture(canvas, i) {
+  canvas.dataset.of = i;
+  const tile = archive.tile[i];
+  const { side, columns, tiles } = pictures;
+  const image = tile === TILELESS ? cardOf(i).querySelector("img.grey") : sheet(Math.floor(tile / tiles));
+  const place = tile === TILELESS ? 0 : tile % tiles;
+  await image.decode();
+  // Another one may have been asked for meanwhile.
+  if (canvas.dataset.of !== String(i)) return;
+  canvas.width = canvas.height = side;
+  const at = [(place % columns) * side, Math.floor(place / columns) * side];
+  canvas.getContext("2d").drawImage(image, ...at, side, side, 0, 0, side, side);
+}
+
+// What a behaviour was called, if anything, and whether no person called it so.
+function named(i) {
+  const name = classes[archive.class[i]];
+  if (name === undefined) return "";
+  return archive.machine[i] ? `${name} (by the rule-based judge)` : name;
+}
+
+const titleOf = (i) => `Individual ${grouped(archive.index[i])}`;
+const whosePicture = (i) => (hasOwnPicture(i) ? "" : `It has no picture of its own here: this is that of its medoid, behaviour ${archive.cluster[i] + 1}.`);
+
+// Its genes as the map has them, to four digits.
+const rounded = (i) =>
+  Array.from(archive.genes.subarray(i * genesEach, (i + 1) * genesEach), (gene) => Number((gene * archive.geneUnit).toFixed(4)));
+
+function facts(i) {
+  const known = [
+    ["Behaviour", String(archive.cluster[i] + 1)],
+    ["Class", named(i)],
+    ["Novelty when evaluated", archive.novelty[i].toPrecision(4)],
+    ["Generation", grouped(archive.generation[i])],
+  ];
+  if (archive.trials > 1) known.push(["Robustness", `${archive.robust[i]} of ${archive.trials}`]);
+  return known.filter(([, value]) => value !== "");
+}
+
+// The exact genes and the command; null where the page has them not.
+function replayOf(i) {
+  const tile = archive.tile[i];
+  if (tile !== TILELESS) {
+    const genes = `[${Array.from(pictures.genes.subarray(tile * genesEach, (tile + 1) * genesEach)).join(", ")}]`;
+    const file = `individual-${archive.index[i]}.gif`;
+    return { genes, command: `${simulator} --controller "${genes}" --seed ${pictures.seeds[tile]} --gif ${file}` };
+  }
+  if (!isMedoid(i)) return null;
+  const [genes, command] = Array.from(cardOf(i).querySelectorAll(".text > .copyable .line"), (line) => line.textContent);
+  return { genes, command };
+}
+
+const element = (name, text) => {
+  const made = document.createElement(name);
+  made.textContent = text;
+  return made;
+};
+
+// Shows an individual large, on the side of the map where it is not.
+function openPanel(i, isLeft) {
+  const replay = replayOf(i);
+  panel.querySelector("h3").textContent = titleOf(i);
+  panel.querySelector(".whose").textContent = whosePicture(i);
+  panel.querySelector("dl").replaceChildren(
+    ...facts(i).map(([name, value]) => {
+      const row = document.createElement("div");
+      const told = element("dd", "");
+      if (name === "Behaviour") {
+        const link = element("a", value);
+        link.href = `#behaviour-${value}`;
+        told.append(link);
+      } else told.textContent = value;
+      row.append(element("dt", name), told);
+      return row;
+    }),
+  );
+  const [genes, command] = panel.querySelectorAll(".line");
+  genes.textContent = replay?.genes ?? `[${rounded(i).join(", ")}], rounded`;
+  command.textContent = replay?.command ?? "";
+  for (const part of [command.parentElement, command.parentElement.previousElementSibling]) part.hidden = !replay;
+  panel.querySelector(".elsewhere").textContent = replay ? "" : "Its exact genes and its seed, with which it can be replayed, are in archive.csv.";
+  panel.classList.toggle("left", !isLeft);
+  panel.hidden = false;
+  drawPicture(panel.querySelector("canvas"), i);
+}

@@ -1,0 +1,221 @@
+//! The pictures of an archive's individuals in a few files: sheets of tiles, from which a page cuts the picture of a point.
+
+use crate::picture::{PictureError, rgb, thinned};
+use murmuration_proto::PictureShape;
+
+/// Most individuals on the map of a page.
+pub(crate) const MOST_POINTS: usize = 100_000;
+/// Most individuals that have a picture of their own, and most pixels of all their pictures together.
+const MOST_PICTURES: usize = 10_000;
+const MOST_PIXELS: usize = 25_000_000;
+/// Tiles in a row of a sheet, and most of them on a sheet.
+pub(crate) const COLUMNS: usize = 20;
+pub(crate) const TILES: usize = COLUMNS * COLUMNS;
+
+/// The pictures of some individuals, in the order of the archive; none of a report without them.
+#[derive(Debug, Clone, Default)]
+pub struct Pictured {
+    /// The individual of each tile, ascending.
+    pub(crate) indices: Vec<u64>,
+    /// The sheets as PNG, each but the last with [`TILES`] tiles.
+    pub(crate) sheets: Vec<Vec<u8>>,
+}
+
+impl Pictured {
+    /// The tile of an individual.
+    pub(crate) fn tile(&self, index: u64) -> Option<usize> {
+        self.indices.binary_search(&index).ok()
+    }
+}
+
+/// Makes sheets while an archive is read, so that no more than one sheet's pictures are in memory.
+#[derive(Debug)]
+pub struct PictureSheets {
+    shape: PictureShape,
+    /// Individuals that are to have a picture, the next one last.
+    wanted: Vec<u64>,
+    /// The pictures of the sheet that is being filled, each row by row, of several channels with red, green
+    /// and blue of each pixel.
+    tiles: Vec<Vec<u8>>,
+    made: Pictured,
+}
+
+impl PictureSheets {
+    /// For an archive of so many individuals with pictures of this shape: at most 10,000 pictures, fewer if they are larger than
+    /// 50 pixels a side, of evenly chosen individuals.
+    #[must_use]
+    pub fn of(individuals: usize, shape: PictureShape) -> Self {
+        let most = MOST_PICTURES.min(MOST_PIXELS / shape.pixels().max(1));
+        let shown = thinned(individuals, MOST_POINTS);
+        let chosen = thinned(shown.len(), most).into_iter();
+        let mut wanted: Vec<u64> = chosen.map(|place| shown[place] as u64).collect();
+        wanted.reverse();
+        Self {
+            shape,
+            wanted,
+            tiles: Vec::new(),
+            made: Pictured::default(),
+        }
+    }
+
+    /// Takes the picture of an individual, if it is to have one. Individuals come in the order of the archive; one that has no
+    /// picture is left out.
+    ///
+    /// # Errors
+    /// [`PictureError`] if the image is of another shape.
+    pub fn add(&mut self, index: u64, image: &[u8]) -> Result<(), PictureError> {
+        while self.wanted.last().is_some_and(|&wanted| wanted < index) {
+            self.wanted.pop();
+        }
+        if self.wanted.last() != Some(&index) {
+            return Ok(());
+        }
+        self.tiles.push(screen(image, self.shape)?);
+        self.made.indices.push(index);
+        if self.tiles.len() == TILES {
+            self.flush()?;
+        }
+        Ok(())
+    }
+
+    /// The sheets.
+    ///
+    /// # Errors
+    /// [`PictureError`] if one cannot be encoded.
+    pub fn finish(mut self) -> Result<Pictured, PictureError> {
+        if !self.tiles.is_empty() {
+            self.flush()?;
+        }
+        Ok(self.made)
+    }
+
+    fn flush(&mut self) -> Result<(), PictureError> {
+        self.made.sheets.push(sheet(&self.tiles, self.shape)?);
+        self.tiles.clear();
+        Ok(())
+    }
+}
+
+/// The pixels of an image as a screen has them, row by row.
+fn screen(image: &[u8], shape: PictureShape) -> Result<Vec<u8>, PictureError> {
+    if shape.channels() > 1 || image.len() != shape.bytes() {
+        return rgb(image, shape);
+    }
+    let side = shape.side();
+    let mut rows = Vec::with_capacity(image.len());
+    for y in 0..side {
+        rows.extend((0..side).map(|x| image[x * side + y]));
+    }
+    Ok(rows)
+}
+
+/// Tiles as one PNG. Of each value it has the upper four bits alone, which nobody misses in a picture of this size, and which
+/// halve the file.
+fn sheet(tiles: &[Vec<u8>], shape: PictureShape) -> Result<Vec<u8>, PictureError> {
+    let side = shape.side();
+    let (width, height) = (COLUMNS * side, tiles.len().div_ceil(COLUMNS) * side);
+    let is_grey = shape.channels() == 1;
+    let bytes = if is_grey { side } else { 3 * side };
+    let nothing = vec![0; bytes];
+    let mut pixels = Vec::with_capacity(height * COLUMNS * bytes);
+    for (y, column) in (0..height).flat_map(|y| (0..COLUMNS).map(move |column| (y, column))) {
+        let tile = tiles.get(y / side * COLUMNS + column);
+        let row = tile.map_or(nothing.as_slice(), |tile| &tile[y % side * bytes..][..bytes]);
+        pixels.extend_from_slice(row);
+    }
+    if is_grey {
+        // The width is even, so that no byte is shared by two rows.
+        let pairs = pixels.chunks_exact(2);
+        pixels = pairs.map(|pair| pair[0] & 0xf0 | pair[1] >> 4).collect();
+    } else {
+        pixels.iter_mut().for_each(|value| *value = (*value >> 4) * 17);
+    }
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
+    if is_grey {
+        encoder.set_color(png::ColorType::Grayscale);
+        encoder.set_depth(png::BitDepth::Four);
+    } else {
+        encoder.set_color(png::ColorType::Rgb);
+    }
+    encoder.set_compression(png::Compression::High);
+    encoder.set_filter(png::Filter::NoFilter);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&pixels)?;
+    writer.finish()?;
+    Ok(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shape(channels: usize, side: usize) -> PictureShape {
+        PictureShape::new(channels, side).unwrap()
+    }
+
+    /// Width and the pixels of a sheet, as bytes.
+    fn decoded(sheet: &[u8]) -> (usize, Vec<u8>) {
+        let mut decoder = png::Decoder::new(std::io::Cursor::new(sheet));
+        decoder.set_transformations(png::Transformations::EXPAND);
+        let mut reader = decoder.read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        (info.width as usize, pixels)
+    }
+
+    #[test]
+    fn every_individual_of_a_small_archive_has_its_tile() {
+        let mut sheets = PictureSheets::of(410, shape(1, 2));
+        for index in 0..410_u64 {
+            let grey = (index % 16 * 17) as u8;
+            sheets.add(index, &[grey, 0, 255, grey]).unwrap();
+        }
+        let pictured = sheets.finish().unwrap();
+        assert_eq!(pictured.sheets.len(), 2);
+        for index in [0, 21, 399, 405] {
+            let tile = pictured.tile(index).unwrap();
+            let (width, pixels) = decoded(&pictured.sheets[tile / TILES]);
+            let place = tile % TILES;
+            let corner = place / COLUMNS * 2 * width + place % COLUMNS * 2;
+            let grey = (index % 16 * 17) as u8;
+            // Axis 0 of an image is x, which goes right here.
+            let rows = [corner, corner + 1, corner + width, corner + width + 1].map(|at| pixels[at]);
+            assert_eq!(rows, [grey, 255, 0, grey], "{index}");
+        }
+    }
+
+    #[test]
+    fn pictures_are_bounded_and_evenly_chosen() {
+        let wanted = |individuals: usize, side: usize| {
+            let mut wanted = PictureSheets::of(individuals, shape(1, side)).wanted;
+            wanted.reverse();
+            wanted
+        };
+        assert_eq!(wanted(9000, 50).len(), 9000);
+        let many = wanted(250_000, 50);
+        assert_eq!((many.len(), many[0], many[9999]), (10_000, 0, 249_999));
+        assert!(
+            many.windows(2)
+                .all(|pair| (20..=30).contains(&(pair[1] - pair[0])))
+        );
+        assert_eq!(wanted(250_000, 100).len(), 2500);
+    }
+
+    #[test]
+    fn who_has_no_picture_has_no_tile_and_species_have_their_colours() {
+        let mut sheets = PictureSheets::of(4, shape(2, 1));
+        sheets.add(0, &[255, 0]).unwrap();
+        sheets.add(2, &[0, 0]).unwrap();
+        assert!(sheets.add(3, &[0]).is_err());
+        let pictured = sheets.finish().unwrap();
+        assert_eq!(
+            [0, 1, 2, 3].map(|index| pictured.tile(index)),
+            [Some(0), None, Some(1), None]
+        );
+        let (_, pixels) = decoded(&pictured.sheets[0]);
+        let first = murmuration_model::colours::AGENTS[0].map(|value| value >> 4);
+        assert_eq!([0, 1, 2].map(|at| pixels[at] >> 4), first);
+        assert_eq!(pixels[3..6], [0; 3]);
+    }
+}
