@@ -98,7 +98,7 @@ impl TimeLeft {
                 hours => format!("about {}", counted((hours / 3600.0).round() as u64, "hour")),
             },
             true => match seconds {
-                under if under < 10.0 => "at least some seconds".to_owned(),
+                under if under < 10.0 => format!("at least {}", counted(under as u64, "second")),
                 under if under < 60.0 => format!("at least {} seconds", 10 * (under / 10.0) as u64),
                 under if under < 3600.0 => format!("at least {}", counted((under / 60.0) as u64, "minute")),
                 hours => format!("at least {}", counted((hours / 3600.0) as u64, "hour")),
@@ -192,7 +192,7 @@ mod tests {
     #[test]
     fn a_least_time_is_rounded_down_and_another_up() {
         let said = |seconds| [false, true].map(|is_least| TimeLeft { seconds, is_least }.in_words());
-        assert_eq!(said(4.0), ["under a minute", "at least some seconds"]);
+        assert_eq!(said(4.0), ["under a minute", "at least 4 seconds"]);
         assert_eq!(said(59.0), ["under a minute", "at least 50 seconds"]);
         assert_eq!(said(61.0), ["about 2 minutes", "at least 1 minute"]);
         assert_eq!(said(7_100.0), ["about 2 hours", "at least 1 hour"]);

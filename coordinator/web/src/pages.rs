@@ -264,7 +264,8 @@ fn facts(status: &CampaignStatus) -> Markup {
                 (fact("Accuracy on held-out triplets", accuracy.map(|share| format!("{:.1} %", 100.0 * share))))
             }
             (fact("Time left in this stage", stage_left(status)))
-            (fact("Time left in all", whole_left(status)))
+            // On one line, whatever it says, or what is below would move.
+            @if running { div { dt { "Time left in all" } dd.on-one-line { (whole_left(status).as_deref().unwrap_or("–")) } } }
             (fact("Rate", rate.map(|rate| format!("{} per second", grouped(rate.round() as u64)))))
             (fact("Workers", Some(status.workers.to_string())))
             (fact("Trainers", Some(status.trainers.to_string())))
