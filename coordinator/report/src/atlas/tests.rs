@@ -235,7 +235,7 @@ fn the_poster_as_png_has_the_map_and_the_legend() {
     assert_eq!(at(110 + 10, 120 + 10), &map[..3]);
     let first_of_legend = at(110 + 1323 + 34 + 15, 120 + 20 + 15);
     let is_class = Class::ALL
-        .map(class_colour)
+        .map(colours::class_colour)
         .iter()
         .any(|colour| colour == first_of_legend);
     assert!(is_class, "{first_of_legend:?}");
