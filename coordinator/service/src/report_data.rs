@@ -13,8 +13,8 @@ use murmuration_proto::{
     v1::{self, campaign_service_client::CampaignServiceClient, label_service_client::LabelServiceClient},
 };
 use murmuration_report::{
-    CarriedName, Entry, GenerationSummary, Map, MedoidEntry, Member, Names, PictureSheets, Pictured, Report,
-    Spread, TrialEntry, picture::PictureError,
+    CarriedName, Entry, GenerationSummary, Map, MedoidEntry, Member, Names, PictureSheets, Report, Spread,
+    TrialEntry, picture::PictureError,
 };
 use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
@@ -41,13 +41,8 @@ pub enum ReportDataError {
     #[error("the archive holds vectors that cannot be compared: {0}")]
     Misfit(#[from] Misfit),
     /// A picture of an individual cannot be drawn.
-    #[error("cannot draw individual {index}: {source}")]
-    Picture {
-        /// Index of the individual; of the last one of a sheet of pictures.
-        index: u64,
-        /// What is wrong.
-        source: PictureError,
-    },
+    #[error("cannot draw the individuals: {0}")]
+    Picture(#[from] PictureError),
     /// Whoever wanted the report is gone.
     #[error("{0}")]
     Interrupted(#[from] Interrupted),
@@ -150,13 +145,9 @@ where
         .list_generations(v1::ListGenerationsRequest { campaign: id() })
         .await?;
     let generations = whole(generations.into_inner()).await?;
-    let (mut individuals, pictured) = match pictures {
-        PicturesOf::Individuals => pictured_archive(client, campaign, &spec, taxonomy.clusters.len()).await?,
-        PicturesOf::Medoids => (
-            archive(client, campaign, spec.model()).await?,
-            Pictured::default(),
-        ),
-    };
+    let mut sheets = PictureSheets::of(taxonomy.clusters.len(), spec.image().shape());
+    let wanted = (pictures == PicturesOf::Individuals).then_some(&mut sheets);
+    let mut individuals = read_archive(client, campaign, spec.model(), wanted).await?;
     let starts = spec.starts().get() as f64;
     for (entry, &robust) in individuals.iter_mut().zip(&taxonomy.robust_trials) {
         entry.robustness = Some(f64::from(robust) / starts);
@@ -206,7 +197,7 @@ where
         simulator_version: SIMULATOR_VERSION.to_owned(),
         generations: generations.generations.into_iter().map(generation).collect(),
         map: map(&behaviours)?,
-        pictured,
+        pictured: sheets.finish()?,
         individuals,
         medoids,
         clusters: taxonomy.clusters,
@@ -255,27 +246,16 @@ where
     <C::ResponseBody as HttpBody>::Error: Into<StdError> + Send,
     C::Future: Send,
 {
-    let request = v1::GetArchiveRequest {
-        campaign: campaign.to_owned(),
-        images: false,
-    };
-    let mut chunks = client.get_archive(request).await?.into_inner();
-    let mut entries = Vec::new();
-    while let Some(chunk) = chunks.message().await? {
-        for individual in chunk.individuals {
-            entries.push(entry(&individual, model)?);
-        }
-    }
-    Ok(entries)
+    read_archive(client, campaign, model, None).await
 }
 
-/// The archive, and the pictures of some of its individuals: those of a part are forgotten before the next one is read.
-async fn pictured_archive<C>(
+/// The archive; `sheets`, if there are any, take its pictures, and those of a part are forgotten before the next one is read.
+async fn read_archive<C>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
-    spec: &CampaignSpec,
-    count: usize,
-) -> Result<(Vec<Entry>, Pictured), ReportDataError>
+    model: &CapabilityModel,
+    mut sheets: Option<&mut PictureSheets>,
+) -> Result<Vec<Entry>, ReportDataError>
 where
     C: GrpcService<Body> + Send,
     C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
@@ -284,23 +264,20 @@ where
 {
     let request = v1::GetArchiveRequest {
         campaign: campaign.to_owned(),
-        images: true,
+        images: sheets.is_some(),
     };
     let mut chunks = client.get_archive(request).await?.into_inner();
     let mut entries = Vec::new();
-    let mut sheets = PictureSheets::of(count, spec.image().shape());
-    let failed = |index: u64| move |source| ReportDataError::Picture { index, source };
     while let Some(chunk) = chunks.message().await? {
         for individual in chunk.individuals {
             let index = entries.len() as u64;
-            entries.push(entry(&individual, spec.model())?);
-            if let Some(image) = &individual.image {
-                sheets.add(index, image).map_err(failed(index))?;
+            entries.push(entry(&individual, model)?);
+            if let Some((sheets, image)) = sheets.as_mut().zip(individual.image.as_ref()) {
+                sheets.add(index, image)?;
             }
         }
     }
-    let last = (entries.len() as u64).saturating_sub(1);
-    Ok((entries, sheets.finish().map_err(failed(last))?))
+    Ok(entries)
 }
 
 /// What the judge said of the trials of a completed campaign that judges them: `count` gets each verdict, individual after

@@ -117,7 +117,7 @@ impl From<ReportDataError> for CliError {
             ReportDataError::Service(status) => status.into(),
             ReportDataError::Answer(_)
             | ReportDataError::Misfit(_)
-            | ReportDataError::Picture { .. }
+            | ReportDataError::Picture(_)
             | ReportDataError::Interrupted(_) => Self::Failed(error.to_string()),
         }
     }
