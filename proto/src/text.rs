@@ -130,6 +130,11 @@ const fn is_space(c: char) -> bool {
     matches!(c, '\n' | '\r' | '\t' | '\u{85}' | '\u{2028}' | '\u{2029}')
 }
 
+/// Code points that stand for no character, ever. XML, and so SVG, may not have some of them.
+const fn is_noncharacter(c: char) -> bool {
+    matches!(c, '\u{fdd0}'..='\u{fdef}') || c as u32 & 0xfffe == 0xfffe
+}
+
 /// Characters that join others, or say how the one before is drawn.
 const fn is_joiner(c: char) -> bool {
     matches!(c, '\u{200c}' | '\u{200d}' | '\u{fe0e}' | '\u{fe0f}')
@@ -149,6 +154,7 @@ fn is_hidden(c: char, before: Option<char>) -> bool {
     }
     c.is_control()
         || is_space(c)
+        || is_noncharacter(c)
         || matches!(c, '\u{fff9}'..='\u{fffb}')
         || CodePointSetData::new::<DefaultIgnorableCodePoint>().contains(c)
 }

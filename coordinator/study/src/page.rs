@@ -81,6 +81,12 @@ fn header(outcome: &Outcome) -> Markup {
         header {
             p.eyebrow { "Study" }
             h1 { (study.name().as_str()) }
+            @if study.is_quick() {
+                p.lead {
+                    strong { "Shortened by --quick." } " Its campaigns are smaller and fewer than the study says: it shows what the report looks like, "
+                    "and its figures are not to be compared with published ones."
+                }
+            }
             p.lead {
                 (counted(study.rows().len() as u64, "row")) ", "
                 (counted(study.seeds().len() as u64, "replicate")) " each: "

@@ -95,6 +95,15 @@ impl Study {
     /// Maximum number of cells.
     pub const MAX_CELLS: usize = 2000;
 
+    /// What the name of a quick study ends with, and no other name.
+    pub const QUICK: &str = "-quick";
+
+    /// Whether `--quick` shortened it.
+    #[must_use]
+    pub fn is_quick(&self) -> bool {
+        self.name.as_str().ends_with(Self::QUICK)
+    }
+
     /// Its name; that of a quick study ends with `-quick`.
     #[must_use]
     pub const fn name(&self) -> &CampaignName {

@@ -171,7 +171,8 @@ fn table(record: &CampaignRecord, steps: &[Step]) -> Markup {
             h2 #history { "History" }
             p.reason {
                 "A round learns from the labels and comparisons that there are when it begins, and goes on from the checkpoint before. The "
-                "accuracy is the share of held-out triplets that a checkpoint tells apart."
+                "accuracy is the share of held-out triplets that a checkpoint tells apart: of pictures of one controller and one of another, "
+                "which nobody labelled. It may fall a little while the agreement with people rises, which " code { "murmuration accuracy" } " measures."
             }
             (wide("Rounds", &html! { table {
                 thead { tr { @for title in [
@@ -207,7 +208,7 @@ fn line(record: &CampaignRecord, step: &Step, is_last: bool) -> Markup {
                         a href={ "/campaigns/" (record.id) "/taxonomy?version=" (version.version) } { "version " (version.version) }
                     },
                     // The campaign learned again before it was clustered.
-                    None if !is_last => "none",
+                    None if !is_last || record.state == CampaignState::Cancelled => "none",
                     None => "when the search has ended",
                 }
             }

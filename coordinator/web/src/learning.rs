@@ -40,19 +40,14 @@ impl Estimate {
         if round == 0 {
             return Ok(None);
         }
-        let Some(training) = lasted(&store.epoch_times(&record.id, round)?) else {
+        let times = store.epoch_times(&record.id, round)?;
+        let (Some(training), Some(&trained_ms)) = (lasted(&times), times.last()) else {
             return Ok(None);
         };
         let versions = store.taxonomy_versions(&record.id)?;
         let made = versions.iter().find(|version| version.rounds == round);
-        let after = match made.and_then(|made| made.checkpoint) {
-            None => None,
-            Some(checkpoint) => {
-                let trained_ms = store.checkpoint(checkpoint)?.created_ms;
-                let made = made.and_then(|made| Some((made.made_ms?, made.individuals)));
-                made.map(|made| until_made(trained_ms, made, record.individuals()))
-            }
-        };
+        let made = made.and_then(|made| Some((made.made_ms?, made.individuals)));
+        let after = made.map(|made| until_made(trained_ms, made, record.individuals()));
         Ok(Some(Self { training, after }))
     }
 

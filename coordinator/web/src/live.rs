@@ -7,7 +7,7 @@ use axum::{
 };
 use maud::Markup;
 use murmuration_engine::{blocking::blocking, campaign::CampaignError};
-use murmuration_model::Rounds;
+use murmuration_model::{CampaignState, Rounds};
 use murmuration_proto::CheckpointDigest;
 use murmuration_service::Permit;
 use serde_json::json;
@@ -45,6 +45,7 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
             let record = &status.record;
             let of = (
                 ArchiveState::of(record),
+                record.state,
                 entries,
                 record.rounds,
                 record.embedder.next(),
@@ -72,8 +73,9 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
 
 /// The markup of a taxonomy and of the rounds that led to it.
 struct Rendered {
-    /// What it was rendered from: the state of the archive, the length of the label log, the rounds, and what the archive moves to.
-    of: (ArchiveState, u64, Rounds, Option<CheckpointDigest>),
+    /// What it was rendered from: the states of archive and campaign, the length of the label log, the rounds, and what the archive
+    /// moves to.
+    of: (ArchiveState, CampaignState, u64, Rounds, Option<CheckpointDigest>),
     taxonomy: Markup,
     history: Markup,
 }

@@ -19,7 +19,10 @@ use murmuration_link::{InputKind, OutputError, errln};
 use murmuration_proto::{CampaignSpec, CheckpointDigest, grouped};
 use null_worker::NullWorker;
 pub(super) use plain_loop::PlainLoop;
-use std::{path::PathBuf, time::Duration};
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 /// Arguments of `bench cluster`.
 #[derive(Debug, clap::Args)]
@@ -94,6 +97,9 @@ impl Best {
 
 impl ClusterBench {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        if let Some(folder) = &self.keep {
+            new_folder(folder)?;
+        }
         let mut table = Table::new([
             left("WHAT"),
             right("RESULTS"),
@@ -218,6 +224,24 @@ impl ClusterBench {
             "method = \"latent\"\ncheckpoint = \"{checkpoint}\"\n[search]\npopulation = 100\ngenerations = {}\n",
             self.generations
         ))
+    }
+}
+
+/// Nobody's campaigns get made-up ones among them.
+fn new_folder(folder: &Path) -> Result<(), CliError> {
+    let refused = |why: &dyn std::fmt::Display| {
+        let said = format!(
+            "--keep {}: {why}; name a folder that is new or empty",
+            folder.display()
+        );
+        Err(CliError::Input(said))
+    };
+    match std::fs::create_dir_all(folder).and_then(|()| std::fs::read_dir(folder)) {
+        Ok(mut entries) => match entries.next() {
+            Some(_) => refused(&"the folder is not empty"),
+            None => Ok(()),
+        },
+        Err(error) => refused(&error),
     }
 }
 

@@ -115,7 +115,8 @@ fn a_taxonomy_of_an_older_database_becomes_the_first_version() {
         measures: vec![ClusterMeasures::default()],
         robust_trials: vec![],
     };
-    let older = "DROP TABLE taxonomies;
+    let older = "ALTER TABLE epochs DROP COLUMN ended_ms;
+        DROP TABLE taxonomies;
         CREATE TABLE taxonomies (campaign INTEGER PRIMARY KEY REFERENCES campaigns (number), medoids BLOB NOT NULL,
             clusters BLOB NOT NULL, loss REAL NOT NULL, measures BLOB NOT NULL, robust_trials BLOB NOT NULL) STRICT;
         INSERT INTO taxonomies VALUES (1, x'0100000000000000', x'0000000000000000', 2.5, zeroblob(16), x'');

@@ -4,6 +4,7 @@ use super::{
     lay_over,
     numbers::{NumberAxis, NumbersMessage},
 };
+use crate::study::Study;
 use murmuration_proto::{Invalid, text};
 use serde::Deserialize;
 use std::{collections::BTreeMap, path::PathBuf};
@@ -150,17 +151,17 @@ pub(super) struct QuickMessage {
     pub(super) recall: Option<RecallMessage>,
 }
 
-/// What the name of a quick study ends with.
-const QUICK: &str = "-quick";
-
 impl StudyMessage {
     /// The study as it is made: with the changes of `[quick]`, or without them.
     pub(super) fn made(mut self, quick: bool) -> Result<Self, Invalid> {
         for axis in &mut self.axes {
             (axis.values, axis.about) = axis.numbered(quick)?;
         }
-        if self.name.ends_with(QUICK) {
-            let allowed = format!("a name that does not end in {QUICK}, as that of a quick study does");
+        if self.name.ends_with(Study::QUICK) {
+            let allowed = format!(
+                "a name that does not end in {}, as that of a quick study does",
+                Study::QUICK
+            );
             return Err(Invalid::new("name", text::quoted(&self.name), allowed));
         }
         if !quick {
@@ -176,7 +177,7 @@ impl StudyMessage {
                 "there to say what `--quick` changes; this study has no such table: run it without `--quick`";
             return Err(Invalid::new("[quick]", "nothing", allowed));
         };
-        self.name.push_str(QUICK);
+        self.name.push_str(Study::QUICK);
         self.seeds = changes.seeds.clone().or(self.seeds);
         self.embedders = changes.embedders.or(self.embedders);
         if let (Some(recall), Some(changes)) = (&mut self.recall, &changes.recall) {

@@ -110,7 +110,7 @@ function answer(preference) {
 function withdraw(count = 1) {
   question = null;
   status.classList.remove("wrong");
-  for (let i = 0; i < count; i++) outbox.add("comparisons/withdraw", { annotator: annotator() });
+  outbox.add("comparisons/withdraw", { annotator: annotator() }, count);
 }
 
 // Asks how many of the last comparisons to withdraw, and withdraws them.

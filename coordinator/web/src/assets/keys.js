@@ -19,6 +19,8 @@ const ALIASES = { "=": "+", Backspace: "Delete" };
 // Keys that browsers, dialogs and this list need.
 const UNFIT = ["Tab", "Enter", "Escape", "?", "Dead", "Unidentified", "Process"];
 const MODIFIERS = ["Shift", "Control", "Alt", "AltGraph", "Meta", "CapsLock"];
+// The pages on which classes have keys.
+const NAMING = ["label", "sheet", "map", "answers"];
 // By action, the key that somebody chose for it in this browser.
 const CHOSEN = "murmuration.keys";
 
@@ -34,7 +36,8 @@ let classes = new Map();
 
 function kept() {
   try {
-    return JSON.parse(localStorage.getItem(CHOSEN)) ?? {};
+    const entries = Object.entries(JSON.parse(localStorage.getItem(CHOSEN)) ?? {});
+    return Object.fromEntries(entries.filter(([, key]) => typeof key === "string"));
   } catch {
     return {};
   }
@@ -98,6 +101,9 @@ function clash(name, key) {
   const by = classes.get(key);
   if (by) return `${said} names the class “${shown(by)}”. Press another key, or give the class another one on the page Classes.`;
   const { pages } = actions.get(name);
+  if (/^[1-9]$/.test(key) && !NAMING.includes(list.dataset.page) && pages.some((page) => NAMING.includes(page))) {
+    return `${said} may name a class on another page where this key would count too. Press another key.`;
+  }
   const other = [...actions].find(([one, of]) => one !== name && keyOf(one) === key && of.pages.some((page) => pages.includes(page)));
   if (other) return `${said} is taken: ${other[1].what}. Press another key, or change that one first.`;
   return undefined;

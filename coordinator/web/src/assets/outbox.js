@@ -48,9 +48,9 @@ export class Outbox {
     this.add("undo", { annotator: annotator() });
   }
 
-  // `path` is the address of the request, `body` its content without the id.
-  add(path, body) {
-    this.items.push({ path, body: { request_id: random(), ...body } });
+  // `path` is the address of the request, `body` its content without the id; `count` such requests.
+  add(path, body, count = 1) {
+    for (let i = 0; i < count; i++) this.items.push({ path, body: { request_id: random(), ...body } });
     this.keep();
     this.changed(this);
     this.send();

@@ -1,6 +1,7 @@
 //! Which behaviours of several campaigns are the same: by their distance where all campaigns measure in one space, else by the classes
 //! that people gave.
 
+use murmuration_model::labels::{ClassKey, ClassName};
 use std::collections::BTreeMap;
 
 /// A medoid of one of the compared campaigns.
@@ -15,7 +16,7 @@ pub(super) struct Behaviour {
     /// Mean distance of its cluster's members to it, in units of that space.
     pub(super) mean_distance: f64,
     /// Its class, if it has one.
-    pub(super) class: Option<String>,
+    pub(super) class: Option<ClassName>,
 }
 
 /// Behaviours that are taken for the same one.
@@ -114,11 +115,11 @@ fn distance(one: &[f64], other: &[f64]) -> f64 {
 
 /// Groups of behaviours of one class, and at last the behaviours that have none.
 pub(super) fn by_class(campaigns: usize, all: &[Behaviour]) -> Vec<Group> {
-    let mut classes: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    let mut classes: BTreeMap<ClassKey, Vec<usize>> = BTreeMap::new();
     let mut without = Vec::new();
     for (member, behaviour) in all.iter().enumerate() {
         match &behaviour.class {
-            Some(class) => classes.entry(class).or_default().push(member),
+            Some(class) => classes.entry(class.key()).or_default().push(member),
             None => without.push(member),
         }
     }
@@ -201,7 +202,7 @@ mod tests {
     #[test]
     fn behaviours_of_one_class_are_in_one_row_and_those_without_in_the_last() {
         let named = |campaign, place, class: &str| Behaviour {
-            class: Some(class.to_owned()),
+            class: Some(class.parse().unwrap()),
             ..behaviour(campaign, place, 0.0)
         };
         let all = [

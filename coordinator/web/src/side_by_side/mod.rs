@@ -34,6 +34,13 @@ pub(super) async fn page(
     let mut compared = Vec::with_capacity(ids.len());
     for id in ids {
         let record = web.campaigns.status(&id).await?.record;
+        // `latest` may be one that is named too.
+        if compared
+            .iter()
+            .any(|(other, _): &(CampaignRecord, _)| other.id == record.id)
+        {
+            continue;
+        }
         let taxonomy = NamedTaxonomy::read(&web, &record).await?;
         compared.push((record, taxonomy));
     }

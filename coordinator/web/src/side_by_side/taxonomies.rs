@@ -55,7 +55,7 @@ fn behaviours(compared: &[Compared]) -> Vec<Behaviour> {
                     place,
                     at: medoid.individual.behaviour(record.spec.method()),
                     mean_distance: medoid.mean_distance,
-                    class: named.class(place).map(|class| class.shown().to_string()),
+                    class: named.class(place).cloned(),
                 }),
         );
     }
@@ -114,7 +114,7 @@ fn explanation(compared: &[Compared], has_one_space: bool, groups: &[Group], wit
         } @else {
             p.lead {
                 "These campaigns measure behaviours in different spaces, in which distances do not mean the same. So behaviours are matched by "
-                "the classes that people gave, and those without a class are not matched."
+                "the classes that they were given, by people or by the rule-based judge, and those without a class are not matched."
             }
             ul.reason {
                 @for (record, _) in compared.iter().filter(|(_, named)| named.is_some()) {
@@ -149,7 +149,7 @@ fn map(compared: &[Compared], all: &[Behaviour], groups: &[Group]) -> Markup {
                         @let Behaviour { campaign, place, .. } = &all[member];
                         @let [x, y] = places[member];
                         a href={ "#row-" (row + 1) } aria-label={ "Behaviour " (place + 1) " of " (compared[*campaign].0.id) } {
-                            title { "Behaviour " (place + 1) " of " (compared[*campaign].0.id) @if let Some(class) = &all[member].class { ": " (class) } }
+                            title { "Behaviour " (place + 1) " of " (compared[*campaign].0.id) @if let Some(class) = &all[member].class { ": " (class.shown()) } }
                             circle class={ "line-" (campaign) } cx=(format!("{x:.1}")) cy=(format!("{y:.1}")) r="8" {}
                             text x=(format!("{:.1}", if x > MAP - 40.0 { x - 12.0 } else { x + 12.0 })) y=(format!("{:.1}", y + 5.0))
                                 text-anchor=[(x > MAP - 40.0).then_some("end")] { (place + 1) }
@@ -197,7 +197,7 @@ fn rows(
                     tr id={ "row-" (place + 1) } {
                         th scope="row" { (found_in(compared, all, group, is_by_distance, with)) }
                         @for (campaign, members) in group.members.iter().enumerate() {
-                            td { (pictures(&compared[campaign], all, members)) }
+                            td { (pictures(&compared[campaign], all, members, is_by_distance)) }
                         }
                     }
                 }
@@ -217,7 +217,7 @@ fn found_in(
 ) -> Markup {
     let campaigns = group.campaigns();
     let first = group.members.iter().flatten().next().map(|&member| &all[member]);
-    let class = first.and_then(|first| first.class.as_deref());
+    let class = first.and_then(|first| first.class.as_ref());
     let touched = group.touches.map(|member| &all[member]);
     let alone = |first: &Behaviour| html! { strong { "only in " (compared[first.campaign].0.id) } };
     html! {
@@ -232,10 +232,10 @@ fn found_in(
                 _ => (in_so_many(campaigns, with)),
             }
         } @else if let Some(class) = class {
-            strong { (class) }
+            strong { (class.shown()) }
             br;
             @match (campaigns, first) {
-                (1, Some(first)) if with > 1 => { "only in " (compared[first.campaign].0.id) },
+                (1, Some(first)) if with > 1 => { "named only in " (compared[first.campaign].0.id) },
                 _ => (in_so_many(campaigns, with)),
             }
         } @else {
@@ -251,10 +251,15 @@ fn in_so_many(campaigns: usize, with: usize) -> String {
     }
 }
 
-fn pictures((record, named): &Compared, all: &[Behaviour], members: &[usize]) -> Markup {
+fn pictures(
+    (record, named): &Compared,
+    all: &[Behaviour],
+    members: &[usize],
+    is_by_distance: bool,
+) -> Markup {
     html! {
         @if let Some(named) = named {
-            @if members.is_empty() { span.reason { "not found" } }
+            @if members.is_empty() { span.reason { @if is_by_distance { "not found" } @else { "none named so" } } }
             ul.found {
                 @for &member in members {
                     @let place = all[member].place;
