@@ -14,14 +14,14 @@ for (const card of document.querySelectorAll(".medoid")) {
   const play = async () => {
     await player.show(Number(card.dataset.index));
     // The pointer may have gone on.
-    if (player.index !== null) stage.classList.add("moving");
+    if (player.index !== null) stage.classList.add("in-motion");
   };
   const rest = () => {
     player.stop();
-    stage.classList.remove("moving");
+    stage.classList.remove("in-motion");
   };
   const turn = () => {
-    if (!stage.classList.contains("moving")) play();
+    if (!stage.classList.contains("in-motion")) play();
     else if (player.playing) player.toggle();
     else player.play();
   };
