@@ -187,6 +187,14 @@ mod tests {
         check("naïve übermäßig नमस्ते สวัสดี 雪", "naïve übermäßig नमस्ते สวัสดี 雪");
         check("क्‍ष 👩‍🚀 ❤️ می‌خواهم", "क्‍ष 👩‍🚀 ❤️ می‌خواهم");
         check("ri\u{200d}ng", "ring");
+        check(
+            "a\u{fdd0}b\u{fdef}c\u{fffe}d\u{ffff}e\u{1fffe}f\u{10ffff}",
+            "abcdef",
+        );
+        check(
+            "\u{fdcf}\u{fdf0}\u{fffd}\u{10000}",
+            "\u{fdcf}\u{fdf0}\u{fffd}\u{10000}",
+        );
         assert_eq!(Text::lines("a = 1\n\tb = \u{1b}2").as_str(), "a = 1\n\tb = 2");
     }
 

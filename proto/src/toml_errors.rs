@@ -14,6 +14,9 @@ use toml::{
     de::{DeTable, DeValue},
 };
 
+/// Characters of the longest line of a file that is repeated in an error.
+const LONGEST_QUOTED: usize = 400;
+
 /// An error in a campaign file: where it is, what is wrong, and what is allowed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
@@ -48,7 +51,7 @@ pub(crate) fn campaign_of_table(table: toml::Table) -> Result<v1::CampaignSpec, 
         table.clone().try_into::<TextTables>()?;
         Ok(message)
     };
-    read().map_err(|error| TomlError(Text::lines(&within("", &error))))
+    read().map_err(|error| TomlError(Text::line(&within("", &error))))
 }
 
 /// Reads a file that people write, whose fields are those of `T`. A byte order mark and the kind of line ends make no
@@ -62,12 +65,26 @@ pub fn read_toml<T: DeserializeOwned>(text: &str) -> Result<T, TomlError> {
         .unwrap_or(text)
         .replace("\r\n", "\n");
     toml::from_str(&text).map_err(|error| {
-        let field = error.span().and_then(|span| field_at(&text, &span));
         let shown = error.to_string();
         let place = shown.trim_end().strip_suffix(error.message()).unwrap_or_default();
-        let what = what_is_wrong(error.message(), &field.unwrap_or_default());
-        TomlError(Text::lines(&format!("{place}{what}")))
+        let what = match DeTable::parse(&text) {
+            Ok(table) => {
+                let field = error.span().and_then(|span| find(table.get_ref(), &span));
+                what_is_wrong(error.message(), &field.unwrap_or_default())
+            }
+            Err(_) => what_is_no_toml(error.message()),
+        };
+        TomlError(Text::lines(&format!("{}{}", readable(place), Text::line(&what))))
     })
+}
+
+/// The place of an error with the line of the file that it quotes, or without a line that is longer than a person reads.
+fn readable(place: &str) -> &str {
+    let is_long = |line: &str| line.chars().nth(LONGEST_QUOTED).is_some();
+    match place.lines().any(is_long) {
+        true => place.split_inclusive('\n').next().unwrap_or_default(),
+        false => place,
+    }
 }
 
 /// The error in `section`, which was read from a table and so has no position in the file.
@@ -133,6 +150,24 @@ fn what_is_wrong(message: &str, field: &Field) -> String {
         _ => path.join("."),
     };
     unknown_field(name, &field.inner, &section, &known)
+}
+
+/// Translates the `message` about a text that is not TOML.
+fn what_is_no_toml(message: &str) -> String {
+    match message {
+        "invalid basic string, expected `\"`" => {
+            "this text has no \" at its end: it must end on the line where it begins".to_owned()
+        }
+        "invalid literal string, expected `'`" => {
+            "this text has no ' at its end: it must end on the line where it begins".to_owned()
+        }
+        "string values must be quoted, expected literal string" => {
+            "a value must be a number, true, false, a text in quotes, a list in [ ] or a table in { }"
+                .to_owned()
+        }
+        "duplicate key" => "this field, or its section, is there twice".to_owned(),
+        other => other.to_owned(),
+    }
 }
 
 /// The message about an unknown field: which field may have been meant, judging by its name and contents, and which fields
@@ -235,10 +270,6 @@ fn list(names: &[&str], before_last: &str) -> String {
 }
 
 /// The field whose name or value is at `span`.
-fn field_at(text: &str, span: &Range<usize>) -> Option<Field> {
-    find(DeTable::parse(text).ok()?.get_ref(), span)
-}
-
 fn find(table: &DeTable<'_>, span: &Range<usize>) -> Option<Field> {
     let names = |table: &DeTable<'_>| table.keys().map(|name| name.get_ref().to_string()).collect();
     table.iter().find_map(|(name, value)| {
@@ -269,155 +300,4 @@ fn is_item(value: &DeValue<'_>, span: &Range<usize>) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
-    use crate::CampaignSpec;
-
-    const BEGINNING: &str = "model = \"single-sensor\"\nmethod = \"latent\"\n";
-
-    #[track_caller]
-    fn check(rest: &str, said: &str) {
-        let text = format!("{BEGINNING}{rest}");
-        let error = CampaignSpec::from_toml(&text).unwrap_err().to_string();
-        assert!(error.contains(said), "{error:?} does not say {said:?}");
-        assert!(
-            !error.contains("expected u") && !error.ends_with('\n'),
-            "{error:?}"
-        );
-        // The byte order mark and the line ends of some editors must not change the message.
-        let edited = format!("\u{feff}{}", text.replace('\n', "\r\n"));
-        assert_eq!(CampaignSpec::from_toml(&edited).unwrap_err().to_string(), error);
-    }
-
-    #[test]
-    fn a_value_of_the_wrong_kind_is_told_what_is_allowed() {
-        check(
-            "[search]\npopulation = 99999999999",
-            "search.population must be a smaller whole number, not 99999999999",
-        );
-        let whole = "search.population must be a whole number, 0 or more, not";
-        for value in ["-1", "1.5", "\"many\"", "true"] {
-            check(
-                &format!("[search]\npopulation = {value}"),
-                &format!("{whole} {value}"),
-            );
-        }
-        check(
-            "[search]\npopulation = -1",
-            "line 4, column 14\n  |\n4 | population = -1\n",
-        );
-        check("seed = -1", "seed must be a whole number, 0 or more, not -1");
-        check("filter = 1", "filter must be true or false, not 1");
-        check("search = 1", "search must be a table, not 1");
-        check("name = 3", "name must be a text in quotes, not 3");
-        check(
-            "[world]\nwidth = \"x\"",
-            "world.width must be a number, not \"x\"",
-        );
-        check(
-            "controllers = { angles = 3 }",
-            "controllers.angles must be a list",
-        );
-        check(
-            "[controllers]\nangles = [\"x\"]",
-            "controllers.angles must be a number",
-        );
-        check(
-            "[training]\nheld_out = true",
-            "line 4, column 12\n  |\n4 | held_out = true\n  |            ^^^^\ntraining.held_out must be a number, not true",
-        );
-        check(
-            "[training.recipe.in-batch]\nepochs = -3",
-            "4 | epochs = -3\n  |          ^^\ntraining.recipe.in-batch.epochs must be a whole number, 0 or more",
-        );
-        check(
-            "[feedback.recipe.labelled]\nepochs = -3",
-            "4 | epochs = -3\n  |          ^^\nfeedback.recipe.labelled.epochs must be a whole number, 0 or more",
-        );
-        check("[training.recipe.in-batch]\ncrop = [1.0]", "must be a list of 2");
-    }
-
-    #[test]
-    fn an_unknown_field_is_told_what_may_have_been_meant() {
-        check("sed = 1", "unknown field `sed`: did you mean `seed`?");
-        check(
-            "[search]\npopluation = 5",
-            "in [search]: did you mean `population`? [search] has",
-        );
-        check(
-            "[serch]\npopulation = 5",
-            "unknown field `serch`: did you mean `search`?",
-        );
-        check(
-            "[training.network]\nnmae = 1",
-            "in [training.network]: did you mean `name`?",
-        );
-        check(
-            "[training.recipe.in-batch]\nepoch = 3",
-            "unknown field `epoch` in [training.recipe.in-batch]: did you mean `epochs`?",
-        );
-        check(
-            "[training.recipe.inbatch]\nepochs = 3",
-            "unknown value `inbatch`: did you mean `in-batch`?",
-        );
-        check(
-            "xyzzy = 1",
-            "unknown field `xyzzy`. The top of the file has `name`",
-        );
-    }
-
-    #[test]
-    fn a_list_that_is_none_is_told_what_a_list_is() {
-        check(
-            "[species]\nname = \"a\"",
-            "species must be a list of tables, each with two brackets around its name, not map",
-        );
-        check(
-            "[robot]\nsensors = [{ sees = \"walls\" }]",
-            "robot.sensors[0].sees must be a list such as [\"walls\"], not \"walls\"",
-        );
-        check(
-            "ratios = [[-1, 4]]",
-            "ratios must be a whole number, 0 or more, not -1",
-        );
-    }
-
-    #[test]
-    fn a_field_of_another_section_is_told_where_it_belongs() {
-        check(
-            "population = 5",
-            "unknown field `population`: it belongs in [search]",
-        );
-        check(
-            "[image]\npopulation = 5",
-            "unknown field `population` in [image]: it belongs in [search]. [image] has `resolution`, `window` and `channels`",
-        );
-        check(
-            "[label]\npopulation = 5",
-            "unknown field `label`: its `population` belongs in [search]",
-        );
-        check(
-            "[image]\nstarts = 5",
-            "it belongs in [evaluation] or in [dataset] or in [feedback]",
-        );
-        check(
-            "[image]\nmethod = 5",
-            "it belongs at the top of the file, before every [section]",
-        );
-        check(
-            "[image]\npopluation = 5",
-            "did you mean `population`, which belongs in [search]?",
-        );
-        check(
-            "[[species]]\nname = \"a\"\nrobot.sensors = [{}, { agnle = 1.0 }]",
-            "unknown field `agnle` in [robot.sensors]: did you mean `angle`?",
-        );
-        check(
-            "[[species]]\nname = \"a\"\nradius = 3",
-            "unknown field `radius` in [species]: it belongs in [robot] or in [world] or in",
-        );
-        check(
-            "[training]\nmargin = 5",
-            "it belongs in [training.recipe.in-batch] or in",
-        );
-    }
-}
+mod tests;

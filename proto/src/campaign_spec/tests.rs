@@ -25,7 +25,7 @@ fn what_is_wrong_is_named() {
     check_refused("model = ", "line 1");
     check_refused(
         "method = \"random\"",
-        "model = nothing: must be \"single-sensor\" or \"two-sensor\" or \"flockbots\" or \"turbopi\", or absent where the robot is described",
+        "model = nothing: must be \"single-sensor\" or \"two-sensor\" or \"flockbots\" or \"turbopi\", unless a robot is described",
     );
     check_refused(
         "model = \"three-sensor\"\nmethod = \"random\"",

@@ -163,7 +163,7 @@ fn robot(preset: Option<&str>, described: Option<v1::Robot>, default: &Defaults)
         }
         (None, None) => {
             let presets = Preset::ALL.map(|preset| format!("\"{preset}\"")).join(" or ");
-            let allowed = format!("{presets}, or absent where the robot is described");
+            let allowed = format!("{presets}, unless a robot is described");
             Err(Invalid::new("model", "nothing", allowed))
         }
         (Some(name), Some(_)) => {

@@ -158,6 +158,21 @@ impl Configuration {
         share.min(1000).clamp(2, behaviours - 2)
     }
 
+    /// Whether embedders of both are judged by the same triplets, if they are trained on the same pictures.
+    #[must_use]
+    pub fn judges_as(&self, other: &Self) -> bool {
+        let triplets = |of: &Self| {
+            let Settings {
+                seed,
+                held_out,
+                recipe,
+                ..
+            } = &of.settings;
+            (*seed, *held_out, recipe.unlabelled_crop(), recipe.reflects())
+        };
+        triplets(self) == triplets(other)
+    }
+
     /// The network for pictures of this shape.
     ///
     /// # Errors
@@ -226,6 +241,20 @@ mod tests {
     fn check_refused(text: &str, said: &str) {
         let error = Configuration::from_toml(text).unwrap_err().to_string();
         assert!(error.contains(said), "{error:?} does not say {said:?}");
+    }
+
+    #[test]
+    fn embedders_are_judged_by_the_same_triplets_where_pictures_are_held_out_and_changed_alike() {
+        let judges = |one: &str, other: &str| {
+            let [one, other] = [one, other].map(|text| Configuration::from_toml(text).unwrap());
+            one.judges_as(&other)
+        };
+        assert!(judges("", "[recipe.labelled]"));
+        assert!(judges("[recipe.paper]", "[recipe.paper-labelled]"));
+        assert!(!judges("", "[recipe.paper-labelled]"));
+        assert!(!judges("", "seed = 2"));
+        assert!(!judges("", "held_out = 0.2"));
+        assert!(!judges("", "[recipe.labelled]\nunlabelled_crop = [0.8, 1.0]"));
     }
 
     #[test]

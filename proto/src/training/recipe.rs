@@ -61,6 +61,28 @@ impl Recipe {
         matches!(self, Self::Labelled(_) | Self::PaperLabelled(_))
     }
 
+    /// Smallest and largest share of width and height that a random crop of a picture without a class keeps; over 1 the picture
+    /// shrinks, on black. Embedders are judged by such pictures, too.
+    #[must_use]
+    pub fn unlabelled_crop(&self) -> [f64; 2] {
+        match self {
+            Self::Paper(recipe) => recipe.crop,
+            Self::InBatch(recipe) => recipe.crop,
+            Self::Labelled(recipe) => recipe.unlabelled_crop,
+            Self::PaperLabelled(recipe) => recipe.crop,
+            Self::Untrained => Self::default().unlabelled_crop(),
+        }
+    }
+
+    /// Whether pictures are also reflected at random, and may stay as they are. The paper's recipes always turn them, and no more.
+    #[must_use]
+    pub const fn reflects(&self) -> bool {
+        match self {
+            Self::Paper(_) | Self::PaperLabelled(_) => false,
+            Self::InBatch(_) | Self::Labelled(_) | Self::Untrained => true,
+        }
+    }
+
     /// Maximum number of epochs that it trains for.
     #[must_use]
     pub const fn epochs(&self) -> u64 {

@@ -13,8 +13,11 @@ from ._errors import InvalidError
 from .v1 import campaign_pb2 as v1
 from .v1 import label_pb2 as labels
 
-FEATURES = ("average_speed", "angular_momentum", "radial_variance", "scatter", "group_rotation")
-"""The hand-crafted features of Brown et al., in the order of the column `features`."""
+FEATURES = ("average_speed", "angular_momentum", "radial_variance_x20", "scatter", "group_rotation")
+"""The hand-crafted features of Brown et al., in the order of the column `features`.
+
+The third is 20 times the radial variance.
+"""
 
 # Answers that name no class.
 _NO_CLASS = ("not sure", "skip")
