@@ -22,7 +22,8 @@ import tempfile
 import time
 import urllib.parse
 
-from large_archive import CAMPAIGN, ROOT, run, serving
+from large_archive import MADE_UP as CAMPAIGN
+from large_archive import ROOT, run, serving
 
 # Pictures that the gallery of a selection shows, and connections that a browser opens to one coordinator.
 GALLERY = 60
@@ -170,14 +171,14 @@ def measure(options, folder):
     data = folder / "data"
     if not data.exists():
         run("fill", options.programs / "examples/fill", data, options.count)
-    with serving(options.programs, data, 1) as (_, url, _):
+    with serving(options.programs, data, 1, CAMPAIGN) as (_, url, _):
         page = Page(url)
         finished(page, "filled")
         if b"small-2" not in page.ask("/")[1]:
             page.submit("/new", SMALL)
         finished(page, "small")
     slow = []
-    with serving(options.programs, data, 1) as (_, url, _):
+    with serving(options.programs, data, 1, CAMPAIGN) as (_, url, _):
         interactions = Interactions(url, options.count)
         label(interactions.page, options.count)
         print(f"\n{options.count:,} individuals, {LABELS:,} answers\n\n| interaction | first, ms | median, ms | longest, ms |\n|---|--:|--:|--:|")

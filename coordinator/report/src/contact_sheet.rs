@@ -6,6 +6,7 @@ use super::{
     picture::{Bodies, trajectory_svg},
 };
 use maud::{Markup, PreEscaped, html};
+use murmuration_proto::text::beginning;
 use std::fmt::Write as _;
 
 /// Side of a behaviour's square, in units of the figure.
@@ -14,6 +15,8 @@ const SIDE: f64 = 240.0;
 const CAPTION: f64 = 30.0;
 /// Between two behaviours, and around all.
 const GAP: f64 = 14.0;
+/// Most characters of a class's name that fit on that line, beside the number and the share.
+const MOST_OF_NAME: usize = 22;
 /// Most behaviours in a row.
 const MOST_ABREAST: usize = 8;
 
@@ -80,10 +83,11 @@ fn behaviour(report: &Report, (place, medoid): (usize, &MedoidEntry), [left, top
     let class = report.name_of(place).map(|name| name.class.shown());
     html! {
         g transform={ "translate(" (left) " " (top) ")" } {
+            @if let Some(class) = &class { title { (class) } }
             g transform={ "scale(" (scale) ")" } { (PreEscaped(paths(report, medoid))) }
             text y=(SIDE + 0.7 * CAPTION) fill="#222" {
                 tspan font-weight="bold" { (place + 1) }
-                @if let Some(class) = class { " " (class) }
+                @if let Some(class) = &class { " " (beginning(class, MOST_OF_NAME)) }
                 tspan fill="#666" { " " (share) }
             }
         }
@@ -114,6 +118,25 @@ mod tests {
         }
         assert!(sheet.contains("</tspan> ring of few<tspan"), "{sheet}");
         assert_eq!(sheet.matches("<svg").count(), sheet.matches("</svg>").count());
+    }
+
+    #[test]
+    fn a_long_name_is_cut_and_said_whole_by_a_title() {
+        let mut report = sample::report(&SMALL);
+        let class: ClassName = "w".repeat(60).parse().unwrap();
+        report.names.classes[0].name = class.clone();
+        let by_machine = false;
+        let given = GivenClass { class, by_machine };
+        report.names.by_individual.insert(report.medoids[0].index, given);
+        let sheet = svg(&report);
+        assert!(
+            sheet.contains(&format!("<title>{}</title>", "w".repeat(60))),
+            "{sheet}"
+        );
+        assert!(
+            sheet.contains(&format!("</tspan> {}…<tspan", "w".repeat(MOST_OF_NAME))),
+            "{sheet}"
+        );
     }
 
     #[test]

@@ -28,16 +28,16 @@ impl Pictured {
     }
 }
 
-/// Makes sheets while an archive is read, so that no more than one sheet's pictures are in memory.
+/// Chooses the pictures of sheets while an archive is read; the others are not kept.
 #[derive(Debug)]
 pub struct PictureSheets {
     shape: PictureShape,
     /// Individuals that are to have a picture, the next one last.
     wanted: Vec<u64>,
-    /// The pictures of the sheet that is being filled, each row by row, of several channels with red, green
-    /// and blue of each pixel.
+    /// Those that have one, ascending.
+    indices: Vec<u64>,
+    /// Their pictures, each row by row, of several channels with red, green and blue of each pixel.
     tiles: Vec<Vec<u8>>,
-    made: Pictured,
 }
 
 impl PictureSheets {
@@ -53,8 +53,8 @@ impl PictureSheets {
         Self {
             shape,
             wanted,
+            indices: Vec::new(),
             tiles: Vec::new(),
-            made: Pictured::default(),
         }
     }
 
@@ -67,32 +67,23 @@ impl PictureSheets {
         while self.wanted.last().is_some_and(|&wanted| wanted < index) {
             self.wanted.pop();
         }
-        if self.wanted.last() != Some(&index) {
-            return Ok(());
-        }
-        self.tiles.push(screen(image, self.shape)?);
-        self.made.indices.push(index);
-        if self.tiles.len() == TILES {
-            self.flush()?;
+        if self.wanted.last() == Some(&index) {
+            self.tiles.push(screen(image, self.shape)?);
+            self.indices.push(index);
         }
         Ok(())
     }
 
-    /// The sheets.
+    /// The sheets. Blocks while they are encoded, which takes up to a second or two.
     ///
     /// # Errors
     /// [`PictureError`] if one cannot be encoded.
-    pub fn finish(mut self) -> Result<Pictured, PictureError> {
-        if !self.tiles.is_empty() {
-            self.flush()?;
-        }
-        Ok(self.made)
-    }
-
-    fn flush(&mut self) -> Result<(), PictureError> {
-        self.made.sheets.push(sheet(&self.tiles, self.shape)?);
-        self.tiles.clear();
-        Ok(())
+    pub fn finish(self) -> Result<Pictured, PictureError> {
+        let sheets = self.tiles.chunks(TILES).map(|tiles| sheet(tiles, self.shape));
+        Ok(Pictured {
+            sheets: sheets.collect::<Result<_, _>>()?,
+            indices: self.indices,
+        })
     }
 }
 

@@ -130,10 +130,7 @@ impl v1::evaluation_service_server::EvaluationService for EvaluationApi {
         let seat = self.permits.replay()?;
         let permits = self.permits.clone();
         let (parts, stream) = mpsc::channel(1);
-        tokio::spawn(async move {
-            let _held = seat;
-            send_motion(simulation, &permits, &parts).await;
-        });
+        tokio::spawn(async move { send_motion(simulation, seat, &permits, &parts).await });
         Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
     }
 }

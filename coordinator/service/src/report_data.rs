@@ -2,6 +2,7 @@
 
 use crate::spread::{Place, spreads};
 use bytes::Bytes;
+use murmuration_engine::blocking::{Broken, blocking};
 use murmuration_model::{
     Repetition,
     labels::{Annotator, Class, ClassName, Label, given_classes},
@@ -43,6 +44,9 @@ pub enum ReportDataError {
     /// A picture of an individual cannot be drawn.
     #[error("cannot draw the individuals: {0}")]
     Picture(#[from] PictureError),
+    /// A bug, while pictures were drawn.
+    #[error("{0}")]
+    Broken(#[from] Broken),
     /// Whoever wanted the report is gone.
     #[error("{0}")]
     Interrupted(#[from] Interrupted),
@@ -197,7 +201,7 @@ where
         simulator_version: SIMULATOR_VERSION.to_owned(),
         generations: generations.generations.into_iter().map(generation).collect(),
         map: map(&behaviours)?,
-        pictured: sheets.finish()?,
+        pictured: blocking(move || sheets.finish()).await??,
         individuals,
         medoids,
         clusters: taxonomy.clusters,

@@ -3,7 +3,7 @@
 //! A motion is bounded in poses before anything is computed. It is simulated a part at a time, while its client takes the parts:
 //! only a few parts at once, of whichever motions.
 
-use super::Permits;
+use super::{Permit, Permits};
 use crate::status::OrStatus as _;
 use murmuration_engine::blocking::blocking;
 use murmuration_proto::{
@@ -85,13 +85,17 @@ pub(super) fn spec_of(campaign: Option<Campaign>) -> Result<CampaignSpec, Status
     }
 }
 
-/// Sends the motion of a swarm, or why it has none, for as long as the client takes the parts.
+/// Sends the motion of a swarm, or why it has none, for as long as the client takes the parts. It has its `seat` among the clients
+/// until then.
 pub(super) async fn send_motion(
     simulation: Simulation,
+    seat: Permit,
     permits: &Permits,
     parts: &mpsc::Sender<Result<v1::Motion, Status>>,
 ) {
-    if let Err(status) = simulated(simulation, permits, parts).await {
+    let sent = simulated(simulation, permits, parts).await;
+    drop(seat);
+    if let Err(status) = sent {
         // The client is gone, or gets the status; one that takes nothing is not waited for.
         let _ = tokio::time::timeout(PART_LIMIT, parts.send(Err(status))).await;
     }
@@ -194,12 +198,17 @@ mod tests {
         );
     }
 
+    fn seat() -> Permit {
+        Permits::default().replay().unwrap()
+    }
+
     #[tokio::test]
     async fn parts_are_the_motion_that_the_simulator_makes() {
         let asked = simulation(24, None);
         let expected = poses(&asked.controller, &asked.world, &Start::seeded(3)).unwrap();
         let (parts, mut received) = mpsc::channel(1);
-        let sending = tokio::spawn(async move { send_motion(asked, &Permits::default(), &parts).await });
+        let sending =
+            tokio::spawn(async move { send_motion(asked, seat(), &Permits::default(), &parts).await });
         let mut got = Vec::new();
         let mut count = 0;
         while let Some(part) = received.recv().await {
@@ -220,7 +229,7 @@ mod tests {
         let permits = Permits::default();
         let (parts, received) = mpsc::channel(1);
         let (asked, shared) = (simulation(24, None), permits.clone());
-        let sending = tokio::spawn(async move { send_motion(asked, &shared, &parts).await });
+        let sending = tokio::spawn(async move { send_motion(asked, seat(), &shared, &parts).await });
         // It waits for its client. All the room is there meanwhile, for others.
         let mut room = Vec::new();
         for _ in 0..MAX_SIMULATIONS {

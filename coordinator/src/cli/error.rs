@@ -118,6 +118,7 @@ impl From<ReportDataError> for CliError {
             ReportDataError::Answer(_)
             | ReportDataError::Misfit(_)
             | ReportDataError::Picture(_)
+            | ReportDataError::Broken(_)
             | ReportDataError::Interrupted(_) => Self::Failed(error.to_string()),
         }
     }

@@ -65,6 +65,17 @@ impl Evaluate {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         if let Some(path) = &self.out {
             Written::Csv.check("--out", path)?;
+            let is_input = |input: &PathBuf| {
+                fs::canonicalize(path)
+                    .is_ok_and(|out| fs::canonicalize(input).is_ok_and(|input| input == out))
+            };
+            if [&self.spec, &self.controllers].into_iter().any(is_input) {
+                let said = format!(
+                    "--out {} is a file that is read: name another one",
+                    path.display()
+                );
+                return Err(CliError::Input(said));
+            }
         }
         let spec = CampaignSpec::from_toml(&read_words(&self.spec, InputKind::Campaign)?)
             .map_err(|error| CliError::Input(format!("{}: {error}", self.spec.display())))?;
@@ -87,8 +98,9 @@ impl Evaluate {
             .map_err(unwritable)?;
         let table = Some(Writer::from_writer(file.as_file()));
         let failed = self.write_results(table, global, (&spec, &tasks)).await?;
+        let what = if path.is_file() { "replaced" } else { "wrote" };
         file.persist(path).map_err(|error| unwritable(error.error))?;
-        errln!("wrote {}", path.display());
+        errln!("{what} {}", path.display());
         all_evaluated(failed)
     }
 

@@ -3,7 +3,7 @@
 use super::parts;
 use maud::{Markup, html};
 use murmuration_model::{CampaignRecord, CampaignState, Round};
-use murmuration_proto::{CheckpointDigest, Feedback, Lineage, grouped};
+use murmuration_proto::{CheckpointDigest, Feedback, Lineage, grouped, training::Configuration};
 use murmuration_store::{CheckpointRecord, Store, StoreError, TaxonomyVersion};
 use murmuration_study::wide;
 use std::collections::BTreeSet;
@@ -29,7 +29,8 @@ struct Learned {
     made_ms: u64,
     /// The labels and comparisons that it learned from, in words; `None` if there were none.
     from: Option<String>,
-    /// Share of the held-out triplets that its parent told apart, as far as that is known.
+    /// Share of the held-out triplets that its parent told apart; `None` where that is not known, or the parent was judged by other
+    /// triplets.
     before: Option<f64>,
     /// Share of the held-out triplets that it tells apart, as far as that is known.
     after: Option<f64>,
@@ -61,11 +62,22 @@ fn checkpoints(
     record: &CampaignRecord,
     versions: &[TaxonomyVersion],
 ) -> Result<Vec<(u32, CheckpointDigest)>, StoreError> {
-    let rounds = store.repetition(record)?.rounds;
-    let first = rounds.first().map(|round| round.parent);
-    let first = first.or(record.embedder.checkpoint());
-    let mut all: Vec<(u32, CheckpointDigest)> = first.into_iter().map(|digest| (0, digest)).collect();
-    all.extend((1..).zip(rounds.iter().map(|round| round.checkpoint)));
+    let repetition = store.repetition(record)?;
+    let rounds = &repetition.rounds;
+    let mut all: Vec<(u32, CheckpointDigest)> = Vec::new();
+    if repetition.adopted {
+        // What led to it are no rounds of this campaign.
+        all.extend(
+            record
+                .embedder
+                .checkpoint()
+                .map(|adopted| (record.rounds.done, adopted)),
+        );
+    } else {
+        let first = rounds.first().map(|round| round.parent);
+        all.extend(first.or(record.embedder.checkpoint()).map(|first| (0, first)));
+        all.extend((1..).zip(rounds.iter().map(|round| round.checkpoint)));
+    }
     all.extend(record.embedder.next().map(|next| (record.rounds.done, next)));
     all.extend(
         versions
@@ -81,12 +93,13 @@ fn learned(store: &Store, digest: CheckpointDigest) -> Result<Learned, StoreErro
     let CheckpointRecord {
         lineage, created_ms, ..
     } = store.checkpoint(digest)?;
-    let before = match lineage.parent.map(|parent| store.checkpoint(parent)) {
-        Some(Ok(parent)) => accuracy(&parent.lineage),
-        // An imported campaign may come without it.
-        Some(Err(StoreError::NoCheckpoint(_))) | None => None,
-        Some(Err(error)) => return Err(error),
-    };
+    let parent = lineage
+        .parent
+        .map(|parent| store.checkpoint(parent))
+        .transpose()?;
+    let before = parent
+        .filter(|parent| are_judged_alike(&parent.lineage, &lineage))
+        .and_then(|parent| accuracy(&parent.lineage));
     let count = |metric: &str| lineage.metrics.get(metric).map_or(0, |&count| count as u64);
     let (labels, comparisons) = (count("labels"), count("comparisons"));
     let from = lineage.parent.filter(|_| labels + comparisons > 0).map(|parent| {
@@ -106,6 +119,13 @@ fn learned(store: &Store, digest: CheckpointDigest) -> Result<Learned, StoreErro
         before,
         after: accuracy(&lineage),
     })
+}
+
+/// Whether the accuracies of two checkpoints are shares of the same triplets.
+fn are_judged_alike(one: &Lineage, other: &Lineage) -> bool {
+    let [ours, theirs] = [one, other].map(|lineage| Configuration::from_toml(&lineage.configuration));
+    one.data_digest == other.data_digest
+        && ours.is_ok_and(|ours| theirs.is_ok_and(|theirs| ours.judges_as(&theirs)))
 }
 
 fn accuracy(lineage: &Lineage) -> Option<f64> {
@@ -138,6 +158,10 @@ fn steps(versions: Vec<TaxonomyVersion>, known: Vec<(u32, Learned)>) -> Vec<Step
 }
 
 impl Step {
+    fn digest(&self) -> Option<CheckpointDigest> {
+        self.checkpoint.as_ref().map(|learned| learned.digest)
+    }
+
     /// When its taxonomy was made, or else its checkpoint; milliseconds since 1970-01-01 UTC.
     fn made_ms(&self) -> Option<u64> {
         match &self.version {
@@ -171,29 +195,34 @@ fn table(record: &CampaignRecord, steps: &[Step]) -> Markup {
             h2 #history { "History" }
             p.reason {
                 "A round learns from the labels and comparisons that there are when it begins, and goes on from the checkpoint before. The "
-                "accuracy is the share of held-out triplets that a checkpoint tells apart: of pictures of one controller and one of another, "
-                "which nobody labelled. It may fall a little while the agreement with people rises, which " code { "murmuration accuracy" } " measures."
+                "accuracy is the share of held-out triplets that a checkpoint tells apart, of two pictures of one controller and one of another. "
+                "No accuracy before is shown where the checkpoint before was judged by other pictures. The accuracy may fall a little while the "
+                "agreement with people rises, which " code { "murmuration accuracy" } " measures."
             }
             (wide("Rounds", &html! { table {
                 thead { tr { @for title in [
                     "Round", "Made", "Learned from", "Accuracy before", "Accuracy after", "Checkpoint", "Individuals", "Taxonomy",
                 ] { th scope="col" { (title) } } } }
-                tbody { @for (place, step) in steps.iter().enumerate() { (line(record, step, place + 1 == steps.len())) } }
+                tbody { @for (place, step) in steps.iter().enumerate() { (line(record, &steps[..place], step, place + 1 == steps.len())) } }
             } }))
         }
     }
 }
 
-fn line(record: &CampaignRecord, step: &Step, is_last: bool) -> Markup {
+fn line(record: &CampaignRecord, before: &[Step], step: &Step, is_last: bool) -> Markup {
     let learned = step.checkpoint.as_ref();
+    // A round learns one checkpoint; another one at the same round was adopted.
+    let of_round = before.iter().find(|earlier| earlier.round == step.round);
+    let is_adopted = of_round.is_some_and(|earlier| earlier.digest() != step.digest());
     let is_learned_now = record.rounds.current_cutoff.is_some() && step.round == record.rounds.done + 1;
     html! {
         tr {
-            th scope="row" { @if step.round == 0 { "first" } @else { (step.round) } }
+            th scope="row" { @if is_adopted { "adopted" } @else if step.round == 0 { "first" } @else { (step.round) } }
             td { @if let Some(ms) = step.made_ms() { (parts::moment(ms)) } @else { "–" } }
             td {
                 @match learned {
                     Some(learned) => (learned.from.as_deref().unwrap_or("pictures without labels")),
+                    None if is_learned_now && record.state == CampaignState::Paused => "paused",
                     None if is_learned_now => "is learned now",
                     None => "to come",
                 }
@@ -284,6 +313,18 @@ mod tests {
             assert!(page.contains(said), "{said} is not in {page}");
         }
         assert!(!page.contains("to come"), "{page}");
+    }
+
+    #[test]
+    fn a_checkpoint_that_was_adopted_is_not_called_the_first() {
+        let known = vec![
+            (0, learned(b"first", 30_000, None)),
+            (0, learned(b"other", 40_000, None)),
+        ];
+        let steps = steps(vec![version(1, 0, b"first"), version(2, 0, b"other")], known);
+        let page = table(&record(CampaignState::Completed, Rounds::default()), &steps).into_string();
+        assert_eq!(page.matches(">first<").count(), 1, "{page}");
+        assert_eq!(page.matches(">adopted<").count(), 1, "{page}");
     }
 
     #[test]

@@ -55,7 +55,7 @@ impl Estimate {
         let said = |seconds| TimeLeft::about(seconds).in_words();
         match self.after {
             Some(after) => format!(
-                "By the last round, that takes {}: {} of training, and {} to embed, search and cluster.",
+                "By the last round, that takes {}: {} of training, and {} to embed, search and cluster, pauses included.",
                 said(self.training + after),
                 said(self.training),
                 said(after)
@@ -135,7 +135,7 @@ mod tests {
         assert_eq!(
             whole.in_words(),
             "By the last round, that takes about 10 minutes: about 2 minutes of training, and about 9 minutes to embed, search and \
-             cluster."
+             cluster, pauses included."
         );
         let cut = Estimate { after: None, ..whole };
         assert!(

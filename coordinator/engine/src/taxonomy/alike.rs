@@ -1,6 +1,6 @@
 //! Medoids that may be one behaviour.
 
-use super::{Medoid, Taxonomy};
+use super::Taxonomy;
 use murmuration_proto::Method;
 
 /// Two clusters of a taxonomy that touch: their medoids are nearer to each other than the mean distances of both clusters' members to
@@ -30,7 +30,7 @@ impl Taxonomy {
         for (other, theirs) in self.medoids.iter().enumerate() {
             for (one, ours) in self.medoids[..other].iter().enumerate() {
                 let distance = distance(&places[one], &places[other]);
-                if are_alike(ours, theirs, distance) {
+                if touch(distance, [ours.mean_distance, theirs.mean_distance]) {
                     found.push(Alike { one, other, distance });
                 }
             }
@@ -40,11 +40,15 @@ impl Taxonomy {
     }
 }
 
-fn are_alike(one: &Medoid, other: &Medoid, distance: f64) -> bool {
-    distance < one.mean_distance + other.mean_distance
+/// Whether two clusters touch whose medoids are so far apart, and whose members have these mean distances to their medoids.
+#[must_use]
+pub fn touch(distance: f64, [one, other]: [f64; 2]) -> bool {
+    distance < one + other
 }
 
-fn distance(one: &[f64], other: &[f64]) -> f64 {
+/// The distance of two places in one behaviour space.
+#[must_use]
+pub fn distance(one: &[f64], other: &[f64]) -> f64 {
     let squares = one.iter().zip(other).map(|(a, b)| (a - b) * (a - b));
     squares.sum::<f64>().sqrt()
 }
@@ -52,6 +56,7 @@ fn distance(one: &[f64], other: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::taxonomy::Medoid;
     use murmuration_store::Trial;
 
     /// A taxonomy of medoids at these first features, with these mean distances of their members.

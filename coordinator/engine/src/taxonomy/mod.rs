@@ -5,7 +5,7 @@ mod alike;
 mod change;
 mod names;
 
-pub use alike::Alike;
+pub use alike::{Alike, distance, touch};
 pub use change::Change;
 pub use names::{ClusterName, Names, NotCarried, Origin, Uncarried};
 

@@ -5,16 +5,20 @@ class Singles {
   static KEPT = 4000;
   // Milliseconds for which a part of the map is seen before its pictures are asked for: a map that moves shows many parts.
   static SETTLED_MS = 120;
+  // Milliseconds until more are asked for after one did not come, at first and at most: the coordinator may be away for a while.
+  static PAUSE_MS = [500, 8000];
 
   // `address(entry)` is where a picture is; `arrived()` hears that there are more.
   constructor(address, arrived) {
     this.address = address;
     this.arrived = arrived;
-    // By entry, the one that was needed last at the end; false where there is none.
+    // By entry, the one that was needed last at the end.
     this.kept = new Map();
     this.wanted = [];
     this.asked = new Set();
     this.timer = 0;
+    this.isPaused = false;
+    [this.pauseMs] = Singles.PAUSE_MS;
     this.isTold = true;
   }
 
@@ -35,19 +39,33 @@ class Singles {
   }
 
   ask() {
-    while (this.asked.size < Singles.AT_ONCE && this.wanted.length > 0) this.fetch(this.wanted.shift());
+    while (!this.isPaused && this.asked.size < Singles.AT_ONCE && this.wanted.length > 0) this.fetch(this.wanted.shift());
   }
 
   fetch(entry) {
     const image = new Image();
     this.asked.add(entry);
     image.onload = () => this.take(entry, image);
-    image.onerror = () => this.take(entry, false);
+    image.onerror = () => this.await(entry);
     image.src = this.address(entry);
+  }
+
+  // Asks for a picture that did not come again, after the others and not at once.
+  await(entry) {
+    this.asked.delete(entry);
+    this.wanted.push(entry);
+    if (this.isPaused) return;
+    this.isPaused = true;
+    setTimeout(() => {
+      this.isPaused = false;
+      this.ask();
+    }, this.pauseMs);
+    this.pauseMs = Math.min(2 * this.pauseMs, Singles.PAUSE_MS[1]);
   }
 
   take(entry, image) {
     this.asked.delete(entry);
+    [this.pauseMs] = Singles.PAUSE_MS;
     this.kept.set(entry, image);
     if (this.kept.size > Singles.KEPT) this.kept.delete(this.kept.keys().next().value);
     this.ask();

@@ -14,7 +14,7 @@ const TOP: f64 = 120.0;
 const LEGEND: f64 = 430.0;
 const BOTTOM: f64 = 90.0;
 
-/// Pixels of the poster as PNG for a unit of its SVG: 3,726 pixels across, 300 dots an inch on a page of A4.
+/// Pixels of the poster as PNG for a unit of its SVG: 3,726 pixels across, 319 dots an inch on a page of A4 on its side.
 pub(super) const PNG_SCALE: f32 = 2.0;
 
 /// Pixels that each controller's side has in the picture, which some programs blur where they enlarge it.

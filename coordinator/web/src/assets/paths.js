@@ -10,7 +10,7 @@ const JUMP = 32768;
 // Lays the paths of an individual over its picture, which `root` holds, once its motion is there, if that is still wanted.
 export async function layPaths(root, index, isWanted = () => root.isConnected) {
   // The player says why there is no motion.
-  const motion = await motionOf(index).motion.catch(() => null);
+  const motion = await motionOf(index, isWanted).motion.catch(() => null);
   if (!motion || !isWanted()) return;
   let canvas = root.querySelector(".paths");
   if (!canvas) {

@@ -10,12 +10,14 @@ const calm = matchMedia("(prefers-reduced-motion: reduce)");
 
 const kept = new Map();
 
-// The motion of an individual, asked for once, whoever wants it; why it is not there yet, and who wants to hear that.
-export function motionOf(index) {
+// The motion of an individual, asked for once, whoever wants it, and asked for again until nobody does; why it is not there yet, and
+// who wants to hear that.
+export function motionOf(index, isWanted = () => true) {
   if (!kept.has(index)) {
-    const asked = { why: "Simulating…", late: () => {} };
-    const failed = ({ message }) => {
-      asked.why = `Still waiting: ${message}.`;
+    const asked = { why: "Simulating…", late: () => {}, wanted: [] };
+    const failed = (error) => {
+      if (!asked.wanted.some((is) => is())) throw error;
+      asked.why = `Still waiting: ${error.message}.`;
       asked.late();
     };
     asked.motion = insist(() => get(archived(`${index}/motion`)), failed).then(({ world, colours, run }) => ({
@@ -27,7 +29,9 @@ export function motionOf(index) {
     kept.set(index, asked);
     if (kept.size > MOST_KEPT) kept.delete(kept.keys().next().value);
   }
-  return kept.get(index);
+  const asked = kept.get(index);
+  asked.wanted.push(isWanted);
+  return asked;
 }
 
 export class Player extends Playback {
@@ -44,7 +48,7 @@ export class Player extends Playback {
     this.index = index;
     this.motion = null;
     this.playing = false;
-    const asked = motionOf(index);
+    const asked = motionOf(index, () => this.index === index);
     const tell = () => this.index === index && this.wait(asked.why);
     const late = setTimeout(() => {
       asked.late = tell;
@@ -58,6 +62,8 @@ export class Player extends Playback {
       this.step = calm.matches ? motion.run.last : 0;
       if (calm.matches) this.pause();
       else this.play();
+    } catch (error) {
+      if (this.index === index) throw error;
     } finally {
       clearTimeout(late);
       if (this.index === index) this.wait("");

@@ -1,6 +1,7 @@
 //! Which behaviours of several campaigns are the same: by their distance where all campaigns measure in one space, else by the classes
 //! that people gave.
 
+use murmuration_engine::taxonomy::{distance, touch};
 use murmuration_model::labels::{ClassKey, ClassName};
 use std::collections::BTreeMap;
 
@@ -52,38 +53,26 @@ impl Group {
 /// campaign at most. All are in one space.
 pub(super) fn by_distance(campaigns: usize, all: &[Behaviour]) -> Vec<Group> {
     let touching = touching(all);
-    // By behaviour, the group that it is in.
+    // By behaviour, the group that it is in; by group, its members: at most one of each campaign.
     let mut group_of: Vec<usize> = (0..all.len()).collect();
+    let mut members: Vec<Vec<usize>> = (0..all.len()).map(|member| vec![member]).collect();
     for &(one, other, _) in &touching {
-        let (into, from) = (
-            group_of[one].min(group_of[other]),
-            group_of[one].max(group_of[other]),
-        );
-        let of = |group: usize| -> Vec<usize> {
-            (0..all.len())
-                .filter(|&member| group_of[member] == group)
-                .collect()
-        };
-        let (staying, moving) = (of(into), of(from));
-        let clash = |&one: &usize| {
-            moving
-                .iter()
-                .any(|&other| all[one].campaign == all[other].campaign)
-        };
-        if into != from && !staying.iter().any(clash) {
-            moving.into_iter().for_each(|member| group_of[member] = into);
+        let (one, other) = (group_of[one], group_of[other]);
+        let (into, from) = (one.min(other), one.max(other));
+        let campaigns = |group: usize| members[group].iter().map(|&member| all[member].campaign);
+        if into != from && campaigns(into).all(|one| campaigns(from).all(|other| one != other)) {
+            let moving = std::mem::take(&mut members[from]);
+            moving.iter().for_each(|&member| group_of[member] = into);
+            members[into].extend(moving);
         }
-    }
-    let mut members: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    for (member, group) in group_of.into_iter().enumerate() {
-        members.entry(group).or_default().push(member);
     }
     let nearest = |member: usize| {
         let mut pairs = touching.iter();
         let (one, other, _) = pairs.find(|(one, other, _)| *one == member || *other == member)?;
         Some(if *one == member { *other } else { *one })
     };
-    let groups = members.into_values().map(|members| Group {
+    let groups = members.into_iter().filter(|members| !members.is_empty());
+    let groups = groups.map(|members| Group {
         touches: match members.as_slice() {
             [alone] => nearest(*alone),
             _ => None,
@@ -98,19 +87,18 @@ fn touching(all: &[Behaviour]) -> Vec<(usize, usize, f64)> {
     let mut found = Vec::new();
     for (other, theirs) in all.iter().enumerate() {
         for (one, ours) in all[..other].iter().enumerate() {
+            if ours.campaign == theirs.campaign {
+                continue;
+            }
             let distance = distance(&ours.at, &theirs.at);
-            if ours.campaign != theirs.campaign && distance <= ours.mean_distance + theirs.mean_distance {
+            // Clusters of one individual have no extent, and may still be at one place.
+            if distance == 0.0 || touch(distance, [ours.mean_distance, theirs.mean_distance]) {
                 found.push((one, other, distance));
             }
         }
     }
     found.sort_by(|(.., a), (.., b)| a.total_cmp(b));
     found
-}
-
-fn distance(one: &[f64], other: &[f64]) -> f64 {
-    let squares = one.iter().zip(other).map(|(a, b)| (a - b) * (a - b));
-    squares.sum::<f64>().sqrt()
 }
 
 /// Groups of behaviours of one class, and at last the behaviours that have none.

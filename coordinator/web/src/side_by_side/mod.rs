@@ -6,6 +6,7 @@ mod taxonomies;
 use super::{Web, layout::layout_with, named::NamedTaxonomy, page_error::PageError, visitor::Visitor};
 use axum::extract::{Query, State};
 use maud::{Markup, html};
+use murmuration_engine::blocking::blocking;
 use murmuration_model::CampaignRecord;
 use murmuration_proto::{Invalid, counted};
 use murmuration_study::wide;
@@ -44,12 +45,9 @@ pub(super) async fn page(
         let taxonomy = NamedTaxonomy::read(&web, &record).await?;
         compared.push((record, taxonomy));
     }
-    Ok(layout_with(
-        "Compare",
-        &visitor,
-        &["sidebyside.js"],
-        shown(&compared),
-    ))
+    // Matching takes long where taxonomies are large.
+    let content = blocking(move || shown(&compared)).await?;
+    Ok(layout_with("Compare", &visitor, &["sidebyside.js"], content))
 }
 
 fn shown(compared: &[(CampaignRecord, Option<NamedTaxonomy>)]) -> Markup {

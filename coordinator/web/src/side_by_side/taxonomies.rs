@@ -245,9 +245,11 @@ fn found_in(
 }
 
 fn in_so_many(campaigns: usize, with: usize) -> String {
-    match campaigns == with {
-        true => format!("all {with}"),
-        false => format!("{campaigns} of {with}"),
+    match (campaigns, with) {
+        // There is nothing to compare with.
+        (_, 0 | 1) => String::new(),
+        _ if campaigns == with => format!("all {with}"),
+        _ => format!("{campaigns} of {with}"),
     }
 }
 
