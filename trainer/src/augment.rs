@@ -1,10 +1,7 @@
 //! Augmentation: another picture of the same behaviour, cropped, resized, turned and reflected.
 
 use crate::{network::scaled, real::Real};
-use murmuration_proto::{
-    PictureShape, RandomStream,
-    training::{PaperLabelled, RandomTriplets, Recipe},
-};
+use murmuration_proto::{PictureShape, RandomStream, training::Recipe};
 
 /// The parameters of augmentation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,24 +22,14 @@ pub(crate) enum Symmetries {
 }
 
 impl From<&Recipe> for Augmentation {
+    /// That of pictures without a class: labelled pictures have their own crop.
     fn from(recipe: &Recipe) -> Self {
-        match recipe {
-            Recipe::Paper(RandomTriplets { crop, .. })
-            | Recipe::PaperLabelled(PaperLabelled { crop, .. }) => Self {
-                crop: *crop,
-                symmetries: Symmetries::Turns,
+        Self {
+            crop: recipe.unlabelled_crop(),
+            symmetries: match recipe.reflects() {
+                true => Symmetries::All,
+                false => Symmetries::Turns,
             },
-            Recipe::InBatch(recipe) => Self {
-                crop: recipe.crop,
-                symmetries: Symmetries::All,
-            },
-            // For unlabelled pictures; labelled pictures have their own crop.
-            Recipe::Labelled(recipe) => Self {
-                crop: recipe.unlabelled_crop,
-                symmetries: Symmetries::All,
-            },
-            // Only for measuring quality.
-            Recipe::Untrained => Self::from(&Recipe::default()),
         }
     }
 }

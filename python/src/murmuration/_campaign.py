@@ -6,6 +6,7 @@ import os
 import sys
 import tempfile
 import uuid
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,9 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from . import _tables as tables
-from ._errors import CampaignError, NotFoundError
+from ._arguments import index as index_
+from ._arguments import path, whole
+from ._errors import CampaignError, InvalidError, NotFoundError, UnavailableError
 from ._html import taxonomy_page
 from ._progress import Bar
 from .v1 import campaign_pb2 as v1
@@ -61,7 +64,8 @@ class Taxonomy:
             `mean_distance`, `novelty`, `class`, `cluster_name` (the class, or the name from an earlier version),
             `genes`, `seed`.
         pictures: Their pictures, as from `Campaign.pictures`.
-        clusters: The row of `medoids` that each individual of the archive belongs to; uint32 (individuals,).
+        clusters: The row of `medoids` that each individual of the archive belongs to, from 0; uint32 (individuals,).
+            Reports, pages and files number behaviours from 1: theirs is the row + 1.
         loss: Sum of the distances of all individuals to their nearest medoids, in units of the behaviour space.
         robustness: The share of each individual's trials that are nearer to its own medoid than to any other, 0 to 1;
             float64 (individuals,). None if individuals have one trial.
@@ -140,7 +144,7 @@ class Campaign:
         """
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder, "spec.toml")
-            file.write_text(self._client.command("show", self.id)["spec"])
+            file.write_text(self._client.command("show", self.id)["spec"], encoding="utf-8")
             names: list[str] = self._client.command("robot", os.fspath(file))["genes"]
         return names
 
@@ -155,6 +159,10 @@ class Campaign:
 
         Raises:
             CampaignError: If it fails, or a person pauses or cancels it.
+            UnavailableError: If the coordinator ends meanwhile.
+
+        Warns:
+            RuntimeWarning: If the campaign waits for something, such as a worker, and no bar shows it.
 
         Example:
             >>> campaign.wait()
@@ -162,20 +170,30 @@ class Campaign:
         """
         bar = Bar(progress)
         last = v1.Campaign()
+        said: set[str] = set()
         try:
             request = v1.WatchCampaignRequest(campaign=self.id)
             for last in self._client.rpc.stream("CampaignService/WatchCampaign", request, v1.Campaign):
                 bar.show(last)
+                if last.waiting and bar.is_hidden and last.waiting not in said:
+                    said.add(last.waiting)
+                    warnings.warn(f"campaign {self.id} waits: {last.waiting}", RuntimeWarning, stacklevel=2)
         finally:
             bar.close()
+        if last.state == v1.CAMPAIGN_STATE_RUNNING:
+            raise self._client.rpc.explained(UnavailableError(f"the coordinator ended while {self.id} was running"))
         if last.state != v1.CAMPAIGN_STATE_COMPLETED:
             state = state_of(last)
             why = f": {last.error}" if last.error else ""
             raise CampaignError(f"campaign {self.id} is {state}{why}", state)
         return self
 
-    def archive(self) -> pa.Table:
+    def archive(self, *, flat: bool = False) -> pa.Table:
         """All individuals evaluated so far, in order.
+
+        Args:
+            flat: Whether genes, features and the dimensions of the embedding have a column each, as a data frame likes
+                them, instead of columns of lists.
 
         Returns:
             A table with these columns, and with units in the metadata of its schema: `index`; `generation`; `genes`,
@@ -184,15 +202,25 @@ class Campaign:
             `class`, the last one given if annotators differ, null if there is none; `seed` of the start. `trials`
             (seed, features and embedding of each) is there if individuals have several.
 
+            If `flat`, columns named as `gene_names` and `FEATURES` say and `embedding_0` and so on are in the place of
+            `genes`, `features` and `embedding`. There are no `trials`, and a completed campaign has a column `cluster`:
+            the number of the behaviour, from 1, as in reports.
+
         Example:
             >>> archive = campaign.archive()
             >>> archive.num_rows, archive.schema.field("novelty").metadata[b"unit"]
             (100, b'behaviour space')
+            >>> campaign.archive(flat=True).column_names[2:8]
+            ['left_0', 'right_0', 'left_1', 'right_1', 'average_speed', 'angular_momentum']
         """
         request = v1.GetArchiveRequest(campaign=self.id)
         chunks = self._client.rpc.stream("CampaignService/GetArchive", request, v1.ArchiveChunk)
         individuals = [one for chunk in chunks for one in chunk.individuals]
-        return tables.archive(individuals, self._classes())
+        table = tables.archive(individuals, self._classes())
+        if not flat:
+            return table
+        clusters = self.taxonomy().clusters if self.status().state == v1.CAMPAIGN_STATE_COMPLETED else None
+        return tables.flat(table, self.gene_names, clusters)
 
     def pictures(self, indices: Iterable[int] | None = None) -> npt.NDArray[np.uint8]:
         """Pictures of individuals: the paths of their robots during the last steps.
@@ -215,7 +243,7 @@ class Campaign:
         if indices is None:
             images = [one.image for one in self._with_images()]
         else:
-            asked = [int(index) for index in indices]
+            asked = [index_(one) for one in indices]
             found: dict[int, bytes] = {}
             if len(asked) * _PICTURES_FOR_ONE_CALL > status.generations_done * status.spec.search.population:
                 wanted = set(asked)
@@ -289,7 +317,9 @@ class Campaign:
             >>> campaign.replay(3, stride=10)
             Replay(21 frames of 24 robots)
         """
-        request = v1.GetReplayRequest(campaign=self.id, index=index, stride=stride)
+        request = v1.GetReplayRequest(
+            campaign=self.id, index=index_(index), stride=whole("stride", stride, 1, (1 << 32) - 1)
+        )
         replay = self._client.rpc.whole("CampaignService/GetReplay", request, v1.Replay)
         return Replay(steps=np.array(replay.steps, np.uint32), poses=tables.poses(replay))
 
@@ -337,11 +367,16 @@ class Campaign:
             >>> campaign.labels()["answer"].to_pylist()
             ['milling', 'random']
         """
+        if not isinstance(answers, Mapping):
+            raise InvalidError(f"answers = {type(answers).__name__}: must be a dict, with an answer for each index")
+        for one in (annotator, *answers.values()):
+            if not isinstance(one, str):
+                raise InvalidError(f"answer = {one!r}: must be a text, as the annotator's name must")
         request = label_v1.AppendLabelsRequest(
             campaign=self.id,
             request_id=str(uuid.uuid4()),
             answers=[
-                label_v1.Answer(index=int(index), answer=answer, annotator=annotator)
+                label_v1.Answer(index=index_(index), answer=answer, annotator=annotator)
                 for index, answer in answers.items()
             ],
         )
@@ -360,7 +395,7 @@ class Campaign:
             >>> campaign.report("out").name
             'report.html'
         """
-        return Path(self._client.command("report", self.id, "--out", os.fspath(folder))["report"])
+        return Path(self._client.command("report", self.id, "--out", path("folder", folder))["report"])
 
     def embedder(self, file: str | os.PathLike[str]) -> Path:
         """Writes the network that embeds the campaign's pictures, and returns the path of its file.
@@ -376,7 +411,7 @@ class Campaign:
         checkpoint = self.status().checkpoint
         if not checkpoint:
             raise NotFoundError(f"campaign {self.id} has no embedder")
-        self._client.command("checkpoints", "export", checkpoint, os.fspath(file))
+        self._client.command("checkpoints", "export", checkpoint, path("file", file))
         return Path(file)
 
     def export(self, folder: str | os.PathLike[str], *, csv: bool = False) -> Path:
@@ -399,7 +434,7 @@ class Campaign:
             100
         """
         more = ["--csv"] if csv else []
-        return Path(self._client.command("export", self.id, os.fspath(folder), *more)["folder"])
+        return Path(self._client.command("export", self.id, path("folder", folder), *more)["folder"])
 
     def pause(self) -> None:
         """Stops the campaign at its last complete generation.
@@ -451,6 +486,15 @@ class Campaign:
 
     def _classes(self) -> dict[int, str]:
         return tables.classes_of(self._standing())
+
+
+def description_of(campaign: Campaign) -> dict[str, Any]:
+    """What evaluates controllers as a campaign does: its specification, with the embedder that it has."""
+    spec = campaign.spec
+    if checkpoint := campaign.status().checkpoint:
+        spec = {name: value for name, value in spec.items() if name not in ("dataset", "training")}
+        spec["checkpoint"] = checkpoint
+    return spec
 
 
 def state_of(campaign: v1.Campaign) -> str:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import html
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import tomli_w
 
 from . import _programs as programs_
-from ._campaign import Campaign
+from ._arguments import path, read, toml, whole
+from ._campaign import Campaign, description_of
 from ._cluster import Cluster
-from ._errors import InvalidError, NotFoundError
+from ._errors import InvalidError, NotFoundError, UnavailableError
 from ._evaluations import Evaluations, described, evaluate, replay
 from ._rpc import Connection
 from .v1 import campaign_pb2 as v1
@@ -55,6 +57,10 @@ class Client:
     def __repr__(self) -> str:
         return f"Client({self.url!r})"
 
+    def _repr_html_(self) -> str:
+        url = html.escape(self.url)
+        return f'<a href="{url}" target="_blank">{url}</a>'
+
     def close(self) -> None:
         """Closes the connection, and ends the cluster if `local` started it. Its running campaigns are interrupted."""
         self.rpc.close()
@@ -81,6 +87,7 @@ class Client:
             progress: Whether to show a bar; by default in notebooks and terminals.
 
         Raises:
+            OSError: If the file cannot be read.
             InvalidError: If the specification is not valid.
             CampaignError: If the campaign fails, or a person pauses or cancels it.
 
@@ -100,24 +107,27 @@ class Client:
         weight: int | None = None,
     ) -> Campaign:
         """Starts a campaign, and returns without waiting for it. Arguments and errors are those of `run`."""
-        options = [f"--{name}={value}" for name, value in (("seed", seed), ("weight", weight)) if value is not None]
+        options = []
+        if seed is not None:
+            options.append(f"--seed={whole('seed', seed, 0, (1 << 63) - 1)}")
+        if weight is not None:
+            options.append(f"--weight={whole('weight', weight, 1, 10_000)}")
         if not isinstance(spec, Mapping):
-            return Campaign(self, self.command("submit", os.fspath(spec), *options)["campaign"])
+            # What cannot be read is Python's own error.
+            read("spec", spec)
+            return Campaign(self, self.command("submit", path("spec", spec), *options)["campaign"])
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder, "spec.toml")
-            file.write_text(tomli_w.dumps(_document(spec)))
-            try:
+            file.write_bytes(toml(spec))
+            with _without_place(spec, file):
                 submitted = self.command("submit", os.fspath(file), *options)
-            except InvalidError as error:
-                # The file is not the caller's.
-                raise InvalidError(str(error).removeprefix(f"{file}: ")) from None
         return Campaign(self, submitted["campaign"])
 
     def evaluate(
         self,
-        robot: str | os.PathLike[str] | Mapping[str, Any],
+        robot: str | os.PathLike[str] | Mapping[str, Any] | Campaign,
         controllers: npt.ArrayLike,
-        seeds: Sequence[int] | npt.NDArray[Any] | int = 0,
+        seeds: Sequence[int] | npt.NDArray[Any] | int = 1,
         *,
         pictures: bool = False,
     ) -> Evaluations:
@@ -127,9 +137,11 @@ class Client:
 
         Args:
             robot: The name of a capability model (`"single-sensor"`), or a campaign as a dict or the path of its file
-                (ending in `.toml`), for other robots, worlds, numbers of starts, or an embedding by a `checkpoint`.
+                (ending in `.toml`), for other robots, worlds, numbers of starts, or an embedding by a `checkpoint`. A
+                `Campaign` stands for its robots, world, pictures and starts, and for its embedder if it has one.
             controllers: Genes, (n, genes), within the ranges of their sensors and drives.
-            seeds: The seed of each controller's first start, or one for all, 0 to 2^64 - 1.
+            seeds: The seed of each controller's first start, or one for all, 0 to 2^64 - 1; by default 1, as that of
+                `murmuration simulate`.
             pictures: Whether to return pictures, too.
 
         Raises:
@@ -141,13 +153,14 @@ class Client:
             >>> result.features.shape
             (2, 5)
         """
-        return evaluate(self.rpc, _described(robot), controllers, seeds, pictures)
+        with _without_place(robot):
+            return evaluate(self.rpc, _described(robot), controllers, seeds, pictures)
 
     def replay(
         self,
-        robot: str | os.PathLike[str] | Mapping[str, Any],
+        robot: str | os.PathLike[str] | Mapping[str, Any] | Campaign,
         controller: npt.ArrayLike,
-        seed: int = 0,
+        seed: int = 1,
         *,
         steps: int | None = None,
     ) -> npt.NDArray[np.float64]:
@@ -159,7 +172,7 @@ class Client:
             robot: As for `evaluate`: the name of a capability model, or a campaign that describes robots and world. If
                 its method embeds, it needs no `checkpoint` here.
             controller: Genes, (genes,), within the ranges of their sensors and drives.
-            seed: The seed of the start, 0 to 2^64 - 1, such as an individual's.
+            seed: The seed of the start, 0 to 2^64 - 1, such as an individual's; by default 1.
             steps: Number of steps, 1 or more; by default the world's horizon.
 
         Returns:
@@ -177,7 +190,8 @@ class Client:
             >>> bool(0 <= x <= 500)
             True
         """
-        return replay(self.rpc, _described(robot), controller, seed, steps)
+        with _without_place(robot):
+            return replay(self.rpc, _described(robot), controller, seed, steps)
 
     def campaign(self, identifier: str = "latest") -> Campaign:
         """A campaign by its id; the newest by default.
@@ -220,7 +234,7 @@ class Client:
             ...     other.import_campaign(folder).digest() == campaign.digest()
             True
         """
-        return Campaign(self, self.command("import", os.fspath(folder))["campaign"])
+        return Campaign(self, self.command("import", path("folder", folder))["campaign"])
 
     def command(self, *words: str) -> dict[str, Any]:
         """Runs a command of the program `murmuration` on this coordinator, and returns what it prints with `--json`.
@@ -254,10 +268,16 @@ class Client:
             >>> client.documents("list")[0]["campaign"]
             'example-1'
         """
+        self.rpc.check_open()
+        if words[:1] == ("serve",):
+            raise InvalidError("`murmuration serve` is a coordinator of its own: `murmuration.local` starts one")
         trust = ["--ca", os.fspath(self._ca)] if self._ca else []
         variables = {"MURMURATION_TOKEN": self._token} if self._token else {}
         program = programs_.find(self._programs)
-        return programs_.run(program, [*words, "--coordinator", self.url, *trust], variables)
+        try:
+            return programs_.run(program, [*words, "--coordinator", self.url, *trust], variables)
+        except UnavailableError as error:
+            raise self.rpc.explained(error) from None
 
 
 def local(
@@ -287,8 +307,12 @@ def local(
         ...     client.campaigns()
         []
     """
+    for field, count in (("workers", workers), ("trainers", trainers)):
+        if count is not None:
+            whole(field, count, 0, 4096)
+    folder = Path(path("data", data)).absolute() if data is not None else None
     program = programs_.find(programs)
-    cluster = Cluster(program, Path(data).absolute() if data is not None else None, workers, trainers)
+    cluster = Cluster(program, folder, workers, trainers)
     return Client(cluster.url, token=cluster.token, programs=program.parent, cluster=cluster)
 
 
@@ -332,23 +356,19 @@ def connect(
     return client
 
 
-def _described(robot: str | os.PathLike[str] | Mapping[str, Any]) -> str:
+def _described(robot: str | os.PathLike[str] | Mapping[str, Any] | Campaign) -> str:
     """The text of a campaign file that describes robots and world."""
-    return described(_document(robot) if isinstance(robot, Mapping) else robot)
+    return described(description_of(robot) if isinstance(robot, Campaign) else robot)
 
 
-def _document(spec: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: _plain(value) for name, value in spec.items()}
-
-
-def _plain(value: object) -> object:
-    """A value of a specification without the types of numpy, which TOML's writer does not know."""
-    if isinstance(value, Mapping):
-        return _document(value)
-    if isinstance(value, (list, tuple)):
-        return [_plain(inner) for inner in value]
-    if isinstance(value, (np.generic, np.ndarray)):
-        return value.tolist()
-    if value is None:
-        raise InvalidError("a value of the specification is None: leave its field out")
-    return value
+@contextmanager
+def _without_place(spec: object, file: Path | None = None) -> Iterator[None]:
+    """Leaves the place in a file out of errors, where the caller gave a dict."""
+    try:
+        yield
+    except InvalidError as error:
+        if not isinstance(spec, Mapping):
+            raise
+        # What is wrong comes after the place, on a line of its own.
+        said = str(error).removeprefix(f"{file}: ").rsplit("\n", 1)[-1]
+        raise InvalidError(said) from None

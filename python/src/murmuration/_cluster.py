@@ -20,6 +20,8 @@ from ._programs import environment
 # A coordinator checks its database before it listens.
 _SECONDS_TO_START = 120
 _SECONDS_TO_LOOK_AGAIN = 0.01
+# Until a guard has ended whose coordinator has.
+_SECONDS_TO_END = 0.5
 # Of a log, what a message quotes.
 _QUOTED_BYTES = 2_000
 
@@ -60,7 +62,11 @@ class Cluster:
 
     def why(self) -> str:
         """Why it does not answer: the last lines of its log, if it has ended; otherwise nothing."""
-        return "" if self._guard.poll() is None else f"the local cluster has ended:\n{self._tail()}"
+        try:
+            self._guard.wait(_SECONDS_TO_END)
+        except subprocess.TimeoutExpired:
+            return ""
+        return f"the local cluster has ended:\n{self._tail()}"
 
     def _wait_for_address(self, data: Path) -> tuple[str, str | None]:
         """Where its coordinator listens, as its data directory says."""
@@ -120,7 +126,7 @@ def _end(guard: subprocess.Popen[str], process: int, own: str) -> None:
 def _holder(data: Path) -> dict[str, object]:
     """The process that uses a data directory; nothing while that is being written."""
     try:
-        holder = json.loads((data / "lock.json").read_text())
+        holder = json.loads((data / "lock.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     return holder if isinstance(holder, dict) else {}
@@ -128,6 +134,6 @@ def _holder(data: Path) -> dict[str, object]:
 
 def _token(data: Path) -> str | None:
     try:
-        return (data / "local-token").read_text().strip()
+        return (data / "local-token").read_text(encoding="utf-8").strip()
     except FileNotFoundError:
         return None

@@ -69,6 +69,10 @@ class CampaignError(MurmurationError):
         super().__init__(said)
         self.state = state
 
+    def __reduce__(self) -> tuple[type[CampaignError], tuple[str, str]]:
+        # Processes of a pool send it to each other.
+        return type(self), (str(self), self.state)
+
 
 class ProgramError(MurmurationError):
     """A program of Murmuration that cannot be found, or that failed."""

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import tomli_w
 
 from . import _tables as tables
+from ._arguments import read, toml, whole
 from ._errors import InvalidError, MurmurationError
 from ._rpc import Connection
 from .v1 import evaluation_pb2 as v1
 from .v1 import worker_pb2 as worker
 
+_MOST_SEEDS = 1 << 64
 # Controllers of a request: a few hundred milliseconds of one core, and with usual pictures less than a megabyte.
 _IN_A_REQUEST = 64
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Evaluations:
     """What evaluations of controllers came to, in their order.
 
@@ -43,6 +43,12 @@ class Evaluations:
     def __len__(self) -> int:
         return len(self.features)
 
+    def __repr__(self) -> str:
+        arrays = {"features": self.features, "embeddings": self.embeddings, "pictures": self.pictures}
+        shapes = [f"{name} {array.shape}" for name, array in arrays.items() if array is not None]
+        failures = [f"{len(self.failures)} failed"] if self.failures else []
+        return f"Evaluations({', '.join([f'{len(self)} controllers', *shapes, *failures])})"
+
 
 def evaluate(
     rpc: Connection,
@@ -56,8 +62,8 @@ def evaluate(
     if genes.ndim != 2 or not len(genes):
         raise InvalidError(f"controllers = an array of shape {genes.shape}: must be (controllers, genes), at least one")
     # Not by an array of numpy: numbers from 2^63 on may become floating-point numbers in it.
-    given = [seeds] * len(genes) if isinstance(seeds, (int, np.integer)) else seeds
-    numbers = [_whole(f"seeds[{place}]", seed, 0, 64) for place, seed in enumerate(given)]
+    given = seeds if isinstance(seeds, Iterable) else [whole("seeds", seeds, 0, _MOST_SEEDS - 1)] * len(genes)
+    numbers = [whole(f"seeds[{place}]", seed, 0, _MOST_SEEDS - 1) for place, seed in enumerate(given)]
     if len(numbers) != len(genes):
         raise InvalidError(f"seeds = {len(numbers)} of them: must be one, or one for each of {len(genes)} controllers")
     requests = _requests(description, genes, numbers, pictures)
@@ -93,17 +99,19 @@ def replay(
     request = v1.SimulateRequest(
         description=v1.EvaluationDescription(toml=description),
         controller=genes.tolist(),
-        seed=_whole("seed", seed, 0, 64),
-        steps=None if steps is None else _whole("steps", steps, 1, 32),
+        seed=whole("seed", seed, 0, _MOST_SEEDS - 1),
+        steps=None if steps is None else whole("steps", steps, 1, (1 << 32) - 1),
     )
     parts = rpc.stream("EvaluationService/Simulate", request, v1.Motion)
     return np.concatenate([np.array(part.poses, np.float64).reshape(-1, part.agents, 3) for part in parts])
 
 
 def _numbers(field: str, given: npt.ArrayLike, shape: str) -> npt.NDArray[np.float64]:
+    # A column of a table or of a data frame has a list or an array in each row.
+    listed = getattr(given, "to_pylist", None) or getattr(given, "to_list", None)
     try:
-        return np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+        return np.asarray(listed() if listed else given, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
         raise InvalidError(f"{field} = what is no array: must be numbers, {shape}: {error}") from None
 
 
@@ -116,19 +124,13 @@ def _nothing_like(result: v1.EvaluateResult) -> list[worker.Evaluation]:
     return [lost]
 
 
-def _whole(field: str, number: object, least: int, bits: int) -> int:
-    if isinstance(number, (int, np.integer)) and least <= number < 1 << bits:
-        return int(number)
-    raise InvalidError(f"{field} = {number}: must be a whole number from {least} to {(1 << bits) - 1}")
-
-
 def described(campaign: str | os.PathLike[str] | Mapping[str, Any]) -> str:
     """The text of a campaign file: of the file, of a dict, or of a capability model by its name."""
     if isinstance(campaign, str) and not campaign.endswith(".toml"):
         campaign = {"model": campaign}
     if isinstance(campaign, Mapping):
-        return tomli_w.dumps({"name": "evaluate", "method": "hand-crafted"} | dict(campaign))
-    return Path(campaign).read_text()
+        return toml({"name": "evaluate", "method": "hand-crafted"} | dict(campaign)).decode()
+    return read("robot", campaign)
 
 
 def _requests(

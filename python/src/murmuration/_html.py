@@ -33,13 +33,14 @@ def taxonomy_page(pictures: npt.NDArray[np.uint8], medoids: Sequence[Mapping[str
     """The medoids of a taxonomy as a row of pictures with words below."""
     # Channels of species are shown as one.
     grey = pictures.max(axis=1) if pictures.ndim == 4 else pictures
-    figures = [_figure(picture, medoid) for picture, medoid in zip(grey, medoids, strict=True)]
+    figures = [_figure(number, *shown) for number, shown in enumerate(zip(grey, medoids, strict=True), 1)]
     return f'<div style="display:flex;flex-wrap:wrap;gap:8px">{"".join(figures)}</div>'
 
 
-def _figure(picture: npt.NDArray[np.uint8], medoid: Mapping[str, Any]) -> str:
+def _figure(number: int, picture: npt.NDArray[np.uint8], medoid: Mapping[str, Any]) -> str:
     data = base64.b64encode(png(picture)).decode()
     named = html.escape(medoid["cluster_name"] or medoid["class"] or "")
-    words = f"{medoid['index']}<br>{medoid['cluster_size']} in its cluster<br>{named}"
+    size = f"{medoid['cluster_size']} individual{'' if medoid['cluster_size'] == 1 else 's'}"
+    words = f"<b>{number}</b> {named}<br>{size}<br>the middle: {medoid['index']}"
     image = f'<img width="{_SHOWN_SIDE}" style="image-rendering:pixelated" src="data:image/png;base64,{data}">'
     return f'<figure style="margin:0;font-size:small">{image}<figcaption>{words}</figcaption></figure>'

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ._errors import InvalidError, NotFoundError, ProgramError
+from ._errors import InvalidError, MurmurationError, NotFoundError, ProgramError, UnavailableError
 
 _NAME = "murmuration"
 # Exit code of programs for wrong usage or input.
@@ -28,8 +28,9 @@ def find(folder: str | os.PathLike[str] | None) -> Path:
     if folder is not None:
         places = [os.fspath(folder)]
     else:
-        # A wheel puts programs there, which have the version of this library.
+        # A wheel puts programs there, which have the version of this library; `--target` of pip has one folder for both.
         scripts = [sysconfig.get_path("scripts"), sysconfig.get_path("scripts", f"{os.name}_user")]
+        scripts.append(os.fspath(Path(__file__).parents[1] / "bin"))
         places = [*scripts, *os.environ.get("PATH", os.defpath).split(os.pathsep)]
     if found := shutil.which(_NAME, path=os.pathsep.join(places)):
         return Path(found)
@@ -71,21 +72,38 @@ def run(program: Path, words: Sequence[str], variables: dict[str, str]) -> list[
     Raises:
         InvalidError: If the command refuses its input.
         NotFoundError: If what it is asked about does not exist.
+        UnavailableError: If the coordinator does not answer it.
         ProgramError: If it fails.
     """
     command = [os.fspath(program), *words, "--json"]
     done = subprocess.run(
-        command, stdin=subprocess.DEVNULL, capture_output=True, text=True, env=environment() | variables, check=False
+        command,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        encoding="utf-8",
+        errors="replace",
+        env=environment() | variables,
+        check=False,
     )
     if done.returncode != 0:
-        said = done.stderr.strip().rpartition("error: ")[2] or f"{words[0]} failed with exit code {done.returncode}"
-        if done.returncode == _WRONG_INPUT:
-            raise NotFoundError(said) if said.startswith("there is no ") else InvalidError(said)
-        raise ProgramError(said)
+        raise _failed(words[0], done.returncode, done.stderr.strip().rpartition("error: ")[2])
     documents = []
     left = done.stdout.strip()
     while left:
-        document, end = json.JSONDecoder().raw_decode(left)
+        try:
+            document, end = json.JSONDecoder().raw_decode(left)
+        except ValueError:
+            raise ProgramError(f"`murmuration {' '.join(words)}` printed what is no JSON") from None
         documents.append(document)
         left = left[end:].lstrip()
     return documents
+
+
+def _failed(command: str, code: int, said: str) -> MurmurationError:
+    # Of wrong usage the first line says what is wrong, and the others what to type.
+    said = said.partition("\n\nFor more information")[0] or f"{command} failed with exit code {code}"
+    if said.startswith("no coordinator answers "):
+        return UnavailableError(said)
+    if code != _WRONG_INPUT:
+        return ProgramError(said)
+    return NotFoundError(said) if said.startswith("there is no ") else InvalidError(said)

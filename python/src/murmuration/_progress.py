@@ -29,12 +29,18 @@ class Bar:
     """One bar for each stage.
 
     Without `shown`, bars are shown in notebooks and in terminals, but not where stderr is a file.
+
+    Attributes:
+        is_hidden: Whether nobody sees it.
     """
 
     def __init__(self, shown: bool | None) -> None:
         in_notebook = "ipykernel" in sys.modules
-        # With None, tqdm finds out by itself whether stderr is a terminal.
+        # With None, tqdm finds out by itself whether stderr is a terminal. A process may have no stderr at all.
         self._disable = not shown if shown is not None else (False if in_notebook else None)
+        if sys.stderr is None and not in_notebook:
+            self._disable = True
+        self.is_hidden = self._disable is True or (self._disable is None and not sys.stderr.isatty())
         self._stage = ""
         self._bar: tqdm[NoReturn] | None = None
 

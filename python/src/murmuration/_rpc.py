@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from itertools import chain
 from typing import TypeVar
+from urllib.parse import urlsplit
 
 import grpc
 from google.protobuf.message import Message
 
-from ._errors import InvalidError, UnavailableError, of_status
+from ._errors import InvalidError, MurmurationError, UnavailableError, of_status
 
 Answer = TypeVar("Answer", bound=Message)
 
@@ -29,19 +30,18 @@ class Connection:
 
     def __init__(self, url: str, ca: bytes | None, token: str | None, why: Callable[[], str]) -> None:
         """Connects when the first call is made. `why` says what is known of a coordinator that does not answer."""
-        scheme, _, rest = url.partition("://")
-        address = rest.rstrip("/")
-        if scheme not in ("http", "https") or not address or "/" in address:
-            raise InvalidError(f"url = {url}: must be http://HOST:PORT or https://HOST:PORT")
+        scheme, address = _address(url)
         if scheme == "http":
             self._channel = grpc.insecure_channel(address, options=_OPTIONS)
         else:
             self._channel = grpc.secure_channel(address, grpc.ssl_channel_credentials(ca), options=_OPTIONS)
         self._metadata = (("authorization", f"Bearer {token}"),) if token else ()
         self._why = why
+        self._is_closed = False
 
     def call(self, method: str, request: Message, answer: type[Answer]) -> Answer:
         """Calls a method with one answer. `method` is `SERVICE/METHOD`, without the package."""
+        self.check_open()
         ask = self._channel.unary_unary(
             f"/murmuration.v1.{method}",
             request_serializer=type(request).SerializeToString,
@@ -50,10 +50,11 @@ class Connection:
         try:
             return ask(request, metadata=self._metadata)
         except grpc.RpcError as error:
-            raise self._explained(error) from None
+            raise self.explained(of_status(error)) from None
 
     def stream(self, method: str, request: Message, answer: type[Answer]) -> Iterator[Answer]:
         """Calls a method whose answer is a stream. The call ends with the iterator."""
+        self.check_open()
         ask = self._channel.unary_stream(
             f"/murmuration.v1.{method}",
             request_serializer=type(request).SerializeToString,
@@ -63,12 +64,13 @@ class Connection:
         try:
             yield from answers
         except grpc.RpcError as error:
-            raise self._explained(error) from None
+            raise self.explained(of_status(error)) from None
         finally:
             answers.cancel()
 
     def exchange(self, method: str, requests: Iterator[Message], answer: type[Answer]) -> Iterator[Answer]:
         """Calls a method that takes a stream of requests, at least one, and answers with a stream."""
+        self.check_open()
         first = next(requests)
         ask = self._channel.stream_stream(
             f"/murmuration.v1.{method}",
@@ -79,7 +81,7 @@ class Connection:
         try:
             yield from answers
         except grpc.RpcError as error:
-            raise self._explained(error) from None
+            raise self.explained(of_status(error)) from None
         finally:
             answers.cancel()
 
@@ -92,10 +94,30 @@ class Connection:
 
     def close(self) -> None:
         """Ends the connection."""
+        self._is_closed = True
         self._channel.close()
 
-    def _explained(self, error: grpc.RpcError) -> Exception:
-        said = of_status(error)
-        if isinstance(said, UnavailableError) and (why := self._why()):
-            return UnavailableError(f"{said}; {why}")
-        return said
+    def check_open(self) -> None:
+        """Raises UnavailableError if the connection has ended."""
+        if self._is_closed:
+            raise UnavailableError("this client is closed")
+
+    def explained(self, error: MurmurationError) -> MurmurationError:
+        """An error of a call with what is known of a coordinator that does not answer."""
+        if self._is_closed:
+            return UnavailableError("this client was closed during the call")
+        if isinstance(error, UnavailableError) and (why := self._why()):
+            return UnavailableError(f"{error}; {why}")
+        return error
+
+
+def _address(url: str) -> tuple[str, str]:
+    """The scheme of a coordinator's URL, and its host and port."""
+    try:
+        parts = urlsplit(url)
+        is_one = parts.scheme in ("http", "https") and parts.hostname and parts.port
+    except (AttributeError, TypeError, ValueError):
+        is_one = False
+    if not is_one or "@" in parts.netloc or parts.path.strip("/") or parts.query or parts.fragment:
+        raise InvalidError(f"url = {url}: must be http://HOST:PORT or https://HOST:PORT, with a port from 1 to 65535")
+    return parts.scheme, parts.netloc

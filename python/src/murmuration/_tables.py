@@ -23,27 +23,46 @@ The third is 20 times the radial variance.
 _NO_CLASS = ("not sure", "skip")
 
 
-def matrix(column: pa.ChunkedArray | pa.Array) -> npt.NDArray[Any]:
+def matrix(column: pa.ChunkedArray | pa.Array | Iterable[Any]) -> npt.NDArray[Any]:
     """A column of lists of one length, such as genes, features or embeddings, as an array.
 
     Args:
-        column: A column of a table, without nulls.
+        column: A column of a table, without nulls, or one of a data frame of pandas or polars.
 
     Returns:
         An array with the shape (rows, length of a list) and the column's kind of numbers.
 
     Raises:
-        InvalidError: If the column has nulls.
+        InvalidError: If the column has nulls, or is none of lists of one length.
 
     Example:
         >>> mm.matrix(campaign.archive()["features"]).shape
         (100, 5)
     """
-    array = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
+    array = _array(column)
+    if not (
+        pa.types.is_list(array.type) or pa.types.is_fixed_size_list(array.type) or pa.types.is_large_list(array.type)
+    ):
+        raise InvalidError(f"column = one of {array.type}: must be one of lists")
     if array.null_count:
         raise InvalidError("the column has nulls, as that of embeddings in a campaign without embedder")
+    lengths = {array.type.list_size} if pa.types.is_fixed_size_list(array.type) else set(map(len, array))
+    if len(lengths) > 1:
+        raise InvalidError(f"column = lists of {min(lengths)} to {max(lengths)} numbers: must be of one length")
     numbers: npt.NDArray[Any] = array.flatten().to_numpy(zero_copy_only=False)
-    return numbers.reshape(len(array), len(numbers) // max(len(array), 1))
+    return numbers.reshape(len(array), lengths.pop() if lengths else 0)
+
+
+def _array(column: pa.ChunkedArray | pa.Array | Iterable[Any]) -> pa.Array:
+    if isinstance(column, pa.ChunkedArray):
+        return column.combine_chunks()
+    if isinstance(column, pa.Array):
+        return column
+    try:
+        # Polars' own way, which copies nothing; of pandas each row is a list or an array.
+        return column.to_arrow() if hasattr(column, "to_arrow") else pa.array(list(column))
+    except (TypeError, pa.ArrowException) as error:
+        raise InvalidError(f"column = {type(column).__name__}: must be a column of lists: {error}") from None
 
 
 def archive(individuals: Sequence[v1.Individual], classes: Mapping[int, str]) -> pa.Table:
@@ -75,6 +94,27 @@ def archive(individuals: Sequence[v1.Individual], classes: Mapping[int, str]) ->
     ]
     if any(one.trials for one in individuals):
         columns.append(_trials(individuals, len(first.embedding)))
+    return _table(columns)
+
+
+def flat(archive: pa.Table, genes: Sequence[str], clusters: npt.NDArray[np.uint32] | None) -> pa.Table:
+    """The table of an archive with a column for each number; `clusters` are rows of the medoids, from 0."""
+    columns: list[tuple[pa.Field, pa.Array]] = []
+    for field in archive.schema:
+        column = archive[field.name]
+        if field.name == "trials":
+            continue
+        if not pa.types.is_nested(field.type):
+            columns.append((field, column))
+        elif len(archive) and not column.null_count:
+            names = {"genes": genes, "features": FEATURES}.get(field.name)
+            numbers = matrix(column)
+            for place, values in enumerate(numbers.T):
+                name = names[place] if names else f"{field.name}_{place}"
+                columns.append(_column(name, field.type.value_type, values))
+    if clusters is not None:
+        numbered = (clusters + np.uint32(1)).tolist()
+        columns.append(_column("cluster", pa.uint32(), numbered, about="number of the behaviour, from 1"))
     return _table(columns)
 
 
