@@ -28,7 +28,7 @@ def find(folder: str | os.PathLike[str] | None) -> Path:
     if folder is not None:
         places = [os.fspath(folder)]
     else:
-        # A wheel puts programs there, which have the version of this library; `--target` of pip has one folder for both.
+        # A wheel puts programs there, which have the version of this library; `--target` of pip has a folder for both.
         scripts = [sysconfig.get_path("scripts"), sysconfig.get_path("scripts", f"{os.name}_user")]
         scripts.append(os.fspath(Path(__file__).parents[1] / "bin"))
         places = [*scripts, *os.environ.get("PATH", os.defpath).split(os.pathsep)]
