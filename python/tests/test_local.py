@@ -5,7 +5,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -167,3 +169,44 @@ def test_variables_of_a_shell_do_not_change_a_local_cluster(monkeypatch: pytest.
     monkeypatch.setenv("http_proxy", "http://127.0.0.1:1")
     with mm.local(workers=0, trainers=0) as client:
         assert client.submit({"model": "single-sensor", "method": "random"}).id == "single-sensor-1"
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
+def test_a_cluster_that_has_ended_is_said_by_every_way_to_ask(how: signal.Signals) -> None:
+    with mm.local(workers=1, trainers=0) as client:
+        campaign = client.submit({"model": "single-sensor", "method": "random", "search": {"generations": 5_000}})
+        assert client._cluster is not None
+        guard = client._cluster._guard.pid
+        (coordinator,) = (process for process in processes_of(guard) if process != guard)
+        timer = threading.Timer(0.5, os.kill, (coordinator, how))
+        timer.start()
+        with pytest.raises(mm.UnavailableError, match="the local cluster has ended"):
+            campaign.wait()
+        with pytest.raises(mm.UnavailableError, match="the local cluster has ended"):
+            client.campaigns()
+        with pytest.raises(mm.UnavailableError, match="the local cluster has ended"):
+            client.command("list")
+
+
+def test_a_campaign_that_waits_says_for_what(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ORT_DYLIB_PATH", "/nothing/libonnxruntime.so")
+    learned = {
+        "model": "single-sensor",
+        "method": "latent",
+        "world": {"horizon": 100},
+        "dataset": {"controllers": 20},
+        "training": {"recipe": {"in-batch": {"epochs": 1}}},
+        "search": {"population": 5, "generations": 1},
+        "taxonomy": {"medoids": 2},
+    }
+    with mm.local(workers=1, trainers=1) as client:
+        campaign = client.submit(learned)
+        timer = threading.Timer(SECONDS_TO_END, campaign.cancel)
+        timer.start()
+        try:
+            with warnings.catch_warnings():
+                warnings.filterwarnings("error", category=RuntimeWarning, message=".*/nothing/libonnxruntime.so.*")
+                with pytest.raises(RuntimeWarning, match=f"campaign {campaign.id} waits"):
+                    campaign.wait(progress=False)
+        finally:
+            timer.cancel()

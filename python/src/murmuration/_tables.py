@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from ._errors import InvalidError
 from .v1 import campaign_pb2 as v1
@@ -46,7 +47,11 @@ def matrix(column: pa.ChunkedArray | pa.Array | Iterable[Any]) -> npt.NDArray[An
         raise InvalidError(f"column = one of {array.type}: must be one of lists")
     if array.null_count:
         raise InvalidError("the column has nulls, as that of embeddings in a campaign without embedder")
-    lengths = {array.type.list_size} if pa.types.is_fixed_size_list(array.type) else set(map(len, array))
+    lengths = (
+        {array.type.list_size}
+        if pa.types.is_fixed_size_list(array.type)
+        else set(pc.list_value_length(array).unique().to_pylist())
+    )
     if len(lengths) > 1:
         raise InvalidError(f"column = lists of {min(lengths)} to {max(lengths)} numbers: must be of one length")
     numbers: npt.NDArray[Any] = array.flatten().to_numpy(zero_copy_only=False)
