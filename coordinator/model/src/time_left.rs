@@ -34,9 +34,9 @@ pub struct TimeLeft {
 }
 
 impl WorkLeft<'_> {
-    /// How long the whole campaign still takes, without the clustering at its end, which takes seconds (of a million individuals half a minute); `None` where nothing is
-    /// known. The pace of a search is only known while it searches (and, from below, while it simulates its dataset), that of a
-    /// training only during the training.
+    /// How long the whole campaign still takes, without the clustering at its end, which takes seconds (of a million individuals half
+    /// a minute); `None` where nothing is known. The pace of a search is only known while it searches (and, from below, while it
+    /// simulates its dataset), that of a training only during the training.
     #[must_use]
     pub fn whole(&self) -> Option<TimeLeft> {
         let of_spec = self.spec.feedback().map_or(0, Feedback::rounds);

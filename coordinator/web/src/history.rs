@@ -62,23 +62,14 @@ fn checkpoints(
     record: &CampaignRecord,
     versions: &[TaxonomyVersion],
 ) -> Result<Vec<(u32, CheckpointDigest)>, StoreError> {
-    let repetition = store.repetition(record)?;
-    let rounds = &repetition.rounds;
-    let mut all: Vec<(u32, CheckpointDigest)> = Vec::new();
-    if repetition.adopted {
-        // What led to it are no rounds of this campaign.
-        all.extend(
-            record
-                .embedder
-                .checkpoint()
-                .map(|adopted| (record.rounds.done, adopted)),
-        );
-    } else {
-        let first = rounds.first().map(|round| round.parent);
-        all.extend(first.or(record.embedder.checkpoint()).map(|first| (0, first)));
-        all.extend((1..).zip(rounds.iter().map(|round| round.checkpoint)));
-    }
-    all.extend(record.embedder.next().map(|next| (record.rounds.done, next)));
+    let (now, next) = (record.embedder.checkpoint(), record.embedder.next());
+    let parent = next.map(|next| store.checkpoint(next)).transpose()?;
+    let parent = parent.and_then(|next| next.lineage.parent);
+    // A round is done once there is its checkpoint, to which the archive only then moves.
+    let moves_on = now.is_some() && parent == now;
+    let rounds = store.repetition(record)?.rounds;
+    let mut all = led_to(now, record.rounds.done.saturating_sub(moves_on.into()), &rounds);
+    all.extend(next.map(|next| (record.rounds.done, next)));
     all.extend(
         versions
             .iter()
@@ -87,6 +78,19 @@ fn checkpoints(
     let mut seen = BTreeSet::new();
     all.retain(|(_, digest)| seen.insert(digest.to_string()));
     Ok(all)
+}
+
+/// The checkpoints that led to that of an archive after so many rounds. If `rounds`, its lineage, has another number of them, it was
+/// adopted, and what led to it are no rounds of this campaign.
+fn led_to(now: Option<CheckpointDigest>, done: u32, rounds: &[Round]) -> Vec<(u32, CheckpointDigest)> {
+    if rounds.len() != done as usize {
+        return now.into_iter().map(|adopted| (done, adopted)).collect();
+    }
+    let first = rounds.first().map(|round| round.parent).or(now);
+    let first = first.into_iter().map(|first| (0, first));
+    first
+        .chain((1..).zip(rounds.iter().map(|round| round.checkpoint)))
+        .collect()
 }
 
 fn learned(store: &Store, digest: CheckpointDigest) -> Result<Learned, StoreError> {
@@ -213,7 +217,8 @@ fn line(record: &CampaignRecord, before: &[Step], step: &Step, is_last: bool) ->
     let learned = step.checkpoint.as_ref();
     // A round learns one checkpoint; another one at the same round was adopted.
     let of_round = before.iter().find(|earlier| earlier.round == step.round);
-    let is_adopted = of_round.is_some_and(|earlier| earlier.digest() != step.digest());
+    let digests = of_round.and_then(|earlier| earlier.digest()).zip(step.digest());
+    let is_adopted = digests.is_some_and(|(learned, this)| learned != this);
     let is_learned_now = record.rounds.current_cutoff.is_some() && step.round == record.rounds.done + 1;
     html! {
         tr {
@@ -325,6 +330,24 @@ mod tests {
         let page = table(&record(CampaignState::Completed, Rounds::default()), &steps).into_string();
         assert_eq!(page.matches(">first<").count(), 1, "{page}");
         assert_eq!(page.matches(">adopted<").count(), 1, "{page}");
+    }
+
+    #[test]
+    fn what_led_to_an_archive_is_shown_unless_another_checkpoint_was_adopted() {
+        let [first, second] = [b"first".as_slice(), b"second"].map(CheckpointDigest::of);
+        let round = Round {
+            parent: first,
+            checkpoint: second,
+            labels: 5,
+            comparisons: 0,
+            label_digest: String::new(),
+        };
+        let rounds = std::slice::from_ref(&round);
+        assert_eq!(led_to(Some(second), 1, rounds), [(0, first), (1, second)]);
+        assert_eq!(led_to(Some(first), 0, &[]), [(0, first)]);
+        assert_eq!(led_to(None, 0, &[]), []);
+        // One of another campaign that had learned a round, before this one had.
+        assert_eq!(led_to(Some(second), 0, rounds), [(0, second)]);
     }
 
     #[test]

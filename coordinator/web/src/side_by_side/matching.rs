@@ -188,6 +188,21 @@ mod tests {
     }
 
     #[test]
+    fn clusters_of_one_individual_are_the_same_at_one_place_alone() {
+        let alone = |campaign, at| Behaviour {
+            mean_distance: 0.0,
+            ..behaviour(campaign, 0, at)
+        };
+        assert_eq!(by_distance(2, &[alone(0, 3.0), alone(1, 3.0)]).len(), 1);
+        assert_eq!(by_distance(2, &[alone(0, 3.0), alone(1, 3.1)]).len(), 2);
+        // A gap of nothing is one, as on the page Taxonomy.
+        assert_eq!(
+            by_distance(2, &[behaviour(0, 0, 3.0), behaviour(1, 0, 5.0)]).len(),
+            2
+        );
+    }
+
+    #[test]
     fn behaviours_of_one_class_are_in_one_row_and_those_without_in_the_last() {
         let named = |campaign, place, class: &str| Behaviour {
             class: Some(class.parse().unwrap()),

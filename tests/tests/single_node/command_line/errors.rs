@@ -187,6 +187,30 @@ fn a_picture_is_written_under_a_name_of_its_kind() {
 }
 
 #[test]
+fn a_table_of_results_replaces_no_file_that_is_read() {
+    let desk = Desk::new();
+    let (spec, genomes) = (desk.path("small.toml"), desk.path("genomes.csv"));
+    fs::write(&genomes, "-0.7,0.3,1,1\n").unwrap();
+    desk.check(
+        &["evaluate", &spec, &genomes, "--out", &genomes],
+        2,
+        "is a file that is read",
+    );
+    assert_eq!(fs::read_to_string(&genomes).unwrap(), "-0.7,0.3,1,1\n");
+    let out = desk.path("results.csv");
+    desk.check(
+        &["evaluate", &spec, &genomes, "--out", &out],
+        0,
+        &format!("wrote {out}"),
+    );
+    desk.check(
+        &["evaluate", &spec, &genomes, "--out", &out],
+        0,
+        &format!("replaced {out}"),
+    );
+}
+
+#[test]
 fn what_is_no_file_of_its_kind_is_named() {
     let desk = Desk::new();
     let data = desk.folder.path().join("odd");
