@@ -47,7 +47,7 @@ GENES = [-0.7, 0.3, 1.0, 1.0]
         (lambda client, campaign: mm.connect("http://127.0.0.1"), "url"),
         (lambda client, campaign: mm.matrix(pa.array([[1, 2, 3], [4]])), "column"),
         (lambda client, campaign: mm.matrix(pa.array([1, 2])), "column"),
-        (lambda client, campaign: mm.matrix(7), "column"),
+        (lambda client, campaign: mm.matrix(7), "column"),  # type: ignore[arg-type]
     ],
 )
 def test_what_is_not_allowed_is_refused_by_its_name(
@@ -76,7 +76,7 @@ def test_columns_of_data_frames_stand_for_lists(client: mm.Client, campaign: mm.
         mm.matrix(archive["genes"]),
         campaign.archive(flat=True).to_pandas()[campaign.gene_names],
     ):
-        again = client.evaluate(SPEC, controllers, archive["seed"].to_pylist())
+        again = client.evaluate(SPEC, controllers, archive["seed"].to_numpy())
         assert (again.features == several.features).all()
     assert (several.features == mm.matrix(archive["features"])).all()
     assert repr(several) == "Evaluations(100 controllers, features (100, 5))"

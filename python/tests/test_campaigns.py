@@ -44,7 +44,8 @@ def test_an_archive_is_what_the_program_says_of_each_individual(client: mm.Clien
     assert archive["index"].to_pylist() == list(range(100))
     assert archive["generation"].to_pylist() == [index // 20 for index in range(100)]
     assert archive.schema.field("genes").type == pa.list_(pa.float64(), 4)
-    assert archive.schema.field("features").metadata[b"names"].decode().split(", ") == list(mm.FEATURES)
+    about = archive.schema.field("features").metadata or {}
+    assert about[b"names"].decode().split(", ") == list(mm.FEATURES)
     assert archive["embedding"].null_count == 100
     with pytest.raises(mm.InvalidError, match="nulls"):
         mm.matrix(archive["embedding"])
@@ -79,7 +80,7 @@ def test_pictures_are_as_a_replay_draws_them(campaign: mm.Campaign) -> None:
 
 def test_controllers_are_evaluated_as_individuals(client: mm.Client, campaign: mm.Campaign) -> None:
     archive = campaign.archive()
-    genes, seeds = mm.matrix(archive["genes"]), archive["seed"].to_pylist()
+    genes, seeds = mm.matrix(archive["genes"]), archive["seed"].to_numpy()
     result = client.evaluate(SPEC, genes, seeds, pictures=True)
     assert len(result) == 100
     assert (result.features == mm.matrix(archive["features"])).all()
@@ -95,7 +96,7 @@ def test_several_starts_are_averaged(client: mm.Client) -> None:
     spec |= {"world": {"horizon": 200}, "search": {"population": 4, "generations": 1}, "taxonomy": {"medoids": 2}}
     campaign = client.run(spec)
     archive = campaign.archive()
-    result = client.evaluate(spec, mm.matrix(archive["genes"]), archive["seed"].to_pylist())
+    result = client.evaluate(spec, mm.matrix(archive["genes"]), archive["seed"].to_numpy())
     assert (result.features == mm.matrix(archive["features"])).all()
 
 
@@ -183,12 +184,12 @@ def test_a_taxonomy_divides_the_archive(campaign: mm.Campaign) -> None:
     sizes = taxonomy.medoids["cluster_size"].to_numpy()
     assert sizes.tolist() == np.bincount(taxonomy.clusters, minlength=4).tolist()
     assert sizes.sum() == 100 and (np.diff(sizes.astype(int)) <= 0).all()
-    medoids = taxonomy.medoids["index"].to_pylist()
+    medoids = taxonomy.medoids["index"].to_numpy()
     assert taxonomy.clusters[medoids].tolist() == [0, 1, 2, 3]
     assert (taxonomy.pictures == campaign.pictures(medoids)).all()
     # The behaviour space of this campaign is the features.
     features = mm.matrix(campaign.archive()["features"])
-    distances = np.linalg.norm(features - features[np.array(medoids)[taxonomy.clusters]], axis=1)
+    distances = np.linalg.norm(features - features[medoids[taxonomy.clusters]], axis=1)
     assert taxonomy.loss == pytest.approx(distances.sum())
     assert taxonomy.robustness is None
     assert taxonomy._repr_html_().count("data:image/png;base64,") == 4
@@ -215,7 +216,7 @@ def test_trials_and_species_have_columns_and_channels(client: mm.Client) -> None
     campaign = client.run(spec)
     assert campaign.pictures().shape == (20, 2, 30, 30)
     archive = campaign.archive()
-    trials = archive["trials"].to_pylist()
+    trials: list[Any] = archive["trials"].to_pylist()
     assert [len(one) for one in trials] == [3] * 20
     assert [one[0]["seed"] for one in trials] == archive["seed"].to_pylist()
     means = np.array([[trial["features"] for trial in one] for one in trials]).mean(axis=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -20,11 +20,13 @@ FEATURES = ("average_speed", "angular_momentum", "radial_variance_x20", "scatter
 The third is 20 times the radial variance.
 """
 
+# A column of a table, and what the table says of it.
+Column: TypeAlias = "tuple[pa.Field[Any], pa.Array[Any] | pa.ChunkedArray[Any]]"
 # Answers that name no class.
 _NO_CLASS = ("not sure", "skip")
 
 
-def matrix(column: pa.ChunkedArray | pa.Array | Iterable[Any]) -> npt.NDArray[Any]:
+def matrix(column: pa.ChunkedArray[Any] | pa.Array[Any] | Iterable[Any]) -> npt.NDArray[Any]:
     """A column of lists of one length, such as genes, features or embeddings, as an array.
 
     Args:
@@ -54,18 +56,19 @@ def matrix(column: pa.ChunkedArray | pa.Array | Iterable[Any]) -> npt.NDArray[An
     )
     if len(lengths) > 1:
         raise InvalidError(f"column = lists of {min(lengths)} to {max(lengths)} numbers: must be of one length")
-    numbers: npt.NDArray[Any] = array.flatten().to_numpy(zero_copy_only=False)
+    numbers: npt.NDArray[Any] = pc.list_flatten(array).to_numpy(zero_copy_only=False)
     return numbers.reshape(len(array), lengths.pop() if lengths else 0)
 
 
-def _array(column: pa.ChunkedArray | pa.Array | Iterable[Any]) -> pa.Array:
+def _array(column: pa.ChunkedArray[Any] | pa.Array[Any] | Iterable[Any]) -> pa.Array[Any]:
     if isinstance(column, pa.ChunkedArray):
         return column.combine_chunks()
     if isinstance(column, pa.Array):
         return column
     try:
         # Polars' own way, which copies nothing; of pandas each row is a list or an array.
-        return column.to_arrow() if hasattr(column, "to_arrow") else pa.array(list(column))
+        array: pa.Array[Any] = column.to_arrow() if hasattr(column, "to_arrow") else pa.array(list(column))
+        return array
     except (TypeError, pa.ArrowException) as error:
         raise InvalidError(f"column = {type(column).__name__}: must be a column of lists: {error}") from None
 
@@ -104,7 +107,7 @@ def archive(individuals: Sequence[v1.Individual], classes: Mapping[int, str]) ->
 
 def flat(archive: pa.Table, genes: Sequence[str], clusters: npt.NDArray[np.uint32] | None) -> pa.Table:
     """The table of an archive with a column for each number; `clusters` are rows of the medoids, from 0."""
-    columns: list[tuple[pa.Field, pa.Array]] = []
+    columns: list[Column] = []
     for field in archive.schema:
         column = archive[field.name]
         if field.name == "trials":
@@ -116,7 +119,7 @@ def flat(archive: pa.Table, genes: Sequence[str], clusters: npt.NDArray[np.uint3
             numbers = matrix(column)
             for place, values in enumerate(numbers.T):
                 name = names[place] if names else f"{field.name}_{place}"
-                columns.append(_column(name, field.type.value_type, values))
+                columns.append(_column(name, pa.from_numpy_dtype(numbers.dtype), values))
     if clusters is not None:
         numbered = (clusters + np.uint32(1)).tolist()
         columns.append(_column("cluster", pa.uint32(), numbered, about="number of the behaviour, from 1"))
@@ -232,7 +235,7 @@ def poses(replay: v1.Replay) -> npt.NDArray[np.float32]:
     return np.array(replay.poses, np.float32).reshape(len(replay.steps), replay.agents, 3)
 
 
-def _trials(individuals: Sequence[v1.Individual], dimensions: int) -> tuple[pa.Field, pa.Array]:
+def _trials(individuals: Sequence[v1.Individual], dimensions: int) -> Column:
     space = pa.list_(pa.float32(), dimensions) if dimensions else pa.list_(pa.float32())
     kind = pa.struct([("seed", pa.uint64()), ("features", pa.list_(pa.float64(), len(FEATURES))), ("embedding", space)])
     trials = [
@@ -245,14 +248,13 @@ def _trials(individuals: Sequence[v1.Individual], dimensions: int) -> tuple[pa.F
     return _column("trials", pa.list_(kind), trials, about="the simulations of an individual, the first first")
 
 
-def _column(name: str, kind: pa.DataType, values: Iterable[Any], **about: str) -> tuple[pa.Field, pa.Array]:
+def _column(name: str, kind: pa.DataType, values: Iterable[Any], **about: str) -> Column:
     return pa.field(name, kind, metadata=about or None), pa.array(list(values), kind)
 
 
-def _lists(
-    name: str, kind: pa.DataType, lists: Sequence[Sequence[float]], length: int, **about: str
-) -> tuple[pa.Field, pa.Array]:
+def _lists(name: str, kind: pa.DataType, lists: Sequence[Sequence[float]], length: int, **about: str) -> Column:
     """A column of lists of one length; of nulls, if the length is 0."""
+    column: pa.Array[Any]
     if length == 0:
         column = pa.nulls(len(lists), pa.list_(kind))
     else:
@@ -261,6 +263,6 @@ def _lists(
     return pa.field(name, column.type, metadata=about or None), column
 
 
-def _table(columns: Sequence[tuple[pa.Field, pa.Array]]) -> pa.Table:
+def _table(columns: Sequence[Column]) -> pa.Table:
     schema = pa.schema([field for field, _ in columns])
     return pa.Table.from_arrays([column for _, column in columns], schema=schema)
