@@ -12,9 +12,10 @@ Everything that the library returns comes from a coordinator, over the same cont
 are in `murmuration.v1`.
 """
 
-from ._campaign import Campaign, Replay, Taxonomy
+from ._campaign import Campaign
 from ._client import Client, connect, local
 from ._errors import (
+    AnswerError,
     CampaignError,
     InvalidError,
     MurmurationError,
@@ -24,12 +25,14 @@ from ._errors import (
     UnavailableError,
 )
 from ._evaluations import Evaluations
+from ._found import Replay, Taxonomy
 from ._tables import FEATURES, matrix
 
 __version__ = "0.1.0"
 
 __all__ = [
     "FEATURES",
+    "AnswerError",
     "Campaign",
     "CampaignError",
     "Client",

@@ -7,8 +7,7 @@ import sys
 import tempfile
 import uuid
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,11 +15,13 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
+from . import _answers as answers
+from . import _archive as archive
 from . import _tables as tables
 from ._arguments import index as index_
 from ._arguments import path, whole
-from ._errors import CampaignError, InvalidError, NotFoundError, UnavailableError
-from ._html import taxonomy_page
+from ._errors import CampaignError, InvalidError, NotFoundError, ProgramError, UnavailableError
+from ._found import Replay, Taxonomy, replay_of, taxonomy_of
 from ._progress import Bar
 from .v1 import campaign_pb2 as v1
 from .v1 import label_pb2 as label_v1
@@ -35,53 +36,6 @@ if TYPE_CHECKING:
 
 # How many pictures of the whole archive arrive in the time of one call for one picture.
 _PICTURES_FOR_ONE_CALL = 20
-
-
-@dataclass(frozen=True, repr=False)
-class Replay:
-    """The motion of one swarm.
-
-    Attributes:
-        steps: Number of steps done at each frame, ascending from 0; uint32 (frames,).
-        poses: x and y (world units, y points down the screen) and heading (radians) of each robot; float32
-            (frames, robots, 3).
-    """
-
-    steps: npt.NDArray[np.uint32]
-    poses: npt.NDArray[np.float32]
-
-    def __repr__(self) -> str:
-        frames, robots, _ = self.poses.shape
-        return f"Replay({frames} frames of {robots} robots)"
-
-
-@dataclass(frozen=True, repr=False)
-class Taxonomy:
-    """The behaviours that a campaign found. A notebook shows it as a row of pictures.
-
-    Attributes:
-        medoids: The individuals at the centres of the clusters, largest cluster first: `index`, `cluster_size`,
-            `mean_distance`, `novelty`, `class`, `cluster_name` (the class, or the name from an earlier version),
-            `genes`, `seed`.
-        pictures: Their pictures, as from `Campaign.pictures`.
-        clusters: The row of `medoids` that each individual of the archive belongs to, from 0; uint32 (individuals,).
-            Reports, pages and files number behaviours from 1: theirs is the row + 1.
-        loss: Sum of the distances of all individuals to their nearest medoids, in units of the behaviour space.
-        robustness: The share of each individual's trials that are nearer to its own medoid than to any other, 0 to 1;
-            float64 (individuals,). None if individuals have one trial.
-    """
-
-    medoids: pa.Table
-    pictures: npt.NDArray[np.uint8]
-    clusters: npt.NDArray[np.uint32]
-    loss: float
-    robustness: npt.NDArray[np.float64] | None
-
-    def __repr__(self) -> str:
-        return f"Taxonomy({len(self.medoids)} medoids of {len(self.clusters)} individuals)"
-
-    def _repr_html_(self) -> str:
-        return taxonomy_page(self.pictures, self.medoids.to_pylist())
 
 
 class Campaign:
@@ -109,13 +63,11 @@ class Campaign:
             >>> campaign.status().generations_done
             5
         """
-        return self._client.rpc.call(
-            "CampaignService/GetCampaign", v1.GetCampaignRequest(campaign=self.id), v1.Campaign
-        )
+        return archive.status(self._client.rpc, self.id)
 
     @property
     def state(self) -> str:
-        """`running`, `paused`, `completed`, `failed` or `cancelled`.
+        """`running`, `paused`, `completed`, `failed` or `cancelled`; `unknown` if a newer coordinator has another.
 
         Example:
             >>> campaign.state
@@ -131,8 +83,10 @@ class Campaign:
             >>> campaign.spec["search"]["population"]
             20
         """
-        shown = self._client.command("show", self.id)
-        return tomllib.loads(shown["spec"])
+        try:
+            return tomllib.loads(self._description())
+        except tomllib.TOMLDecodeError as error:
+            raise ProgramError(f"`murmuration show` printed a specification that is no TOML: {error}") from None
 
     @property
     def gene_names(self) -> list[str]:
@@ -144,9 +98,8 @@ class Campaign:
         """
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder, "spec.toml")
-            file.write_text(self._client.command("show", self.id)["spec"], encoding="utf-8")
-            names: list[str] = self._client.command("robot", os.fspath(file))["genes"]
-        return names
+            file.write_text(self._description(), encoding="utf-8")
+            return [str(name) for name in self._client.printed("genes", list, "robot", os.fspath(file))]
 
     def wait(self, *, progress: bool | None = None) -> Campaign:
         """Waits until the campaign is completed, and shows its progress.
@@ -174,16 +127,22 @@ class Campaign:
         try:
             request = v1.WatchCampaignRequest(campaign=self.id)
             for last in self._client.rpc.stream("CampaignService/WatchCampaign", request, v1.Campaign):
+                answers.identifier(last.id, self.id)
                 bar.show(last)
                 if last.waiting and bar.is_hidden and last.waiting not in said:
                     said.add(last.waiting)
                     warnings.warn(f"campaign {self.id} waits: {last.waiting}", RuntimeWarning, stacklevel=2)
         finally:
             bar.close()
+        if not last.id:
+            raise answers.wrong(f"the watch of campaign {self.id} ended before it said anything")
         if last.state == v1.CAMPAIGN_STATE_RUNNING:
             raise self._client.rpc.explained(UnavailableError(f"the coordinator ended while {self.id} was running"))
         if last.state != v1.CAMPAIGN_STATE_COMPLETED:
             state = state_of(last)
+            if state == "unknown":
+                newer = f"campaign {self.id} is in state {last.state}, which this version of the library does not know"
+                raise CampaignError(newer, state)
             why = f": {last.error}" if last.error else ""
             raise CampaignError(f"campaign {self.id} is {state}{why}", state)
         return self
@@ -213,10 +172,7 @@ class Campaign:
             >>> campaign.archive(flat=True).column_names[2:8]
             ['left_0', 'right_0', 'left_1', 'right_1', 'average_speed', 'angular_momentum']
         """
-        request = v1.GetArchiveRequest(campaign=self.id)
-        chunks = self._client.rpc.stream("CampaignService/GetArchive", request, v1.ArchiveChunk)
-        individuals = [one for chunk in chunks for one in chunk.individuals]
-        table = tables.archive(individuals, self._classes())
+        table = tables.archive(list(archive.individuals(self._client.rpc, self.id)), self._classes())
         if not flat:
             return table
         clusters = self.taxonomy().clusters if self.status().state == v1.CAMPAIGN_STATE_COMPLETED else None
@@ -241,14 +197,18 @@ class Campaign:
         """
         status = self.status()
         if indices is None:
-            images = [one.image for one in self._with_images()]
+            images = [one.image for one in archive.individuals(self._client.rpc, self.id, images=True)]
         else:
             asked = [index_(one) for one in indices]
             found: dict[int, bytes] = {}
             if len(asked) * _PICTURES_FOR_ONE_CALL > status.generations_done * status.spec.search.population:
                 wanted = set(asked)
-                found = {one.index: one.image for one in self._with_images() if one.index in wanted}
-            images = [found.get(index) or self._individual(index).image for index in asked]
+                found = {
+                    one.index: one.image
+                    for one in archive.individuals(self._client.rpc, self.id, images=True)
+                    if one.index in wanted
+                }
+            images = [found.get(index) or archive.individual(self._client.rpc, self.id, index).image for index in asked]
         return tables.pictures(images, status.spec.image.resolution)
 
     def taxonomy(self) -> Taxonomy:
@@ -266,16 +226,7 @@ class Campaign:
         """
         request = v1.GetTaxonomyRequest(campaign=self.id)
         found = self._client.rpc.whole("CampaignService/GetTaxonomy", request, v1.Taxonomy)
-        spec = self.status().spec
-        images = [medoid.individual.image for medoid in found.medoids]
-        robust = np.array(found.robust_trials, np.float64)
-        return Taxonomy(
-            medoids=tables.medoids(found, self._classes()),
-            pictures=tables.pictures(images, spec.image.resolution),
-            clusters=np.array(found.clusters, np.uint32),
-            loss=found.loss,
-            robustness=robust / spec.evaluation.starts if found.robust_trials else None,
-        )
+        return taxonomy_of(found, self.status(), self._classes())
 
     def generations(self) -> pa.Table:
         """The complete generations.
@@ -288,9 +239,7 @@ class Campaign:
             >>> campaign.generations().num_rows
             5
         """
-        request = v1.ListGenerationsRequest(campaign=self.id)
-        whole = self._client.rpc.whole("CampaignService/ListGenerations", request, v1.ListGenerationsResponse)
-        return tables.generations(whole.generations)
+        return tables.generations(archive.generations(self._client.rpc, self.id))
 
     def digest(self) -> str:
         """The BLAKE3 digest of the archive, 64 hexadecimal digits. One specification has one digest, on any machine.
@@ -300,7 +249,8 @@ class Campaign:
             64
         """
         request = v1.GetDigestRequest(campaign=self.id)
-        return self._client.rpc.call("CampaignService/GetDigest", request, v1.GetDigestResponse).digest
+        found = self._client.rpc.call("CampaignService/GetDigest", request, v1.GetDigestResponse)
+        return answers.digest(f"the digest of {self.id}", found.digest)
 
     def replay(self, index: int, *, stride: int = 1) -> Replay:
         """The motion of an individual, which a worker simulates again.
@@ -321,7 +271,7 @@ class Campaign:
             campaign=self.id, index=index_(index), stride=whole("stride", stride, 1, (1 << 32) - 1)
         )
         replay = self._client.rpc.whole("CampaignService/GetReplay", request, v1.Replay)
-        return Replay(steps=np.array(replay.steps, np.uint32), poses=tables.poses(replay))
+        return replay_of(replay, self.status().spec.world.horizon)
 
     def labels(self) -> pa.Table:
         """The standing answers of all annotators, by individual, then annotator.
@@ -395,7 +345,7 @@ class Campaign:
             >>> campaign.report("out").name
             'report.html'
         """
-        return Path(self._client.command("report", self.id, "--out", path("folder", folder))["report"])
+        return Path(self._client.printed("report", str, "report", self.id, "--out", path("folder", folder)))
 
     def embedder(self, file: str | os.PathLike[str]) -> Path:
         """Writes the network that embeds the campaign's pictures, and returns the path of its file.
@@ -411,6 +361,7 @@ class Campaign:
         checkpoint = self.status().checkpoint
         if not checkpoint:
             raise NotFoundError(f"campaign {self.id} has no embedder")
+        answers.digest(f"the checkpoint of {self.id}", checkpoint)
         self._client.command("checkpoints", "export", checkpoint, path("file", file))
         return Path(file)
 
@@ -434,7 +385,7 @@ class Campaign:
             100
         """
         more = ["--csv"] if csv else []
-        return Path(self._client.command("export", self.id, path("folder", folder), *more)["folder"])
+        return Path(self._client.printed("folder", str, "export", self.id, path("folder", folder), *more))
 
     def pause(self) -> None:
         """Stops the campaign at its last complete generation.
@@ -471,14 +422,9 @@ class Campaign:
         """
         self._client.rpc.call("CampaignService/RefineCampaign", v1.RefineCampaignRequest(campaign=self.id), v1.Campaign)
 
-    def _with_images(self) -> Iterator[v1.Individual]:
-        request = v1.GetArchiveRequest(campaign=self.id, images=True)
-        for chunk in self._client.rpc.stream("CampaignService/GetArchive", request, v1.ArchiveChunk):
-            yield from chunk.individuals
-
-    def _individual(self, index: int) -> v1.Individual:
-        request = v1.GetIndividualRequest(campaign=self.id, index=index)
-        return self._client.rpc.call("CampaignService/GetIndividual", request, v1.Individual)
+    def _description(self) -> str:
+        """The text of its campaign file, with every default filled in."""
+        return self._client.printed("spec", str, "show", self.id)
 
     def _standing(self) -> list[label_v1.Label]:
         request = label_v1.ListLabelsRequest(campaign=self.id)
@@ -488,15 +434,6 @@ class Campaign:
         return tables.classes_of(self._standing())
 
 
-def description_of(campaign: Campaign) -> dict[str, Any]:
-    """What evaluates controllers as a campaign does: its specification, with the embedder that it has."""
-    spec = campaign.spec
-    if checkpoint := campaign.status().checkpoint:
-        spec = {name: value for name, value in spec.items() if name not in ("dataset", "training")}
-        spec["checkpoint"] = checkpoint
-    return spec
-
-
 def state_of(campaign: v1.Campaign) -> str:
     """The state of a campaign in a word."""
-    return v1.CampaignState.Name(campaign.state).removeprefix("CAMPAIGN_STATE_").lower()
+    return answers.word(v1.CampaignState.Name, campaign.state, "CAMPAIGN_STATE_")

@@ -8,19 +8,22 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from . import _answers as answers
 from . import _programs as programs_
 from ._arguments import path, read, toml, whole
-from ._campaign import Campaign, description_of
+from ._campaign import Campaign
 from ._cluster import Cluster
-from ._errors import InvalidError, NotFoundError, UnavailableError
+from ._errors import InvalidError, NotFoundError, ProgramError, UnavailableError
 from ._evaluations import Evaluations, described, evaluate, replay
 from ._rpc import Connection
 from .v1 import campaign_pb2 as v1
+
+Kind = TypeVar("Kind")
 
 
 class Client:
@@ -115,13 +118,12 @@ class Client:
         if not isinstance(spec, Mapping):
             # What cannot be read is Python's own error.
             read("spec", spec)
-            return Campaign(self, self.command("submit", path("spec", spec), *options)["campaign"])
+            return Campaign(self, self.printed("campaign", str, "submit", path("spec", spec), *options))
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder, "spec.toml")
             file.write_bytes(toml(spec))
             with _without_place(spec, file):
-                submitted = self.command("submit", os.fspath(file), *options)
-        return Campaign(self, submitted["campaign"])
+                return Campaign(self, self.printed("campaign", str, "submit", os.fspath(file), *options))
 
     def evaluate(
         self,
@@ -204,7 +206,8 @@ class Client:
             Campaign('example-1')
         """
         request = v1.GetCampaignRequest(campaign=identifier)
-        return Campaign(self, self.rpc.call("CampaignService/GetCampaign", request, v1.Campaign).id)
+        found = self.rpc.call("CampaignService/GetCampaign", request, v1.Campaign)
+        return Campaign(self, answers.identifier(found.id, identifier))
 
     def campaigns(self) -> list[Campaign]:
         """All campaigns of the coordinator's store, oldest first.
@@ -215,7 +218,7 @@ class Client:
         """
         request = v1.ListCampaignsRequest()
         listed = self.rpc.whole("CampaignService/ListCampaigns", request, v1.ListCampaignsResponse)
-        return [Campaign(self, one.id) for one in listed.campaigns]
+        return [Campaign(self, answers.identifier(one.id)) for one in listed.campaigns]
 
     def import_campaign(self, folder: str | os.PathLike[str]) -> Campaign:
         """Takes a campaign that was exported into the coordinator's store, to the same digest, with its id.
@@ -234,7 +237,7 @@ class Client:
             ...     other.import_campaign(folder).digest() == campaign.digest()
             True
         """
-        return Campaign(self, self.command("import", path("folder", folder))["campaign"])
+        return Campaign(self, self.printed("campaign", str, "import", path("folder", folder)))
 
     def command(self, *words: str) -> dict[str, Any]:
         """Runs a command of the program `murmuration` on this coordinator, and returns what it prints with `--json`.
@@ -255,6 +258,13 @@ class Client:
         if len(documents) > 1:
             raise InvalidError(f"`murmuration {' '.join(words)}` prints {len(documents)} documents: use `documents`")
         return documents[0] if documents else {}
+
+    def printed(self, field: str, kind: type[Kind], *words: str) -> Kind:
+        """One field of the document that a command prints, of a kind. Errors are those of `command`."""
+        value = self.command(*words).get(field)
+        if not isinstance(value, kind):
+            raise ProgramError(f"`murmuration {words[0]}` printed no field `{field}`, or what is none")
+        return value
 
     def documents(self, *words: str) -> list[dict[str, Any]]:
         """Runs a command that prints any number of documents, such as `list`, and returns them.
@@ -358,7 +368,16 @@ def connect(
 
 def _described(robot: str | os.PathLike[str] | Mapping[str, Any] | Campaign) -> str:
     """The text of a campaign file that describes robots and world."""
-    return described(description_of(robot) if isinstance(robot, Campaign) else robot)
+    return described(_description_of(robot) if isinstance(robot, Campaign) else robot)
+
+
+def _description_of(campaign: Campaign) -> dict[str, Any]:
+    """What evaluates controllers as a campaign does: its specification, with the embedder that it has."""
+    spec = campaign.spec
+    if checkpoint := campaign.status().checkpoint:
+        spec = {name: value for name, value in spec.items() if name not in ("dataset", "training")}
+        spec["checkpoint"] = answers.digest(f"the checkpoint of {campaign.id}", checkpoint)
+    return spec
 
 
 @contextmanager

@@ -58,11 +58,18 @@ class UnavailableError(MurmurationError, ConnectionError):
     """A coordinator that does not answer."""
 
 
+class AnswerError(MurmurationError):
+    """An answer of the coordinator that cannot be, such as a picture of a wrong size. Nothing of it is used.
+
+    The coordinator is broken or of another version, or something on the way to it changes what it says.
+    """
+
+
 class CampaignError(MurmurationError):
     """A campaign that stopped before it was completed.
 
     Attributes:
-        state: Its state: `failed`, `paused` or `cancelled`.
+        state: Its state: `failed`, `paused` or `cancelled`; `unknown` if a newer coordinator has another.
     """
 
     def __init__(self, said: str, state: str) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from . import _answers as answers
 from . import _tables as tables
 from ._arguments import read, toml, whole
 from ._errors import InvalidError, MurmurationError
@@ -67,17 +68,35 @@ def evaluate(
     if len(numbers) != len(genes):
         raise InvalidError(f"seeds = {len(numbers)} of them: must be one, or one for each of {len(genes)} controllers")
     requests = _requests(description, genes, numbers, pictures)
+    answered = rpc.exchange("EvaluationService/Evaluate", requests, v1.EvaluateResponse)
+    return _evaluations(*_whole(answered, len(genes)), pictures)
+
+
+def _whole(answered: Iterable[v1.EvaluateResponse], controllers: int) -> tuple[list[v1.EvaluateResult], int]:
+    """The results of as many controllers, and the side of their pictures in pixels."""
     results: list[v1.EvaluateResult] = []
-    side = 0
-    for answer in rpc.exchange("EvaluationService/Evaluate", requests, v1.EvaluateResponse):
-        side = answer.side
+    sides: set[int] = set()
+    for answer in answered:
         results.extend(answer.results)
-    if len(results) != len(genes):
-        raise MurmurationError(f"{len(results)} results came for {len(genes)} controllers")
+        sides.add(answer.side)
+        # What has no end is not read to its end.
+        if len(results) > controllers:
+            raise answers.wrong(f"more than {controllers} results came for {controllers} controllers")
+    answers.count(f"results of {controllers} controllers", len(results), controllers)
+    if len(sides) > 1:
+        raise answers.wrong(f"pictures have sides of {min(sides)} to {max(sides)} pixels")
+    return results, sides.pop()
+
+
+def _evaluations(results: list[v1.EvaluateResult], side: int, pictures: bool) -> Evaluations:
+    """The arrays of at least one result."""
     failures = {number: result.failure for number, result in enumerate(results) if result.failure}
     usual = next((result for result in results if not result.failure), None)
     if usual is None:
         raise MurmurationError(f"no controller could be evaluated: {failures[0]}")
+    for number, result in enumerate(results):
+        if not result.failure:
+            _check(number, result, usual)
     nothing = _nothing_like(usual)
     trials = [nothing if result.failure else result.trials for result in results]
     embeddings = [_mean([trial.embedding for trial in of_one]).astype(np.float32) for of_one in trials]
@@ -87,6 +106,19 @@ def evaluate(
         pictures=tables.pictures([of_one[0].image for of_one in trials], side) if pictures else None,
         failures=failures,
     )
+
+
+def _check(number: int, result: v1.EvaluateResult, usual: v1.EvaluateResult) -> None:
+    """Checks the trials of a controller by its number. All have as many of everything as those of the `usual` one."""
+    if not result.trials:
+        raise answers.wrong(f"controller {number} has no trials, and no failure")
+    dimensions = len(usual.trials[0].embedding)
+    answers.count(f"trials of controller {number}", len(result.trials), len(usual.trials))
+    for trial in result.trials:
+        answers.count(f"features of controller {number}", len(trial.features), len(tables.FEATURES))
+        answers.count(f"dimensions of the embedding of controller {number}", len(trial.embedding), dimensions)
+        answers.finite(f"controller {number}: features", np.array(trial.features))
+        answers.finite(f"controller {number}: embedding", np.array(trial.embedding))
 
 
 def replay(
@@ -102,8 +134,20 @@ def replay(
         seed=whole("seed", seed, 0, _MOST_SEEDS - 1),
         steps=None if steps is None else whole("steps", steps, 1, (1 << 32) - 1),
     )
-    parts = rpc.stream("EvaluationService/Simulate", request, v1.Motion)
-    return np.concatenate([np.array(part.poses, np.float64).reshape(-1, part.agents, 3) for part in parts])
+    return _motion(rpc.stream("EvaluationService/Simulate", request, v1.Motion), steps)
+
+
+def _motion(answered: Iterable[v1.Motion], steps: int | None) -> npt.NDArray[np.float64]:
+    """The parts of a motion as one, (steps + 1, robots, 3); with any number of steps if that is not known."""
+    parts = [(part.agents, tables.poses("a motion's parts", part.poses, part.agents)) for part in answered]
+    if not parts:
+        raise answers.wrong("a motion has no parts")
+    for agents, _ in parts:
+        answers.count("robots in a part of a motion", agents, parts[0][0])
+    motion = np.concatenate([poses for _, poses in parts])
+    if steps is not None:
+        answers.count("frames in a motion", len(motion), steps + 1)
+    return motion
 
 
 def _numbers(field: str, given: npt.ArrayLike, shape: str) -> npt.NDArray[np.float64]:

@@ -93,7 +93,9 @@ def run(program: Path, words: Sequence[str], variables: dict[str, str]) -> list[
         try:
             document, end = json.JSONDecoder().raw_decode(left)
         except ValueError:
-            raise ProgramError(f"`murmuration {' '.join(words)}` printed what is no JSON") from None
+            document = None
+        if not isinstance(document, dict):
+            raise ProgramError(f"`murmuration {' '.join(words)}` printed what is no JSON document")
         documents.append(document)
         left = left[end:].lstrip()
     return documents

@@ -8,9 +8,10 @@ from typing import TypeVar
 from urllib.parse import urlsplit
 
 import grpc
-from google.protobuf.message import Message
+from google.protobuf.message import DecodeError, Message
 
-from ._errors import InvalidError, MurmurationError, UnavailableError, of_status
+from ._answers import wrong
+from ._errors import AnswerError, InvalidError, MurmurationError, UnavailableError, of_status
 
 Answer = TypeVar("Answer", bound=Message)
 
@@ -45,10 +46,10 @@ class Connection:
         ask = self._channel.unary_unary(
             f"/murmuration.v1.{method}",
             request_serializer=type(request).SerializeToString,
-            response_deserializer=answer.FromString,
+            response_deserializer=_reader(answer),
         )
         try:
-            return ask(request, metadata=self._metadata)
+            return _sound(ask(request, metadata=self._metadata))
         except grpc.RpcError as error:
             raise self.explained(of_status(error)) from None
 
@@ -58,11 +59,12 @@ class Connection:
         ask = self._channel.unary_stream(
             f"/murmuration.v1.{method}",
             request_serializer=type(request).SerializeToString,
-            response_deserializer=answer.FromString,
+            response_deserializer=_reader(answer),
         )
         answers = ask(request, metadata=self._metadata)
         try:
-            yield from answers
+            for read in answers:
+                yield _sound(read)
         except grpc.RpcError as error:
             raise self.explained(of_status(error)) from None
         finally:
@@ -75,11 +77,12 @@ class Connection:
         ask = self._channel.stream_stream(
             f"/murmuration.v1.{method}",
             request_serializer=type(first).SerializeToString,
-            response_deserializer=answer.FromString,
+            response_deserializer=_reader(answer),
         )
         answers = ask(chain([first], requests), metadata=self._metadata)
         try:
-            yield from answers
+            for read in answers:
+                yield _sound(read)
         except grpc.RpcError as error:
             raise self.explained(of_status(error)) from None
         finally:
@@ -109,6 +112,24 @@ class Connection:
         if isinstance(error, UnavailableError) and (why := self._why()):
             return UnavailableError(f"{error}; {why}")
         return error
+
+
+def _reader(answer: type[Answer]) -> Callable[[bytes], Answer | AnswerError]:
+    """What makes a message of bytes, or an error: gRPC would print one that is raised, and lose its kind."""
+
+    def read(content: bytes) -> Answer | AnswerError:
+        try:
+            return answer.FromString(content)
+        except DecodeError as error:
+            return wrong(f"{len(content)} bytes that are no {answer.DESCRIPTOR.name}: {error}")
+
+    return read
+
+
+def _sound(read: Answer | AnswerError) -> Answer:
+    if isinstance(read, AnswerError):
+        raise read
+    return read
 
 
 def _address(url: str) -> tuple[str, str]:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from . import _answers as answers_
 from ._errors import InvalidError
 from .v1 import campaign_pb2 as v1
 from .v1 import label_pb2 as labels
@@ -22,6 +23,8 @@ The third is 20 times the radial variance.
 
 # A column of a table, and what the table says of it.
 Column: TypeAlias = "tuple[pa.Field[Any], pa.Array[Any] | pa.ChunkedArray[Any]]"
+# What the numbers of a column are called, where they are not called as the column is.
+_NUMBERS_OF = {"embedding": "dimensions of the embedding"}
 # Answers that name no class.
 _NO_CLASS = ("not sure", "skip")
 
@@ -117,17 +120,20 @@ def flat(archive: pa.Table, genes: Sequence[str], clusters: npt.NDArray[np.uint3
         elif len(archive) and not column.null_count:
             names = {"genes": genes, "features": FEATURES}.get(field.name)
             numbers = matrix(column)
+            if names:
+                answers_.lengths("individual", field.name, numbers[:1], len(names))
             for place, values in enumerate(numbers.T):
                 name = names[place] if names else f"{field.name}_{place}"
                 columns.append(_column(name, pa.from_numpy_dtype(numbers.dtype), values))
     if clusters is not None:
+        answers_.count("individuals in the taxonomy", len(clusters), len(archive))
         numbered = (clusters + np.uint32(1)).tolist()
         columns.append(_column("cluster", pa.uint32(), numbered, about="number of the behaviour, from 1"))
     return _table(columns)
 
 
 def medoids(taxonomy: v1.Taxonomy, classes: Mapping[int, str]) -> pa.Table:
-    """The table of the medoids of a taxonomy, largest cluster first."""
+    """The table of the medoids of a taxonomy, at least one, largest cluster first."""
     ours = taxonomy.medoids
     individuals = [medoid.individual for medoid in ours]
     columns = [
@@ -158,7 +164,7 @@ def medoids(taxonomy: v1.Taxonomy, classes: Mapping[int, str]) -> pa.Table:
 
 def answers(standing: Sequence[labels.Label]) -> pa.Table:
     """The table of standing answers, by individual, then annotator."""
-    times = (label.answer.time_ms for label in standing)
+    times = (answers_.time(label.answer.time_ms) for label in standing)
     return _table(
         [
             _column("index", pa.uint64(), (label.answer.index for label in standing), about="place in the archive"),
@@ -181,8 +187,8 @@ def comparisons(log: Sequence[labels.LabelEntry]) -> pa.Table:
     past = {entry.supersedes for entry in log if entry.HasField("supersedes")}
     standing = [entry for entry in log if entry.HasField("compare") and entry.number not in past]
     asked = [entry.compare.triple for entry in standing]
-    answers = (labels.Preference.Name(entry.compare.preference) for entry in standing)
-    times = (entry.time_ms for entry in standing)
+    preferences = (entry.compare.preference for entry in standing)
+    times = (answers_.time(entry.time_ms) for entry in standing)
     return _table(
         [
             _column("reference", pa.uint64(), (one.reference for one in asked), about="place in the archive"),
@@ -191,7 +197,7 @@ def comparisons(log: Sequence[labels.LabelEntry]) -> pa.Table:
             _column(
                 "answer",
                 pa.string(),
-                (answer.removeprefix("PREFERENCE_").lower() for answer in answers),
+                (answers_.word(labels.Preference.Name, one, "PREFERENCE_") for one in preferences),
                 about="which is more like the reference: `left`, `right` or `neither`",
             ),
             _column("annotator", pa.string(), (entry.annotator for entry in standing)),
@@ -223,19 +229,27 @@ def classes_of(standing: Iterable[labels.Label]) -> dict[int, str]:
 
 def pictures(images: Sequence[bytes], side: int) -> npt.NDArray[np.uint8]:
     """Pictures as programs show them: rows from the top down, columns from left to right."""
-    channels = len(images[0]) // (side * side) if images else 1
+    channels = answers_.channels(images, side)
     # The coordinator's pictures are column by column.
     columns = np.frombuffer(b"".join(images), np.uint8).reshape(len(images), channels, side, side)
     rows = np.ascontiguousarray(columns.swapaxes(2, 3))
     return rows[:, 0] if channels == 1 else rows
 
 
-def poses(replay: v1.Replay) -> npt.NDArray[np.float32]:
-    """The poses of a replay: frames, agents, (x, y, heading)."""
-    return np.array(replay.poses, np.float32).reshape(len(replay.steps), replay.agents, 3)
+def poses(what: str, numbers: Sequence[float], agents: int) -> npt.NDArray[np.float64]:
+    """The poses of a motion: frames, agents, (x, y, heading). `what` has them, in a sentence."""
+    if agents == 0 or len(numbers) % (agents * 3):
+        raise answers_.wrong(f"{what} have {len(numbers)} numbers, and not 3 for each of {agents} robots")
+    return answers_.finite("poses", np.array(numbers, np.float64).reshape(-1, agents, 3))
 
 
 def _trials(individuals: Sequence[v1.Individual], dimensions: int) -> Column:
+    number = len(individuals[0].trials)
+    answers_.lengths("individual", "trials", (one.trials for one in individuals), number)
+    every = [trial for one in individuals for trial in one.trials]
+    # Checked as columns are.
+    _lists("features", pa.float64(), [trial.features for trial in every], len(FEATURES), of="trial")
+    _lists("embedding", pa.float32(), [trial.embedding for trial in every], dimensions, of="trial")
     space = pa.list_(pa.float32(), dimensions) if dimensions else pa.list_(pa.float32())
     kind = pa.struct([("seed", pa.uint64()), ("features", pa.list_(pa.float64(), len(FEATURES))), ("embedding", space)])
     trials = [
@@ -249,16 +263,22 @@ def _trials(individuals: Sequence[v1.Individual], dimensions: int) -> Column:
 
 
 def _column(name: str, kind: pa.DataType, values: Iterable[Any], **about: str) -> Column:
-    return pa.field(name, kind, metadata=about or None), pa.array(list(values), kind)
+    listed = list(values)
+    if pa.types.is_floating(kind):
+        answers_.finite(name, np.array(listed, np.float64))
+    return pa.field(name, kind, metadata=about or None), pa.array(listed, kind)
 
 
-def _lists(name: str, kind: pa.DataType, lists: Sequence[Sequence[float]], length: int, **about: str) -> Column:
-    """A column of lists of one length; of nulls, if the length is 0."""
+def _lists(
+    name: str, kind: pa.DataType, lists: Sequence[Sequence[float]], length: int, of: str = "individual", **about: str
+) -> Column:
+    """A column of lists of one length, finite numbers; of nulls, if the length is 0. Each is of an `of`, in a word."""
     column: pa.Array[Any]
+    answers_.lengths(of, _NUMBERS_OF.get(name, name), lists, length)
     if length == 0:
         column = pa.nulls(len(lists), pa.list_(kind))
     else:
-        numbers = np.array(lists, kind.to_pandas_dtype())
+        numbers = answers_.finite(name, np.array(lists, kind.to_pandas_dtype()).reshape(-1, length))
         column = pa.FixedSizeListArray.from_arrays(pa.array(numbers.ravel(), kind), length)
     return pa.field(name, column.type, metadata=about or None), column
 

@@ -1,0 +1,129 @@
+"""What a coordinator answers, checked before it becomes tables and arrays.
+
+A coordinator may be broken or of another version, and what answers at its address need be no coordinator.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Sequence, Sized
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ._errors import AnswerError
+
+# NAME-N. An id becomes a word of commands, which must not be an option.
+_ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}-[0-9]{1,20}")
+_DIGEST = re.compile(r"[0-9a-f]{64}")
+# Pixels along a side of a picture, and channels.
+_LARGEST_SIDE = 1_000
+_MOST_CHANNELS = 4
+# The first millisecond of the year 10000, which Python has no date for.
+_END_OF_TIME_MS = 253_402_300_800_000
+# Of a text that is wrong, what a message quotes.
+_QUOTED = 80
+
+
+def wrong(said: str) -> AnswerError:
+    """The error of an answer that cannot be. `said` names what is wrong with it."""
+    return AnswerError(f"the coordinator answered what cannot be: {said}")
+
+
+def identifier(text: str, asked: str = "latest") -> str:
+    """The id of a campaign, which is that of the one that was asked for."""
+    if not _ID.fullmatch(text):
+        raise wrong(f"a campaign has the id {_quoted(text)}, which is not NAME-N")
+    if asked not in ("latest", text):
+        raise wrong(f"it was asked for campaign {asked}, and answered of {text}")
+    return text
+
+
+def digest(what: str, text: str) -> str:
+    """A digest: 64 hexadecimal digits."""
+    if not _DIGEST.fullmatch(text):
+        raise wrong(f"{what} is {_quoted(text)}, and not 64 hexadecimal digits")
+    return text
+
+
+def word(name: Callable[[int], str], number: int, prefix: str) -> str:
+    """The value of an enum in a word. A newer coordinator may have values that have no name here: `unknown`."""
+    try:
+        return name(number).removeprefix(prefix).lower() if number else "unknown"
+    except ValueError:
+        return "unknown"
+
+
+def count(what: str, given: int, promised: int) -> None:
+    """Checks that there are as many of something as there must be."""
+    if given != promised:
+        raise wrong(f"there are {given} {what}, and not {promised}")
+
+
+def lengths(of: str, what: str, lists: Iterable[Sized], length: int) -> None:
+    """Checks that each list has a length: that of an `of`, such as an individual, by its number."""
+    for number, one in enumerate(lists):
+        if len(one) != length:
+            raise wrong(f"{of} {number} has {len(one)} {what}, and not {length}")
+
+
+def finite(what: str, numbers: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Numbers of any shape, of which none is infinite or not a number."""
+    is_one = np.isfinite(numbers)
+    if not is_one.all():
+        place = tuple(int(axis[0]) for axis in np.nonzero(~is_one))
+        raise wrong(f"{what}[{', '.join(map(str, place))}] is {numbers[place]}, and no finite number")
+    return numbers
+
+
+def measure(what: str, number: float) -> float:
+    """A sum or a mean of distances: finite, and not below 0."""
+    if not (math.isfinite(number) and number >= 0):
+        raise wrong(f"{what} is {number}, and not a finite number from 0")
+    return number
+
+
+def same(what: str, number: int, expected: int) -> None:
+    """Checks that a thing has the number of the one that was asked for, or that is next."""
+    if number != expected:
+        raise wrong(f"{what} {number} came in the place of {what} {expected}")
+
+
+def below(what: str, numbers: Sequence[int], end: int) -> None:
+    """Checks that each number is the place of something of which there are `end`."""
+    for place, number in enumerate(numbers):
+        if number >= end:
+            raise wrong(f"{what} {place} is {number}, and must be below {end}")
+
+
+def time(milliseconds: int) -> int:
+    """A time, milliseconds since 1970-01-01 UTC, in the years up to 9999."""
+    if milliseconds >= _END_OF_TIME_MS:
+        raise wrong(f"a time is {milliseconds} ms after 1970, which is after the year 9999")
+    return milliseconds
+
+
+def channels(images: Sequence[bytes], side: int) -> int:
+    """The number of channels of pictures, which all have the same; 1 if there are no pictures.
+
+    Args:
+        images: Their grey values, a byte for each pixel.
+        side: Pixels along a side.
+    """
+    if not 1 <= side <= _LARGEST_SIDE:
+        raise wrong(f"pictures have a side of {side} pixels, which must be from 1 to {_LARGEST_SIDE}")
+    if not images:
+        return 1
+    number, left = divmod(len(images[0]), side * side)
+    if left or not 1 <= number <= _MOST_CHANNELS:
+        raise wrong(
+            f"picture 0 has {len(images[0])} bytes, and not {side * side} for each of 1 to {_MOST_CHANNELS} channels"
+        )
+    lengths("picture", "bytes", images, len(images[0]))
+    return number
+
+
+def _quoted(text: str) -> str:
+    return repr(text if len(text) <= _QUOTED else f"{text[:_QUOTED]}...")
