@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import sys
-import warnings
-from typing import NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
-import tqdm as terminal
+from tqdm import tqdm
 
 from .v1 import campaign_pb2 as v1
 
-with warnings.catch_warnings():
-    # In a notebook without widgets the bar is text, without a word about it.
-    warnings.simplefilter("ignore", terminal.TqdmWarning)
-    from tqdm.auto import tqdm
+# Stages of training, which may end before their last epoch.
+_TRAININGS = ("pretrain", "fine-tune")
 
 
 class Step(NamedTuple):
@@ -35,12 +32,13 @@ class Bar:
     """
 
     def __init__(self, shown: bool | None) -> None:
-        in_notebook = "ipykernel" in sys.modules
+        in_notebook = _is_in_notebook()
         # With None, tqdm finds out by itself whether stderr is a terminal. A process may have no stderr at all.
         self._disable = not shown if shown is not None else (False if in_notebook else None)
         if sys.stderr is None and not in_notebook:
             self._disable = True
         self.is_hidden = self._disable is True or (self._disable is None and not sys.stderr.isatty())
+        self._in_notebook = in_notebook
         self._stage = ""
         self._bar: tqdm[NoReturn] | None = None
 
@@ -56,19 +54,72 @@ class Bar:
             bar.set_postfix_str(f"waiting: {campaign.waiting}")
         elif step.stage == "evolve" and campaign.HasField("mean_novelty"):
             bar.set_postfix_str(f"novelty {campaign.mean_novelty:.3g}")
+        else:
+            # It waits no more.
+            bar.set_postfix_str("", refresh=False)
 
     def _bar_of(self, step: Step) -> tqdm[NoReturn]:
         if self._bar is None or step.stage != self._stage:
+            self._finish(step.stage)
             self.close()
             self._stage = step.stage
-            self._bar = tqdm(total=step.total, desc=step.stage, unit=f" {step.unit}", disable=self._disable)
+            output = _Output() if self._in_notebook and not self._disable else None
+            self._bar = tqdm(
+                total=step.total, desc=step.stage, unit=f" {step.unit}", disable=self._disable, file=output
+            )
         return self._bar
+
+    def _finish(self, following: str) -> None:
+        """Shows a stage as done that another one follows: its last progress may not have been told."""
+        bar = self._bar
+        # A search also stops for a while when a person has its archive move to another embedder.
+        if bar is None or (self._stage == "evolve" and following != "label"):
+            return
+        if bar.total and self._stage not in _TRAININGS:
+            bar.n = bar.total
+        elif bar.n:
+            bar.total = bar.n
+        else:
+            # It was too short for a word about how far it was.
+            bar.bar_format = "{desc}: done"
 
     def close(self) -> None:
         """Leaves the bar as it is."""
         if self._bar is not None:
             self._bar.close()
             self._bar = None
+
+
+class _Output:
+    """An output of a notebook's cell, which has the last line that a bar wrote.
+
+    It is text, and no widget: where a notebook is saved or shown without its kernel, of a widget there is nothing left
+    but the empty bar that it began with.
+    """
+
+    # By which tqdm knows that it may draw with more than ASCII.
+    encoding = "utf-8"
+
+    def __init__(self) -> None:
+        self._shown: Any = None
+
+    def write(self, written: str) -> int:
+        """Shows a bar; what moves a terminal's cursor is left out."""
+        from IPython.display import display
+
+        if written.startswith("\r"):
+            line = {"text/plain": written.strip()}
+            if self._shown is None:
+                self._shown = display(line, raw=True, display_id=True)  # type: ignore[no-untyped-call]
+            else:
+                self._shown.update(line, raw=True)
+        return len(written)
+
+
+def _is_in_notebook() -> bool:
+    """Whether this process is the kernel of a notebook."""
+    ipython = sys.modules.get("IPython")
+    return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
 
 
 def step_of(campaign: v1.Campaign) -> Step | None:

@@ -1,0 +1,90 @@
+"""Bars, as a coordinator tells of the stages of a campaign."""
+
+import pytest
+
+from murmuration._progress import Bar
+from murmuration.v1 import campaign_pb2 as v1
+
+
+def told(stage: v1.CampaignStage, done: int) -> v1.Campaign:
+    """A campaign of 4 individuals, 10 pictures and at most 8 epochs, in the middle of a stage."""
+    dataset, feedback = v1.Dataset(controllers=10, starts=1), v1.Feedback(labels=4)
+    return v1.Campaign(
+        spec=v1.CampaignSpec(search=v1.Search(population=2), dataset=dataset, feedback=feedback),
+        stage=stage,
+        state=v1.CAMPAIGN_STATE_RUNNING,
+        generations=2,
+        generations_done=2 if stage == v1.CAMPAIGN_STAGE_EMBED else 0,
+        dataset_done=done,
+        evaluated_in_generation=done,
+        embedded=done,
+        labelled=done,
+        training=v1.TrainingProgress(epoch=done, epochs=8),
+    )
+
+
+def shown(*campaigns: v1.Campaign, capfd: pytest.CaptureFixture[str]) -> list[str]:
+    """What is left of each bar: its stage, and how much of how much."""
+    bar = Bar(shown=True)
+    for campaign in campaigns:
+        bar.show(campaign)
+    bar.close()
+    lasts = [line.rpartition("\r")[2] for line in capfd.readouterr().err.strip("\n").split("\n")]
+    return [f"{line.partition(':')[0]} {line.rpartition('| ')[2].partition(' ')[0]}" for line in lasts]
+
+
+def test_a_stage_that_another_follows_is_done(capfd: pytest.CaptureFixture[str]) -> None:
+    lasts = shown(
+        told(v1.CAMPAIGN_STAGE_DATASET, 7),
+        # A training may end before its last epoch.
+        told(v1.CAMPAIGN_STAGE_PRETRAIN, 3),
+        told(v1.CAMPAIGN_STAGE_EVOLVE, 3),
+        told(v1.CAMPAIGN_STAGE_LABEL, 1),
+        told(v1.CAMPAIGN_STAGE_FINE_TUNE, 2),
+        told(v1.CAMPAIGN_STAGE_EMBED, 1),
+        told(v1.CAMPAIGN_STAGE_EVOLVE, 1),
+        capfd=capfd,
+    )
+    # How far the last one is, is how far it is.
+    assert lasts == [
+        "dataset 10/10",
+        "pretrain 3/3",
+        "evolve 4/4",
+        "label 4/4",
+        "fine-tune 2/2",
+        "embed 4/4",
+        "evolve 1/4",
+    ]
+
+
+def test_a_stage_too_short_for_a_word_is_done(capfd: pytest.CaptureFixture[str]) -> None:
+    bar = Bar(shown=True)
+    for stage in (v1.CAMPAIGN_STAGE_PRETRAIN, v1.CAMPAIGN_STAGE_EVOLVE):
+        campaign = told(stage, 0)
+        campaign.ClearField("training")
+        bar.show(campaign)
+    bar.close()
+    assert capfd.readouterr().err.split("\n")[0].rpartition("\r")[2].rstrip() == "pretrain: done"
+
+
+def test_a_search_that_stops_for_another_embedder_is_not_done(capfd: pytest.CaptureFixture[str]) -> None:
+    assert shown(told(v1.CAMPAIGN_STAGE_EVOLVE, 3), told(v1.CAMPAIGN_STAGE_EMBED, 1), capfd=capfd)[0] == "evolve 3/4"
+
+
+def test_a_campaign_that_waits_no_more_does_not_say_so(capfd: pytest.CaptureFixture[str]) -> None:
+    waiting = told(v1.CAMPAIGN_STAGE_DATASET, 3)
+    waiting.waiting = "a worker"
+    bar = Bar(shown=True)
+    bar.show(waiting)
+    bar.show(told(v1.CAMPAIGN_STAGE_DATASET, 10))
+    bar.close()
+    said = capfd.readouterr().err
+    assert "waiting: a worker" in said and "waiting" not in said.rpartition("\r")[2]
+
+
+def test_a_hidden_bar_has_stages_too(capfd: pytest.CaptureFixture[str]) -> None:
+    bar = Bar(shown=False)
+    for stage in (v1.CAMPAIGN_STAGE_DATASET, v1.CAMPAIGN_STAGE_PRETRAIN, v1.CAMPAIGN_STAGE_TAXONOMY):
+        bar.show(told(stage, 1))
+    bar.close()
+    assert bar.is_hidden and not capfd.readouterr().err
