@@ -24,13 +24,17 @@ pub const AGENTS: [Rgb; 24] = [
     [0x79, 0x7a, 0x04], [0x0f, 0xbf, 0xdd], [0x9b, 0x51, 0xac], [0xa5, 0x62, 0x02], [0x0b, 0xa7, 0x83], [0x5c, 0x68, 0xce],
 ];
 
-/// Muted colours of clusters, made in the same way at chroma 0.085 and lightness 0.62, 0.68 and 0.74.
+/// Colours of clusters, quieter than those of agents (chroma 0.07 to 0.135, lightness 0.60 to 0.82 in OKLCH), so that dark numbers
+/// can be read on them and points seen on white and on black.
+///
+/// Each is the colour farthest in OKLab from all before it, as people with full sight see them or, at half the distance, people who
+/// see no red or no green (Machado et al. 2009). So the first twelve, all that most taxonomies need, differ most.
 #[rustfmt::skip]
 pub const CLUSTERS: [Rgb; 24] = [
-    [0xb4, 0x71, 0x71], [0x8c, 0xa2, 0x67], [0x4a, 0x90, 0xb0], [0xb9, 0x84, 0xad], [0xb4, 0x93, 0x5a], [0x67, 0xbd, 0xb2],
-    [0x97, 0x90, 0xca], [0xc7, 0x85, 0x75], [0x8e, 0xb8, 0x85], [0x6a, 0x9e, 0xca], [0xd4, 0x95, 0xb2], [0xbb, 0xab, 0x6b],
-    [0x4f, 0xa8, 0xad], [0xb7, 0x9d, 0xd6], [0xd7, 0x9b, 0x7a], [0x5a, 0x95, 0x70], [0x8c, 0xac, 0xe1], [0xb2, 0x70, 0x7f],
-    [0x89, 0x8b, 0x4c], [0x66, 0xb9, 0xcc], [0x9d, 0x75, 0xa6], [0xaa, 0x7b, 0x4d], [0x5e, 0xa9, 0x90], [0x77, 0x82, 0xba],
+    [0xdf, 0x89, 0xcc], [0x25, 0x97, 0x5b], [0xd9, 0xc6, 0x54], [0x61, 0x7a, 0xd0], [0x8e, 0xcb, 0xff], [0xc0, 0x6f, 0x1d],
+    [0x50, 0xd2, 0xa2], [0xb7, 0x5c, 0x92], [0xf9, 0x91, 0x6d], [0x61, 0xa6, 0xa9], [0xa4, 0xa5, 0x30], [0x95, 0x9a, 0xf7],
+    [0xc0, 0x87, 0x86], [0xe8, 0xb2, 0xca], [0x16, 0x8d, 0xb1], [0x3e, 0xba, 0xe4], [0x48, 0xdc, 0xe3], [0xde, 0xb5, 0x8e],
+    [0xb2, 0x7f, 0xd6], [0x84, 0xb3, 0x85], [0x78, 0x8a, 0x38], [0xcb, 0xa0, 0xfc], [0xd1, 0x66, 0x71], [0xb8, 0x8a, 0x01],
 ];
 
 /// The colour of the cluster at `place`.
@@ -82,6 +86,43 @@ mod tests {
         for (i, &a) in AGENTS.iter().enumerate() {
             for &b in &AGENTS[..i] {
                 assert!(distance(a, b) > 300, "{} and {} are alike", hex(a), hex(b));
+            }
+        }
+    }
+
+    /// Lightness, green to red and blue to yellow of OKLab (Ottosson 2020).
+    fn oklab(colour: Rgb) -> [f64; 3] {
+        let [red, green, blue] = colour.map(|part| {
+            let part = f64::from(part) / 255.0;
+            if part <= 0.04045 {
+                part / 12.92
+            } else {
+                ((part + 0.055) / 1.055).powf(2.4)
+            }
+        });
+        let long = (0.412_221 * red + 0.536_333 * green + 0.051_446 * blue).cbrt();
+        let medium = (0.211_903 * red + 0.680_700 * green + 0.107_397 * blue).cbrt();
+        let short = (0.088_302 * red + 0.281_719 * green + 0.629_979 * blue).cbrt();
+        [
+            0.210_454 * long + 0.793_618 * medium - 0.004_072 * short,
+            1.977_998 * long - 2.428_592 * medium + 0.450_594 * short,
+            0.025_904 * long + 0.782_772 * medium - 0.808_676 * short,
+        ]
+    }
+
+    /// Two patches are told apart side by side at 0.02, and points among others at about five times as much.
+    #[test]
+    fn the_clusters_of_most_taxonomies_are_told_apart() {
+        for (i, &a) in CLUSTERS.iter().enumerate() {
+            for &b in &CLUSTERS[..i] {
+                let apart = oklab(a)
+                    .into_iter()
+                    .zip(oklab(b))
+                    .map(|(a, b)| (a - b).powi(2))
+                    .sum::<f64>()
+                    .sqrt();
+                let least = if i < 12 { 0.12 } else { 0.07 };
+                assert!(apart > least, "{} and {} are {apart:.3} apart", hex(a), hex(b));
             }
         }
     }

@@ -11,6 +11,8 @@ const print = matchMedia("print");
 const isDark = () => scheme.matches && !print.matches;
 const count = archive.x.length;
 const PIN = 46;
+// How far a pin's number stands out of it, and a little more.
+const BADGE = 12;
 let chosen = -1;
 let hovered = -1;
 // The individual that the panel shows.
@@ -83,6 +85,8 @@ function arrange() {
   pins.classList.toggle("small", small);
   const size = small ? 20 : PIN;
   const points = archive.medoids.map(place);
+  const buttons = document.querySelector(".zoom");
+  const underButtons = buttons.offsetTop + buttons.offsetHeight + size / 2 + BADGE;
   labels.forEach((label, i) => {
     const [dx, dy] = [points[i][0] - width / 2, points[i][1] - height / 2];
     const far = small ? 0 : PIN / Math.max(Math.hypot(dx, dy), 1);
@@ -94,7 +98,8 @@ function arrange() {
       for (const b of labels.slice(0, i)) push(a, b, size + 6, 0.5);
       if (!small) for (const [x, y] of points) push(a, { x, y, fixed: true }, size / 2 + 10, 0.6);
       a.x = Math.min(Math.max(a.x, size / 2 + 2), width - size / 2 - 2);
-      a.y = Math.min(Math.max(a.y, size / 2 + 2), height - size / 2 - 2);
+      const highest = a.x + size / 2 + BADGE > buttons.offsetLeft ? underButtons : size / 2 + 2;
+      a.y = Math.min(Math.max(a.y, highest), height - size / 2 - 2);
     }
   }
   // As parts of the map: a page that is printed is laid out anew, and no script is asked.
@@ -197,6 +202,14 @@ function describe(i) {
   drawPicture(tip.querySelector("canvas"), i);
 }
 
+// From where to where the map is not covered by the panel.
+function besidePanel() {
+  const width = canvas.clientWidth;
+  const isOver = !panel.hidden && panel.offsetTop < canvas.clientHeight;
+  if (!isOver) return [0, width];
+  return panel.classList.contains("left") ? [panel.offsetLeft + panel.offsetWidth, width] : [0, panel.offsetLeft];
+}
+
 // Tells of a point, as a pointer or a key reaches it; of none with -1.
 function hover(i) {
   if (i === hovered) return;
@@ -205,7 +218,8 @@ function hover(i) {
   if (i >= 0) {
     describe(i);
     const [x, y] = place(i);
-    tip.style.left = `${Math.max(Math.min(x + 14, canvas.clientWidth - tip.offsetWidth - 4), 4)}px`;
+    const [left, right] = besidePanel();
+    tip.style.left = `${Math.max(Math.min(x + 14, right - tip.offsetWidth - 4), left + 4)}px`;
     tip.style.top = `${y + 18 + tip.offsetHeight > canvas.clientHeight ? y - tip.offsetHeight - 12 : y + 16}px`;
   }
   choose(i >= 0 ? archive.cluster[i] : -1);
@@ -216,6 +230,8 @@ function show(i) {
   if (i < 0) return;
   opened = i;
   openPanel(i, place(i)[0] < canvas.clientWidth / 2);
+  // The panel says all that the tip said.
+  tip.hidden = true;
   schedule();
 }
 
