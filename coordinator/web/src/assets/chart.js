@@ -67,8 +67,8 @@ export class Chart {
     other.beside.push(this);
   }
 
-  // Shows the values of each line at each x, NaN where there is none, and marks events: each an x and a text, and the place of
-  // a line if it is of that alone.
+  // Shows the values of each line at each x, NaN where there is none, and marks events: each an x and a text; the place of a
+  // line if it is of that alone; a label if there is a short one; and whether lines begin anew there.
   show(x, values, events = []) {
     this.x = x;
     this.values = values;
@@ -122,21 +122,31 @@ export class Chart {
 
   // A line down for each event, with a flag on top that names it.
   marked() {
-    return this.events.map(({ x: at, text, line }) => {
+    return this.events.map(({ x: at, text, line, label }) => {
       const x = this.acrossOf(at);
       const group = element("g", { class: line === undefined ? "event" : `event of-line key-${line}` });
       const title = element("title", {}, text);
       const flag = element("path", { d: `M${x - 5} ${ROOM.top - 8}h10l-5 7z` });
       group.append(title, element("line", { x1: x, x2: x, y1: ROOM.top, y2: HEIGHT - ROOM.bottom }), flag);
+      if (label && line === undefined) group.append(element("text", { x: x + 8, y: ROOM.top + 2 }, label));
       return group;
     });
   }
 
   curves() {
-    return this.values.map((values, line) => {
-      const points = values.map((y, i) => (Number.isFinite(y) ? `${this.acrossOf(this.x[i])},${this.downOf(y)}` : null));
-      return element("polyline", { class: `line line-${line}`, points: points.filter(Boolean).join(" ") });
-    });
+    return this.values.flatMap((values, line) => this.pieces(line).map(([from, to]) => {
+      const points = values.slice(from, to).map((y, i) => [this.acrossOf(this.x[from + i]), this.downOf(y)]);
+      const told = points.filter(([, y]) => Number.isFinite(y)).map((point) => point.join(","));
+      // A round cap shows a piece of one point, which has no length.
+      return element("polyline", { class: `line line-${line}`, points: (told.length === 1 ? [...told, ...told] : told).join(" ") });
+    }));
+  }
+
+  // From where to where a line goes without a break.
+  pieces(line) {
+    const breaks = this.events.filter((event) => event.breaks && (event.line ?? line) === line);
+    const ends = breaks.map(({ x }) => this.nearestTo(x));
+    return [0, ...ends].map((from, i) => [from, ends[i] ?? this.x.length]);
   }
 
   mark() {

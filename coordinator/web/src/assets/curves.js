@@ -8,10 +8,11 @@ export function noveltyOf(told) {
 }
 
 // What each epoch measured, the trainings of rounds after the first: its accuracy in percent and its loss, NaN where one was not
-// measured; `epochs` are lists of round, epoch, loss and accuracy. Where a round begins is an event.
+// measured; `epochs` are lists of round, epoch, loss and accuracy. Where a round begins is an event, and lines begin anew: its losses
+// are of other triplets.
 export function trainingOf(epochs) {
   const events = epochs.flatMap(([round], i) =>
-    i > 0 && epochs[i - 1][0] !== round ? [{ x: i + 1, text: `round ${round} begins` }] : [],
+    i > 0 && epochs[i - 1][0] !== round ? [{ x: i + 1, text: `round ${round} begins`, label: `round ${round}`, breaks: true }] : [],
   );
   return {
     x: epochs.map((_, i) => i + 1),

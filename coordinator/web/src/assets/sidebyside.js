@@ -21,7 +21,7 @@ function over(lines) {
 
 // What happened to each campaign, with its id, in the colour of its line.
 const named = (events) =>
-  events.flatMap((own, line) => own.map(({ x, text }) => ({ x, text: `${ids[line]}: ${text}`, line })));
+  events.flatMap((own, line) => own.map(({ x, text, breaks }) => ({ x, text: `${ids[line]}: ${text}`, breaks, line })));
 
 function draw(section, across, lines, events, heights = {}) {
   const root = document.querySelector(`#${section} .chart`);

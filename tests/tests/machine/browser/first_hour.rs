@@ -318,7 +318,7 @@ impl Researcher {
         self.look("campaigns").await;
         self.follow("#compare button", "/compare").await;
         window
-            .until("document.querySelectorAll('#best polyline').length === 2 && document.querySelectorAll('#accuracy polyline').length === 2")
+            .until("['#best', '#accuracy'].every((id) => [0, 1].every((line) => document.querySelector(`${id} .line-${line}`)))")
             .await;
         self.look("compare").await;
     }
