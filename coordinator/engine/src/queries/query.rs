@@ -43,7 +43,7 @@ impl fmt::Display for Reason {
             Self::Medoid { cluster, size } => {
                 write!(
                     f,
-                    "medoid of cluster {cluster}, {}, which the taxonomy shows by its name",
+                    "medoid of cluster {cluster}; its name stands for {}",
                     counted(*size as u64, "behaviour")
                 )
             }

@@ -39,7 +39,7 @@ fn medoids_come_first_then_uncertain_members_by_turns() {
     let reasons: Vec<String> = ranking.iter().map(|query| query.reason.to_string()).collect();
     assert_eq!(
         reasons[0],
-        "medoid of cluster 1, 5 behaviours, which the taxonomy shows by its name"
+        "medoid of cluster 1; its name stands for 5 behaviours"
     );
     assert_eq!(
         &reasons[2..4],
