@@ -90,39 +90,72 @@ mod tests {
         }
     }
 
-    /// Lightness, green to red and blue to yellow of OKLab (Ottosson 2020).
-    fn oklab(colour: Rgb) -> [f64; 3] {
-        let [red, green, blue] = colour.map(|part| {
+    /// What people see who see no red and who see no green, of linear red, green and blue (Machado et al. 2009, severity 1).
+    const DEFICIENCIES: [[[f64; 3]; 3]; 2] = [
+        [
+            [0.152_286, 1.052_583, -0.204_868],
+            [0.114_503, 0.786_281, 0.099_216],
+            [-0.003_882, -0.048_116, 1.051_998],
+        ],
+        [
+            [0.367_322, 0.860_646, -0.227_968],
+            [0.280_085, 0.672_501, 0.047_413],
+            [-0.011_820, 0.042_940, 0.968_881],
+        ],
+    ];
+
+    fn times(rows: [[f64; 3]; 3], column: [f64; 3]) -> [f64; 3] {
+        rows.map(|row| row.into_iter().zip(column).map(|(a, b)| a * b).sum())
+    }
+
+    fn linear(colour: Rgb) -> [f64; 3] {
+        colour.map(|part| {
             let part = f64::from(part) / 255.0;
             if part <= 0.04045 {
                 part / 12.92
             } else {
                 ((part + 0.055) / 1.055).powf(2.4)
             }
-        });
-        let long = (0.412_221 * red + 0.536_333 * green + 0.051_446 * blue).cbrt();
-        let medium = (0.211_903 * red + 0.680_700 * green + 0.107_397 * blue).cbrt();
-        let short = (0.088_302 * red + 0.281_719 * green + 0.629_979 * blue).cbrt();
-        [
-            0.210_454 * long + 0.793_618 * medium - 0.004_072 * short,
-            1.977_998 * long - 2.428_592 * medium + 0.450_594 * short,
-            0.025_904 * long + 0.782_772 * medium - 0.808_676 * short,
-        ]
+        })
     }
 
-    /// Two patches are told apart side by side at 0.02, and points among others at about five times as much.
+    /// Lightness, green to red and blue to yellow of OKLab (Ottosson 2020), of linear red, green and blue.
+    fn oklab(colour: [f64; 3]) -> [f64; 3] {
+        let cones = [
+            [0.412_221, 0.536_333, 0.051_446],
+            [0.211_903, 0.680_700, 0.107_397],
+            [0.088_302, 0.281_719, 0.629_979],
+        ];
+        let axes = [
+            [0.210_454, 0.793_618, -0.004_072],
+            [1.977_998, -2.428_592, 0.450_594],
+            [0.025_904, 0.782_772, -0.808_676],
+        ];
+        times(axes, times(cones, colour).map(f64::cbrt))
+    }
+
+    fn apart(a: [f64; 3], b: [f64; 3]) -> f64 {
+        let squares = oklab(a).into_iter().zip(oklab(b)).map(|(a, b)| (a - b).powi(2));
+        squares.sum::<f64>().sqrt()
+    }
+
     #[test]
     fn the_clusters_of_most_taxonomies_are_told_apart() {
         for (i, &a) in CLUSTERS.iter().enumerate() {
             for &b in &CLUSTERS[..i] {
-                let apart = oklab(a)
-                    .into_iter()
-                    .zip(oklab(b))
-                    .map(|(a, b)| (a - b).powi(2))
-                    .sum::<f64>()
-                    .sqrt();
-                let least = if i < 12 { 0.12 } else { 0.07 };
-                assert!(apart > least, "{} and {} are {apart:.3} apart", hex(a), hex(b));
+                let seen = apart(linear(a), linear(b));
+                let [full, deficient] = if i < 12 { [0.12, 0.06] } else { [0.07, 0.035] };
+                assert!(seen > full, "{} and {} are {seen:.3} apart", hex(a), hex(b));
+                for rows in DEFICIENCIES {
+                    // What a screen cannot show is cut off.
+                    let [a, b] =
+                        [a, b].map(|colour| times(rows, linear(colour)).map(|part| part.clamp(0.0, 1.0)));
+                    assert!(
+                        apart(a, b) > deficient,
+                        "{a:?} and {b:?} are {:.3} apart",
+                        apart(a, b)
+                    );
+                }
             }
         }
     }
