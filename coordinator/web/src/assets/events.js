@@ -20,28 +20,43 @@ export const heard = (is) => say("silence", is ? "" : SILENCE);
 // What the browser keeps of what was said here, and why; nothing where all of it was acknowledged.
 export const keeping = (text) => say("kept", text);
 
-// Hands every message of a stream of events to `told`, and connects again until the function that it returns is called.
+// Hands every message of a stream of events to `told`, and connects again until the function that it returns is called. A page
+// that nobody sees has no stream: a browser keeps pages that were left, to go back to them, and has six connections to a
+// coordinator for all of its pages together.
 export function listen(url, told) {
-  let events;
-  let ended = false;
+  const ending = new AbortController();
+  let events = null;
   const connect = () => {
-    if (ended) return;
-    events = new EventSource(url);
-    events.onmessage = (message) => {
+    if (events || document.hidden) return;
+    const stream = new EventSource(url);
+    events = stream;
+    stream.onmessage = (message) => {
       heard(true);
       told(message.data);
     };
-    events.onerror = async () => {
+    stream.onerror = async () => {
       // A lost connection is made again by the browser; one that was refused is not.
-      if (events.readyState !== EventSource.CLOSED) return heard(false);
+      if (stream.readyState !== EventSource.CLOSED) return heard(false);
       await refused();
-      setTimeout(connect, AGAIN_MS);
+      setTimeout(() => {
+        if (events !== stream) return;
+        events = null;
+        connect();
+      }, AGAIN_MS);
     };
   };
+  const rest = () => {
+    events?.close();
+    events = null;
+  };
+  const { signal } = ending;
+  document.addEventListener("visibilitychange", () => (document.hidden ? rest() : connect()), { signal });
+  addEventListener("pagehide", rest, { signal });
+  addEventListener("pageshow", connect, { signal });
   connect();
   return () => {
-    ended = true;
-    events.close();
+    ending.abort();
+    rest();
   };
 }
 

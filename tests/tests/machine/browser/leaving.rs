@@ -1,9 +1,9 @@
-//! Log-in and log-out.
+//! Log-in and log-out; pages that are left for others.
 
 use crate::browser::{
     driver::{Driver, Window},
     looks::check,
-    scene::{answer, introduce, name, saved},
+    scene::{Scene, answer, introduce, name, saved},
 };
 use murmuration_tests::Murmuration;
 use std::fs;
@@ -100,4 +100,34 @@ pub async fn who_logs_in_labels_and_who_logs_out_is_out() {
     arrived(&window, "/login").await;
     window.close().await;
     assert_eq!(coordinator.terminate(), Some(0));
+}
+
+/// Counts the streams of events that pages have open: those of pages that were left, too, which the browser keeps.
+const COUNT_STREAMS: &str = "{ \
+    const count = (by) => localStorage.setItem('streams', Number(localStorage.getItem('streams') ?? 0) + by); \
+    globalThis.EventSource = class extends EventSource { \
+        constructor(...given) { super(...given); count(1); } \
+        close() { super.close(); count(-1); } }; }";
+
+pub async fn a_page_that_was_left_listens_no_more_until_one_goes_back_to_it() {
+    let driver = Driver::start();
+    let mut scene = Scene::set().await;
+    let window = scene.visit(&driver, "/label", "Ana").await;
+    window.before_pages(COUNT_STREAMS).await;
+    let pages = ["/label", "/map", "/sheet", "/answers", "/taxonomy"];
+    for page in pages.into_iter().cycle().take(10) {
+        window.driver.goto(scene.url(page)).await.unwrap();
+        window.until("localStorage.getItem('streams') === '1'").await;
+    }
+    window.driver.goto(scene.url("/map")).await.unwrap();
+    window.driver.goto(scene.url("/classes")).await.unwrap();
+    scene.labels.say("Ben", [(7, "milling".to_owned())]).await;
+    window.driver.back().await.unwrap();
+    arrived(&window, "/campaigns/small-1/map").await;
+    window
+        .until("document.getElementById('legend').textContent.includes('milling · 1')")
+        .await;
+    window.until("localStorage.getItem('streams') === '1'").await;
+    window.close().await;
+    scene.cluster.stop().await;
 }

@@ -53,6 +53,7 @@ pub fn tests() -> Vec<Test> {
         test!(async learning::who_only_compares_teaches_too),
         test!(async learning::where_there_is_nothing_to_learn_from_the_page_says_so),
         test!(async leaving::who_logs_in_labels_and_who_logs_out_is_out),
+        test!(async leaving::a_page_that_was_left_listens_no_more_until_one_goes_back_to_it),
         test!(async looks::every_page_is_readable_wide_and_narrow_light_and_dark),
         test!(async looks::a_word_of_a_class_is_not_broken),
         test!(async looks::long_names_many_classes_and_large_type_stay_within_the_page),
