@@ -27,6 +27,7 @@ mod judge;
 mod known_campaigns;
 mod labels;
 mod maintenance;
+mod manual;
 mod next_step;
 mod quarantine;
 mod recognise;
@@ -340,11 +341,9 @@ fn schema(kind: json::Kind) -> Result<(), CliError> {
     Ok(outln!("{:#}", kind.schema().as_value())?)
 }
 
-/// Writes `murmuration.1`, and `murmuration-COMMAND.1` for each command.
 fn manual(folder: &Path) -> Result<(), CliError> {
-    let unwritable = |error: std::io::Error| CliError::unwritable(folder, &error);
-    std::fs::create_dir_all(folder).map_err(unwritable)?;
-    clap_mangen::generate_to(Arguments::command(), folder).map_err(unwritable)
+    let written = manual::write(Arguments::command(), folder);
+    written.map_err(|error| CliError::unwritable(folder, &error))
 }
 
 fn completions(shell: clap_complete::Shell) -> Result<(), CliError> {

@@ -176,7 +176,7 @@ fn the_manual_has_a_page_for_every_command() {
     for (page, says) in [
         ("murmuration.1", "murmuration\\-run(1)"),
         ("murmuration-export.1", "\\-\\-csv"),
-        ("murmuration-study-run.1", "Examples:"),
+        ("murmuration-study-run.1", ".SH EXAMPLES"),
     ] {
         let text = std::fs::read_to_string(desk.folder.path().join("man").join(page)).unwrap();
         assert!(text.contains(says), "{page}:\n{text}");

@@ -1,0 +1,146 @@
+//! The manual: a page for each command, with what its help says below the options in the sections where readers of manuals
+//! look for it.
+
+use clap::Command;
+use clap_mangen::{
+    Man,
+    roff::{Roff, roman},
+};
+use std::{fs, io, path::Path};
+
+/// Writes `murmuration.1`, and `murmuration-COMMAND.1` for each command, into a folder that may exist.
+pub(super) fn write(command: Command, folder: &Path) -> io::Result<()> {
+    let mut command = command.disable_help_subcommand(true);
+    command.build();
+    fs::create_dir_all(folder)?;
+    write_with_those_within(command, folder)
+}
+
+fn write_with_those_within(command: Command, folder: &Path) -> io::Result<()> {
+    for within in command.get_subcommands().filter(|within| !within.is_hide_set()) {
+        write_with_those_within(within.clone(), folder)?;
+    }
+    let (name, text) = page(command)?;
+    fs::write(folder.join(name), text)
+}
+
+/// A page and the name of its file.
+fn page(command: Command) -> io::Result<(String, Vec<u8>)> {
+    let help = command.get_after_help().map(ToString::to_string);
+    let help = BelowOptions::of(help.as_deref().unwrap_or_default());
+    let about = command.get_long_about().or_else(|| command.get_about());
+    let about = about.map(ToString::to_string).unwrap_or_default();
+    let description = [&[about.as_str()], &help.prose[..]].concat().join("\n\n");
+    let command = command.long_about(description).after_help(None::<&'static str>);
+    let man = Man::new(command).source(concat!("murmuration ", env!("CARGO_PKG_VERSION")));
+    let mut text = Vec::new();
+    man.render(&mut text)?;
+    help.sections().to_writer(&mut text)?;
+    Ok((man.get_filename(), text))
+}
+
+/// The paragraphs that a command's help has below its options.
+struct BelowOptions<'a> {
+    prose: Vec<&'a str>,
+    /// With the line that announces them.
+    examples: Option<&'a str>,
+    exit_codes: Option<&'a str>,
+}
+
+impl<'a> BelowOptions<'a> {
+    fn of(text: &'a str) -> Self {
+        let (mut examples, mut exit_codes) = (None, None);
+        let mut prose = Vec::new();
+        for paragraph in text.split("\n\n").filter(|paragraph| !paragraph.is_empty()) {
+            if paragraph.starts_with("Example") {
+                examples = Some(paragraph);
+            } else if let Some(codes) = paragraph.strip_prefix("Exit codes: ") {
+                exit_codes = Some(codes);
+            } else {
+                prose.push(paragraph);
+            }
+        }
+        Self {
+            prose,
+            examples,
+            exit_codes,
+        }
+    }
+
+    fn sections(&self) -> Roff {
+        let mut roff = Roff::new();
+        if let Some(codes) = self.exit_codes {
+            roff.control("SH", ["EXIT STATUS"]).text([roman(codes)]);
+        }
+        if let Some(examples) = self.examples {
+            roff.control("SH", ["EXAMPLES"]).control("nf", []);
+            for line in examples.lines().skip(1) {
+                roff.text([roman(line.trim_start())]);
+            }
+            roff.control("fi", []);
+        }
+        roff
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory as _;
+
+    /// Sections of a page, in order.
+    fn sections(text: &str) -> Vec<&str> {
+        let headings = text.lines().filter_map(|line| line.strip_prefix(".SH "));
+        headings.map(|heading| heading.trim_matches('"')).collect()
+    }
+
+    #[test]
+    fn what_help_says_below_the_options_stands_in_its_section() {
+        let mut command = super::super::Arguments::command();
+        command.build();
+        let (name, text) = page(command.clone()).unwrap();
+        let text = String::from_utf8(text).unwrap();
+        assert_eq!(name, "murmuration.1");
+        assert_eq!(
+            sections(&text)[sections(&text).len() - 3..],
+            ["VERSION", "EXIT STATUS", "EXAMPLES"]
+        );
+        assert!(
+            text.contains("\n0 done, 1 failed, 2 bad usage or input.\n"),
+            "{text}"
+        );
+
+        let doctor = command.find_subcommand("doctor").unwrap();
+        let (name, text) = page(doctor.clone()).unwrap();
+        let text = String::from_utf8(text).unwrap();
+        assert_eq!(name, "murmuration-doctor.1");
+        let (description, rest) = text.split_once(".SH OPTIONS").unwrap();
+        assert!(description.contains("Exit code 0 means"), "{text}");
+        assert!(
+            rest.ends_with(
+                ".SH EXAMPLES\n.nf\nmurmuration doctor || murmuration doctor \\-\\-salvage saved\\-data\n.fi\n"
+            ),
+            "{text}"
+        );
+        assert!(text.contains(concat!("murmuration ", env!("CARGO_PKG_VERSION"))));
+    }
+
+    #[test]
+    fn no_page_has_a_section_without_a_meaning() {
+        let mut command = super::super::Arguments::command();
+        command.build();
+        let mut open = vec![command];
+        let mut with_examples = 0;
+        while let Some(command) = open.pop() {
+            open.extend(command.get_subcommands().cloned());
+            let (name, text) = page(command).unwrap();
+            let text = String::from_utf8(text).unwrap();
+            assert!(
+                !text.contains("EXTRA") && !text.contains("Examples:"),
+                "{name}: {text}"
+            );
+            with_examples += usize::from(sections(&text).contains(&"EXAMPLES"));
+        }
+        assert!(with_examples > 20, "{with_examples}");
+    }
+}
