@@ -244,22 +244,19 @@ def poses(what: str, numbers: Sequence[float], agents: int) -> npt.NDArray[np.fl
 
 
 def _trials(individuals: Sequence[v1.Individual], dimensions: int) -> Column:
-    number = len(individuals[0].trials)
-    answers_.lengths("individual", "trials", (one.trials for one in individuals), number)
+    starts = len(individuals[0].trials)
+    answers_.lengths("individual", "trials", (one.trials for one in individuals), starts)
     every = [trial for one in individuals for trial in one.trials]
-    # Checked as columns are.
-    _lists("features", pa.float64(), [trial.features for trial in every], len(FEATURES), of="trial")
-    _lists("embedding", pa.float32(), [trial.embedding for trial in every], dimensions, of="trial")
-    space = pa.list_(pa.float32(), dimensions) if dimensions else pa.list_(pa.float32())
-    kind = pa.struct([("seed", pa.uint64()), ("features", pa.list_(pa.float64(), len(FEATURES))), ("embedding", space)])
-    trials = [
-        [
-            {"seed": trial.seed, "features": list(trial.features), "embedding": list(trial.embedding) or None}
-            for trial in one.trials
-        ]
-        for one in individuals
+    columns = [
+        _column("seed", pa.uint64(), (trial.seed for trial in every)),
+        _lists("features", pa.float64(), [trial.features for trial in every], len(FEATURES), of="trial"),
+        _lists("embedding", pa.float32(), [trial.embedding for trial in every], dimensions, of="trial"),
     ]
-    return _column("trials", pa.list_(kind), trials, about="the simulations of an individual, the first first")
+    trials = pa.StructArray.from_arrays([column for _, column in columns], fields=[field for field, _ in columns])
+    offsets = pa.array(range(0, len(every) + 1, starts), pa.int32())
+    lists = pa.ListArray.from_arrays(offsets, trials)
+    about = {"about": "the simulations of an individual, the first first"}
+    return pa.field("trials", lists.type, metadata=about), lists
 
 
 def _column(name: str, kind: pa.DataType, values: Iterable[Any], **about: str) -> Column:
