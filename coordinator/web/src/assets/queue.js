@@ -45,6 +45,8 @@ export class Queue {
   take() {
     this.said.add(this.questions.shift().index);
     this.changed();
+    // Where nothing arrives, no acknowledged answer has the next ones be asked for.
+    if (this.questions.length === 0) this.top();
   }
 
   // Answers were undone, the newest first: those questions come first again.
