@@ -9,13 +9,11 @@ export CARGO_TERM_COLOR ?= auto
 demo: build runtime
 	./target/release/murmuration run examples/single-sensor-latent.toml
 
-# Everything that must pass before a change lands. Runs every test and lists failures at the end; then counts
-# instructions, and builds the guide.
+# What must pass before a change lands, with `test-faults`, `test-containers` and `test-python` (.ci/run). Runs every test and lists
+# failures at the end; then counts instructions, and builds the guide.
 test: lint runtime browser
 	python="$$(scripts/python-packages $(CURDIR)/target/python)"; \
-		bases="$$(tests/containers/base-images)" && \
-		MURMURATION_TEST_BASES="$$bases" PATH="$${python:+$$python:}$$PATH" \
-		$(CARGO) test --workspace --no-fail-fast
+		PATH="$${python:+$$python:}$$PATH" $(CARGO) test --workspace --no-fail-fast
 	scripts/instruction-counts
 	$(MAKE) guide
 
@@ -67,7 +65,7 @@ wheel-aarch64: wheel-programs
 
 lint: toolchain
 	$(CARGO) fmt --all --check
-	$(CARGO) clippy --workspace --all-targets -- -D warnings
+	$(CARGO) clippy --workspace --all-targets --test faults --test containers -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps
 	scripts/validate-kubernetes $(CURDIR)/target/kubernetes-validate
 	scripts/cargo-deny
