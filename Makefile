@@ -9,9 +9,9 @@ export CARGO_TERM_COLOR ?= auto
 demo: build runtime
 	./target/release/murmuration run examples/single-sensor-latent.toml
 
-# What must pass before a change lands, with `test-faults`, `test-containers` and `test-python` (.ci/run). Runs every test and lists
-# failures at the end; then counts instructions, and builds the guide.
-test: lint runtime browser
+# What must pass before a change lands, with `lint`, `test-faults`, `test-containers` and `test-python` (.ci/run). Runs every test
+# and lists failures at the end; then counts instructions, and builds the guide.
+test: toolchain runtime browser
 	python="$$(scripts/python-packages $(CURDIR)/target/python)"; \
 		PATH="$${python:+$$python:}$$PATH" $(CARGO) test --workspace --no-fail-fast
 	scripts/instruction-counts
