@@ -1,6 +1,7 @@
 //! The manual: a page for each command, with what its help says below the options in the sections where readers of manuals
 //! look for it.
 
+use super::EXIT_CODES;
 use clap::Command;
 use clap_mangen::{
     Man,
@@ -28,10 +29,10 @@ fn write_with_those_within(command: Command, folder: &Path) -> io::Result<()> {
 fn page(command: Command) -> io::Result<(String, Vec<u8>)> {
     let help = command.get_after_help().map(ToString::to_string);
     let help = BelowOptions::of(help.as_deref().unwrap_or_default());
-    let about = command.get_long_about().or_else(|| command.get_about());
-    let about = about.map(ToString::to_string).unwrap_or_default();
-    let description = [&[about.as_str()], &help.prose[..]].concat().join("\n\n");
-    let command = command.long_about(description).after_help(None::<&'static str>);
+    let mut command = command.after_help(None::<&'static str>);
+    if !help.prose.is_empty() {
+        command = command.long_about(help.prose.join("\n\n"));
+    }
     let man = Man::new(command).source(concat!("murmuration ", env!("CARGO_PKG_VERSION")));
     let mut text = Vec::new();
     man.render(&mut text)?;
@@ -44,42 +45,42 @@ struct BelowOptions<'a> {
     prose: Vec<&'a str>,
     /// With the line that announces them.
     examples: Option<&'a str>,
-    exit_codes: Option<&'a str>,
 }
 
 impl<'a> BelowOptions<'a> {
     fn of(text: &'a str) -> Self {
-        let (mut examples, mut exit_codes) = (None, None);
+        let mut examples = None;
         let mut prose = Vec::new();
         for paragraph in text.split("\n\n").filter(|paragraph| !paragraph.is_empty()) {
             if paragraph.starts_with("Example") {
                 examples = Some(paragraph);
-            } else if let Some(codes) = paragraph.strip_prefix("Exit codes: ") {
-                exit_codes = Some(codes);
-            } else {
+            } else if !paragraph.starts_with(EXIT_CODES) {
                 prose.push(paragraph);
             }
         }
-        Self {
-            prose,
-            examples,
-            exit_codes,
-        }
+        Self { prose, examples }
     }
 
     fn sections(&self) -> Roff {
         let mut roff = Roff::new();
-        if let Some(codes) = self.exit_codes {
-            roff.control("SH", ["EXIT STATUS"]).text([roman(codes)]);
-        }
+        let codes = EXIT_CODES.trim_start_matches("Exit codes: ");
+        roff.control("SH", ["EXIT STATUS"]).text([roman(codes)]);
         if let Some(examples) = self.examples {
             roff.control("SH", ["EXAMPLES"]).control("nf", []);
             for line in examples.lines().skip(1) {
-                roff.text([roman(line.trim_start())]);
+                roff.text([roman(as_a_shell_takes_it(line.trim_start()))]);
             }
             roff.control("fi", []);
         }
         roff
+    }
+}
+
+/// What an example is for stands apart from it: a shell takes it for a comment.
+fn as_a_shell_takes_it(example: &str) -> String {
+    match example.split_once("  ") {
+        Some((command, purpose)) => format!("{command}  # {}", purpose.trim_start()),
+        None => example.to_owned(),
     }
 }
 
@@ -116,6 +117,7 @@ mod tests {
         assert_eq!(name, "murmuration-doctor.1");
         let (description, rest) = text.split_once(".SH OPTIONS").unwrap();
         assert!(description.contains("Exit code 0 means"), "{text}");
+        assert!(rest.contains("EXIT STATUS"), "{text}");
         assert!(
             rest.ends_with(
                 ".SH EXAMPLES\n.nf\nmurmuration doctor || murmuration doctor \\-\\-salvage saved\\-data\n.fi\n"
@@ -136,7 +138,9 @@ mod tests {
             let (name, text) = page(command).unwrap();
             let text = String::from_utf8(text).unwrap();
             assert!(
-                !text.contains("EXTRA") && !text.contains("Examples:"),
+                ["EXTRA", "Examples:", "Exit codes:"]
+                    .iter()
+                    .all(|word| !text.contains(word)),
                 "{name}: {text}"
             );
             with_examples += usize::from(sections(&text).contains(&"EXAMPLES"));

@@ -58,9 +58,11 @@ use std::{
     process::ExitCode,
 };
 
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 bad usage or input.";
+
 const EXAMPLES: &str = "\
 Examples:
-  murmuration run examples/quick.toml              search and write a report, in half a minute
+  murmuration run examples/quick.toml              search and write a report, in ten seconds
   murmuration run examples/single-sensor.toml      run the paper's single-sensor campaign
   murmuration simulate --controller -0.7,0.3,1,1 --gif pursuit.gif
   murmuration list                                 list the campaigns
