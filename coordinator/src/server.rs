@@ -105,6 +105,7 @@ pub struct Coordinator {
     readiness: Readiness,
     /// Ends everything that is computed here.
     interrupt: Interrupt,
+    permits: Permits,
     stop: watch::Sender<bool>,
     servers: Vec<Serving>,
     /// Held for as long as the server runs.
@@ -209,7 +210,7 @@ impl Coordinator {
             evaluations: EvaluationApi {
                 dispatch: dispatch.clone(),
                 checkpoints: checkpoints.clone(),
-                permits,
+                permits: permits.clone(),
             },
             checkpoints: CheckpointApi { checkpoints },
             labels: label_api,
@@ -257,6 +258,7 @@ impl Coordinator {
             trainers,
             readiness,
             interrupt,
+            permits,
             stop,
             servers,
             _data: options.data,
@@ -302,6 +304,7 @@ impl Coordinator {
         self.stop_searches().await;
         self.dispatch.stop().await;
         self.trainers.stop().await;
+        self.permits.end_watches();
         self.stop.send_replace(true);
         let end = tokio::time::Instant::now() + SHUTDOWN_LIMIT;
         for server in &mut self.servers {

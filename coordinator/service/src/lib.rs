@@ -22,7 +22,7 @@ pub use checkpoints::CheckpointApi;
 pub use evaluations::EvaluationApi;
 pub use labels::LabelApi;
 pub use nearest::OtherBehaviour;
-pub use permits::{Permit, Permits};
+pub use permits::{Permit, Permits, is_over};
 pub use status::{IntoStatus, OrStatus};
 pub use training::TrainerApi;
 pub use transfers::TransferApi;

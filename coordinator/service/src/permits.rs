@@ -58,6 +58,11 @@ impl Permits {
         )
     }
 
+    /// Lets nobody watch any more: streams that hold such a permit end when they look ([`is_over`]).
+    pub fn end_watches(&self) {
+        self.watches.close();
+    }
+
     /// For a replay.
     pub fn replay(&self) -> Result<Permit, Status> {
         take(
@@ -97,6 +102,12 @@ impl Permits {
     }
 }
 
+/// Whether what is done with this permit is to end.
+#[must_use]
+pub fn is_over(permit: &Permit) -> bool {
+    permit.semaphore().is_closed()
+}
+
 fn take(permits: &Arc<Semaphore>, full: &str) -> Result<Permit, Status> {
     permits
         .clone()
@@ -113,10 +124,13 @@ mod tests {
     fn one_too_many_is_refused_until_another_leaves() {
         let permits = Permits::new([2, 1, 1, 1, 1, 1]);
         let first = permits.watch().unwrap();
-        let _second = permits.clone().watch().unwrap();
+        let second = permits.clone().watch().unwrap();
         assert_eq!(permits.watch().unwrap_err().code(), Code::ResourceExhausted);
         drop(first);
         assert!(permits.watch().is_ok());
+        assert!(!is_over(&second));
+        permits.end_watches();
+        assert!(is_over(&second) && permits.watch().is_err());
         let replay = permits.replay().unwrap();
         assert_eq!(permits.replay().unwrap_err().code(), Code::ResourceExhausted);
         drop(replay);

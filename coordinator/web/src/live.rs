@@ -9,7 +9,7 @@ use maud::Markup;
 use murmuration_engine::{blocking::blocking, campaign::CampaignError};
 use murmuration_model::{CampaignState, Rounds};
 use murmuration_proto::CheckpointDigest;
-use murmuration_service::Permit;
+use murmuration_service::{Permit, is_over};
 use serde_json::json;
 use std::{convert::Infallible, sync::Arc, time::Duration};
 use tokio::sync::{Mutex, mpsc};
@@ -93,6 +93,7 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
             let entries = blocking(move || web.store.label_entries(&id)).await??;
             let archive = ArchiveState::of(&record);
             let seen = json!({
+                "created": record.archive_version().origin(),
                 "archive_state": archive.word(),
                 "archive_version": archive.version.to_string(),
                 "individuals": archive.individuals,
@@ -121,9 +122,10 @@ where
 {
     let (events, stream) = mpsc::channel(1);
     tokio::spawn(async move {
-        let _permit = permit;
         let mut seen = None;
-        while let Ok(sight) = look().await {
+        while !is_over(&permit)
+            && let Ok(sight) = look().await
+        {
             if seen.as_ref() != Some(&sight) {
                 seen = Some(sight.clone());
                 if events.send(Ok(Event::default().data(sight))).await.is_err() {

@@ -68,5 +68,11 @@ export async function insist(ask, failed = () => {}) {
   }
 }
 
-// Tells `changed` how the campaign stands, now and whenever that changes.
-export const follow = (changed) => listen(path("changes"), (seen) => changed(JSON.parse(seen)));
+// Tells `changed` how the campaign stands, now and whenever that changes. While nobody saw the page, another campaign may have
+// taken the place of this one.
+export const follow = (changed) =>
+  listen(path("changes"), (message) => {
+    const seen = JSON.parse(message);
+    if (seen.created !== created) return location.reload();
+    changed(seen);
+  });
