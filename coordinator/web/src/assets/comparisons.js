@@ -44,10 +44,18 @@ async function ask() {
   asking = true;
   const who = annotator();
   try {
+    let complained = false;
     const told = await insist(
       () => post("comparisons/question", { annotator: who }),
-      (error) => complain(status, error),
+      (error) => {
+        complained = true;
+        complain(status, error);
+      },
     );
+    if (complained) {
+      status.classList.remove("wrong");
+      outbox.tell(status);
+    }
     if (outbox.items.length === 0 && who === annotator()) show(told);
   } catch (error) {
     complain(status, error);

@@ -30,14 +30,15 @@ export function listen(url, told) {
     if (events || document.hidden) return;
     const stream = new EventSource(url);
     events = stream;
-    stream.onmessage = (message) => {
-      heard(true);
-      told(message.data);
-    };
+    stream.onopen = () => heard(true);
+    stream.onmessage = (message) => told(message.data);
     stream.onerror = async () => {
       // A lost connection is made again by the browser; one that was refused is not.
       if (stream.readyState !== EventSource.CLOSED) return heard(false);
-      await refused();
+      const page = await ask();
+      // There may be a newer stream by now.
+      if (events !== stream) return;
+      refused(page);
       setTimeout(() => {
         if (events !== stream) return;
         events = null;
@@ -60,10 +61,10 @@ export function listen(url, told) {
   };
 }
 
+const ask = () => fetch(location.pathname, { redirect: "manual", headers: { accept: "text/html" } }).catch(() => null);
+
 // Whose session is over is led to the log-in, as by any page; else there is no room.
-async function refused() {
-  const request = { redirect: "manual", headers: { accept: "text/html" } };
-  const page = await fetch(location.pathname, request).catch(() => null);
+function refused(page) {
   // What the page shows was deleted: the page says so then.
   if (page?.type === "opaqueredirect" || page?.status === 404) location.reload();
   say("silence", page ? CROWD : SILENCE);
