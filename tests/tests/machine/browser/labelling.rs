@@ -172,6 +172,32 @@ pub async fn a_window_without_its_coordinator_says_so_where_it_is_seen() {
     assert_eq!(coordinator.terminate(), Some(0));
 }
 
+/// Has the first answer that a page sends get a reply that is cut off, as where the page is left meanwhile.
+const CUT_OFF: &str = "{ \
+    const fetched = fetch; \
+    let cut = false; \
+    globalThis.fetch = (...given) => { \
+        if (cut || given[1]?.method !== 'POST' || !String(given[0]).endsWith('/labels')) return fetched(...given); \
+        cut = true; \
+        const body = new ReadableStream({ start: (stream) => stream.error(new TypeError('cut off')) }); \
+        return Promise.resolve(new Response(body, { status: 503 })); }; }";
+
+pub async fn an_answer_whose_reply_is_cut_off_is_sent_again() {
+    let driver = Driver::start();
+    let mut scene = Scene::set().await;
+    let window = scene.visit(&driver, "/answers", "Ana").await;
+    window.before_pages(CUT_OFF).await;
+    window.driver.goto(scene.url("/label")).await.unwrap();
+    let named = name(&window, "milling").await;
+    let standing = scene.labels.standing().await;
+    assert_eq!(
+        standing.into_iter().collect::<Vec<_>>(),
+        [(named, "milling".to_owned())]
+    );
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
 pub async fn who_goes_on_after_the_goal_is_told_so() {
     let driver = Driver::start();
     let mut scene = Scene::set().await;

@@ -46,6 +46,7 @@ pub fn tests() -> Vec<Test> {
         test!(async labelling::two_who_label_at_once_are_never_asked_the_same),
         test!(async labelling::a_killed_coordinator_loses_no_answer),
         test!(async labelling::a_window_without_its_coordinator_says_so_where_it_is_seen),
+        test!(async labelling::an_answer_whose_reply_is_cut_off_is_sent_again),
         test!(async labelling::who_goes_on_after_the_goal_is_told_so),
         test!(async labelling::who_begins_sees_what_others_answered_as_theirs_and_no_empty_frames_before),
         test!(async labelling::a_name_that_was_typed_wrongly_is_exchanged_with_a_button),
