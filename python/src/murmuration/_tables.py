@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -252,7 +252,8 @@ def _trials(individuals: Sequence[v1.Individual], dimensions: int) -> Column:
         _lists("features", pa.float64(), [trial.features for trial in every], len(FEATURES), of="trial"),
         _lists("embedding", pa.float32(), [trial.embedding for trial in every], dimensions, of="trial"),
     ]
-    trials = pa.StructArray.from_arrays([column for _, column in columns], fields=[field for field, _ in columns])
+    arrays = cast("list[pa.Array[Any]]", [column for _, column in columns])
+    trials = pa.StructArray.from_arrays(arrays, fields=[field for field, _ in columns])
     offsets = pa.array(range(0, len(every) + 1, starts), pa.int32())
     lists = pa.ListArray.from_arrays(offsets, trials)
     about = {"about": "the simulations of an individual, the first first"}
