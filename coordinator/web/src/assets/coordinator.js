@@ -10,26 +10,31 @@ export class Silent extends Unavailable {}
 
 // What it said to a request, if it did not say no.
 export async function reply(request) {
-  let response;
+  const response = await received(request);
+  heard(true);
+  if (response.ok) return response;
+  const why = await received(response.text());
+  // The session is over: what was said is kept here until somebody has logged in again.
+  if (response.status === 401) location.assign(`/login?to=${location.pathname}`);
+  if (response.status >= 500 || [401, 429].includes(response.status)) throw new Unavailable(why);
+  throw new Refused(why);
+}
+
+// A reply, or what it says, which may be cut off on the way.
+async function received(arriving) {
   try {
-    response = await request;
+    return await arriving;
   } catch (error) {
     // Nobody here waits for it any more.
     if (error.name === "AbortError") throw error;
     heard(false);
     throw new Silent("the coordinator is not responding");
   }
-  heard(true);
-  // The session is over: what was said is kept here until somebody has logged in again.
-  if (response.status === 401) location.assign(`/login?to=${location.pathname}`);
-  if (response.status >= 500 || [401, 429].includes(response.status)) throw new Unavailable(await response.text());
-  if (!response.ok) throw new Refused(await response.text());
-  return response;
 }
 
 async function answer(request) {
   const response = await reply(request);
-  return response.status === 202 ? null : response.json();
+  return response.status === 202 ? null : received(response.json());
 }
 
 const { campaign, created } = document.querySelector("main").dataset;

@@ -3,7 +3,7 @@
 // and a restart of the browser or the coordinator.
 import { annotator, random } from "./annotator.js";
 import "./ask.js";
-import { Refused, Silent, Unavailable, keptAs, pause, post } from "./coordinator.js";
+import { Refused, Silent, keptAs, pause, post } from "./coordinator.js";
 import { keeping } from "./events.js";
 import { counted } from "./words.js";
 
@@ -69,9 +69,8 @@ export class Outbox {
         wait = 250;
         this.told(item, reply);
       } catch (error) {
-        // A reply that was cut off, as by a page that is being left, says nothing about what was sent.
         if (!(error instanceof Refused)) {
-          this.trouble = error instanceof Unavailable ? error : new Silent("the coordinator is not responding");
+          this.trouble = error;
           this.changed(this);
           await pause(wait);
           wait = Math.min(wait * 2, 4000);
