@@ -129,7 +129,6 @@ fn sheet(tiles: &[Vec<u8>], shape: PictureShape) -> Result<Vec<u8>, PictureError
     } else {
         encoder.set_color(png::ColorType::Rgb);
     }
-    encoder.set_compression(png::Compression::Balanced);
     encoder.set_filter(png::Filter::NoFilter);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(&pixels)?;

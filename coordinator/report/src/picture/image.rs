@@ -57,7 +57,6 @@ pub fn image_row_png(images: &[&[u8]], shape: PictureShape, scale: u32) -> Resul
     } else {
         png::ColorType::Rgb
     });
-    encoder.set_compression(png::Compression::Balanced);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(&screen)?;
     writer.finish()?;

@@ -89,7 +89,6 @@ fn encode(sketch: &Sketch, paper: Paper) -> Result<Vec<u8>, PictureError> {
         Paper::Light => png::ColorType::Rgb,
         Paper::Clear => png::ColorType::Rgba,
     });
-    encoder.set_compression(png::Compression::Balanced);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(&bytes)?;
     writer.finish()?;
