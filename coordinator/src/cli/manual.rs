@@ -107,6 +107,10 @@ mod tests {
             ["VERSION", "EXIT STATUS", "EXAMPLES"]
         );
         assert!(
+            text.contains("\nmurmuration list  # list the campaigns\n"),
+            "{text}"
+        );
+        assert!(
             text.contains("\n0 done, 1 failed, 2 bad usage or input.\n"),
             "{text}"
         );

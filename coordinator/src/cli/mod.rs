@@ -67,13 +67,11 @@ Examples:
   murmuration simulate --controller -0.7,0.3,1,1 --gif pursuit.gif
   murmuration list                                 list the campaigns
   murmuration resume latest                        continue after an interruption
-  murmuration serve --workers 0                    run a coordinator for workers on other machines
-
-Exit codes: 0 done, 1 failed, 2 bad usage or input.";
+  murmuration serve --workers 0                    run a coordinator for workers on other machines";
 
 /// Searches for the collective behaviours that a swarm of robots can show, and reports them as a taxonomy.
 #[derive(Debug, Parser)]
-#[command(name = "murmuration", version, after_help = EXAMPLES, arg_required_else_help = true)]
+#[command(name = "murmuration", version, after_help = format!("{EXAMPLES}\n\n{EXIT_CODES}"), arg_required_else_help = true)]
 struct Arguments {
     #[command(flatten)]
     global: Global,
