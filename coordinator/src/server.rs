@@ -105,6 +105,7 @@ pub struct Coordinator {
     readiness: Readiness,
     /// Ends everything that is computed here.
     interrupt: Interrupt,
+    /// Ends the streams of pages.
     permits: Permits,
     stop: watch::Sender<bool>,
     servers: Vec<Serving>,

@@ -58,7 +58,7 @@ impl Permits {
         )
     }
 
-    /// Lets nobody watch any more: streams that hold such a permit end when they look ([`is_over`]).
+    /// Lets nobody watch any more: a stream of events that holds such a permit ends when it looks next ([`is_over`]).
     pub fn end_watches(&self) {
         self.watches.close();
     }
@@ -121,16 +121,23 @@ mod tests {
     use tonic::Code;
 
     #[test]
+    fn who_watches_is_told_that_it_is_over() {
+        let permits = Permits::default();
+        let permit = permits.clone().watch().unwrap();
+        assert!(!is_over(&permit));
+        permits.end_watches();
+        assert!(is_over(&permit) && permits.watch().is_err());
+        assert!(!is_over(&permits.replay().unwrap()));
+    }
+
+    #[test]
     fn one_too_many_is_refused_until_another_leaves() {
         let permits = Permits::new([2, 1, 1, 1, 1, 1]);
         let first = permits.watch().unwrap();
-        let second = permits.clone().watch().unwrap();
+        let _second = permits.clone().watch().unwrap();
         assert_eq!(permits.watch().unwrap_err().code(), Code::ResourceExhausted);
         drop(first);
         assert!(permits.watch().is_ok());
-        assert!(!is_over(&second));
-        permits.end_watches();
-        assert!(is_over(&second) && permits.watch().is_err());
         let replay = permits.replay().unwrap();
         assert_eq!(permits.replay().unwrap_err().code(), Code::ResourceExhausted);
         drop(replay);

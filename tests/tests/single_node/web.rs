@@ -380,6 +380,8 @@ async fn a_page_follows_what_happens() {
     cluster.finish(&id).await;
     hear(&mut events, &mut heard, "completed").await;
     cluster.stop().await;
+    // It ends, and is not cut off.
+    while events.chunk().await.unwrap().is_some() {}
 }
 
 /// Reads on until `sign` has come.
