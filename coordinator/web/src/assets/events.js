@@ -21,8 +21,8 @@ export const heard = (is) => say("silence", is ? "" : SILENCE);
 export const keeping = (text) => say("kept", text);
 
 // Hands every message of a stream of events to `told`, and connects again until the function that it returns is called. A page
-// that nobody sees has no stream: a browser keeps pages that were left, to go back to them, and has six connections to a
-// coordinator for all of its pages together.
+// that nobody sees has no stream: a browser keeps pages that were left, to go back to them, and without TLS it
+// has six connections to a coordinator for all of its pages together.
 export function listen(url, told) {
   const ending = new AbortController();
   let events = null;
