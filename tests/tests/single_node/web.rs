@@ -380,8 +380,9 @@ async fn a_page_follows_what_happens() {
     cluster.finish(&id).await;
     hear(&mut events, &mut heard, "completed").await;
     cluster.stop().await;
-    // It ends, and is not cut off.
-    while events.chunk().await.unwrap().is_some() {}
+    // The stream ends too, and is not cut off.
+    let end = async { while events.chunk().await.unwrap().is_some() {} };
+    tokio::time::timeout(Duration::from_secs(60), end).await.unwrap();
 }
 
 /// Reads on until `sign` has come.
