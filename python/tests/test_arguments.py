@@ -31,7 +31,10 @@ GENES = [-0.7, 0.3, 1.0, 1.0]
         (lambda client, campaign: campaign.label({"0": "ring"}, annotator="ana"), "index"),
         (lambda client, campaign: campaign.label([(0, "ring")], annotator="ana"), "answers"),
         (lambda client, campaign: campaign.label({0: 7}, annotator="ana"), "answer"),
+        (lambda client, campaign: campaign.label({0: "\ud800"}, annotator="ana"), "answer"),
+        (lambda client, campaign: campaign.label({0: "ring"}, annotator="\ud800"), "annotator"),
         (lambda client, campaign: campaign.report(""), "folder"),
+        (lambda client, campaign: campaign.report("\ud800"), "folder"),
         (lambda client, campaign: campaign.export("a\0b"), "folder"),
         (lambda client, campaign: client.run(SPEC, seed=-1), "seed"),
         (lambda client, campaign: client.run(SPEC, weight=0), "weight"),
@@ -41,12 +44,17 @@ GENES = [-0.7, 0.3, 1.0, 1.0]
         (lambda client, campaign: client.evaluate("single-sensor", [GENES], 1.0), "seeds"),
         (lambda client, campaign: client.evaluate("single-sensor", [[10**400] * 4]), "controllers"),
         (lambda client, campaign: client.command("serve"), None),
+        (lambda client, campaign: client.command("show", 5), "word"),
+        (lambda client, campaign: client.command("show", "a\0b"), "word"),
+        (lambda client, campaign: client.campaign(5), "identifier"),
         (lambda client, campaign: mm.local(workers=-1), "workers"),
         (lambda client, campaign: mm.local(""), "data"),
         (lambda client, campaign: mm.connect("http://127.0.0.1:103961"), "url"),
         (lambda client, campaign: mm.connect("http://127.0.0.1"), "url"),
         (lambda client, campaign: mm.matrix(pa.array([[1, 2, 3], [4]])), "column"),
         (lambda client, campaign: mm.matrix(pa.array([1, 2])), "column"),
+        (lambda client, campaign: mm.matrix([[1.0, None]]), "column"),
+        (lambda client, campaign: mm.matrix([["a"]]), "column"),
         (lambda client, campaign: mm.matrix(7), "column"),  # type: ignore[arg-type]
     ],
 )
@@ -126,3 +134,15 @@ def test_paths_that_look_like_options_are_paths(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert (campaign.export("--help") / "README.md").exists()
+
+
+def test_an_export_takes_the_place_of_another_only_if_it_is_told_to(campaign: mm.Campaign, tmp_path: Path) -> None:
+    folder = campaign.export(tmp_path / "exported")
+    with pytest.raises(mm.InvalidError, match="not empty"):
+        campaign.export(folder)
+    assert not (folder / "individuals.csv").exists()
+    assert (campaign.export(folder, csv=True, force=True) / "individuals.csv").exists()
+    (folder / "thesis.txt").touch()
+    with pytest.raises(mm.InvalidError, match=r"thesis\.txt|besides"):
+        campaign.export(folder, force=True)
+    assert (folder / "thesis.txt").exists()

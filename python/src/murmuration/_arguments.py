@@ -30,15 +30,41 @@ def index(number: object) -> int:
     return whole("index", number, 0, (1 << 64) - 1)
 
 
+def text(field: str, given: object) -> str:
+    """A text that can be sent."""
+    if isinstance(given, str):
+        try:
+            given.encode()
+            return given
+        except UnicodeEncodeError:
+            # It has half of a pair of surrogates.
+            pass
+    raise InvalidError(f"{field} = {given!r}: must be a text")
+
+
+def word(given: object) -> str:
+    """A word of a command: a text, or the name of a file as Python reads those that are no text."""
+    if isinstance(given, str) and _can_be_passed(given):
+        return given
+    raise InvalidError(f"word = {given!r}: must be a text, as all words of a command must")
+
+
 def path(field: str, given: str | os.PathLike[str]) -> str:
     """A path for a program, which must not take it for an option."""
     try:
         name = os.fsdecode(given)
     except TypeError:
-        raise InvalidError(f"{field} = {given!r}: must be a path") from None
-    if not name or "\0" in name:
-        raise InvalidError(f"{field} = {name!r}: must be a path")
+        name = ""
+    if not name or not _can_be_passed(name):
+        raise InvalidError(f"{field} = {given!r}: must be a path")
     return f"./{name}" if name.startswith("-") else name
+
+
+def _can_be_passed(word: str) -> bool:
+    try:
+        return b"\0" not in os.fsencode(word)
+    except UnicodeEncodeError:
+        return False
 
 
 def read(field: str, given: str | os.PathLike[str]) -> str:

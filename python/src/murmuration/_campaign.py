@@ -19,7 +19,7 @@ from . import _answers as answers
 from . import _archive as archive
 from . import _tables as tables
 from ._arguments import index as index_
-from ._arguments import path, whole
+from ._arguments import path, text, whole
 from ._errors import CampaignError, InvalidError, NotFoundError, ProgramError, UnavailableError
 from ._found import Replay, Taxonomy, replay_of, taxonomy_of
 from ._progress import Bar
@@ -319,14 +319,12 @@ class Campaign:
         """
         if not isinstance(answers, Mapping):
             raise InvalidError(f"answers = {type(answers).__name__}: must be a dict, with an answer for each index")
-        for one in (annotator, *answers.values()):
-            if not isinstance(one, str):
-                raise InvalidError(f"answer = {one!r}: must be a text, as the annotator's name must")
+        annotator = text("annotator", annotator)
         request = label_v1.AppendLabelsRequest(
             campaign=self.id,
             request_id=str(uuid.uuid4()),
             answers=[
-                label_v1.Answer(index=index_(index), answer=answer, annotator=annotator)
+                label_v1.Answer(index=index_(index), answer=text("answer", answer), annotator=annotator)
                 for index, answer in answers.items()
             ],
         )
@@ -365,7 +363,7 @@ class Campaign:
         self._client.command("checkpoints", "export", checkpoint, path("file", file))
         return Path(file)
 
-    def export(self, folder: str | os.PathLike[str], *, csv: bool = False) -> Path:
+    def export(self, folder: str | os.PathLike[str], *, csv: bool = False, force: bool = False) -> Path:
         """Writes everything of the campaign to a folder of open formats, also while it runs, and returns the folder.
 
         It has the tables of individuals, labels and generations as Parquet, the pictures as NPZ, the embedders as ONNX,
@@ -374,9 +372,10 @@ class Campaign:
         Args:
             folder: A new folder.
             csv: Whether to add every table as CSV.
+            force: Whether to replace an export that the folder holds.
 
         Raises:
-            InvalidError: If the folder is not empty.
+            InvalidError: If the folder is not empty, or `force` and it holds something besides an export.
             ProgramError: If the folder cannot be written.
 
         Example:
@@ -384,7 +383,7 @@ class Campaign:
             >>> pq.read_table(campaign.export("exported") / "individuals.parquet").num_rows
             100
         """
-        more = ["--csv"] if csv else []
+        more = [option for option, is_given in (("--csv", csv), ("--force", force)) if is_given]
         return Path(self._client.printed("folder", str, "export", self.id, path("folder", folder), *more))
 
     def pause(self) -> None:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from . import _answers as answers
 from . import _programs as programs_
-from ._arguments import path, read, toml, whole
+from ._arguments import path, read, text, toml, whole, word
 from ._campaign import Campaign
 from ._cluster import Cluster
 from ._errors import InvalidError, NotFoundError, ProgramError, UnavailableError
@@ -205,7 +205,7 @@ class Client:
             >>> client.campaign("example-1")
             Campaign('example-1')
         """
-        request = v1.GetCampaignRequest(campaign=identifier)
+        request = v1.GetCampaignRequest(campaign=text("identifier", identifier))
         found = self.rpc.call("CampaignService/GetCampaign", request, v1.Campaign)
         return Campaign(self, answers.identifier(found.id, identifier))
 
@@ -279,6 +279,7 @@ class Client:
             'example-1'
         """
         self.rpc.check_open()
+        words = tuple(word(one) for one in words)
         if words[:1] == ("serve",):
             raise InvalidError("`murmuration serve` is a coordinator of its own: `murmuration.local` starts one")
         trust = ["--ca", os.fspath(self._ca)] if self._ca else []

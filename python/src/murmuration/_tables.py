@@ -39,7 +39,7 @@ def matrix(column: pa.ChunkedArray[Any] | pa.Array[Any] | Iterable[Any]) -> npt.
         An array with the shape (rows, length of a list) and the column's kind of numbers.
 
     Raises:
-        InvalidError: If the column has nulls, or is none of lists of one length.
+        InvalidError: If the column has nulls, or is none of lists of numbers, of one length.
 
     Example:
         >>> mm.matrix(campaign.archive()["features"]).shape
@@ -52,6 +52,11 @@ def matrix(column: pa.ChunkedArray[Any] | pa.Array[Any] | Iterable[Any]) -> npt.
         raise InvalidError(f"column = one of {array.type}: must be one of lists")
     if array.null_count:
         raise InvalidError("the column has nulls, as that of embeddings in a campaign without embedder")
+    flat = pc.list_flatten(array)
+    kind = flat.type
+    if flat.null_count or not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_null(kind)):
+        what = "nulls" if flat.null_count else str(kind)
+        raise InvalidError(f"column = lists of {what}: must be of numbers")
     lengths = (
         {array.type.list_size}
         if pa.types.is_fixed_size_list(array.type)
@@ -59,7 +64,7 @@ def matrix(column: pa.ChunkedArray[Any] | pa.Array[Any] | Iterable[Any]) -> npt.
     )
     if len(lengths) > 1:
         raise InvalidError(f"column = lists of {min(lengths)} to {max(lengths)} numbers: must be of one length")
-    numbers: npt.NDArray[Any] = pc.list_flatten(array).to_numpy(zero_copy_only=False)
+    numbers: npt.NDArray[Any] = flat.to_numpy(zero_copy_only=False)
     return numbers.reshape(len(array), lengths.pop() if lengths else 0)
 
 
