@@ -179,7 +179,7 @@ pub(super) async fn behaviour(State(web): State<Web>, Path(id): Path<String>) ->
     Ok(Redirect::temporary(&archived::picture(&record, first)))
 }
 
-/// When a campaign was created, and how long it took.
+/// When a campaign was created, and how long it took from then on.
 fn when(record: &CampaignRecord) -> Markup {
     let is_running = record.state == CampaignState::Running;
     let ended = record.ended_ms.or_else(|| is_running.then(now_ms));
@@ -190,7 +190,9 @@ fn when(record: &CampaignRecord) -> Markup {
     });
     html! {
         (parts::moment(record.created_ms))
-        @if let Some(took) = took { " · " (took) @if is_running { " so far" } }
+        @if let Some(took) = took {
+            " · " span title="From when the campaign was created, pauses included" { (took) @if is_running { " so far" } }
+        }
     }
 }
 

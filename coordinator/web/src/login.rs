@@ -18,7 +18,7 @@ use maud::{Markup, html};
 use murmuration_access::{Door, Refusal};
 use murmuration_engine::blocking::blocking;
 use murmuration_link::TokenDigest;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::{sync::Arc, time::SystemTime};
 
 /// The log-in form, as it was filled in.
@@ -30,14 +30,14 @@ pub(super) struct Given {
 }
 
 /// The page to go to after the log-in.
-#[derive(Deserialize)]
+#[derive(Deserialize, Serialize)]
 pub(super) struct Going {
     #[serde(default)]
     to: Destination,
 }
 
-/// The path of a page of this coordinator.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+/// The path of a page of this coordinator, and its query.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(from = "String")]
 struct Destination(String);
 
@@ -49,10 +49,16 @@ impl Default for Destination {
 
 impl From<String> for Destination {
     /// What is not plainly a path of this host becomes the front page.
-    fn from(path: String) -> Self {
+    fn from(address: String) -> Self {
+        let (path, query) = address.split_once('?').unwrap_or((&address, ""));
         let plain = |c: char| c.is_ascii_alphanumeric() || "/-_.".contains(c);
-        match path.starts_with('/') && !path.starts_with("//") && path.chars().all(plain) {
-            true => Self(path),
+        let asked = |c: char| plain(c) || "=&%+*~".contains(c);
+        match path.starts_with('/')
+            && !path.starts_with("//")
+            && path.chars().all(plain)
+            && query.chars().all(asked)
+        {
+            true => Self(address),
             false => Self::default(),
         }
     }
@@ -155,8 +161,13 @@ fn form(to: &Destination, error: &str) -> Markup {
 pub(super) fn show_refusal(refusal: Refusal, uri: &Uri, headers: &HeaderMap) -> Response {
     match (page_error::wants_page(headers), status_of(&refusal)) {
         (true, StatusCode::UNAUTHORIZED) => {
-            let Destination(path) = uri.path().to_owned().into();
-            Redirect::to(&format!("/login?to={path}")).into_response()
+            let to = uri
+                .path_and_query()
+                .map_or_else(Destination::default, |address| address.to_string().into());
+            match serde_urlencoded::to_string(Going { to }) {
+                Ok(query) => Redirect::to(&format!("/login?{query}")).into_response(),
+                Err(_) => Redirect::to("/login").into_response(),
+            }
         }
         _ => PageError::Refused(refusal).told(headers),
     }
@@ -169,7 +180,12 @@ mod tests {
     #[test]
     fn a_log_in_leads_to_pages_of_ours_alone() {
         let leads = |path: &str| Destination::from(path.to_owned()).0;
-        for path in ["/", "/campaigns/two-sensor-1/label"] {
+        for path in [
+            "/",
+            "/campaigns/two-sensor-1/label",
+            "/?state=running&name=a+b",
+            "/campaigns/two-sensor-1/map?class=%F0%9F%90%9D&to=//elsewhere",
+        ] {
             assert_eq!(leads(path), path);
         }
         for path in [
@@ -177,7 +193,8 @@ mod tests {
             "//evil.example",
             "https://evil.example",
             "/\\evil.example",
-            "/a?b",
+            "/a?b\nc",
+            "//evil.example?a",
             "campaigns",
         ] {
             assert_eq!(leads(path), "/", "{path}");

@@ -45,16 +45,28 @@ function claim(id) {
   });
 }
 
-// Waits until somebody has said who they are, in a dialog if the page has the form in one; false if they would not.
+// Waits until somebody has said who they are, here or on another page, in a dialog if the page has the form in one; false if they
+// would not.
 export function introduced() {
   if (annotator()) return Promise.resolve(true);
   const form = document.getElementById("who");
   const dialog = form.closest("dialog");
+  const ending = new AbortController();
+  const { signal } = ending;
   form.hidden = false;
   dialog?.showModal();
   form.elements.annotator.focus();
   return new Promise((resolve) => {
-    dialog?.addEventListener("close", () => resolve(annotator() !== ""), { once: true });
+    const end = (isKnown) => {
+      ending.abort();
+      form.hidden = true;
+      form.elements.annotator.blur();
+      dialog?.close();
+      resolve(isKnown);
+    };
+    const look = () => annotator() && end(true);
+    dialog?.addEventListener("close", () => end(annotator() !== ""), { signal });
+    for (const event of ["storage", "pageshow"]) addEventListener(event, look, { signal });
     form.elements.annotator.oninput = (event) => event.target.setCustomValidity("");
     form.onsubmit = (event) => {
       event.preventDefault();
@@ -62,11 +74,7 @@ export function introduced() {
       field.setCustomValidity(isReserved(field.value) ? "This name is reserved for the rule-based judge. Choose another." : "");
       if (!form.reportValidity()) return;
       rename(field.value);
-      if (!annotator()) return;
-      form.hidden = true;
-      form.elements.annotator.blur();
-      dialog?.close();
-      resolve(true);
+      look();
     };
   });
 }

@@ -34,6 +34,7 @@ const outbox = new Outbox(await session(), {
   },
   changed(outbox) {
     outbox.tell(status);
+    tellPossible();
   },
 });
 beforeLearning(outbox);
@@ -68,7 +69,6 @@ async function ask() {
 
 function show({ triple, own, comparisons, individuals }) {
   standing = own;
-  at("several").disabled = own === 0;
   at("count").textContent = `${counted(own, "comparison")} by you`;
   at("others").textContent = `${grouped(comparisons - own)} by others`;
   question = triple;
@@ -87,6 +87,15 @@ function show({ triple, own, comparisons, individuals }) {
     if (player.index !== triple[place]) move(player, triple[place]);
   }
   at("question").textContent = triple ? inWords(triple) : nothing(individuals);
+  tellPossible();
+}
+
+// Has the buttons look like what they do now.
+function tellPossible() {
+  for (const button of document.querySelectorAll("[data-preference]")) button.ariaDisabled = String(!question);
+  // An answer that is not acknowledged yet can be withdrawn too.
+  at("undo").disabled = standing === 0 && !outbox.items.some(({ path }) => path === "comparisons");
+  at("several").disabled = standing === 0;
 }
 
 function inWords({ reference, left, right }) {
@@ -178,6 +187,7 @@ at("annotator").addEventListener("change", () => {
   rename(at("annotator").value);
   at("annotator").value = annotator();
   question = null;
+  tellPossible();
   ask();
 });
 ask();

@@ -7,6 +7,8 @@ import { Refused, Silent, keptAs, pause, post } from "./coordinator.js";
 import { keeping } from "./events.js";
 import { counted } from "./words.js";
 
+// Requests that answer a question; the others take answers back.
+const ANSWERS = ["labels", "comparisons"];
 const KEPT = `${keptAs}.unsent.`;
 
 export class Outbox {
@@ -99,8 +101,11 @@ export class Outbox {
   }
 
   kept() {
-    const count = this.items.reduce((sum, { body }) => sum + (body.answers?.length ?? 1), 0);
-    return `${counted(count, "answer")} ${count === 1 ? "is" : "are"} stored in this browser and will be sent.`;
+    const isAnswer = ({ path }) => ANSWERS.includes(path);
+    const answers = this.items.filter(isAnswer).reduce((sum, { body }) => sum + (body.answers?.length ?? 1), 0);
+    const others = this.items.filter((item) => !isAnswer(item)).length;
+    const parts = [answers && counted(answers, "answer"), others && counted(others, "withdrawal")].filter(Boolean);
+    return `${parts.join(" and ")} ${answers + others === 1 ? "is" : "are"} stored in this browser and will be sent.`;
   }
 }
 

@@ -6,6 +6,7 @@ use crate::browser::{
     scene::Scene,
 };
 use murmuration_proto::{CampaignSpec, v1};
+use murmuration_tests::Murmuration;
 use serde_json::json;
 use std::collections::BTreeSet;
 
@@ -132,6 +133,10 @@ pub async fn who_compares_sees_how_many_are_by_others_and_withdraws_none_of_thei
     let ben = scene.visit(&driver, "/comparisons", "Ben").await;
     asked_after(&ben, 0).await;
     assert_eq!(ben.text("#others").await, "2 by others");
+    assert_eq!(
+        ben.value("document.getElementById('undo').disabled").await,
+        json!(true)
+    );
     ben.press("z").await;
     ben.until("document.getElementById('status').textContent.includes('Ben has no comparison to withdraw')")
         .await;
@@ -187,4 +192,50 @@ pub async fn several_comparisons_are_withdrawn_at_once_and_asked_again() {
     asked_after(&window, 4).await;
     window.close().await;
     scene.cluster.stop().await;
+}
+
+/// Gives a name on another page of the same browser.
+const NAMED_ELSEWHERE: &str = "const other = document.createElement('iframe'); document.body.append(other); \
+     other.contentWindow.localStorage.setItem('murmuration.annotator', 'Ana'); other.remove()";
+
+pub async fn without_a_coordinator_buttons_do_not_look_as_if_they_answered() {
+    let driver = Driver::start();
+    let folder = tempfile::tempdir().unwrap();
+    let murmuration = Murmuration::with_campaign(folder.path());
+    let serve = |listen: &str| murmuration.serve(listen, &["--workers", "1"]);
+    let (coordinator, url) = serve("127.0.0.1:0");
+    let window = driver.open(&format!("{url}/campaigns/small-1/comparisons")).await;
+    // Who is known on another page is asked no more.
+    window.until("!document.getElementById('who').hidden").await;
+    window.driver.execute(NAMED_ELSEWHERE, vec![]).await.unwrap();
+    let first = asked_after(&window, 0).await;
+    let all_are = |disabled: bool| {
+        format!(
+            "[...document.querySelectorAll('[data-preference]')].every((button) => button.ariaDisabled === '{disabled}')"
+        )
+    };
+    window.until(&all_are(false)).await;
+
+    coordinator.kill();
+    window.press("\u{e012}").await;
+    window.until(&all_are(true)).await;
+    window.until("!document.getElementById('undo').disabled").await;
+    window.press("z").await;
+    window
+        .until("document.querySelector('.stale-note').textContent.includes('1 answer and 1 withdrawal are stored in this browser')")
+        .await;
+
+    let (coordinator, _) = serve(url.trim_start_matches("http://"));
+    assert_eq!(asked_after(&window, 0).await, first);
+    window.until(&all_are(false)).await;
+    // Nothing of what was wrong stays on the page.
+    window
+        .until("document.querySelector('.stale-note').hidden && document.getElementById('status').textContent === 'All saved.'")
+        .await;
+    assert_eq!(
+        window.value("document.querySelector('.wrong')").await,
+        json!(null)
+    );
+    window.close().await;
+    assert_eq!(coordinator.terminate(), Some(0));
 }

@@ -91,8 +91,10 @@ pub async fn who_logs_in_labels_and_who_logs_out_is_out() {
     window.driver.delete_all_cookies().await.unwrap();
     let (coordinator, _) = serve(url.trim_start_matches("http://"));
     arrived(&window, "/login").await;
-    window.driver.goto(&page).await.unwrap();
+    // What a page was asked for with is not forgotten meanwhile.
+    window.driver.goto(format!("{page}?from=a%26b")).await.unwrap();
     log_in(&window, token).await;
+    assert_eq!(window.value("location.search").await, "?from=a%26b");
 
     window.click(".account button").await;
     arrived(&window, "/login").await;

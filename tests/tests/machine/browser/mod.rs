@@ -34,6 +34,7 @@ pub fn tests() -> Vec<Test> {
         test!(async comparisons::behaviours_are_compared_by_key_and_click_and_the_log_holds_what_the_page_counts),
         test!(async comparisons::who_compares_sees_how_many_are_by_others_and_withdraws_none_of_theirs),
         test!(async comparisons::several_comparisons_are_withdrawn_at_once_and_asked_again),
+        test!(async comparisons::without_a_coordinator_buttons_do_not_look_as_if_they_answered),
         test!(async first_hour::at_a_wide_screen),
         test!(async first_hour::at_a_phone),
         test!(async first_hour::at_200_percent),
