@@ -37,7 +37,8 @@ def main() -> None:
         sys.exit(f"chapters.py: guide/SUMMARY.md does not list {', '.join(missing)}")
     shutil.rmtree(folder, ignore_errors=True)
     pages.mkdir(parents=True)
-    shutil.copy(ROOT / "guide/book.toml", folder)
+    for file in ("book.toml", "lines.css"):
+        shutil.copy(ROOT / "guide" / file, folder)
     shutil.copy(ROOT / "guide/SUMMARY.md", pages)
     (pages / "fields.md").write_text(fields_chapter())
     (pages / "json.md").write_text(json_chapter(program))
