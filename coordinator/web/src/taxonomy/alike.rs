@@ -64,6 +64,16 @@ pub(super) fn mark(shown: &Shown, place: usize) -> Markup {
     }
 }
 
+/// Leads to the pairs that are alike.
+pub(super) fn link(shown: &Shown) -> Markup {
+    let pairs = open(shown).count();
+    html! {
+        @if pairs > 0 {
+            a href="#pairs" { (counted(pairs as u64, "pair")) " of clusters" } " may be the same behaviour."
+        }
+    }
+}
+
 /// The pairs that are alike, each to be merged with a click.
 pub(super) fn section(record: &CampaignRecord, shown: &Shown) -> Markup {
     html! {

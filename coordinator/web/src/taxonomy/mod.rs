@@ -175,8 +175,9 @@ fn behaviours(record: &CampaignRecord, shown: &Shown) -> Markup {
                 span.scripted {
                     "Point at a picture to play its motion. A name counts as a label"
                     @if embeds { ": the embedding learns from it when it next learns from the labels" }
-                    "."
+                    ". "
                 }
+                (alike::link(shown))
             }
         }
         (versions::uncarried(shown))
@@ -185,7 +186,6 @@ fn behaviours(record: &CampaignRecord, shown: &Shown) -> Markup {
             datalist #names { @for class in shown.labels.classes() { option value=(class.name.shown()) {} } }
         }
         @if shown.version.stands { (parts::status_line()) }
-        (alike::section(record, shown))
         ul.medoids {
             @for group in alike::groups(shown) {
                 @if let [place] = group.as_slice() {
@@ -195,6 +195,7 @@ fn behaviours(record: &CampaignRecord, shown: &Shown) -> Markup {
                 }
             }
         }
+        (alike::section(record, shown))
     }
 }
 
