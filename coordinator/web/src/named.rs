@@ -2,21 +2,20 @@
 
 use super::Web;
 use maud::{Markup, html};
-use murmuration_engine::{blocking::blocking, campaign::CampaignError, taxonomy::Taxonomy};
-use murmuration_model::{
-    CampaignRecord,
-    labels::{ClassName, GivenClass},
+use murmuration_engine::{
+    blocking::blocking,
+    campaign::CampaignError,
+    taxonomy::{Names, Taxonomy},
 };
+use murmuration_model::{CampaignRecord, labels::ClassName};
 use murmuration_proto::grouped;
 use murmuration_store::StoreError;
-use std::collections::BTreeMap;
 
-/// A taxonomy, and the classes of individuals.
+/// The taxonomy that stands, and the names of its clusters, those that were carried over included.
 #[derive(Debug)]
 pub(super) struct NamedTaxonomy {
     pub(super) taxonomy: Taxonomy,
-    /// By individual.
-    classes: BTreeMap<u64, GivenClass>,
+    names: Names,
 }
 
 impl NamedTaxonomy {
@@ -27,16 +26,16 @@ impl NamedTaxonomy {
             let Some(taxonomy) = Taxonomy::read(&store, &id, &spec)? else {
                 return Ok(None);
             };
-            let classes = store.labels(&id)?.given_classes();
-            Ok(Some(Self { taxonomy, classes }))
+            let versions = store.taxonomy_versions(&id)?;
+            let names = Names::read(&store, &id, &versions, &*store.labels(&id)?)?;
+            Ok(Some(Self { taxonomy, names }))
         };
         Ok(blocking(read).await??)
     }
 
-    /// The class of the medoid at a place, if it has one.
+    /// The name of the cluster at a place, if it has one.
     pub(super) fn class(&self, place: usize) -> Option<&ClassName> {
-        let medoid = self.taxonomy.medoids.get(place)?;
-        Some(&self.classes.get(&medoid.individual.index)?.class)
+        Some(&self.names.names.get(place)?.as_ref()?.class)
     }
 
     /// The line under the picture of a medoid: its place from 1, its name if it has one, and its cluster's share of all individuals.
@@ -44,10 +43,9 @@ impl NamedTaxonomy {
         let all = self.taxonomy.clusters.len().max(1) as f64;
         let medoid = &self.taxonomy.medoids[place];
         let share = 100.0 * medoid.cluster_size as f64 / all;
-        let class = self.classes.get(&medoid.individual.index);
         html! {
             span title={ "cluster of " (grouped(medoid.cluster_size)) } {
-                strong { (place + 1) @if let Some(class) = class { " " (class.class.shown()) } }
+                strong { (place + 1) @if let Some(class) = self.class(place) { " " (class.shown()) } }
                 " · " (format!("{share:.1} %"))
             }
         }

@@ -120,8 +120,14 @@ async fn a_taxonomy_outlives_learning_and_its_names_go_on() {
         own + carried + lost >= 4 && own + carried > 0,
         "{own} {carried} {lost} {second}"
     );
-    // The service and the map say the same of them.
+    // The service, the map and Progress say the same of them.
     let told = cluster.taxonomy(&id).await.medoids;
+    let progress = browser.page("/campaigns/small-1").await;
+    for (place, medoid) in told.iter().enumerate() {
+        let name = medoid.name.as_ref().map(|name| format!(" {}", name.name));
+        let caption = format!("<strong>{}{}</strong>", place + 1, name.unwrap_or_default());
+        assert!(progress.contains(&caption), "{caption} {progress}");
+    }
     let from: Vec<u32> = told
         .iter()
         .filter_map(|medoid| Some(medoid.name.as_ref()?.carried.as_ref()?.version))
