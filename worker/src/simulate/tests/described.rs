@@ -144,16 +144,17 @@ fn sensed_by_angles(controller: &Controller, robots: &[Agent], i: usize, world: 
         let wall = sensor.wall_range().is_some_and(|range| {
             let points = (0..=20_000).map(|n| f64::from(n) / 10_000.0 - 1.0);
             let on_arc = points.map(|part| looks + part * sensor.half_angle());
-            let beyond = |angle: f64| {
-                let end = [
+            let high = [world.width() - world.padding(), world.height() - world.padding()];
+            let is_beyond = |[x, y]: [f64; 2]| x.min(y) <= world.padding() || x >= high[0] || y >= high[1];
+            let end = |angle: f64| {
+                [
                     me.position[0] + range * angle.cos(),
                     me.position[1] + range * angle.sin(),
-                ];
-                let high = [world.width() - world.padding(), world.height() - world.padding()];
-                (0..2).any(|axis| end[axis] <= world.padding() || end[axis] >= high[axis])
+                ]
             };
-            let already = me.position.iter().any(|&value| value <= world.padding());
-            world.boundary() == Boundary::Walls && (already || on_arc.into_iter().any(beyond))
+            // A collision may have pushed the robot beyond a wall, whichever way it looks.
+            let is_seen = is_beyond(me.position) || on_arc.into_iter().map(end).any(is_beyond);
+            world.boundary() == Boundary::Walls && is_seen
         });
         2 * state + u8::from(wall || robots.iter().enumerate().any(seen))
     })
