@@ -18,12 +18,20 @@ from murmuration import _programs as programs
 GENES = [-0.7, 0.3, 1.0, 1.0]
 
 
+def _holding_itself() -> dict[str, object]:
+    spec: dict[str, object] = dict(SPEC)
+    spec["world"] = spec
+    return spec
+
+
 @pytest.mark.parametrize(
     ("call", "field"),
     [
         (lambda client, campaign: campaign.pictures([-1]), "index"),
         (lambda client, campaign: campaign.pictures([1.9]), "index"),
         (lambda client, campaign: campaign.pictures("12"), "index"),
+        (lambda client, campaign: campaign.pictures(5), "indices"),
+        (lambda client, campaign: client.run(5), "spec"),
         (lambda client, campaign: campaign.replay(None), "index"),
         (lambda client, campaign: campaign.replay(True), "index"),
         (lambda client, campaign: campaign.replay(0, stride=-1), "stride"),
@@ -43,6 +51,17 @@ GENES = [-0.7, 0.3, 1.0, 1.0]
         (lambda client, campaign: client.evaluate("single-sensor", [GENES], None), "seeds"),
         (lambda client, campaign: client.evaluate("single-sensor", [GENES], 1.0), "seeds"),
         (lambda client, campaign: client.evaluate("single-sensor", [[10**400] * 4]), "controllers"),
+        (lambda client, campaign: client.evaluate("single-sensor", [GENES], np.array(-1)), "seeds"),
+        (lambda client, campaign: client.evaluate("single-sensor", [[1j] * 4]), "controllers"),
+        (lambda client, campaign: client.evaluate("single-sensor", np.ma.masked_less([GENES], 0)), "controllers"),
+        (lambda client, campaign: client.evaluate("single-sensor", [GENES], pictures="no"), "pictures"),
+        (lambda client, campaign: client.replay("single-sensor", GENES, 10**5000), "seed"),
+        (lambda client, campaign: client.replay("single-sensor", GENES, np.zeros((3, 3), int)), "seed"),
+        (lambda client, campaign: campaign.archive(flat=np.ones(2)), "flat"),
+        (lambda client, campaign: campaign.wait(progress=np.ones(2)), "progress"),
+        (lambda client, campaign: campaign.export("x", force=np.ones(2)), "force"),
+        (lambda client, campaign: campaign.pictures(np.array(3)), "indices"),
+        (lambda client, campaign: client.run(_holding_itself()), None),
         (lambda client, campaign: client.command("serve"), None),
         (lambda client, campaign: client.command("show", 5), "word"),
         (lambda client, campaign: client.command("show", "a\0b"), "word"),
@@ -51,10 +70,18 @@ GENES = [-0.7, 0.3, 1.0, 1.0]
         (lambda client, campaign: mm.local(""), "data"),
         (lambda client, campaign: mm.connect("http://127.0.0.1:103961"), "url"),
         (lambda client, campaign: mm.connect("http://127.0.0.1"), "url"),
+        (lambda client, campaign: mm.connect(None), "url"),  # type: ignore[arg-type]
+        (lambda client, campaign: mm.connect("http://a\ud800:80"), "url"),
+        (lambda client, campaign: mm.connect("HTTPS://127.0.0.1:7700"), "ca"),
+        (lambda client, campaign: mm.connect(client.url, ca=5), "ca"),  # type: ignore[arg-type]
+        (lambda client, campaign: mm.connect(client.url, token="mur ü"), "token"),  # noqa: S106
+        (lambda client, campaign: mm.local(programs=5), "programs"),  # type: ignore[arg-type]
         (lambda client, campaign: mm.matrix(pa.array([[1, 2, 3], [4]])), "column"),
         (lambda client, campaign: mm.matrix(pa.array([1, 2])), "column"),
         (lambda client, campaign: mm.matrix([[1.0, None]]), "column"),
         (lambda client, campaign: mm.matrix([["a"]]), "column"),
+        (lambda client, campaign: mm.matrix([[10**30]]), "column"),
+        (lambda client, campaign: mm.matrix(["\ud800"]), "column"),
         (lambda client, campaign: mm.matrix(7), "column"),  # type: ignore[arg-type]
     ],
 )
@@ -134,6 +161,28 @@ def test_paths_that_look_like_options_are_paths(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert (campaign.export("--help") / "README.md").exists()
+
+
+def test_values_of_tables_are_taken_as_they_are(client: mm.Client, campaign: mm.Campaign) -> None:
+    archive = campaign.archive()
+    result = client.evaluate(campaign, archive["genes"], archive["seed"])
+    assert (result.features == mm.matrix(archive["features"])).all()
+    motion = client.replay(campaign, archive["genes"][3], archive["seed"][3])
+    assert (motion == client.replay(campaign, archive["genes"][3].as_py(), archive["seed"][3].as_py())).all()
+    assert (campaign.pictures(archive["index"][3:5]) == campaign.pictures([3, 4])).all()
+    assert campaign.replay(archive["index"][3]).poses.shape[2] == 3
+
+
+@pytest.mark.parametrize(("given", "hint"), [("2", "'2'"), (2.0, "no float"), (True, "flatnonzero")])
+def test_what_is_wrong_with_a_number_is_said(campaign: mm.Campaign, given: object, hint: str) -> None:
+    with pytest.raises(mm.InvalidError, match=hint):
+        campaign.replay(given)  # type: ignore[arg-type]
+
+
+def test_a_path_may_begin_at_home(campaign: mm.Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert campaign.report("~/report") == tmp_path / "report/report.html"
+    assert (tmp_path / "report/report.html").exists()
 
 
 def test_an_export_takes_the_place_of_another_only_if_it_is_told_to(campaign: mm.Campaign, tmp_path: Path) -> None:

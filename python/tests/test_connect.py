@@ -75,5 +75,5 @@ def test_a_url_that_is_none_is_an_error(url: str) -> None:
 
 
 def test_a_coordinator_that_does_not_answer_is_an_error() -> None:
-    with pytest.raises(mm.UnavailableError):
+    with pytest.raises(mm.UnavailableError, match="no coordinator answers at"):
         mm.connect("http://127.0.0.1:1")

@@ -60,6 +60,52 @@ def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.parametrize("end", ["client.close()", "del client", ""])
+def test_no_file_is_left_open(end: str) -> None:
+    start = "import murmuration as mm; client = mm.local(workers=0, trainers=0)"
+    command = [sys.executable, "-X", "dev", "-W", "error::ResourceWarning", "-c", f"{start}; {end}"]
+    ended = subprocess.run(command, check=True, capture_output=True, text=True)
+    assert ended.stderr == ""
+
+
+def test_who_is_in_a_call_when_the_client_is_closed_is_told_so() -> None:
+    client = mm.local(workers=0, trainers=0)
+    told: list[BaseException] = []
+
+    def ask() -> None:
+        try:
+            while True:
+                client.campaigns()
+        except BaseException as error:
+            told.append(error)
+
+    threads = [threading.Thread(target=ask) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    time.sleep(0.2)
+    client.close()
+    for thread in threads:
+        thread.join()
+    assert [type(error) for error in told] == [mm.UnavailableError] * 8, told
+
+
+def test_a_fork_says_nothing_of_the_cluster_that_it_cannot_know(capfd: pytest.CaptureFixture[str]) -> None:
+    with mm.local(workers=0, trainers=0) as client:
+        assert client._cluster is not None
+        if (child := os.fork()) == 0:
+            print(repr(client._cluster.why()), flush=True)
+            os._exit(0)
+        os.waitpid(child, 0)
+    assert capfd.readouterr().out == "''\n"
+
+
+def test_who_has_the_data_directory_is_said(tmp_path: Path) -> None:
+    with mm.local(tmp_path, workers=0, trainers=0) as client:
+        with pytest.raises(mm.ProgramError) as refused:
+            mm.local(tmp_path, workers=0, trainers=0)
+        assert f'murmuration.connect("{client.url}")' in str(refused.value)
+
+
 @contextlib.contextmanager
 def cluster_of_another_process(then: str) -> Iterator[tuple["subprocess.Popen[str]", int]]:
     """A Python process with a local cluster, and the id of the guard's session."""

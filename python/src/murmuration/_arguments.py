@@ -4,25 +4,59 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import tomli_w
 
 from ._errors import InvalidError
 
+# Of a value that is wrong, what a message quotes.
+_QUOTED = 80
 
-def whole(field: str, number: object, least: int, most: int) -> int:
-    """A whole number of Python or numpy from `least` to `most`."""
+
+def plain(given: object) -> Any:  # noqa: ANN401
+    """What a value of a table of pyarrow, or an array of one number, stands for; anything else as it is."""
+    if isinstance(given, pa.Scalar):
+        return given.as_py()
+    return given.item() if isinstance(given, np.ndarray) and given.ndim == 0 else given
+
+
+def shown(given: object) -> str:
+    """A value as a message quotes it: on one line, and no longer than that."""
+    try:
+        said = str(given) if isinstance(given, np.generic) else repr(given)
+    except ValueError:
+        # Python writes no number of more than 4,300 digits.
+        said = "a number of thousands of digits"
+    said = " ".join(said.split())
+    return said if len(said) <= _QUOTED else f"{said[:_QUOTED]}..."
+
+
+def whole(field: str, given: object, least: int, most: int) -> int:
+    """A whole number of Python, numpy or pyarrow from `least` to `most`."""
+    number = plain(given)
     if isinstance(number, (int, np.integer)) and not isinstance(number, bool) and least <= number <= most:
         return int(number)
-    said = f"{field} = {number}: must be a whole number from {least} to {most}"
+    said = f"{field} = {shown(number)}: must be a whole number from {least} to {most}"
     if isinstance(number, (float, np.floating)):
         said += (
-            ", and no float: a float, as in a row of a data frame, has lost digits of a seed (take it from its column)"
+            ", and no float: in a row of a data frame, large numbers such as seeds have lost digits "
+            "(take it from its column)"
         )
+    elif isinstance(number, (bool, np.bool_)):
+        said += ", and no truth value: `numpy.flatnonzero(mask)` has the rows that a mask is true of"
     raise InvalidError(said)
+
+
+def flag(field: str, given: object) -> bool:
+    """True or false, of Python or numpy."""
+    if isinstance(given, (bool, np.bool_)):
+        return bool(given)
+    raise InvalidError(f"{field} = {shown(given)}: must be True or False")
 
 
 def index(number: object) -> int:
@@ -32,31 +66,32 @@ def index(number: object) -> int:
 
 def text(field: str, given: object) -> str:
     """A text that can be sent."""
-    if isinstance(given, str):
+    value = plain(given)
+    if isinstance(value, str):
         try:
-            given.encode()
-            return given
+            value.encode()
+            return value
         except UnicodeEncodeError:
             # It has half of a pair of surrogates.
             pass
-    raise InvalidError(f"{field} = {given!r}: must be a text")
+    raise InvalidError(f"{field} = {shown(value)}: must be a text")
 
 
 def word(given: object) -> str:
     """A word of a command: a text, or the name of a file as Python reads those that are no text."""
     if isinstance(given, str) and _can_be_passed(given):
         return given
-    raise InvalidError(f"word = {given!r}: must be a text, as all words of a command must")
+    raise InvalidError(f"word = {shown(given)}: must be a text, as all words of a command must")
 
 
-def path(field: str, given: str | os.PathLike[str]) -> str:
-    """A path for a program, which must not take it for an option."""
-    try:
-        name = os.fsdecode(given)
-    except TypeError:
-        name = ""
+def path(field: str, given: object, expected: str = "a path") -> str:
+    """A path for a program, which must not take it for an option. `~` is the user's home, as in a shell."""
+    name = os.fsdecode(given) if isinstance(given, (str, bytes, os.PathLike)) else ""
     if not name or not _can_be_passed(name):
-        raise InvalidError(f"{field} = {given!r}: must be a path")
+        raise InvalidError(f"{field} = {shown(given)}: must be {expected}")
+    # Of a user that there is not, it is a name like any other.
+    with suppress(RuntimeError):
+        name = os.fspath(Path(name).expanduser())
     return f"./{name}" if name.startswith("-") else name
 
 
@@ -67,23 +102,24 @@ def _can_be_passed(word: str) -> bool:
         return False
 
 
-def read(field: str, given: str | os.PathLike[str]) -> str:
-    """The text of a file.
+def read(field: str, given: object) -> str:
+    """The text of a campaign file.
 
     Raises:
         OSError: If it cannot be read.
     """
+    file = Path(path(field, given, "a dict, or the path of a campaign file"))
     try:
-        return Path(path(field, given)).read_text(encoding="utf-8")
+        return file.read_text(encoding="utf-8")
     except UnicodeDecodeError:
-        raise InvalidError(f"{os.fsdecode(given)} is not a text in UTF-8") from None
+        raise InvalidError(f"{file} is not a text in UTF-8") from None
 
 
 def toml(spec: Mapping[str, Any]) -> bytes:
     """A specification as a campaign file."""
     try:
         return tomli_w.dumps(_document(spec)).encode()
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         if isinstance(error, InvalidError):
             raise
         raise InvalidError(f"the specification cannot be written as TOML: {error}") from None

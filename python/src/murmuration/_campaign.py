@@ -18,8 +18,8 @@ import pyarrow as pa
 from . import _answers as answers
 from . import _archive as archive
 from . import _tables as tables
+from ._arguments import flag, path, shown, text, whole
 from ._arguments import index as index_
-from ._arguments import path, text, whole
 from ._errors import CampaignError, InvalidError, NotFoundError, ProgramError, UnavailableError
 from ._found import Replay, Taxonomy, replay_of, taxonomy_of
 from ._progress import Bar
@@ -121,7 +121,7 @@ class Campaign:
             >>> campaign.wait()
             Campaign('example-1')
         """
-        bar = Bar(progress)
+        bar = Bar(None if progress is None else flag("progress", progress))
         last = v1.Campaign()
         said: set[str] = set()
         try:
@@ -173,7 +173,7 @@ class Campaign:
             ['left_0', 'right_0', 'left_1', 'right_1', 'average_speed', 'angular_momentum']
         """
         table = tables.archive(list(archive.individuals(self._client.rpc, self.id)), self._classes())
-        if not flat:
+        if not flag("flat", flat):
             return table
         clusters = self.taxonomy().clusters if self.status().state == v1.CAMPAIGN_STATE_COMPLETED else None
         return tables.flat(table, self.gene_names, clusters)
@@ -199,7 +199,10 @@ class Campaign:
         if indices is None:
             images = [one.image for one in archive.individuals(self._client.rpc, self.id, images=True)]
         else:
-            asked = [index_(one) for one in indices]
+            try:
+                asked = [index_(one) for one in indices]
+            except TypeError:
+                raise InvalidError(f"indices = {shown(indices)}: must be a list of them, such as [3, 5]") from None
             found: dict[int, bytes] = {}
             if len(asked) * _PICTURES_FOR_ONE_CALL > status.generations_done * status.spec.search.population:
                 wanted = set(asked)
@@ -343,7 +346,9 @@ class Campaign:
             >>> campaign.report("out").name
             'report.html'
         """
-        return Path(self._client.printed("report", str, "report", self.id, "--out", path("folder", folder)))
+        target = path("folder", folder)
+        page = self._client.printed("report", str, "report", self.id, "--out", target)
+        return Path(target, Path(page).name)
 
     def embedder(self, file: str | os.PathLike[str]) -> Path:
         """Writes the network that embeds the campaign's pictures, and returns the path of its file.
@@ -360,8 +365,9 @@ class Campaign:
         if not checkpoint:
             raise NotFoundError(f"campaign {self.id} has no embedder")
         answers.digest(f"the checkpoint of {self.id}", checkpoint)
-        self._client.command("checkpoints", "export", checkpoint, path("file", file))
-        return Path(file)
+        written = path("file", file)
+        self._client.command("checkpoints", "export", checkpoint, written)
+        return Path(written)
 
     def export(self, folder: str | os.PathLike[str], *, csv: bool = False, force: bool = False) -> Path:
         """Writes everything of the campaign to a folder of open formats, also while it runs, and returns the folder.
@@ -383,8 +389,10 @@ class Campaign:
             >>> pq.read_table(campaign.export("exported") / "individuals.parquet").num_rows
             100
         """
-        more = [option for option, is_given in (("--csv", csv), ("--force", force)) if is_given]
-        return Path(self._client.printed("folder", str, "export", self.id, path("folder", folder), *more))
+        given = (("--csv", flag("csv", csv)), ("--force", flag("force", force)))
+        target = path("folder", folder)
+        self._client.command("export", self.id, target, *(option for option, is_given in given if is_given))
+        return Path(target)
 
     def pause(self) -> None:
         """Stops the campaign at its last complete generation.

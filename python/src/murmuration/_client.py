@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from . import _answers as answers
 from . import _programs as programs_
-from ._arguments import path, read, text, toml, whole, word
+from ._arguments import flag, path, read, text, toml, whole, word
 from ._campaign import Campaign
 from ._cluster import Cluster
 from ._errors import InvalidError, NotFoundError, ProgramError, UnavailableError
@@ -24,6 +24,9 @@ from ._rpc import Connection
 from .v1 import campaign_pb2 as v1
 
 Kind = TypeVar("Kind")
+
+# Until what answers nothing is taken for no coordinator.
+_SECONDS_TO_ANSWER = 30
 
 
 class Client:
@@ -129,7 +132,7 @@ class Client:
         self,
         robot: str | os.PathLike[str] | Mapping[str, Any] | Campaign,
         controllers: npt.ArrayLike,
-        seeds: Sequence[int] | npt.NDArray[Any] | int = 1,
+        seeds: Iterable[Any] | int = 1,
         *,
         pictures: bool = False,
     ) -> Evaluations:
@@ -156,7 +159,7 @@ class Client:
             (2, 5)
         """
         with _without_place(robot):
-            return evaluate(self.rpc, _described(robot), controllers, seeds, pictures)
+            return evaluate(self.rpc, _described(robot), controllers, seeds, flag("pictures", pictures))
 
     def replay(
         self,
@@ -205,8 +208,11 @@ class Client:
             >>> client.campaign("example-1")
             Campaign('example-1')
         """
-        request = v1.GetCampaignRequest(campaign=text("identifier", identifier))
-        found = self.rpc.call("CampaignService/GetCampaign", request, v1.Campaign)
+        return self._found(text("identifier", identifier))
+
+    def _found(self, identifier: str, seconds: float | None = None) -> Campaign:
+        request = v1.GetCampaignRequest(campaign=identifier)
+        found = self.rpc.call("CampaignService/GetCampaign", request, v1.Campaign, seconds)
         return Campaign(self, answers.identifier(found.id, identifier))
 
     def campaigns(self) -> list[Campaign]:
@@ -353,11 +359,12 @@ def connect(
         ...     another.campaign("example-1").state
         'completed'
     """
-    if url.startswith("https://") and ca is None:
+    url = text("url", url)
+    if url.lower().startswith("https://") and ca is None:
         raise InvalidError("ca = nothing: must be the file of a certificate, where the URL begins with https://")
-    client = Client(url, ca=Path(ca).absolute() if ca is not None else None, token=token, programs=programs)
+    client = Client(url, ca=Path(path("ca", ca)).absolute() if ca is not None else None, token=token, programs=programs)
     try:
-        client.campaign()
+        client._found("latest", _SECONDS_TO_ANSWER)
     except NotFoundError:
         # It answers, and has no campaigns.
         pass
@@ -390,5 +397,5 @@ def _without_place(spec: object, file: Path | None = None) -> Iterator[None]:
         if not isinstance(spec, Mapping):
             raise
         # What is wrong comes after the place, on a line of its own.
-        said = str(error).removeprefix(f"{file}: ").rsplit("\n", 1)[-1]
+        said = str(error).removeprefix(f"{file}: ").rsplit("\n", 1)[-1].replace(str(file), "the specification")
         raise InvalidError(said) from None

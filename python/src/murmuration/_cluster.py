@@ -38,6 +38,7 @@ class Cluster:
         """Starts the cluster, and waits until it answers. Without `data`, its data directory is removed at its end."""
         # The file has no name, so that nothing is left of it.
         self._log = tempfile.TemporaryFile()  # noqa: SIM115
+        self._process = os.getpid()
         own = "" if data else tempfile.mkdtemp(prefix="murmuration-")
         data = data or Path(own, "data")
         command = [os.fspath(program), "serve", "--data", os.fspath(data), "--listen", "127.0.0.1:0"]
@@ -47,12 +48,13 @@ class Cluster:
         try:
             self._guard = _start_guard(command, own, self._log)
             # Also at the end of an interpreter whose programmer did not close it.
-            self._end = weakref.finalize(self, _end, self._guard, os.getpid(), own)
+            self._end = weakref.finalize(self, _end, self._guard, self._process, own, self._log)
             self.url, self.token = self._wait_for_address(data)
         except BaseException:
             if hasattr(self, "_end"):
                 self._end()
-            elif own:
+            else:
+                self._log.close()
                 shutil.rmtree(own, ignore_errors=True)
             raise
 
@@ -62,6 +64,9 @@ class Cluster:
 
     def why(self) -> str:
         """Why it does not answer: the last lines of its log, if it has ended; otherwise nothing."""
+        if os.getpid() != self._process:
+            # A fork cannot tell.
+            return ""
         try:
             self._guard.wait(_SECONDS_TO_END)
         except subprocess.TimeoutExpired:
@@ -78,9 +83,11 @@ class Cluster:
             if str(holder.get("process")) == process and holder.get("address"):
                 return str(holder["address"]), _token(data)
             time.sleep(_SECONDS_TO_LOOK_AGAIN)
-        raise ProgramError(f"the local cluster did not start:\n{self._tail()}")
+        raise ProgramError(f"the local cluster did not start:\n{self._tail()}{_instead(data)}")
 
     def _tail(self) -> str:
+        if self._log.closed:
+            return ""
         # Seeking would move the place at which the cluster writes.
         log = self._log.fileno()
         begin = max(0, os.fstat(log).st_size - _QUOTED_BYTES)
@@ -105,7 +112,8 @@ def _start_guard(command: list[str], own: str, log: IO[bytes]) -> subprocess.Pop
     )
 
 
-def _end(guard: subprocess.Popen[str], process: int, own: str) -> None:
+def _end(guard: subprocess.Popen[str], process: int, own: str, log: IO[bytes]) -> None:
+    log.close()
     if os.getpid() != process:
         # A fork of the process that started the cluster has a copy of everything.
         return
@@ -130,6 +138,17 @@ def _holder(data: Path) -> dict[str, object]:
     except (OSError, ValueError):
         return {}
     return holder if isinstance(holder, dict) else {}
+
+
+def _instead(data: Path) -> str:
+    """How to use a coordinator that has the data directory; nothing if none has it."""
+    holder = _holder(data)
+    try:
+        os.kill(int(str(holder.get("process"))), 0)
+    except (OSError, OverflowError, ValueError):
+        return ""
+    address = holder.get("address")
+    return f'\nuse the coordinator that has it: murmuration.connect("{address}")' if address else ""
 
 
 def _token(data: Path) -> str | None:

@@ -87,12 +87,15 @@ class ProgramError(MurmurationError):
 
 _BY_CODE: dict[grpc.StatusCode, type[MurmurationError]] = {
     grpc.StatusCode.INVALID_ARGUMENT: InvalidError,
+    # A message that is larger than the coordinator reads.
+    grpc.StatusCode.OUT_OF_RANGE: InvalidError,
     grpc.StatusCode.NOT_FOUND: NotFoundError,
     grpc.StatusCode.FAILED_PRECONDITION: RefusedError,
     grpc.StatusCode.ALREADY_EXISTS: RefusedError,
     grpc.StatusCode.PERMISSION_DENIED: RefusedError,
     grpc.StatusCode.UNAUTHENTICATED: RefusedError,
     grpc.StatusCode.UNAVAILABLE: UnavailableError,
+    grpc.StatusCode.DEADLINE_EXCEEDED: UnavailableError,
 }
 
 

@@ -12,13 +12,15 @@ import numpy.typing as npt
 
 from . import _answers as answers
 from . import _tables as tables
-from ._arguments import read, toml, whole
+from ._arguments import plain, read, toml, whole
 from ._errors import InvalidError, MurmurationError
 from ._rpc import Connection
 from .v1 import evaluation_pb2 as v1
 from .v1 import worker_pb2 as worker
 
 _MOST_SEEDS = 1 << 64
+# Kinds of numpy's types that become real numbers only by losing what they say: complex numbers, dates and durations.
+_NO_REAL_NUMBERS = "cMm"
 # Controllers of a request: a few hundred milliseconds of one core, and with usual pictures less than a megabyte.
 _IN_A_REQUEST = 64
 
@@ -55,7 +57,7 @@ def evaluate(
     rpc: Connection,
     description: str,
     controllers: npt.ArrayLike,
-    seeds: Sequence[int] | npt.NDArray[Any] | int,
+    seeds: Iterable[Any] | int,
     pictures: bool,
 ) -> Evaluations:
     """Has controllers evaluated as the text of a campaign file describes it."""
@@ -63,7 +65,9 @@ def evaluate(
     if genes.ndim != 2 or not len(genes):
         raise InvalidError(f"controllers = an array of shape {genes.shape}: must be (controllers, genes), at least one")
     # Not by an array of numpy: numbers from 2^63 on may become floating-point numbers in it.
-    given = seeds if isinstance(seeds, Iterable) else [whole("seeds", seeds, 0, _MOST_SEEDS - 1)] * len(genes)
+    given = plain(seeds)
+    if not isinstance(given, Iterable):
+        given = [whole("seeds", given, 0, _MOST_SEEDS - 1)] * len(genes)
     numbers = [whole(f"seeds[{place}]", seed, 0, _MOST_SEEDS - 1) for place, seed in enumerate(given)]
     if len(numbers) != len(genes):
         raise InvalidError(f"seeds = {len(numbers)} of them: must be one, or one for each of {len(genes)} controllers")
@@ -151,12 +155,17 @@ def _motion(answered: Iterable[v1.Motion], steps: int | None) -> npt.NDArray[np.
 
 
 def _numbers(field: str, given: npt.ArrayLike, shape: str) -> npt.NDArray[np.float64]:
+    given = plain(given)
     # A column of a table or of a data frame has a list or an array in each row.
     listed = getattr(given, "to_pylist", None) or getattr(given, "to_list", None)
     try:
-        return np.asarray(listed() if listed else given, dtype=np.float64)
+        array = np.asarray(listed() if listed else given)
+        if array.dtype.kind in _NO_REAL_NUMBERS or np.ma.is_masked(given):
+            raise TypeError(f"it has {'masked values' if np.ma.is_masked(given) else array.dtype}")
+        return array.astype(np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InvalidError(f"{field} = what is no array: must be numbers, {shape}: {error}") from None
+        why = " ".join(str(error).split())
+        raise InvalidError(f"{field} = what is no array: must be numbers, {shape}: {why}") from None
 
 
 def _nothing_like(result: v1.EvaluateResult) -> list[worker.Evaluation]:

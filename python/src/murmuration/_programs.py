@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ._arguments import path
 from ._errors import InvalidError, MurmurationError, NotFoundError, ProgramError, UnavailableError
 
 _NAME = "murmuration"
@@ -26,7 +27,7 @@ def find(folder: str | os.PathLike[str] | None) -> Path:
         ProgramError: If there is none.
     """
     if folder is not None:
-        places = [os.fspath(folder)]
+        places = [path("programs", folder)]
     else:
         # A wheel puts programs there, which have the version of this library; `--target` of pip has a folder for both.
         scripts = [sysconfig.get_path("scripts"), sysconfig.get_path("scripts", f"{os.name}_user")]
@@ -34,7 +35,7 @@ def find(folder: str | os.PathLike[str] | None) -> Path:
         places = [*scripts, *os.environ.get("PATH", os.defpath).split(os.pathsep)]
     if found := shutil.which(_NAME, path=os.pathsep.join(places)):
         return Path(found)
-    looked = "in the PATH" if folder is None else f"in {os.fspath(folder)}"
+    looked = "in the PATH" if folder is None else f"in {places[0]}"
     raise ProgramError(
         f"there is no program `{_NAME}` {looked}: install it, or name the folder that it is in (`programs`)"
     )
@@ -76,15 +77,18 @@ def run(program: Path, words: Sequence[str], variables: dict[str, str]) -> list[
         ProgramError: If it fails.
     """
     command = [os.fspath(program), *words, "--json"]
-    done = subprocess.run(
-        command,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        encoding="utf-8",
-        errors="replace",
-        env=environment() | variables,
-        check=False,
-    )
+    try:
+        done = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            encoding="utf-8",
+            errors="replace",
+            env=environment() | variables,
+            check=False,
+        )
+    except OSError as error:
+        raise ProgramError(f"`murmuration {words[0]}` cannot be run: {error}") from None
     if done.returncode != 0:
         raise _failed(words[0], done.returncode, done.stderr.strip().rpartition("error: ")[2])
     documents = []

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from itertools import chain
-from typing import TypeVar
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 import grpc
@@ -15,6 +16,8 @@ from ._errors import AnswerError, InvalidError, MurmurationError, UnavailableErr
 
 Answer = TypeVar("Answer", bound=Message)
 
+# How gRPC begins what it says where nothing answers.
+_NOBODY = "failed to connect to all addresses"
 _OPTIONS = [
     # A picture may have up to a million bytes for each of its channels.
     ("grpc.max_receive_message_length", 64 * 1024 * 1024),
@@ -36,22 +39,20 @@ class Connection:
             self._channel = grpc.insecure_channel(address, options=_OPTIONS)
         else:
             self._channel = grpc.secure_channel(address, grpc.ssl_channel_credentials(ca), options=_OPTIONS)
-        self._metadata = (("authorization", f"Bearer {token}"),) if token else ()
-        self._why = why
+        self._metadata = (("authorization", f"Bearer {_token(token)}"),) if token else ()
+        self._url, self._why = url, why
         self._is_closed = False
 
-    def call(self, method: str, request: Message, answer: type[Answer]) -> Answer:
-        """Calls a method with one answer. `method` is `SERVICE/METHOD`, without the package."""
+    def call(self, method: str, request: Message, answer: type[Answer], seconds: float | None = None) -> Answer:
+        """Calls a method with one answer, within `seconds` if they are given. `method` is `SERVICE/METHOD`."""
         self.check_open()
         ask = self._channel.unary_unary(
             f"/murmuration.v1.{method}",
             request_serializer=type(request).SerializeToString,
             response_deserializer=_reader(answer),
         )
-        try:
-            return _sound(ask(request, metadata=self._metadata))
-        except grpc.RpcError as error:
-            raise self.explained(of_status(error)) from None
+        with self._told():
+            return _sound(ask(request, metadata=self._metadata, timeout=seconds))
 
     def stream(self, method: str, request: Message, answer: type[Answer]) -> Iterator[Answer]:
         """Calls a method whose answer is a stream. The call ends with the iterator."""
@@ -61,14 +62,8 @@ class Connection:
             request_serializer=type(request).SerializeToString,
             response_deserializer=_reader(answer),
         )
-        answers = ask(request, metadata=self._metadata)
-        try:
-            for read in answers:
-                yield _sound(read)
-        except grpc.RpcError as error:
-            raise self.explained(of_status(error)) from None
-        finally:
-            answers.cancel()
+        with self._told():
+            yield from _each(ask(request, metadata=self._metadata))
 
     def exchange(self, method: str, requests: Iterator[Message], answer: type[Answer]) -> Iterator[Answer]:
         """Calls a method that takes a stream of requests, at least one, and answers with a stream."""
@@ -79,14 +74,8 @@ class Connection:
             request_serializer=type(first).SerializeToString,
             response_deserializer=_reader(answer),
         )
-        answers = ask(chain([first], requests), metadata=self._metadata)
-        try:
-            for read in answers:
-                yield _sound(read)
-        except grpc.RpcError as error:
-            raise self.explained(of_status(error)) from None
-        finally:
-            answers.cancel()
+        with self._told():
+            yield from _each(ask(chain([first], requests), metadata=self._metadata))
 
     def whole(self, method: str, request: Message, answer: type[Answer]) -> Answer:
         """Calls a method whose answer comes in parts, and joins them."""
@@ -105,13 +94,33 @@ class Connection:
         if self._is_closed:
             raise UnavailableError("this client is closed")
 
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Raises what gRPC raises as errors of this library."""
+        try:
+            yield
+        except grpc.RpcError as error:
+            raise self.explained(of_status(error)) from None
+        except ValueError as error:
+            # What gRPC raises for a channel that another thread has just closed.
+            if isinstance(error, MurmurationError) or not self._is_closed:
+                raise
+            raise UnavailableError("this client was closed during the call") from None
+
     def explained(self, error: MurmurationError) -> MurmurationError:
         """An error of a call with what is known of a coordinator that does not answer."""
         if self._is_closed:
             return UnavailableError("this client was closed during the call")
-        if isinstance(error, UnavailableError) and (why := self._why()):
+        if not isinstance(error, UnavailableError):
+            return error
+        if why := self._why():
             return UnavailableError(f"{error}; {why}")
-        return error
+        said = str(error)
+        if not said.startswith(_NOBODY):
+            return error
+        reason = said.rpartition(": ")[2]
+        check = "check the URL, and that `murmuration serve` runs there"
+        return UnavailableError(f"no coordinator answers at {self._url} ({reason}): {check}")
 
 
 def _reader(answer: type[Answer]) -> Callable[[bytes], Answer | AnswerError]:
@@ -126,10 +135,29 @@ def _reader(answer: type[Answer]) -> Callable[[bytes], Answer | AnswerError]:
     return read
 
 
-def _sound(read: Answer | AnswerError) -> Answer:
+def _each(answers: Any) -> Iterator[Any]:  # noqa: ANN401
+    """The answers of a call, which ends with the iterator."""
+    try:
+        for read in answers:
+            yield _sound(read)
+    finally:
+        answers.cancel()
+
+
+def _sound(read: Answer | AnswerError | None) -> Answer:
+    if read is None:
+        raise wrong("a call has ended well, and without an answer")
     if isinstance(read, AnswerError):
         raise read
     return read
+
+
+def _token(given: object) -> str:
+    """A token that can be sent, without what a file has around it. Messages do not quote it."""
+    token = given.strip() if isinstance(given, str) else ""
+    if not token.isascii() or not token.isprintable() or not token or " " in token:
+        raise InvalidError("token = (not shown): must be a text of visible ASCII characters, such as mur_...")
+    return token
 
 
 def _address(url: str) -> tuple[str, str]:

@@ -65,6 +65,9 @@ def matrix(column: pa.ChunkedArray[Any] | pa.Array[Any] | Iterable[Any]) -> npt.
     if len(lengths) > 1:
         raise InvalidError(f"column = lists of {min(lengths)} to {max(lengths)} numbers: must be of one length")
     numbers: npt.NDArray[Any] = flat.to_numpy(zero_copy_only=False)
+    if pa.types.is_null(kind):
+        # Empty lists say nothing of their numbers.
+        numbers = numbers.astype(np.float64)
     return numbers.reshape(len(array), lengths.pop() if lengths else 0)
 
 
@@ -75,9 +78,11 @@ def _array(column: pa.ChunkedArray[Any] | pa.Array[Any] | Iterable[Any]) -> pa.A
         return column
     try:
         # Polars' own way, which copies nothing; of pandas each row is a list or an array.
-        array: pa.Array[Any] = column.to_arrow() if hasattr(column, "to_arrow") else pa.array(list(column))
+        array = column.to_arrow() if hasattr(column, "to_arrow") else pa.array(list(column))
+        if not isinstance(array, pa.Array):
+            raise TypeError(f"its `to_arrow` gives a {type(array).__name__}")
         return array
-    except (TypeError, pa.ArrowException) as error:
+    except (TypeError, ValueError, OverflowError, pa.ArrowException) as error:
         raise InvalidError(f"column = {type(column).__name__}: must be a column of lists: {error}") from None
 
 
