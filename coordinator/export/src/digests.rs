@@ -1,9 +1,9 @@
 //! `BLAKE3SUMS`: the digest of every file of an export, a line each, as `b3sum --check` reads them.
 
-use crate::ExportError;
+use crate::{CAMPAIGN, ExportError, INDIVIDUALS, SPEC};
 use murmuration_proto::text;
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::BTreeMap,
     fs::{self, File},
     io,
     path::{Component, Path},
@@ -90,7 +90,8 @@ impl Digests {
     }
 }
 
-/// Whether a folder holds an export and nothing else: what its list names, and the folders that this is in.
+/// Whether a folder holds an export and nothing else: what its list names, as it was written, and the folders that this is in. A list
+/// that somebody made of files of their own is no export's.
 ///
 /// # Errors
 /// If the folder cannot be read.
@@ -101,20 +102,35 @@ pub(crate) fn is_alone(folder: &Path) -> io::Result<bool> {
         return Ok(false);
     }
     let text = String::from_utf8_lossy(&fs::read(&list)?).into_owned();
-    let names: BTreeSet<&str> = text.lines().filter_map(entry).map(|(_, name)| name).collect();
+    let listed: BTreeMap<&str, blake3::Hash> = text
+        .lines()
+        .filter_map(entry)
+        .map(|(digest, name)| (name, digest))
+        .collect();
+    let is_listed = |name| listed.contains_key(name);
+    if ![SPEC, CAMPAIGN, INDIVIDUALS].into_iter().all(is_listed) {
+        return Ok(false);
+    }
     let mut folders = vec![folder.to_path_buf()];
     while let Some(inner) = folders.pop() {
         for found in fs::read_dir(&inner)? {
             let (kind, path) = found.and_then(|found| Ok((found.file_type()?, found.path())))?;
             let name = path.strip_prefix(folder).ok().and_then(Path::to_str);
-            match name {
-                Some(name) if kind.is_file() && (name == FILE || names.contains(name)) => {}
-                Some(name)
-                    if kind.is_dir() && names.iter().any(|listed| Path::new(listed).starts_with(name)) =>
-                {
-                    folders.push(path);
+            let is_of_it = match name {
+                Some(FILE) => kind.is_file(),
+                Some(name) if kind.is_file() => listed
+                    .get(name)
+                    .is_some_and(|listed| digest(&path).is_ok_and(|found| found == *listed)),
+                Some(name) if kind.is_dir() => {
+                    listed.keys().any(|listed| Path::new(listed).starts_with(name))
                 }
-                _ => return Ok(false),
+                _ => false,
+            };
+            if !is_of_it {
+                return Ok(false);
+            }
+            if kind.is_dir() {
+                folders.push(path);
             }
         }
     }
@@ -179,13 +195,25 @@ mod tests {
         let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
         assert!(!is_alone(folder.path()).unwrap(), "an empty folder is no export");
         fs::create_dir(folder.path().join("checkpoints")).unwrap();
-        write("a.txt", "one");
-        write("checkpoints/b.onnx", "two");
         let mut digests = Digests::default();
-        digests.add(folder.path(), "a.txt").unwrap();
-        digests.add(folder.path(), "checkpoints/b.onnx").unwrap();
+        for name in ["a.txt", "checkpoints/b.onnx"] {
+            write(name, "one");
+            digests.add(folder.path(), name).unwrap();
+        }
+        write(FILE, &digests.to_text());
+        assert!(
+            !is_alone(folder.path()).unwrap(),
+            "a list of somebody's own files"
+        );
+        for name in [SPEC, CAMPAIGN, INDIVIDUALS] {
+            write(name, "one");
+            digests.add(folder.path(), name).unwrap();
+        }
         write(FILE, &digests.to_text());
         assert!(is_alone(folder.path()).unwrap());
+        write("a.txt", "one, and notes of three weeks");
+        assert!(!is_alone(folder.path()).unwrap(), "what was changed");
+        write("a.txt", "one");
         for more in ["notes.txt", "checkpoints/notes.txt"] {
             write(more, "mine");
             assert!(!is_alone(folder.path()).unwrap(), "{more}");

@@ -26,7 +26,9 @@ pub enum ExportError {
     #[error("{0} is not empty: name a new folder, or replace an export with --force")]
     NotEmpty(PathBuf),
     /// What is there already is not what may be replaced.
-    #[error("{0} holds something besides an export, which --force does not replace: name a new folder")]
+    #[error(
+        "{0} holds something besides an export, or files of one that were changed, which --force does not replace: name a new folder"
+    )]
     NoExport(PathBuf),
     /// An export in the folder that the process is in would be replaced.
     #[error("{0} is the working folder, or has it in it, and cannot be replaced: go to another folder first")]

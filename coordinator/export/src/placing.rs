@@ -44,6 +44,9 @@ fn target_seen_from(current: &Path, target: &Path, replaces: bool) -> Result<Pat
         Err(error) if error.kind() == io::ErrorKind::NotFound => target.to_path_buf(),
         Err(error) => return Err(failed(error)),
     };
+    if whole.is_file() {
+        return Err(failed(io::Error::other("it is a file: name a new folder")));
+    }
     remove_leftovers(&whole);
     if is_empty(&whole).map_err(failed)? {
         return Ok(whole);
@@ -193,6 +196,10 @@ fn rename(folder: &Path, target: &Path) -> Result<(), ExportError> {
     }
     // The new one must be on disk under its name before the old one goes.
     sync(parent(target))?;
+    // A person may have protected it from their own hand.
+    for folder in [old.clone(), old.join(CHECKPOINTS)] {
+        let _ = fs::set_permissions(folder, Permissions::from_mode(0o755));
+    }
     if let Err(error) = fs::remove_dir_all(&old) {
         tracing::warn!(path = %old.display(), %error, "the export that was replaced is still there: remove it");
     }
@@ -207,13 +214,16 @@ fn sync(folder: &Path) -> Result<(), ExportError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{CAMPAIGN, INDIVIDUALS, SPEC};
     use std::os::unix::fs::symlink;
 
     fn export_in(folder: &Path, text: &str) {
         fs::create_dir_all(folder).unwrap();
-        fs::write(folder.join("README.md"), text).unwrap();
         let mut listed = digests::Digests::default();
-        listed.add(folder, "README.md").unwrap();
+        for name in [SPEC, CAMPAIGN, INDIVIDUALS, "README.md"] {
+            fs::write(folder.join(name), text).unwrap();
+            listed.add(folder, name).unwrap();
+        }
         fs::write(folder.join(digests::FILE), listed.to_text()).unwrap();
     }
 

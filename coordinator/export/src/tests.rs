@@ -7,7 +7,7 @@ use generated::{GeneratedCampaign, generated_campaign};
 use murmuration_model::{CampaignState, ExportedCampaign, Weight, labels::Action};
 use murmuration_proto::{CampaignSpec, Lineage, PART_BYTES, PictureShape, training::Architecture, v1};
 use murmuration_store::{
-    DataDirectory, Store,
+    DataDirectory, GenerationRecord, Store,
     checkpoints::Checkpoints,
     digest::digest,
     transfer::{Incoming, Medoids, Member, Outgoing, Part, Sequence},
@@ -286,6 +286,28 @@ fn with_member(change: impl Fn(&mut Member)) -> Result<(), String> {
                 .for_each(&change);
         }
     })
+}
+
+#[test]
+fn a_generation_is_what_its_individuals_come_to() {
+    let with_generation = |change: fn(&mut GenerationRecord)| {
+        with_change(|part| {
+            if let Part::Generation(generation) = part {
+                change(generation);
+            }
+        })
+    };
+    assert_eq!(with_generation(|_| {}), Ok(()));
+    for (change, named) in [
+        (
+            (|one| one.best_novelty += 1.0) as fn(&mut GenerationRecord),
+            "generations[0].best_novelty = ",
+        ),
+        (|one| one.mean_novelty *= 0.5, "generations[0].mean_novelty = "),
+    ] {
+        let refused = with_generation(change).unwrap_err();
+        assert!(refused.contains(named), "{refused}: {named}");
+    }
 }
 
 #[test]

@@ -6,7 +6,8 @@ use csv::{ReaderBuilder, StringRecord, Trim};
 use murmuration_proto::text;
 use std::path::Path;
 
-/// The rows of a file, if it is such a table: a cell of its first row is a number. `None` if it has a header.
+/// The rows of a file, if it is such a table: a cell of its first row is a number, and none is the name of a gene. `None` if it has a
+/// header.
 ///
 /// # Errors
 /// Names the row that has not as many finite numbers as there are genes, and what is wrong with it.
@@ -22,7 +23,9 @@ pub(super) fn read(path: &Path, text: &[u8], genes: &[&str]) -> Result<Option<Ve
             // What is no CSV at all is refused by whoever reads the header.
             return Ok(None);
         };
-        if place == 0 && record.iter().all(|cell| cell.parse::<f64>().is_err()) {
+        let is_header = record.iter().any(|cell| genes.contains(&cell))
+            || record.iter().all(|cell| cell.parse::<f64>().is_err());
+        if place == 0 && is_header {
             return Ok(None);
         }
         rows.push(numbers(&record, genes).map_err(|reason| {
@@ -78,7 +81,12 @@ mod tests {
 
     #[test]
     fn a_table_with_a_header_is_left_to_others() {
-        for text in ["left_0,right_0,left_1,right_1\n1,1,1,1\n", "", "index\n"] {
+        for text in [
+            "left_0,right_0,left_1,right_1\n1,1,1,1\n",
+            "left_0,right_0,left_1,right_1,2024\n1,1,1,1,1\n",
+            "",
+            "index\n",
+        ] {
             assert_eq!(read_text(text), Ok(None), "{text}");
         }
     }

@@ -86,7 +86,7 @@ impl Export {
         if global.json {
             json::print(json::Export::from(&exported))?;
         } else {
-            outln!("{}", exported.folder.display())?;
+            outln!("{}", self.folder.display())?;
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! Whether parts follow from those before them, as they come from a network or from files.
 
 use super::{Member, Part, messages};
-use crate::CheckpointRecord;
+use crate::{CheckpointRecord, GenerationRecord};
 use murmuration_model::{CampaignState, ExportedCampaign, labels::Labels};
 use murmuration_proto::{
     CheckpointDigest, Invalid, Lineage, PART_BYTES, counted,
@@ -26,8 +26,10 @@ pub struct Sequence {
     arrived: Option<(CheckpointRecord, Vec<u8>)>,
     /// Length of the embeddings, if the archive has some.
     dimensions: Option<usize>,
-    /// Generations that have begun.
+    /// Generations that have begun, the last of them, and the novelty of its individuals so far.
     generations: u32,
+    generation: Option<GenerationRecord>,
+    novelty: Vec<f64>,
     individuals: u64,
     /// What the log comes to so far.
     labels: Labels,
@@ -221,6 +223,8 @@ impl Sequence {
             return Err(out_of_turn("generations before the taxonomy"));
         }
         self.generations += 1;
+        self.generation = Some(generation);
+        self.novelty.clear();
         Ok(Part::Generation(generation))
     }
 
@@ -300,7 +304,34 @@ impl Sequence {
         }
         self.clusters.extend(member.cluster);
         self.individuals += 1;
+        self.novelty.push(member.individual.novelty);
+        if self.generation_is_whole(campaign).is_ok() {
+            self.summary_is_of_the_individuals()?;
+        }
         Ok(member)
+    }
+
+    /// Whether a generation that has come whole is what its individuals come to.
+    fn summary_is_of_the_individuals(&self) -> Result<(), Invalid> {
+        let Some(said) = self.generation else {
+            return Ok(());
+        };
+        let found = GenerationRecord::of(said.generation, &self.novelty, said.filtered);
+        let figures = [
+            ("best_novelty", said.best_novelty, found.best_novelty),
+            ("mean_novelty", said.mean_novelty, found.mean_novelty),
+        ];
+        match figures.into_iter().find(|(_, said, found)| said != found) {
+            None => Ok(()),
+            Some((name, said_of_it, found)) => {
+                let field = format!("generations[{}].{name}", said.generation);
+                Err(Invalid::new(
+                    &field,
+                    said_of_it,
+                    format!("{found}, that of its individuals"),
+                ))
+            }
+        }
     }
 
     /// Takes in entries of the label log.
