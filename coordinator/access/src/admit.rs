@@ -16,7 +16,7 @@ use axum::{
     body::{Body, BodyDataStream},
     extract::{MatchedPath, Request, State},
     http::{
-        HeaderMap, HeaderValue, Uri,
+        HeaderMap, HeaderValue,
         header::{AUTHORIZATION, CONTENT_TYPE, HOST},
     },
     middleware::Next,
@@ -50,8 +50,8 @@ pub struct Door {
     pub show_refusal: ShowRefusal,
 }
 
-/// Renders a refusal for the client that sent a request for this URI with these headers.
-pub(crate) type ShowRefusal = fn(Refusal, &Uri, &HeaderMap) -> Response;
+/// Renders a refusal of this request for the client that sent it.
+pub(crate) type ShowRefusal = fn(Refusal, &Request) -> Response;
 
 /// A door, and what the routes behind it require.
 #[derive(Debug, Clone)]
@@ -88,7 +88,7 @@ impl Gate {
                 tracing::debug!(path = request.uri().path(), %refusal, "request refused");
                 match speaks_grpc {
                     true => Status::from(refusal).into_http(),
-                    false => (door.show_refusal)(refusal, request.uri(), request.headers()),
+                    false => (door.show_refusal)(refusal, &request),
                 }
             }
         }

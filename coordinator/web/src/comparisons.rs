@@ -25,9 +25,9 @@ type Told = Result<Json<Value>, Refused>;
 
 /// The three behaviours from left to right: the id of the place, its name, and the button below it with its answer.
 const PLACES: [(&str, &str, (&str, Preference)); 3] = [
-    ("left", "Left", ("Left is more alike", Preference::Left)),
+    ("left", "Left", ("Left is more like it", Preference::Left)),
     ("reference", "Reference", ("Neither", Preference::Neither)),
-    ("right", "Right", ("Right is more alike", Preference::Right)),
+    ("right", "Right", ("Right is more like it", Preference::Right)),
 ];
 
 /// The page.
@@ -45,7 +45,8 @@ pub(super) async fn page(
         }
         (parts::who())
         p.lead.once-named.scripted {
-            "Compare what the swarms do, not where they are or which way they turn. If neither is more alike, or both are, choose Neither: "
+            "Compare what the swarms do, not where they are or which way they turn. If neither is more like the reference, or both are, choose "
+            "Neither: "
             "the campaign learns nothing from that answer."
             @if !record.spec.method().embeds() {
                 " This campaign has no embedding, so it learns from no comparison. Comparisons are stored and exported."

@@ -84,7 +84,7 @@ const ACTIONS: [Action; 20] = [
     action("neither", "ArrowDown", "neither, or both", &[Page::Comparisons]),
     action(
         "withdraw-last",
-        "z",
+        "u",
         "withdraw your last comparison, and answer it again",
         &[Page::Comparisons],
     ),
@@ -105,7 +105,7 @@ const ACTIONS: [Action; 20] = [
         "restart the motion",
         &[Page::Label, Page::Map, Page::Play],
     ),
-    action("anew", "n", "start again, from another seed", &[Page::Play]),
+    action("anew", "n", "another start, by the next seed", &[Page::Play]),
     action(
         "like",
         "l",

@@ -49,7 +49,8 @@ mod visitor;
 
 pub use atlas::DrawnAtlas;
 use axum::{
-    http::{HeaderMap, HeaderValue, Uri, header::CONTENT_TYPE},
+    extract::Request,
+    http::{HeaderMap, HeaderValue, header::CONTENT_TYPE},
     middleware,
     response::{IntoResponse as _, Response},
 };
@@ -113,8 +114,8 @@ pub fn behind(routes: GuardedRouter, door: Arc<Door>) -> Routes {
 }
 
 /// Renders a refusal, as a page or a line of text.
-pub fn show_refusal(refusal: Refusal, uri: &Uri, headers: &HeaderMap) -> Response {
-    login::show_refusal(refusal, uri, headers)
+pub fn show_refusal(refusal: Refusal, request: &Request) -> Response {
+    login::show_refusal(refusal, request)
 }
 
 /// Every page, and every asset and request of their scripts.

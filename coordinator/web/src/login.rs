@@ -7,9 +7,9 @@ use super::{
 };
 use axum::{
     Extension, Form,
-    extract::Query,
+    extract::{Query, Request},
     http::{
-        HeaderMap, StatusCode, Uri,
+        HeaderMap, Method, StatusCode, Uri,
         header::{CACHE_CONTROL, SET_COOKIE},
     },
     response::{IntoResponse, Redirect, Response},
@@ -158,12 +158,11 @@ fn form(to: &Destination, error: &str) -> Markup {
 }
 
 /// The response to a request that is refused: a page or the log-in for people, and a line of text for scripts.
-pub(super) fn show_refusal(refusal: Refusal, uri: &Uri, headers: &HeaderMap) -> Response {
+pub(super) fn show_refusal(refusal: Refusal, request: &Request) -> Response {
+    let headers = request.headers();
     match (page_error::wants_page(headers), status_of(&refusal)) {
         (true, StatusCode::UNAUTHORIZED) => {
-            let to = uri
-                .path_and_query()
-                .map_or_else(Destination::default, |address| address.to_string().into());
+            let to = page_of(request.method(), request.uri());
             match serde_urlencoded::to_string(Going { to }) {
                 Ok(query) => Redirect::to(&format!("/login?{query}")).into_response(),
                 Err(_) => Redirect::to("/login").into_response(),
@@ -173,9 +172,34 @@ pub(super) fn show_refusal(refusal: Refusal, uri: &Uri, headers: &HeaderMap) -> 
     }
 }
 
+/// The page that somebody wanted; where a button was pressed, the page of its campaign: what a button does has no address to go to.
+fn page_of(method: &Method, uri: &Uri) -> Destination {
+    if method.is_safe() {
+        let address = uri.path_and_query();
+        return address.map_or_else(Destination::default, |address| address.to_string().into());
+    }
+    let of_campaign = uri.path().strip_prefix("/campaigns/");
+    let campaign = of_campaign.and_then(|rest| rest.split('/').next());
+    campaign.map_or_else(Destination::default, |id| format!("/campaigns/{id}").into())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_log_in_leads_to_the_page_that_was_wanted() {
+        for (method, uri, page) in [
+            (Method::GET, "/campaigns/a-1/map?x=1", "/campaigns/a-1/map?x=1"),
+            (Method::POST, "/campaigns/a-1/pause", "/campaigns/a-1"),
+            (Method::POST, "/campaigns//evil.example", "/campaigns/"),
+            (Method::POST, "/new", "/"),
+            (Method::POST, "/logout", "/"),
+        ] {
+            let led = page_of(&method, &uri.parse().unwrap());
+            assert_eq!(led.0, page, "{method} {uri}");
+        }
+    }
 
     #[test]
     fn a_log_in_leads_to_pages_of_ours_alone() {

@@ -20,6 +20,23 @@ export function rename(name) {
   if (name.trim() && !isReserved(name)) localStorage.setItem(NAME, name.trim());
 }
 
+// Shows the name in a field, where it is changed; `renamed()` hears of a change there, or on another page of this browser.
+export function showName(field, renamed) {
+  field.value = annotator();
+  field.addEventListener("change", () => {
+    rename(field.value);
+    field.value = annotator();
+    renamed();
+  });
+  const look = () => {
+    if (field.value === annotator()) return;
+    field.value = annotator();
+    renamed();
+  };
+  addEventListener("storage", ({ key }) => key === NAME && look());
+  addEventListener("pageshow", look);
+}
+
 // The window's id outlives a refresh, so that the same questions come again; a window that was duplicated takes another.
 export async function session() {
   const known = sessionStorage.getItem(SESSION);

@@ -62,8 +62,8 @@ function individualsOf(known, place) {
   const machine = all.filter((index) => known.machine.has(index)).length;
   if (all.length === 0) return null;
   if (machine === 0) return grouped(all.length);
-  if (machine === all.length) return `${grouped(all.length)}, named only by the rule-based judge`;
-  return `${grouped(all.length)}, ${grouped(machine)} of them only by the rule-based judge`;
+  if (machine === all.length) return `${grouped(all.length)}, by the judge alone`;
+  return `${grouped(all.length)}, ${grouped(machine)} by the judge alone`;
 }
 
 function shade(part, isDark) {

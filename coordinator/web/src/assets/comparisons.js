@@ -1,5 +1,5 @@
 // The page Comparisons: shows three behaviours and takes the answer which of two is more like the reference.
-import { annotator, introduced, rename, session } from "./annotator.js";
+import { annotator, introduced, session, showName } from "./annotator.js";
 import { follow, insist, post } from "./coordinator.js";
 import { actionOf, isForPage } from "./keys.js";
 import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
@@ -182,10 +182,7 @@ document.addEventListener("keydown", (event) => {
   else return;
   event.preventDefault();
 });
-at("annotator").value = annotator();
-at("annotator").addEventListener("change", () => {
-  rename(at("annotator").value);
-  at("annotator").value = annotator();
+showName(at("annotator"), () => {
   question = null;
   tellPossible();
   ask();

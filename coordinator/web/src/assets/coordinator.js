@@ -16,7 +16,8 @@ export async function reply(request) {
   const why = await received(response.text());
   // The session is over: what was said is kept here until somebody has logged in again.
   if (response.status === 401) location.assign(`/login?to=${encodeURIComponent(location.pathname + location.search)}`);
-  if (response.status >= 500 || [401, 429].includes(response.status)) throw new Unavailable(why);
+  // Somebody else who logs in may do what this one may not.
+  if (response.status >= 500 || [401, 403, 429].includes(response.status)) throw new Unavailable(why);
   throw new Refused(why);
 }
 

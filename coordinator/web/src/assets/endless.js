@@ -18,6 +18,7 @@ export class Endless extends Playback {
     this.motion = state;
     this.piece = null;
     this.target = null;
+    this.hasFailed = false;
     this.waiting = player.querySelector(".waiting");
     this.pieces = new Pieces({ came: (...came) => this.came(...came), failed: (error) => this.failed(error), url });
   }
@@ -31,8 +32,12 @@ export class Endless extends Playback {
 
   came(piece, isNew) {
     this.waiting.hidden = true;
-    this.status.textContent = "";
-    this.status.classList.remove("wrong");
+    // What is wrong with the controls stays until they are right.
+    if (this.hasFailed) {
+      this.status.textContent = "";
+      this.status.classList.remove("wrong");
+    }
+    this.hasFailed = false;
     if (!isNew) return;
     this.step = piece.first;
     this.target = null;
@@ -47,6 +52,7 @@ export class Endless extends Playback {
 
   failed(error) {
     const text = sentence(error.message);
+    this.hasFailed = true;
     if (!(error instanceof Unavailable)) this.await(false);
     if (this.piece) this.status.textContent = text;
     else this.waiting.textContent = text;

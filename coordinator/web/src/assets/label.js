@@ -1,5 +1,5 @@
 // The Label page: shows one behaviour at a time and takes the answer.
-import { annotator, introduced, rename, session } from "./annotator.js";
+import { introduced, session, showName } from "./annotator.js";
 import { archived, follow, get, insist, keptAs, path } from "./coordinator.js";
 import { isForPage } from "./keys.js";
 import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
@@ -138,12 +138,7 @@ document.addEventListener("keydown", (event) => {
   if (isForPage(event) && playerKey(player, event)) event.preventDefault();
 });
 
-at("annotator").value = annotator();
-at("annotator").addEventListener("change", () => {
-  rename(at("annotator").value);
-  at("annotator").value = annotator();
-  queue.top();
-});
+showName(at("annotator"), () => queue.top());
 const [strategy, goal] = JSON.parse(localStorage.getItem(`${keptAs}.settings`) ?? "[]");
 if ([...at("strategy").options].some((option) => option.value === strategy)) at("strategy").value = strategy;
 if (goal) at("goal").value = goal;

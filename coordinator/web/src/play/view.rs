@@ -181,7 +181,7 @@ fn start(play: &Play) -> Markup {
             legend { "Start" }
             label for="seed" { "Seed" }
             input.number #seed type="text" inputmode="numeric" pattern="[0-9]{1,19}" value=(play.seed);
-            button.plain #anew type="button" { "Start again " (keys::mark("anew")) }
+            button.plain #anew type="button" { "Another start " (keys::mark("anew")) }
             @if play.controller.model().robots().is_none() {
                 label for="robots" { "Robots" }
                 input.number #robots type="number" min="1" max=(MOST_ROBOTS) value=(play.world.agents());

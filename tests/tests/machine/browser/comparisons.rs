@@ -87,7 +87,7 @@ pub async fn behaviours_are_compared_by_key_and_click_and_the_log_holds_what_the
     assert_eq!(asked_after(&window, 6).await, seen[6]);
 
     // What is withdrawn is asked again, the last one first.
-    window.press("z").await;
+    window.press("u").await;
     assert_eq!(asked_after(&window, 5).await, seen[5]);
     window.click("#undo").await;
     assert_eq!(asked_after(&window, 4).await, seen[4]);
@@ -137,7 +137,7 @@ pub async fn who_compares_sees_how_many_are_by_others_and_withdraws_none_of_thei
         ben.value("document.getElementById('undo').disabled").await,
         json!(true)
     );
-    ben.press("z").await;
+    ben.press("u").await;
     ben.until("document.getElementById('status').textContent.includes('Ben has no comparison to withdraw')")
         .await;
     assert_eq!(scene.labels.compared().await.len(), 2);
@@ -220,7 +220,7 @@ pub async fn without_a_coordinator_buttons_do_not_look_as_if_they_answered() {
     window.press("\u{e012}").await;
     window.until(&all_are(true)).await;
     window.until("!document.getElementById('undo').disabled").await;
-    window.press("z").await;
+    window.press("u").await;
     window
         .until("document.querySelector('.stale-note').textContent.includes('1 answer and 1 withdrawal are stored in this browser')")
         .await;

@@ -82,14 +82,17 @@ async fn without_a_log_in_there_is_the_log_in() {
     let secrets = Secrets::new();
     let cluster = secrets.cluster(0).await;
     let browser = Browser::at(&secrets, &cluster);
-    for path in ["/", "/campaigns/small-1", "/play", "/nothing"] {
+    for (path, to) in [
+        ("/", "%2F"),
+        ("/campaigns/small-1?page=2", "%2Fcampaigns%2Fsmall-1%3Fpage%3D2"),
+        ("/play", "%2Fplay"),
+        ("/nothing", "%2Fnothing"),
+        ("/play?to=//elsewhere.example", "%2F"),
+    ] {
         let answer = browser.get(path).send().await.unwrap();
         assert_eq!(
             (answer.status(), &answer.headers()[LOCATION]),
-            (
-                StatusCode::SEE_OTHER,
-                &format!("/login?to={path}").parse().unwrap()
-            )
+            (StatusCode::SEE_OTHER, &format!("/login?to={to}").parse().unwrap())
         );
         assert_eq!(answer.version(), Version::HTTP_2);
         assert!(policy(&answer).contains("default-src 'none'"));
