@@ -275,12 +275,12 @@ fn show_campaign(global: &Global, campaign: &v1::Campaign) -> Result<(), CliErro
         return Ok(());
     }
     let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
-    outln!(
-        "# {} is {} (stage: {})",
-        campaign.id,
-        state(campaign),
-        stage(campaign)
-    )?;
+    let stage = match stage(campaign) {
+        // It has ended.
+        "-" => String::new(),
+        stage => format!(" (stage: {stage})"),
+    };
+    outln!("# {} is {}{stage}", campaign.id, state(campaign))?;
     for said in [&campaign.error, &campaign.waiting] {
         if !said.is_empty() {
             outln!("# {said}")?;

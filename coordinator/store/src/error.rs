@@ -41,7 +41,7 @@ pub enum StoreError {
     },
     /// The data directory does not exist and was not to be created.
     #[error(
-        "there is no data directory {0}: `murmuration run SPEC.toml` makes one, `--data DIR` names another"
+        "there is no data directory at {0}: `murmuration run SPEC.toml` makes one, `--data DIR` names another"
     )]
     NoDirectory(PathBuf),
     /// A file or folder of the data directory cannot be used.

@@ -97,6 +97,10 @@ pub fn parse_arguments<A: Parser>(words: impl IntoIterator<Item = OsString>) -> 
 /// Names the command that takes the fewest changes of letters, where one was mistyped. clap compares by likeness, by which
 /// `rn` is nearer to `quarantine` than to `run`.
 fn suggest(error: &mut clap::Error, command: Command, words: &[OsString]) {
+    if error.kind() == ErrorKind::UnknownArgument {
+        // Nobody means an option that there is not as a value, which is what clap suggests.
+        error.remove(ContextKind::Suggested);
+    }
     let Some(ContextValue::String(mistyped)) = error.get(ContextKind::InvalidSubcommand) else {
         return;
     };
