@@ -208,13 +208,20 @@ pub async fn without_a_coordinator_buttons_do_not_look_as_if_they_answered() {
     // Who is known on another page is asked no more.
     window.until("!document.getElementById('who').hidden").await;
     window.driver.execute(NAMED_ELSEWHERE, vec![]).await.unwrap();
-    let first = asked_after(&window, 0).await;
+    asked_after(&window, 0).await;
+    // Under a name that was changed there, nothing is answered here as somebody else.
+    let renamed = NAMED_ELSEWHERE.replace("'Ana'", "'Ben'");
+    window.driver.execute(renamed, vec![]).await.unwrap();
+    window
+        .until("document.getElementById('annotator').value === 'Ben'")
+        .await;
     let all_are = |disabled: bool| {
         format!(
             "[...document.querySelectorAll('[data-preference]')].every((button) => button.ariaDisabled === '{disabled}')"
         )
     };
     window.until(&all_are(false)).await;
+    let first = asked_after(&window, 0).await;
 
     coordinator.kill();
     window.press("\u{e012}").await;

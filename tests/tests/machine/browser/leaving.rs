@@ -41,14 +41,16 @@ pub async fn who_logs_in_labels_and_who_logs_out_is_out() {
     let driver = Driver::start();
     let folder = tempfile::tempdir().unwrap();
     let murmuration = Murmuration::with_campaign(folder.path());
-    let made = murmuration.run(&["token", "ana", "--role", "annotator"]);
     let tokens = folder.path().join("tokens.toml");
-    fs::write(&tokens, &made.stdout).unwrap();
-    let token = made
-        .stderr
-        .split_whitespace()
-        .find(|word| word.starts_with("mur_"));
-    let token = token.expect("the token is shown once");
+    let made = [("ana", "annotator"), ("vera", "viewer")]
+        .map(|(name, role)| murmuration.run(&["token", name, "--role", role]));
+    fs::write(&tokens, made.each_ref().map(|made| made.stdout.as_str()).concat()).unwrap();
+    let [token, viewers] = made.each_ref().map(|made| {
+        let mut words = made.stderr.split_whitespace();
+        words
+            .find(|word| word.starts_with("mur_"))
+            .expect("the token is shown once")
+    });
     let tokens = tokens.display().to_string();
     let serve = |listen: &str| murmuration.serve(listen, &["--workers", "1", "--tokens", &tokens]);
     let (coordinator, url) = serve("127.0.0.1:0");
@@ -72,6 +74,14 @@ pub async fn who_logs_in_labels_and_who_logs_out_is_out() {
     seen.push(answer(&window, "1").await);
     window.driver.delete_all_cookies().await.unwrap();
     let (coordinator, _) = serve(url.trim_start_matches("http://"));
+    // Somebody who may not answer takes nothing away.
+    log_in(&window, viewers).await;
+    window
+        .until("document.querySelector('.stale-note').textContent.includes('1 answer is stored in this browser')")
+        .await;
+    window.click(".account button").await;
+    arrived(&window, "/login").await;
+    window.driver.goto(&page).await.unwrap();
     log_in(&window, token).await;
     saved(&window).await;
     seen.sort_unstable();

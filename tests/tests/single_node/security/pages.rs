@@ -87,7 +87,11 @@ async fn without_a_log_in_there_is_the_log_in() {
         ("/campaigns/small-1?page=2", "%2Fcampaigns%2Fsmall-1%3Fpage%3D2"),
         ("/play", "%2Fplay"),
         ("/nothing", "%2Fnothing"),
-        ("/play?to=//elsewhere.example", "%2F"),
+        (
+            "/play?to=//elsewhere.example",
+            "%2Fplay%3Fto%3D%2F%2Felsewhere.example",
+        ),
+        ("/play?to=\\elsewhere", "%2F"),
     ] {
         let answer = browser.get(path).send().await.unwrap();
         assert_eq!(
