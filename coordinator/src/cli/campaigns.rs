@@ -218,7 +218,7 @@ fn show_list(global: &Global, campaigns: Vec<v1::Campaign>, studies: bool) -> Re
         table.row([
             campaign.id.clone(),
             state(&campaign),
-            stage(&campaign).to_owned(),
+            stage(&campaign).unwrap_or("-").to_owned(),
             format!("{done}/{all}"),
             spec.model().to_string(),
             spec.method().name().to_owned(),
@@ -233,10 +233,10 @@ fn show_list(global: &Global, campaigns: Vec<v1::Campaign>, studies: bool) -> Re
 }
 
 /// The stage in a word, of a campaign that has not ended.
-fn stage(campaign: &v1::Campaign) -> &'static str {
+fn stage(campaign: &v1::Campaign) -> Option<&'static str> {
     match campaign.state() {
-        v1::CampaignState::Completed | v1::CampaignState::Cancelled => "-",
-        _ => super::follow::stage_name(campaign.stage()),
+        v1::CampaignState::Completed | v1::CampaignState::Cancelled => None,
+        _ => Some(super::follow::stage_name(campaign.stage())),
     }
 }
 
@@ -275,11 +275,7 @@ fn show_campaign(global: &Global, campaign: &v1::Campaign) -> Result<(), CliErro
         return Ok(());
     }
     let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
-    let stage = match stage(campaign) {
-        // It has ended.
-        "-" => String::new(),
-        stage => format!(" (stage: {stage})"),
-    };
+    let stage = stage(campaign).map_or_else(String::new, |stage| format!(" (stage: {stage})"));
     outln!("# {} is {}{stage}", campaign.id, state(campaign))?;
     for said in [&campaign.error, &campaign.waiting] {
         if !said.is_empty() {
