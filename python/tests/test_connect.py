@@ -2,16 +2,19 @@
 
 import os
 import re
+import socket
 import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from fake_coordinator import coordinator
 
 import murmuration as mm
 from conftest import SPEC
-from murmuration import _programs
+from murmuration import _client, _programs
+from murmuration.v1 import campaign_pb2 as v1
 
 
 @dataclass
@@ -77,3 +80,13 @@ def test_a_url_that_is_none_is_an_error(url: str) -> None:
 def test_a_coordinator_that_does_not_answer_is_an_error() -> None:
     with pytest.raises(mm.UnavailableError, match="no coordinator answers at"):
         mm.connect("http://127.0.0.1:1")
+
+
+def test_what_takes_the_call_and_answers_nothing_is_no_coordinator(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_client, "_SECONDS_TO_ANSWER", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as silent, pytest.raises(mm.UnavailableError, match="no coordinator"):
+        mm.connect(f"http://127.0.0.1:{silent.getsockname()[1]}")
+    # Well ended without a message, and with one too many.
+    for answers, error in (([], mm.AnswerError), ([v1.Campaign(id="told-1")] * 2, mm.MurmurationError)):
+        with coordinator({"CampaignService/GetCampaign": answers}) as url, pytest.raises(error):
+            mm.connect(url)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ._arguments import shown
 from ._errors import AnswerError
 
 # NAME-N. An id becomes a word of commands, which must not be an option.
@@ -23,8 +24,6 @@ _LARGEST_SIDE = 1_000
 _MOST_CHANNELS = 4
 # The first millisecond of the year 10000, which Python has no date for.
 _END_OF_TIME_MS = 253_402_300_800_000
-# Of a text that is wrong, what a message quotes.
-_QUOTED = 80
 
 
 def wrong(said: str) -> AnswerError:
@@ -35,7 +34,7 @@ def wrong(said: str) -> AnswerError:
 def identifier(text: str, asked: str = "latest") -> str:
     """The id of a campaign, which is that of the one that was asked for."""
     if not _ID.fullmatch(text):
-        raise wrong(f"a campaign has the id {_quoted(text)}, which is not NAME-N")
+        raise wrong(f"a campaign has the id {shown(text)}, which is not NAME-N")
     if asked not in ("latest", text):
         raise wrong(f"it was asked for campaign {asked}, and answered of {text}")
     return text
@@ -44,7 +43,7 @@ def identifier(text: str, asked: str = "latest") -> str:
 def digest(what: str, text: str) -> str:
     """A digest: 64 hexadecimal digits."""
     if not _DIGEST.fullmatch(text):
-        raise wrong(f"{what} is {_quoted(text)}, and not 64 hexadecimal digits")
+        raise wrong(f"{what} is {shown(text)}, and not 64 hexadecimal digits")
     return text
 
 
@@ -123,7 +122,3 @@ def channels(images: Sequence[bytes], side: int) -> int:
         )
     lengths("picture", "bytes", images, len(images[0]))
     return number
-
-
-def _quoted(text: str) -> str:
-    return repr(text if len(text) <= _QUOTED else f"{text[:_QUOTED]}...")

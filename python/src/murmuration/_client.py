@@ -350,8 +350,9 @@ def connect(
             one where pip puts programs, or else the PATH.
 
     Raises:
-        InvalidError: If the URL is not one.
-        UnavailableError: If no coordinator answers.
+        InvalidError: If the URL or the token cannot be one, or a `ca` is missing.
+        OSError: If the certificate cannot be read.
+        UnavailableError: If no coordinator answers within 30 seconds.
         RefusedError: If it does not accept the token.
 
     Example:

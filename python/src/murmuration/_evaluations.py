@@ -160,9 +160,11 @@ def _numbers(field: str, given: npt.ArrayLike, shape: str) -> npt.NDArray[np.flo
     listed = getattr(given, "to_pylist", None) or getattr(given, "to_list", None)
     try:
         array = np.asarray(listed() if listed else given)
-        if array.dtype.kind in _NO_REAL_NUMBERS or np.ma.is_masked(given):
-            raise TypeError(f"it has {'masked values' if np.ma.is_masked(given) else array.dtype}")
-        return array.astype(np.float64)
+        if np.ma.is_masked(given):
+            raise TypeError("some are masked")
+        if array.dtype.kind in _NO_REAL_NUMBERS:
+            raise TypeError(f"they are {array.dtype}")
+        return array.astype(np.float64, copy=False)
     except (TypeError, ValueError, OverflowError) as error:
         why = " ".join(str(error).split())
         raise InvalidError(f"{field} = what is no array: must be numbers, {shape}: {why}") from None

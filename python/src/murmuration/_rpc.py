@@ -16,8 +16,8 @@ from ._errors import AnswerError, InvalidError, MurmurationError, UnavailableErr
 
 Answer = TypeVar("Answer", bound=Message)
 
-# How gRPC begins what it says where nothing answers.
-_NOBODY = "failed to connect to all addresses"
+# How gRPC begins what it says where nothing answers, or not in time.
+_NOBODY = ("failed to connect to all addresses", "Deadline Exceeded")
 _OPTIONS = [
     # A picture may have up to a million bytes for each of its channels.
     ("grpc.max_receive_message_length", 64 * 1024 * 1024),
