@@ -23,9 +23,7 @@ pub(super) fn read(path: &Path, text: &[u8], genes: &[&str]) -> Result<Option<Ve
             // What is no CSV at all is refused by whoever reads the header.
             return Ok(None);
         };
-        let is_header = record.iter().any(|cell| genes.contains(&cell))
-            || record.iter().all(|cell| cell.parse::<f64>().is_err());
-        if place == 0 && is_header {
+        if place == 0 && is_header(&record, genes) {
             return Ok(None);
         }
         rows.push(numbers(&record, genes).map_err(|reason| {
@@ -39,6 +37,11 @@ pub(super) fn read(path: &Path, text: &[u8], genes: &[&str]) -> Result<Option<Ve
         })?);
     }
     Ok(Some(rows).filter(|rows| !rows.is_empty()))
+}
+
+fn is_header(record: &StringRecord, genes: &[&str]) -> bool {
+    let is_number = |cell: &str| cell.parse::<f64>().is_ok();
+    record.iter().any(|cell| genes.contains(&cell)) || !record.iter().any(is_number)
 }
 
 /// The numbers of a row, or what is wrong with it.

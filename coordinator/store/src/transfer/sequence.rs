@@ -26,9 +26,11 @@ pub struct Sequence {
     arrived: Option<(CheckpointRecord, Vec<u8>)>,
     /// Length of the embeddings, if the archive has some.
     dimensions: Option<usize>,
-    /// Generations that have begun, the last of them, and the novelty of its individuals so far.
+    /// Generations that have begun.
     generations: u32,
+    /// The last of them.
     generation: Option<GenerationRecord>,
+    /// The novelty of its individuals so far.
     novelty: Vec<f64>,
     individuals: u64,
     /// What the log comes to so far.
@@ -259,18 +261,25 @@ impl Sequence {
 
     /// Whether all individuals of the generations so far have come.
     fn generation_is_whole(&self, campaign: &ExportedCampaign) -> Result<(), Invalid> {
-        let population = u64::from(campaign.record.spec.search().population());
-        let wanted = u64::from(self.generations) * population;
-        match self.individuals == wanted {
+        match self.has_all_of_generation(campaign) {
             true => Ok(()),
             false => {
                 let allowed = format!(
-                    "{wanted} after {}",
+                    "{} after {}",
+                    self.individuals_of_generations(campaign),
                     counted(self.generations.into(), "generation")
                 );
                 Err(Invalid::new("individuals", self.individuals, allowed))
             }
         }
+    }
+
+    fn has_all_of_generation(&self, campaign: &ExportedCampaign) -> bool {
+        self.individuals == self.individuals_of_generations(campaign)
+    }
+
+    fn individuals_of_generations(&self, campaign: &ExportedCampaign) -> u64 {
+        u64::from(self.generations) * u64::from(campaign.record.spec.search().population())
     }
 
     fn member(
@@ -279,7 +288,7 @@ impl Sequence {
         message: v1::ExportedIndividual,
     ) -> Result<Member, Invalid> {
         let (index, spec) = (self.individuals, &campaign.record.spec);
-        if self.generation_is_whole(campaign).is_ok() {
+        if self.has_all_of_generation(campaign) {
             return Err(out_of_turn("a generation before its individuals"));
         }
         if message.index != index {
@@ -305,7 +314,7 @@ impl Sequence {
         self.clusters.extend(member.cluster);
         self.individuals += 1;
         self.novelty.push(member.individual.novelty);
-        if self.generation_is_whole(campaign).is_ok() {
+        if self.has_all_of_generation(campaign) {
             self.summary_is_of_the_individuals()?;
         }
         Ok(member)
