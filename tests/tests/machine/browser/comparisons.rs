@@ -195,8 +195,13 @@ pub async fn several_comparisons_are_withdrawn_at_once_and_asked_again() {
 }
 
 /// Gives a name on another page of the same browser.
-const NAMED_ELSEWHERE: &str = "const other = document.createElement('iframe'); document.body.append(other); \
-     other.contentWindow.localStorage.setItem('murmuration.annotator', 'Ana'); other.remove()";
+async fn rename_elsewhere(window: &Window, name: &str) {
+    let script = format!(
+        "const other = document.createElement('iframe'); document.body.append(other); \
+         other.contentWindow.localStorage.setItem('murmuration.annotator', '{name}'); other.remove()"
+    );
+    window.driver.execute(script, vec![]).await.unwrap();
+}
 
 pub async fn without_a_coordinator_buttons_do_not_look_as_if_they_answered() {
     let driver = Driver::start();
@@ -207,11 +212,10 @@ pub async fn without_a_coordinator_buttons_do_not_look_as_if_they_answered() {
     let window = driver.open(&format!("{url}/campaigns/small-1/comparisons")).await;
     // Who is known on another page is asked no more.
     window.until("!document.getElementById('who').hidden").await;
-    window.driver.execute(NAMED_ELSEWHERE, vec![]).await.unwrap();
+    rename_elsewhere(&window, "Ana").await;
     asked_after(&window, 0).await;
     // Under a name that was changed there, nothing is answered here as somebody else.
-    let renamed = NAMED_ELSEWHERE.replace("'Ana'", "'Ben'");
-    window.driver.execute(renamed, vec![]).await.unwrap();
+    rename_elsewhere(&window, "Ben").await;
     window
         .until("document.getElementById('annotator').value === 'Ben'")
         .await;
@@ -235,14 +239,18 @@ pub async fn without_a_coordinator_buttons_do_not_look_as_if_they_answered() {
     let (coordinator, _) = serve(url.trim_start_matches("http://"));
     assert_eq!(asked_after(&window, 0).await, first);
     window.until(&all_are(false)).await;
-    // Nothing of what was wrong stays on the page.
+    let all_is_well = "document.querySelector('.stale-note').hidden && document.getElementById('status').textContent === 'All saved.'";
+    window.until(all_is_well).await;
+
+    // A page that cannot ask complains, and takes that back.
+    coordinator.kill();
+    rename_elsewhere(&window, "Cyd").await;
+    window.until("document.querySelector('#status.wrong')").await;
+    let (coordinator, _) = serve(url.trim_start_matches("http://"));
+    window.until(&all_are(false)).await;
     window
-        .until("document.querySelector('.stale-note').hidden && document.getElementById('status').textContent === 'All saved.'")
+        .until(&format!("{all_is_well} && !document.querySelector('.wrong')"))
         .await;
-    assert_eq!(
-        window.value("document.querySelector('.wrong')").await,
-        json!(null)
-    );
     window.close().await;
     assert_eq!(coordinator.terminate(), Some(0));
 }
