@@ -3,43 +3,55 @@
 CARGO ?= cargo
 export CARGO_TERM_COLOR ?= auto
 
-.PHONY: demo test test-python guide wheel wheel-programs wheel-aarch64 test-browser test-faults faults test-containers lint build install runtime browser toolchain bench instructions fuzz clean
+.PHONY: demo test forget-skipped test-python guide wheel wheel-programs wheel-aarch64 test-browser test-faults faults test-containers lint build install runtime browser toolchain tests-built bench instructions fuzz clean
 
 # Builds, runs the paper's single-sensor campaign on a learned embedding, and prints the path of its report.
 demo: build runtime
 	./target/release/murmuration run examples/single-sensor-latent.toml
 
 # What must pass before a change lands, with `lint`, `test-faults`, `test-containers` and `test-python` (.ci/run). Runs every test
-# and lists failures at the end; then counts instructions, and builds the guide.
-test: toolchain runtime browser
+# and lists failures at the end; then counts instructions, builds the guide, and lists what was skipped.
+test: forget-skipped tests-built runtime browser
 	python="$$(scripts/python-packages $(CURDIR)/target/python)"; \
-		PATH="$${python:+$$python:}$$PATH" $(CARGO) test --workspace --no-fail-fast
+		PATH="$${python:+$$python:}$$PATH" scripts/run-tests
 	scripts/instruction-counts
-	$(MAKE) guide
+	scripts/guide
+	scripts/skipped
 
 # Only the pages, in a real browser; screenshots land in target/screenshots.
-test-browser: toolchain browser
-	$(CARGO) test --workspace --test machine -- browser
+test-browser: tests-built browser
+	scripts/run-tests -E 'binary(machine) & test(/^browser/)'
 
 # Faults against the real processes, in a short form; `make faults` fires all of them in full, for more than an hour.
-test-faults: toolchain runtime
-	$(CARGO) test --workspace --test faults
+test-faults: tests-built runtime
+	MURMURATION_BINARIES=$(CURDIR)/target/debug "$$(scripts/test-binary tests faults)"
 
 faults: build runtime
 	MURMURATION_SCHEDULES=1000000 $(CARGO) test --release --workspace --lib schedules -- --nocapture
 	MURMURATION_SCALE=long $(CARGO) test --release --workspace --test faults
 
 # A cluster in containers, some of which are killed. Ignored without a Docker engine.
-test-containers: toolchain runtime
-	bases="$$(tests/containers/base-images)" && \
-		MURMURATION_TEST_BASES="$$bases" $(CARGO) test --workspace --test containers
+test-containers: tests-built runtime
+	bases="$$(tests/containers/base-images)" && MURMURATION_TEST_BASES="$$bases" \
+		MURMURATION_BINARIES=$(CURDIR)/target/debug "$$(scripts/test-binary tests containers)"
 
 # The Python library against the programs: formatting, types, tests, examples and notebooks.
-test-python: toolchain
-	$(CARGO) build --workspace --bins
+test-python: tests-built
 	scripts/test-python
 	rm -rf target/tested-wheel
 	scripts/test-wheel "$$(scripts/wheel target/debug target/tested-wheel)"
+
+# Compiles the programs and every test. With BUILT=yes they are taken as they are, without asking Cargo.
+tests-built: toolchain
+ifndef BUILT
+	scripts/build-tests
+endif
+
+# With BUILT=yes other targets have begun beside this one.
+forget-skipped:
+ifndef BUILT
+	scripts/skipped --forget
+endif
 
 # Makes the guide, a book of the pages in docs/, in target/guide/html, and follows its links.
 guide: toolchain
@@ -82,13 +94,15 @@ install: build runtime
 
 # Performance figures of this machine, each with a baseline from the same run.
 bench: build runtime
-	./target/release/murmuration bench simulate
-	./target/release/murmuration bench cluster
-	./target/release/murmuration bench train
+	./target/release/murmuration lab bench simulate
+	./target/release/murmuration lab bench cluster
+	./target/release/murmuration lab bench train
 	$(CARGO) bench --workspace
 
-# Counts the instructions of fixed work with valgrind, and fails where they grew by more than 5 %.
-instructions: toolchain
+# Counts the instructions of fixed work with valgrind, and fails where they grew by more than 5 %. Compiles this workspace's crates
+# anew, without incremental compilation, as .ci/run does.
+instructions: export CARGO_INCREMENTAL = 0
+instructions: tests-built
 	scripts/instruction-counts
 
 # Fuzzes every parser of outside input, for SECONDS each; `make test` runs the same targets on changed inputs.
