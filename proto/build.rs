@@ -39,6 +39,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     fs::write(out.join("descriptors.bin"), files.encode_to_vec())?;
     fs::write(out.join("comments.rs"), comments(&files))?;
 
+    let onnx = protox::compile(["onnx/onnx.proto"], ["."])?;
+    tonic_prost_build::configure().compile_fds(onnx)?;
+
     let mut config = tonic_prost_build::configure().build_transport(true);
     for message in WRITTEN_BY_PEOPLE {
         config = config
@@ -93,6 +96,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         )
         .compile_fds(files)?;
     println!("cargo:rerun-if-changed=murmuration");
+    println!("cargo:rerun-if-changed=onnx");
     Ok(())
 }
 

@@ -8,8 +8,9 @@ mod swarm;
 mod tests;
 
 use crate::{
-    CapabilityModel, ControllerSpace, EmbedderSource, Feedback, ImageFormat, Invalid, Method, Search, Starts,
-    TomlError, World, embedder, invalid, robot, text, toml_errors, v1,
+    BehaviourSpace, CapabilityModel, Choice, ControllerSpace, EmbedderSource, Features, Feedback,
+    ImageFormat, Invalid, Method, Scale, Search, Starts, TomlError, World, embedder, invalid, robot, text,
+    toml_errors, v1,
 };
 
 /// A campaign's name: 1 to 64 letters, digits, `-` and `_`, so that it fits into ids and paths.
@@ -17,7 +18,6 @@ use crate::{
 pub struct CampaignName(String);
 
 impl CampaignName {
-    /// The name as text.
     #[must_use]
     pub fn as_str(&self) -> &str {
         &self.0
@@ -45,6 +45,7 @@ pub struct CampaignSpec {
     name: CampaignName,
     seed: u64,
     method: Method,
+    space: BehaviourSpace,
     filter: bool,
     world: World,
     image: ImageFormat,
@@ -53,7 +54,7 @@ pub struct CampaignSpec {
     starts: Starts,
     judges: bool,
     medoids: u32,
-    by_class: bool,
+    choice: Choice,
     embedder: Option<EmbedderSource>,
     feedback: Option<Feedback>,
 }
@@ -91,7 +92,6 @@ impl CampaignSpec {
         toml::to_string(&v1::CampaignSpec::from(self)).unwrap_or_default()
     }
 
-    /// Its name.
     #[must_use]
     pub const fn name(&self) -> &CampaignName {
         &self.name
@@ -103,7 +103,6 @@ impl CampaignSpec {
         self.seed
     }
 
-    /// The robots' capability model.
     #[must_use]
     pub const fn model(&self) -> &CapabilityModel {
         self.controllers.model()
@@ -115,19 +114,29 @@ impl CampaignSpec {
         self.method
     }
 
+    /// What novelty, clusters, questions and maps are measured in.
+    #[must_use]
+    pub const fn space(&self) -> BehaviourSpace {
+        self.space
+    }
+
+    /// The scale of an archive whose first individuals have these features and embeddings.
+    pub fn scale(&self, archive: impl Iterator<Item = (Features, Vec<f32>)>) -> Scale {
+        let first = archive.take(self.search.population() as usize);
+        Scale::of(self.space, &first.collect::<Vec<_>>())
+    }
+
     /// Whether proposals must pass the heuristic filter.
     #[must_use]
     pub const fn filter(&self) -> bool {
         self.filter
     }
 
-    /// The arena.
     #[must_use]
     pub const fn world(&self) -> &World {
         &self.world
     }
 
-    /// The pictures.
     #[must_use]
     pub const fn image(&self) -> &ImageFormat {
         &self.image
@@ -139,7 +148,6 @@ impl CampaignSpec {
         &self.controllers
     }
 
-    /// The parameters of the search.
     #[must_use]
     pub const fn search(&self) -> &Search {
         &self.search
@@ -163,19 +171,19 @@ impl CampaignSpec {
         self.medoids
     }
 
-    /// Whether medoids are chosen class by class, once labels have been learned from.
+    /// How the behaviours of the taxonomy are chosen.
     #[must_use]
-    pub const fn medoids_by_class(&self) -> bool {
-        self.by_class
+    pub const fn choice(&self) -> Choice {
+        self.choice
     }
 
-    /// The source of the first embedder; `None` if and only if the method has no embedding.
+    /// The source of the first embedder; `None` if and only if the behaviour space has no embedding.
     #[must_use]
     pub const fn embedder(&self) -> Option<&EmbedderSource> {
         self.embedder.as_ref()
     }
 
-    /// How the campaign is taught; `None` if and only if the method has no embedding.
+    /// How the campaign is taught; `None` if and only if the behaviour space has no embedding.
     #[must_use]
     pub const fn feedback(&self) -> Option<&Feedback> {
         self.feedback.as_ref()
@@ -225,6 +233,7 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
     fn try_from(message: v1::CampaignSpec) -> Result<Self, Invalid> {
         let (model, world) = swarm::swarm(&message)?;
         let method = Method::try_from(message.method)?;
+        let space = BehaviourSpace::from_field(message.space.as_deref(), method)?;
         let filter = message.filter.unwrap_or(false);
         let controllers = ControllerSpace::for_model(message.controllers.unwrap_or_default(), &model)
             .map_err(|e| e.within("controllers"))?;
@@ -245,13 +254,10 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             _ => 16,
         };
         let taxonomy = message.taxonomy.unwrap_or_default();
-        let medoids = taxonomy.medoids.unwrap_or(default_medoids);
-        let by_class = taxonomy.by_class.unwrap_or(false);
-        if by_class && !method.embeds() {
-            let allowed = format!("false: the method \"{method}\" has no embedding that learns from labels");
-            return Err(Invalid::new("taxonomy.by_class", by_class, allowed));
-        }
+        let choice = Choice::from_field(taxonomy.choose.as_deref(), space)
+            .map_err(|error| error.within("taxonomy"))?;
         let most_medoids = search.evaluations().min(1000) as u32;
+        let medoids = taxonomy.medoids.unwrap_or(default_medoids.min(most_medoids));
         let seed = invalid::whole("seed", message.seed.unwrap_or(1), 0..=i64::MAX as u64)?;
         let image = ImageFormat::for_swarm(message.image.unwrap_or_default(), &world, &model)
             .map_err(|e| e.within("image"))?;
@@ -260,14 +266,14 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             dataset: message.dataset,
             training: message.training,
         };
-        let feedback = match (method.embeds(), message.feedback) {
+        let feedback = match (space.embeds(), message.feedback) {
             (true, given) => {
                 let feedback = Feedback::try_from(given.unwrap_or_default());
                 Some(feedback.map_err(|error| error.within("feedback"))?)
             }
             (false, None) => None,
             (false, Some(_)) => {
-                let allowed = format!("absent: the method \"{method}\" has no embedding to be taught");
+                let allowed = format!("absent: the space \"{space}\" has no embedding to be taught");
                 return Err(Invalid::new("feedback", "given", allowed));
             }
         };
@@ -277,14 +283,15 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
                 .name
                 .unwrap_or_else(|| swarm::default_name(&model).to_owned())
                 .try_into()?,
-            embedder: EmbedderSource::from_fields(embedder, method, (seed, filter), &image)?,
+            embedder: EmbedderSource::from_fields(embedder, (method, space), (seed, filter), &image)?,
             seed,
             method,
+            space,
             filter,
             image,
             controllers,
             medoids: invalid::whole("taxonomy.medoids", medoids, 1..=most_medoids)?,
-            by_class,
+            choice,
             starts,
             judges: evaluation.judge.unwrap_or(method == Method::Exhaustive),
             world,
@@ -314,6 +321,7 @@ impl From<&CampaignSpec> for v1::CampaignSpec {
             species: robots.species,
             ratios: robots.ratios,
             method: v1::Method::from(spec.method) as i32,
+            space: Some(spec.space.name().to_owned()),
             filter: Some(spec.filter),
             world: Some(spec.world.clone().into()),
             image: Some(spec.image.into()),
@@ -321,7 +329,7 @@ impl From<&CampaignSpec> for v1::CampaignSpec {
             search: Some(spec.search.into()),
             taxonomy: Some(v1::TaxonomyFormat {
                 medoids: Some(spec.medoids),
-                by_class: spec.by_class.then_some(true),
+                choose: Some(spec.choice.name().to_owned()),
             }),
             evaluation: Some(v1::EvaluationParams {
                 starts: Some(spec.starts.into()),
@@ -337,7 +345,6 @@ pub enum SpecFileError {
     /// Not TOML, or a field that does not exist, or a value of the wrong type; says where.
     #[error("{0}")]
     Syntax(#[from] TomlError),
-    /// A value that is not allowed.
     #[error("{0}")]
     Value(#[from] Invalid),
 }

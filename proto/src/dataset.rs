@@ -19,7 +19,6 @@ impl Dataset {
     /// Maximum number of bytes of a dataset's pictures: a trainer holds them all.
     pub const MAX_BYTES: u64 = 8 << 30;
 
-    /// Number of pictures.
     #[must_use]
     pub const fn pictures(&self) -> u64 {
         self.controllers as u64 * self.starts as u64

@@ -1,7 +1,7 @@
 //! Where a campaign's embedder comes from.
 
 use crate::{
-    CheckpointDigest, Dataset, ImageFormat, Invalid, Method, toml_errors,
+    BehaviourSpace, CheckpointDigest, Dataset, ImageFormat, Invalid, Method, toml_errors,
     training::{Configuration, Recipe},
     v1,
 };
@@ -9,13 +9,9 @@ use crate::{
 /// Where a campaign's embedder comes from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum EmbedderSource {
-    /// A published checkpoint.
     Published(CheckpointDigest),
-    /// A trainer makes it.
     Trained {
-        /// What it is trained on.
         dataset: Dataset,
-        /// How it is trained.
         training: Box<Configuration>,
     },
 }
@@ -31,7 +27,7 @@ impl EmbedderSource {
     /// Validates the fields; `None` for a method without an embedding.
     pub(crate) fn from_fields(
         fields: Fields,
-        method: Method,
+        (method, space): (Method, BehaviourSpace),
         (seed, filter): (u64, bool),
         image: &ImageFormat,
     ) -> Result<Option<Self>, Invalid> {
@@ -46,8 +42,8 @@ impl EmbedderSource {
             ("dataset", dataset.is_some()),
             ("training", training.is_some()),
         ];
-        if !method.embeds() {
-            let why = format!("the method \"{method}\" has no embedding");
+        if !space.embeds() {
+            let why = format!("the space \"{space}\" has no embedding");
             return match given.iter().find(|(_, given)| *given) {
                 Some((field, _)) => unwanted(field, &why),
                 None => Ok(None),
@@ -120,7 +116,7 @@ fn configuration(
         }
     })?;
     let recipe = configuration.recipe();
-    if (method == Method::Untrained) != (*recipe == Recipe::Untrained) && method != Method::Concatenate {
+    if (method == Method::Untrained) != (*recipe == Recipe::Untrained) && method != Method::Random {
         let allowed = format!("another: the method is \"{method}\"");
         return Err(Invalid::new(
             "training.recipe",
@@ -197,7 +193,7 @@ mod tests {
         for text in [
             "method = \"latent\"\n[dataset]\nstarts = 3\n[training.recipe.in-batch]\nepochs = 3".to_owned(),
             "method = \"untrained\"\n[training.network]\nname = \"paper\"".to_owned(),
-            format!("method = \"concatenate\"\ncheckpoint = \"{digest}\""),
+            format!("method = \"random\"\nspace = \"both\"\ncheckpoint = \"{digest}\""),
         ] {
             let spec = spec(&text).unwrap();
             assert_eq!(CampaignSpec::from_toml(&spec.to_toml()).unwrap(), spec);

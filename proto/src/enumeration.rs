@@ -18,7 +18,6 @@ pub struct Enumeration<'a> {
 /// What the mirror image of a controller is: the same for each pair of speeds.
 #[derive(Debug, Clone, Copy)]
 struct Mirror {
-    /// Values of a speed.
     values: u64,
     /// Pairs of speeds, one for each sensor state.
     pairs: u32,

@@ -198,7 +198,6 @@ impl EmbeddingKind {
         Self(u64::from_le_bytes(first) | 1)
     }
 
-    /// The number in messages.
     #[must_use]
     pub const fn number(self) -> u64 {
         self.0

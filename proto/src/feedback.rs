@@ -1,15 +1,17 @@
 //! How people, or the synthetic annotator, teach a campaign.
 
 use crate::{Invalid, Purpose, RandomStream, invalid, toml_errors, training::Recipe, v1};
+use rand::RngExt as _;
 use std::fmt;
 
 /// How queries are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Strategy {
-    /// At random.
     Random,
     /// The medoids of the archive, then the members of their clusters that nearly belong to another cluster.
     Medoids,
+    /// The medoids of the archive, then the individuals that are farthest from all before them.
+    Coverage,
 }
 
 /// How a campaign is taught. In each round individuals are labelled, the embedder is fine-tuned on all labels, the archive
@@ -65,7 +67,7 @@ impl Feedback {
     pub fn further_starts(&self, seed: u64, index: u64) -> impl Iterator<Item = u64> + use<> {
         let first = index * 16;
         let places = first + 1..first + u64::from(self.starts);
-        places.map(move |place| RandomStream::derive(seed, Purpose::FurtherStart, place).bits())
+        places.map(move |place| RandomStream::derive(seed, Purpose::FurtherStart, place).random())
     }
 }
 
@@ -124,8 +126,7 @@ impl From<&Feedback> for v1::Feedback {
 }
 
 impl Strategy {
-    /// Every strategy.
-    pub const ALL: [Self; 2] = [Self::Random, Self::Medoids];
+    pub const ALL: [Self; 3] = [Self::Random, Self::Medoids, Self::Coverage];
 
     /// Its name in files and on the command line.
     #[must_use]
@@ -133,6 +134,7 @@ impl Strategy {
         match self {
             Self::Random => "random",
             Self::Medoids => "medoids",
+            Self::Coverage => "coverage",
         }
     }
 }
@@ -162,7 +164,10 @@ impl TryFrom<v1::QueryStrategy> for Strategy {
         match strategy {
             v1::QueryStrategy::Random => Ok(Self::Random),
             v1::QueryStrategy::Medoids => Ok(Self::Medoids),
-            v1::QueryStrategy::Unspecified => Err(Invalid::new("strategy", "nothing", "random or medoids")),
+            v1::QueryStrategy::Coverage => Ok(Self::Coverage),
+            v1::QueryStrategy::Unspecified => {
+                Err(Invalid::missing("strategy", "random, medoids or coverage"))
+            }
         }
     }
 }
@@ -172,6 +177,7 @@ impl From<Strategy> for v1::QueryStrategy {
         match strategy {
             Strategy::Random => Self::Random,
             Strategy::Medoids => Self::Medoids,
+            Strategy::Coverage => Self::Coverage,
         }
     }
 }

@@ -1,21 +1,23 @@
 //! The error of validation: the field, its value, and the allowed values.
 
-use crate::beginning::beginning;
-use std::{fmt::Display, ops::RangeInclusive};
+use std::{borrow::Cow, fmt::Display, ops::RangeInclusive};
 
 /// Maximum number of characters shown of a value: enough for several numbers in full.
 const SHOWN_CHARS: usize = 240;
 
 /// A value from outside that is not allowed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{field} = {value}: must be {allowed}")]
+#[error("{field}{}: must be {allowed}", assigned(value.as_deref()))]
 pub struct Invalid {
     /// Path of the field from the outermost message, as in a campaign file (`search.population`).
     pub field: String,
-    /// The value (the beginning of a long one), or `nothing`.
-    pub value: String,
-    /// The allowed values.
+    /// The beginning of the value; `None` if there is none.
+    pub value: Option<String>,
     pub allowed: String,
+}
+
+fn assigned(value: Option<&str>) -> String {
+    value.map_or(" is missing".to_owned(), |value| format!(" = {value}"))
 }
 
 impl Invalid {
@@ -23,7 +25,16 @@ impl Invalid {
     pub fn new(field: impl Into<String>, value: impl Display, allowed: impl Into<String>) -> Self {
         Self {
             field: field.into(),
-            value: beginning(&value.to_string(), SHOWN_CHARS).into_owned(),
+            value: Some(beginning(&value.to_string(), SHOWN_CHARS).into_owned()),
+            allowed: allowed.into(),
+        }
+    }
+
+    /// An error about `field`, which has no value.
+    pub fn missing(field: impl Into<String>, allowed: impl Into<String>) -> Self {
+        Self {
+            field: field.into(),
+            value: None,
             allowed: allowed.into(),
         }
     }
@@ -33,6 +44,15 @@ impl Invalid {
     pub fn within(mut self, outer: &str) -> Self {
         self.field = format!("{outer}.{}", self.field);
         self
+    }
+}
+
+/// Returns a text of at most `most` characters; a longer text is cut there and gets an ellipsis.
+#[must_use]
+pub fn beginning(text: &str, most: usize) -> Cow<'_, str> {
+    match text.char_indices().nth(most) {
+        None => text.into(),
+        Some((end, _)) => format!("{}…", &text[..end]).into(),
     }
 }
 
@@ -83,15 +103,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_value_is_never_shown_with_hundreds_of_digits() {
+    fn a_value_is_shown_briefly_and_none_is_said_to_be_missing() {
         let said = |value: f64| real("x", value, -1.0..=1.0).unwrap_err().to_string();
         assert_eq!(said(-1e300), "x = -1e300: must be a number from -1 to 1");
         assert_eq!(said(1.5), "x = 1.5: must be a number from -1 to 1");
         assert_eq!(said(f64::NAN), "x = NaN: must be a number from -1 to 1");
         assert_eq!(said(f64::INFINITY), "x = inf: must be a number from -1 to 1");
         let tiny = positive("x", -f64::MIN_POSITIVE, 1.0).unwrap_err();
-        assert_eq!(tiny.value, "-2.2250738585072014e-308");
+        assert_eq!(tiny.value.as_deref(), Some("-2.2250738585072014e-308"));
         let long = Invalid::new("x", "9".repeat(300), "short");
-        assert_eq!(long.value, format!("{}…", "9".repeat(240)));
+        assert_eq!(long.value, Some(format!("{}…", "9".repeat(240))));
+        let said = |invalid: Invalid| invalid.to_string();
+        assert_eq!(
+            said(Invalid::missing("x", "given")),
+            "x is missing: must be given"
+        );
+        assert_eq!(
+            said(Invalid::new("x", "nothing", "given")),
+            "x = nothing: must be given"
+        );
     }
 }

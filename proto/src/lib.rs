@@ -5,11 +5,11 @@
 //! behind the edge.
 //!
 //! Depends on no other crate of the workspace.
-#![deny(missing_docs)]
 
-mod beginning;
+mod behaviour_space;
 mod campaign_spec;
 mod checkpoint;
+mod choice;
 mod counted;
 mod dataset;
 mod embedder;
@@ -19,15 +19,12 @@ mod feedback;
 mod field_lines;
 mod image_format;
 mod invalid;
-mod lease_id;
 mod method;
-pub mod near;
 pub mod onnx;
 pub mod parts;
 mod picture_shape;
 mod random;
 mod record;
-mod refusal;
 mod replay;
 mod robot;
 mod search;
@@ -37,14 +34,15 @@ pub mod spec_sections;
 mod starts;
 pub mod text;
 mod toml_errors;
-mod toml_line;
 mod toml_names;
 pub mod training;
 mod verdict;
 mod world;
 
+pub use behaviour_space::{BehaviourSpace, Scale};
 pub use campaign_spec::{CampaignName, CampaignSpec, SpecFileError};
 pub use checkpoint::{CheckpointDigest, Lineage, PART_BYTES};
+pub use choice::Choice;
 pub use counted::{counted, figure, grouped, noun};
 pub use dataset::Dataset;
 pub use embedder::EmbedderSource;
@@ -57,7 +55,6 @@ pub use feedback::{Feedback, Strategy};
 pub use field_lines::line_of_field;
 pub use image_format::ImageFormat;
 pub use invalid::Invalid;
-pub use lease_id::REQUEST_ID;
 pub use method::Method;
 pub use picture_shape::PictureShape;
 pub use random::{Purpose, RandomStream};
@@ -72,12 +69,15 @@ pub use space::{ControllerSpace, GeneSpace};
 pub use starts::Starts;
 pub use text::Text;
 pub use toml_errors::{TomlError, read_toml};
-pub use toml_line::{of_toml_line, to_toml_line};
+pub use toml_names::{of_toml_line, to_toml_line};
 pub use verdict::{Class, Pattern, Verdict};
 pub use world::{Noise, Obstacle, StartShape, World};
 
+use std::fmt;
+use tonic::Status;
+
 /// The generated messages and services of the package `murmuration.v1`.
-#[allow(missing_docs, clippy::all)]
+#[allow(clippy::all)]
 pub mod v1 {
     tonic::include_proto!("murmuration.v1");
 }
@@ -94,3 +94,22 @@ pub const SIMULATOR_VERSION: &str = "1";
 ///
 /// It changes whenever a bit of any checkpoint changes. Coordinator and trainers must have the same version.
 pub const TRAINER_VERSION: &str = "6";
+
+/// The header with a request's id, in requests and answers, in gRPC and plain HTTP.
+///
+/// The client may choose the id. A worker or trainer that makes a request for a lease uses the lease's id.
+pub const REQUEST_ID: &str = "x-request-id";
+
+/// `EPOCH-NUMBER`.
+impl fmt::Display for v1::LeaseId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}-{}", self.epoch, self.number)
+    }
+}
+
+impl From<Invalid> for Status {
+    fn from(invalid: Invalid) -> Self {
+        // A value from outside may be of any length.
+        Self::invalid_argument(Text::line(&invalid.to_string()))
+    }
+}

@@ -34,7 +34,6 @@ impl PictureShape {
         })
     }
 
-    /// Number of channels.
     #[must_use]
     pub const fn channels(self) -> usize {
         self.channels

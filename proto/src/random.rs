@@ -1,7 +1,8 @@
 //! Random streams that depend on nothing but (campaign seed, purpose, index).
 
+use rand::{RngExt as _, SeedableRng as _, TryRng};
 use rand_chacha::ChaCha8Rng;
-use rand_core::{Rng as _, SeedableRng as _};
+use std::convert::Infallible;
 
 /// The purpose of a stream. Streams of different purposes are independent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,8 +29,6 @@ pub enum Purpose {
     DatasetStart,
     /// Which behaviours people are asked about; the index is 0.
     Query,
-    /// Which behaviours people are asked to compare; the index depends on who is asked, and on how many they have compared.
-    Comparison,
     /// The substitute of an individual whose task is poisoned; the index is made of the individual's and the attempt's.
     Substitute,
     /// The substitute of a dataset's controller whose task is poisoned; the index is made of the controller's and the
@@ -69,7 +68,6 @@ impl Purpose {
             Self::Dataset => "dataset",
             Self::DatasetStart => "dataset start",
             Self::Query => "query",
-            Self::Comparison => "comparison",
             Self::Substitute => "substitute",
             Self::DatasetSubstitute => "dataset substitute",
             Self::Audit => "audit",
@@ -87,8 +85,9 @@ impl Purpose {
 
 /// A reproducible stream of random numbers (ChaCha with 8 rounds, keyed by BLAKE3 of seed, purpose and index).
 ///
-/// The distributions are computed here, with arithmetic that rounds alike everywhere, because campaigns' digests depend on
-/// them.
+/// It is a generator of [`rand`], whose `random` gives it uniform bits and numbers from 0 to 1. The methods here stay beside rand's
+/// because campaigns' digests depend on their bits: for the same distributions rand takes other bits of the generator, and may take
+/// others again in its next version. Where no stored result depends on the numbers, rand's own are used.
 #[derive(Debug, Clone)]
 pub struct RandomStream(ChaCha8Rng);
 
@@ -103,26 +102,16 @@ impl RandomStream {
         Self(ChaCha8Rng::from_seed(*hasher.finalize().as_bytes()))
     }
 
-    /// 64 uniform bits.
-    pub fn bits(&mut self) -> u64 {
-        self.0.next_u64()
-    }
-
-    /// Uniform in \[0, 1), a multiple of 2^-53.
-    pub fn unit(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
-    }
-
     /// Uniform in \[`low`, `high`).
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + self.unit() * (high - low)
+        low + self.random::<f64>() * (high - low)
     }
 
     /// Uniform in 0..`count` (`count` over 0), exactly: values that would favour the low end are drawn again.
     pub fn below(&mut self, count: u64) -> u64 {
         let fair = u64::MAX - u64::MAX % count;
         loop {
-            let bits = self.bits();
+            let bits = self.random::<u64>();
             if bits < fair {
                 return bits % count;
             }
@@ -131,7 +120,7 @@ impl RandomStream {
 
     /// True with `probability`.
     pub fn chance(&mut self, probability: f64) -> bool {
-        self.unit() < probability
+        self.random::<f64>() < probability
     }
 
     /// Puts a list into random order (Fisher and Yates).
@@ -139,6 +128,25 @@ impl RandomStream {
         for last in (1..list.len()).rev() {
             list.swap(last, self.below(last as u64 + 1) as usize);
         }
+    }
+}
+
+impl TryRng for RandomStream {
+    type Error = Infallible;
+
+    #[inline]
+    fn try_next_u32(&mut self) -> Result<u32, Infallible> {
+        self.0.try_next_u32()
+    }
+
+    #[inline]
+    fn try_next_u64(&mut self) -> Result<u64, Infallible> {
+        self.0.try_next_u64()
+    }
+
+    #[inline]
+    fn try_fill_bytes(&mut self, bytes: &mut [u8]) -> Result<(), Infallible> {
+        self.0.try_fill_bytes(bytes)
     }
 }
 
@@ -151,7 +159,7 @@ mod tests {
     fn the_streams_are_the_same_for_ever() {
         let mut stream = RandomStream::derive(1, Purpose::Start, 7);
         assert_eq!(
-            [stream.bits(), stream.bits()],
+            stream.random::<[u64; 2]>(),
             [8382917169329880773, 14253264017393074045]
         );
     }
@@ -162,15 +170,34 @@ mod tests {
         let mut stream = RandomStream::derive(1, Purpose::Start, 7);
         let mut hasher = blake3::Hasher::new();
         for _ in 0..100_000 {
-            hasher.update(&stream.bits().to_le_bytes());
+            hasher.update(&stream.random::<u64>().to_le_bytes());
         }
         let digest = hasher.finalize().to_hex();
         assert_eq!(&digest[..16], "17cd55a6e60d1e29");
     }
 
+    /// What of these numbers rand computes, it must go on computing.
+    #[test]
+    fn distributions_are_the_same_for_ever() {
+        let mut stream = RandomStream::derive(1, Purpose::Start, 7);
+        assert_eq!(stream.random::<f64>(), 0.4544388503376745);
+        assert_eq!(stream.between(-1.0, 3.0), 2.0906839625334075);
+        let below = [(); 8].map(|()| stream.below(1000));
+        assert_eq!(below, [992, 565, 783, 382, 850, 436, 573, 62]);
+        assert_eq!(stream.below((1 << 63) + 1), 6670947447661383948);
+        let chances = [(); 8].map(|()| stream.chance(0.3));
+        assert_eq!(chances, [false, true, false, false, false, true, false, false]);
+        // What is certain takes a number too.
+        assert!(stream.chance(1.0));
+        let mut list = [0, 1, 2, 3, 4, 5, 6, 7];
+        stream.shuffle(&mut list);
+        assert_eq!(list, [4, 1, 6, 0, 2, 7, 3, 5]);
+        assert_eq!(stream.random::<u64>(), 7599504338469415278);
+    }
+
     #[test]
     fn purposes_and_indices_are_independent() {
-        let first = |seed, purpose, index| RandomStream::derive(seed, purpose, index).bits();
+        let first = |seed, purpose, index| RandomStream::derive(seed, purpose, index).random::<u64>();
         let one = first(1, Purpose::Start, 0);
         assert_ne!(one, first(1, Purpose::Propose, 0));
         assert_ne!(one, first(1, Purpose::Start, 1));

@@ -11,7 +11,6 @@ mod messages;
 mod preset;
 mod sensor;
 mod species;
-mod species_name;
 #[cfg(test)]
 mod tests;
 pub(crate) mod toml_names;
@@ -23,8 +22,7 @@ pub use drive::{Drive, DriveKind};
 pub(crate) use messages::{Defaults, Written};
 pub use preset::Preset;
 pub use sensor::{Seen, SeenRobots, Sensor, SensorAngle, SensorDescription};
-pub use species::Species;
-pub use species_name::SpeciesName;
+pub use species::{Species, SpeciesName};
 
 use crate::{Invalid, counted, invalid};
 

@@ -19,7 +19,6 @@ pub struct ControllerSpace {
 /// The values of one gene of a controller space.
 #[derive(Debug, Clone, PartialEq)]
 pub enum GeneSpace {
-    /// A speed.
     Speed {
         /// Its largest magnitude.
         limit: f64,
@@ -68,7 +67,6 @@ impl ControllerSpace {
         })
     }
 
-    /// The capability model of these controllers.
     #[must_use]
     pub const fn model(&self) -> &CapabilityModel {
         &self.model

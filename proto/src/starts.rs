@@ -1,6 +1,7 @@
 //! How many trials an individual has, and where they start.
 
 use crate::{Invalid, Purpose, RandomStream, invalid};
+use rand::RngExt as _;
 
 /// Number of trials of an individual: simulations of its controller, each from a start of its own. 1 to [`Starts::MAX`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,7 +21,6 @@ impl Starts {
         invalid::whole(field, starts, 1..=Self::MAX).map(Self)
     }
 
-    /// The number.
     #[must_use]
     pub const fn get(self) -> usize {
         self.0 as usize
@@ -28,7 +28,7 @@ impl Starts {
 
     /// The seeds of the starts of an individual: `seed`, and those that follow from it.
     pub fn seeds(self, seed: u64) -> impl Iterator<Item = u64> {
-        let further = move |start| RandomStream::derive(seed, Purpose::FurtherTrial, start).bits();
+        let further = move |start| RandomStream::derive(seed, Purpose::FurtherTrial, start).random();
         std::iter::once(seed).chain((1..u64::from(self.0)).map(further))
     }
 }

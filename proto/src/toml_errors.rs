@@ -2,8 +2,8 @@
 
 use crate::{
     Text,
-    near::nearest,
     spec_sections::{quoted_names, sections},
+    text::nearest,
     training::{Recipe, Settings},
     v1,
 };

@@ -5,12 +5,10 @@ mod architecture;
 mod configuration;
 mod labelled_recipe;
 mod recipe;
-mod shape;
 mod unlabelled_recipe;
 
-pub use architecture::{Architecture, ArchitectureError, Layer, parameters};
+pub use architecture::{Architecture, ArchitectureError, Layer, Shape, parameters};
 pub use configuration::{Configuration, ConfigurationError, NetworkSettings, Settings};
 pub use labelled_recipe::{Labelled, PaperLabelled};
 pub use recipe::Recipe;
-pub use shape::Shape;
 pub use unlabelled_recipe::{InBatch, RandomTriplets};

@@ -45,7 +45,6 @@ pub enum Verdict {
 }
 
 impl Class {
-    /// Every class.
     pub const ALL: [Self; 8] = [
         Self::CyclicPursuit,
         Self::Milling,
@@ -97,7 +96,6 @@ impl Class {
 }
 
 impl Pattern {
-    /// Every pattern.
     pub const ALL: [Self; 3] = [Self::SmallClusters, Self::Chain, Self::MovingClumps];
 
     /// Its name in labelled sets.
@@ -123,13 +121,18 @@ fn in_words(name: &str) -> String {
 }
 
 impl Verdict {
+    /// Its name for people: `cyclic pursuit`.
+    #[must_use]
+    pub fn words(self) -> String {
+        in_words(self.name())
+    }
+
     /// Every verdict: the classes, then the patterns.
     pub fn all() -> impl Iterator<Item = Self> {
         let classes = Class::ALL.into_iter().map(Self::Class);
         classes.chain(Pattern::ALL.into_iter().map(Self::Pattern))
     }
 
-    /// The class.
     #[must_use]
     pub const fn class(self) -> Class {
         match self {

@@ -39,7 +39,6 @@ record! {
         horizon: u32,
         /// Whether collisions add the authors' seeded jitter.
         jitter: bool,
-        /// What is at the edges.
         boundary: Boundary,
         /// What goes wrong with the agents.
         noise: Noise,

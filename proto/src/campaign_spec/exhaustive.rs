@@ -80,7 +80,7 @@ fn too_many(all: Option<u64>, most: u64) -> Invalid {
          search.generations are then an evenly spread sample",
         grouped(most)
     );
-    Invalid::new("search.generations", "nothing", allowed)
+    Invalid::missing("search.generations", allowed)
 }
 
 /// Refuses what an exhaustive campaign has no use for.
@@ -149,7 +149,7 @@ mod tests {
         );
         check(
             "[controllers]\nstep = 0",
-            "search.generations = nothing: must be given where there are more than 10,000,000 controllers to evaluate: the \
+            "search.generations is missing: must be given where there are more than 10,000,000 controllers to evaluate: the \
              space has no countable number of controllers",
         );
         check(

@@ -25,7 +25,7 @@ fn what_is_wrong_is_named() {
     check_refused("model = ", "line 1");
     check_refused(
         "method = \"random\"",
-        "model = nothing: must be \"single-sensor\" or \"two-sensor\" or \"flockbots\" or \"turbopi\", unless a robot is described",
+        "model is missing: must be \"single-sensor\" or \"two-sensor\" or \"flockbots\" or \"turbopi\", unless a robot is described",
     );
     check_refused(
         "model = \"three-sensor\"\nmethod = \"random\"",
@@ -43,9 +43,11 @@ fn what_is_wrong_is_named() {
         "search.mutation = NaN",
     );
     check_refused(
-        &format!("{MINIMAL}[search]\npopulation = 1\ngenerations = 3"),
+        &format!("{MINIMAL}[search]\npopulation = 1\ngenerations = 3\n[taxonomy]\nmedoids = 12"),
         "taxonomy.medoids = 12",
     );
+    let few = CampaignSpec::from_toml(&format!("{MINIMAL}[search]\npopulation = 1\ngenerations = 3"));
+    assert_eq!(few.unwrap().medoids(), 3);
     check_refused(
         &format!("{MINIMAL}[world]\nwidth = 30"),
         "world.width = 30: must be at least 2 (radius + padding) = 40",
@@ -112,7 +114,7 @@ fn species_are_read_and_written() {
     );
     check_refused(
         &TWO.replace("ratios = [[12, 12], [8, 16]]\n", ""),
-        "species[0].count = nothing",
+        "species[0].count is missing",
     );
     check_refused(
         &TWO.replace("name = \"b\"", "name = \"b\"\ncount = 3"),
@@ -166,15 +168,37 @@ fn species_are_read_and_written() {
 #[test]
 fn medoids_by_class_take_an_embedding_that_learns() {
     let latent = MINIMAL.replace("hand-crafted", "latent");
-    let by_class = "[taxonomy]\nby_class = true";
+    let by_class = "[taxonomy]\nchoose = \"by-class\"";
     let spec = CampaignSpec::from_toml(&format!("{latent}{by_class}")).unwrap();
-    assert!(spec.medoids_by_class());
+    assert_eq!(spec.choice(), Choice::ByClass);
     assert_eq!(CampaignSpec::from_toml(&spec.to_toml()).unwrap(), spec);
-    let without = CampaignSpec::from_toml(&format!("{latent}[taxonomy]\nby_class = false")).unwrap();
-    assert!(!without.medoids_by_class() && !without.to_toml().contains("by_class"));
     check_refused(
         &format!("{MINIMAL}{by_class}"),
-        "taxonomy.by_class = true: must be false: the method \"",
+        "taxonomy.choose = \"by-class\": must be \"coverage\" or \"medoids\": the space \"features\" has no embedding",
+    );
+    check_refused(
+        &format!("{latent}[taxonomy]\nchoose = \"best\""),
+        "taxonomy.choose = \"best\": must be \"coverage\" or \"medoids\" or \"by-class\"",
+    );
+}
+
+#[test]
+fn a_method_has_the_spaces_that_it_can_be_measured_in() {
+    let of = |method: &str, space: &str| {
+        let text = MINIMAL.replace("hand-crafted", method);
+        CampaignSpec::from_toml(&format!("{space}\n{text}")).map(|spec| spec.space())
+    };
+    assert_eq!(of("latent", "").unwrap(), BehaviourSpace::Both);
+    assert_eq!(of("random", "").unwrap(), BehaviourSpace::Features);
+    assert_eq!(of("random", "space = \"both\"").unwrap(), BehaviourSpace::Both);
+    assert_eq!(
+        of("latent", "space = \"embedding\"").unwrap(),
+        BehaviourSpace::Embedding
+    );
+    let refused = of("hand-crafted", "space = \"both\"").unwrap_err().to_string();
+    assert_eq!(
+        refused,
+        "space = \"both\": must be \"features\" with the method \"hand-crafted\""
     );
 }
 

@@ -4,8 +4,9 @@
 //! runtime loads only the result, never the original bytes.
 
 use super::{
-    DataType, EMBEDDING_DIMENSIONS, GraphProto, IMAGE_SIDES, ImageShape, MAX_MODEL_BYTES, MAX_NODES,
-    ModelProto, NodeProto, TypeProto, ValueInfoProto, budget::Budget, operators, shape::Value, tensor, wire,
+    EMBEDDING_DIMENSIONS, GraphProto, IMAGE_SIDES, ImageShape, MAX_MODEL_BYTES, MAX_NODES, ModelProto,
+    NodeProto, TypeProto, ValueInfoProto, budget::Budget, operators, shape::Value, tensor,
+    tensor_proto::DataType, tensor_shape_proto::dimension, wire,
 };
 use crate::PictureShape;
 use prost::Message as _;
@@ -218,7 +219,10 @@ fn image_shape(input: &ValueInfoProto) -> Result<ImageShape, ModelError> {
         .shape
         .iter()
         .flat_map(|shape| &shape.dim)
-        .map(|dimension| dimension.dim_value)
+        .map(|dimension| match dimension.value {
+            Some(dimension::Value::DimValue(size)) => Some(size),
+            Some(dimension::Value::DimParam(_)) | None => None,
+        })
         .collect();
     match sizes[..] {
         [None, Some(channels), Some(height), Some(width)] => {

@@ -3,10 +3,12 @@
 //! No operator mixes the images of a batch, reads anything outside the model, or keeps state between runs.
 
 use super::{
-    AttributeProto, AttributeType, DataType, NodeProto,
+    AttributeProto, NodeProto,
+    attribute_proto::AttributeType,
     budget::Budget,
     shape::{Value, Window, broadcast, product, reduce, reshape, slide},
     tensor,
+    tensor_proto::DataType,
 };
 
 /// Every operator that [`output`] knows, for messages.

@@ -1,8 +1,9 @@
 //! Constant tensors: floats or 64-bit integers, all of them in the message.
 
 use super::{
-    DataLocation, DataType, TensorProto,
+    TensorProto,
     shape::{Value, product},
+    tensor_proto::{DataLocation, DataType},
 };
 
 /// The constant in a tensor.

@@ -1,6 +1,7 @@
 //! Messages of model files, written and read.
 
 use super::*;
+use prost::Message as _;
 
 /// A tensor as Python's `onnx.helper.make_tensor("w", TensorProto.FLOAT, [2], [1.0, -2.0])` writes it.
 #[test]
@@ -12,7 +13,7 @@ fn a_tensor_written_by_the_reference_library_is_read() {
         (tensor.name.as_str(), tensor.dims.as_slice()),
         ("w", [2].as_slice())
     );
-    assert_eq!(tensor.data_type(), DataType::Float);
+    assert_eq!(tensor.data_type, DataType::Float as i32);
     assert_eq!(tensor.raw_data, None);
 }
 
@@ -21,8 +22,8 @@ fn an_open_batch_is_a_named_dimension() {
     let value = ValueInfoProto::batch_of_floats("images", "batch", &[1, 50, 50]);
     let read = ValueInfoProto::decode(value.encode_to_vec().as_slice()).unwrap();
     let dim = read.r#type.unwrap().tensor_type.unwrap().shape.unwrap().dim;
-    assert_eq!(dim[0].dim_param.as_deref(), Some("batch"));
-    assert_eq!(dim[3].dim_value, Some(50));
+    assert_eq!(dim[0].value, Some(Value::DimParam("batch".to_owned())));
+    assert_eq!(dim[3].value, Some(Value::DimValue(50)));
 }
 
 #[test]

@@ -17,10 +17,8 @@ pub enum Boundary {
 }
 
 impl Boundary {
-    /// Every boundary.
     pub const ALL: [Self; 3] = [Self::Walls, Self::Open, Self::Torus];
 
-    /// Its name in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

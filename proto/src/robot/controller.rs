@@ -49,13 +49,11 @@ impl Controller {
         }
     }
 
-    /// The capability model of the swarm.
     #[must_use]
     pub const fn model(&self) -> &CapabilityModel {
         &self.model
     }
 
-    /// All genes.
     #[must_use]
     pub const fn genes(&self) -> &[f64] {
         &self.genes
@@ -94,7 +92,6 @@ impl Controller {
 }
 
 impl<'a> RobotController<'a> {
-    /// The robot.
     #[must_use]
     pub const fn robot(self) -> &'a Robot {
         self.robot

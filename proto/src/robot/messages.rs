@@ -119,7 +119,7 @@ fn drive(message: &v1::Robot, default: &Defaults) -> Result<Drive, Invalid> {
         Some(UNICYCLE) => {
             absent("wheel_radius", message.wheel_radius, UNICYCLE)?;
             let needed = |field: &str, given: Option<f64>| {
-                given.ok_or_else(|| Invalid::new(field, "nothing", "given for a unicycle"))
+                given.ok_or_else(|| Invalid::missing(field, "given for a unicycle"))
             };
             Drive::unicycle(
                 needed("max_speed", message.max_speed)?,
@@ -164,7 +164,7 @@ fn robot(preset: Option<&str>, described: Option<v1::Robot>, default: &Defaults)
         (None, None) => {
             let presets = Preset::ALL.map(|preset| format!("\"{preset}\"")).join(" or ");
             let allowed = format!("{presets}, unless a robot is described");
-            Err(Invalid::new("model", "nothing", allowed))
+            Err(Invalid::missing("model", allowed))
         }
         (Some(name), Some(_)) => {
             let allowed = "absent where there is a robot";
@@ -210,9 +210,8 @@ fn count(species: &v1::Species, has_ratios: bool, agents: u32) -> Result<Option<
             invalid::whole("count", count, 1..=CapabilityModel::MAX_ROBOTS).map(Some)
         }
         (None, Some(share)) if !has_ratios => counted_share(share, agents).map(Some),
-        (None, None) => Err(Invalid::new(
+        (None, None) => Err(Invalid::missing(
             "count",
-            "nothing",
             "given, or share, unless there are ratios",
         )),
         (Some(count), _) => Err(Invalid::new(

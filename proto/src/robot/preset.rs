@@ -22,7 +22,6 @@ pub enum Preset {
 }
 
 impl Preset {
-    /// Every preset.
     pub const ALL: [Self; 4] = [
         Self::SingleSensor,
         Self::TwoSensor,

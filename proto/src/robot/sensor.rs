@@ -58,9 +58,7 @@ pub enum Seen {
     Robots,
     /// Robots of one species.
     Species(SpeciesName),
-    /// The walls of the arena.
     Walls,
-    /// Obstacles in the arena.
     Obstacles,
 }
 
@@ -98,7 +96,6 @@ impl Sensor {
         self.range
     }
 
-    /// The robots that it sees.
     #[must_use]
     pub const fn robots(&self) -> &SeenRobots {
         &self.robots
@@ -110,7 +107,6 @@ impl Sensor {
         self.wall_range
     }
 
-    /// Whether it sees obstacles.
     #[must_use]
     pub const fn sees_obstacles(&self) -> bool {
         self.obstacles
@@ -157,7 +153,7 @@ impl TryFrom<SensorDescription> for Sensor {
             (true, own) => Some(own.or(robot_range).ok_or_else(|| {
                 let allowed =
                     "given for a sensor that sees walls (or wall_range): without limit it always sees one";
-                Invalid::new("range", "nothing", allowed)
+                Invalid::missing("range", allowed)
             })?),
         };
         Ok(Self {
@@ -176,7 +172,7 @@ fn seen_robots(sees: &[Seen]) -> Result<SeenRobots, Invalid> {
     let names = || sees.iter().map(Seen::to_string).collect::<Vec<_>>().join(", ");
     if sees.is_empty() {
         let allowed = "robots, a species, walls or obstacles";
-        return Err(Invalid::new("sees", "nothing", allowed));
+        return Err(Invalid::missing("sees", allowed));
     }
     if let Some(twice) = (1..sees.len()).find(|&i| sees[..i].contains(&sees[i])) {
         let allowed = format!("without a second \"{}\"", sees[twice]);

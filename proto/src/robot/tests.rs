@@ -74,7 +74,7 @@ fn what_a_sensor_cannot_be_is_named() {
     };
     refused(
         sees(&["walls"], None, None),
-        "range = nothing: must be given for a sensor that sees walls (or wall_range): without limit it always sees one",
+        "range is missing: must be given for a sensor that sees walls (or wall_range): without limit it always sees one",
     );
     refused(
         sees(&["robots"], None, Some(9.0)),
@@ -90,7 +90,7 @@ fn what_a_sensor_cannot_be_is_named() {
     );
     refused(
         sees(&[], None, None),
-        "sees = nothing: must be robots, a species, walls or obstacles",
+        "sees is missing: must be robots, a species, walls or obstacles",
     );
     assert_eq!(
         sees(&["walls"], Some(40.0), None).unwrap().wall_range(),

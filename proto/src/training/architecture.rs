@@ -1,8 +1,44 @@
 //! The architecture of a network: its layers as data, by name or from a configuration, with every shape checked.
 
-use super::Shape;
 use crate::PictureShape;
 use serde::{Deserialize, Serialize};
+
+/// The values of one image between two layers: channels of square pictures (side 1 where flattened).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shape {
+    pub channels: usize,
+    /// Pixels along a side of each.
+    pub side: usize,
+}
+
+impl Shape {
+    /// Number of values.
+    #[must_use]
+    pub const fn len(self) -> usize {
+        self.channels * self.pixels()
+    }
+
+    /// Whether there are no values (never, in a checked architecture).
+    #[must_use]
+    pub const fn is_empty(self) -> bool {
+        self.len() == 0
+    }
+
+    /// Pixels of one channel.
+    #[must_use]
+    pub const fn pixels(self) -> usize {
+        self.side * self.side
+    }
+}
+
+impl From<PictureShape> for Shape {
+    fn from(pictures: PictureShape) -> Self {
+        Self {
+            channels: pictures.channels(),
+            side: pictures.side(),
+        }
+    }
+}
 
 /// One layer, as written in a configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -57,7 +93,6 @@ const fn one() -> usize {
 /// Why layers do not form a network. `layer` counts from 0.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ArchitectureError {
-    /// There is no network of that name.
     #[error("no network is called \"{0}\": there are \"compact\" and \"paper\", or give its layers")]
     UnknownName(String),
     /// There is no layer, or the last one is not dense.
@@ -66,34 +101,23 @@ pub enum ArchitectureError {
     /// There are more than a hundred layers.
     #[error("{0} layers: at most 100 are allowed")]
     TooManyLayers(usize),
-    /// A number is out of its range.
     #[error("layer {layer}: {field} = {value}: must be {allowed}")]
     OutOfRange {
-        /// Which layer.
         layer: usize,
         /// The name of the number.
         field: &'static str,
-        /// The number.
         value: String,
-        /// The allowed numbers.
         allowed: String,
     },
     /// An activation is the first layer, or follows another activation.
     #[error("layer {layer}: an activation must follow a layer that computes")]
-    LooseActivation {
-        /// Which layer.
-        layer: usize,
-    },
+    LooseActivation { layer: usize },
     /// A convolution or pooling follows a dense layer.
     #[error("layer {layer}: there is no picture any more after a dense layer")]
-    Flattened {
-        /// Which layer.
-        layer: usize,
-    },
+    Flattened { layer: usize },
     /// One layer has too many values, or the network too many weights.
     #[error("layer {layer}: more than {limit} {what}")]
     TooLarge {
-        /// Which layer.
         layer: usize,
         /// What there are too many of.
         what: &'static str,
@@ -197,7 +221,6 @@ impl Architecture {
         Self::new(pictures, layers)
     }
 
-    /// The shape of the input pictures.
     #[must_use]
     pub const fn pictures(&self) -> PictureShape {
         self.pictures
@@ -216,7 +239,6 @@ impl Architecture {
         self.shapes.last().map_or(0, |shape| shape.channels)
     }
 
-    /// The layers.
     #[must_use]
     pub fn layers(&self) -> &[Layer] {
         &self.layers

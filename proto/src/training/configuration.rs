@@ -21,9 +21,7 @@ pub struct Settings {
     /// Share of the behaviours held out of the training to judge the embedding, over 0 to 0.5 (at most 1,000 behaviours).
     /// Default 0.1.
     pub held_out: f64,
-    /// The network.
     pub network: NetworkSettings,
-    /// How it is trained.
     pub recipe: Recipe,
 }
 
@@ -84,7 +82,6 @@ pub enum ConfigurationError {
     /// Not TOML, or a field that does not exist, or a value of the wrong type; says where.
     #[error("{0}")]
     Syntax(#[from] toml::de::Error),
-    /// A value that is not allowed.
     #[error("{0}")]
     Value(#[from] Invalid),
 }

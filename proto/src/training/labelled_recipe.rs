@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 /// The numbers of the labelled recipe. A step has equally many pictures of every class, and all of their violated triplets
 /// count, weighed by the number of labels of the negative's class times the square root of the number of labels of the
 /// anchor's class. Anchors of the class `random` count less, because two behaviours that fit no other class need not be
-/// alike. What comparisons say is learned as triplets too. Triplets of unlabelled behaviours, as in
-/// [`InBatch`](super::InBatch), keep behaviours apart that nobody has named yet. The weights after the last epoch are published: no labels are held out, because there may be few.
+/// alike. Triplets of unlabelled behaviours, as in [`InBatch`](super::InBatch), keep behaviours apart that nobody has named
+/// yet. The weights after the last epoch are published: no labels are held out, because there may be few.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Labelled {
@@ -23,15 +23,11 @@ pub struct Labelled {
     pub classes: usize,
     /// Weight of a triplet whose anchor is of the class `random`, relative to other triplets, 0 to 1.
     pub random_anchors: f64,
-    /// Compared triplets per step, 1 to 65,536 (fewer if there are fewer comparisons).
-    pub compared: usize,
-    /// Weight of their loss relative to that of labelled triplets, 0 to 1,000.
-    pub compared_weight: f64,
     /// Unlabelled anchors per step, each with a positive, 2 to 65,536 (fewer if there are fewer behaviours).
     pub unlabelled: usize,
     /// Weight of their loss relative to that of labelled triplets, 0 to 1,000.
     pub unlabelled_weight: f64,
-    /// Number of answers, labels or comparisons, from which on `steps` and `unlabelled_weight` apply in full, 1 to 1,000,000.
+    /// Number of labels from which on `steps` and `unlabelled_weight` apply in full, 1 to 1,000,000.
     /// With a fraction of it, an epoch has that fraction of the steps, and unlabelled triplets count more by the same factor,
     /// because few labels are soon learned by heart.
     pub enough_labels: usize,
@@ -57,8 +53,6 @@ impl Default for Labelled {
             per_class: 12,
             classes: 16,
             random_anchors: 0.25,
-            compared: 32,
-            compared_weight: 1.0,
             unlabelled: 64,
             unlabelled_weight: 0.25,
             enough_labels: 200,
@@ -73,7 +67,7 @@ impl Default for Labelled {
 }
 
 impl Labelled {
-    /// The recipe for this number of answers, labels or comparisons (zero counts as one).
+    /// The recipe for this number of labels (zero counts as one).
     #[must_use]
     pub fn for_labels(&self, labels: usize) -> Self {
         let share = (labels.max(1) as f64 / self.enough_labels as f64).min(1.0);
@@ -89,8 +83,6 @@ impl Labelled {
         whole("per_class", self.per_class, 2..=1024)?;
         whole("classes", self.classes, 2..=1024)?;
         real("random_anchors", self.random_anchors, 0.0..=1.0)?;
-        whole("compared", self.compared, 1..=65_536)?;
-        real("compared_weight", self.compared_weight, 0.0..=1000.0)?;
         whole("unlabelled", self.unlabelled, 2..=65_536)?;
         real("unlabelled_weight", self.unlabelled_weight, 0.0..=1000.0)?;
         whole("enough_labels", self.enough_labels, 1..=1_000_000)?;

@@ -43,7 +43,6 @@ impl Recipe {
         }
     }
 
-    /// Its name.
     #[must_use]
     pub const fn name(&self) -> &'static str {
         match self {

@@ -5,7 +5,6 @@ use crate::{Invalid, World, invalid, v1};
 /// A body in the arena that never moves. Robots are pushed out of it, and sensors may see it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Obstacle {
-    /// A disc.
     Disc {
         /// x and y of its centre, world units.
         centre: [f64; 2],
@@ -63,7 +62,7 @@ impl Obstacle {
     fn in_world(message: v1::Obstacle, sides: [f64; 2]) -> Result<Self, Invalid> {
         let far = 2.0 * World::MAX_SIDE;
         let place = |field, given: Option<f64>| {
-            let given = given.ok_or_else(|| Invalid::new(field, "nothing", "given"))?;
+            let given = given.ok_or_else(|| Invalid::missing(field, "given"))?;
             invalid::real(field, given, -far..=far)
         };
         let centre = [place("x", message.x)?, place("y", message.y)?];
@@ -83,11 +82,11 @@ impl Obstacle {
             }
             (None, None, None) => {
                 let allowed = "given for a disc, or width and height for a box";
-                return Err(Invalid::new("radius", "nothing", allowed));
+                return Err(Invalid::missing("radius", allowed));
             }
             (None, width, _) => {
                 let absent = if width.is_none() { "width" } else { "height" };
-                return Err(Invalid::new(absent, "nothing", "given for a box"));
+                return Err(Invalid::missing(absent, "given for a box"));
             }
         };
         obstacle.check_place(sides)?;

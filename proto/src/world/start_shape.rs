@@ -48,7 +48,7 @@ impl StartShape {
         absent("length", message.length.is_some(), LINE)?;
         absent("poses", !message.poses.is_empty(), POSES)?;
         let needed = |field: &str, value: Option<f64>| {
-            value.ok_or_else(|| Invalid::new(field, "nothing", format!("given: shape is \"{shape}\"")))
+            value.ok_or_else(|| Invalid::missing(field, format!("given: shape is \"{shape}\"")))
         };
         match shape {
             UNIFORM => Ok(Self::Uniform),

@@ -72,7 +72,7 @@ fn starts_are_read_and_written() {
         "shape = \"ring\"",
         "world.start.shape = \"ring\": must be \"uniform\" or \"disc\"",
     );
-    refused("shape = \"disc\"", "world.start.radius = nothing: must be given");
+    refused("shape = \"disc\"", "world.start.radius is missing: must be given");
     refused(
         "shape = \"disc\"\nradius = 251",
         "world.start.radius = 251: must be a number over 0 and at most 250",
@@ -126,11 +126,11 @@ fn obstacles_are_read_and_written() {
     );
     refused(
         "{ x = 1, y = 1 }",
-        "world.obstacles[2].radius = nothing: must be given for a disc, or width",
+        "world.obstacles[2].radius is missing: must be given for a disc, or width",
     );
     refused(
         "{ x = 1, y = 1, width = 3 }",
-        "world.obstacles[2].height = nothing: must be given for a box",
+        "world.obstacles[2].height is missing: must be given for a box",
     );
     refused(
         "{ x = 1, y = 1, width = 3, radius = 1 }",

@@ -1,7 +1,11 @@
 //! What is an embedder and what is not. The model is `tests/models/small.onnx`, written by Python's onnx package.
 
 use super::*;
-use crate::onnx::{AttributeProto, DataLocation, DimensionProto, StringStringEntryProto, TensorProto};
+use crate::onnx::{
+    AttributeProto, StringStringEntryProto, TensorProto,
+    tensor_proto::DataLocation,
+    tensor_shape_proto::{Dimension, dimension::Value::DimValue},
+};
 use proptest::prelude::*;
 
 /// 1 x 12 x 8 images to 3 numbers: Div, Conv, GroupNormalization, LeakyRelu, AveragePool, Flatten, Gemm, Relu, Gemm.
@@ -43,7 +47,7 @@ fn constant<'a>(graph: &'a mut GraphProto, name: &str) -> &'a mut TensorProto {
         .unwrap()
 }
 
-fn shape(value: &mut ValueInfoProto) -> &mut Vec<DimensionProto> {
+fn shape(value: &mut ValueInfoProto) -> &mut Vec<Dimension> {
     let tensor = value.r#type.as_mut().unwrap().tensor_type.as_mut().unwrap();
     &mut tensor.shape.as_mut().unwrap().dim
 }
@@ -119,25 +123,25 @@ fn it_takes_one_batch_of_grey_images() {
     });
     check_refused("is not one but 0", |graph| graph.input.clear());
     check_refused("fixed batch size 1", |graph| {
-        shape(&mut graph.input[0])[0].dim_value = Some(1)
+        shape(&mut graph.input[0])[0].value = Some(DimValue(1))
     });
     for channels in [0, 5] {
         check_refused(&format!("shape [?, {channels}, 12, 8]"), |graph| {
-            shape(&mut graph.input[0])[1].dim_value = Some(channels)
+            shape(&mut graph.input[0])[1].value = Some(DimValue(channels))
         });
     }
     check_refused("node Conv", |graph| {
-        shape(&mut graph.input[0])[1].dim_value = Some(3)
+        shape(&mut graph.input[0])[1].value = Some(DimValue(3))
     });
     check_refused("shape [?, 1, 12, ?]", |graph| {
-        shape(&mut graph.input[0])[3].dim_value = None
+        shape(&mut graph.input[0])[3].value = None
     });
     check_refused("shape [?, 1, 12]", |graph| drop(shape(&mut graph.input[0]).pop()));
     check_refused("of 1001 x 8 pixels", |graph| {
-        shape(&mut graph.input[0])[2].dim_value = Some(1001)
+        shape(&mut graph.input[0])[2].value = Some(DimValue(1001))
     });
     check_refused("of -1 x 8 pixels", |graph| {
-        shape(&mut graph.input[0])[2].dim_value = Some(-1)
+        shape(&mut graph.input[0])[2].value = Some(DimValue(-1))
     });
     check_refused("is no tensor", |graph| graph.input[0].r#type = None);
     check_refused("not of 32-bit floats", |graph| {

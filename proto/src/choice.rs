@@ -1,0 +1,53 @@
+//! How the behaviours that a taxonomy shows are chosen.
+
+use crate::{BehaviourSpace, Invalid, text};
+
+/// How the behaviours that a taxonomy shows are chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Choice {
+    /// Those that cover the behaviour space: each is the farthest from those before it. If labels were learned from, each of
+    /// their classes is shown first.
+    Coverage,
+    /// The medoids of all individuals, where these are many (the paper's).
+    Medoids,
+    /// The medoids of each class, once labels were learned from.
+    ByClass,
+}
+
+impl Choice {
+    const ALL: [Self; 3] = [Self::Coverage, Self::Medoids, Self::ByClass];
+
+    /// Its name in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Coverage => "coverage",
+            Self::Medoids => "medoids",
+            Self::ByClass => "by-class",
+        }
+    }
+
+    /// The choice of this name; the default without one.
+    ///
+    /// # Errors
+    /// If there is no such choice, or `space` has no embedding that learns from labels where it needs one.
+    pub(crate) fn from_field(name: Option<&str>, space: BehaviourSpace) -> Result<Self, Invalid> {
+        let Some(name) = name else {
+            return Ok(Self::Coverage);
+        };
+        let has = |choice: &Self| *choice != Self::ByClass || space.embeds();
+        let found = Self::ALL
+            .into_iter()
+            .filter(has)
+            .find(|choice| choice.name() == name);
+        found.ok_or_else(|| {
+            let names = Self::ALL.iter().filter(|choice| has(choice));
+            let names: Vec<_> = names.map(|choice| format!("\"{}\"", choice.name())).collect();
+            let mut allowed = names.join(" or ");
+            if name == Self::ByClass.name() {
+                allowed += &format!(": the space \"{space}\" has no embedding that learns from labels");
+            }
+            Invalid::new("choose", text::quoted(name), allowed)
+        })
+    }
+}
