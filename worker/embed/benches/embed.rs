@@ -12,6 +12,7 @@ use murmuration_proto::{
     },
 };
 use prost::Message as _;
+use rand::RngExt as _;
 
 /// A graph as a chain: the input of every node is the output of the node before.
 struct Chain {
@@ -46,7 +47,7 @@ impl Chain {
             let name = format!("{number}.{i}");
             let spread = 1.0 / f64::from(shape[1..].iter().product::<usize>().max(1) as u32).sqrt();
             let values: Vec<f32> = (0..shape.iter().product())
-                .map(|_| self.weights.between(-spread, spread) as f32)
+                .map(|_| self.weights.random_range(-spread..spread) as f32)
                 .collect();
             self.graph
                 .initializer
@@ -132,7 +133,7 @@ fn embed(criterion: &mut Criterion) {
     let runtime = Runtime::load().unwrap();
     let mut stream = RandomStream::derive(2, Purpose::Start, 0);
     let images: Vec<Vec<u8>> = (0..64)
-        .map(|_| (0..2500).map(|_| (stream.bits() % 256) as u8).collect())
+        .map(|_| (0..2500).map(|_| stream.random()).collect())
         .collect();
     let images: Vec<&[u8]> = images.iter().map(Vec::as_slice).collect();
     for (network, chain) in [("paper", paper()), ("compact", compact())] {

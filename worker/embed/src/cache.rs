@@ -39,18 +39,14 @@ pub struct CacheError {
 /// Why a checkpoint is not available.
 #[derive(Debug, thiserror::Error)]
 pub enum FetchError {
-    /// Fetching it failed.
     #[error("checkpoint {digest} cannot be fetched: {error}")]
     Source {
-        /// The checkpoint.
         digest: CheckpointDigest,
-        /// The reason.
         error: Box<dyn Error + Send + Sync>,
     },
     /// Other bytes were received.
     #[error("checkpoint {digest}: other bytes came, of digest {got}")]
     Mismatch {
-        /// The requested checkpoint.
         digest: CheckpointDigest,
         /// The digest of the received bytes.
         got: CheckpointDigest,

@@ -37,13 +37,11 @@ pub enum EmbedError {
         index: usize,
         /// Its number of pixels, over all channels.
         pixels: usize,
-        /// The expected shape.
         images: ImageShape,
     },
     /// The model's output differs from what it declares.
     #[error("the model made a value of shape {shape:?}, not {images} x {dimensions}")]
     OutputShape {
-        /// The output.
         shape: Vec<i64>,
         /// Number of input images.
         images: usize,
@@ -55,7 +53,6 @@ pub enum EmbedError {
     NotFinite {
         /// Which of the images, from 0.
         index: usize,
-        /// The number.
         value: f32,
     },
 }
@@ -76,7 +73,6 @@ impl Embedder {
         })
     }
 
-    /// The model.
     #[must_use]
     pub const fn model(&self) -> &EmbedderModel {
         &self.model

@@ -28,17 +28,13 @@ pub enum OpenError {
     /// Its bytes are not an embedder.
     #[error("checkpoint {digest}: {error}")]
     Model {
-        /// The checkpoint.
         digest: CheckpointDigest,
-        /// What is wrong with it.
         error: ModelError,
     },
     /// ONNX Runtime cannot run it.
     #[error("checkpoint {digest}: {error}")]
     Open {
-        /// The checkpoint.
         digest: CheckpointDigest,
-        /// What is wrong with it.
         error: EmbedError,
     },
 }
@@ -72,7 +68,6 @@ impl Embedders {
         Ok(&mut self.open[0].1)
     }
 
-    /// Number of open embedders.
     #[cfg(test)]
     pub(super) const fn open(&self) -> usize {
         self.open.len()

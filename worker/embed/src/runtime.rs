@@ -1,8 +1,10 @@
 //! The ONNX Runtime library: finds it, and loads it before anything else uses it.
 
+use murmuration_proto::EmbeddingKind;
 use ort::environment::Environment;
 use std::{
-    env, fmt, fs, io,
+    env::{self, consts::ARCH},
+    fmt, fs, io,
     path::{Path, PathBuf},
     sync::{Mutex, PoisonError},
 };
@@ -44,12 +46,7 @@ pub enum RuntimeError {
     Missing(Vec<String>),
     /// The library does not load.
     #[error("{} cannot be used as ONNX Runtime: {reason}", library.display())]
-    Unusable {
-        /// The library.
-        library: PathBuf,
-        /// What is wrong with it.
-        reason: String,
-    },
+    Unusable { library: PathBuf, reason: String },
 }
 
 impl Runtime {
@@ -84,6 +81,13 @@ impl Runtime {
         ort::info()
     }
 
+    /// The embedding kind of this machine. ONNX Runtime chooses kernels by the processor's features, and its builds differ.
+    /// If both are the same, embeddings have the same bits.
+    #[must_use]
+    pub fn kind(&self) -> EmbeddingKind {
+        EmbeddingKind::of(&format!("{ARCH} {} {}", instructions().join(" "), self.build()))
+    }
+
     pub(super) const fn environment(&self) -> &Environment {
         &self.environment
     }
@@ -95,6 +99,39 @@ impl fmt::Debug for Runtime {
             .field("library", &self.library)
             .finish_non_exhaustive()
     }
+}
+
+/// Instruction sets for which ONNX Runtime has kernels.
+#[cfg(target_arch = "x86_64")]
+fn instructions() -> Vec<&'static str> {
+    macro_rules! detected {
+        ($($name:tt)*) => {
+            [$(($name, std::arch::is_x86_feature_detected!($name))),*]
+        };
+    }
+    let all = detected!(
+        "sse4.1" "avx" "fma" "f16c" "avx2" "avxvnni" "avx512f" "avx512bw" "avx512dq" "avx512vl" "avx512vnni"
+        "avx512bf16" "avx512fp16"
+    );
+    let detected = all.into_iter().filter(|(_, detected)| *detected);
+    detected.map(|(name, _)| name).collect()
+}
+
+#[cfg(target_arch = "aarch64")]
+fn instructions() -> Vec<&'static str> {
+    macro_rules! detected {
+        ($($name:tt)*) => {
+            [$(($name, std::arch::is_aarch64_feature_detected!($name))),*]
+        };
+    }
+    let all = detected!("neon" "fp16" "dotprod" "i8mm" "bf16" "sve" "sve2");
+    let detected = all.into_iter().filter(|(_, detected)| *detected);
+    detected.map(|(name, _)| name).collect()
+}
+
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+fn instructions() -> Vec<&'static str> {
+    Vec::new()
 }
 
 /// The folder for data that can be fetched again: `$XDG_CACHE_HOME/murmuration` or `~/.cache/murmuration`; `None` without a

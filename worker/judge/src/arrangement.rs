@@ -1,10 +1,9 @@
 //! The arrangement of a swarm: neighbours and clusters.
 
 use super::{
+    Scale,
     geometry::{dot, length, minus},
-    scale::Scale,
-    statistics::{quantile, share},
-    window::{Point, Window},
+    window::{Point, Window, quantile, share},
 };
 
 /// Agents whose nearest neighbour is nearer than this are crowded; in spacings. Of randomly placed agents, nearly half are

@@ -4,8 +4,7 @@ use super::{
     arrangement::linked,
     geometry::{Outline, angle_between, cross, length, minus},
     motion::SharedPaths,
-    statistics::{quantile, ratio, share},
-    window::{Point, Window},
+    window::{Point, Window, quantile, ratio, share},
 };
 use std::f64::consts::TAU;
 

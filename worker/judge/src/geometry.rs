@@ -27,7 +27,6 @@ impl Outline {
         (self.area / std::f64::consts::PI).sqrt()
     }
 
-    /// Its centroid.
     pub(super) fn centre(&self) -> Point {
         [0, 1].map(|axis| {
             let moment: f64 = edges(&self.corners)

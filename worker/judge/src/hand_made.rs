@@ -1,5 +1,5 @@
 //! Motions made by hand, whose class follows from how they were made: the judge has to know them at any size and speed, and not
-//! only where people labelled some.
+//! only where a labelled set has some.
 
 use super::judge;
 use murmuration_proto::{Class, Replay, World, v1};

@@ -1,31 +1,27 @@
 //! The judge: names the class of a behaviour from its motion, by rules that people can read.
 //!
-//! It sees what people are shown, the paths of the last 160 steps and where they end, and no embeddings or features.
+//! It sees what annotators are shown, the paths of the last 160 steps and where they end, and no embeddings or features.
 //! [`Measures`] are geometry and kinematics in units of the bodies and the arena. [`Measures::class`] is the list of
-//! rules. `murmuration judge` and `tests/tests/single_node/judge.rs` measure its agreement with people.
+//! rules. `murmuration lab judge` and `tests/tests/single_node/judge.rs` measure its agreement with labels.
 
 mod arrangement;
 mod body;
 mod geometry;
 #[cfg(test)]
 mod hand_made;
-mod measures;
 mod motion;
 mod nearby;
 mod rules;
-mod scale;
-mod statistics;
 mod walls;
 mod window;
 
 pub use arrangement::Arrangement;
 pub use body::Body;
-pub use measures::Measures;
 pub use motion::Motion;
-pub use scale::Scale;
 pub use walls::Walls;
 
 use murmuration_proto::{Class, Frames, Replay, Verdict, World};
+use window::Window;
 
 /// The frames of a motion in `world` that the judge needs: every fourth of its last 160 steps.
 #[must_use]
@@ -43,6 +39,55 @@ pub fn judge(replay: &Replay, world: &World) -> Verdict {
     match (measures.class(world), measures.pattern()) {
         (Class::Random, Some(pattern)) => Verdict::Pattern(pattern),
         (class, _) => Verdict::Class(class),
+    }
+}
+
+/// Measures of the last 160 steps of a swarm. All are 0 or more; lengths are in the units of [`Scale`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measures {
+    pub arrangement: Arrangement,
+    pub motion: Motion,
+    pub body: Body,
+    pub walls: Walls,
+}
+
+impl Measures {
+    /// Measures the end of a replay; the cost grows with the square of the number of agents.
+    #[must_use]
+    pub fn of(replay: &Replay, world: &World) -> Self {
+        let scale = Scale::of(world);
+        let window = Window::of(replay, world);
+        let (motion, shared) = Motion::of(&window, &scale);
+        Self {
+            arrangement: Arrangement::of(&window, &scale),
+            body: Body::of(&window, &shared),
+            walls: Walls::of(&window, world, &scale),
+            motion,
+        }
+    }
+}
+
+/// The units of length, in world units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scale {
+    pub radius: f64,
+    /// Radius of a disc with the total area of the bodies: body radius times the square root of their number.
+    pub packed: f64,
+    /// Distance between neighbours if the agents stood on a square grid over the whole arena.
+    pub spacing: f64,
+}
+
+impl Scale {
+    #[must_use]
+    pub fn of(world: &World) -> Self {
+        let agents = f64::from(world.agents());
+        let sides = [world.width(), world.height()].map(|side| side - 2.0 * world.margin());
+        Self {
+            radius: world.radius(),
+            packed: world.radius() * agents.sqrt(),
+            // If the walls leave no room to move, there is still the room of a body.
+            spacing: (sides.map(|side| side.max(world.radius())).iter().product::<f64>() / agents).sqrt(),
+        }
     }
 }
 

@@ -1,11 +1,10 @@
 //! The motion of agents, and the relation of their paths.
 
 use super::{
+    Scale,
     geometry::{angle_between, cross, distance_to_segment, dot, length, minus, segments_cross},
     nearby::Pieces,
-    scale::Scale,
-    statistics::{quantile, ratio, share},
-    window::{Point, Window, mean},
+    window::{Point, Window, mean, quantile, ratio, share},
 };
 
 /// An agent follows another agent's path within this distance if it goes the same way; in radii.

@@ -13,7 +13,6 @@ const SLACK: f64 = 1e-9;
 /// The part of an agent's path between two neighbouring times.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Piece {
-    /// The agent.
     pub(super) agent: usize,
     /// Where it begins and ends.
     pub(super) ends: [Point; 2],
@@ -32,7 +31,6 @@ pub(super) struct Pieces {
     corner: Point,
     /// Cells along x and y.
     cells: [usize; 2],
-    /// Side of a cell.
     side: f64,
     /// Half the length of the longest piece.
     half: f64,

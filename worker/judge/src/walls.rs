@@ -1,10 +1,9 @@
 //! The motion of a swarm at the walls.
 
 use super::{
+    Scale,
     geometry::{cross, length, minus},
-    scale::Scale,
-    statistics::{ratio, share},
-    window::{Point, Window, mean},
+    window::{Point, Window, mean, ratio, share},
 };
 use murmuration_proto::{Boundary, World};
 

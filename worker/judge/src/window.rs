@@ -1,9 +1,9 @@
-//! The last steps of a swarm's motion, at evenly spaced times.
+//! The last steps of a swarm's motion, at evenly spaced times, and the statistics over them.
 
 use murmuration_proto::{Boundary, Pose, Replay, World};
 use std::{f64::consts::TAU, num::NonZeroU32};
 
-/// Number of steps in the window, as in the pictures that people judge; fewer if the motion is shorter.
+/// Number of steps in the window, as in the pictures that annotators judge; fewer if the motion is shorter.
 pub(super) const WINDOW_STEPS: u32 = 160;
 /// Steps between two times of the window, if the motion is long enough.
 pub(super) const STRIDE: NonZeroU32 = NonZeroU32::MIN.saturating_add(3);
@@ -111,6 +111,29 @@ fn circular_mean(places: impl Iterator<Item = f64>, side: f64) -> f64 {
 pub(super) fn mean(points: &[Point]) -> Point {
     let count = points.len() as f64;
     [0, 1].map(|axis| points.iter().map(|point| point[axis]).sum::<f64>() / count)
+}
+
+/// The `part` quantile (0 to 1) of at least one value.
+pub(super) fn quantile(values: impl Iterator<Item = f64>, part: f64) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    let place = (part * sorted.len().saturating_sub(1) as f64).round() as usize;
+    sorted.get(place).copied().unwrap_or(0.0)
+}
+
+/// Share of true values; 0 if there are none.
+pub(super) fn share(values: impl Iterator<Item = bool>) -> f64 {
+    let (mut held, mut all) = (0.0, 0.0);
+    for value in values {
+        held += if value { 1.0 } else { 0.0 };
+        all += 1.0;
+    }
+    ratio(held, all)
+}
+
+/// `part / whole`; 0 if `whole` is 0.
+pub(super) fn ratio(part: f64, whole: f64) -> f64 {
+    if whole > 0.0 { part / whole } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -55,32 +55,20 @@ pub struct Credentials {
 pub enum CredentialsError {
     /// A file cannot be read.
     #[error("cannot read {}: {source}", path.display())]
-    File {
-        /// Which.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
+    File { path: PathBuf, source: io::Error },
     /// A file does not contain the expected item.
     #[error("{} holds no {what} in PEM format", path.display())]
     Pem {
-        /// Which file.
         path: PathBuf,
         /// "certificate" or "private key".
         what: &'static str,
     },
     /// A file does not hold a token.
     #[error("{}: {error}", path.display())]
-    TokenFile {
-        /// Which file.
-        path: PathBuf,
-        /// What is wrong with it.
-        error: TokenError,
-    },
+    TokenFile { path: PathBuf, error: TokenError },
     /// The environment does not hold a token.
     #[error("{TOKEN}: {0}")]
     TokenVariable(TokenError),
-    /// The URL is not valid.
     #[error("\"{0}\" is not a coordinator's URL (such as http://127.0.0.1:7700)")]
     Url(String),
     /// No authority is given for the coordinator's certificate.
@@ -95,7 +83,6 @@ pub enum CredentialsError {
     /// Certificate, key or authority cannot be used.
     #[error("the certificates for {url} cannot be used: {reason}")]
     Unusable {
-        /// The coordinator.
         url: String,
         /// The TLS library's error.
         reason: String,

@@ -45,7 +45,6 @@ impl Health {
         Ok(())
     }
 
-    /// The service that answers.
     #[must_use]
     pub fn service(&self) -> HealthServer<HealthService> {
         HealthServer::new(HealthService::from_health_reporter(self.0.clone()))

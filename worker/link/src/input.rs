@@ -34,7 +34,6 @@ pub enum InputKind {
     Manifest,
     /// Digests of tokens and their holders, TOML.
     Tokens,
-    /// One token.
     Token,
     /// A certificate or a private key, PEM.
     Pem,

@@ -2,7 +2,6 @@
 //!
 //! [`keep`] does all of it. A [`Peer`] defines what happens while it is connected, by means of a [`Link`]. Knows nothing of
 //! the work itself.
-#![deny(missing_docs)]
 
 mod attempts;
 mod backoff;
@@ -47,7 +46,6 @@ use tonic::{service::interceptor::InterceptedService, transport::Endpoint};
 /// The kind of process that connects. It determines the service and the contents of Hello.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// A worker.
     Worker {
         /// Number of evaluations at once, 1 to 4,096.
         capacity: u32,
@@ -97,12 +95,7 @@ pub enum LinkError {
     Credentials(#[from] CredentialsError),
     /// The health service could not be started.
     #[error("cannot listen on {listen} to be asked for this process's health: {source}")]
-    Health {
-        /// The address.
-        listen: SocketAddr,
-        /// What the system said.
-        source: io::Error,
-    },
+    Health { listen: SocketAddr, source: io::Error },
     /// The coordinator refuses it: its version differs, or its credentials are missing.
     #[error("the coordinator refused this {who}: {reason}")]
     Refused {
@@ -184,6 +177,7 @@ pub async fn keep(
     mut stop: watch::Receiver<bool>,
 ) -> Result<(), LinkError> {
     let mut pause = Backoff::new();
+    let coordinator = masked_url(&address.endpoint.uri().to_string());
     loop {
         let connected = tokio::select! {
             connected = Link::connect(address) => connected,
@@ -192,7 +186,6 @@ pub async fn keep(
         let ended = match connected {
             Ok(link) => {
                 pause.reset();
-                let coordinator = masked_url(&address.endpoint.uri().to_string());
                 tracing::info!(name = address.name, coordinator, "connected");
                 health.ready(true).await;
                 let ended = peer.session(link, stop.clone()).await;
@@ -211,7 +204,7 @@ pub async fn keep(
             }
             Err(broken) => broken,
         };
-        tracing::info!(name = address.name, %error, "not connected, will try again");
+        tracing::info!(name = address.name, coordinator, %error, "not connected, will try again");
         tokio::select! {
             () = tokio::time::sleep(pause.next()) => {}
             () = stopped(&mut stop) => return Ok(()),

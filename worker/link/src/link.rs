@@ -37,7 +37,6 @@ pub enum Broken {
     /// It could not be made.
     #[error("no connection: {}", root_cause(.0))]
     Connect(#[from] tonic::transport::Error),
-    /// The stream broke.
     #[error("{}", words(.0))]
     Stream(#[from] Status),
     /// The coordinator ended it.

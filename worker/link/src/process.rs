@@ -33,9 +33,7 @@ pub struct PeerArguments {
 /// The parameters of a worker or trainer.
 #[derive(Debug)]
 pub struct Post {
-    /// URL of its coordinator.
     pub coordinator: String,
-    /// Its credentials.
     pub credentials: Credentials,
     /// Address of this machine to connect from; `None` leaves the choice to the system.
     pub local_address: Option<IpAddr>,
@@ -53,7 +51,7 @@ pub async fn run_peer<E: Display + From<LinkError>>(
     arguments: PeerArguments,
     run: impl AsyncFnOnce(Post) -> Result<(), E>,
 ) -> ExitCode {
-    let telemetry = telemetry(service, "info");
+    let telemetry = telemetry(service, tracing::Level::INFO);
     let ended = async {
         let post = arguments.post(leaving).await?;
         run(post).await

@@ -9,7 +9,7 @@ use opentelemetry_sdk::{Resource, propagation::TraceContextPropagator, trace::Sd
 use std::{collections::HashMap, env, io};
 use tracing::Span;
 use tracing_opentelemetry::OpenTelemetrySpanExt as _;
-use tracing_subscriber::{EnvFilter, layer::SubscriberExt as _, util::SubscriberInitExt as _};
+use tracing_subscriber::{filter::Targets, layer::SubscriberExt as _, util::SubscriberInitExt as _};
 
 /// The variable with a collector's URL. The exporter reads its other variables too, as it documents.
 const COLLECTOR: &str = "OTEL_EXPORTER_OTLP_ENDPOINT";
@@ -21,11 +21,18 @@ pub const TRACE_PARENT: &str = "traceparent";
 #[must_use = "what is not ended may lose its last spans"]
 pub struct Telemetry(Option<SdkTracerProvider>);
 
-/// Starts telemetry. The log goes to stderr, with colours only on a terminal; `RUST_LOG` filters it, or else the level
-/// `default` (such as "info"). If `OTEL_EXPORTER_OTLP_ENDPOINT` names a collector, the spans go there too, by gRPC, as spans
+/// Starts telemetry. The log goes to stderr, with colours only on a terminal; `RUST_LOG` filters it by level and
+/// module, or else the level `default`. If `OTEL_EXPORTER_OTLP_ENDPOINT` names a collector, the spans go there too, by gRPC, as spans
 /// of `service`. Call it once per process, on a tokio runtime.
-pub fn telemetry(service: &'static str, default: &str) -> Telemetry {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
+pub fn telemetry(service: &'static str, default: tracing::Level) -> Telemetry {
+    let asked = env::var("RUST_LOG").ok().filter(|asked| !asked.is_empty());
+    let asked = asked.map(|asked| asked.parse::<Targets>());
+    let refused = asked
+        .as_ref()
+        .and_then(|asked| asked.as_ref().err().map(ToString::to_string));
+    let filter = asked
+        .and_then(Result::ok)
+        .unwrap_or_else(|| Targets::new().with_default(default));
     let provider = collector(service);
     let traces = provider
         .as_ref()
@@ -41,6 +48,9 @@ pub fn telemetry(service: &'static str, default: &str) -> Telemetry {
                 .with_writer(io::stderr),
         )
         .init();
+    if let Some(error) = refused {
+        tracing::error!("RUST_LOG is not a filter, and ignored: {error}");
+    }
     Telemetry(provider.unwrap_or_else(|error| {
         tracing::error!(%error, "no traces are sent");
         None

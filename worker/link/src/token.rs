@@ -21,10 +21,8 @@ pub struct TokenDigest(blake3::Hash);
 /// Why a text is not a token or not a token's digest. The error never quotes the text, which may be secret.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum TokenError {
-    /// Not a token.
     #[error("this is no token: one begins with {PREFIX} and goes on with 43 letters, digits, '-' and '_'")]
     Token,
-    /// Not a digest.
     #[error("this is no token's digest: one is 64 hexadecimal digits")]
     Digest,
 }

@@ -4,9 +4,9 @@ use super::{
     checkpoints::{Checkpoints, Unavailable},
     lease::{Lease, Outcome, Work},
 };
-use crate::{evaluate::Evaluator, replay::replay_frames, simulate::Start};
 use murmuration_embed::{EmbedError, Embedder, Embedders};
 use murmuration_proto::{CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, Starts, World, v1};
+use murmuration_sim::{evaluate::Evaluator, replay::replay_frames, simulate::Start};
 use std::sync::Arc;
 
 pub(super) struct Executor {
@@ -17,7 +17,6 @@ pub(super) struct Executor {
     embedders: Option<Embedders>,
 }
 
-/// What an evaluator is made for.
 #[derive(Debug, Clone, PartialEq)]
 struct EvaluatorParams {
     world: World,

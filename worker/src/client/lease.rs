@@ -14,7 +14,6 @@ pub(super) struct Lease {
     pub(super) id: v1::LeaseId,
     /// Its campaign, for the log.
     pub(super) campaign: String,
-    /// Its trace.
     pub(super) trace_parent: String,
     pub(super) work: Work,
 }
@@ -87,7 +86,6 @@ impl Outcome {
         }
     }
 
-    /// The message that reports it.
     pub(super) fn message(self, id: v1::LeaseId) -> v1::worker_message::Message {
         use v1::batch_result;
         let outcome = match self {
@@ -119,13 +117,13 @@ impl TryFrom<v1::Lease> for Lease {
     fn try_from(message: v1::Lease) -> Result<Self, Invalid> {
         let id = message
             .id
-            .ok_or_else(|| Invalid::new("lease.id", "nothing", "a lease id"))?;
+            .ok_or_else(|| Invalid::missing("lease.id", "a lease id"))?;
         let work = match message.work {
             Some(v1::lease::Work::Evaluations(batch)) => evaluations(batch)?,
             Some(v1::lease::Work::Embeddings(batch)) => embeddings(batch)?,
             Some(v1::lease::Work::Replay(task)) => replay(task)?,
             Some(v1::lease::Work::Training(_)) => return Err(unknown("a training")),
-            None => return Err(unknown("nothing")),
+            None => return Err(Invalid::missing("work", KNOWN_WORK)),
         };
         Ok(Self {
             id,
@@ -136,8 +134,10 @@ impl TryFrom<v1::Lease> for Lease {
     }
 }
 
+const KNOWN_WORK: &str = "a kind of work that this worker knows";
+
 fn unknown(found: &str) -> Invalid {
-    Invalid::new("work", found, "a kind of work that this worker knows")
+    Invalid::new("work", found, KNOWN_WORK)
 }
 
 fn evaluations(batch: v1::EvaluationBatch) -> Result<Work, Invalid> {

@@ -88,7 +88,6 @@ impl Pool {
         (each * self.threads).saturating_sub(self.outstanding)
     }
 
-    /// Work was asked for.
     pub(super) fn asked(&mut self) {
         self.latency.asked.get_or_insert_with(Instant::now);
     }
@@ -98,7 +97,6 @@ impl Pool {
         self.outstanding
     }
 
-    /// Queues a lease.
     pub(super) fn take(&mut self, lease: Lease) {
         self.latency.answered(Instant::now());
         self.outstanding += lease.work.len();
@@ -149,7 +147,6 @@ struct Latency {
 }
 
 impl Latency {
-    /// Leases that are remembered.
     const REMEMBERED: usize = 32;
 
     /// A lease arrived.

@@ -2,17 +2,18 @@
 
 use super::*;
 use murmuration_proto::{Purpose, RandomStream, World};
+use rand::RngExt as _;
 use std::f64::consts::TAU;
 
 /// Paths of `agents` that stand or walk about their places in a square of this side, at most so fast.
 fn paths(stream: &mut RandomStream, agents: usize, side: f64, speed: f64) -> Vec<Vec<Point>> {
     let path = |_| {
-        let mut at = [0, 1].map(|_| stream.between(0.0, side));
-        let (mut heading, turn) = (stream.between(0.0, TAU), stream.between(-0.5, 0.5));
-        let speed = if stream.chance(0.3) {
+        let mut at = [0, 1].map(|_| stream.random_range(0.0..=side));
+        let (mut heading, turn) = (stream.random_range(0.0..TAU), stream.random_range(-0.5..0.5));
+        let speed = if stream.random_bool(0.3) {
             0.0
         } else {
-            stream.between(0.0, speed)
+            stream.random_range(0.0..=speed)
         };
         let walk = |_| {
             let (sine, cosine) = libm::sincos(heading);

@@ -1,0 +1,212 @@
+//! The evaluation of a controller: simulates it, computes the features, draws the picture; and that of a swarm that was tracked.
+
+mod batch;
+mod observed;
+mod recorder;
+
+pub use observed::observe;
+
+use crate::{
+    features::{FEATURE_STEPS, FeatureMeans},
+    rasterise::Rasteriser,
+    simulate::{Start, Swarm, batch_is_for},
+};
+use murmuration_proto::{Controller, Evaluation, ImageFormat, Invalid, World};
+use pulp::Arch;
+use recorder::{Recorder, quiet};
+
+/// Evaluates controllers in one world, and reuses its buffers.
+#[derive(Debug)]
+pub struct Evaluator {
+    world: World,
+    format: ImageFormat,
+    rasteriser: Rasteriser,
+    arch: Arch,
+    /// Controllers that are evaluated at once.
+    lanes: usize,
+    judges: bool,
+}
+
+impl Evaluator {
+    /// An evaluator that uses the fastest instructions of this CPU.
+    ///
+    /// # Errors
+    /// If the world is smaller than the picture.
+    pub fn new(world: &World, format: &ImageFormat) -> Result<Self, Invalid> {
+        Self::on(Arch::new(), world, format)
+    }
+
+    /// As [`Evaluator::new`], with the instructions of `arch`. The bits are the same.
+    ///
+    /// # Errors
+    /// As [`Evaluator::new`].
+    pub fn on(arch: Arch, world: &World, format: &ImageFormat) -> Result<Self, Invalid> {
+        Ok(Self {
+            world: world.clone(),
+            format: *format,
+            rasteriser: Rasteriser::on(arch, world, format)?,
+            arch,
+            lanes: batch::lanes(arch, world),
+            judges: false,
+        })
+    }
+
+    /// The same, and whether it also lets the judge name the class of each motion.
+    #[must_use]
+    pub fn judging(self, judges: bool) -> Self {
+        Self { judges, ..self }
+    }
+
+    /// Simulates `controller` from `start` over the world's horizon.
+    ///
+    /// The features are means over the last 100 steps. The picture shows all steps of the format's window but the first,
+    /// which clears the canvas. The verdict is the judge's of the motion, if this evaluator judges.
+    ///
+    /// # Errors
+    /// As [`Swarm::new`]; if the format has a channel for each species of another swarm; or if a feature is not finite (which no
+    /// robot of a sensible size reaches).
+    pub fn evaluate(&mut self, controller: &Controller, start: &Start) -> Result<Evaluation, Invalid> {
+        self.format
+            .check_species(controller.model())
+            .map_err(|error| error.within("image"))?;
+        let mut swarm = Swarm::on(self.arch, controller, &self.world, start)?;
+        let mut ending = Ending::new(&self.world, &self.format, &mut self.rasteriser);
+        let mut recorder = self.judges.then(|| Recorder::new(&self.world, 1));
+        let record = |recorder: &mut Option<Recorder>, swarm: &Swarm| {
+            if let Some(recorder) = recorder {
+                recorder.observe(swarm.steps(), |_| swarm.agents().map(|agent| agent.position));
+            }
+        };
+        record(&mut recorder, &swarm);
+        while swarm.steps() < self.world.horizon() {
+            swarm.advance(quiet(swarm.steps(), ending.first_step(), recorder.as_ref()));
+            swarm.step();
+            ending.observe(&swarm);
+            record(&mut recorder, &swarm);
+        }
+        let evaluation = Evaluation::new(ending.features.means(), ending.rasteriser.image(), &self.format)?;
+        let verdicts = recorder
+            .map(|recorder| recorder.verdicts(&self.world))
+            .transpose()?;
+        Ok(evaluation.judged(verdicts.and_then(|verdicts| verdicts.first().copied())))
+    }
+
+    /// As [`Evaluator::evaluate`] of each of `tasks` in turn: the bits are the same. It is faster for swarms of one species of
+    /// up to 64 robots whose sensors see all robots and nothing else, in worlds without noise or obstacles
+    /// that are no torus.
+    ///
+    /// # Errors
+    /// The first error that [`Evaluator::evaluate`] has.
+    pub fn evaluate_all(&mut self, tasks: &[(Controller, Start)]) -> Result<Vec<Evaluation>, Invalid> {
+        let mut evaluations = Vec::with_capacity(tasks.len());
+        for alike in tasks.chunk_by(|(a, _), (b, _)| a.model() == b.model()) {
+            let one_channel = self.format.shape().channels() == 1;
+            let can_batch = one_channel && self.lanes > 1 && batch_is_for(alike[0].0.model(), &self.world);
+            for tasks in alike.chunks(self.lanes) {
+                // A vector with half its lanes empty is no faster than its swarms one by one.
+                let batch = (can_batch && 2 * tasks.len() > self.lanes).then(|| self.evaluate_batch(tasks));
+                if let Some(batch) = batch.flatten() {
+                    evaluations.extend(batch?);
+                } else {
+                    for (controller, start) in tasks {
+                        evaluations.push(self.evaluate(controller, start)?);
+                    }
+                }
+            }
+        }
+        Ok(evaluations)
+    }
+
+    /// `None` if the instructions have no vectors.
+    fn evaluate_batch(&mut self, tasks: &[(Controller, Start)]) -> Option<Result<Vec<Evaluation>, Invalid>> {
+        let tasks = batch::Tasks {
+            world: &self.world,
+            format: &self.format,
+            rasteriser: &mut self.rasteriser,
+            judges: self.judges,
+            tasks,
+        };
+        tasks.evaluate_on(self.arch)
+    }
+}
+
+/// Evaluates one controller. Use [`Evaluator`] for many: it is faster.
+///
+/// # Errors
+/// As [`Evaluator::new`] and [`Evaluator::evaluate`].
+pub fn evaluate(
+    controller: &Controller,
+    world: &World,
+    format: &ImageFormat,
+    start: &Start,
+) -> Result<Evaluation, Invalid> {
+    Evaluator::new(world, format)?.evaluate(controller, start)
+}
+
+/// The observations of the last steps of a simulation: features and picture.
+pub(crate) struct Ending<'a> {
+    pub(crate) features: FeatureMeans,
+    pub(crate) rasteriser: &'a mut Rasteriser,
+    window: Window,
+}
+
+impl<'a> Ending<'a> {
+    pub(crate) fn new(world: &World, format: &ImageFormat, rasteriser: &'a mut Rasteriser) -> Self {
+        rasteriser.clear();
+        Self {
+            features: FeatureMeans::new(world),
+            rasteriser,
+            window: Window::new(world, format),
+        }
+    }
+
+    /// Number of first steps without anything to observe.
+    pub(crate) const fn first_step(&self) -> u32 {
+        self.window.first_step()
+    }
+
+    /// Observes the swarm after a step.
+    pub(crate) fn observe(&mut self, swarm: &Swarm) {
+        if self.window.has_features(swarm.steps()) {
+            self.features.observe(swarm);
+        }
+        if self.window.is_drawn(swarm.steps()) {
+            self.rasteriser.draw(swarm);
+        }
+    }
+}
+
+/// The steps that features and picture are taken from.
+#[derive(Debug, Clone, Copy)]
+struct Window {
+    /// Steps after which features are computed.
+    features_after: u32,
+    /// Steps after which agents are drawn.
+    drawn_after: u32,
+}
+
+impl Window {
+    const fn new(world: &World, format: &ImageFormat) -> Self {
+        Self {
+            features_after: world.horizon().saturating_sub(FEATURE_STEPS),
+            drawn_after: world.horizon().saturating_sub(format.window() - 1),
+        }
+    }
+
+    /// Steps before which nothing is taken.
+    const fn first_step(self) -> u32 {
+        if self.features_after < self.drawn_after {
+            self.features_after
+        } else {
+            self.drawn_after
+        }
+    }
+
+    const fn has_features(self, step: u32) -> bool {
+        step > self.features_after
+    }
+
+    const fn is_drawn(self, step: u32) -> bool {
+        step > self.drawn_after
+    }
+}

@@ -1,0 +1,73 @@
+//! The evaluation of a swarm that was tracked, not simulated.
+
+use super::Ending;
+use crate::{
+    rasterise::Rasteriser,
+    simulate::{Start, Swarm},
+};
+use murmuration_proto::{Controller, Evaluation, ImageFormat, Invalid, World, counted, v1};
+
+/// Features and picture of a swarm that moved like this: `frames` has the pose (x, y, heading; world units and radians) of each
+/// robot before the first step and after every step, at least one. The length of the simulation is theirs, whatever `world`
+/// says.
+///
+/// Of a simulated swarm they are those of its evaluation, except in two cases. Headings come from angles here and from rotations
+/// in a simulation, so they differ by rounding; this moves a pixel where a line ends between two. And on a torus a displacement
+/// differs by rounding.
+///
+/// Of the controller only what says how robots look is used: where their sensors point, and how many there are of each species.
+///
+/// # Errors
+/// If the swarm does not fit the world or the picture (or has another number of species than the picture has channels), a frame has another number of poses, or a pose is not finite or over
+/// [`World::MAX_SIDE`] away from the world.
+pub fn observe(
+    controller: &Controller,
+    world: &World,
+    format: &ImageFormat,
+    frames: &[Vec<[f64; 3]>],
+) -> Result<Evaluation, Invalid> {
+    let (Some(first), steps @ 1..) = (frames.first(), frames.len().saturating_sub(1)) else {
+        let value = counted(frames.len() as u64, "frame");
+        return Err(Invalid::new("frames", value, "two frames or more"));
+    };
+    format
+        .check_species(controller.model())
+        .map_err(|error| error.within("image"))?;
+    let world = World::try_from(v1::World {
+        horizon: Some(u32::try_from(steps).unwrap_or(u32::MAX)),
+        ..world.clone().into()
+    })?;
+    frames.iter().try_for_each(|poses| check(poses, &world))?;
+    let mut swarm = Swarm::new(controller, &world, &Start::at(first.clone())?)?;
+    let mut rasteriser = Rasteriser::new(&world, format)?;
+    let mut ending = Ending::new(&world, format, &mut rasteriser);
+    for poses in &frames[1..] {
+        swarm.place(poses);
+        ending.observe(&swarm);
+    }
+    Evaluation::new(ending.features.means(), ending.rasteriser.image(), format)
+}
+
+fn check(poses: &[[f64; 3]], world: &World) -> Result<(), Invalid> {
+    if poses.len() != world.agents() as usize {
+        let allowed = format!("{}, one a robot", counted(world.agents().into(), "pose"));
+        return Err(Invalid::new(
+            "frames",
+            counted(poses.len() as u64, "pose"),
+            allowed,
+        ));
+    }
+    for [x, y, heading] in poses {
+        for (field, value, side) in [("x", x, world.width()), ("y", y, world.height())] {
+            let [low, high] = [-World::MAX_SIDE, side + World::MAX_SIDE];
+            if !(low..=high).contains(value) {
+                let allowed = format!("a number from {low} to {high}, world units");
+                return Err(Invalid::new(field, format!("{value:e}"), allowed));
+            }
+        }
+        if !heading.is_finite() {
+            return Err(Invalid::new("heading", heading, "a finite number"));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,203 @@
+//! What the features of a swarm in a given world can be at most: results beyond that were not simulated.
+//!
+//! The bounds hold for every controller and start, and follow from what a step does to an agent (`simulate`):
+//!
+//! - It drives at most as far as its drive's top speed takes it in `dt`, times the largest factor of the noise, and is clamped to
+//!   the walls, if there are any: a projection, which takes it no further from where it was than the drive did, and besides as far
+//!   as it was outside the walls before.
+//! - Then it is pushed out of others, in a few passes. All that a pass pushes it out of are within a diameter of where it
+//!   was when the pass began, and each push leaves it a diameter and a gap from one of them, give or take the jitter. So no
+//!   pass takes it further than two diameters and that; nor do all of them together, by the same argument, for each other
+//!   agent there is. Where two agents nearly coincide, the direction of a push is a unit vector up to a factor of 1.42, for
+//!   which there is room in [`push`].
+//!
+//! Between the two, obstacles push it:
+//!
+//! - Where there are walls, they leave it within the walls or where a way out ends, which is within the rectangle about the
+//!   obstacles and a body around them; without walls, they leave it where it was or within that rectangle.
+//! - On a torus they push it the shorter way around, so at most half a diagonal; and so do the others.
+//!
+//! So after its step every agent is within a push of the walls or that rectangle; without walls, within as many drives and pushes
+//! of the world or that rectangle as there are steps; on a torus, in the world. Distances from the centroid have a mean square of
+//! at most a quarter of the squared diagonal of where agents can be (Popoviciu), and all else follows from that and the speed. On a
+//! torus they are distances of coordinates, and the centroid is a mean of coordinates: features know nothing of images.
+
+use super::{FEATURE_STEPS, RADIAL_VARIANCE_SCALE};
+use crate::simulate::{GAP, JITTER, PASSES};
+use murmuration_proto::{Boundary, CapabilityModel, FEATURE_NAMES, Features, Invalid, Obstacle, World};
+use std::f64::consts::SQRT_2;
+
+/// Room for what is rounded: in proportion, and absolutely.
+const ROUNDING: (f64, f64) = (1e-6, 1e-9);
+
+/// The least and most that each feature of a swarm in one world can be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FeatureBounds {
+    least: Features,
+    most: Features,
+}
+
+impl FeatureBounds {
+    /// Those of swarms of this model in `world`.
+    #[must_use]
+    pub fn of(model: &CapabilityModel, world: &World) -> Self {
+        let speed = speed(model, world);
+        let diagonal = size(region(model, world));
+        let spread = if world.agents() > 1 { diagonal / 2.0 } else { 0.0 };
+        let spread = spread / world.half_diagonal();
+        let most = [
+            speed,
+            speed * spread,
+            RADIAL_VARIANCE_SCALE * spread * spread,
+            spread * spread,
+            speed,
+        ];
+        let most = most.map(|most| most * (1.0 + ROUNDING.0) + ROUNDING.1);
+        // Only momentum and rotation have a direction.
+        let least = [0.0, -most[1], 0.0, 0.0, -most[4]];
+        Self { least, most }
+    }
+
+    /// Whether a swarm can have these.
+    ///
+    /// # Errors
+    /// Names the first feature that none has.
+    pub fn check(&self, features: &Features) -> Result<(), Invalid> {
+        let allowed = self.least.iter().zip(self.most);
+        for ((name, &value), (&least, most)) in FEATURE_NAMES.iter().zip(features).zip(allowed) {
+            if !(least..=most).contains(&value) {
+                let allowed = format!("from {least:.3} to {most:.3}, which swarms in this world can have");
+                return Err(Invalid::new(
+                    format!("features.{name}"),
+                    format!("{value:e}"),
+                    allowed,
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether agents of a swarm of this model in `world` can be there, at its start or after any step.
+///
+/// # Errors
+/// Names the first coordinate that none has.
+pub fn check_positions(
+    model: &CapabilityModel,
+    world: &World,
+    positions: impl IntoIterator<Item = [f64; 2]>,
+) -> Result<(), Invalid> {
+    let reached = hull(region(model, world), whole(world));
+    for position in positions {
+        for ((axis, value), [low, high]) in ["x", "y"].into_iter().zip(position).zip(reached) {
+            // Poses may come in single precision.
+            let room = (high - low) * ROUNDING.0 + ROUNDING.1;
+            let (low, high) = (low - room, high + room);
+            if !(low..=high).contains(&value) {
+                let allowed = format!("from {low:.3} to {high:.3}, which agents of this world reach");
+                return Err(Invalid::new(
+                    format!("replay.{axis}"),
+                    format!("{value:e}"),
+                    allowed,
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Furthest that a step moves an agent.
+fn speed(model: &CapabilityModel, world: &World) -> f64 {
+    let (push, drive) = (push(world), drive(model, world));
+    let region = region(model, world);
+    match world.boundary() {
+        Boundary::Torus => {
+            let around = world.half_diagonal();
+            let obstacles = if world.obstacles().is_empty() { 0.0 } else { around };
+            drive + obstacles + push.min(around)
+        }
+        Boundary::Open => (drive + push + around_obstacles(world).map_or(0.0, size)).min(size(region)),
+        Boundary::Walls => {
+            // A start may be anywhere in the world.
+            let (outside, crossed) = match world.horizon() <= FEATURE_STEPS {
+                true => (
+                    push.max(SQRT_2 * world.margin()),
+                    size(hull(region, whole(world))),
+                ),
+                false => (push, size(region)),
+            };
+            match world.obstacles() {
+                [] => (drive + outside + push).min(crossed),
+                _ => crossed,
+            }
+        }
+    }
+}
+
+/// A rectangle: lowest and highest coordinate by axis.
+type Rectangle = [[f64; 2]; 2];
+
+/// Where agents can be after any step.
+fn region(model: &CapabilityModel, world: &World) -> Rectangle {
+    let sides = [world.width(), world.height()];
+    let (room, beyond) = match world.boundary() {
+        Boundary::Torus => return sides.map(|side| [0.0, side]),
+        Boundary::Walls => {
+            // The smallest robots get nearest to the walls.
+            let radii = model.species().iter().map(|species| species.robot().radius());
+            let margin = world.padding() + radii.fold(world.radius(), f64::min);
+            (
+                sides.map(|side| [margin, (side - margin).max(margin)]),
+                push(world),
+            )
+        }
+        Boundary::Open => (sides.map(|side| [0.0, side]), roam(model, world)),
+    };
+    let room = around_obstacles(world).map_or(room, |obstacles| hull(room, obstacles));
+    room.map(|[low, high]| [low - beyond, high + beyond])
+}
+
+/// The world.
+fn whole(world: &World) -> Rectangle {
+    [[0.0, world.width()], [0.0, world.height()]]
+}
+
+/// The rectangle about all obstacles, a body and a gap around each.
+fn around_obstacles(world: &World) -> Option<Rectangle> {
+    let around = |obstacle: &Obstacle| {
+        let (centre, half) = (obstacle.centre(), obstacle.half_size());
+        [0, 1].map(|axis| {
+            let reach = half[axis] + world.radius() + GAP;
+            [centre[axis] - reach, centre[axis] + reach]
+        })
+    };
+    world.obstacles().iter().map(around).reduce(hull)
+}
+
+/// The smallest rectangle that holds both.
+fn hull(a: Rectangle, b: Rectangle) -> Rectangle {
+    [0, 1].map(|axis| [a[axis][0].min(b[axis][0]), a[axis][1].max(b[axis][1])])
+}
+
+/// Length of a rectangle's diagonal.
+fn size(rectangle: Rectangle) -> f64 {
+    let [x, y] = rectangle.map(|[low, high]| high - low);
+    x.hypot(y)
+}
+
+/// Furthest that an agent gets by itself in a whole simulation without walls.
+fn roam(model: &CapabilityModel, world: &World) -> f64 {
+    f64::from(world.horizon()) * (drive(model, world) + push(world))
+}
+
+/// Furthest that an agent drives in a step.
+fn drive(model: &CapabilityModel, world: &World) -> f64 {
+    model.top_speed() * world.noise().largest_factor() * world.dt()
+}
+
+/// Furthest that an agent is pushed out of others in a step.
+fn push(world: &World) -> f64 {
+    let once = 5.0 * world.radius() + 2.0 * (GAP + JITTER);
+    let passes = (world.agents() as usize - 1).min(PASSES);
+    passes as f64 * once
+}

@@ -1,0 +1,163 @@
+//! Noise: drives that slip, sensors that misread, readings that come late.
+//!
+//! Each robot draws from streams of its own, in the order of its steps: what it draws depends neither on other robots nor on how
+//! the steps are computed.
+
+use super::{
+    Start,
+    drive::{Drivetrain, Gait},
+};
+use murmuration_proto::{self as proto, Purpose, RandomStream, World};
+use rand::RngExt as _;
+use std::{collections::VecDeque, f64::consts::TAU};
+
+/// What goes wrong with the robots of a swarm.
+#[derive(Debug, Clone)]
+pub(super) struct Noise {
+    asked: proto::Noise,
+    robots: Vec<Own>,
+}
+
+/// What goes wrong with one robot.
+#[derive(Debug, Clone)]
+struct Own {
+    gains: [f64; 2],
+    /// If its drive slips.
+    slip: Option<RandomStream>,
+    /// If its sensors misread.
+    misreading: Option<RandomStream>,
+    /// The readings that it does not move by yet, oldest first.
+    late: VecDeque<u8>,
+}
+
+impl Noise {
+    /// The noise of a world; none if there is none.
+    pub(super) fn new(world: &World, start: &Start) -> Option<Self> {
+        let asked = world.noise();
+        let robots = (0..u64::from(world.agents())).map(|robot| Own::new(asked, start.seed(), robot));
+        (!asked.is_off()).then(|| Self {
+            asked,
+            robots: robots.collect(),
+        })
+    }
+
+    /// What robot `i` moves by that has just sensed `sensed`.
+    pub(super) fn delayed(&mut self, i: usize, sensed: u8) -> u8 {
+        let late = &mut self.robots[i].late;
+        late.push_back(sensed);
+        late.pop_front().unwrap_or(sensed)
+    }
+
+    /// How robot `i` moves when it is driven by `pair`; `None` if that is just what its controller says.
+    pub(super) fn gait(&mut self, i: usize, drive: Drivetrain, pair: [f64; 2]) -> Option<Gait> {
+        if !self.asked.moves() {
+            return None;
+        }
+        let robot = &mut self.robots[i];
+        let mut factors = robot.gains;
+        if let Some(stream) = &mut robot.slip {
+            let slips = factors_about_one(stream, self.asked.slip());
+            factors = [factors[0] * slips[0], factors[1] * slips[1]];
+        }
+        Some(drive.gait([pair[0] * factors[0], pair[1] * factors[1]]))
+    }
+
+    /// What the sensors of robot `i`, of which there are `sensors`, read in the state `sensed`.
+    ///
+    /// One number for each sensor decides, on or off, so that what is drawn does not depend on what is seen.
+    pub(super) fn read(&mut self, i: usize, sensors: usize, sensed: u8) -> u8 {
+        let Some(stream) = &mut self.robots[i].misreading else {
+            return sensed;
+        };
+        let mut read = sensed;
+        for sensor in (0..sensors).rev() {
+            let bit = 1 << sensor;
+            let wrong = match sensed & bit {
+                0 => self.asked.false_detection(),
+                _ => self.asked.missed(),
+            };
+            if stream.chance(wrong) {
+                read ^= bit;
+            }
+        }
+        read
+    }
+}
+
+impl Own {
+    fn new(asked: proto::Noise, seed: u64, robot: u64) -> Self {
+        let stream = |purpose| RandomStream::derive(seed, purpose, robot);
+        Self {
+            gains: match asked.gain() > 0.0 {
+                true => factors_about_one(&mut stream(Purpose::Gain), asked.gain()),
+                false => [1.0; 2],
+            },
+            slip: (asked.slip() > 0.0).then(|| stream(Purpose::Slip)),
+            misreading: asked.misreads().then(|| stream(Purpose::Misreading)),
+            // Zeros: it senses nothing before the first step.
+            late: vec![0; asked.delay() as usize].into(),
+        }
+    }
+}
+
+/// 1 and a normal number with this standard deviation, twice.
+fn factors_about_one(stream: &mut RandomStream, deviation: f64) -> [f64; 2] {
+    normals(stream).map(|normal| 1.0 + deviation * normal)
+}
+
+/// Two independent normal numbers with mean 0 and standard deviation 1, truncated at [`proto::Noise::MAX_DEVIATIONS`]: Box and
+/// Muller's method, drawn again where one is beyond (one time in 8,000).
+fn normals(stream: &mut RandomStream) -> [f64; 2] {
+    loop {
+        // 1 - u is never 0, whose logarithm is infinite.
+        let radius = (-2.0 * libm::log(1.0 - stream.random::<f64>())).sqrt();
+        let angle = TAU * stream.random::<f64>();
+        let pair = [radius * libm::cos(angle), radius * libm::sin(angle)];
+        if pair
+            .iter()
+            .all(|normal| normal.abs() <= proto::Noise::MAX_DEVIATIONS)
+        {
+            return pair;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normal_numbers_are_normal_and_the_same_for_ever() {
+        let mut stream = RandomStream::derive(1, Purpose::Slip, 0);
+        let first = normals(&mut stream).map(f64::to_bits);
+        assert_eq!(first, FIRST_NORMALS, "{first:?}");
+        let numbers: Vec<f64> = (0..100_000).flat_map(|_| normals(&mut stream)).collect();
+        let share = |from: f64, to: f64| {
+            let within = |&&number: &&f64| from <= number && number < to;
+            numbers.iter().filter(within).count() as f64 / numbers.len() as f64
+        };
+        // The normal distribution's own, within four standard errors.
+        for (from, to, expected) in [
+            (-9.0, 0.0, 0.5),
+            (-1.0, 1.0, 0.682_69),
+            (2.0, 9.0, 0.022_75),
+            (3.0, 9.0, 0.001_35),
+        ] {
+            let error = 4.0 * f64::sqrt(expected * (1.0 - expected) / numbers.len() as f64);
+            assert!(
+                (share(from, to) - expected).abs() < error,
+                "{from} to {to}: {}",
+                share(from, to)
+            );
+        }
+        assert!(numbers.iter().all(|number| number.abs() <= 4.0));
+        let products = numbers.chunks(2).map(|pair| pair[0] * pair[1]);
+        assert!(
+            (products.sum::<f64>() / 100_000.0).abs() < 0.013,
+            "a pair is independent"
+        );
+    }
+
+    /// If they change, every evaluation with noise changes.
+    const FIRST_NORMALS: [u64; 2] = [4604181779928804211, 4601090845706885158];
+}

@@ -1,0 +1,11 @@
+//! Whole swarms: their bits on every instruction set, their features and pictures, and properties of their motion.
+#![expect(clippy::unwrap_used, reason = "tests fail by panicking")]
+
+mod bounds;
+mod case;
+mod evaluate;
+mod observed;
+mod proptest_cases;
+mod rasterise;
+mod replay;
+mod simulate;
