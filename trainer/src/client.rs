@@ -156,7 +156,6 @@ async fn next(running: &mut Option<Running>) -> Event {
     }
 }
 
-/// Asks for one more training.
 async fn ask(link: &Link) -> Result<(), Broken> {
     let credits = v1::Credits { evaluations: 1 };
     link.send(worker_message::Message::Credits(credits)).await

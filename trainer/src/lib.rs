@@ -1,31 +1,5 @@
-//! The trainer: trains embedders on trajectory images, first without labels, then on labels, and writes them as ONNX
-//! checkpoints.
-//!
-//! [`training::Training`] takes [`pictures::Pictures`] and a [`Configuration`](murmuration_proto::training::Configuration)
-//! and runs one epoch at a time. [`onnx::export`] makes a checkpoint of its embedder. [`onnx::import`] reads one back, to
-//! train it further on [`labelled_pictures::LabelledPictures`] and [`compared_pictures::ComparedPictures`]
-//! ([`training::FineTuning`]). All of them use the rayon pool of their caller. [`client`] is the network side: it leases trainings from a coordinator and publishes the resulting
-//! checkpoints.
-#![deny(missing_docs)]
+//! The network side of training. [`client`] leases trainings from a coordinator, runs them (`murmuration-train`), and publishes
+//! the resulting checkpoints.
 
-mod augment;
-pub mod bench;
 pub mod client;
-pub mod compared_pictures;
-pub mod labelled_pictures;
-mod layers;
-mod loss;
-pub mod network;
-pub mod onnx;
-mod optimise;
-pub mod pictures;
 mod publication;
-#[cfg(test)]
-mod pytorch;
-pub mod quality;
-mod real;
-mod shards;
-pub mod training;
-mod vectors;
-
-pub use real::Real;

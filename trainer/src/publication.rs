@@ -1,18 +1,18 @@
 //! Publishing a finished training: its checkpoint is tried on ONNX Runtime before anyone else gets it.
 
-use crate::{
-    network::Network,
-    onnx,
-    pictures::Pictures,
-    quality::Quality,
-    training::{FineTuned, Training},
-};
 use murmuration_embed::{EmbedError, Embedder, Runtime};
 use murmuration_proto::{
     CheckpointDigest, Lineage,
     onnx::{EmbedderModel, ModelError},
     training::Configuration,
     v1,
+};
+use murmuration_train::{
+    network::Network,
+    onnx,
+    pictures::Pictures,
+    quality::Quality,
+    training::{FineTuned, Training},
 };
 use std::collections::BTreeMap;
 
@@ -103,19 +103,13 @@ impl Publication {
             configuration: configuration.to_toml(),
             ..Lineage::default()
         };
-        if let Some(FineTuned { teaching, parent }) = training.fine_tuned() {
+        if let Some(FineTuned { labelled, parent }) = training.fine_tuned() {
             lineage.parent = Some(*parent);
-            lineage.label_digest = teaching.digest();
-            lineage.labelled = teaching.seen();
-            if let Some(labelled) = &teaching.labelled {
-                metrics.insert("labels".to_owned(), labelled.labels() as f64);
-                metrics.insert("labelled_pictures".to_owned(), labelled.count() as f64);
-                metrics.insert("classes".to_owned(), labelled.ranges().len() as f64);
-            }
-            if let Some(compared) = &teaching.compared {
-                metrics.insert("comparisons".to_owned(), compared.triplets().len() as f64);
-                metrics.insert("compared_pictures".to_owned(), compared.count() as f64);
-            }
+            lineage.label_digest = labelled.digest();
+            lineage.labelled = labelled.seen();
+            metrics.insert("labels".to_owned(), labelled.labels() as f64);
+            metrics.insert("labelled_pictures".to_owned(), labelled.count() as f64);
+            metrics.insert("classes".to_owned(), labelled.class_count() as f64);
         }
         Ok(Self {
             bytes,
@@ -127,7 +121,6 @@ impl Publication {
         CheckpointDigest::of(&self.bytes)
     }
 
-    /// The messages that publish the checkpoint.
     pub(crate) fn requests(&self) -> Vec<v1::PublishCheckpointRequest> {
         self.lineage.publish_requests(&self.bytes)
     }
@@ -165,6 +158,7 @@ fn difference(network: &Network, embedder: &mut Embedder, pictures: &Pictures) -
 mod tests {
     use super::*;
     use murmuration_proto::{PictureShape, Purpose, RandomStream};
+    use rand::RngExt as _;
     use std::sync::Arc;
 
     /// Bars in one of two channels: which of them is all that tells a behaviour from its neighbour.
@@ -172,7 +166,7 @@ mod tests {
         let mut stream = RandomStream::derive(5, Purpose::Train, 0);
         let mut bytes = Vec::new();
         for behaviour in 0..60 {
-            let start = stream.below(5) as usize;
+            let start = stream.random_range(0..5);
             let bar = start..start + 1 + behaviour / 2 % 6;
             let lit =
                 move |i: usize| i / shape.pixels() == behaviour % 2 && bar.contains(&(i % shape.side()));

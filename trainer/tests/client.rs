@@ -10,7 +10,8 @@ use murmuration_proto::{
     training::Configuration,
     v1::{self, batch_result::Outcome, worker_message::Message},
 };
-use murmuration_trainer::{client::TrainerError, onnx, pictures::Pictures, training::Training};
+use murmuration_train::{onnx, pictures::Pictures, training::Training};
+use murmuration_trainer::client::TrainerError;
 use std::sync::Arc;
 
 const SIDE: usize = 9;
@@ -48,9 +49,6 @@ fn task(configuration: &str) -> v1::TrainingTask {
         parent: String::new(),
         labelled: 0,
         labels: 0,
-        compared: 0,
-        compared_views: 0,
-        comparisons: 0,
     }
 }
 

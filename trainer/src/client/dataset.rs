@@ -1,21 +1,17 @@
-//! Fetches the inputs of a training from the coordinator: pictures, labelled and compared pictures, the network to train
-//! further, and the snapshot.
+//! Fetches the inputs of a training from the coordinator: pictures, labelled pictures, the network to train further, and the
+//! snapshot.
 
 use super::{
     event::Undone,
-    task::{ComparedTask, FineTuningTask, Task},
-};
-use crate::{
-    compared_pictures::{ComparedPictures, ComparedTriplet},
-    labelled_pictures::LabelledPictures,
-    onnx,
-    pictures::Pictures,
-    training::{FineTuning, Teaching},
+    task::{FineTuningTask, Task},
 };
 use murmuration_link::{Coordinator, attempts, fetch_checkpoint, for_lease};
 use murmuration_proto::{
     CheckpointDigest,
     v1::{self, trainer_service_client::TrainerServiceClient, training_part::Part},
+};
+use murmuration_train::{
+    labelled_pictures::LabelledPictures, onnx, pictures::Pictures, training::FineTuning,
 };
 use std::sync::Arc;
 use tonic::Status;
@@ -23,7 +19,6 @@ use tonic::Status;
 /// Maximum number of bytes of a snapshot: four numbers of four bytes for each of at most 16 Mi weights, and some figures.
 const MAX_SAVED_BYTES: usize = 300 << 20;
 
-/// The inputs of a training.
 pub(super) struct TrainingInputs {
     pub(super) pictures: Arc<Pictures>,
     /// Present if it learns from labels.
@@ -38,8 +33,6 @@ struct Parts {
     pictures: Vec<u8>,
     labelled: Vec<u8>,
     classes: Vec<u32>,
-    compared: Vec<u8>,
-    triplets: Vec<ComparedTriplet>,
     saved: Vec<u8>,
 }
 
@@ -53,7 +46,7 @@ pub(super) async fn fetch(task: &Task, coordinator: &Coordinator) -> Result<Trai
     let fine_tuning = match &task.fine_tuning {
         None => None,
         Some(fine_tuning) => Some(FineTuning {
-            teaching: teaching(task, fine_tuning, &mut parts)?,
+            labelled: labelled(task, fine_tuning, &mut parts)?,
             parent: parent(task, fine_tuning, coordinator).await?,
         }),
     };
@@ -64,31 +57,18 @@ pub(super) async fn fetch(task: &Task, coordinator: &Coordinator) -> Result<Trai
     })
 }
 
-/// What people said, made of the parts that came.
-fn teaching(task: &Task, fine_tuning: &FineTuningTask, parts: &mut Parts) -> Result<Teaching, Undone> {
-    let (labelled, classes) = (
+/// The labelled pictures, made of the parts that came.
+fn labelled(
+    task: &Task,
+    fine_tuning: &FineTuningTask,
+    parts: &mut Parts,
+) -> Result<Arc<LabelledPictures>, Undone> {
+    let (pictures, classes) = (
         std::mem::take(&mut parts.labelled),
         std::mem::take(&mut parts.classes),
     );
-    let labelled = match fine_tuning.bytes {
-        0 => None,
-        _ => {
-            let labelled = LabelledPictures::new(task.pictures, labelled, classes).map_err(Undone::fatal)?;
-            Some(Arc::new(labelled.of_labels(fine_tuning.labels)))
-        }
-    };
-    let (bytes, triplets) = (
-        std::mem::take(&mut parts.compared),
-        std::mem::take(&mut parts.triplets),
-    );
-    let compared = match &fine_tuning.compared {
-        None => None,
-        Some(ComparedTask { views, .. }) => {
-            let compared = ComparedPictures::new(task.pictures, *views, bytes, triplets);
-            Some(Arc::new(compared.map_err(Undone::fatal)?))
-        }
-    };
-    Ok(Teaching { labelled, compared })
+    let labelled = LabelledPictures::new(task.pictures, pictures, classes).map_err(Undone::fatal)?;
+    Ok(Arc::new(labelled.of_labels(fine_tuning.labels)))
 }
 
 /// The network of the checkpoint to train further.
@@ -96,7 +76,7 @@ async fn parent(
     task: &Task,
     fine_tuning: &FineTuningTask,
     coordinator: &Coordinator,
-) -> Result<crate::network::Network, Undone> {
+) -> Result<murmuration_train::network::Network, Undone> {
     let fetched = fetch_checkpoint(coordinator, fine_tuning.parent, task.lease).await;
     let bytes = fetched.map_err(|status| Undone::call("the checkpoint to go on from", &status))?;
     if CheckpointDigest::of(&bytes) != fine_tuning.parent {
@@ -119,11 +99,6 @@ async fn receive(task: &Task, coordinator: Coordinator) -> Result<Parts, Status>
         .fine_tuning
         .as_ref()
         .map_or(0, |fine_tuning| fine_tuning.bytes);
-    let compared = task
-        .fine_tuning
-        .as_ref()
-        .and_then(|fine_tuning| fine_tuning.compared.as_ref());
-    let (compared_bytes, comparisons) = compared.map_or((0, 0), |task| (task.bytes, task.comparisons));
     let mut messages = TrainerServiceClient::new(coordinator)
         .fetch_training(for_lease(request, task.lease))
         .await?
@@ -145,16 +120,6 @@ async fn receive(task: &Task, coordinator: Coordinator) -> Result<Parts, Status>
                 )?;
                 append(&mut parts.classes, &labelled.classes, "classes", labelled_bytes)?;
             }
-            Some(Part::Compared(part)) => {
-                append(
-                    &mut parts.compared,
-                    &part.pictures,
-                    "compared pictures",
-                    compared_bytes,
-                )?;
-                let triplets: Vec<_> = part.triplets.into_iter().map(triplet).collect();
-                append(&mut parts.triplets, &triplets, "comparisons", comparisons)?;
-            }
             Some(Part::Saved(bytes)) => {
                 append(&mut parts.saved, &bytes, "a saved training", MAX_SAVED_BYTES)?
             }
@@ -163,22 +128,7 @@ async fn receive(task: &Task, coordinator: Coordinator) -> Result<Parts, Status>
     }
     check_whole(&parts.pictures, "pictures", task.bytes)?;
     check_whole(&parts.labelled, "labelled pictures", labelled_bytes)?;
-    check_whole(&parts.compared, "compared pictures", compared_bytes)?;
-    match parts.triplets.len() {
-        came if came == comparisons => Ok(parts),
-        came => {
-            let said = format!("{came} comparisons came, not {comparisons}");
-            Err(Status::data_loss(said))
-        }
-    }
-}
-
-const fn triplet(message: v1::ComparedTriplet) -> ComparedTriplet {
-    ComparedTriplet {
-        anchor: message.anchor,
-        nearer: message.nearer,
-        farther: message.farther,
-    }
+    Ok(parts)
 }
 
 fn append<T: Copy>(all: &mut Vec<T>, part: &[T], what: &str, most: usize) -> Result<(), Status> {

@@ -6,14 +6,14 @@ use std::fmt;
 use tokio::task::JoinError;
 use tonic::Status;
 
-/// An event of a training.
 #[derive(Debug)]
 pub(super) enum Event {
-    /// Its progress.
     Progress(v1::TrainingProgress),
     /// A snapshot after this number of epochs.
-    Snapshot { epoch: u64, bytes: Vec<u8> },
-    /// It is over.
+    Snapshot {
+        epoch: u64,
+        bytes: Vec<u8>,
+    },
     Done(Outcome),
 }
 

@@ -26,7 +26,6 @@ const EVENTS: usize = 4;
 pub(super) struct Running {
     pub(super) lease: v1::LeaseId,
     events: mpsc::Receiver<Event>,
-    /// Ends with this.
     _job: JoinSet<()>,
 }
 
@@ -59,7 +58,6 @@ impl Running {
         }
     }
 
-    /// The next event.
     pub(super) async fn next(&mut self) -> Event {
         let broke = || Event::Done(Undone::fatal("the training broke").into());
         self.events.recv().await.unwrap_or_else(broke)

@@ -1,15 +1,12 @@
 //! A validated training task.
 
 use super::event::Undone;
-use crate::compared_pictures::ComparedPictures;
 use murmuration_proto::{CheckpointDigest, Dataset, Invalid, PictureShape, training::Configuration, v1};
 
-/// A training task.
 #[derive(Debug)]
 pub(super) struct Task {
     pub(super) lease: v1::LeaseId,
     pub(super) campaign: String,
-    /// Its trace.
     pub(super) trace_parent: String,
     pub(super) configuration: Configuration,
     /// The shape of each picture.
@@ -28,43 +25,7 @@ pub(super) struct FineTuningTask {
     pub(super) parent: CheckpointDigest,
     /// Bytes of all labelled pictures.
     pub(super) bytes: usize,
-    /// Number of their labels.
     pub(super) labels: usize,
-    /// What people compared, if they have.
-    pub(super) compared: Option<ComparedTask>,
-}
-
-/// The comparisons to learn from.
-#[derive(Debug)]
-pub(super) struct ComparedTask {
-    /// Pictures of each behaviour.
-    pub(super) views: usize,
-    /// Bytes of all compared pictures.
-    pub(super) bytes: usize,
-    /// Number of comparisons.
-    pub(super) comparisons: usize,
-}
-
-/// The comparisons of a task, if it has some.
-fn compared(task: &v1::TrainingTask, shape: PictureShape) -> Result<Option<ComparedTask>, Undone> {
-    let comparisons = task.comparisons as usize;
-    if comparisons == 0 {
-        return Ok(None);
-    }
-    if comparisons > ComparedPictures::MAX_TRIPLETS {
-        let allowed = format!("at most {}", ComparedPictures::MAX_TRIPLETS);
-        return Err(Undone::fatal(Invalid::new("comparisons", comparisons, allowed)));
-    }
-    let views = task.compared_views as usize;
-    if !(1..=ComparedPictures::MAX_VIEWS).contains(&views) {
-        let allowed = format!("1 to {}", ComparedPictures::MAX_VIEWS);
-        return Err(Undone::fatal(Invalid::new("compared_views", views, allowed)));
-    }
-    Ok(Some(ComparedTask {
-        views,
-        bytes: bytes("compared", shape, (task.compared_views, task.compared))?,
-        comparisons,
-    }))
 }
 
 /// Bytes of this number of pictures, if they fit into a trainer's memory.
@@ -104,7 +65,6 @@ impl TryFrom<v1::Lease> for Task {
                     .map_err(|error: Invalid| Undone::fatal(error.within("parent")))?,
                 bytes: bytes("labelled", pictures, (1, task.labelled))?,
                 labels: task.labels as usize,
-                compared: compared(&task, pictures)?,
             }),
         };
         Ok(Self {
@@ -138,9 +98,6 @@ mod tests {
                 parent: String::new(),
                 labelled: 0,
                 labels: 0,
-                compared: 0,
-                compared_views: 0,
-                comparisons: 0,
             })),
         }
     }
@@ -161,20 +118,6 @@ mod tests {
     fn what_is_wrong_is_named() {
         check_refused(lease("sed = 3", 100), "configuration: ");
         check_refused(lease("", u32::MAX), "at most 8589934592 bytes of pictures");
-        let compared = |compared_views, comparisons| {
-            let mut lease = lease("", 100);
-            if let Some(v1::lease::Work::Training(task)) = &mut lease.work {
-                task.parent = CheckpointDigest::of(b"parent").to_string();
-                (task.compared, task.compared_views, task.comparisons) = (9, compared_views, comparisons);
-            }
-            lease
-        };
-        assert!(Task::try_from(compared(2, 5)).is_ok());
-        check_refused(compared(17, 5), "compared_views = 17: must be 1 to 16");
-        check_refused(
-            compared(2, 1_000_001),
-            "comparisons = 1000001: must be at most 1000000",
-        );
         let replay = v1::lease::Work::Replay(v1::ReplayTask::default());
         let work = v1::Lease {
             id: None,

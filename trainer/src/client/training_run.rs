@@ -5,19 +5,16 @@ use super::{
     event::{Event, Undone},
     task::Task,
 };
-use crate::{
-    publication::Publication,
-    training::{Progress, Training, TrainingError},
-};
+use crate::publication::Publication;
 use murmuration_embed::Runtime;
 use murmuration_proto::v1;
+use murmuration_train::training::{Progress, Training, TrainingError};
 use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 
 /// Minimum time between two snapshots: small trainings would spend more time on sending than on computing.
 const SNAPSHOT_PAUSE: Duration = Duration::from_millis(500);
 
-/// The state of a training.
 pub(super) struct TrainingRun {
     pub(super) task: Task,
     pub(super) material: TrainingInputs,

@@ -1,0 +1,127 @@
+//! A training step of the default recipe and network (256 anchors and as many positives, pictures of 50 x 50), beside
+//! PyTorch's step of the same network and loss, in turns: each figure is the best of its rounds, and what else the machine
+//! does disturbs all alike.
+//!
+//! Our step augments its pictures. PyTorch's has its pictures ready. `PYTHON` names a Python that has torch; without one, our
+//! figures stand alone. `ROUNDS` is the number of rounds.
+#![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
+#![expect(clippy::print_stdout, reason = "what it prints is what it is for")]
+
+use murmuration_train::bench::Steps;
+use rustix::time::{ClockId, clock_gettime};
+use serde_json::from_str;
+use std::{
+    env,
+    io::{BufRead, BufReader, Write},
+    process::{Child, ChildStdin, ChildStdout, Command, Stdio},
+};
+
+/// Seconds of wall time and of CPU time.
+type Times = [f64; 2];
+
+fn main() {
+    let rounds: u32 = env::var("ROUNDS").map_or(15, |rounds| rounds.parse().unwrap());
+    println!(
+        "{:<10} {:<32} {:>9} {:>9} | x ours: {:>5} {:>5}",
+        "THREADS", "STEP", "WALL, MS", "CPU, MS", "WALL", "CPU"
+    );
+    for threads in [1, 2] {
+        let rows = measured(threads, rounds);
+        let ours = rows[0].1;
+        for (name, [wall, cpu]) in &rows {
+            println!(
+                "{threads:<10} {name:<32} {:>9.1} {:>9.1} |         {:>5.2} {:>5.2}",
+                wall * 1e3,
+                cpu * 1e3,
+                wall / ours[0],
+                cpu / ours[1]
+            );
+        }
+    }
+}
+
+/// Our step and each of PyTorch's, with the least wall time and the least CPU time of a round.
+fn measured(threads: usize, rounds: u32) -> Vec<(String, Times)> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    let pool = pool.build().unwrap();
+    let mut ours = Steps::new(256).unwrap();
+    let mut pytorch = PyTorch::start(threads);
+    let mut rows = vec![("murmuration".to_owned(), [f64::INFINITY; 2])];
+    let ways = pytorch.iter().flat_map(|pytorch| &pytorch.ways);
+    rows.extend(ways.map(|way| (way.clone(), [f64::INFINITY; 2])));
+    for _ in 0..rounds {
+        let mut took = vec![timed(|| pool.install(|| ours.step()))];
+        took.extend(pytorch.iter_mut().flat_map(PyTorch::round));
+        for ((_, best), took) in rows.iter_mut().zip(took) {
+            *best = [best[0].min(took[0]), best[1].min(took[1])];
+        }
+    }
+    rows
+}
+
+/// The CPU time is that of all threads of this process.
+fn timed(work: impl FnOnce()) -> Times {
+    let now = |clock| {
+        let now = clock_gettime(clock);
+        now.tv_sec as f64 + now.tv_nsec as f64 * 1e-9
+    };
+    let clocks = [ClockId::Monotonic, ClockId::ProcessCPUTime];
+    let begun = clocks.map(now);
+    work();
+    let ended = clocks.map(now);
+    [ended[0] - begun[0], ended[1] - begun[1]]
+}
+
+/// Steps in a process of Python.
+struct PyTorch {
+    process: Child,
+    to: ChildStdin,
+    from: BufReader<ChildStdout>,
+    ways: Vec<String>,
+}
+
+impl PyTorch {
+    /// `None` where there is no PyTorch.
+    fn start(threads: usize) -> Option<Self> {
+        let python = env::var("PYTHON").unwrap_or_else(|_| "python3".to_owned());
+        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/pytorch_step.py");
+        let mut process = Command::new(python)
+            .args([script, &threads.to_string()])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .ok()?;
+        let (to, from) = (process.stdin.take()?, BufReader::new(process.stdout.take()?));
+        let mut pytorch = Self {
+            process,
+            to,
+            from,
+            ways: Vec::new(),
+        };
+        let (version, ways): (String, Vec<String>) = from_str(&pytorch.line()?).ok()?;
+        pytorch.ways = ways
+            .iter()
+            .map(|way| format!("PyTorch {version}, {way}"))
+            .collect();
+        Some(pytorch)
+    }
+
+    fn line(&mut self) -> Option<String> {
+        let mut line = String::new();
+        let read = self.from.read_line(&mut line).ok()?;
+        (read > 0).then_some(line)
+    }
+
+    fn round(&mut self) -> Vec<Times> {
+        writeln!(self.to).unwrap();
+        from_str(&self.line().unwrap()).unwrap()
+    }
+}
+
+impl Drop for PyTorch {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}

@@ -1,0 +1,141 @@
+//! The pictures to train on, one or more per behaviour.
+
+use murmuration_proto::PictureShape;
+
+/// Pictures of one shape. Several pictures of one behaviour (its views, such as the same controller from other starts)
+/// belong together without labels.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Pictures {
+    shape: PictureShape,
+    views: usize,
+    bytes: Vec<u8>,
+}
+
+/// Why bytes are not pictures to train on.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum PicturesError {
+    /// A behaviour without pictures, or with too many.
+    #[error("{0} pictures of each behaviour: must be 1 to 1,000")]
+    Views(usize),
+    /// Bytes that do not fill the last behaviour's pictures.
+    #[error("{bytes} bytes are not a whole number of behaviours with {each} bytes of pictures each")]
+    Remainder {
+        /// The number of bytes.
+        bytes: usize,
+        /// The number of bytes of one behaviour.
+        each: usize,
+    },
+    #[error("{0} behaviours: at least 4 are needed, two to train on and two to hold out")]
+    TooFew(usize),
+}
+
+impl Pictures {
+    /// Consecutive pictures of this shape, with the `views` of a behaviour adjacent.
+    ///
+    /// # Errors
+    /// If the numbers do not fit, or there are fewer than four behaviours.
+    pub fn new(shape: PictureShape, views: usize, bytes: Vec<u8>) -> Result<Self, PicturesError> {
+        if !(1..=1000).contains(&views) {
+            return Err(PicturesError::Views(views));
+        }
+        let each = shape.bytes() * views;
+        if !bytes.len().is_multiple_of(each) {
+            let bytes = bytes.len();
+            return Err(PicturesError::Remainder { bytes, each });
+        }
+        match bytes.len() / each {
+            few @ 0..4 => Err(PicturesError::TooFew(few)),
+            _ => Ok(Self { shape, views, bytes }),
+        }
+    }
+
+    #[must_use]
+    pub const fn shape(&self) -> PictureShape {
+        self.shape
+    }
+
+    /// Pictures of each behaviour.
+    #[must_use]
+    pub const fn views(&self) -> usize {
+        self.views
+    }
+
+    #[must_use]
+    pub const fn behaviours(&self) -> usize {
+        self.bytes.len() / (self.shape.bytes() * self.views)
+    }
+
+    /// One view of a behaviour. Both indices count from 0 and must be in range.
+    #[must_use]
+    pub fn picture(&self, behaviour: usize, view: usize) -> &[u8] {
+        let bytes = self.shape.bytes();
+        &self.bytes[(behaviour * self.views + view) * bytes..][..bytes]
+    }
+
+    /// BLAKE3 over shape, views and every byte, as 64 hexadecimal digits: a checkpoint's `data_digest`.
+    #[must_use]
+    pub fn digest(&self) -> String {
+        let mut hasher = hasher_of("murmuration training pictures v1", self.shape);
+        hasher.update(&(self.views as u64).to_le_bytes());
+        hasher.update(&self.bytes);
+        hasher.finalize().to_hex().to_string()
+    }
+}
+
+/// A hasher that has taken in the shape of the pictures. Those of one channel have the digests that they had before there were
+/// channels.
+pub(crate) fn hasher_of(context: &str, shape: PictureShape) -> blake3::Hasher {
+    let mut hasher = match shape.channels() {
+        1 => blake3::Hasher::new_derive_key(context),
+        channels => {
+            let mut hasher = blake3::Hasher::new_derive_key(&format!("{context} in channels"));
+            hasher.update(&(channels as u64).to_le_bytes());
+            hasher
+        }
+    };
+    hasher.update(&(shape.side() as u64).to_le_bytes());
+    hasher
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// Pictures of one channel.
+    pub(crate) fn grey(side: usize) -> PictureShape {
+        PictureShape::new(1, side).unwrap()
+    }
+
+    #[test]
+    fn pictures_are_found_by_behaviour_and_view() {
+        let pictures = Pictures::new(grey(2), 2, (0..32).collect()).unwrap();
+        assert_eq!(pictures.behaviours(), 4);
+        assert_eq!(pictures.picture(1, 1), [12, 13, 14, 15]);
+    }
+
+    #[test]
+    fn what_is_no_set_of_pictures_is_refused() {
+        let refusal = |side, views, bytes| Pictures::new(grey(side), views, vec![0; bytes]).unwrap_err();
+        assert_eq!(refusal(1, 0, 0), PicturesError::Views(0));
+        assert_eq!(refusal(2, 1, 18), PicturesError::Remainder { bytes: 18, each: 4 });
+        assert_eq!(refusal(2, 2, 24), PicturesError::TooFew(3));
+    }
+
+    #[test]
+    fn the_digest_tells_how_pictures_belong_together() {
+        let digest = |channels, side, views| {
+            let shape = PictureShape::new(channels, side).unwrap();
+            Pictures::new(shape, views, vec![0; 64]).unwrap().digest()
+        };
+        let digests = [
+            digest(1, 1, 1),
+            digest(1, 1, 4),
+            digest(1, 2, 1),
+            digest(4, 1, 1),
+            digest(4, 2, 1),
+        ];
+        for (i, one) in digests.iter().enumerate() {
+            assert!(!digests[..i].contains(one), "{i}");
+        }
+    }
+}
