@@ -46,7 +46,6 @@ pub struct Door {
     pub hosts: Hosts,
     /// Whether its connections are encrypted.
     pub is_encrypted: bool,
-    /// Renders a refusal.
     pub show_refusal: ShowRefusal,
 }
 

@@ -45,7 +45,6 @@ pub struct Access {
     pub certificates: bool,
 }
 
-/// The credentials of a request.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct PresentedCredentials {
     /// The digest of a token, in a header or behind a cookie.
@@ -57,32 +56,25 @@ pub(crate) struct PresentedCredentials {
 /// Why a request is refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
-    /// It has no token.
     #[error(
         "this coordinator requires a token: set MURMURATION_TOKEN to your token, or MURMURATION_TOKEN_FILE to the file \
          that holds it (in a browser, log in)"
     )]
     NoToken,
-    /// Its token is unknown.
     #[error("this coordinator does not know that token")]
     UnknownToken,
-    /// It has no certificate.
     #[error(
         "workers and trainers need a certificate that the coordinator's client CA signed: give its files with \
          --certificate and --key"
     )]
     NoCertificate,
-    /// Its certificate is for another kind of machine.
     #[error("this certificate is not for a {0}: it names another kind of machine")]
     WrongCertificate(MachineKind),
     /// The role of its token does not suffice.
     #[error("this needs the role {needs}; the token of \"{name}\" has the role {has}")]
     Role {
-        /// Whose token it is.
         name: HolderName,
-        /// The role of the token.
         has: Role,
-        /// The role that is required.
         needs: Role,
     },
     /// Its connection has sent too many requests.

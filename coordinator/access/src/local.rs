@@ -57,7 +57,6 @@ impl LocalToken {
         })
     }
 
-    /// The token itself.
     pub const fn token(&self) -> &Token {
         &self.token
     }

@@ -7,17 +7,14 @@ use std::{fmt, net::IpAddr};
 use tonic::{Extensions, transport::server::TlsConnectInfo};
 use webpki::EndEntityCert;
 
-/// A kind of machine in a cluster.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MachineKind {
     /// Simulates and embeds.
     Worker,
-    /// Trains embedders.
     Trainer,
 }
 
 impl MachineKind {
-    /// Every kind.
     pub const ALL: [Self; 2] = [Self::Worker, Self::Trainer];
 
     /// The DNS name, among the alternative names of a certificate's subject, that makes it one for such machines alone.

@@ -15,7 +15,6 @@ use axum::{
 };
 use std::net::{IpAddr, SocketAddr};
 
-/// What a request asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Asked {
     /// A gRPC method that the coordinator has.

@@ -36,7 +36,6 @@ impl fmt::Display for Role {
 /// What a request must show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Requirement {
-    /// Nothing.
     Nothing,
     /// The token of somebody with this role.
     Person(Role),
@@ -53,7 +52,6 @@ impl Requirement {
     pub const VIEWER: Self = Self::Person(Role::Viewer);
     /// The token of an annotator or operator.
     pub const ANNOTATOR: Self = Self::Person(Role::Annotator);
-    /// The token of an operator.
     pub const OPERATOR: Self = Self::Person(Role::Operator);
 }
 

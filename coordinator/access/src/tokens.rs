@@ -39,16 +39,10 @@ pub(crate) struct TokenHolder {
 pub enum TokensError {
     /// It cannot be read.
     #[error("cannot read the tokens file {}: {source}", path.display())]
-    Unreadable {
-        /// Which file.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
+    Unreadable { path: PathBuf, source: io::Error },
     /// It is not TOML of this form.
     #[error("the tokens file {}: {reason}", path.display())]
     Syntax {
-        /// Which file.
         path: PathBuf,
         /// Where, and what is wrong.
         reason: String,

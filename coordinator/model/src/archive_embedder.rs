@@ -2,12 +2,11 @@
 
 use murmuration_proto::CheckpointDigest;
 
-/// What embeds a campaign's archive.
+/// The embedder of a campaign's archive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ArchiveEmbedder {
-    /// Nothing: the campaign's method has no embedding, or its embedder is still to be trained.
+    /// Nothing: the campaign's behaviour space has no embedding, or its embedder is still to be trained.
     None,
-    /// A checkpoint.
     Checkpoint(CheckpointDigest),
     /// The archive switches to another checkpoint.
     Switching {
@@ -22,7 +21,6 @@ pub enum ArchiveEmbedder {
 
 impl ArchiveEmbedder {
     /// The checkpoint whose embeddings the archive holds.
-    #[must_use]
     pub const fn checkpoint(&self) -> Option<CheckpointDigest> {
         match *self {
             Self::None => None,
@@ -32,7 +30,6 @@ impl ArchiveEmbedder {
     }
 
     /// The checkpoint that the archive switches to.
-    #[must_use]
     pub const fn next(&self) -> Option<CheckpointDigest> {
         match *self {
             Self::Switching { to, .. } => Some(to),
@@ -41,11 +38,18 @@ impl ArchiveEmbedder {
     }
 
     /// Individuals that are embedded with the [next](Self::next) checkpoint on disk.
-    #[must_use]
     pub const fn embedded(&self) -> u64 {
         match *self {
             Self::Switching { embedded, .. } => embedded,
             Self::None | Self::Checkpoint(_) => 0,
         }
     }
+}
+
+/// Which published embedder: as far as jobs need to know it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EmbedderRef {
+    pub checkpoint: CheckpointDigest,
+    /// Numbers in an embedding, 1 or more.
+    pub dimensions: usize,
 }

@@ -13,14 +13,11 @@ impl CampaignId {
         Self(id)
     }
 
-    /// The id as text.
-    #[must_use]
     pub fn as_str(&self) -> &str {
         &self.0
     }
 
     /// The number that it ends with; `None` if that is above 2^64 - 1.
-    #[must_use]
     pub fn number(&self) -> Option<u64> {
         self.0.rsplit_once('-')?.1.parse().ok()
     }

@@ -26,19 +26,17 @@ impl FromStr for MachineId {
     }
 }
 
-/// A machine that was found wrong.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Quarantined {
-    /// The machine.
     pub machine: MachineId,
     /// Name and address of the worker that gave it away.
     pub name: String,
 }
 
-/// Who made a result.
+/// The maker of a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Maker {
-    /// How its machine embeds; unknown for one that does not, and for results of older versions.
+    /// How its machine embeds; unknown for one that does not.
     pub kind: EmbeddingKind,
     /// Its machine, where that alone says so; `None` where another machine found the same.
     pub unaudited: Option<MachineId>,

@@ -6,11 +6,9 @@ use murmuration_proto::{CampaignName, CampaignSpec, Invalid, v1};
 /// A campaign that somebody asks for, not stored yet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NewCampaign {
-    /// What it is to do.
     pub spec: CampaignSpec,
     /// Its share of the workers.
     pub weight: Weight,
-    /// The study that it is started for.
     pub study: Option<CampaignName>,
     /// The request that asks for it: repeated, it starts nothing.
     pub request: Option<RequestId>,
@@ -38,7 +36,7 @@ impl TryFrom<v1::CreateCampaignRequest> for NewCampaign {
             study,
             request_id,
         } = message;
-        let spec = spec.ok_or_else(|| Invalid::new("spec", "nothing", "a campaign specification"))?;
+        let spec = spec.ok_or_else(|| Invalid::missing("spec", "a campaign specification"))?;
         Ok(Self {
             spec: spec.try_into()?,
             weight: weight.map(Weight::try_from).transpose()?.unwrap_or_default(),

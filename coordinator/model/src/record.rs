@@ -1,21 +1,17 @@
 //! A campaign as it is stored, and what its archive is of.
 
-use super::{ArchiveEmbedder, CampaignId, CampaignState, Rounds, Weight};
+use super::{ArchiveEmbedder, CampaignId, CampaignState, Weight};
 use murmuration_proto::{CampaignName, CampaignSpec, CheckpointDigest, EmbedderSource, Feedback};
 use std::fmt;
 
-/// A campaign as it is stored.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CampaignRecord {
-    /// Its id.
     pub id: CampaignId,
     /// What it was asked to do.
     pub spec: CampaignSpec,
     /// Its share of the workers.
     pub weight: Weight,
-    /// The study that it was started for.
     pub study: Option<CampaignName>,
-    /// Where it stands.
     pub state: CampaignState,
     /// Why it failed; empty unless it did.
     pub error: String,
@@ -33,12 +29,41 @@ pub struct CampaignRecord {
     pub generations_done: u32,
     /// Best and mean novelty of the last complete generation.
     pub last_novelty: Option<(f64, f64)>,
-    /// What embeds its archive.
     pub embedder: ArchiveEmbedder,
     /// Pictures of its dataset on disk, those of the further starts of labelled controllers behind them.
     pub pictures_done: u64,
-    /// Its rounds of feedback.
     pub rounds: Rounds,
+}
+
+/// The rounds of feedback of a campaign. A round's *label cutoff* is the number of entries, from the first, of the label log
+/// that it learns from: what is said later is for the next round.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Rounds {
+    /// Rounds whose fine-tuned checkpoint the archive has switched, or switches, to.
+    pub done: u32,
+    /// The label cutoff of the last of them; 0 before the first.
+    pub last_cutoff: u64,
+    /// The label cutoff of the round that is learned now, if one is.
+    pub current_cutoff: Option<u64>,
+}
+
+/// The run of a campaign from one decision about it to the next.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RunId {
+    campaign: CampaignId,
+    /// How many decisions came before it.
+    number: u64,
+}
+
+impl RunId {
+    pub const fn campaign(&self) -> &CampaignId {
+        &self.campaign
+    }
+
+    /// How many decisions came before it.
+    pub const fn number(&self) -> u64 {
+        self.number
+    }
 }
 
 /// What an archive's individuals and behaviours are of: whatever is made of as many of them, of one archive version, is the same.
@@ -55,8 +80,7 @@ pub struct ArchiveVersion {
 }
 
 impl ArchiveVersion {
-    /// What tells its individuals from those of any other campaign of this id, and from those that were rolled back.
-    #[must_use]
+    /// The text that tells its individuals from those of any other campaign of this id, and from those that were rolled back.
     pub fn origin(&self) -> String {
         match self.rollbacks {
             0 => self.created_ms.to_string(),
@@ -75,22 +99,25 @@ impl fmt::Display for ArchiveVersion {
     }
 }
 
-/// What a list of campaigns is searched by.
+/// The fields of a campaign that a list is searched by.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CampaignHead {
-    /// Its id.
     pub id: CampaignId,
-    /// The study that it is a cell of.
     pub study: Option<CampaignName>,
-    /// Its state on disk.
     pub state: CampaignState,
     /// The first lines of its specification, as TOML: the fields outside of tables, such as `method`.
     pub opening: String,
 }
 
 impl CampaignRecord {
-    /// The archive version that its archive is of.
-    #[must_use]
+    /// The run that may change the campaign, if no decision has been made since this was read.
+    pub fn run_id(&self) -> RunId {
+        RunId {
+            campaign: self.id.clone(),
+            number: self.decisions,
+        }
+    }
+
     pub fn archive_version(&self) -> ArchiveVersion {
         ArchiveVersion {
             created_ms: self.created_ms,
@@ -100,7 +127,6 @@ impl CampaignRecord {
     }
 
     /// Pictures of its dataset on disk; 0 where it has none.
-    #[must_use]
     pub fn dataset_done(&self) -> u64 {
         match self.spec.embedder() {
             Some(EmbedderSource::Trained { dataset, .. }) => self.pictures_done.min(dataset.pictures()),
@@ -109,7 +135,6 @@ impl CampaignRecord {
     }
 
     /// Generations that there are to be, those after the rounds so far included.
-    #[must_use]
     pub fn generations(&self) -> u32 {
         let further = self.spec.feedback().map_or(0, Feedback::generations);
         let further = further.saturating_mul(self.rounds.done);
@@ -117,7 +142,6 @@ impl CampaignRecord {
     }
 
     /// Number of individuals of complete generations.
-    #[must_use]
     pub fn individuals(&self) -> u64 {
         u64::from(self.generations_done) * u64::from(self.spec.search().population())
     }

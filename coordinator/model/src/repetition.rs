@@ -3,10 +3,10 @@
 
 use murmuration_proto::{CampaignSpec, CheckpointDigest, Invalid, Text, counted, v1};
 
-/// What led to an archive and to the checkpoint that it rests on.
+/// The rounds that led to an archive and to the checkpoint that it rests on.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Repetition {
-    /// The rounds in which the checkpoint was fine-tuned on labels and comparisons, the first one first.
+    /// The rounds in which the checkpoint was fine-tuned on labels, the first one first.
     pub rounds: Vec<Round>,
     /// Whether the rounds learned from anything but the labels that the specification has the synthetic annotator give.
     pub attended: bool,
@@ -14,32 +14,22 @@ pub struct Repetition {
     pub adopted: bool,
 }
 
-/// A round in which a checkpoint was fine-tuned on labels and comparisons.
+/// A round in which a checkpoint was fine-tuned on labels.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Round {
     /// The checkpoint that it went on from.
     pub parent: CheckpointDigest,
-    /// The checkpoint that it made.
     pub checkpoint: CheckpointDigest,
     /// Individuals whose classes it learned from.
     pub labels: u64,
-    /// Comparisons that it learned from.
-    pub comparisons: u64,
-    /// Digest of the labelled and compared pictures.
+    /// Digest of the labelled pictures.
     pub label_digest: String,
 }
 
 impl Round {
-    /// What it learned from, as in `the classes of 20 individuals and 3 comparisons`.
-    #[must_use]
+    /// The labels that it learned from, as in `the classes of 20 individuals`.
     pub fn learned_from(&self) -> String {
-        let classes = format!("the classes of {}", counted(self.labels, "individual"));
-        let comparisons = counted(self.comparisons, "comparison");
-        match (self.labels, self.comparisons) {
-            (_, 0) => classes,
-            (0, _) => comparisons,
-            _ => format!("{classes} and {comparisons}"),
-        }
+        format!("the classes of {}", counted(self.labels, "individual"))
     }
 }
 
@@ -56,13 +46,11 @@ pub fn generations_in_words(spec: &CampaignSpec, generations: u32, rounds: u32) 
 
 impl Repetition {
     /// Whether the specification alone gives the archive again.
-    #[must_use]
     pub const fn is_by_specification(&self) -> bool {
         !self.attended && !self.adopted
     }
 
     /// Whether the archive was embedded by another checkpoint before, so that its novelty was measured again.
-    #[must_use]
     pub const fn has_moved(&self) -> bool {
         self.adopted || !self.rounds.is_empty()
     }
@@ -74,7 +62,6 @@ impl From<Round> for v1::TaughtRound {
             parent: round.parent.to_string(),
             checkpoint: round.checkpoint.to_string(),
             labels: round.labels,
-            comparisons: round.comparisons,
             label_digest: round.label_digest,
         }
     }
@@ -88,7 +75,6 @@ impl TryFrom<v1::TaughtRound> for Round {
             parent: message.parent.parse()?,
             checkpoint: message.checkpoint.parse()?,
             labels: message.labels,
-            comparisons: message.comparisons,
             label_digest: Text::line(&message.label_digest).into(),
         })
     }
@@ -97,27 +83,6 @@ impl TryFrom<v1::TaughtRound> for Round {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn what_a_round_learned_from_is_told() {
-        let learned_from = |labels, comparisons| {
-            let checkpoint = CheckpointDigest::of(b"round");
-            let round = Round {
-                parent: checkpoint,
-                checkpoint,
-                labels,
-                comparisons,
-                label_digest: String::new(),
-            };
-            round.learned_from()
-        };
-        assert_eq!(learned_from(20, 0), "the classes of 20 individuals");
-        assert_eq!(learned_from(0, 1), "1 comparison");
-        assert_eq!(
-            learned_from(1, 3),
-            "the classes of 1 individual and 3 comparisons"
-        );
-    }
 
     #[test]
     fn generations_that_rounds_added_are_told_apart() {

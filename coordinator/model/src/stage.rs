@@ -3,28 +3,22 @@
 use crate::{CampaignRecord, NextTraining};
 use murmuration_proto::{EmbedderSource, Feedback, v1};
 
-/// What a running campaign does, or one that does not run would do next.
+/// The stage that a running campaign is in, or that a stopped campaign would begin next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
     /// Sampled controllers are simulated, to be trained on.
     Dataset,
-    /// An embedder is trained.
     Pretrain,
     /// All that is stored is embedded with the next checkpoint, and the archive switches to it.
     Embed,
-    /// Generations are proposed and evaluated.
     Evolve,
-    /// The synthetic annotator labels individuals.
     Label,
-    /// An embedder is fine-tuned on labels.
     FineTune,
-    /// The archive is clustered.
     Taxonomy,
 }
 
 impl Stage {
     /// The stage that a campaign has come to.
-    #[must_use]
     pub fn of(record: &CampaignRecord) -> Self {
         if record.embedder.next().is_some() {
             return Self::Embed;

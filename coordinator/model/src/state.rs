@@ -18,12 +18,11 @@ pub enum CampaignState {
     Cancelled,
 }
 
-/// What a person may ask of a campaign.
+/// A change of a campaign by a person.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Change {
     /// Stop, to continue later.
     Pause,
-    /// Continue.
     Resume,
     /// End for good.
     Cancel,
@@ -37,17 +36,13 @@ pub enum Change {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("cannot {} campaign {id}: it {} {}", .change.name(), .state.verb(), .state.name())]
 pub struct NotAllowed {
-    /// The campaign.
     pub id: CampaignId,
-    /// What was asked.
     pub change: Change,
-    /// Where it stands.
     pub state: CampaignState,
 }
 
 impl Change {
     /// Its name as a command.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Pause => "pause",
@@ -60,7 +55,6 @@ impl Change {
 }
 
 impl CampaignState {
-    /// Every state.
     pub const ALL: [Self; 5] = [
         Self::Running,
         Self::Paused,
@@ -70,7 +64,6 @@ impl CampaignState {
     ];
 
     /// Its name in the store and on the command line.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Running => "running",
@@ -89,14 +82,11 @@ impl CampaignState {
         }
     }
 
-    /// The state of that name.
-    #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|state| state.name() == name)
     }
 
     /// The state after `change`; `None` if it is not allowed from here.
-    #[must_use]
     pub const fn after(self, change: Change) -> Option<Self> {
         match (self, change) {
             (Self::Running, Change::Pause) => Some(Self::Paused),
@@ -135,11 +125,9 @@ impl TryFrom<v1::CampaignState> for CampaignState {
             v1::CampaignState::Completed => Ok(Self::Completed),
             v1::CampaignState::Failed => Ok(Self::Failed),
             v1::CampaignState::Cancelled => Ok(Self::Cancelled),
-            v1::CampaignState::Unspecified => Err(murmuration_proto::Invalid::new(
-                "state",
-                "nothing",
-                "a campaign state",
-            )),
+            v1::CampaignState::Unspecified => {
+                Err(murmuration_proto::Invalid::missing("state", "a campaign state"))
+            }
         }
     }
 }

@@ -7,7 +7,6 @@ use murmuration_proto::FEATURE_NAMES;
 pub const GENERATION_COLUMNS: [&str; 4] = ["generation", "best_novelty", "mean_novelty", "filtered"];
 
 /// A generation, with its highest and its mean novelty, and how many proposals were filtered out.
-#[must_use]
 pub fn generation_row(generation: u32, best_novelty: f64, mean_novelty: f64, filtered: u64) -> [String; 4] {
     [
         generation.to_string(),
@@ -26,12 +25,11 @@ pub fn behaviour_columns(genes: &[String], dimensions: usize) -> impl Iterator<I
         .chain(["class".to_owned()])
 }
 
-/// The columns of an embedding.
 pub fn embedding_columns(dimensions: usize) -> impl Iterator<Item = String> {
     (0..dimensions).map(|dimension| format!("embedding_{dimension}"))
 }
 
-/// What an individual does: its features, genes, embedding and class.
+/// The behaviour of an individual: its features, genes, embedding and class.
 pub fn behaviour_cells<'a>(
     features: &'a [f64],
     genes: &'a [f64],

@@ -3,14 +3,13 @@
 use crate::Stage;
 use murmuration_proto::{CampaignSpec, Feedback, counted};
 
-/// What a campaign at work has before it, and how fast it goes.
+/// The work that a campaign has before it, and how fast it goes.
 #[derive(Debug, Clone, Copy)]
 pub struct WorkLeft<'a> {
     /// What it was asked to do.
     pub spec: &'a CampaignSpec,
-    /// What it does now.
+    /// Its current stage.
     pub stage: Stage,
-    /// Complete generations.
     pub generations_done: u32,
     /// Evaluations of the next generation that have arrived.
     pub arrived: u32,
@@ -27,7 +26,7 @@ pub struct WorkLeft<'a> {
 /// A time that something still takes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimeLeft {
-    /// What the known parts take.
+    /// The time of the known parts.
     pub seconds: f64,
     /// Whether there are further parts, of which nothing was measured.
     pub is_least: bool,
@@ -37,7 +36,6 @@ impl WorkLeft<'_> {
     /// How long the whole campaign still takes, without the clustering at its end, which takes seconds (of a million individuals half
     /// a minute); `None` where nothing is known. The pace of a search is only known while it searches (and, from below, while it
     /// simulates its dataset), that of a training only during the training.
-    #[must_use]
     pub fn whole(&self) -> Option<TimeLeft> {
         let of_spec = self.spec.feedback().map_or(0, Feedback::rounds);
         let rounds = of_spec.max(self.rounds_done.saturating_add(self.is_learning.into()));
@@ -77,7 +75,6 @@ impl WorkLeft<'_> {
 
 impl TimeLeft {
     /// The time as it is said of something of which nothing further is unknown.
-    #[must_use]
     pub const fn about(seconds: f64) -> Self {
         Self {
             seconds,
@@ -86,7 +83,6 @@ impl TimeLeft {
     }
 
     /// As in `about 5 minutes` and `at least 2 hours`.
-    #[must_use]
     pub fn in_words(self) -> String {
         let seconds = self.seconds;
         match self.is_least {

@@ -21,19 +21,16 @@ pub struct NotATimestamp;
 
 impl Timestamp {
     /// `ms` milliseconds since 1970-01-01 UTC. Times after the year 9999 become its last millisecond.
-    #[must_use]
     pub fn from_ms(ms: u64) -> Self {
         Self { ms: ms.min(LAST_MS) }
     }
 
     /// Milliseconds since 1970-01-01 UTC.
-    #[must_use]
     pub const fn ms(self) -> u64 {
         self.ms
     }
 
     /// The day, `2026-11-21`.
-    #[must_use]
     pub fn day(self) -> String {
         self.date_time().date().to_string()
     }

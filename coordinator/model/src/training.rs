@@ -9,20 +9,18 @@ const MOST_FROM_ARCHIVE: u64 = 10_000;
 /// A training put aside.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SavedTraining {
-    /// Epochs done.
     pub epoch: u64,
-    /// What the trainer takes it up from.
+    /// The snapshot that the trainer resumes from.
     pub bytes: Vec<u8>,
 }
 
 /// The training that a campaign needs before it goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NextTraining {
-    /// That of its first embedder, without labels.
+    /// The training of its first embedder, without labels.
     Pretraining,
-    /// That of a round of feedback.
+    /// The training of a round of feedback.
     FineTuning {
-        /// The checkpoint to go on from.
         parent: CheckpointDigest,
         /// The round's label cutoff.
         cutoff: u64,
@@ -30,8 +28,7 @@ pub enum NextTraining {
 }
 
 impl NextTraining {
-    /// That of a campaign; `None` if it needs none.
-    #[must_use]
+    /// The next training of a campaign; `None` if it needs none.
     pub fn of(record: &CampaignRecord) -> Option<Self> {
         match (record.embedder.checkpoint(), record.spec.embedder()) {
             (None, Some(EmbedderSource::Trained { .. })) => Some(Self::Pretraining),
@@ -49,15 +46,13 @@ impl NextTraining {
 pub struct TrainingPictures {
     /// Pictures of each behaviour.
     pub views: u32,
-    /// Number of behaviours.
     pub behaviours: u32,
     /// They are the archive's, for want of a dataset.
     from_archive: bool,
 }
 
 impl TrainingPictures {
-    /// Those of a campaign: its dataset, or the beginning of its archive where it was begun with a published checkpoint.
-    #[must_use]
+    /// The pictures of a campaign: its dataset, or the beginning of its archive where it began with a published checkpoint.
     pub fn of(record: &CampaignRecord) -> Self {
         match record.spec.embedder() {
             Some(EmbedderSource::Trained { dataset, .. }) => Self {
@@ -74,19 +69,15 @@ impl TrainingPictures {
     }
 
     /// Whether they are the archive's, for want of a dataset.
-    #[must_use]
     pub const fn is_from_archive(&self) -> bool {
         self.from_archive
     }
 
     /// How many of them are the dataset's.
-    #[must_use]
     pub const fn in_dataset(&self) -> u64 {
         if self.from_archive { 0 } else { self.count() }
     }
 
-    /// Number of pictures.
-    #[must_use]
     pub const fn count(&self) -> u64 {
         self.views as u64 * self.behaviours as u64
     }

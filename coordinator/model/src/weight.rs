@@ -12,13 +12,11 @@ impl Weight {
     /// The largest.
     pub const MOST: u32 = 10_000;
 
-    /// As a number.
-    #[must_use]
     pub const fn get(self) -> u32 {
         self.0
     }
 
-    /// What is charged to a campaign of this weight for work of this cost, when turns are compared; at least the cost.
+    /// The charge to a campaign of this weight for work of this cost, when turns are compared; at least the cost.
     pub const fn charge(self, cost: u64) -> u64 {
         cost.saturating_mul(Self::MOST as u64) / self.0 as u64
     }

@@ -21,9 +21,9 @@ pub struct Agreement {
 /// Two different classes for the same individuals.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Confusion {
-    /// What the first annotator gave.
+    /// The class from the first annotator.
     pub first: ClassName,
-    /// What the second gave.
+    /// The class from the second.
     pub second: ClassName,
     /// To how many individuals.
     pub individuals: u64,
@@ -32,17 +32,15 @@ pub struct Confusion {
 /// Two different classes for one individual.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Disagreement {
-    /// Index of the individual.
     pub index: u64,
-    /// What the first annotator gave.
+    /// The class from the first annotator.
     pub first: ClassName,
-    /// What the second gave.
+    /// The class from the second.
     pub second: ClassName,
 }
 
 impl Agreement {
     /// Compares the classes that two annotators gave, by individual.
-    #[must_use]
     pub fn between(first: &BTreeMap<u64, ClassName>, second: &BTreeMap<u64, ClassName>) -> Self {
         let both = first
             .iter()

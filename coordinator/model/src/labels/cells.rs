@@ -10,8 +10,6 @@ const MARK: char = '\'';
 /// with one is not changed by reading it.
 const MARKED: [char; 11] = ['=', '+', '-', '@', '\t', '\r', '＝', '＋', '－', '＠', MARK];
 
-/// The cell for a text.
-#[must_use]
 pub fn to_cell(text: &str) -> Cow<'_, str> {
     match text.starts_with(MARKED) {
         true => format!("{MARK}{text}").into(),
@@ -20,7 +18,6 @@ pub fn to_cell(text: &str) -> Cow<'_, str> {
 }
 
 /// The text of a cell, whoever wrote it.
-#[must_use]
 pub fn of_cell(cell: &str) -> &str {
     match cell.strip_prefix(MARK) {
         Some(text) if text.starts_with(MARKED) => text,

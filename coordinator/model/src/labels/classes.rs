@@ -5,6 +5,8 @@
 
 use super::{ClassKey, ClassName, Colour, Refusal, Shortcut};
 use crate::colours;
+use murmuration_proto::Class;
+use murmuration_train::labelled_pictures::LabelledPictures;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Most classes that go on, so that a file of another kind read by mistake ends as an error.
@@ -32,12 +34,11 @@ struct Known {
     made: bool,
     /// The key that somebody chose for it.
     shortcut: Option<Shortcut>,
-    /// The class that it was merged into.
     merged: Option<ClassNumber>,
     deleted: bool,
 }
 
-/// What a change of classes replaced, which a reversal restores.
+/// The state that a change of classes replaced, which a reversal restores.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Replaced {
     /// It changed nothing.
@@ -57,7 +58,6 @@ pub(super) enum Replaced {
 }
 
 impl Classes {
-    /// The class that a name means.
     pub(super) fn find(&self, name: &ClassName) -> Result<ClassNumber, Refusal> {
         let found = self.numbers.get(&name.key()).copied();
         found.ok_or_else(|| Refusal::NoClass(name.clone()))
@@ -110,7 +110,6 @@ impl Classes {
         Ok(Replaced::Name(number, former, absorbed))
     }
 
-    /// Makes one class of two.
     pub(super) fn merge(&mut self, class: &ClassName, into: &ClassName) -> Result<Replaced, Refusal> {
         if let (Some(ends), Some(goes_on)) = (self.still(class)?, self.still(into)?)
             && ends != goes_on
@@ -122,7 +121,6 @@ impl Classes {
         Ok(Replaced::Nothing)
     }
 
-    /// Gives a class another colour.
     pub(super) fn colour(&mut self, class: &ClassName, colour: Colour) -> Result<Replaced, Refusal> {
         Ok(match self.still(class)? {
             Some(number) => {
@@ -153,7 +151,6 @@ impl Classes {
         Ok(Replaced::Shortcuts(former))
     }
 
-    /// Ends a class.
     pub(super) fn delete(&mut self, class: &ClassName) -> Result<Replaced, Refusal> {
         let Some(number) = self.still(class)? else {
             return Ok(Replaced::Nothing);
@@ -250,5 +247,33 @@ impl Classes {
 impl Known {
     fn goes_on(&self) -> bool {
         self.merged.is_none() && !self.deleted
+    }
+}
+
+/// The number by which trainers know each of these classes: [`LabelledPictures::RANDOM`] that of [`Class::Random`], however it is spelled, the
+/// others from 1 by name.
+pub fn class_numbers<'a>(names: impl IntoIterator<Item = &'a str>) -> BTreeMap<&'a str, u32> {
+    let (random, named): (BTreeSet<_>, BTreeSet<_>) = names
+        .into_iter()
+        .partition(|name| ClassKey::from(*name) == ClassKey::from(Class::Random.name()));
+    let random = random.into_iter().map(|name| (name, LabelledPictures::RANDOM));
+    random.chain(named.into_iter().zip(1..)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RANDOM: &str = Class::Random.name();
+
+    #[test]
+    fn random_has_a_number_of_its_own_and_no_other_class_has_it() {
+        let numbers = class_numbers(["ring", RANDOM, "clump", "ring"]);
+        assert_eq!(numbers, BTreeMap::from([("clump", 1), (RANDOM, 0), ("ring", 2)]));
+        assert_eq!(class_numbers(["ring"]), BTreeMap::from([("ring", 1)]));
+        assert_eq!(
+            class_numbers(["Random", "a"]),
+            BTreeMap::from([("Random", 0), ("a", 1)])
+        );
     }
 }

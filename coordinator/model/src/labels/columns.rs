@@ -1,44 +1,34 @@
-//! What columns of label files are called: as in an export, and as they were called before, which files may still have.
+//! Names of the columns of label files: as in an export, and as in the labelled sets (tests/labelled).
 
 use murmuration_proto::{CapabilityModel, ImageFormat, Preset, World, to_toml_line, v1};
 
 /// Column of the behaviour: of a campaign, the individual's index.
 pub(super) const INDEX: &str = "index";
-/// What it was called before, and is where a behaviour is a file of a picture.
-pub(super) const FORMER_INDEX: &str = "id";
+/// The labelled sets' name of it: the file name of a picture.
+pub(super) const SET_INDEX: &str = "id";
 /// Column of the second sensor's angle; a file without it is of the single-sensor model, unless it says its robots.
 pub(super) const ANGLE: &str = "angle_2";
-/// What it was called before.
-pub(super) const FORMER_ANGLE: &str = "theta";
-/// What the column of the first gene of the paper's robots was called before.
-pub(super) const FORMER_SPEED: &str = "v1";
+/// The labelled sets' name of it.
+pub(super) const SET_ANGLE: &str = "theta";
+/// The labelled sets' name of the first gene.
+pub(super) const SET_SPEED: &str = "v1";
 
-/// Columns of the first gene of the paper's robots, now and before.
-pub(super) const FIRST_SPEEDS: [&str; 3] = ["left_0", "left_00", FORMER_SPEED];
+/// Every name of the column of the first gene of the paper's robots.
+pub(super) const FIRST_SPEEDS: [&str; 3] = ["left_0", "left_00", SET_SPEED];
 
-/// What the columns of a two-sensor controller's genes were called before; those of one sensor are the first four.
-const FORMER_GENES: [&str; 9] = [
-    FORMER_SPEED,
-    "v2",
-    "v3",
-    "v4",
-    "v5",
-    "v6",
-    "v7",
-    "v8",
-    FORMER_ANGLE,
-];
+/// The labelled sets' columns of a two-sensor controller's genes; those of one sensor are the first four.
+const SET_GENES: [&str; 9] = [SET_SPEED, "v2", "v3", "v4", "v5", "v6", "v7", "v8", SET_ANGLE];
 
-/// What the columns of the genes of a model's controllers were called before; none if they had no other names.
-pub(super) fn former_genes(model: &CapabilityModel) -> &'static [&'static str] {
+/// The labelled sets' columns of the genes of a model's controllers; none for robots that are not the paper's.
+pub(super) fn set_genes(model: &CapabilityModel) -> &'static [&'static str] {
     match model.preset() {
-        Some(Preset::SingleSensor) => &FORMER_GENES[..4],
-        Some(Preset::TwoSensor) => &FORMER_GENES,
+        Some(Preset::SingleSensor) => &SET_GENES[..4],
+        Some(Preset::TwoSensor) => &SET_GENES,
         Some(Preset::Flockbots | Preset::TurboPi) | None => &[],
     }
 }
 
-/// What a behaviour's world and picture are, as the columns that say so.
+/// The columns of a behaviour's world and picture, with their values.
 pub(super) fn settings(world: &World, format: ImageFormat) -> [(&'static str, String); 16] {
     let obstacles: Vec<v1::Obstacle> = world.obstacles().iter().map(Into::into).collect();
     [
@@ -66,12 +56,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_gene_of_the_papers_robots_had_a_name_before() {
+    fn every_gene_of_the_papers_robots_has_a_column_in_the_labelled_sets() {
         for preset in Preset::PAPER {
             let model = CapabilityModel::from(preset);
             let names = model.gene_names();
             assert!(FIRST_SPEEDS.contains(&names[0].as_str()));
-            assert_eq!(names.len(), former_genes(&model).len());
+            assert_eq!(names.len(), set_genes(&model).len());
             assert_eq!(
                 names.iter().any(|name| name == ANGLE),
                 preset == Preset::TwoSensor

@@ -22,32 +22,26 @@ impl<A: Ord> FromIterator<(A, A)> for ConfusionMatrix<A> {
 
 impl<A: Ord + Copy> ConfusionMatrix<A> {
     /// Every answer that either gave, in order.
-    #[must_use]
     pub fn answers(&self) -> BTreeSet<A> {
         let pairs = self.counts.keys();
         pairs.flat_map(|&(one, other)| [one, other]).collect()
     }
 
     /// How often the first said `one` where the second said `other`.
-    #[must_use]
     pub fn count(&self, one: A, other: A) -> u64 {
         self.counts.get(&(one, other)).copied().unwrap_or(0)
     }
 
     /// How often the first said `one`.
-    #[must_use]
     pub fn said(&self, one: A) -> u64 {
         self.sum(|said, _| said == one)
     }
 
-    /// Number of pairs.
-    #[must_use]
     pub fn total(&self) -> u64 {
         self.sum(|_, _| true)
     }
 
     /// Number of pairs that are the same.
-    #[must_use]
     pub fn same(&self) -> u64 {
         self.sum(|one, other| one == other)
     }
@@ -60,7 +54,6 @@ impl<A: Ord + Copy> ConfusionMatrix<A> {
 
     /// Cohen's kappa (1960), at most 1: the agreement beyond what chance would give, as a share of what there could be.
     /// `None` where chance leaves nothing to be shared: both said one and the same throughout, or there is no pair.
-    #[must_use]
     pub fn kappa(&self) -> Option<f64> {
         let mut margins: BTreeMap<A, [u64; 2]> = BTreeMap::new();
         for (&(one, other), count) in &self.counts {

@@ -1,21 +1,18 @@
 //! What a log comes to: the classes there are, and the answers that stand.
 
 mod class_changes;
-mod compared;
-mod digest;
 
 use super::{
     Action, Annotator, Answer, Change, ClassName, Colour, Entry, GivenClass, Label, Refusal, Shortcut,
-    class_numbers::class_numbers,
-    classes::{ClassNumber, Classes},
-    comparisons::Comparisons,
+    classes::{ClassNumber, Classes, class_numbers},
     given::given_classes,
     near::near,
 };
 use class_changes::ClassChange;
-use std::collections::{BTreeMap, BTreeSet};
-
-pub use digest::LabelDigest;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fmt,
+};
 
 /// The labels of a campaign as they stand: a function of its log.
 ///
@@ -36,7 +33,6 @@ pub struct Labels {
     named: BTreeMap<ClassNumber, u64>,
     /// The changes of classes that were not reverted, by entry.
     class_changes: BTreeMap<u64, ClassChange>,
-    comparisons: Comparisons,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -62,7 +58,6 @@ enum NumberedAnswer {
     Skip,
 }
 
-/// A class as it stands.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Class {
     /// Its name, as it was first spelled or last renamed.
@@ -84,7 +79,6 @@ pub struct BrokenLog(pub u64);
 
 impl Labels {
     /// Number of entries of the log that they come from.
-    #[must_use]
     pub const fn entries(&self) -> u64 {
         self.entries
     }
@@ -104,7 +98,6 @@ impl Labels {
     }
 
     /// Whether a change of classes changes nothing, so that there is nothing to log: a class is given the name that it has.
-    #[must_use]
     pub fn is_idle(&self, action: &Action) -> bool {
         match action.clone().spelled() {
             Action::Rename { class, to } => {
@@ -120,7 +113,7 @@ impl Labels {
     /// # Errors
     /// See [`Refusal`]; nothing has changed then.
     pub fn record(&mut self, change: Change) -> Result<Entry, Refusal> {
-        // Here, not where a log is followed: what an older log comes to stays as it was.
+        // Here, not where a log is followed: the names of its entries are spelled so already.
         let action = change.action.spelled();
         let change = Change { action, ..change };
         self.check(&change.action)?;
@@ -156,12 +149,7 @@ impl Labels {
             Action::Colour { class, .. } | Action::Delete { class } | Action::Shortcut { class, .. } => {
                 classes.find(class).map(drop)
             }
-            Action::Answer { .. }
-            | Action::Undo
-            | Action::Withdraw { .. }
-            | Action::Revert { .. }
-            | Action::Compare { .. }
-            | Action::WithdrawComparison { .. } => Ok(()),
+            Action::Answer { .. } | Action::Undo | Action::Withdraw { .. } | Action::Revert { .. } => Ok(()),
         }
     }
 
@@ -172,10 +160,6 @@ impl Labels {
             Action::Undo => Some(self.undo(&change.annotator)?),
             Action::Withdraw { index } => Some(self.withdraw(*index, &change.annotator)?),
             Action::Revert { entry } => self.revert(*entry).map(|()| None)?,
-            Action::Compare { triple, preference } => self.compare(*triple, *preference, &change),
-            Action::WithdrawComparison { entry } => {
-                Some(self.withdraw_comparison(*entry, &change.annotator)?)
-            }
             Action::Create { .. }
             | Action::Rename { .. }
             | Action::Merge { .. }
@@ -280,7 +264,6 @@ impl Labels {
     }
 
     /// The entry of an annotator's newest answer that stands.
-    #[must_use]
     pub fn newest(&self, annotator: &Annotator) -> Option<u64> {
         self.own.get(annotator)?.last().copied()
     }
@@ -292,7 +275,6 @@ impl Labels {
     }
 
     /// The answer of an entry of the log, whether it stands or not; `None` if the entry is none.
-    #[must_use]
     pub fn given(&self, entry: u64) -> Option<Label> {
         let given = self.given.get(&entry)?;
         let answer = match given.answer {
@@ -316,7 +298,6 @@ impl Labels {
     }
 
     /// Number of individuals about which somebody has a standing answer.
-    #[must_use]
     pub fn individuals(&self) -> usize {
         self.standing.len()
     }
@@ -333,7 +314,6 @@ impl Labels {
     }
 
     /// The classes that there are, in the order in which they were first named.
-    #[must_use]
     pub fn classes(&self) -> Vec<Class> {
         let labels = self.labels_of_classes();
         let there = self
@@ -385,26 +365,22 @@ impl Labels {
     }
 
     /// The class of each individual that has one: where annotators differ, what was said last.
-    #[must_use]
     pub fn by_individual(&self) -> BTreeMap<u64, ClassName> {
         let given = self.given_classes().into_iter();
         given.map(|(index, given)| (index, given.class)).collect()
     }
 
     /// As [`Labels::by_individual`], with whether a person gave the class.
-    #[must_use]
     pub fn given_classes(&self) -> BTreeMap<u64, GivenClass> {
         given_classes(self.standing())
     }
 
     /// Individuals about which this annotator has a standing answer.
-    #[must_use]
     pub fn answered_by(&self, annotator: &Annotator) -> usize {
         self.own.get(annotator).map_or(0, BTreeSet::len)
     }
 
     /// Individuals about which the synthetic annotator alone has a standing answer.
-    #[must_use]
     pub fn answered_by_machine(&self) -> usize {
         let synthetic = Annotator::synthetic();
         let alone = |about: &&BTreeMap<_, _>| about.len() == 1 && about.contains_key(&synthetic);
@@ -412,7 +388,6 @@ impl Labels {
     }
 
     /// What an embedder can learn from: each individual that has a class, with the [number](class_numbers) of its class.
-    #[must_use]
     pub fn numbered_classes(&self) -> Vec<(u64, u32)> {
         let by_individual = self.by_individual();
         let numbers = class_numbers(by_individual.values().map(ClassName::as_str));
@@ -423,7 +398,6 @@ impl Labels {
     }
 
     /// The classes that one annotator gave.
-    #[must_use]
     pub fn by(&self, annotator: &Annotator) -> BTreeMap<u64, ClassName> {
         let own = self.standing().filter(|label| label.annotator == *annotator);
         own.filter_map(|label| match label.answer {
@@ -431,5 +405,26 @@ impl Labels {
             Answer::NotSure | Answer::Skip => None,
         })
         .collect()
+    }
+
+    /// The digest of [`Labels::by_individual`]: who gave a label, when, and what stood before it do not matter.
+    pub fn digest(&self) -> LabelDigest {
+        let mut hasher = blake3::Hasher::new_derive_key("murmuration labels v1");
+        for (index, class) in self.by_individual() {
+            hasher.update(&index.to_le_bytes());
+            hasher.update(&(class.as_str().len() as u64).to_le_bytes());
+            hasher.update(class.as_str().as_bytes());
+        }
+        LabelDigest(hasher.finalize())
+    }
+}
+
+/// BLAKE3 of the pairs (individual, class) that stand; 64 hexadecimal digits as text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LabelDigest(blake3::Hash);
+
+impl fmt::Display for LabelDigest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.to_hex())
     }
 }

@@ -1,11 +1,11 @@
 //! Files of labels: CSV with a line of column names, found by name in any order; other columns are passed over.
 //!
-//! One format for what `labels` writes and `label`, `accuracy` and `judge` read: docs/labels.md says what each column means.
+//! One format for what `labels` writes and `label`, `lab accuracy` and `lab judge` read: docs/labels.md says what each column means.
 //! Limits: text in, no files.
 
 use super::{
     Annotator, Answer, LabelFileError,
-    columns::{ANGLE, FIRST_SPEEDS, FORMER_ANGLE, FORMER_INDEX, FORMER_SPEED, INDEX, former_genes},
+    columns::{ANGLE, FIRST_SPEEDS, INDEX, SET_ANGLE, SET_INDEX, SET_SPEED, set_genes},
     of_cell,
     quotes::unclosed,
 };
@@ -37,7 +37,6 @@ pub struct LabelFile {
     rows: Vec<StringRecord>,
 }
 
-/// One row of a file.
 #[derive(Debug, Clone, Copy)]
 pub struct Row<'a> {
     file: &'a LabelFile,
@@ -58,10 +57,9 @@ impl LabelFile {
     }
 
     /// The column that says which behaviour a row is about: `index`, or else `id`.
-    #[must_use]
     pub fn behaviour_column(&self) -> &'static str {
-        match !self.has(INDEX) && self.has(FORMER_INDEX) {
-            true => FORMER_INDEX,
+        match !self.has(INDEX) && self.has(SET_INDEX) {
+            true => SET_INDEX,
             false => INDEX,
         }
     }
@@ -103,8 +101,6 @@ impl LabelFile {
         Ok((columns, rows))
     }
 
-    /// The file.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -115,20 +111,16 @@ impl LabelFile {
     }
 
     /// A row by its place, from 0.
-    #[must_use]
     pub fn row(&self, place: usize) -> Option<Row<'_>> {
         let cells = self.rows.get(place)?;
         Some(Row { file: self, cells })
     }
 
-    /// Whether there is a column.
-    #[must_use]
     pub fn has(&self, column: &str) -> bool {
         self.columns.iter().any(|name| name == column)
     }
 
     /// Whether there are controllers: of the paper's robots, or of those that a column names.
-    #[must_use]
     pub fn has_controllers(&self) -> bool {
         self.has(ROBOTS) || FIRST_SPEEDS.iter().any(|column| self.has(column))
     }
@@ -185,7 +177,7 @@ impl LabelFile {
     }
 }
 
-/// What separates the columns, where it is no comma.
+/// The separator of the columns, where it is no comma.
 fn other_separator(columns: &StringRecord) -> Option<&'static str> {
     let only = columns.get(0).filter(|_| columns.len() == 1)?;
     let others = [(';', "semicolons"), ('\t', "tabs")];
@@ -194,15 +186,12 @@ fn other_separator(columns: &StringRecord) -> Option<&'static str> {
 }
 
 impl<'a> Row<'a> {
-    /// What a column holds; empty where there is no such column.
-    #[must_use]
+    /// The cell of a column; empty where there is no such column.
     pub fn cell(&self, column: &str) -> &'a str {
         let place = self.file.columns.iter().position(|name| name == column);
         place.and_then(|place| self.cells.get(place)).unwrap_or_default()
     }
 
-    /// An error about this row.
-    #[must_use]
     pub fn refused(&self, error: Invalid) -> LabelFileError {
         LabelFileError::Cell {
             path: self.file.path.clone(),
@@ -214,28 +203,24 @@ impl<'a> Row<'a> {
     }
 
     /// An error about one of its cells, which must be `allowed`.
-    #[must_use]
     pub fn refuse(&self, column: &str, allowed: &str) -> LabelFileError {
-        let shown = match self.cell(column) {
-            "" => "nothing".to_owned(),
-            text => quoted(text),
-        };
-        self.refused(Invalid::new(column, shown, allowed))
+        self.refused(match self.cell(column) {
+            "" => Invalid::missing(column, allowed),
+            text => Invalid::new(column, quoted(text), allowed),
+        })
     }
 
     /// Which behaviour it is about, as the row says it; empty where it does not.
-    #[must_use]
     pub fn behaviour(&self) -> &'a str {
         self.cell(self.file.behaviour_column())
     }
 
     /// An error about which behaviour it is about, which must be `allowed`.
-    #[must_use]
     pub fn refuse_behaviour(&self, allowed: &str) -> LabelFileError {
         self.refuse(self.file.behaviour_column(), allowed)
     }
 
-    /// What was answered; `None` where the class is left empty.
+    /// The answer; `None` where the class is left empty.
     ///
     /// # Errors
     /// Where that is no name of a class.
@@ -249,7 +234,7 @@ impl<'a> Row<'a> {
         }
     }
 
-    /// Who answered: as the row says, or else `otherwise`.
+    /// The annotator that the row names, or else `otherwise`.
     ///
     /// # Errors
     /// Where neither says, or it is no name.
@@ -262,7 +247,6 @@ impl<'a> Row<'a> {
     }
 
     /// Whether the synthetic annotator answered, as far as the row says who did.
-    #[must_use]
     pub fn is_synthetic(&self) -> bool {
         Annotator::is_synthetic(of_cell(self.cell("annotator")))
     }
@@ -295,7 +279,7 @@ impl<'a> Row<'a> {
     /// The capability model: that of the column `robots`, which no row need have if they are the paper's.
     fn model(&self) -> Result<CapabilityModel, LabelFileError> {
         let world = self.world()?;
-        let has_angle = self.file.has(ANGLE) || self.file.has(FORMER_ANGLE);
+        let has_angle = self.file.has(ANGLE) || self.file.has(SET_ANGLE);
         let model = match (self.cell(ROBOTS), has_angle) {
             ("", false) => world.robots_of(Preset::SingleSensor),
             ("", true) => world.robots_of(Preset::TwoSensor),
@@ -314,7 +298,7 @@ impl<'a> Row<'a> {
 
     /// The controller, which is one of `campaign`'s if only its genes are named.
     pub(super) fn controller_in(&self, campaign: &CapabilityModel) -> Result<Controller, LabelFileError> {
-        let names_robots = self.file.has(ROBOTS) || self.file.has(FORMER_SPEED);
+        let names_robots = self.file.has(ROBOTS) || self.file.has(SET_SPEED);
         self.controller_of(match names_robots {
             true => self.model()?,
             false => campaign.clone(),
@@ -322,9 +306,9 @@ impl<'a> Row<'a> {
     }
 
     fn controller_of(&self, model: CapabilityModel) -> Result<Controller, LabelFileError> {
-        let (names, former) = (model.gene_names(), former_genes(&model));
-        let columns: Vec<&str> = match former.first().is_some_and(|first| self.file.has(first)) {
-            true => former.to_vec(),
+        let (names, in_sets) = (model.gene_names(), set_genes(&model));
+        let columns: Vec<&str> = match in_sets.first().is_some_and(|first| self.file.has(first)) {
+            true => in_sets.to_vec(),
             false => names.iter().map(String::as_str).collect(),
         };
         let genes = columns.iter().map(|name| self.needed(name, "a number"));
@@ -413,7 +397,7 @@ impl<'a> Row<'a> {
         ImageFormat::for_swarm(format, world, model).map_err(|error| self.refused(error))
     }
 
-    /// What `read` makes of a cell that is not empty.
+    /// The value that `read` makes of a cell that is not empty.
     fn line<T>(
         &self,
         column: &str,

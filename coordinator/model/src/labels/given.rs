@@ -6,7 +6,6 @@ use std::collections::BTreeMap;
 /// The class of an individual: where annotators differ, what was said last.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GivenClass {
-    /// The class.
     pub class: ClassName,
     /// Whether nobody but the synthetic annotator says so.
     pub by_machine: bool,

@@ -2,7 +2,7 @@
 
 use super::{
     Action, Agreement, Annotator, Change, Class, ClassName, Colour, Confusion, Disagreement, Entry, Label,
-    Preference, Shortcut, Triple,
+    Shortcut,
 };
 use murmuration_proto::{Invalid, v1};
 
@@ -91,13 +91,6 @@ impl From<Entry> for v1::LabelEntry {
                 shortcut: shortcut.map_or_else(String::new, |key| key.to_string()),
             }),
             Action::Revert { entry } => Said::Revert(v1::RevertChange { entry }),
-            Action::Compare { triple, preference } => Said::Compare(v1::Comparison {
-                triple: Some(triple.into()),
-                preference: v1::Preference::from(preference).into(),
-            }),
-            Action::WithdrawComparison { entry } => {
-                Said::WithdrawComparison(v1::ComparisonWithdrawal { entry })
-            }
         };
         Self {
             number: entry.number,
@@ -112,13 +105,13 @@ impl From<Entry> for v1::LabelEntry {
 impl TryFrom<v1::LabelEntry> for Entry {
     type Error = Invalid;
 
-    /// An entry of a log of another store, which may have names that are refused today.
+    /// An entry of a log of another store.
     fn try_from(message: v1::LabelEntry) -> Result<Self, Invalid> {
         use v1::label_entry::Action as Said;
-        let class = |name: String| ClassName::stored(&name);
+        let class = |name: String| name.parse::<ClassName>();
         let said = message
             .action
-            .ok_or_else(|| Invalid::new("action", "nothing", "what was said"))?;
+            .ok_or_else(|| Invalid::missing("action", "what was said"))?;
         let action = match said {
             Said::Answer(answer) => Action::Answer {
                 index: answer.index,
@@ -149,10 +142,6 @@ impl TryFrom<v1::LabelEntry> for Entry {
                 shortcut: shortcut(&chosen.shortcut)?,
             },
             Said::Revert(revert) => Action::Revert { entry: revert.entry },
-            Said::Compare(comparison) => comparison.try_into()?,
-            Said::WithdrawComparison(withdrawal) => Action::WithdrawComparison {
-                entry: withdrawal.entry,
-            },
         };
         if message.time_ms > i64::MAX.unsigned_abs() {
             return Err(Invalid::new("time_ms", message.time_ms, "at most 2^63 - 1"));
@@ -166,58 +155,6 @@ impl TryFrom<v1::LabelEntry> for Entry {
             },
             supersedes: message.supersedes,
         })
-    }
-}
-
-impl TryFrom<v1::Comparison> for Action {
-    type Error = Invalid;
-
-    fn try_from(message: v1::Comparison) -> Result<Self, Invalid> {
-        let preference = message.preference().try_into()?;
-        let asked = message
-            .triple
-            .ok_or_else(|| Invalid::new("triple", "nothing", "three individuals"))?;
-        let triple = Triple::new(asked.reference, asked.left, asked.right);
-        Ok(Self::Compare {
-            triple: triple.map_err(|error| error.within("triple"))?,
-            preference,
-        })
-    }
-}
-
-impl From<Triple> for v1::Triple {
-    fn from(triple: Triple) -> Self {
-        let [reference, left, right] = triple.individuals();
-        Self {
-            reference,
-            left,
-            right,
-        }
-    }
-}
-
-impl TryFrom<v1::Preference> for Preference {
-    type Error = Invalid;
-
-    fn try_from(preference: v1::Preference) -> Result<Self, Invalid> {
-        match preference {
-            v1::Preference::Left => Ok(Self::Left),
-            v1::Preference::Right => Ok(Self::Right),
-            v1::Preference::Neither => Ok(Self::Neither),
-            v1::Preference::Unspecified => {
-                Err(Invalid::new("preference", "nothing", "left, right or neither"))
-            }
-        }
-    }
-}
-
-impl From<Preference> for v1::Preference {
-    fn from(preference: Preference) -> Self {
-        match preference {
-            Preference::Left => Self::Left,
-            Preference::Right => Self::Right,
-            Preference::Neither => Self::Neither,
-        }
     }
 }
 

@@ -6,16 +6,13 @@
 
 mod agreement;
 mod cells;
-mod class_numbers;
 mod classes;
 mod columns;
-mod comparisons;
 mod confusion_matrix;
 mod current;
 mod file;
 mod file_error;
 mod given;
-mod label;
 mod log;
 mod messages;
 mod names;
@@ -26,15 +23,13 @@ mod table;
 
 pub use agreement::{Agreement, Confusion, Disagreement};
 pub use cells::{of_cell, to_cell};
-pub use class_numbers::class_numbers;
-pub use comparisons::{ComparedTriplet, Comparison, Preference, Triple};
+pub use classes::class_numbers;
 pub use confusion_matrix::ConfusionMatrix;
 pub use current::{BrokenLog, Class, LabelDigest, Labels};
 pub use file::{LabelFile, Row};
 pub use file_error::LabelFileError;
 pub use given::{GivenClass, given_classes};
-pub use label::Label;
-pub use log::{Action, Change, Entry, Refusal};
+pub use log::{Action, Change, Entry, Label, Refusal};
 pub use names::{Annotator, Answer, ClassKey, ClassName, Colour, RequestId};
 pub use shortcut::Shortcut;
 pub use table::{ANSWER_COLUMNS, Labelled, Table, answer_row, to_csv};

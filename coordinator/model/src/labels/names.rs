@@ -19,8 +19,8 @@ pub struct ClassName(String);
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClassKey(String);
 
-/// Who answered: 1 to 64 characters that can be seen, no space at either end. A person may not be called as the synthetic
-/// annotator is: its answers are not counted as a person's.
+/// The name of an annotator: 1 to 64 characters that can be seen, no space at either end. A person may not have the name of the
+/// synthetic annotator, whose answers are not counted as a person's.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Annotator(String);
 
@@ -33,7 +33,6 @@ pub struct RequestId(String);
 /// any spelling that means the same (see [`ClassKey`]).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Answer {
-    /// It is of this class.
     Class(ClassName),
     /// They looked, and could not say.
     NotSure,
@@ -62,8 +61,6 @@ fn folded(text: &str) -> String {
 macro_rules! names {
     ($($type:ident),*) => { $(
         impl $type {
-            /// The name as text.
-            #[must_use]
             pub fn as_str(&self) -> &str {
                 &self.0
             }
@@ -80,8 +77,6 @@ macro_rules! names {
 names!(ClassName, Annotator, RequestId);
 
 impl ClassKey {
-    /// The key as text.
-    #[must_use]
     pub fn as_str(&self) -> &str {
         &self.0
     }
@@ -89,7 +84,6 @@ impl ClassKey {
 
 impl ClassName {
     /// Which class it means.
-    #[must_use]
     pub fn key(&self) -> ClassKey {
         ClassKey(folded(&self.0))
     }
@@ -104,7 +98,6 @@ impl ClassName {
     }
 
     /// The name as pages and reports show it: with spaces between its words. Files and commands have it as it is spelled.
-    #[must_use]
     pub fn shown(&self) -> String {
         let words: Vec<&str> = self.0.split('_').filter(|word| !word.is_empty()).collect();
         match words.is_empty() {
@@ -112,18 +105,10 @@ impl ClassName {
             false => words.join(" "),
         }
     }
-
-    /// A name from a log that is on disk: it may be one that [`str::parse`] has come to refuse.
-    ///
-    /// # Errors
-    /// If it could never have been a name.
-    pub fn stored(text: &str) -> Result<Self, Invalid> {
-        name("class", text, MAX_CHARS).map(Self)
-    }
 }
 
 impl From<&str> for ClassKey {
-    /// What a text would mean as a name.
+    /// The class that a text would mean as a name.
     fn from(text: &str) -> Self {
         Self(folded(text))
     }
@@ -133,24 +118,21 @@ impl Annotator {
     const SYNTHETIC: &str = "synthetic";
 
     /// The synthetic annotator: the judge that answers in a person's place.
-    #[must_use]
     pub fn synthetic() -> Self {
         Self(Self::SYNTHETIC.to_owned())
     }
 
     /// Whether a name is the synthetic annotator's, or reads like it: case, and what is neither letter nor digit, do not tell
     /// two annotators apart here.
-    #[must_use]
     pub fn is_synthetic(name: &str) -> bool {
         let read = name.chars().filter(|letter| letter.is_alphanumeric());
         read.flat_map(char::to_lowercase).eq(Self::SYNTHETIC.chars())
     }
 
-    /// Somebody who may have answered: a person, or the synthetic annotator. Of a log that is on disk, a person may be called
-    /// as [`str::parse`] has come to refuse.
+    /// Somebody who may have answered: a person, or the synthetic annotator, whose name [`str::parse`] refuses.
     ///
     /// # Errors
-    /// If it could never have been a name.
+    /// If it is no name.
     pub fn known(text: &str) -> Result<Self, Invalid> {
         name("annotator", text, MAX_CHARS).map(Self)
     }
@@ -160,8 +142,7 @@ impl RequestId {
     const ROUND: &str = "synthetic-round-";
     const WITHDRAWAL: &str = "withdrawal";
 
-    /// What the synthetic annotator calls its answers in a round (from 1) that nobody attends.
-    #[must_use]
+    /// The request id of the synthetic annotator's answers in an unattended round (from 1).
     pub fn of_round(round: u32) -> Self {
         Self(format!("{}{round}", Self::ROUND))
     }
@@ -174,8 +155,7 @@ impl RequestId {
         name("request_id", text, MAX_CHARS).map(Self)
     }
 
-    /// What answers are withdrawn by that are about individuals which are not there any more: nobody asked for it.
-    #[must_use]
+    /// The request id by which answers are withdrawn whose individuals were rolled back: no client asked for it.
     pub fn of_withdrawal() -> Self {
         Self(Self::WITHDRAWAL.to_owned())
     }
@@ -243,8 +223,6 @@ impl Answer {
     const NOT_SURE: &str = "not sure";
     const SKIP: &str = "skip";
 
-    /// The answer as text.
-    #[must_use]
     pub fn as_str(&self) -> &str {
         match self {
             Self::Class(class) => class.as_str(),

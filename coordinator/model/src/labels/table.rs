@@ -15,7 +15,6 @@ use murmuration_proto::{
 };
 use std::path::Path;
 
-/// The columns of [`answer_row`].
 pub const ANSWER_COLUMNS: [&str; 4] = ["index", "class", "annotator", "time"];
 
 /// A file of answers, read and understood.
@@ -29,9 +28,7 @@ pub struct Table {
 /// An answer, and the individual that it is about.
 #[derive(Debug, Clone, Copy)]
 pub struct Labelled<'a> {
-    /// The answer.
     pub answer: &'a v1::Answer,
-    /// The individual.
     pub individual: &'a v1::Individual,
 }
 
@@ -73,7 +70,6 @@ impl Table {
     }
 
     /// Whether the file says which individuals of a campaign of `model` it is about by more than their indices.
-    #[must_use]
     pub fn describes(&self, model: &CapabilityModel) -> bool {
         self.file.has("seed") || self.has_controllers(model)
     }
@@ -127,8 +123,6 @@ impl Table {
         Ok(())
     }
 
-    /// The answers, in their order.
-    #[must_use]
     pub fn into_answers(self) -> Vec<v1::Answer> {
         self.answers.into_iter().map(|(_, answer)| answer).collect()
     }
@@ -143,7 +137,6 @@ fn is_of(controller: &Controller, model: &CapabilityModel, genes: &[f64]) -> boo
 }
 
 /// An answer about an individual, as every table of answers has it.
-#[must_use]
 pub fn answer_row(index: u64, answer: &str, annotator: &str, time_ms: u64) -> [String; 4] {
     [
         index.to_string(),
@@ -235,7 +228,7 @@ mod tests {
             &format!("{head}x,ring,ana,5\n"),
             "line 3: id = \"x\": must be a whole number",
         );
-        check_refused(&format!("{head}2,ring,,5\n"), "line 3: annotator = nothing");
+        check_refused(&format!("{head}2,ring,,5\n"), "line 3: annotator is missing");
         check_refused(
             &format!("{head}2,ring,ana,1763700000000\n"),
             "line 3: time = \"1763700000000\": must be a time such as 2026-11-21T12:00:00Z",
@@ -294,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_have_the_names_of_an_export_and_those_of_before() {
+    fn columns_have_the_names_of_an_export_or_of_the_labelled_sets() {
         let genes: Vec<f64> = (1..=9).map(|gene| f64::from(gene) / 10.0).collect();
         let archived = v1::Individual {
             controller: genes.clone(),

@@ -25,12 +25,9 @@ impl Labels {
             Action::Colour { class, colour } => classes.colour(class, *colour)?,
             Action::Shortcut { class, shortcut } => classes.shortcut(class, *shortcut)?,
             Action::Delete { class } => classes.delete(class)?,
-            Action::Answer { .. }
-            | Action::Undo
-            | Action::Withdraw { .. }
-            | Action::Revert { .. }
-            | Action::Compare { .. }
-            | Action::WithdrawComparison { .. } => return Ok(()),
+            Action::Answer { .. } | Action::Undo | Action::Withdraw { .. } | Action::Revert { .. } => {
+                return Ok(());
+            }
         };
         let set_aside = match replaced {
             Replaced::Deleted(_) => self.set_aside_deleted(),
