@@ -1,85 +1,59 @@
-//! Whole campaigns, part by part: from a store to a client, and from a client into a store of their own until they are whole.
+//! Whole campaigns: out of a store as a database of their own, and from such a database into another store.
 //!
-//! Limits: the pictures of a dataset, snapshots of trainings, notices and provenance are not transferred. The pictures can be
-//! simulated again, and the others are about this store.
+//! Limits: the pictures of a dataset, snapshots of trainings, epochs, notices, provenance and former taxonomies are not
+//! transferred. The pictures can be simulated again, and the others are about this store.
 
-mod incoming;
-mod messages;
-mod outgoing;
-mod rows;
-mod sequence;
+mod arriving;
+mod exporting;
+mod received;
 mod takeover;
+mod untrusted;
 
-pub(crate) use incoming::remove_leftovers;
-pub use incoming::{ImportError, Incoming};
-pub use outgoing::{Outgoing, OutgoingError};
-pub use sequence::Sequence;
+pub use arriving::{Arriving, ImportError};
+pub use exporting::export;
+pub use received::{Member, ReceivedCampaign};
+pub use untrusted::Unsound;
 
-use crate::{ArchivedIndividual, CheckpointRecord, ClusterMeasures, GenerationRecord};
-use murmuration_model::{
-    ExportedCampaign,
-    labels::{Entry, RequestId},
-};
-use murmuration_proto::PART_BYTES;
+use crate::{Store, StoreError};
+use std::{fs, path::Path};
+use tempfile::TempDir;
 
-/// Entries of a label log in a part.
-pub const PART_ENTRIES: usize = 1000;
+/// What the name of a folder in a data directory begins with in which a campaign's database is written.
+const PREFIX: &str = ".transfer-";
 
-/// As many of the next individuals as a part has room for, and one at least where there is one: `bytes` says how long one is as a
-/// message.
-///
-/// # Errors
-/// Those of `next`.
-pub fn fill_part<T, E>(
-    mut next: impl FnMut() -> Result<Option<T>, E>,
-    bytes: impl Fn(&T) -> usize,
-) -> Result<Vec<T>, E> {
-    let (mut part, mut so_far) = (Vec::new(), 0);
-    while so_far < PART_BYTES {
-        let Some(one) = next()? else { break };
-        so_far += bytes(&one);
-        part.push(one);
+/// What tells a campaign's database from others: "Murm".
+const APPLICATION: i32 = 0x4d75_726d;
+
+/// The tables that a campaign's database has besides those of a store: the bytes of its checkpoints, and the digest of its archive, as
+/// `murmuration digest` prints it.
+const FURTHER_TABLES: &str = "
+    CREATE TABLE embedders (
+        checkpoint INTEGER PRIMARY KEY REFERENCES checkpoints (number),
+        model BLOB NOT NULL
+    ) STRICT;
+    CREATE TABLE exported (
+        digest TEXT NOT NULL
+    ) STRICT;
+";
+
+/// Removes what exports, imports and deletions that did not end have left in a data directory that is held: folders, and rows. What
+/// cannot be removed stays until the next time.
+pub(crate) fn remove_leftovers(store: &Store, data: &Path) {
+    let folders = fs::read_dir(data).into_iter().flatten().flatten();
+    for folder in folders.filter(|folder| folder.file_name().to_string_lossy().starts_with(PREFIX)) {
+        if let Err(error) = fs::remove_dir_all(folder.path()) {
+            tracing::warn!(path = %folder.path().display(), %error, "the folder of an export or import is not removed");
+        }
     }
-    Ok(part)
+    if let Err(error) = store.remove_all_hidden() {
+        tracing::warn!(%error, "what imports and deletions left in the database is not removed");
+    }
 }
 
-/// A part of a campaign. Parts come in the order of the variants; a checkpoint comes with its bytes behind it, and a
-/// generation with its individuals.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Part {
-    /// The campaign itself.
-    Campaign(Box<ExportedCampaign>),
-    /// A checkpoint; its parent came before it.
-    Checkpoint(CheckpointRecord),
-    /// Bytes of the last checkpoint, in order.
-    Chunk(Vec<u8>),
-    /// Entries of the label log, in order, each with the request that it came with.
-    Labels(Vec<(RequestId, Entry)>),
-    /// A generation.
-    Generation(GenerationRecord),
-    /// Individuals of the last generation, by index.
-    Individuals(Vec<Member>),
-    /// The taxonomy, of a completed campaign.
-    Taxonomy(Medoids),
+fn new_folder(data: &Path) -> Result<TempDir, StoreError> {
+    let made = tempfile::Builder::new().prefix(PREFIX).tempdir_in(data);
+    made.map_err(|error| StoreError::from_io(error, "make a folder in", data))
 }
 
-/// An individual, with its place in the taxonomy.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Member {
-    /// The individual, with its pictures.
-    pub individual: ArchivedIndividual,
-    /// The place of its medoid, from 0, if the campaign is completed.
-    pub cluster: Option<u32>,
-    /// The number of its trials to which no other medoid is nearer than its own, if the campaign is completed and of several
-    /// starts.
-    pub robust_trials: Option<u8>,
-}
-
-/// The medoids of a taxonomy, largest cluster first.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Medoids {
-    /// Each medoid's index, and what is measured of its cluster.
-    pub medoids: Vec<(u64, ClusterMeasures)>,
-    /// Sum of the distances of all individuals to their medoids, in units of the behaviour space.
-    pub loss: f64,
-}
+#[cfg(test)]
+mod tests;

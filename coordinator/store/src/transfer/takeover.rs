@@ -1,13 +1,16 @@
-//! Rows of a campaign on their way from the store that it was put together in to the one that keeps it.
+//! Rows of a campaign on their way from a database of its own, which was checked, to the store that keeps it.
 //!
 //! They are copied in many short transactions, between which others write. Until the last of them, nobody sees the campaign.
 
 use crate::{
     Store, StoreError,
     campaigns::{next_number, number_of},
+    checkpoint_rows::checkpoint_number,
     hidden::{HIDDEN, hidden_id},
+    numbers::clamped,
 };
-use murmuration_model::CampaignId;
+use murmuration_model::{CampaignId, ExportedCampaign};
+use murmuration_proto::CheckpointDigest;
 use rusqlite::{Connection, OptionalExtension as _, Transaction, params, params_from_iter, types::Value};
 use std::collections::BTreeMap;
 
@@ -28,13 +31,13 @@ const FAR: i64 = 1_000_000_000;
 const BYTES: usize = if cfg!(test) { 1 << 10 } else { 8 << 20 };
 
 impl Store {
-    /// Takes over a campaign of another store with its checkpoints; false if there is one of that id. Nobody sees the campaign
-    /// before all of it is there.
+    /// Takes over a campaign from a database of its own, with its checkpoints; false if there is one of that id. Nobody sees the
+    /// campaign before all of it is there.
     ///
     /// # Errors
     /// If it cannot be read there or written here. There is no such campaign then; checkpoints may have stayed.
-    pub(super) fn take_transferred(&self, from: &Self, campaign: &CampaignId) -> Result<bool, StoreError> {
-        let Some(number) = self.reserve(campaign)? else {
+    pub(super) fn take_over(&self, from: &Self, campaign: &ExportedCampaign) -> Result<bool, StoreError> {
+        let Some(number) = self.reserve(&campaign.record.id)? else {
             return Ok(false);
         };
         let taken = from.read(|source| {
@@ -149,30 +152,39 @@ impl Copied<'_> {
         }
     }
 
-    /// Gives the campaign's row what it has in the other store, with which it is seen: false if one of its id has come meanwhile.
-    fn show(&self, campaign: &CampaignId) -> Result<bool, StoreError> {
-        let mut select = self.source.prepare("SELECT * FROM campaigns WHERE id = ?1")?;
-        let names: Vec<String> = select.column_names().map(str::to_owned).collect();
-        let places: Vec<String> = names.iter().map(|name| format!("{name} = ?")).collect();
-        let values = select.query_row([campaign.as_str()], |row| {
-            let values = names.iter().enumerate();
-            values
-                .map(|(column, name)| match name.as_str() {
-                    "number" => Ok(Value::Integer(self.campaign)),
-                    name => Ok(self.renumbered(name, row.get(column)?)),
-                })
-                .collect::<Result<Vec<Value>, _>>()
-        })?;
-        let update = format!(
-            "UPDATE campaigns SET {} WHERE number = {}",
-            places.join(", "),
-            self.campaign
-        );
+    /// Gives the campaign's row what was read of it, with which it is seen: false if one of its id has come meanwhile.
+    fn show(&self, campaign: &ExportedCampaign) -> Result<bool, StoreError> {
+        let record = &campaign.record;
         self.target.write(|target| {
-            if is_there(target, campaign)? {
+            if is_there(target, &record.id)? {
                 return Ok(false);
             }
-            target.execute(&update, params_from_iter(values))?;
+            let checkpoint = |digest: Option<CheckpointDigest>| {
+                let number = digest.map(|digest| checkpoint_number(target, digest));
+                number.transpose()
+            };
+            target.execute(
+                "UPDATE campaigns SET id = ?2, spec = ?3, simulator_version = ?4, state = ?5, error = ?6, created_ms = ?7,
+                    weight = ?8, rollbacks = ?9, checkpoint = ?10, next_checkpoint = ?11, rounds = ?12, label_cutoff = ?13,
+                    last_label_cutoff = ?14
+                 WHERE number = ?1",
+                params![
+                    self.campaign,
+                    record.id.as_str(),
+                    record.spec.to_toml(),
+                    record.simulator_version,
+                    campaign.state_when_imported().name(),
+                    record.error,
+                    clamped(record.created_ms),
+                    record.weight.get(),
+                    clamped(record.rollbacks),
+                    checkpoint(record.embedder.checkpoint())?,
+                    checkpoint(record.embedder.next())?,
+                    record.rounds.done,
+                    record.rounds.current_cutoff.map(clamped),
+                    clamped(record.rounds.last_cutoff),
+                ],
+            )?;
             Ok(true)
         })
     }
@@ -181,7 +193,7 @@ impl Copied<'_> {
     fn renumbered(&self, column: &str, value: Value) -> Value {
         match (column, value) {
             ("campaign", Value::Integer(_)) => Value::Integer(self.campaign),
-            ("checkpoint" | "next_checkpoint", Value::Integer(number)) => {
+            ("checkpoint", Value::Integer(number)) => {
                 let number = self.checkpoints.get(&number).copied();
                 number.map_or(Value::Null, Value::Integer)
             }

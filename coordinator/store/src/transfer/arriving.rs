@@ -1,0 +1,145 @@
+//! A campaign that arrives from elsewhere: its database is kept in a folder of its own until all of it is there and checked, and is
+//! taken over then.
+
+use super::{ReceivedCampaign, Unsound, new_folder};
+use crate::{
+    Store, StoreError,
+    blocking::blocking,
+    checkpoints::{CheckpointError, Checkpoints},
+};
+use murmuration_model::CampaignId;
+use std::{
+    fs::File,
+    io::Write as _,
+    path::{Path, PathBuf},
+};
+use tempfile::TempDir;
+
+/// Why a campaign was not imported.
+#[derive(Debug, thiserror::Error)]
+pub enum ImportError {
+    /// The store cannot be read or written.
+    #[error("{0}")]
+    Store(#[from] StoreError),
+    /// Its checkpoints cannot be kept.
+    #[error("{0}")]
+    Checkpoint(#[from] CheckpointError),
+    /// There is a campaign of that id.
+    #[error(
+        "there is a campaign {0} already: import into another data directory (--data DIR), or compare the two with \
+         `murmuration digest`"
+    )]
+    Exists(CampaignId),
+    /// The file that arrived is no database of a campaign.
+    #[error("the database of the campaign cannot be imported: {0}")]
+    Unsound(#[from] Unsound),
+}
+
+/// The database of a campaign of which parts are still to come.
+#[derive(Debug)]
+pub struct Arriving {
+    store: Store,
+    campaign: CampaignId,
+    path: PathBuf,
+    file: File,
+    folder: TempDir,
+}
+
+impl Arriving {
+    /// Nothing yet of the database of this campaign, in a folder of its own in the data directory `data`.
+    ///
+    /// # Errors
+    /// [`ImportError::Exists`], or if the folder cannot be made.
+    pub async fn begin(store: &Store, data: &Path, campaign: CampaignId) -> Result<Self, ImportError> {
+        let (store, data) = (store.clone(), data.to_path_buf());
+        on_disk(move || {
+            check_new(&store, &campaign)?;
+            let folder = new_folder(&data)?;
+            let path = folder.path().join("campaign.sqlite");
+            let file = File::create_new(&path).map_err(|error| StoreError::from_io(error, "write", &path))?;
+            Ok(Self {
+                store,
+                campaign,
+                path,
+                file,
+                folder,
+            })
+        })
+        .await
+    }
+
+    /// Takes in the next bytes.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub async fn add(self, bytes: Vec<u8>) -> Result<Self, ImportError> {
+        on_disk(move || {
+            let written = (&self.file).write_all(&bytes);
+            written.map_err(|error| StoreError::from_io(error, "write", &self.path))?;
+            Ok(self)
+        })
+        .await
+    }
+
+    /// Checks everything that has come, and takes it over into the store, whose checkpoints are these.
+    ///
+    /// # Errors
+    /// [`ImportError`]; the store has no such campaign. Where the disk is full, or another campaign of that id came at the same
+    /// time, checkpoints may have stayed.
+    pub async fn finish(self, checkpoints: &Checkpoints) -> Result<CampaignId, ImportError> {
+        let Self {
+            store,
+            campaign,
+            path,
+            file,
+            folder,
+        } = self;
+        drop(file);
+        let (mut received, folder) = on_disk(move || {
+            let received = ReceivedCampaign::open(&path)?;
+            let found = &received.campaign().record.id;
+            if *found != campaign {
+                let said = format!("it holds campaign {found}, and not {campaign}");
+                return Err(Unsound::Foreign(said).into());
+            }
+            received.archive::<Unsound>(|_| Ok(()))?;
+            Ok((received, folder))
+        })
+        .await?;
+        for record in received.checkpoints().to_vec() {
+            let model;
+            (received, model) = on_disk(move || {
+                let model = received.model(&record)?;
+                Ok((received, (record.digest, model)))
+            })
+            .await?;
+            let (digest, bytes) = model;
+            checkpoints.keep(digest, bytes.into()).await?;
+        }
+        on_disk(move || {
+            let taken = store.take_over(received.store(), received.campaign());
+            let id = received.campaign().record.id.clone();
+            drop((received, folder));
+            match taken? {
+                true => Ok(id),
+                false => Err(ImportError::Exists(id)),
+            }
+        })
+        .await
+    }
+}
+
+/// Whether there is no campaign of that id.
+fn check_new(store: &Store, id: &CampaignId) -> Result<(), ImportError> {
+    match store.campaign(id.as_str()) {
+        Ok(_) => Err(ImportError::Exists(id.clone())),
+        Err(StoreError::NoCampaign(_)) => Ok(()),
+        Err(error) => Err(error.into()),
+    }
+}
+
+async fn on_disk<T: Send + 'static>(
+    work: impl FnOnce() -> Result<T, ImportError> + Send + 'static,
+) -> Result<T, ImportError> {
+    blocking(work).await.map_err(CheckpointError::from)?
+}

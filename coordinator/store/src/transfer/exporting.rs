@@ -1,0 +1,165 @@
+//! A campaign as it stands at one instant, copied into a database of its own.
+
+use super::{APPLICATION, FURTHER_TABLES, new_folder};
+use crate::{
+    Store, StoreError,
+    campaigns::number_of,
+    checkpoints::{CheckpointError, Checkpoints},
+    digest::digest,
+    hidden::HIDDEN,
+    open::uri_path,
+    schema,
+};
+use murmuration_model::{CampaignId, CampaignState};
+use murmuration_proto::CheckpointDigest;
+use rusqlite::{Connection, OpenFlags, OptionalExtension as _, Transaction, params};
+use std::{fs::File, path::Path};
+use tempfile::TempDir;
+
+/// Statements that copy the rows of the campaign whose number is parameter 1. Campaigns and checkpoints keep their numbers.
+const ROWS: [&str; 7] = [
+    "INSERT INTO checkpoints
+     WITH RECURSIVE needed (digest) AS (
+        SELECT k.digest FROM source.checkpoints k JOIN source.campaigns c ON k.number IN (c.checkpoint, c.next_checkpoint)
+            WHERE c.number = ?1
+        UNION SELECT k.parent FROM source.checkpoints k JOIN needed USING (digest) WHERE k.parent <> '')
+     SELECT * FROM source.checkpoints WHERE digest IN (SELECT digest FROM needed) ORDER BY number",
+    "INSERT INTO campaigns (number, id, spec, simulator_version, state, error, created_ms, weight, rollbacks, checkpoint,
+        next_checkpoint, rounds, label_cutoff, last_label_cutoff)
+     SELECT number, id, spec, simulator_version, state, error, created_ms, weight, rollbacks, checkpoint, next_checkpoint, rounds,
+        label_cutoff, last_label_cutoff FROM source.campaigns WHERE number = ?1",
+    "INSERT INTO generations SELECT * FROM source.generations WHERE campaign = ?1 ORDER BY generation",
+    "INSERT INTO individuals SELECT * FROM source.individuals WHERE campaign = ?1 ORDER BY place",
+    "INSERT INTO images (campaign, place, image)
+     SELECT campaign, place, image FROM source.images WHERE campaign = ?1 ORDER BY place",
+    "INSERT INTO embeddings SELECT * FROM source.embeddings WHERE campaign = ?1
+        AND checkpoint = (SELECT checkpoint FROM source.campaigns WHERE number = ?1) ORDER BY place",
+    "INSERT INTO labels SELECT * FROM source.labels WHERE campaign = ?1 ORDER BY entry",
+];
+
+/// The taxonomy that stands, of a completed campaign alone; when it was made and where it drew individuals are not transferred.
+const TAXONOMY: &str =
+    "INSERT INTO taxonomies (campaign, version, stands, checkpoint, rounds, generations, medoids, clusters, loss, measures,
+        robust_trials, points)
+     SELECT t.campaign, 1, 1, c.checkpoint, c.rounds, t.generations, t.medoids, t.clusters, t.loss, t.measures, t.robust_trials, x''
+     FROM source.taxonomies t JOIN source.campaigns c ON c.number = t.campaign
+     WHERE t.campaign = ?1 AND t.stands AND c.state = ?2";
+
+/// Writes everything that is transferred of a campaign into a database, in a folder of its own in the data directory `data`, and
+/// returns the file. Nobody else sees it: the folder is gone when this returns.
+///
+/// # Errors
+/// [`StoreError::NoCampaign`], or if the campaign cannot be read, or the file not written.
+pub async fn export(
+    store: &Store,
+    checkpoints: &Checkpoints,
+    data: &Path,
+    campaign: &CampaignId,
+) -> Result<File, CheckpointError> {
+    let (source, data, id) = (store.clone(), data.to_path_buf(), campaign.clone());
+    let (mut copy, digests) = on_disk(move || Copy::of(&source, &data, id)).await?;
+    for digest in digests {
+        let model = checkpoints.fetch(digest).await?;
+        copy = on_disk(move || copy.add_model(digest, &model).map(|()| copy)).await?;
+    }
+    on_disk(move || copy.finish()).await
+}
+
+/// A database that is being written.
+struct Copy {
+    store: Store,
+    campaign: CampaignId,
+    /// Removed after the connection to what is in it.
+    _folder: TempDir,
+}
+
+impl Copy {
+    /// The rows of a campaign as they are at one instant, and the checkpoints whose bytes are still to come.
+    fn of(
+        source: &Store,
+        data: &Path,
+        campaign: CampaignId,
+    ) -> Result<(Self, Vec<CheckpointDigest>), StoreError> {
+        let folder = new_folder(data)?;
+        let path = folder.path().join("campaign.sqlite");
+        let named = |source| StoreError::from_sqlite(source, &path);
+        let mut connection = create(&path, &source.path).map_err(named)?;
+        let copied = connection
+            .transaction()
+            .map_err(StoreError::from)
+            .and_then(|transaction| {
+                copy_rows(&transaction, &campaign)?;
+                Ok(transaction.commit()?)
+            });
+        copied.map_err(|error| error.at(&path))?;
+        connection.execute_batch("DETACH source").map_err(named)?;
+        let store = Store::over(connection, &path);
+        let checkpoints = store.checkpoints()?;
+        let digests = checkpoints.into_iter().map(|record| record.digest).collect();
+        let copy = Self {
+            store,
+            campaign,
+            _folder: folder,
+        };
+        Ok((copy, digests))
+    }
+
+    fn add_model(&self, digest: CheckpointDigest, model: &[u8]) -> Result<(), StoreError> {
+        self.store.write(|transaction| {
+            let insert = "INSERT INTO embedders SELECT number, ?2 FROM checkpoints WHERE digest = ?1";
+            transaction.execute(insert, params![digest.to_string(), model])?;
+            Ok(())
+        })
+    }
+
+    /// The file, with the digest of the archive that is in it.
+    fn finish(self) -> Result<File, StoreError> {
+        let record = self.store.campaign(self.campaign.as_str())?;
+        let digest = digest(&self.store, &self.campaign, record.spec.model())?.digest;
+        self.store
+            .write(|transaction| Ok(transaction.execute("INSERT INTO exported VALUES (?1)", [digest])?))?;
+        let path = self.store.path.clone();
+        drop(self.store);
+        File::open(&path).map_err(|error| StoreError::from_io(error, "read", &path))
+    }
+}
+
+/// An empty database for a campaign, with the store at `source` attached to it. Nothing waits for the disk: what a crash leaves is
+/// removed.
+fn create(path: &Path, source: &Path) -> rusqlite::Result<Connection> {
+    let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
+        | OpenFlags::SQLITE_OPEN_CREATE
+        | OpenFlags::SQLITE_OPEN_NO_MUTEX
+        | OpenFlags::SQLITE_OPEN_URI;
+    let mut connection = Connection::open_with_flags(path, flags)?;
+    connection
+        .execute_batch("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; PRAGMA busy_timeout = 5000;")?;
+    schema::create(&mut connection)?;
+    connection.execute_batch(FURTHER_TABLES)?;
+    connection.pragma_update(None, "application_id", APPLICATION)?;
+    let source = format!("file:{}?mode=ro", uri_path(source));
+    connection.execute("ATTACH ?1 AS source", [source])?;
+    Ok(connection)
+}
+
+fn copy_rows(transaction: &Transaction<'_>, campaign: &CampaignId) -> Result<(), StoreError> {
+    let number = "SELECT number FROM source.campaigns WHERE id = ?1 AND state <> ?2";
+    let number: Option<i64> = transaction
+        .query_row(number, [campaign.as_str(), HIDDEN], |row| row.get(0))
+        .optional()?;
+    let Some(number) = number else {
+        // Of this database, which has none: the error says how to find those there are.
+        return number_of(transaction, campaign).map(drop);
+    };
+    for rows in ROWS {
+        transaction.execute(rows, [number])?;
+    }
+    transaction.execute(TAXONOMY, params![number, CampaignState::Completed.name()])?;
+    Ok(())
+}
+
+async fn on_disk<T: Send + 'static>(
+    work: impl FnOnce() -> Result<T, StoreError> + Send + 'static,
+) -> Result<T, CheckpointError> {
+    Ok(crate::blocking::blocking(work).await??)
+}

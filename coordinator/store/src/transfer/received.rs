@@ -1,0 +1,450 @@
+//! The database of a campaign that comes from elsewhere, checked row by row.
+//!
+//! Rows are read as a store reads its own, and then held to what a network's messages and a worker's results are held to. In memory
+//! are what the label log comes to, the taxonomy, a checkpoint at a time, and the individuals of a generation some at a time.
+
+use super::untrusted::{self, Unsound, expect_count, expect_none, foreign};
+use crate::{
+    ArchivedIndividual, CheckpointRecord, GenerationRecord, Store, StoredTaxonomy, Trial,
+    campaigns::number_of, digest::ArchiveHasher, labels::entries_with_requests,
+};
+use murmuration_model::{
+    CampaignRecord, CampaignState, ExportedCampaign,
+    labels::{Entry, Labels, RequestId},
+};
+use murmuration_proto::{CheckpointDigest, Evaluation, Extras, Invalid, PART_BYTES, onnx::EmbedderModel, v1};
+use murmuration_search::breeding::is_start_of;
+use std::{collections::HashSet, ops::Range, path::Path};
+
+/// Most checkpoints that a campaign can come with: its own and what they were fine-tuned from.
+const MAX_CHECKPOINTS: usize = 1000;
+/// Entries of a label log that are read at a time.
+const ENTRIES: usize = 1000;
+/// Bytes that are assumed for the numbers of a trial, embedding included, where individuals are read.
+const NUMBERS: usize = 4096;
+
+/// An individual, with its place in the taxonomy.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Member {
+    /// The individual, with its pictures.
+    pub individual: ArchivedIndividual,
+    /// The place of its medoid, from 0, if the campaign is completed.
+    pub cluster: Option<u32>,
+    /// The number of its trials to which no other medoid is nearer than its own, if the campaign is completed and of several
+    /// starts.
+    pub robust_trials: Option<u8>,
+}
+
+/// A campaign in a database of its own. All of it was checked but its archive, which [`ReceivedCampaign::archive`] checks as it
+/// reads it.
+#[derive(Debug)]
+pub struct ReceivedCampaign {
+    store: Store,
+    campaign: ExportedCampaign,
+    checkpoints: Vec<CheckpointRecord>,
+    /// Length of the embeddings, if the archive has some.
+    dimensions: Option<usize>,
+    labels: Labels,
+    generations: Vec<GenerationRecord>,
+    taxonomy: Option<StoredTaxonomy>,
+}
+
+impl ReceivedCampaign {
+    /// Opens the file at `path`, which nobody may change meanwhile, and checks everything but the archive.
+    ///
+    /// # Errors
+    /// [`Unsound`] says what is wrong with it.
+    pub fn open(path: &Path) -> Result<Self, Unsound> {
+        let store = untrusted::open(path)?;
+        let id = store.campaign_ids()?.pop();
+        let id = id.ok_or_else(|| foreign("its campaign has no state"))?;
+        let (record, label_entries) = store.campaign_and_label_entries(id.as_str())?;
+        let digest = store.read(|connection| {
+            Ok(connection.query_row("SELECT digest FROM exported", [], |row| row.get(0))?)
+        })?;
+        let mut received = Self {
+            campaign: ExportedCampaign::new(record, label_entries, digest)?,
+            store,
+            checkpoints: Vec::new(),
+            dimensions: None,
+            labels: Labels::default(),
+            generations: Vec::new(),
+            taxonomy: None,
+        };
+        received.read_checkpoints()?;
+        received.check_rows()?;
+        received.read_labels()?;
+        received.read_generations()?;
+        received.read_taxonomy()?;
+        Ok(received)
+    }
+
+    #[must_use]
+    pub const fn campaign(&self) -> &ExportedCampaign {
+        &self.campaign
+    }
+
+    /// The checkpoints that the campaign has and moves to, with those that they were fine-tuned from; parents first.
+    #[must_use]
+    pub fn checkpoints(&self) -> &[CheckpointRecord] {
+        &self.checkpoints
+    }
+
+    /// What the label log comes to.
+    #[must_use]
+    pub const fn labels(&self) -> &Labels {
+        &self.labels
+    }
+
+    #[must_use]
+    pub fn generations(&self) -> &[GenerationRecord] {
+        &self.generations
+    }
+
+    /// The taxonomy, of a completed campaign.
+    #[must_use]
+    pub const fn taxonomy(&self) -> Option<&StoredTaxonomy> {
+        self.taxonomy.as_ref()
+    }
+
+    pub(super) const fn store(&self) -> &Store {
+        &self.store
+    }
+
+    /// The bytes of a checkpoint.
+    ///
+    /// # Errors
+    /// [`Unsound`] if they are not those of the checkpoint.
+    pub fn model(&self, checkpoint: &CheckpointRecord) -> Result<Vec<u8>, Unsound> {
+        let digest = checkpoint.digest;
+        let model: Vec<u8> = self.store.read(|connection| {
+            let model =
+                "SELECT model FROM embedders JOIN checkpoints ON number = checkpoint WHERE digest = ?1";
+            Ok(connection.query_row(model, [digest.to_string()], |row| row.get(0))?)
+        })?;
+        let found = CheckpointDigest::of(&model);
+        if found != digest || model.len() as u64 != checkpoint.size {
+            let found = format!("{} bytes of digest {found}", model.len());
+            let allowed = format!("{} of {digest}", checkpoint.size);
+            return Err(Invalid::new("embedders.model", found, allowed).into());
+        }
+        Ok(model)
+    }
+
+    /// The label log, some entries at a time, each with the request that it came with.
+    pub fn log(&self) -> impl Iterator<Item = Result<Vec<(RequestId, Entry)>, Unsound>> {
+        let starts = (0..self.campaign.label_entries).step_by(ENTRIES);
+        starts.map(|start| self.entries(start..start + ENTRIES as u64))
+    }
+
+    /// Reads the archive, checks it, and hands over its individuals by index, some at a time. In the end it must have the digest
+    /// that it was exported with.
+    ///
+    /// # Errors
+    /// [`Unsound`] names the individual and what is wrong with it; or what `each` says.
+    pub fn archive<E: From<Unsound>>(
+        &self,
+        mut each: impl FnMut(Vec<Member>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let spec = &self.campaign.record.spec;
+        let population = u64::from(spec.search().population());
+        let bytes = spec.individual_bytes() + spec.starts().get() * NUMBERS;
+        let at_once = (PART_BYTES / bytes).max(1);
+        let mut hasher = ArchiveHasher::default();
+        for generation in &self.generations {
+            let first = u64::from(generation.generation) * population;
+            let mut novelty = Vec::new();
+            for start in (first..first + population).step_by(at_once) {
+                let members = self.members(start..(start + at_once as u64).min(first + population))?;
+                for member in &members {
+                    hasher.add(&member.individual);
+                    novelty.push(member.individual.novelty);
+                }
+                each(members)?;
+            }
+            check_summary(generation, &novelty)?;
+        }
+        let (wanted, found) = (self.campaign.digest.clone(), hasher.digest());
+        match found == wanted {
+            true => Ok(()),
+            false => Err(Unsound::Digest { wanted, found }.into()),
+        }
+    }
+
+    fn read_checkpoints(&mut self) -> Result<(), Unsound> {
+        let embedder = self.campaign.record.embedder;
+        let records = self.store.checkpoints()?;
+        if records.len() > MAX_CHECKPOINTS {
+            let allowed = format!("at most {MAX_CHECKPOINTS}");
+            return Err(Invalid::new("checkpoints", records.len(), allowed).into());
+        }
+        expect_count(&self.store, "embedders", records.len() as u64)?;
+        let mut needed: HashSet<CheckpointDigest> = [embedder.checkpoint(), embedder.next()]
+            .into_iter()
+            .flatten()
+            .collect();
+        for record in records.iter().rev() {
+            if !needed.remove(&record.digest) {
+                let allowed = "those that the campaign has, moves to or was fine-tuned from, parents first";
+                return Err(Invalid::new("checkpoints", record.digest, allowed).into());
+            }
+            needed.extend(record.lineage.parent);
+            let model = self.model(record)?;
+            let model = EmbedderModel::read(&model)
+                .map_err(|error| Invalid::new("embedders.model", error, "an embedder in the format ONNX"))?;
+            if embedder.checkpoint() == Some(record.digest) {
+                let (embedded, pictures) = (model.images(), self.campaign.record.spec.image().shape());
+                if embedded != pictures.into() {
+                    let allowed = format!("an embedder of pictures of {pictures}");
+                    return Err(
+                        Invalid::new("embedders.model", format!("one of {embedded}"), allowed).into(),
+                    );
+                }
+                self.dimensions = Some(model.dimensions());
+            }
+        }
+        if let Some(missing) = needed.iter().next() {
+            return Err(foreign(format!("checkpoint {missing} is missing")));
+        }
+        self.checkpoints = records;
+        Ok(())
+    }
+
+    /// Checks how many rows tables have and how long their values are, before those are read, and that rows which are taken over as
+    /// they are have nothing else in them.
+    fn check_rows(&self) -> Result<(), Unsound> {
+        let record = &self.campaign.record;
+        let (individuals, starts) = (record.individuals(), record.spec.starts().get());
+        let is_completed = record.state == CampaignState::Completed;
+        let (medoids, image) = (record.spec.medoids(), record.spec.individual_bytes());
+        let (genes, judged) = (
+            record.spec.model().genes(),
+            if record.spec.judges() { starts } else { 0 },
+        );
+        let (dimensions, embedded) = match self.dimensions {
+            Some(dimensions) => (dimensions, individuals),
+            None => (0, 0),
+        };
+        let own = "(SELECT checkpoint FROM campaigns)";
+        for (table, rows, unfit) in [
+            ("generations", record.generations_done.into(), "filtered < 0 OR filtered > 1000000000000".to_owned()),
+            (
+                "individuals",
+                individuals,
+                format!(
+                    "octet_length(controller) <> 8 * {genes} OR octet_length(features) <> 40 * {starts}
+                        OR octet_length(verdicts) <> {judged}"
+                ),
+            ),
+            // zstd adds little to what it cannot compress.
+            ("images", individuals, format!("octet_length(image) > {image} + {image} / 64 + 1024")),
+            (
+                "embeddings",
+                embedded,
+                format!("checkpoint IS NOT {own} OR octet_length(embedding) <> 4 * {dimensions} * {starts}"),
+            ),
+            (
+                "taxonomies",
+                is_completed.into(),
+                format!(
+                    "version <> 1 OR stands <> 1 OR made_ms IS NOT NULL OR checkpoint IS NOT {own} OR rounds <> {}
+                        OR generations <> {} OR octet_length(medoids) > 8 * {medoids}
+                        OR octet_length(measures) <> 2 * octet_length(medoids) OR octet_length(clusters) <> 4 * {individuals}
+                        OR octet_length(robust_trials) <> {} OR octet_length(points) <> 0",
+                    record.rounds.done,
+                    record.generations_done,
+                    if starts > 1 { individuals } else { 0 },
+                ),
+            ),
+            ("labels", self.campaign.label_entries, "FALSE".to_owned()),
+        ] {
+            expect_count(&self.store, table, rows)?;
+            expect_none(&self.store, table, &unfit)?;
+        }
+        Ok(())
+    }
+
+    fn entries(&self, range: Range<u64>) -> Result<Vec<(RequestId, Entry)>, Unsound> {
+        let id = &self.campaign.record.id;
+        let entries = self
+            .store
+            .read(|connection| entries_with_requests(connection, number_of(connection, id)?, range))?;
+        Ok(entries)
+    }
+
+    fn read_labels(&mut self) -> Result<(), Unsound> {
+        let mut labels = Labels::default();
+        for entries in self.log() {
+            let log: Vec<Entry> = entries?.into_iter().map(|(_, entry)| entry).collect();
+            labels.follow(log).map_err(|error| {
+                Invalid::new("labels", error, "a log whose entries follow from each other")
+            })?;
+        }
+        let entries = self.campaign.label_entries;
+        if labels.entries() != entries {
+            return Err(Invalid::new("labels", labels.entries(), format!("{entries} entries")).into());
+        }
+        let individuals = self.campaign.record.individuals();
+        if let Some(label) = labels.standing().find(|label| label.index >= individuals) {
+            let field = format!("labels[{}].index", label.entry);
+            let allowed = format!("below {individuals}, the individuals");
+            return Err(Invalid::new(&field, label.index, allowed).into());
+        }
+        self.labels = labels;
+        Ok(())
+    }
+
+    fn read_generations(&mut self) -> Result<(), Unsound> {
+        self.generations = self.store.generations(&self.campaign.record.id)?;
+        for (place, generation) in (0..).zip(&self.generations) {
+            if generation.generation != place {
+                return Err(Invalid::new("generation", generation.generation, place.to_string()).into());
+            }
+            let within = |error: Invalid| error.within(&format!("generations[{place}]"));
+            measure("best_novelty", generation.best_novelty).map_err(within)?;
+            measure("mean_novelty", generation.mean_novelty).map_err(within)?;
+        }
+        Ok(())
+    }
+
+    fn read_taxonomy(&mut self) -> Result<(), Unsound> {
+        let record = &self.campaign.record;
+        self.taxonomy = self.store.taxonomy(&record.id)?;
+        if let Some(taxonomy) = &self.taxonomy {
+            check_taxonomy(taxonomy, record.spec.starts().get())?;
+        }
+        Ok(())
+    }
+
+    /// The individuals with these indices, checked.
+    fn members(&self, range: Range<u64>) -> Result<Vec<Member>, Unsound> {
+        let record = &self.campaign.record;
+        let found = self
+            .store
+            .individuals(&record.id, record.spec.model(), range.clone(), true)?;
+        let mut members = Vec::with_capacity(found.len());
+        for (index, individual) in range.clone().zip(found) {
+            let within = |error: Invalid| error.within(&format!("individuals[{index}]"));
+            let individual = checked(individual, index, record, self.dimensions).map_err(within)?;
+            let taxonomy = self.taxonomy.as_ref();
+            members.push(Member {
+                cluster: taxonomy.and_then(|all| all.clusters.get(index as usize).copied()),
+                robust_trials: taxonomy.and_then(|all| all.robust_trials.get(index as usize).copied()),
+                individual,
+            });
+        }
+        match members.len() as u64 == range.end - range.start {
+            true => Ok(members),
+            false => Err(foreign(format!("individuals {range:?} are not all there"))),
+        }
+    }
+}
+
+/// A number of which none is below zero, such as a distance.
+fn measure(field: &str, value: f64) -> Result<(), Invalid> {
+    match value.is_finite() && value >= 0.0 {
+        true => Ok(()),
+        false => Err(Invalid::new(field, value, "0 or more, and finite")),
+    }
+}
+
+/// The individual, if it is the one of this index of the campaign.
+fn checked(
+    individual: ArchivedIndividual,
+    index: u64,
+    record: &CampaignRecord,
+    dimensions: Option<usize>,
+) -> Result<ArchivedIndividual, Invalid> {
+    let spec = &record.spec;
+    if individual.index != index {
+        return Err(Invalid::new("index", individual.index, index.to_string()));
+    }
+    let generation = index / u64::from(spec.search().population());
+    if u64::from(individual.generation) != generation {
+        return Err(Invalid::new(
+            "generation",
+            individual.generation,
+            generation.to_string(),
+        ));
+    }
+    measure("novelty", individual.novelty)?;
+    if !is_start_of(spec, index, &individual.controller, individual.seed) {
+        let allowed = "the seed that follows from that of the specification and from the index";
+        return Err(Invalid::new("seed", individual.seed, allowed));
+    }
+    let extras = Extras {
+        dimensions,
+        judge: spec.judges(),
+    };
+    let trial = |trial: Trial| {
+        let result = v1::Evaluation {
+            features: trial.features.to_vec(),
+            image: trial.image.unwrap_or_default(),
+            embedding: trial.embedding,
+            verdict: trial.verdict.map_or(0, |verdict| verdict.number().into()),
+        };
+        let result = Evaluation::for_format(result, spec.image(), extras)?;
+        Ok(Trial {
+            features: *result.features(),
+            embedding: result.embedding().to_vec(),
+            verdict: result.verdict(),
+            image: Some(result.into_image()),
+        })
+    };
+    let trials: Result<_, Invalid> = individual.trials.into_iter().map(trial).collect();
+    Ok(ArchivedIndividual {
+        trials: trials?,
+        ..individual
+    })
+}
+
+/// Checks that a generation is what its individuals come to.
+fn check_summary(generation: &GenerationRecord, novelty: &[f64]) -> Result<(), Unsound> {
+    let number = generation.generation;
+    let found = GenerationRecord::of(number, novelty, generation.filtered);
+    for (name, said, found) in [
+        ("best_novelty", generation.best_novelty, found.best_novelty),
+        ("mean_novelty", generation.mean_novelty, found.mean_novelty),
+    ] {
+        if said != found {
+            let field = format!("generations[{number}].{name}");
+            return Err(Invalid::new(&field, said, format!("{found}, that of its individuals")).into());
+        }
+    }
+    Ok(())
+}
+
+/// Checks that each medoid is a member of its own cluster, that larger clusters come first, and the measures.
+fn check_taxonomy(taxonomy: &StoredTaxonomy, starts: usize) -> Result<(), Invalid> {
+    measure("loss", taxonomy.loss)?;
+    for (place, (&index, measures)) in taxonomy.medoids.iter().zip(&taxonomy.measures).enumerate() {
+        let within = |error: Invalid| error.within(&format!("medoids[{place}]"));
+        measure("mean_distance", measures.mean_distance).map_err(within)?;
+        measure("novelty", measures.novelty).map_err(within)?;
+        let cluster = usize::try_from(index)
+            .ok()
+            .and_then(|index| taxonomy.clusters.get(index));
+        if cluster.is_none_or(|&cluster| cluster as usize != place) {
+            let allowed = format!("an individual of cluster {place}");
+            return Err(within(Invalid::new("index", index, allowed)));
+        }
+    }
+    if !taxonomy.sizes().is_sorted_by(|one, next| one >= next) {
+        return Err(Invalid::new(
+            "medoids",
+            "another order",
+            "the largest cluster first",
+        ));
+    }
+    match taxonomy
+        .robust_trials
+        .iter()
+        .find(|&&trials| usize::from(trials) > starts)
+    {
+        None => Ok(()),
+        Some(trials) => {
+            let allowed = format!("at most {starts}, the starts");
+            Err(Invalid::new("robust_trials", trials, allowed))
+        }
+    }
+}
