@@ -1,0 +1,243 @@
+//! A file that somebody says is the database of a campaign, opened so that nothing in it can do harm.
+//!
+//! SQLite reads it as it is on disk: no log beside it, no code of its schema, which must be ours to the letter. Limits: knows
+//! tables and the lengths of values, not what they mean.
+
+use super::{APPLICATION, FURTHER_TABLES};
+use crate::{Store, StoreError, open::uri_path, schema};
+use murmuration_proto::{Invalid, Text, onnx::MAX_MODEL_BYTES};
+use rusqlite::{Connection, ErrorCode, OpenFlags, config::DbConfig, limits::Limit};
+use std::{
+    fs::{self, File},
+    io::Read as _,
+    path::Path,
+};
+
+/// Most bytes of a value, and so of what SQLite holds in memory of one.
+const MAX_VALUE_BYTES: i32 = 128 << 20;
+
+/// Most bytes of a value while the schema is read.
+const MAX_SCHEMA_BYTES: i32 = 64 << 10;
+
+/// Most steps of SQLite's machine in one statement while the schema is read; ours takes a few hundred.
+const MAX_SCHEMA_STEPS: i32 = 20_000;
+
+/// Tables with rows of a campaign; in a database of one, all others are empty.
+const FILLED: [&str; 10] = [
+    "campaigns",
+    "checkpoints",
+    "embedders",
+    "embeddings",
+    "exported",
+    "generations",
+    "images",
+    "individuals",
+    "labels",
+    "taxonomies",
+];
+
+/// What is wrong with the database of a campaign.
+#[derive(Debug, thiserror::Error)]
+pub enum Unsound {
+    /// A value is none of a campaign.
+    #[error("{0}")]
+    Invalid(#[from] Invalid),
+    /// It cannot be read.
+    #[error("{}", Text::line(&.0.reason()))]
+    Unreadable(#[from] StoreError),
+    /// It is not as `murmuration export` writes it.
+    #[error("{0}")]
+    Foreign(String),
+    /// The archive has another digest than it should have.
+    #[error(
+        "its archive has digest {found}, and was exported with {wanted}: it was changed after the export"
+    )]
+    Digest {
+        /// The digest that the file names.
+        wanted: String,
+        /// The digest of the archive in it.
+        found: String,
+    },
+}
+
+impl From<rusqlite::Error> for Unsound {
+    fn from(error: rusqlite::Error) -> Self {
+        StoreError::from(error).into()
+    }
+}
+
+pub(super) fn foreign(what: impl Into<String>) -> Unsound {
+    Unsound::Foreign(what.into())
+}
+
+/// Opens the file to read it, and checks its structure, its schema and which tables have rows.
+pub(super) fn open(path: &Path) -> Result<Store, Unsound> {
+    check_header(path)?;
+    let flags =
+        OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_URI;
+    let mut connection = Connection::open_with_flags(format!("file:{}?immutable=1", uri_path(path)), flags)?;
+    for (setting, is_on) in [
+        (DbConfig::SQLITE_DBCONFIG_DEFENSIVE, true),
+        (DbConfig::SQLITE_DBCONFIG_TRUSTED_SCHEMA, false),
+        (DbConfig::SQLITE_DBCONFIG_ENABLE_TRIGGER, false),
+        (DbConfig::SQLITE_DBCONFIG_ENABLE_VIEW, false),
+    ] {
+        connection.set_db_config(setting, is_on)?;
+    }
+    connection.execute_batch("PRAGMA cell_size_check = ON; PRAGMA mmap_size = 0;")?;
+    read_schema(&mut connection)?;
+    check_length(&connection, path)?;
+    check_schema(&connection)?;
+    let store = Store::over(connection, path);
+    // Also that every value has the type of its column, and that indices are those of their tables.
+    let mut faults = store.faults()?;
+    faults.extend(store.dangling()?);
+    if let Some(first) = faults.first() {
+        return Err(foreign(first.as_str()));
+    }
+    check_rows(&store)?;
+    Ok(store)
+}
+
+/// Has SQLite read the schema, which it does whole, in a time that grows with the square of the number of entries: within limits,
+/// which are those of values afterwards.
+pub(super) fn read_schema(connection: &mut Connection) -> Result<(), Unsound> {
+    connection.set_limit(Limit::SQLITE_LIMIT_LENGTH, MAX_SCHEMA_BYTES)?;
+    connection.progress_handler(MAX_SCHEMA_STEPS, Some(|| true))?;
+    let read = connection.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()));
+    match read.as_ref().map_err(rusqlite::Error::sqlite_error_code) {
+        Err(Some(ErrorCode::TooBig | ErrorCode::OperationInterrupted)) => return Err(foreign(OTHER_SCHEMA)),
+        _ => read?,
+    }
+    connection.progress_handler(0, None::<fn() -> bool>)?;
+    connection.set_limit(Limit::SQLITE_LIMIT_LENGTH, MAX_VALUE_BYTES)?;
+    Ok(())
+}
+
+/// Whether it is a regular file that begins as SQLite's do, without a log beside it.
+fn check_header(path: &Path) -> Result<(), Unsound> {
+    let failed = |error| StoreError::from_io(error, "read", path);
+    if !fs::symlink_metadata(path).map_err(failed)?.is_file() {
+        return Err(foreign("it is no regular file"));
+    }
+    let mut header = Vec::new();
+    let file = File::open(path).map_err(failed)?;
+    file.take(20).read_to_end(&mut header).map_err(failed)?;
+    match header.strip_prefix(b"SQLite format 3\0") {
+        Some([_, _, 1, 1]) => Ok(()),
+        Some([_, _, 2, 2]) => Err(foreign(
+            "it was opened for writing after the export (it is in SQLite's mode WAL)",
+        )),
+        _ => Err(foreign("it is no SQLite database, or it is encrypted")),
+    }
+}
+
+/// Whether the file ends where the database does.
+fn check_length(connection: &Connection, path: &Path) -> Result<(), Unsound> {
+    let said = "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size";
+    let said: i64 = connection.query_row(said, [], |row| row.get(0))?;
+    let failed = |error| StoreError::from_io(error, "read", path);
+    let found = path.metadata().map_err(failed)?.len();
+    match said.unsigned_abs() == found {
+        true => Ok(()),
+        false => Err(foreign(format!("it has {found} bytes, and its database {said}"))),
+    }
+}
+
+/// Whether its tables, indices and triggers are those of a campaign's database of this version, and nothing else.
+fn check_schema(connection: &Connection) -> Result<(), Unsound> {
+    let number = |pragma| connection.pragma_query_value(None, pragma, |row| row.get::<_, i64>(0));
+    if number("application_id")? != i64::from(APPLICATION) {
+        return Err(foreign("it is a database of another program"));
+    }
+    let (version, known) = (number("user_version")?, i64::from(schema::VERSION));
+    if version != known {
+        return Err(foreign(format!(
+            "it has schema version {version}, and this murmuration ({}) reads {known}: import it with the version that exported it",
+            env!("CARGO_PKG_VERSION")
+        )));
+    }
+    let mut own = Connection::open_in_memory()?;
+    schema::create(&mut own)?;
+    own.execute_batch(FURTHER_TABLES)?;
+    match declared(connection)? == declared(&own)? {
+        true => Ok(()),
+        false => Err(foreign(OTHER_SCHEMA)),
+    }
+}
+
+const OTHER_SCHEMA: &str = "its tables, indices or triggers are not those that `murmuration export` writes";
+
+type Declared = (String, String, String, Option<String>);
+
+fn declared(connection: &Connection) -> rusqlite::Result<Vec<Declared>> {
+    let mut statement =
+        connection.prepare("SELECT type, name, tbl_name, sql FROM sqlite_schema ORDER BY type, name")?;
+    let rows = statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?)))?;
+    rows.collect()
+}
+
+/// Checks which tables have rows, and the lengths of texts, before any of those is read.
+fn check_rows(store: &Store) -> Result<(), Unsound> {
+    let tables: Vec<String> = store.read(|connection| {
+        let mut statement = connection.prepare("SELECT name FROM sqlite_schema WHERE type = 'table'")?;
+        let names = statement.query_map([], |row| row.get(0))?;
+        Ok(names.collect::<Result<_, _>>()?)
+    })?;
+    for table in tables.iter().filter(|table| !FILLED.contains(&table.as_str())) {
+        expect_count(store, table, 0)?;
+    }
+    expect_count(store, "campaigns", 1)?;
+    expect_count(store, "exported", 1)?;
+    expect_none(
+        store,
+        "campaigns",
+        "octet_length(id) + octet_length(state) + octet_length(error) + octet_length(simulator_version) > 16384
+            OR octet_length(spec) > 1048576 OR octet_length(study) > 0 OR request IS NOT NULL
+            OR min(created_ms, weight, decisions, rollbacks, rounds, last_label_cutoff) < 0 OR label_cutoff < 0 OR ended_ms < 0",
+    )?;
+    expect_none(store, "checkpoints", "created_ms < 0 OR size < 0")?;
+    expect_none(
+        store,
+        "checkpoints",
+        "(SELECT sum(octet_length(digest) + octet_length(parent) + octet_length(data_digest) + octet_length(label_digest)
+            + octet_length(configuration) + octet_length(metrics) + octet_length(labelled)) FROM checkpoints) > 67108864",
+    )?;
+    expect_none(
+        store,
+        "embedders",
+        &format!("octet_length(model) > {MAX_MODEL_BYTES}"),
+    )?;
+    expect_none(store, "exported", "octet_length(digest) <> 64")?;
+    expect_none(
+        store,
+        "labels",
+        "octet_length(request) + octet_length(annotator) + octet_length(action) + coalesce(octet_length(class), 0)
+            + coalesce(octet_length(value), 0) > 4096 OR time_ms < 0 OR place < 0 OR supersedes < 0",
+    )
+}
+
+/// Checks that a table has so many rows.
+pub(super) fn expect_count(store: &Store, table: &str, wanted: u64) -> Result<(), Unsound> {
+    let found = store.read(|connection| {
+        let count = connection.query_row(&format!("SELECT count(*) FROM {table}"), [], |row| {
+            row.get::<_, i64>(0)
+        });
+        Ok(count?.unsigned_abs())
+    })?;
+    match found == wanted {
+        true => Ok(()),
+        false => Err(Invalid::new(format!("rows of {table}"), found, wanted.to_string()).into()),
+    }
+}
+
+/// Checks that a table has no row of which this condition holds.
+pub(super) fn expect_none(store: &Store, table: &str, condition: &str) -> Result<(), Unsound> {
+    let exists = format!("SELECT EXISTS (SELECT 1 FROM {table} WHERE {condition})");
+    match store.read(|connection| Ok(connection.query_row(&exists, [], |row| row.get(0))?))? {
+        false => Ok(()),
+        true => Err(foreign(format!(
+            "its table {table} has a value that `murmuration export` never writes: of another length, out of range, or of another row"
+        ))),
+    }
+}
