@@ -1,20 +1,27 @@
 //! Generated campaigns: of every kind, and filled with values that follow from a number.
 
+use crate::{
+    ArchivedIndividual, ClusterMeasures, DataDirectory, GenerationRecord, Store, StoredTaxonomy, Trial,
+    archive::{insert_generation, insert_individuals},
+    checkpoint_rows::checkpoint_number,
+    checkpoints::Checkpoints,
+    individual::compressed,
+    labels::insert,
+    numbers::clamped,
+    taxonomies::insert_taxonomy,
+};
 use murmuration_model::{
-    ArchiveEmbedder, CampaignRecord, CampaignState, ExportedCampaign, Rounds, Weight,
-    labels::{Action, Annotator, Change, Entry, Labels, Preference, RequestId, Triple},
+    CampaignId, CampaignState, Weight,
+    labels::{Action, Annotator, Change, Entry, Labels, RequestId},
 };
 use murmuration_proto::{
     CampaignSpec, CheckpointDigest, Controller, Lineage, PictureShape, Purpose, RandomStream,
     SIMULATOR_VERSION, Verdict, training::Architecture,
 };
-use murmuration_store::{
-    ArchivedIndividual, CheckpointRecord, ClusterMeasures, GenerationRecord, Trial,
-    transfer::{Medoids, Member, Part},
-};
-use murmuration_trainer::{network::Network, onnx};
+use murmuration_train::{network::Network, onnx};
 use proptest::prelude::*;
-use std::sync::LazyLock;
+use rusqlite::params;
+use std::{path::Path, sync::LazyLock};
 
 /// Untrained embedders of pictures of 50 x 50 in five numbers: each is the parent of the next.
 static MODELS: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
@@ -51,7 +58,7 @@ pub(super) struct GeneratedCampaign {
 
 impl GeneratedCampaign {
     fn has_embedder(&self) -> bool {
-        ["latent", "untrained", "concatenate"].contains(&self.method)
+        self.method != "random" && self.method != "hand-crafted"
     }
 
     /// The checkpoints, parents first; the archive is embedded by the second, or by the only one.
@@ -65,20 +72,17 @@ impl GeneratedCampaign {
         }
     }
 
-    fn embedder(&self) -> ArchiveEmbedder {
+    /// The checkpoint of the archive, and the one that it moves to.
+    fn embedder(&self) -> [Option<CheckpointDigest>; 2] {
         let digests: Vec<_> = self
             .models()
             .iter()
             .map(|model| CheckpointDigest::of(model))
             .collect();
         match digests[..] {
-            [] => ArchiveEmbedder::None,
-            [checkpoint] | [_, checkpoint] => ArchiveEmbedder::Checkpoint(checkpoint),
-            [_, from, to, ..] => ArchiveEmbedder::Switching {
-                from: Some(from),
-                to,
-                embedded: 0,
-            },
+            [] => [None, None],
+            [checkpoint] | [_, checkpoint] => [Some(checkpoint), None],
+            [_, from, to, ..] => [Some(from), Some(to)],
         }
     }
 
@@ -139,7 +143,7 @@ impl GeneratedCampaign {
         }
     }
 
-    fn member(&self, spec: &CampaignSpec, index: u64) -> Member {
+    fn individual(&self, spec: &CampaignSpec, index: u64) -> ArchivedIndividual {
         let genes: Vec<f64> = (0..spec.model().genes() as u64)
             .map(|gene| self.number(index, 100 + gene).clamp(-1.0, 1.0))
             .collect();
@@ -160,18 +164,13 @@ impl GeneratedCampaign {
                 .judge
                 .then(|| Verdict::try_from(1 + (self.bits(index, start) % 11) as i32).unwrap()),
         };
-        let is_completed = self.state == CampaignState::Completed;
-        Member {
-            individual: ArchivedIndividual {
-                index,
-                generation: (index / self.population()) as u32,
-                controller: Controller::new(spec.model(), &genes).unwrap(),
-                seed: RandomStream::derive(spec.seed(), Purpose::Start, index).bits(),
-                trials: (0..u64::from(self.starts)).map(trial).collect(),
-                novelty: self.number(index, 2).abs(),
-            },
-            cluster: is_completed.then_some((index % 2) as u32),
-            robust_trials: (is_completed && self.starts > 1).then_some((index % 2) as u8),
+        ArchivedIndividual {
+            index,
+            generation: (index / self.population()) as u32,
+            controller: Controller::new(spec.model(), &genes).unwrap(),
+            seed: RandomStream::derive(spec.seed(), Purpose::Start, index).random(),
+            trials: (0..u64::from(self.starts)).map(trial).collect(),
+            novelty: self.number(index, 2).abs(),
         }
     }
 
@@ -182,7 +181,7 @@ impl GeneratedCampaign {
         for (place, (what, index, class)) in self.log.iter().enumerate() {
             let class = format!("class {}", class % 3);
             let newest = labels.class_changes().next_back().map(|(entry, _)| entry);
-            let action = match what % 11 {
+            let action = match what % 9 {
                 0 => Action::Undo,
                 1 => Action::Rename {
                     class: class.parse().unwrap(),
@@ -192,21 +191,14 @@ impl GeneratedCampaign {
                     class: class.parse().unwrap(),
                     colour: "#102030".parse().unwrap(),
                 },
-                3 => Action::Compare {
-                    triple: Triple::new(index % 8, (index % 8 + 1) % 8, (index % 8 + 2) % 8).unwrap(),
-                    preference: Preference::ALL[(index % 3) as usize],
-                },
-                4 => Action::WithdrawComparison {
-                    entry: labels.comparisons().last().map_or(0, |newest| newest.entry),
-                },
-                5 => Action::Delete {
+                3 => Action::Delete {
                     class: class.parse().unwrap(),
                 },
-                6 => Action::Shortcut {
+                4 => Action::Shortcut {
                     class: class.parse().unwrap(),
                     shortcut: (index % 2 == 0).then(|| "w".parse().unwrap()),
                 },
-                7 => Action::Revert {
+                5 => Action::Revert {
                     entry: newest.unwrap_or_default(),
                 },
                 _ => Action::Answer {
@@ -229,89 +221,153 @@ impl GeneratedCampaign {
         log
     }
 
-    /// Everything of the campaign, in order.
-    pub(super) fn parts(&self) -> Vec<Part> {
-        let spec = self.spec();
-        let log = self.log();
-        let record = CampaignRecord {
-            id: "case-7".parse().unwrap(),
-            weight: Weight::default(),
-            state: self.state,
-            error: String::new(),
-            created_ms: 1_700_000_000_000,
-            rollbacks: 1,
-            decisions: 0,
-            simulator_version: SIMULATOR_VERSION.to_owned(),
-            generations_done: 2,
-            last_novelty: None,
-            embedder: self.embedder(),
-            pictures_done: 0,
-            rounds: match self.is_refined && !log.is_empty() && self.state != CampaignState::Completed {
-                true => Rounds {
-                    done: 1,
-                    last_cutoff: log.len() as u64,
-                    current_cutoff: None,
-                },
-                false => Rounds::default(),
-            },
-            spec,
-            study: None,
-            ended_ms: None,
-        };
-        let mut parts = Vec::new();
+    /// A store in `folder` with the campaign, and with what is not transferred with it: another campaign, another checkpoint, a
+    /// notice, and a former taxonomy.
+    pub(super) async fn store(&self, folder: &Path) -> Place {
+        let place = Place::with_another(folder).await;
         let mut parent = None;
         for model in self.models() {
-            let digest = CheckpointDigest::of(model);
             let lineage = Lineage {
                 configuration: "seed = 1".to_owned(),
-                parent: parent.replace(digest),
+                parent: parent.replace(CheckpointDigest::of(model)),
                 ..Lineage::default()
             };
-            let (size, created_ms) = (model.len() as u64, 5);
-            parts.push(Part::Checkpoint(CheckpointRecord {
-                digest,
-                size,
-                lineage,
-                created_ms,
-            }));
-            let chunks = model.chunks(murmuration_proto::PART_BYTES);
-            parts.extend(chunks.map(|chunk| Part::Chunk(chunk.to_vec())));
+            let published = place.checkpoints.publish(lineage, model.clone().into());
+            published.await.unwrap();
         }
-        if !log.is_empty() {
-            parts.push(Part::Labels(log.clone()));
-        }
-        for generation in 0..2 {
-            let first = self.population() * u64::from(generation);
-            let members: Vec<Member> = (first..first + self.population())
-                .map(|index| self.member(&record.spec, index))
-                .collect();
-            let novelty: Vec<f64> = members.iter().map(|member| member.individual.novelty).collect();
-            parts.push(Part::Generation(GenerationRecord::of(generation, &novelty, 3)));
-            let divided = members.chunks(500).map(|some| Part::Individuals(some.to_vec()));
-            parts.extend(divided);
-        }
-        if self.state == CampaignState::Completed {
-            let cluster = |distance| ClusterMeasures {
-                mean_distance: distance,
-                novelty: 0.25,
-            };
-            parts.push(Part::Taxonomy(Medoids {
-                medoids: vec![(2, cluster(0.5)), (5, cluster(1.0 / 3.0))],
-                loss: 0.1,
-            }));
-        }
-        let campaign = ExportedCampaign {
-            record,
-            label_entries: log.len() as u64,
-            digest: String::new(),
+        self.insert_rows(&place.store);
+        place
+    }
+
+    fn insert_rows(&self, store: &Store) {
+        let (spec, log) = (self.spec(), self.log());
+        let refined = self.is_refined && !log.is_empty() && self.state != CampaignState::Completed;
+        store
+            .write(|transaction| {
+                let number = |digest: Option<CheckpointDigest>| {
+                    digest.map(|digest| checkpoint_number(transaction, digest).unwrap())
+                };
+                transaction.execute(
+                    "INSERT INTO campaigns (number, id, spec, simulator_version, state, error, created_ms, rollbacks, checkpoint,
+                        next_checkpoint, rounds, last_label_cutoff, decisions, study, request)
+                     VALUES (7, 'case-7', ?1, ?2, ?3, '', 1700000000000, 1, ?4, ?5, ?6, ?7, 5, 'study', 'request')",
+                    params![
+                        spec.to_toml(),
+                        SIMULATOR_VERSION,
+                        self.state.name(),
+                        number(self.embedder()[0]),
+                        number(self.embedder()[1]),
+                        refined,
+                        if refined { clamped(log.len() as u64) } else { 0 },
+                    ],
+                )?;
+                for (request, entry) in &log {
+                    insert(transaction, 7, request, std::slice::from_ref(entry))?;
+                }
+                for generation in 0..2 {
+                    let first = self.population() * u64::from(generation);
+                    let individuals: Vec<_> = (first..first + self.population())
+                        .map(|index| self.individual(&spec, index))
+                        .collect();
+                    let novelty: Vec<f64> = individuals.iter().map(|one| one.novelty).collect();
+                    insert_generation(transaction, 7, &GenerationRecord::of(generation, &novelty, 3))?;
+                    insert_individuals(transaction, 7, &individuals, &compressed(&individuals)?)?;
+                    if generation == 0 || self.state == CampaignState::Completed {
+                        insert_taxonomy(transaction, 7, &self.taxonomy(first + self.population()), &[], Some(5))?;
+                    }
+                }
+                transaction.execute("INSERT INTO notices VALUES (1, 7, 5, 'rolled back', 1)", [])?;
+                Ok(())
+            })
+            .unwrap();
+    }
+
+    fn taxonomy(&self, individuals: u64) -> StoredTaxonomy {
+        let cluster = |mean_distance| ClusterMeasures {
+            mean_distance,
+            novelty: 0.25,
         };
-        parts.insert(0, Part::Campaign(Box::new(campaign)));
-        parts
+        let place = |index: u64| (index % 2) as u32;
+        StoredTaxonomy {
+            medoids: vec![2, individuals - 3],
+            clusters: (0..individuals).map(place).collect(),
+            loss: 0.1,
+            measures: vec![cluster(0.5), cluster(1.0 / 3.0)],
+            robust_trials: match self.starts {
+                1 => Vec::new(),
+                _ => (0..individuals).map(|index| place(index) as u8).collect(),
+            },
+        }
+    }
+}
+
+/// A data directory.
+pub(super) struct Place {
+    pub(super) store: Store,
+    pub(super) checkpoints: Checkpoints,
+    _held: DataDirectory,
+}
+
+impl Place {
+    /// One with a campaign, and a checkpoint that is no campaign's.
+    pub(super) async fn with_another(folder: &Path) -> Self {
+        let held = DataDirectory::hold(folder).unwrap();
+        let store = Store::open(&held).unwrap();
+        let checkpoints = Checkpoints::open(store.clone(), folder, None).unwrap();
+        let text = "name = \"other\"\nmodel = \"single-sensor\"\nmethod = \"random\"";
+        let other = CampaignSpec::from_toml(text).unwrap();
+        store.create_campaign(&other, Weight::default(), 0).unwrap();
+        let network = Network::<f32>::initialise(Architecture::compact(PictureShape::PAPER, 3).unwrap(), 9);
+        let published = checkpoints.publish(Lineage::default(), onnx::export(&network).into());
+        published.await.unwrap();
+        Self {
+            store,
+            checkpoints,
+            _held: held,
+        }
+    }
+
+    pub(super) fn campaigns(&self) -> Vec<CampaignId> {
+        self.store.campaign_ids().unwrap()
+    }
+}
+
+/// A completed campaign with everything that there may be.
+pub(super) fn full() -> GeneratedCampaign {
+    GeneratedCampaign {
+        method: "latent",
+        starts: 2,
+        judge: true,
+        species: false,
+        state: CampaignState::Completed,
+        seed: 7,
+        is_refined: true,
+        is_wide: false,
+        log: vec![
+            (8, 1, 0),
+            (9, 2, 1),
+            (1, 0, 1),
+            (8, 1, 2),
+            (3, 4, 0),
+            (6, 0, 0),
+            (6, 1, 2),
+            (5, 0, 0),
+            (7, 0, 0),
+            (3, 5, 1),
+            (4, 0, 0),
+            (0, 0, 0),
+        ],
     }
 }
 
 pub(super) fn generated_campaign() -> impl Strategy<Value = GeneratedCampaign> {
-    let methods = ["random", "hand-crafted", "latent", "untrained", "concatenate"];
+    let methods = [
+        "random",
+        "random\"\nspace = \"both",
+        "hand-crafted",
+        "latent",
+        "untrained",
+    ];
     let states = [
         CampaignState::Completed,
         CampaignState::Running,
