@@ -8,6 +8,7 @@
 use murmuration_model::{MachineId, Maker, Weight};
 use murmuration_proto::{CampaignSpec, Controller, EmbeddingKind, Preset, Purpose, RandomStream};
 use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store, Trial};
+use rand::RngExt as _;
 use std::{
     env, error::Error, f64::consts::TAU, io::Write as _, path::Path, process::ExitCode, time::Instant,
 };
@@ -19,13 +20,13 @@ const SEED: u64 = 1;
 fn picture(stream: &mut RandomStream) -> Vec<u8> {
     let mut image = vec![0; SIDE * SIDE];
     for _ in 0..24 {
-        let (x, y) = (stream.between(5.0, 45.0), stream.between(5.0, 45.0));
-        let (radius, begin) = (stream.between(1.0, 5.0), stream.between(0.0, TAU));
+        let (x, y) = (stream.random_range(5.0..45.0), stream.random_range(5.0..45.0));
+        let (radius, begin) = (stream.random_range(1.0..5.0), stream.random_range(0.0..TAU));
         for step in 0..16 {
             let (sine, cosine) = (begin + f64::from(step) / radius).sin_cos();
             let place = (x + radius * cosine) as usize * SIDE + (y + radius * sine) as usize;
             // Where a robot stays long it leaves more than where it passes.
-            image[place] = stream.between(3.0, 60.0) as u8;
+            image[place] = stream.random_range(3.0..60.0) as u8;
         }
     }
     image
@@ -33,11 +34,13 @@ fn picture(stream: &mut RandomStream) -> Vec<u8> {
 
 fn individual(index: u64, generation: u32) -> Result<ArchivedIndividual, Box<dyn Error>> {
     let mut stream = RandomStream::derive(SEED, Purpose::Start, index);
-    let genes = [(); 4].map(|()| stream.below(21) as f64 / 10.0 - 1.0);
-    let features = [(); 5].map(|()| stream.unit());
+    // That of the campaign's specification, so that an export is imported.
+    let seed = stream.random();
+    let genes = [(); 4].map(|()| f64::from(stream.random_range(-10..=10)) / 10.0);
+    let features = stream.random::<[f64; 5]>();
     Ok(ArchivedIndividual {
-        seed: stream.bits(),
-        novelty: stream.unit(),
+        seed,
+        novelty: stream.random(),
         trials: vec![Trial {
             features,
             image: Some(picture(&mut stream)),

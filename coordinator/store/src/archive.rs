@@ -9,8 +9,8 @@ use super::{
     numbers::{clamped, floats_to_blob},
     provenance::{ResultKind, add_provenance},
 };
-use murmuration_model::CampaignId;
-use murmuration_proto::CapabilityModel;
+use murmuration_model::{CampaignId, CampaignRecord};
+use murmuration_proto::{BehaviourSpace, CapabilityModel, Scale, v1};
 use rusqlite::{Transaction, params};
 use std::{collections::BTreeSet, ops::Range};
 
@@ -25,6 +25,17 @@ pub struct GenerationRecord {
     pub mean_novelty: f64,
     /// Proposals that the filter turned away while it was made.
     pub filtered: u64,
+}
+
+impl From<GenerationRecord> for v1::GenerationSummary {
+    fn from(record: GenerationRecord) -> Self {
+        Self {
+            generation: record.generation,
+            best_novelty: record.best_novelty,
+            mean_novelty: record.mean_novelty,
+            filtered: record.filtered,
+        }
+    }
 }
 
 impl GenerationRecord {
@@ -42,9 +53,6 @@ impl GenerationRecord {
 
 impl Store {
     /// Individuals in the archives of all campaigns.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn count_individuals(&self) -> Result<u64, StoreError> {
         self.read(|connection| {
             // Places are numbered without gaps; to count them would read them all.
@@ -80,9 +88,6 @@ impl Store {
     }
 
     /// Individuals whose index is in `range`, in order, as far as there are any.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn individuals(
         &self,
         campaign: &CampaignId,
@@ -114,10 +119,22 @@ impl Store {
         })
     }
 
+    /// The scale of an archive's behaviour space, by its first generation and the checkpoint that embeds it.
+    pub fn scale(&self, record: &CampaignRecord) -> Result<Scale, StoreError> {
+        let spec = &record.spec;
+        let len = match spec.space() {
+            BehaviourSpace::Both => u64::from(spec.search().population()),
+            BehaviourSpace::Features | BehaviourSpace::Embedding => 0,
+        };
+        let first = self.individuals(&record.id, spec.model(), 0..len, false)?;
+        let first: Vec<_> = first
+            .iter()
+            .map(|one| (one.features(), one.embedding()))
+            .collect();
+        Ok(Scale::of(spec.space(), &first))
+    }
+
     /// The individuals with these indices, in order, as far as there are any; without images and embeddings.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn measured_individuals(
         &self,
         campaign: &CampaignId,
@@ -177,9 +194,6 @@ impl Store {
     }
 
     /// Number of individuals in the archive.
-    ///
-    /// # Errors
-    /// If it cannot be read.
     pub(crate) fn archive_len(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
@@ -193,9 +207,6 @@ impl Store {
     }
 
     /// Every complete generation, in order.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn generations(&self, campaign: &CampaignId) -> Result<Vec<GenerationRecord>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
@@ -217,9 +228,6 @@ impl Store {
 
     /// The most novel individuals, each of another generation, by their novelty when evaluated: those of so many generations. Each
     /// with its generation and novelty.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn most_novel(&self, campaign: &CampaignId, count: u32) -> Result<Vec<(u64, u32, f64)>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;

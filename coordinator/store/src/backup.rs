@@ -10,8 +10,7 @@ use crate::{
     DataDirectory, Store, StoreError,
     checkpoints::{BlobStore, CheckpointError},
     doctor,
-    files::{self, is_there},
-    target::{TargetError, check_empty, check_target},
+    files::{self, is_empty, is_there, without_links},
 };
 use bytes::Bytes;
 use murmuration_link::{InputKind, read_bytes};
@@ -32,7 +31,6 @@ const MANIFEST: &str = "backup.json";
 /// What a backup holds.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
-    /// Version of this manifest.
     pub schema: u32,
     /// When it was made, milliseconds since 1970-01-01 UTC.
     pub created_ms: u64,
@@ -58,30 +56,37 @@ pub enum BackupError {
     /// A file or folder of the backup cannot be used.
     #[error("cannot {doing} {path}: {source}")]
     File {
-        /// What was tried.
         doing: &'static str,
-        /// With which file or folder.
         path: PathBuf,
-        /// What the system said.
         source: io::Error,
     },
     /// Nothing can be copied into the folder that was named.
     #[error(transparent)]
     Target(#[from] TargetError),
-    /// The folder is no backup.
     #[error("{path} is no backup ({reason}): `murmuration backup DIR` makes one")]
-    NoBackup {
-        /// The folder.
-        path: PathBuf,
-        /// What is missing.
-        reason: String,
-    },
+    NoBackup { path: PathBuf, reason: String },
     /// What was copied is not sound.
-    #[error("{path} is damaged: `murmuration doctor --data {path}` says what can be saved")]
+    #[error("{path} is damaged: `murmuration doctor --data {path}` says what is damaged")]
     Damaged {
         /// The data directory, or the backup.
         path: PathBuf,
     },
+}
+
+/// Why nothing can be copied into a folder.
+#[derive(Debug, thiserror::Error)]
+pub enum TargetError {
+    /// Something is there already.
+    #[error("{0} is not empty: name a folder that does not exist yet")]
+    NotEmpty(PathBuf),
+    /// What is in it would be lost with what it is a copy of.
+    #[error(
+        "{path} is in the data directory {data}: name a folder elsewhere, on another disk if there is one"
+    )]
+    Within { path: PathBuf, data: PathBuf },
+    /// It, or the data directory, cannot be looked into.
+    #[error("cannot look into {path}: {source}")]
+    Folder { path: PathBuf, source: io::Error },
 }
 
 /// Copies the data directory `data`, whose checkpoints are kept at `location` (in it if there is none), as it stands at one
@@ -280,6 +285,32 @@ fn read_manifest(folder: &Path) -> Result<Manifest, BackupError> {
             "its manifest has version {newer}, this one knows {SCHEMA}"
         ))),
     }
+}
+
+/// `target` without links, if something of the data directory `data` can be copied into it.
+fn check_target(data: &Path, target: &Path) -> Result<PathBuf, TargetError> {
+    check_empty(target)?;
+    let whole = without_links(target).map_err(unknown(target))?;
+    if whole.starts_with(without_links(data).map_err(unknown(data))?) {
+        return Err(TargetError::Within {
+            path: target.to_path_buf(),
+            data: data.to_path_buf(),
+        });
+    }
+    Ok(whole)
+}
+
+/// Whether a folder is empty, or not there.
+fn check_empty(folder: &Path) -> Result<(), TargetError> {
+    match is_empty(folder).map_err(unknown(folder))? {
+        true => Ok(()),
+        false => Err(TargetError::NotEmpty(folder.to_path_buf())),
+    }
+}
+
+fn unknown(path: &Path) -> impl FnOnce(io::Error) -> TargetError {
+    let path = path.to_path_buf();
+    move |source| TargetError::Folder { path, source }
 }
 
 fn file_digest(path: &Path) -> Result<String, BackupError> {

@@ -7,14 +7,14 @@ use murmuration_model::{
     labels::RequestId, study_name,
 };
 use murmuration_proto::{
-    CampaignName, CampaignSpec, CheckpointDigest, EmbedderSource, Invalid, SIMULATOR_VERSION, Text, near,
+    CampaignName, CampaignSpec, CheckpointDigest, EmbedderSource, Invalid, SIMULATOR_VERSION, Text,
+    text::nearest,
 };
 use rusqlite::{Connection, OptionalExtension as _, Params, Row, params};
 
 /// A campaign that was asked for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Started {
-    /// The campaign.
     pub id: CampaignId,
     /// Whether it was started now, and not when its request came before.
     pub is_new: bool,
@@ -110,17 +110,11 @@ impl Store {
     }
 
     /// Every campaign, oldest first.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn campaigns(&self) -> Result<Vec<CampaignRecord>, StoreError> {
         self.read(|connection| records(connection, "TRUE ORDER BY c.number", []))
     }
 
     /// Every campaign, oldest first, as far as a list is searched by it.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn campaign_heads(&self) -> Result<Vec<CampaignHead>, StoreError> {
         self.read(|connection| {
             let mut statement = connection.prepare_cached(HEADS)?;
@@ -139,9 +133,6 @@ impl Store {
     }
 
     /// The medoid of the largest cluster of a campaign's taxonomy; `None` without one.
-    ///
-    /// # Errors
-    /// If it cannot be read.
     pub fn first_medoid(&self, campaign: &CampaignId) -> Result<Option<u64>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
@@ -154,9 +145,6 @@ impl Store {
     }
 
     /// Moves a campaign to `state`, with why it failed if it did.
-    ///
-    /// # Errors
-    /// If it cannot be written.
     pub fn set_state(&self, id: &CampaignId, state: CampaignState, error: &str) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, id)?;
@@ -247,7 +235,7 @@ fn unknown(connection: &Connection, id: &str) -> Result<UnknownCampaign, StoreEr
         let ids = statement.query_map([HIDDEN], |row| row.get(0))?;
         known = ids.collect::<Result<_, _>>()?;
     }
-    let nearest = near::nearest(id, known.iter().map(String::as_str));
+    let nearest = nearest(id, known.iter().map(String::as_str));
     Ok(UnknownCampaign {
         id: id.to_owned(),
         nearest: nearest.map(|id| CampaignId::from_store(id.to_owned())),
@@ -284,7 +272,7 @@ fn record(row: &Row<'_>) -> Result<CampaignRecord, StoreError> {
         weight: Weight::try_from(row.get::<_, u32>("weight")?).map_err(invalid)?,
         study: study_name(row.get("study")?).map_err(invalid)?,
         state: CampaignState::from_name(&state).ok_or_else(|| damaged(format!("state {state:?}")))?,
-        // Earlier versions stored the words of workers as they came.
+        // It may quote a machine.
         error: Text::line(&row.get::<_, String>("error")?).into(),
         created_ms: count("created_ms")?,
         ended_ms: row.get::<_, Option<i64>>("ended_ms")?.map(i64::unsigned_abs),

@@ -5,7 +5,6 @@ use murmuration_proto::{CheckpointDigest, Invalid, Lineage, v1};
 use rusqlite::{Connection, OptionalExtension as _, Row, params};
 use std::collections::BTreeMap;
 
-/// A checkpoint as it is stored.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckpointRecord {
     /// BLAKE3 of its bytes.
@@ -23,9 +22,6 @@ const SELECT: &str = "
 
 impl Store {
     /// Records a checkpoint whose bytes are stored. One of the same digest is left as it was.
-    ///
-    /// # Errors
-    /// If it cannot be written.
     pub(crate) fn add_checkpoint(&self, record: &CheckpointRecord) -> Result<(), StoreError> {
         let message = record
             .lineage
@@ -69,9 +65,6 @@ impl Store {
     }
 
     /// Every checkpoint, oldest first.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn checkpoints(&self) -> Result<Vec<CheckpointRecord>, StoreError> {
         self.read(|connection| {
             let mut statement = connection.prepare(&format!("{SELECT} ORDER BY number"))?;
@@ -135,5 +128,13 @@ impl TryFrom<Columns> for CheckpointRecord {
             created_ms: message.created_ms,
             lineage: Lineage { metrics, ..lineage },
         })
+    }
+}
+
+impl From<CheckpointRecord> for v1::Checkpoint {
+    fn from(record: CheckpointRecord) -> Self {
+        record
+            .lineage
+            .describe(record.digest, record.size, record.created_ms)
     }
 }

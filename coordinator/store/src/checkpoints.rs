@@ -37,13 +37,11 @@ pub enum CheckpointError {
     Location {
         /// Folder or URL.
         location: String,
-        /// What is wrong with it.
         reason: String,
     },
     /// The database says no.
     #[error("{0}")]
     Store(#[from] StoreError),
-    /// The object store says no.
     #[error("checkpoint store: {0}")]
     Objects(#[from] object_store::Error),
     /// The bytes are no embedder that workers could run.
@@ -54,14 +52,13 @@ pub enum CheckpointError {
         "checkpoint {digest} is not at {place}: `murmuration checkpoints import` brings it back from a copy"
     )]
     Missing {
-        /// The checkpoint.
         digest: CheckpointDigest,
         /// The file or object that should hold it.
         place: String,
     },
     /// The bytes of a stored checkpoint are others than those that were stored.
     #[error(
-        "{place} is damaged (its bytes have digest {found}): `murmuration doctor` says what can be saved"
+        "{place} is damaged (its bytes have digest {found}): `murmuration doctor` says what else is damaged"
     )]
     Damaged {
         /// The file or object that should hold it.
@@ -80,7 +77,6 @@ pub enum CheckpointError {
     /// The embedder is for pictures of another size, or with other channels.
     #[error("checkpoint {checkpoint} embeds pictures of {embedded}, the campaign's are of {pictures}")]
     Pictures {
-        /// The checkpoint.
         checkpoint: CheckpointDigest,
         /// The pictures that it takes.
         embedded: ImageShape,

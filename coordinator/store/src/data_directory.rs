@@ -114,7 +114,6 @@ impl DataDirectory {
         })
     }
 
-    /// The folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path

@@ -11,17 +11,12 @@ use murmuration_proto::{CampaignName, counted};
 use rusqlite::params;
 use std::collections::BTreeSet;
 
-/// What is deleted with a campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Deletion {
-    /// Individuals of its archive.
     pub individuals: u64,
-    /// Pictures of its dataset.
     pub pictures: u64,
     /// Individuals with a label.
     pub labelled: u64,
-    /// Comparisons that stand.
-    pub comparisons: u64,
     /// Whether it has a taxonomy, or a former version of one.
     pub taxonomy: bool,
 }
@@ -34,12 +29,8 @@ impl Deletion {
             true => ", its taxonomy",
             false => "",
         };
-        let comparisons = match self.comparisons {
-            0 => String::new(),
-            comparisons => format!(", {}", counted(comparisons, "comparison")),
-        };
         format!(
-            "{}, {} of the dataset, the labels of {}{comparisons}{taxonomy} and its notices",
+            "{}, {} of the dataset, the labels of {}{taxonomy} and its notices",
             counted(self.individuals, "individual"),
             counted(self.pictures, "picture"),
             counted(self.labelled, "individual"),
@@ -53,19 +44,12 @@ pub enum DeletionError {
     /// The store could not be read or written.
     #[error("{0}")]
     Store(#[from] StoreError),
-    /// It runs.
     #[error("cannot delete campaign {0}: it is running; cancel it first")]
     Running(CampaignId),
-    /// A study needs it.
     #[error(
         "cannot delete campaign {id}: it belongs to the study {study}; name the study to delete it all the same (--study {study})"
     )]
-    OfStudy {
-        /// The campaign.
-        id: CampaignId,
-        /// The study.
-        study: String,
-    },
+    OfStudy { id: CampaignId, study: String },
 }
 
 impl Store {
@@ -81,7 +65,6 @@ impl Store {
             individuals: record.individuals(),
             pictures: record.pictures_done,
             labelled: labelled.len() as u64,
-            comparisons: labels.comparisons().count() as u64,
             taxonomy: !self.taxonomy_versions(campaign)?.is_empty(),
         })
     }

@@ -27,7 +27,6 @@ impl Default for ArchiveHasher {
 }
 
 impl ArchiveHasher {
-    /// Adds the next individual.
     pub fn add(&mut self, individual: &ArchivedIndividual) {
         let Self(hasher) = self;
         for value in individual.controller.genes() {

@@ -102,9 +102,6 @@ impl Store {
 
     /// The embeddings by the next checkpoint, of `dimensions` numbers each, from that of individual 0 on, as far as there are
     /// any: means over trials.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn next_embeddings(
         &self,
         campaign: &CampaignId,

@@ -20,9 +20,6 @@ pub struct EpochRecord {
 impl Store {
     /// Keeps what an epoch measured. It follows the earlier ones of its training: those after it are of a training that was begun
     /// again.
-    ///
-    /// # Errors
-    /// If it cannot be written.
     pub fn add_epoch(&self, campaign: &CampaignId, epoch: &EpochRecord) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
@@ -41,9 +38,6 @@ impl Store {
     }
 
     /// Every epoch of a campaign's trainings, in order, each with the number of complete generations that there were then.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn epochs(&self, campaign: &CampaignId) -> Result<Vec<(EpochRecord, u32)>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
@@ -63,16 +57,12 @@ impl Store {
         })
     }
 
-    /// When the epochs of the training of a round ended, in order: milliseconds since 1970-01-01 UTC. Without those of which nobody
-    /// noted it.
-    ///
-    /// # Errors
-    /// If they cannot be read.
+    /// When the epochs of the training of a round ended, in order: milliseconds since 1970-01-01 UTC.
     pub fn epoch_times(&self, campaign: &CampaignId, round: u32) -> Result<Vec<u64>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
             let mut statement = connection.prepare_cached(
-                "SELECT ended_ms FROM epochs WHERE campaign = ?1 AND round = ?2 AND ended_ms NOT NULL ORDER BY epoch",
+                "SELECT ended_ms FROM epochs WHERE campaign = ?1 AND round = ?2 ORDER BY epoch",
             )?;
             let rows = statement.query_map(params![number, round], |row| row.get::<_, i64>(0))?;
             rows.map(|row| Ok(row?.unsigned_abs())).collect()

@@ -9,10 +9,28 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// An id that no campaign has.
+/// Who holds a data directory, as its lock file says.
+#[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(default)]
+pub struct LockHolder {
+    /// Its process id; 0 if it has not said yet.
+    pub process: u32,
+    /// Where its coordinator listens, `http://HOST:PORT`; empty if it has not said yet.
+    pub address: String,
+}
+
+impl fmt::Display for LockHolder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.process, self.address.as_str()) {
+            (0, _) => write!(f, "another murmuration process"),
+            (process, "") => write!(f, "process {process}"),
+            (process, address) => write!(f, "process {process} at {address}"),
+        }
+    }
+}
+
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UnknownCampaign {
-    /// The id.
     pub id: String,
     /// The campaign whose id is most similar, if one is similar enough to be meant.
     pub nearest: Option<CampaignId>,
@@ -34,7 +52,6 @@ pub enum StoreError {
     /// Another process holds the data directory.
     #[error("data directory {path} is in use by {holder}")]
     InUse {
-        /// The data directory.
         path: PathBuf,
         /// Who holds it, as far as it says.
         holder: super::LockHolder,
@@ -47,11 +64,8 @@ pub enum StoreError {
     /// A file or folder of the data directory cannot be used.
     #[error("cannot {doing} {path}: {source}")]
     File {
-        /// What was tried.
         doing: &'static str,
-        /// With which file or folder.
         path: PathBuf,
-        /// What the system said.
         source: io::Error,
     },
     /// The database was written by a newer version of Murmuration.
@@ -61,36 +75,19 @@ pub enum StoreError {
         env!("CARGO_PKG_VERSION")
     )]
     Newer {
-        /// The database.
         path: PathBuf,
         /// Its schema version.
         found: u32,
         /// The newest that is understood.
         known: u32,
     },
-    /// The database was written before the first release, by a version that is not followed.
-    #[error(
-        "{path} has schema version {found}, the oldest that this murmuration ({}) opens is {oldest}: it was written before \
-         the first release; run the campaigns again in another data directory (nothing was changed)",
-        env!("CARGO_PKG_VERSION")
-    )]
-    Unreleased {
-        /// The database.
-        path: PathBuf,
-        /// Its schema version.
-        found: u32,
-        /// The oldest that is understood.
-        oldest: u32,
-    },
     /// The file is no SQLite database, or it is damaged.
-    #[error("{path} is damaged ({reason}): `murmuration doctor` says what can be saved")]
+    #[error("{path} is damaged ({reason}): `murmuration doctor` says what is damaged")]
     Damaged {
         /// The database, or a file that it names.
         path: PathBuf,
-        /// What is wrong with it.
         reason: String,
     },
-    /// The disk has no room.
     #[error(
         "the disk that holds {path} is full: make room, then campaigns go on by themselves; what was refused was not \
          done, and can be asked again"
@@ -114,22 +111,16 @@ pub enum StoreError {
     #[error(
         "{path} cannot be written (read-only file, folder or disk): make it writable or choose another --data"
     )]
-    ReadOnly {
-        /// The database.
-        path: PathBuf,
-    },
+    ReadOnly { path: PathBuf },
     /// Nothing of that name is stored.
     #[error("{0}")]
     NoCampaign(UnknownCampaign),
-    /// No checkpoint of that digest is stored.
     #[error("there is no checkpoint {0}: `murmuration checkpoints list` shows those there are")]
     NoCheckpoint(String),
     /// An index beyond the archive.
     #[error("campaign {campaign} has no individual {index}: its archive holds {len}")]
     NoIndividual {
-        /// The campaign.
         campaign: String,
-        /// The index asked for.
         index: u64,
         /// Individuals in the archive.
         len: u64,
@@ -139,9 +130,7 @@ pub enum StoreError {
         "request \"{request}\" was made before, asked for something else and started campaign {campaign}: use another request id"
     )]
     OtherRequest {
-        /// The request.
         request: RequestId,
-        /// What it started.
         campaign: CampaignId,
     },
     /// A run of a campaign is over, and may not change it any more.
@@ -152,12 +141,7 @@ pub enum StoreError {
     Compression(io::Error),
     /// Anything else that SQLite reports.
     #[error("{path}: {source}")]
-    Sqlite {
-        /// The database.
-        path: PathBuf,
-        /// What SQLite said.
-        source: rusqlite::Error,
-    },
+    Sqlite { path: PathBuf, source: rusqlite::Error },
 }
 
 /// What SQLite reports when the system did not write, or did not say that it has.

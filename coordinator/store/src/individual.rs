@@ -6,7 +6,7 @@ use super::{
     numbers::{blob_to_floats, blob_to_numbers, floats_to_blob, numbers_to_blob},
 };
 use murmuration_proto::{
-    CapabilityModel, Controller, Features, Method, Starts, Verdict, mean_embedding, mean_features,
+    CapabilityModel, Controller, Features, Scale, Starts, Verdict, mean_embedding, mean_features, v1,
 };
 use rusqlite::Row;
 
@@ -17,7 +17,6 @@ pub struct ArchivedIndividual {
     pub index: u64,
     /// Generation, from 0.
     pub generation: u32,
-    /// The genome.
     pub controller: Controller,
     /// Seed of its first start, from which the others follow ([`Starts::seeds`]).
     pub seed: u64,
@@ -73,8 +72,8 @@ impl ArchivedIndividual {
 
     /// Its behaviour vector: what novelty and clusters are measured on.
     #[must_use]
-    pub fn behaviour(&self, method: Method) -> Vec<f64> {
-        method.behaviour(&self.features(), &self.embedding())
+    pub fn behaviour(&self, scale: &Scale) -> Vec<f64> {
+        scale.behaviour(&self.features(), &self.embedding())
     }
 
     /// An individual of which nothing was measured: one trial with zeros, no embedding and no picture.
@@ -106,7 +105,6 @@ impl ArchivedIndividual {
         })
     }
 
-    /// The same with this one trial.
     #[must_use]
     pub fn with_trial(self, trial: Trial) -> Self {
         Self {
@@ -130,7 +128,6 @@ impl ArchivedIndividual {
         self.trials.iter().filter_map(|trial| trial.verdict)
     }
 
-    /// The value of the column for verdicts.
     pub(super) fn verdict_column(&self) -> Vec<u8> {
         self.verdicts().map(Verdict::number).collect()
     }
@@ -222,9 +219,38 @@ fn judged(trials: Vec<Trial>, verdicts: &[u8]) -> Result<Vec<Trial>, &'static st
     trials.into_iter().zip(verdicts).map(judged).collect()
 }
 
+impl From<ArchivedIndividual> for v1::Individual {
+    fn from(individual: ArchivedIndividual) -> Self {
+        let starts = individual.trials.len();
+        let seeds = Starts::new("trials", starts as u32).unwrap_or_default();
+        let trial = |(seed, trial): (u64, &Trial)| v1::Trial {
+            seed,
+            features: trial.features.to_vec(),
+            embedding: trial.embedding.clone(),
+        };
+        let trials = seeds.seeds(individual.seed).zip(&individual.trials);
+        Self {
+            index: individual.index,
+            generation: individual.generation,
+            controller: individual.controller.genes().to_vec(),
+            seed: individual.seed,
+            features: individual.features().to_vec(),
+            novelty: individual.novelty,
+            embedding: individual.embedding(),
+            trials: trials.filter(|_| starts > 1).map(trial).collect(),
+            verdicts: individual
+                .verdicts()
+                .map(|verdict| verdict.number().into())
+                .collect(),
+            image: individual.into_image(),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use murmuration_proto::BehaviourSpace;
 
     #[test]
     fn what_is_measured_of_an_individual_is_the_mean_over_its_trials() {
@@ -241,8 +267,14 @@ mod tests {
         assert_eq!(individual.features(), [3.0; 5]);
         assert_eq!(individual.embedding(), [3.0, -3.0]);
         assert_eq!(individual.image(), Some([10; 4].as_slice()));
-        assert_eq!(individual.behaviour(Method::Latent), [3.0, -3.0]);
-        assert_eq!(individual.behaviour(Method::HandCrafted), [3.0; 5]);
+        assert_eq!(
+            individual.behaviour(&Scale::unscaled(BehaviourSpace::Embedding)),
+            [3.0, -3.0]
+        );
+        assert_eq!(
+            individual.behaviour(&Scale::unscaled(BehaviourSpace::Features)),
+            [3.0; 5]
+        );
     }
 
     #[test]

@@ -73,7 +73,6 @@ impl<V: Default> Kept<V> {
         }
     }
 
-    /// Forgets a campaign that is no more.
     pub fn forget(&self, campaign: &CampaignId) {
         let mut entries = self.lock();
         let gone = entries.by_campaign.remove(campaign);

@@ -14,7 +14,7 @@ use super::{
 };
 use murmuration_model::{
     CampaignId, CampaignRecord,
-    labels::{Action, Annotator, Change, Entry, Label, Labels, Preference, Refusal, RequestId, Triple},
+    labels::{Action, Annotator, Change, Entry, Label, Labels, Refusal, RequestId},
 };
 use rusqlite::{Connection, Transaction, params};
 
@@ -32,39 +32,19 @@ pub enum LabelError {
     OtherRequest(RequestId),
 }
 
-/// An answer that was undone.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Undone {
-    /// The entry that undoes it.
     pub entry: Entry,
-    /// The answer.
     pub answer: Label,
-}
-
-/// A comparison that was withdrawn.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct WithdrawnComparison {
-    /// The entry that withdraws it.
-    pub entry: Entry,
-    /// What was asked.
-    pub triple: Triple,
-    /// What was answered.
-    pub preference: Preference,
 }
 
 impl Store {
     /// The whole log of a campaign, in order.
-    ///
-    /// # Errors
-    /// If it cannot be read.
     pub fn label_log(&self, campaign: &CampaignId) -> Result<Vec<Entry>, StoreError> {
         self.read(|connection| log(connection, number_of(connection, campaign)?, 0))
     }
 
     /// Number of entries of a campaign's log.
-    ///
-    /// # Errors
-    /// If it cannot be read.
     pub fn label_entries(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
         self.read(|connection| entries_of(connection, number_of(connection, campaign)?))
     }
@@ -82,9 +62,6 @@ impl Store {
     }
 
     /// Number of entries of all campaigns' logs.
-    ///
-    /// # Errors
-    /// If it cannot be read.
     pub fn count_labels(&self) -> Result<u64, StoreError> {
         self.read(|connection| {
             // Entries are numbered without gaps; to count them would read them all.
@@ -97,9 +74,6 @@ impl Store {
     }
 
     /// What a request added to a campaign's log; nothing if it was not made.
-    ///
-    /// # Errors
-    /// If it cannot be read.
     pub fn request_entries(
         &self,
         campaign: &CampaignId,
@@ -158,57 +132,8 @@ impl Store {
             Ok(entries.into_iter().filter_map(undone).collect())
         })
     }
-
-    /// Withdraws the newest comparison of an annotator that stands. A request that was made before withdraws nothing: the
-    /// comparison is the one that it withdrew then. `time_ms` is when, milliseconds since 1970-01-01 UTC.
-    ///
-    /// # Errors
-    /// [`LabelError`]; [`Refusal::NothingCompared`] where none of their comparisons stands. Nothing has changed then.
-    pub fn withdraw_comparison(
-        &self,
-        campaign: &CampaignId,
-        request: &RequestId,
-        annotator: &Annotator,
-        time_ms: u64,
-    ) -> Result<WithdrawnComparison, LabelError> {
-        self.add_to_log(campaign, |transaction, number, labels| {
-            let before = made(transaction, number, request)?;
-            let (entry, withdrawn) = match before.as_slice() {
-                [] => {
-                    let nothing = || Refusal::NothingCompared(annotator.clone());
-                    let newest = labels.newest_comparison(annotator).ok_or_else(nothing)?;
-                    let entry = labels.record(Change {
-                        annotator: annotator.clone(),
-                        time_ms,
-                        action: Action::WithdrawComparison { entry: newest },
-                    })?;
-                    insert(transaction, number, request, std::slice::from_ref(&entry))?;
-                    (entry, newest)
-                }
-                [entry] => match entry.change.action {
-                    Action::WithdrawComparison { entry: withdrawn }
-                        if entry.change.annotator == *annotator =>
-                    {
-                        (entry.clone(), withdrawn)
-                    }
-                    _ => return Err(LabelError::OtherRequest(request.clone())),
-                },
-                _ => return Err(LabelError::OtherRequest(request.clone())),
-            };
-            let withdrawn = entries(transaction, "AND entry = ?2", params![number, clamped(withdrawn)])?;
-            match withdrawn.first().map(|entry| &entry.change.action) {
-                Some(&Action::Compare { triple, preference }) => Ok(WithdrawnComparison {
-                    entry,
-                    triple,
-                    preference,
-                }),
-                _ => Err(StoreError::damaged("the comparison that was withdrawn is none".to_owned()).into()),
-            }
-        })
-    }
 }
 
-/// Number of entries of a log.
 pub(super) fn entries_of(connection: &Connection, number: i64) -> Result<u64, StoreError> {
     let count: i64 = connection.query_row(
         "SELECT coalesce(max(entry) + 1, 0) FROM labels WHERE campaign = ?1",
@@ -301,7 +226,9 @@ fn check_individuals(
     )?;
     let len = len.unsigned_abs();
     for change in changes {
-        if let Some(index) = about(&change.action).into_iter().find(|&index| index >= len) {
+        if let Action::Answer { index, .. } = change.action
+            && index >= len
+        {
             return Err(StoreError::NoIndividual {
                 campaign: campaign.as_str().to_owned(),
                 index,
@@ -310,15 +237,6 @@ fn check_individuals(
         }
     }
     Ok(())
-}
-
-/// The individuals that an answer is about.
-fn about(action: &Action) -> Vec<u64> {
-    match action {
-        Action::Answer { index, .. } => vec![*index],
-        Action::Compare { triple, .. } => triple.individuals().into(),
-        _ => Vec::new(),
-    }
 }
 
 /// The log from entry `from` on.

@@ -166,7 +166,7 @@ fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
 }
 
 /// A path in SQLite's URIs, where these three have a meaning.
-fn uri_path(path: &Path) -> String {
+pub(super) fn uri_path(path: &Path) -> String {
     path.display()
         .to_string()
         .replace('%', "%25")

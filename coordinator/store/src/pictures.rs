@@ -12,12 +12,9 @@ use murmuration_proto::{CapabilityModel, Controller};
 use rusqlite::{OptionalExtension as _, params};
 use std::ops::Range;
 
-/// One picture of a dataset.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
-    /// The controller that was simulated.
     pub controller: Controller,
-    /// Seed of its start.
     pub seed: u64,
     /// Grey values, as in an evaluation.
     pub image: Vec<u8>,
@@ -58,9 +55,6 @@ impl Store {
     }
 
     /// The picture of a dataset at `place`.
-    ///
-    /// # Errors
-    /// If it cannot be read.
     pub fn picture(
         &self,
         campaign: &CampaignId,
@@ -96,9 +90,6 @@ impl Store {
     }
 
     /// The images of a dataset whose place is in `range`, in order, one after the other, as far as there are any.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub(crate) fn dataset_images(
         &self,
         campaign: &CampaignId,
@@ -126,9 +117,6 @@ impl Store {
     }
 
     /// Puts a training aside, in place of the one before.
-    ///
-    /// # Errors
-    /// If it cannot be written.
     pub fn save_training(&self, campaign: &CampaignId, training: &SavedTraining) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
@@ -142,9 +130,6 @@ impl Store {
     }
 
     /// The training that was put aside, if one was.
-    ///
-    /// # Errors
-    /// If it cannot be read.
     pub fn saved_training(&self, campaign: &CampaignId) -> Result<Option<SavedTraining>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;

@@ -8,7 +8,7 @@ use super::{
 use murmuration_model::{CampaignId, MachineId, Maker, Quarantined};
 use murmuration_proto::{EmbeddingKind, Text};
 use rusqlite::{Connection, Transaction, params};
-use std::{collections::BTreeMap, iter::repeat};
+use std::collections::BTreeMap;
 
 /// Notices of a campaign that are told; older ones stay in the store.
 const MOST_NOTICES: u32 = 50;
@@ -34,8 +34,8 @@ pub struct Notice {
     pub time_ms: u64,
     /// What, for people.
     pub text: String,
-    /// How many complete generations there were then; `None` where nobody noted it.
-    pub generations: Option<u32>,
+    /// How many complete generations there were then.
+    pub generations: u32,
 }
 
 /// What is kept with who did it.
@@ -62,9 +62,8 @@ impl ResultKind {
 /// A result that rests on the word of a machine that was found wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Suspect {
-    /// Its place.
     pub place: u64,
-    /// How the machine embeds; unknown if it does not, or if nobody noted it.
+    /// How the machine embeds; unknown if it does not.
     pub kind: EmbeddingKind,
 }
 
@@ -77,7 +76,6 @@ pub struct Suspects {
     pub individuals: Vec<Suspect>,
     /// Of its individuals, as they were embedded with the checkpoint that the archive moved to.
     pub embeddings: Vec<Suspect>,
-    /// Whose word it is.
     pub machines: Vec<Quarantined>,
 }
 
@@ -107,9 +105,6 @@ impl Suspects {
 
 impl Store {
     /// Remembers machines that were found wrong; those that it knows already stay as they are.
-    ///
-    /// # Errors
-    /// If they cannot be written.
     pub fn quarantine(&self, machines: &[Quarantined]) -> Result<(), StoreError> {
         self.write(|transaction| {
             let mut statement = transaction.prepare_cached(
@@ -124,25 +119,16 @@ impl Store {
 
     /// Machines that were found wrong, oldest first. Those whose quarantine was lifted are among them, by a number that no
     /// machine has: what they did before stays suspect.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn quarantined(&self) -> Result<Vec<Quarantined>, StoreError> {
         self.read(|connection| quarantined(connection, ""))
     }
 
     /// Machines that are not listened to, oldest first.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn still_quarantined(&self) -> Result<Vec<Quarantined>, StoreError> {
         self.read(|connection| quarantined(connection, "WHERE lifted_ms IS NULL"))
     }
 
     /// Has a machine listened to again; false if it was not quarantined. What it did before stays suspect.
-    ///
-    /// # Errors
-    /// If that cannot be written.
     pub fn lift_quarantine(&self, machine: MachineId) -> Result<bool, StoreError> {
         self.write(|transaction| {
             // A number that no machine has: they are odd.
@@ -165,18 +151,12 @@ impl Store {
     }
 
     /// What of a campaign rests on the word of machines that were found wrong.
-    ///
-    /// # Errors
-    /// If it cannot be read.
     pub fn suspects(&self, campaign: &CampaignId) -> Result<Suspects, StoreError> {
         self.read(|connection| suspects(connection, number_of(connection, campaign)?))
     }
 
     /// What these machines said was found by another as well: nothing rests on their word any more. With a notice, in one
     /// transaction.
-    ///
-    /// # Errors
-    /// If it cannot be written.
     pub fn confirm(
         &self,
         campaign: &CampaignId,
@@ -192,9 +172,6 @@ impl Store {
     }
 
     /// The latest notices of a campaign, at most 50, oldest first.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn notices(&self, campaign: &CampaignId) -> Result<Vec<Notice>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
@@ -231,8 +208,7 @@ pub(super) fn suspects(connection: &Connection, number: i64) -> Result<Suspects,
         let Some(places) = suspects.of(&run.result) else {
             continue;
         };
-        // Older versions noted no kinds.
-        let kinds = run.kinds.into_iter().chain(repeat(0)).map(EmbeddingKind::from);
+        let kinds = run.kinds.into_iter().map(EmbeddingKind::from);
         for ((place, by), kind) in (run.first..).zip(run.machines).zip(kinds) {
             if let Some(machine) = wrong.get(&by).filter(|_| by != NOBODY) {
                 places.push(Suspect { place, kind });
@@ -240,19 +216,15 @@ pub(super) fn suspects(connection: &Connection, number: i64) -> Result<Suspects,
             }
         }
     }
-    // A salvaged campaign may lack what its provenance tells of.
-    let held = |table| {
-        let count = format!("SELECT coalesce(max(place) + 1, 0) FROM {table} WHERE campaign = ?1");
-        connection.query_row(&count, [number], |row| row.get::<_, i64>(0))
-    };
-    let (pictures, individuals) = (held("pictures")?, held("individuals")?);
-    for (places, held) in [
-        (&mut suspects.pictures, pictures),
-        (&mut suspects.individuals, individuals),
-        (&mut suspects.embeddings, individuals),
-    ] {
-        places.retain(|suspect| clamped(suspect.place) < held);
-    }
+    // Generations that were rolled back leave the provenance of their embeddings.
+    let individuals: i64 = connection.query_row(
+        "SELECT coalesce(max(place) + 1, 0) FROM individuals WHERE campaign = ?1",
+        [number],
+        |row| row.get(0),
+    )?;
+    suspects
+        .embeddings
+        .retain(|suspect| clamped(suspect.place) < individuals);
     suspects.machines = whose.into_values().collect();
     Ok(suspects)
 }

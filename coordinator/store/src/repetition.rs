@@ -8,9 +8,6 @@ use murmuration_proto::{
 
 impl Store {
     /// What led to the archive of a campaign as it stands.
-    ///
-    /// # Errors
-    /// If the store cannot be read.
     pub fn repetition(&self, record: &CampaignRecord) -> Result<Repetition, StoreError> {
         let Some(checkpoint) = record.embedder.checkpoint() else {
             return Ok(Repetition::default());
@@ -22,12 +19,11 @@ impl Store {
         let mut rounds = Vec::new();
         let (mut first, mut lineage) = (checkpoint, self.checkpoint(checkpoint)?.lineage);
         while let Some(parent) = lineage.parent.filter(|_| Some(first) != given) {
-            let count = |metric: &str| lineage.metrics.get(metric).map_or(0, |&count| count as u64);
+            let labels = lineage.metrics.get("labels");
             rounds.push(Round {
                 parent,
                 checkpoint: first,
-                labels: count("labels"),
-                comparisons: count("comparisons"),
+                labels: labels.map_or(0, |&labels| labels as u64),
                 label_digest: lineage.label_digest,
             });
             (first, lineage) = (parent, self.checkpoint(parent)?.lineage);

@@ -11,7 +11,7 @@ use super::{
 };
 use murmuration_model::{
     CampaignId,
-    labels::{Action, Change, Comparison, Labels, RequestId},
+    labels::{Action, Change, Labels, RequestId},
 };
 use rusqlite::{Transaction, params};
 
@@ -115,9 +115,6 @@ impl Store {
 
     /// How many individuals an archive had when it moved to the checkpoint that it is, or will be, embedded with; 0 if it
     /// was begun with that.
-    ///
-    /// # Errors
-    /// If it cannot be read.
     pub fn embedded_when_moved(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
         self.read(|connection| {
             let end: i64 = connection.query_row(
@@ -175,22 +172,9 @@ fn withdraw_answers(
             action: Action::Withdraw { index: label.index },
         })
     });
-    let mut withdrawn: Vec<_> = withdrawn
+    let withdrawn: Vec<_> = withdrawn
         .collect::<Result<_, _>>()
         .map_err(|refusal| StoreError::damaged(refusal.to_string()))?;
-    let is_about = |comparison: &&Comparison| comparison.triple.individuals().iter().any(|&one| one >= first);
-    let compared: Vec<_> = labels.comparisons().filter(is_about).cloned().collect();
-    for comparison in compared {
-        let change = Change {
-            annotator: comparison.annotator,
-            time_ms: now_ms().unsigned_abs(),
-            action: Action::WithdrawComparison {
-                entry: comparison.entry,
-            },
-        };
-        let recorded = labels.record(change);
-        withdrawn.push(recorded.map_err(|refusal| StoreError::damaged(refusal.to_string()))?);
-    }
     insert(transaction, number, &RequestId::of_withdrawal(), &withdrawn)
 }
 

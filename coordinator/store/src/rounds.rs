@@ -5,7 +5,6 @@ use super::{
     campaigns::number_of,
     embeddings::begin_move,
     labels::{self, LabelError},
-    round_pictures::learnable,
 };
 use murmuration_model::{
     CampaignId, CampaignRecord, CampaignState, TrainingPictures,
@@ -18,9 +17,6 @@ use std::{collections::BTreeMap, ops::Range};
 impl Store {
     /// Begins a round: the campaign is to be fine-tuned on the first `cutoff` entries of its label log, from its first
     /// epoch on, and runs.
-    ///
-    /// # Errors
-    /// If it cannot be written.
     #[cfg(test)]
     pub(crate) fn begin_round(&self, campaign: &CampaignId, cutoff: u64) -> Result<(), StoreError> {
         self.write(|transaction| begin(transaction, number_of(transaction, campaign)?, cutoff))
@@ -44,9 +40,6 @@ impl Store {
     }
 
     /// The labels as the first `cutoff` entries of the log made them: what a round learns from.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub(crate) fn labels_until(&self, campaign: &CampaignId, cutoff: u64) -> Result<Labels, StoreError> {
         let mut log = self.label_log(campaign)?;
         log.truncate(usize::try_from(cutoff).unwrap_or(usize::MAX));
@@ -58,15 +51,14 @@ impl Store {
     }
 
     /// What the campaign's embedder has learned from labels: the individuals that had a class when the last round began, and the
-    /// numbers of their classes, as in [`Labels::numbered_classes`]; none before the first round, and none if they were of one
-    /// class, from which a round with comparisons learns nothing.
+    /// numbers of their classes, as in [`Labels::numbered_classes`]; none before the first round.
     ///
     /// # Errors
     /// If they cannot be read.
     pub fn learned_classes(&self, record: &CampaignRecord) -> Result<BTreeMap<usize, u32>, StoreError> {
         let learned = self.labels_until(&record.id, record.rounds.last_cutoff)?;
-        let (classes, _) = learnable(&learned);
-        Ok(classes
+        Ok(learned
+            .numbered_classes()
             .into_iter()
             .map(|(index, class)| (index as usize, class))
             .collect())
@@ -95,9 +87,6 @@ impl Store {
 
     /// The images at the places `range` of a campaign's [`TrainingPictures`], in order, one after the other, as far as
     /// there are any.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn training_images(&self, record: &CampaignRecord, range: Range<u64>) -> Result<Vec<u8>, StoreError> {
         let pictures = TrainingPictures::of(record);
         let range = range.start..range.end.min(pictures.count());

@@ -21,7 +21,6 @@ use rusqlite::{Transaction, params};
 pub enum Decision {
     /// It stops, to be continued.
     Pause,
-    /// It goes on.
     Resume,
     /// It ends for good.
     Cancel,
@@ -43,7 +42,6 @@ pub enum DecisionError {
 }
 
 impl Decision {
-    /// The kind of change that it is.
     #[must_use]
     pub const fn change(self) -> Change {
         match self {
@@ -107,9 +105,6 @@ impl Store {
     }
 
     /// Has a completed campaign run again, to be checked; whether it was completed.
-    ///
-    /// # Errors
-    /// If it cannot be written.
     pub fn reopen(&self, campaign: &CampaignId) -> Result<bool, StoreError> {
         self.write(|transaction| {
             let reopened = transaction.execute(

@@ -1,13 +1,10 @@
-//! The tables, and the way from older versions of them.
+//! The tables, and the migrations from the versions that were released.
 
 use super::StoreError;
 use rusqlite::Connection;
 use std::path::Path;
 
-/// The first version that is still opened; databases of lower ones were made before any release.
-const FIRST: u32 = 16;
-
-/// The tables of version [`FIRST`]. Never edited once released.
+/// The tables of version 1. Never edited once released.
 const TABLES: &str = "
     CREATE TABLE checkpoints (
         number INTEGER PRIMARY KEY,
@@ -36,7 +33,15 @@ const TABLES: &str = "
         next_checkpoint INTEGER REFERENCES checkpoints (number),
         rounds INTEGER NOT NULL DEFAULT 0,
         label_cutoff INTEGER,
-        last_label_cutoff INTEGER NOT NULL DEFAULT 0
+        last_label_cutoff INTEGER NOT NULL DEFAULT 0,
+        study TEXT NOT NULL DEFAULT '',
+        request TEXT,
+        ended_ms INTEGER
+    ) STRICT;
+    CREATE UNIQUE INDEX campaigns_by_request ON campaigns (request) WHERE request IS NOT NULL;
+    -- Numbers of deleted campaigns, which are not given again.
+    CREATE TABLE deleted (
+        number INTEGER PRIMARY KEY
     ) STRICT;
     CREATE TABLE generations (
         campaign INTEGER NOT NULL REFERENCES campaigns (number),
@@ -54,6 +59,8 @@ const TABLES: &str = "
         seed INTEGER NOT NULL,
         features BLOB NOT NULL,
         novelty REAL NOT NULL,
+        -- The judge's verdict of each trial, a byte each; empty without a judge.
+        verdicts BLOB NOT NULL DEFAULT x'',
         PRIMARY KEY (campaign, place)
     ) STRICT, WITHOUT ROWID;
     CREATE TABLE images (
@@ -70,12 +77,20 @@ const TABLES: &str = "
         PRIMARY KEY (campaign, checkpoint, place)
     ) STRICT, WITHOUT ROWID;
     CREATE TABLE taxonomies (
-        campaign INTEGER PRIMARY KEY REFERENCES campaigns (number),
+        campaign INTEGER NOT NULL REFERENCES campaigns (number),
+        version INTEGER NOT NULL,
+        stands INTEGER NOT NULL,
+        made_ms INTEGER,
+        checkpoint INTEGER REFERENCES checkpoints (number),
+        rounds INTEGER NOT NULL,
+        generations INTEGER NOT NULL,
         medoids BLOB NOT NULL,
         clusters BLOB NOT NULL,
         loss REAL NOT NULL,
         measures BLOB NOT NULL,
-        robust_trials BLOB NOT NULL
+        robust_trials BLOB NOT NULL,
+        points BLOB NOT NULL,
+        PRIMARY KEY (campaign, version)
     ) STRICT;
     CREATE TABLE pictures (
         campaign INTEGER NOT NULL REFERENCES campaigns (number),
@@ -90,6 +105,16 @@ const TABLES: &str = "
         epoch INTEGER NOT NULL,
         saved BLOB NOT NULL
     ) STRICT;
+    CREATE TABLE epochs (
+        campaign INTEGER NOT NULL REFERENCES campaigns (number),
+        round INTEGER NOT NULL,
+        epoch INTEGER NOT NULL,
+        generations INTEGER NOT NULL,
+        loss REAL,
+        accuracy REAL,
+        ended_ms INTEGER NOT NULL,
+        PRIMARY KEY (campaign, round, epoch)
+    ) STRICT, WITHOUT ROWID;
     CREATE TABLE labels (
         campaign INTEGER NOT NULL REFERENCES campaigns (number),
         entry INTEGER NOT NULL,
@@ -106,13 +131,16 @@ const TABLES: &str = "
     CREATE INDEX labels_by_request ON labels (campaign, request);
     CREATE TRIGGER labels_stay BEFORE UPDATE ON labels
         BEGIN SELECT RAISE (ABORT, 'labels are never changed'); END;
+    -- Labels go with a deleted campaign, once nothing shows it.
     CREATE TRIGGER labels_remain BEFORE DELETE ON labels
+        WHEN EXISTS (SELECT 1 FROM campaigns WHERE number = OLD.campaign AND state <> 'hidden')
         BEGIN SELECT RAISE (ABORT, 'labels are never deleted'); END;
     CREATE TABLE notices (
         number INTEGER PRIMARY KEY,
         campaign INTEGER NOT NULL REFERENCES campaigns (number),
         time_ms INTEGER NOT NULL,
-        text TEXT NOT NULL
+        text TEXT NOT NULL,
+        generations INTEGER NOT NULL
     ) STRICT;
     CREATE INDEX notices_by_campaign ON notices (campaign, number);
     CREATE TABLE quarantined (
@@ -126,71 +154,28 @@ const TABLES: &str = "
         result TEXT NOT NULL,
         place INTEGER NOT NULL,
         machines BLOB NOT NULL,
-        kinds BLOB NOT NULL DEFAULT x'',
+        kinds BLOB NOT NULL,
         PRIMARY KEY (campaign, result, place)
     ) STRICT, WITHOUT ROWID;
 ";
 
-/// Each takes the tables to the next version, the first of them to that after [`FIRST`]. Never edited once released.
+/// Each takes the tables to the next version, the first of them to version 2. Never edited once released.
 const MIGRATIONS: &[&str] = &[
-    // What the judge said of each trial, a byte each; empty where nobody asked it.
-    "ALTER TABLE individuals ADD COLUMN verdicts BLOB NOT NULL DEFAULT x''",
-    // Which study a campaign was started for, by which request, and when it stopped; what each epoch of a training measured;
-    // how many generations there were when something was noted. Numbers of deleted campaigns are not given again, and labels
-    // go only with a campaign that nobody sees any more.
-    "ALTER TABLE campaigns ADD COLUMN study TEXT NOT NULL DEFAULT '';
-     ALTER TABLE campaigns ADD COLUMN request TEXT;
-     ALTER TABLE campaigns ADD COLUMN ended_ms INTEGER;
-     ALTER TABLE notices ADD COLUMN generations INTEGER;
-     CREATE UNIQUE INDEX campaigns_by_request ON campaigns (request) WHERE request IS NOT NULL;
-     CREATE TABLE epochs (
-         campaign INTEGER NOT NULL REFERENCES campaigns (number),
-         round INTEGER NOT NULL,
-         epoch INTEGER NOT NULL,
-         generations INTEGER NOT NULL,
-         loss REAL,
-         accuracy REAL,
-         PRIMARY KEY (campaign, round, epoch)
-     ) STRICT, WITHOUT ROWID;
-     CREATE TABLE deleted (
-         number INTEGER PRIMARY KEY
-     ) STRICT;
-     DROP TRIGGER labels_remain;
-     CREATE TRIGGER labels_remain BEFORE DELETE ON labels
-         WHEN EXISTS (SELECT 1 FROM campaigns WHERE number = OLD.campaign AND state <> 'hidden')
-         BEGIN SELECT RAISE (ABORT, 'labels are never deleted'); END",
-    // Taxonomies stay as versions, each with what it was made of and where its individuals were on the map.
-    "CREATE TABLE versions (
-         campaign INTEGER NOT NULL REFERENCES campaigns (number),
-         version INTEGER NOT NULL,
-         stands INTEGER NOT NULL,
-         made_ms INTEGER,
-         checkpoint INTEGER REFERENCES checkpoints (number),
-         rounds INTEGER NOT NULL,
-         generations INTEGER NOT NULL,
-         medoids BLOB NOT NULL,
-         clusters BLOB NOT NULL,
-         loss REAL NOT NULL,
-         measures BLOB NOT NULL,
-         robust_trials BLOB NOT NULL,
-         points BLOB NOT NULL,
-         PRIMARY KEY (campaign, version)
-     ) STRICT;
-     INSERT INTO versions
-         SELECT t.campaign, 1, 1, c.ended_ms, c.checkpoint, c.rounds,
-             (SELECT coalesce(max(generation) + 1, 0) FROM generations WHERE campaign = t.campaign),
-             t.medoids, t.clusters, t.loss, t.measures, t.robust_trials, x''
-         FROM taxonomies t JOIN campaigns c ON c.number = t.campaign;
-     DROP TABLE taxonomies;
-     ALTER TABLE versions RENAME TO taxonomies",
-    // The label log may hold comparisons, in the columns that it has: an older murmuration, which could not read them, is kept away.
-    "-- no table changes",
-    // When an epoch ended: how long a training took.
-    "ALTER TABLE epochs ADD COLUMN ended_ms INTEGER",
+    // Specifications name the behaviour space and the choice of medoids, which had other defaults. A table follows all fields of
+    // the file's top.
+    r#"
+    UPDATE campaigns SET spec = replace(
+        'space = "' || iif(spec LIKE '%method = "latent"%' OR spec LIKE '%method = "untrained"%', 'embedding', 'features')
+            || '"' || char(10) || replace(spec, 'by_class = true' || char(10), ''),
+        '[taxonomy]' || char(10),
+        '[taxonomy]' || char(10) || 'choose = "'
+            || iif(spec LIKE '%by_class = true%', 'by-class', 'medoids') || '"' || char(10)
+    ) WHERE spec NOT LIKE '%space = "%';
+    "#,
 ];
 
 /// The newest version.
-pub(super) const VERSION: u32 = FIRST + MIGRATIONS.len() as u32;
+pub(super) const VERSION: u32 = 1 + MIGRATIONS.len() as u32;
 
 /// The version of the database, which this murmuration must know; looking changes nothing.
 pub(super) fn version(connection: &Connection, path: &Path) -> Result<u32, StoreError> {
@@ -203,12 +188,7 @@ pub(super) fn version(connection: &Connection, path: &Path) -> Result<u32, Store
             path: path.to_path_buf(),
             reason: "it holds no tables".to_owned(),
         }),
-        1..FIRST => Err(StoreError::Unreleased {
-            path: path.to_path_buf(),
-            found,
-            oldest: FIRST,
-        }),
-        FIRST..=VERSION => Ok(found),
+        1..=VERSION => Ok(found),
         _ => Err(StoreError::Newer {
             path: path.to_path_buf(),
             found,
@@ -219,8 +199,8 @@ pub(super) fn version(connection: &Connection, path: &Path) -> Result<u32, Store
 
 /// Makes the tables of the newest version in an empty database.
 pub(super) fn create(connection: &mut Connection) -> rusqlite::Result<()> {
-    step(connection, TABLES, FIRST)?;
-    migrate(connection, FIRST)
+    step(connection, TABLES, 1)?;
+    migrate(connection, 1)
 }
 
 /// Brings the database from version `from` to the newest, one committed step after the other.
@@ -229,7 +209,7 @@ pub(super) fn migrate(connection: &mut Connection, from: u32) -> rusqlite::Resul
 }
 
 fn migrate_by(migrations: &[&str], connection: &mut Connection, from: u32) -> rusqlite::Result<()> {
-    for (version, migration) in (FIRST + 1..).zip(migrations) {
+    for (version, migration) in (2..).zip(migrations) {
         if version > from {
             step(connection, migration, version)?;
         }
@@ -248,6 +228,7 @@ fn step(connection: &mut Connection, change: &str, version: u32) -> rusqlite::Re
 mod tests {
     use super::*;
     use crate::{DataDirectory, Store};
+    use murmuration_proto::{BehaviourSpace, CampaignSpec, Choice};
 
     fn version_of(connection: &Connection) -> u32 {
         let version = connection.pragma_query_value(None, "user_version", |row| row.get(0));
@@ -257,10 +238,10 @@ mod tests {
     #[test]
     fn what_an_older_version_holds_is_there_after_each_step_or_the_step_was_not_taken() {
         let mut connection = Connection::open_in_memory().unwrap();
-        step(&mut connection, TABLES, FIRST).unwrap();
+        step(&mut connection, TABLES, 1).unwrap();
         let notice = "INSERT INTO campaigns (number, id, spec, simulator_version, state, error, created_ms)
                           VALUES (1, 'old-1', '', '1', 'paused', '', 5);
-                      INSERT INTO notices VALUES (1, 1, 5, 'kept')";
+                      INSERT INTO notices VALUES (1, 1, 5, 'kept', 0)";
         connection.execute_batch(notice).unwrap();
 
         let further = [
@@ -271,8 +252,8 @@ mod tests {
             further[0],
             "UPDATE notices SET page = 'lost'; SELECT 1 FROM nowhere",
         ];
-        migrate_by(&interrupted, &mut connection, FIRST).unwrap_err();
-        assert_eq!(version_of(&connection), FIRST + 1);
+        migrate_by(&interrupted, &mut connection, 1).unwrap_err();
+        assert_eq!(version_of(&connection), 2);
         let page = |connection: &Connection| -> (String, String) {
             let row = connection.query_row("SELECT text, page FROM notices", [], |row| {
                 Ok((row.get(0)?, row.get(1)?))
@@ -281,11 +262,38 @@ mod tests {
         };
         assert_eq!(page(&connection), ("kept".to_owned(), "none".to_owned()));
 
-        migrate_by(&further, &mut connection, FIRST + 1).unwrap();
-        assert_eq!(version_of(&connection), FIRST + 2);
+        migrate_by(&further, &mut connection, 2).unwrap();
+        assert_eq!(version_of(&connection), 3);
         assert_eq!(page(&connection), ("kept".to_owned(), "search".to_owned()));
         // What is of the newest version already stays as it is.
-        migrate_by(&further, &mut connection, FIRST + 2).unwrap();
+        migrate_by(&further, &mut connection, 3).unwrap();
+    }
+
+    #[test]
+    fn specifications_of_version_1_keep_their_space_and_their_medoids() {
+        let before = |method: &str, taxonomy: &str| {
+            let spec = format!(
+                "model = \"single-sensor\"\nmethod = \"{method}\"\n[taxonomy]\nmedoids = 5\n{taxonomy}"
+            );
+            let mut connection = Connection::open_in_memory().unwrap();
+            step(&mut connection, TABLES, 1).unwrap();
+            let add = "INSERT INTO campaigns (number, id, spec, simulator_version, state, error, created_ms)
+                           VALUES (1, 'old-1', ?1, '1', 'paused', '', 5)";
+            connection.execute(add, [spec]).unwrap();
+            migrate(&mut connection, 1).unwrap();
+            let row = connection.query_row("SELECT spec FROM campaigns", [], |row| row.get(0));
+            let text: String = row.unwrap();
+            let spec = CampaignSpec::from_toml(&text).unwrap();
+            (spec.space(), spec.choice(), spec.medoids())
+        };
+        let medoids = |space| (space, Choice::Medoids, 5);
+        assert_eq!(before("latent", ""), medoids(BehaviourSpace::Embedding));
+        assert_eq!(before("untrained", ""), medoids(BehaviourSpace::Embedding));
+        assert_eq!(before("random", ""), medoids(BehaviourSpace::Features));
+        assert_eq!(
+            before("latent", "by_class = true\n[feedback]\nrounds = 1\n"),
+            (BehaviourSpace::Embedding, Choice::ByClass, 5)
+        );
     }
 
     #[test]
@@ -295,12 +303,7 @@ mod tests {
         let mut connection = Connection::open(&path).unwrap();
         create(&mut connection).unwrap();
         assert_eq!(version_of(&connection), VERSION);
-        for (version, said) in [
-            (0, "it holds no tables"),
-            (1, "before the first release"),
-            (FIRST - 1, "before the first release"),
-            (VERSION + 1, "written by a newer"),
-        ] {
+        for (version, said) in [(0, "it holds no tables"), (VERSION + 1, "written by a newer")] {
             connection.pragma_update(None, "user_version", version).unwrap();
             let refused = [
                 Store::look(folder.path(), true).unwrap_err(),

@@ -43,7 +43,7 @@ pub struct TaxonomyVersion {
     pub version: u32,
     /// Whether it is about the archive as it is now embedded; false of former versions.
     pub stands: bool,
-    /// When it was made, milliseconds since 1970-01-01 UTC; `None` where nobody noted it.
+    /// When it was made, milliseconds since 1970-01-01 UTC; `None` for one that was imported.
     pub made_ms: Option<u64>,
     /// The checkpoint whose embeddings were clustered, if there was one.
     pub checkpoint: Option<CheckpointDigest>,
@@ -51,11 +51,22 @@ pub struct TaxonomyVersion {
     pub rounds: u32,
     /// Complete generations that were clustered.
     pub generations: u32,
-    /// Their individuals.
     pub individuals: u64,
 }
 
 impl StoredTaxonomy {
+    /// How many individuals are in each cluster.
+    #[must_use]
+    pub fn sizes(&self) -> Vec<u64> {
+        let mut sizes = vec![0; self.medoids.len()];
+        for &cluster in &self.clusters {
+            if let Some(size) = sizes.get_mut(cluster as usize) {
+                *size += 1;
+            }
+        }
+        sizes
+    }
+
     /// Whether every cluster that is named has a medoid, and every medoid its measures.
     fn is_whole(&self) -> bool {
         let medoids = self.medoids.len();
@@ -80,9 +91,6 @@ impl Store {
     /// Stores the taxonomy as a new version, with what was measured of its clusters and individuals, and completes the campaign,
     /// in one transaction; whether it did: not while something of the campaign rests on the word of workers that were found
     /// wrong. `points` is where each individual is on the map, in units of the behaviour space; or nothing.
-    ///
-    /// # Errors
-    /// If it cannot be written.
     pub fn complete(
         &self,
         campaign: &CampaignId,
@@ -137,9 +145,6 @@ impl Store {
     }
 
     /// The versions of a campaign's taxonomy, oldest first; only the last can stand.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn taxonomy_versions(&self, campaign: &CampaignId) -> Result<Vec<TaxonomyVersion>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
@@ -175,10 +180,7 @@ impl Store {
     }
 
     /// Where each individual was on the map of a version, along the principal axes of the behaviour space, in its units, by
-    /// index. Nothing where that was not kept: of versions that were imported, or made before maps were kept.
-    ///
-    /// # Errors
-    /// If they cannot be read.
+    /// index. Nothing for a version that was imported.
     pub fn taxonomy_points(&self, campaign: &CampaignId, version: u32) -> Result<Vec<[f32; 2]>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;

@@ -41,9 +41,7 @@ enum Place {
 pub enum Condition {
     /// They are those that the digest names.
     Whole,
-    /// They are not there.
     Missing,
-    /// They are others.
     Damaged,
     /// They could not be read, for this.
     Unread(String),
@@ -73,6 +71,8 @@ impl BlobStore {
     }
 
     fn bucket(location: &str) -> Result<Self, CheckpointError> {
+        // The client of a bucket takes the program's cryptography. An error says that the program has chosen.
+        let _ = rustls::crypto::ring::default_provider().install_default();
         let url = location.parse().map_err(|error| refused(location, &error))?;
         let variables = std::env::vars().filter(|(name, _)| name.starts_with("AWS_"));
         let variables = variables.map(|(name, value)| (name.to_ascii_lowercase(), value));
@@ -154,7 +154,6 @@ impl BlobStore {
         }
     }
 
-    /// Whether it is a folder.
     #[must_use]
     pub(crate) const fn is_folder(&self) -> bool {
         matches!(self.place, Place::Folder(_))

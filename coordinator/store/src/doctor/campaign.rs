@@ -1,6 +1,6 @@
-//! What is whole of one campaign.
+//! Which parts of one campaign are whole.
 
-use crate::{ArchivedIndividual, Recoverable, Store, StoreError, checkpoints::Condition};
+use crate::{ArchivedIndividual, Store, StoreError, checkpoints::Condition};
 use murmuration_model::{CampaignId, CampaignRecord, CampaignState};
 use murmuration_proto::{CheckpointDigest, EmbedderSource, SIMULATOR_VERSION};
 use std::ops::Range;
@@ -8,54 +8,61 @@ use std::ops::Range;
 /// Individuals or pictures read at a time.
 const CHUNK: u64 = 512;
 
-/// What there is to say of a campaign.
 #[derive(Debug)]
 pub struct CampaignFindings {
-    /// The campaign.
     pub id: CampaignId,
-    /// Where it stands, if that can be read.
+    /// Its state, if that can be read.
     pub state: Option<CampaignState>,
-    /// What is wrong with it.
+    /// Sentences that each name something damaged or missing.
     pub problems: Vec<String>,
-    /// What there should be.
-    pub stored: Recoverable,
-    /// What of that is whole.
-    pub remains: Recoverable,
-    /// What becomes of it.
-    pub prospect: Prospect,
-    /// Why this version does not go on with it, though it is whole.
+    /// What the database should hold.
+    pub stored: Amounts,
+    /// How much of that is whole, from the beginning on.
+    pub whole: Amounts,
+    pub condition: CampaignCondition,
+    /// Why this version does not continue it, though it is whole.
     pub note: Option<String>,
 }
 
-/// What becomes of a campaign.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Amounts {
+    pub pictures: u64,
+    pub generations: u32,
+    pub individuals: u64,
+    /// Entries of its label log.
+    pub labels: u64,
+    /// Whether there is a taxonomy that stands.
+    pub taxonomy: bool,
+}
+
+/// Whether a campaign can continue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Prospect {
-    /// Nothing is missing.
+pub enum CampaignCondition {
     Whole,
     /// It needs a checkpoint whose bytes are missing or damaged; with a copy of those it is whole.
     LacksCheckpoint,
-    /// It can be resumed from what remains.
-    Partly,
-    /// Nobody knows what it was asked to do.
-    Lost,
+    /// Some of its rows are damaged or missing.
+    Damaged,
+    /// Its specification cannot be read.
+    Unreadable,
 }
 
 impl CampaignFindings {
     pub(super) fn of(store: &Store, id: &CampaignId, checkpoints: &[(CheckpointDigest, Condition)]) -> Self {
         let record = match store.campaign(id.as_str()) {
             Ok(record) => record,
-            Err(error) => return Self::lost(id, &error),
+            Err(error) => return Self::unreadable(id, &error),
         };
         let mut problems = Vec::new();
-        let (stored, remains) = archive(store, &record, &mut problems);
+        let (stored, whole) = archive(store, &record, &mut problems);
         let lacking = [record.embedder.checkpoint(), record.embedder.next()]
             .into_iter()
             .flatten()
             .find(|&digest| !checkpoints.contains(&(digest, Condition::Whole)));
-        let prospect = match (problems.is_empty(), lacking) {
-            (false, _) => Prospect::Partly,
-            (true, Some(_)) => Prospect::LacksCheckpoint,
-            (true, None) => Prospect::Whole,
+        let condition = match (problems.is_empty(), lacking) {
+            (false, _) => CampaignCondition::Damaged,
+            (true, Some(_)) => CampaignCondition::LacksCheckpoint,
+            (true, None) => CampaignCondition::Whole,
         };
         problems.extend(lacking.map(|digest| format!("checkpoint {digest} is missing or damaged")));
         Self {
@@ -63,8 +70,8 @@ impl CampaignFindings {
             state: Some(record.state),
             problems,
             stored,
-            remains,
-            prospect,
+            whole,
+            condition,
             note: (record.simulator_version != SIMULATOR_VERSION).then(|| {
                 let theirs = &record.simulator_version;
                 format!(
@@ -74,28 +81,27 @@ impl CampaignFindings {
         }
     }
 
-    fn lost(id: &CampaignId, error: &StoreError) -> Self {
+    fn unreadable(id: &CampaignId, error: &StoreError) -> Self {
         Self {
             id: id.clone(),
             state: None,
             problems: vec![error.reason()],
-            stored: Recoverable::default(),
-            remains: Recoverable::default(),
-            prospect: Prospect::Lost,
+            stored: Amounts::default(),
+            whole: Amounts::default(),
+            condition: CampaignCondition::Unreadable,
             note: None,
         }
     }
 }
 
 /// What should be there, and what of it is whole.
-fn archive(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -> (Recoverable, Recoverable) {
-    let stored = Recoverable {
+fn archive(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -> (Amounts, Amounts) {
+    let stored = Amounts {
         pictures: record.pictures_done,
         generations: record.generations_done,
         individuals: record.individuals(),
         labels: store.label_entries(&record.id).unwrap_or(0),
         taxonomy: record.state == CampaignState::Completed,
-        former_taxonomies: Vec::new(),
     };
     let population = u64::from(record.spec.search().population());
     let generations = generations(store, record, problems);
@@ -109,15 +115,15 @@ fn archive(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -
         problems.push(format!("entry {labels} of its label log cannot be followed"));
     }
     let complete = generations == record.generations_done;
-    let remains = Recoverable {
+    let whole = Amounts {
         pictures: pictures(store, record, problems),
         generations,
         individuals: u64::from(generations) * population,
         labels,
         taxonomy: complete && taxonomy(store, record, stored.taxonomy, problems),
-        former_taxonomies: former_taxonomies(store, record, u64::from(generations) * population, problems),
     };
-    (stored, remains)
+    former_taxonomies(store, record, problems);
+    (stored, whole)
 }
 
 /// Generations whose records are there, from the first on.
@@ -240,21 +246,15 @@ fn taxonomy(store: &Store, record: &CampaignRecord, wanted: bool, problems: &mut
     false
 }
 
-/// The former versions of its taxonomy that are whole, and about no more than the first `individuals` of its archive.
-fn former_taxonomies(
-    store: &Store,
-    record: &CampaignRecord,
-    individuals: u64,
-    problems: &mut Vec<String>,
-) -> Vec<u32> {
+/// Checks the former versions of its taxonomy.
+fn former_taxonomies(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) {
     let versions = match store.taxonomy_versions(&record.id) {
         Ok(versions) => versions,
         Err(error) => {
             problems.push(format!("the versions of its taxonomy: {}", error.reason()));
-            return Vec::new();
+            return;
         }
     };
-    let mut whole = Vec::new();
     for former in versions.iter().filter(|version| !version.stands) {
         let fault = match store.taxonomy_of_version(&record.id, former.version) {
             Err(error) => format!("cannot be read: {}", error.reason()),
@@ -264,15 +264,10 @@ fn former_taxonomies(
             Ok(_) if former.individuals > record.individuals() => {
                 "is about individuals that are not there".to_owned()
             }
-            Ok(_) if former.individuals > individuals => continue,
-            Ok(_) => {
-                whole.push(former.version);
-                continue;
-            }
+            Ok(_) => continue,
         };
         problems.push(format!("version {} of its taxonomy {fault}", former.version));
     }
-    whole
 }
 
 /// The first of `len` items that is not as it should be, and why; `check` finds it in a range, or fails where one of the

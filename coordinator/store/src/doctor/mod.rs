@@ -1,13 +1,8 @@
-//! The doctor: what is whole in a data directory, what is not, and what can be saved.
-//!
-//! Looks and changes nothing. What is lost of a campaign's archive is not lost for good: from the last whole generation on
-//! the search makes it anew.
+//! The doctor: which parts of a data directory are whole, and which are damaged. It reads everything and changes nothing.
 
 mod campaign;
-mod salvage;
 
-pub use campaign::{CampaignFindings, Prospect};
-pub use salvage::{SalvageError, Salvaged, salvage};
+pub use campaign::{Amounts, CampaignCondition, CampaignFindings};
 
 use crate::{
     DataDirectory, Store, StoreError,
@@ -24,9 +19,7 @@ use std::{
 /// What there is to say of a data directory.
 #[derive(Debug)]
 pub struct Findings {
-    /// The database.
     pub database: PathBuf,
-    /// The version of its schema.
     pub schema: u32,
     /// What is wrong with the database as a whole; nothing if it is sound.
     pub faults: Vec<String>,
@@ -48,7 +41,7 @@ impl Findings {
             && self
                 .campaigns
                 .iter()
-                .all(|campaign| campaign.prospect == Prospect::Whole)
+                .all(|campaign| campaign.condition == CampaignCondition::Whole)
     }
 }
 

@@ -1,16 +1,14 @@
-//! Rows that are damaged one by one: what is said of them, and what is saved.
+//! Rows that are damaged one by one: the problems that are named, and how much is whole.
 
 use super::*;
 use crate::{ArchivedIndividual, ClusterMeasures, GenerationRecord, Picture, Provenance};
 use murmuration_model::{
-    CampaignId, CampaignState, Weight,
+    CampaignId, Weight,
     labels::{Action, Answer, Change, RequestId},
 };
-use murmuration_proto::{CampaignSpec, Preset};
+use murmuration_proto::CampaignSpec;
 use murmuration_search::medoids::Clustering;
 use rusqlite::Connection;
-
-const MODEL: Preset = Preset::SingleSensor;
 
 /// A data directory with a completed campaign of three generations of two, and three labels.
 fn data() -> (tempfile::TempDir, CampaignId) {
@@ -54,70 +52,50 @@ fn data() -> (tempfile::TempDir, CampaignId) {
     (folder, id)
 }
 
-/// What is found, and whole in the copy, after `damage`: generations, labels, state.
-async fn saved(damage: &str) -> (Findings, Option<(u32, u64, CampaignState)>) {
-    let (folder, id) = data();
+/// Findings after `damage`, SQL.
+async fn examined(damage: &str) -> Findings {
+    let (folder, _) = data();
     let connection = Connection::open(folder.path().join(Store::FILE)).unwrap();
     connection.execute_batch(damage).unwrap();
     drop(connection);
-    let found = examine(folder.path(), None).await.unwrap();
-    let elsewhere = tempfile::tempdir().unwrap();
-    let target = elsewhere.path().join("saved");
-    let salvaged = salvage(folder.path(), None, &target).await.unwrap();
-    if salvaged.is_empty() {
-        assert!(!target.exists());
-        assert_eq!(salvaged.lost[0].0, id);
-        return (found, None);
-    }
-    assert_eq!((salvaged.campaigns, salvaged.lost.len()), (vec![id.clone()], 0));
-    assert!(examine(&target, None).await.unwrap().is_healthy());
-    let store = Store::open(&DataDirectory::hold(&target).unwrap()).unwrap();
-    let kept = store.campaign(id.as_str()).ok();
-    let kept = kept.map(|record| {
-        let individuals = store.individuals(&id, &MODEL.into(), 0..100, true).unwrap();
-        assert_eq!(individuals.len() as u64, record.individuals());
-        if record.state == CampaignState::Failed {
-            assert!(
-                record.ended_ms.is_some(),
-                "a campaign that was cut off has stopped"
-            );
-        }
-        (
-            record.generations_done,
-            store.label_entries(&id).unwrap(),
-            record.state,
-        )
-    });
-    (found, kept)
+    examine(folder.path(), None).await.unwrap()
 }
 
-async fn check(damage: &str, said: &str, kept: (u32, u64, CampaignState)) {
-    let (found, saved) = saved(damage).await;
+/// What must be whole after `damage`: generations, entries of the label log, the taxonomy.
+async fn check(damage: &str, said: &str, whole: (u32, u64, bool)) {
+    let found = examined(damage).await;
     assert!(!found.is_healthy());
     let campaign = &found.campaigns[0];
-    assert_eq!(campaign.prospect, Prospect::Partly);
+    assert_eq!(campaign.condition, CampaignCondition::Damaged);
     assert!(
         campaign.problems.iter().any(|problem| problem.contains(said)),
         "{:?}",
         campaign.problems
     );
-    assert_eq!(saved, Some(kept), "{damage}");
+    let found = &campaign.whole;
+    assert_eq!(
+        (found.generations, found.labels, found.taxonomy),
+        whole,
+        "{damage}"
+    );
 }
 
 #[tokio::test]
-async fn a_sound_directory_is_healthy_and_saved_whole() {
-    let (found, saved) = saved("").await;
+async fn a_sound_directory_is_healthy() {
+    let found = examined("").await;
     assert!(found.is_healthy(), "{found:?}");
-    assert_eq!(saved, Some((3, 3, CampaignState::Completed)));
+    let campaign = &found.campaigns[0];
+    assert_eq!(campaign.condition, CampaignCondition::Whole);
+    assert_eq!(campaign.whole, campaign.stored);
 }
 
 #[tokio::test]
-async fn an_archive_is_saved_up_to_the_first_generation_that_is_not_whole() {
-    let failed = |generations| (generations, 3, CampaignState::Failed);
+async fn an_archive_is_whole_up_to_the_first_generation_that_is_damaged() {
+    let damaged = |generations| (generations, 3, false);
     check(
         "DELETE FROM images WHERE place = 3",
         "individual 3: its picture is missing",
-        failed(1),
+        damaged(1),
     )
     .await;
     for (value, fault) in [
@@ -133,38 +111,38 @@ async fn an_archive_is_saved_up_to_the_first_generation_that_is_not_whole() {
         check(
             &format!("UPDATE images SET image = {value} WHERE place = 4"),
             &format!("individual 4: its picture is {fault}"),
-            failed(2),
+            damaged(2),
         )
         .await;
     }
     check(
         "DELETE FROM individuals WHERE place = 0",
         "individual 0: it is missing",
-        failed(0),
+        damaged(0),
     )
     .await;
     check(
         "UPDATE individuals SET controller = x'00' WHERE place = 5",
         "individual 5",
-        failed(2),
+        damaged(2),
     )
     .await;
     check(
         "UPDATE individuals SET generation = 7 WHERE place = 2",
         "individual 2: it is of another",
-        failed(1),
+        damaged(1),
     )
     .await;
     check(
         "DELETE FROM generations WHERE generation = 1",
         "generation 1 is missing",
-        failed(1),
+        damaged(1),
     )
     .await;
 }
 
 #[tokio::test]
-async fn a_damaged_picture_of_a_dataset_is_named_and_what_is_before_it_saved() {
+async fn a_damaged_picture_of_a_dataset_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let held = DataDirectory::hold(folder.path()).unwrap();
     let store = Store::open(&held).unwrap();
@@ -190,44 +168,31 @@ async fn a_damaged_picture_of_a_dataset_is_named_and_what_is_before_it_saved() {
         found.campaigns[0].problems,
         ["picture 2 of its dataset: it is damaged"]
     );
-    assert_eq!(found.campaigns[0].remains.pictures, 2);
-    let elsewhere = tempfile::tempdir().unwrap();
-    let target = elsewhere.path().join("saved");
-    salvage(folder.path(), None, &target).await.unwrap();
-    let store = Store::open(&DataDirectory::hold(&target).unwrap()).unwrap();
-    assert_eq!(
-        store.dataset_images(&id, 0..9).unwrap(),
-        [vec![1; 2500], vec![2; 2500]].concat()
-    );
+    assert_eq!(found.campaigns[0].whole.pictures, 2);
 }
 
 #[tokio::test]
 async fn labels_and_taxonomy_are_examined_too() {
     let labels = "DROP TRIGGER labels_stay; UPDATE labels SET action = 'shout' WHERE entry = 1";
-    check(
-        labels,
-        "entry 1 of its label log",
-        (3, 1, CampaignState::Completed),
-    )
-    .await;
-    let failed = (3, 3, CampaignState::Failed);
-    check("DELETE FROM taxonomies", "its taxonomy is missing", failed).await;
+    check(labels, "entry 1 of its label log", (3, 1, true)).await;
+    let damaged = (3, 3, false);
+    check("DELETE FROM taxonomies", "its taxonomy is missing", damaged).await;
     check(
         "UPDATE taxonomies SET clusters = x'00000000'",
         "its taxonomy is of another archive",
-        failed,
+        damaged,
     )
     .await;
     check(
         "UPDATE taxonomies SET robust_trials = zeroblob(length(clusters) / 4)",
         "its taxonomy has robustness that no individual has",
-        failed,
+        damaged,
     )
     .await;
     check(
         "UPDATE taxonomies SET measures = x''",
         "its taxonomy cannot be read: the taxonomy of campaign",
-        failed,
+        damaged,
     )
     .await;
     let former = |damage: &str| {
@@ -248,15 +213,14 @@ async fn labels_and_taxonomy_are_examined_too() {
             "version 7 of its taxonomy is about individuals",
         ),
     ] {
-        check(&former(damage), said, (3, 3, CampaignState::Completed)).await;
+        check(&former(damage), said, (3, 3, true)).await;
     }
 }
 
 #[tokio::test]
-async fn a_campaign_that_nobody_can_read_is_lost_and_said_to_be() {
-    let (found, saved) = saved("UPDATE campaigns SET spec = 'nonsense'").await;
-    assert_eq!(found.campaigns[0].prospect, Prospect::Lost);
-    assert_eq!(saved, None);
+async fn a_campaign_without_a_specification_is_unreadable() {
+    let found = examined("UPDATE campaigns SET spec = 'nonsense'").await;
+    assert_eq!(found.campaigns[0].condition, CampaignCondition::Unreadable);
 }
 
 #[tokio::test]

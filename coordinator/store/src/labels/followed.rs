@@ -39,7 +39,6 @@ impl Followed {
         self.0.of(campaign)
     }
 
-    /// The campaign is no more.
     pub(crate) fn forget(&self, campaign: &CampaignId) {
         self.0.forget(campaign);
     }
@@ -58,9 +57,6 @@ impl Default for Followed {
 
 impl Store {
     /// What the log of a campaign comes to; costs what the entries cost that are new since somebody asked last.
-    ///
-    /// # Errors
-    /// If it cannot be read.
     pub fn labels(&self, campaign: &CampaignId) -> Result<Arc<Labels>, StoreError> {
         let kept = self.followed.of(campaign);
         let mut kept = locked(&kept);

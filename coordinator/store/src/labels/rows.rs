@@ -1,11 +1,8 @@
 //! Entries of the label log as rows.
 
 use super::super::{StoreError, numbers::clamped};
-use murmuration_model::labels::{Action, Annotator, Change, ClassName, Entry, RequestId, Triple};
-use murmuration_proto::{
-    Invalid,
-    text::{marked, quoted},
-};
+use murmuration_model::labels::{Action, Annotator, Change, Entry, RequestId};
+use murmuration_proto::Invalid;
 use rusqlite::{Connection, Row, Transaction, params};
 use std::ops::Range;
 
@@ -79,8 +76,7 @@ pub(crate) fn entries_with_requests(
 fn entry(row: &Row<'_>) -> Result<Entry, StoreError> {
     let number = row.get::<_, i64>(0)?.unsigned_abs();
     let damaged = |error: Invalid| StoreError::damaged(format!("entry {number} of the label log: {error}"));
-    // Earlier versions took names with characters that cannot be seen.
-    let annotator = Annotator::known(&marked(&row.get::<_, String>(1)?)).map_err(damaged)?;
+    let annotator = Annotator::known(&row.get::<_, String>(1)?).map_err(damaged)?;
     let columns = Columns {
         action: row.get(3)?,
         place: row.get(4)?,
@@ -98,7 +94,6 @@ fn entry(row: &Row<'_>) -> Result<Entry, StoreError> {
     })
 }
 
-/// An action in columns.
 #[derive(Debug, Default)]
 struct Columns {
     action: String,
@@ -142,24 +137,12 @@ impl Columns {
                 place: Some(clamped(*entry)),
                 ..Self::default()
             },
-            Action::Compare { triple, preference } => {
-                let sides = format!("{} {}", triple.left(), triple.right());
-                Self {
-                    place: Some(clamped(triple.reference())),
-                    ..named("compare", preference, Some(sides))
-                }
-            }
-            Action::WithdrawComparison { entry } => Self {
-                action: "withdraw comparison".to_owned(),
-                place: Some(clamped(*entry)),
-                ..Self::default()
-            },
         }
     }
 
     fn read(self) -> Result<Action, Invalid> {
-        let class = marked(&self.class.unwrap_or_default());
-        let value = marked(&self.value.unwrap_or_default());
+        let class = self.class.unwrap_or_default();
+        let value = self.value.unwrap_or_default();
         Ok(match (self.action.as_str(), self.place) {
             ("answer", Some(place)) => Action::Answer {
                 index: place.unsigned_abs(),
@@ -170,48 +153,31 @@ impl Columns {
                 index: place.unsigned_abs(),
             },
             ("create", None) => Action::Create {
-                class: ClassName::stored(&class)?,
+                class: class.parse()?,
             },
             ("rename", None) => Action::Rename {
-                class: ClassName::stored(&class)?,
-                to: ClassName::stored(&value)?,
+                class: class.parse()?,
+                to: value.parse()?,
             },
             ("merge", None) => Action::Merge {
-                class: ClassName::stored(&class)?,
-                into: ClassName::stored(&value)?,
+                class: class.parse()?,
+                into: value.parse()?,
             },
             ("colour", None) => Action::Colour {
-                class: ClassName::stored(&class)?,
+                class: class.parse()?,
                 colour: value.parse()?,
             },
             ("delete", None) => Action::Delete {
-                class: ClassName::stored(&class)?,
+                class: class.parse()?,
             },
             ("shortcut", None) => Action::Shortcut {
-                class: ClassName::stored(&class)?,
+                class: class.parse()?,
                 shortcut: (!value.is_empty()).then(|| value.parse()).transpose()?,
             },
             ("revert", Some(entry)) => Action::Revert {
                 entry: entry.unsigned_abs(),
             },
-            ("compare", Some(reference)) => Action::Compare {
-                triple: triple(reference.unsigned_abs(), &value)?,
-                preference: class.parse()?,
-            },
-            ("withdraw comparison", Some(entry)) => Action::WithdrawComparison {
-                entry: entry.unsigned_abs(),
-            },
             (other, _) => return Err(Invalid::new("action", other, "one that this version writes")),
         })
     }
-}
-
-/// A question of comparison, whose sides are written as `LEFT RIGHT`.
-fn triple(reference: u64, sides: &str) -> Result<Triple, Invalid> {
-    let read = sides.split_once(' ').and_then(|(left, right)| {
-        let [left, right] = [left, right].map(|side| side.parse::<u64>().ok());
-        Some((left?, right?))
-    });
-    let (left, right) = read.ok_or_else(|| Invalid::new("value", quoted(sides), "two individuals"))?;
-    Triple::new(reference, left, right)
 }

@@ -36,28 +36,8 @@ pub(super) fn answer(index: u64, answer: &str) -> Change {
     change(7, Action::Answer { index, answer })
 }
 
-fn compare([reference, left, right]: [u64; 3], preference: Preference) -> Change {
-    let triple = Triple::new(reference, left, right).unwrap();
-    change(7, Action::Compare { triple, preference })
-}
-
 pub(super) fn request(id: &str) -> RequestId {
     id.parse().unwrap()
-}
-
-#[test]
-fn names_of_earlier_versions_that_cannot_be_seen_are_marked() {
-    let folder = tempfile::tempdir().unwrap();
-    let (store, id) = open(folder.path());
-    let earlier = "INSERT INTO labels (campaign, entry, request, annotator, time_ms, action, place, class)
-                   VALUES (1, 0, 'one', 'ana' || char(8238), 7, 'answer', 2, char(8203))";
-    store
-        .write(|transaction| Ok(transaction.execute(earlier, [])?))
-        .unwrap();
-    let log = store.label_log(&id).unwrap();
-    assert_eq!(log[0].change.annotator.as_str(), "ana\u{fffd}");
-    let classes = store.labels(&id).unwrap().classes();
-    assert_eq!(classes[0].name.as_str(), "\u{fffd}");
 }
 
 #[test]
@@ -115,8 +95,6 @@ fn every_action_reads_back_and_survives_reopening() {
         change(8, Action::Revert { entry: 9 }),
         answer(1, "d"),
         change(8, Action::Withdraw { index: 1 }),
-        compare([2, 0, 1], Preference::Right),
-        change(8, Action::WithdrawComparison { entry: 13 }),
     ];
     let added = store.add_labels(&id, &request("1"), said.clone()).unwrap();
     assert!(added.iter().map(|entry| &entry.change).eq(&said));
@@ -238,48 +216,4 @@ fn rows_are_neither_changed_nor_deleted() {
             "{attempt}"
         );
     }
-}
-
-#[test]
-fn the_newest_comparison_is_withdrawn_once_however_often_that_is_asked() {
-    let folder = tempfile::tempdir().unwrap();
-    let (store, id) = open(folder.path());
-    let ana: Annotator = "ana".parse().unwrap();
-    let first = compare([0, 1, 2], Preference::Left);
-    store.add_labels(&id, &request("1"), vec![first.clone()]).unwrap();
-    // A request that is made again adds nothing, and no other question hides behind it.
-    assert_eq!(
-        store.add_labels(&id, &request("1"), vec![first]).unwrap().len(),
-        1
-    );
-    let other = compare([0, 1, 2], Preference::Right);
-    let refused = store.add_labels(&id, &request("1"), vec![other]);
-    assert!(matches!(refused, Err(LabelError::OtherRequest(_))), "{refused:?}");
-    let second = compare([1, 2, 0], Preference::Right);
-    store.add_labels(&id, &request("2"), vec![second]).unwrap();
-    let withdraw = |name: &str| store.withdraw_comparison(&id, &request(name), &ana, 9);
-    for _ in 0..2 {
-        let withdrawn = withdraw("3").unwrap();
-        assert_eq!(withdrawn.triple, Triple::new(1, 2, 0).unwrap());
-        assert_eq!(
-            (withdrawn.preference, withdrawn.entry.number),
-            (Preference::Right, 2)
-        );
-    }
-    let told = store.labels(&id).unwrap().compared_triplets();
-    assert_eq!(told.len(), 1);
-    withdraw("4").unwrap();
-    assert!(matches!(
-        withdraw("5"),
-        Err(LabelError::Refused(Refusal::NothingCompared(_)))
-    ));
-    let elsewhere = compare([0, 1, 3], Preference::Left);
-    let refused = store.add_labels(&id, &request("6"), vec![elsewhere]);
-    let missing = |error: &LabelError| {
-        matches!(
-            error,
-            LabelError::Store(StoreError::NoIndividual { index: 3, .. })
-        )
-    };
-    assert!(missing(&refused.unwrap_err()));
 }

@@ -131,20 +131,3 @@ fn a_machine_whose_quarantine_is_lifted_is_sound_and_what_it_did_is_not() {
     assert_eq!(store.still_quarantined().unwrap(), [wrong(7)]);
     assert_eq!(store.suspects(&id).unwrap().machines.len(), 1);
 }
-
-#[test]
-fn results_of_which_no_kind_was_noted_are_of_an_unknown_one() {
-    let (_folder, store, id) = open();
-    store.quarantine(&[wrong(7)]).unwrap();
-    store
-        .write(|transaction| Ok(transaction.execute("UPDATE provenance SET kinds = x''", [])?))
-        .unwrap();
-    let suspects = store.suspects(&id).unwrap();
-    assert!(
-        suspects
-            .individuals
-            .iter()
-            .all(|suspect| !suspect.kind.is_known())
-    );
-    assert_eq!(suspects.individuals.len(), 3);
-}

@@ -3,7 +3,7 @@ use crate::{
     ArchivedIndividual, GenerationRecord, Provenance,
     provenance::tests::{open, suspect, wrong},
 };
-use murmuration_model::labels::{Answer, Preference, Triple};
+use murmuration_model::labels::Answer;
 use murmuration_proto::Preset;
 
 fn left(store: &Store, id: &CampaignId) -> Vec<u64> {
@@ -127,25 +127,4 @@ fn what_is_rolled_back_is_of_another_archive_version_whatever_the_clock_says() {
         archive_versions.push(archive_version());
     }
     assert_eq!(archive_versions[2].to_string(), format!("{ahead}.2"));
-}
-
-#[test]
-fn comparisons_with_individuals_that_are_gone_are_withdrawn() {
-    let (_folder, store, id) = open();
-    for [reference, left, right] in [[0, 1, 2], [0, 1, 3], [2, 3, 1]] {
-        let change = Change {
-            annotator: "ana".parse().unwrap(),
-            time_ms: 1,
-            action: Action::Compare {
-                triple: Triple::new(reference, left, right).unwrap(),
-                preference: Preference::Left,
-            },
-        };
-        let request = format!("{reference}-{left}-{right}").parse().unwrap();
-        store.add_labels(&id, &request, vec![change]).unwrap();
-    }
-    // Individuals 0 and 1 are of the first generation.
-    store.roll_back_generations(&id, 1, "a worker was wrong").unwrap();
-    assert_eq!(store.labels(&id).unwrap().comparisons().count(), 0);
-    assert_eq!(store.label_log(&id).unwrap().len(), 6);
 }

@@ -4,7 +4,7 @@ use super::*;
 use crate::{DataDirectory, GenerationRecord, Picture, Provenance};
 use murmuration_model::{
     CampaignId, Weight,
-    labels::{Action, Change, Preference, Triple},
+    labels::{Action, Change},
 };
 use murmuration_proto::CampaignSpec;
 
@@ -103,44 +103,4 @@ fn a_round_learns_from_no_more_than_was_said_when_it_began() {
     let record = store.campaign("latest").unwrap();
     let round = store.round_pictures(&record, 1).unwrap();
     assert_eq!((round.labels, round.missing.len()), (1, 2));
-}
-
-#[test]
-fn what_was_compared_is_learned_from_with_every_start() {
-    let (_folder, store, id) = labelled();
-    let compare = |[reference, left, right]: [u64; 3], preference| Change {
-        annotator: "ana".parse().unwrap(),
-        time_ms: 1,
-        action: Action::Compare {
-            triple: Triple::new(reference, left, right).unwrap(),
-            preference,
-        },
-    };
-    let said = [
-        compare([4, 1, 2], Preference::Right),
-        compare([0, 1, 2], Preference::Neither),
-    ];
-    store.add_labels(&id, &"2".parse().unwrap(), said.into()).unwrap();
-    let round = |cutoff| {
-        let record = store.campaign("latest").unwrap();
-        store.round_pictures(&record, cutoff).unwrap()
-    };
-    // Before the comparisons nothing was compared.
-    assert_eq!(round(2).compared, RoundComparisons::default());
-    let before = round(4);
-    // Individuals 1, 2 and 4 were compared, 1 and 3 labelled: two further starts of each of four.
-    assert_eq!((before.labels, before.missing.len()), (2, 8));
-    add(&store, &id, 4, &before.missing);
-    let RoundPictures {
-        pictures, compared, ..
-    } = round(4);
-    assert_eq!((pictures.len(), compared.individuals, compared.views), (6, 3, 3));
-    assert_eq!(compared.triplets, [[2, 1, 0]]);
-    let of_first = [
-        RoundPicture::Individual(1),
-        RoundPicture::Further(4),
-        RoundPicture::Further(5),
-    ];
-    assert_eq!(compared.pictures[..3], of_first);
-    assert_eq!(compared.pictures.len(), 9);
 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use murmuration_proto::{Purpose, RandomStream};
+use rand::{RngExt as _, seq::IndexedRandom as _};
 
 const INDIVIDUALS: u64 = 2000;
 
@@ -11,11 +12,11 @@ fn picture(index: u64) -> Vec<u8> {
     let mut image = vec![0; 2500];
     for _ in 0..24 {
         let (mut place, step) = (
-            stream.below(2500) as usize,
-            [1, 49, 50, 51][stream.below(4) as usize],
+            stream.random_range(0..2500),
+            *[1, 49, 50, 51].choose(&mut stream).unwrap(),
         );
         for _ in 0..12 {
-            image[place] = 1 + stream.below(255) as u8;
+            image[place] = stream.random_range(1..=255);
             place = (place + step) % 2500;
         }
     }
