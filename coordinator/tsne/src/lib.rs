@@ -5,8 +5,6 @@
 //! thus bounded, in time and memory; the rest is a look-up in a tree for each behaviour.
 
 mod arrange;
-#[cfg(test)]
-mod tests;
 
 use arrange::{arrange, in_background};
 use murmuration_search::{
@@ -37,8 +35,11 @@ pub fn embed(
     embed_by(MOST, behaviours, axes, interrupt)
 }
 
-/// As [`embed`], by at most so many landmarks.
-fn embed_by(
+/// As [`embed`], with at most `most` landmarks.
+///
+/// # Errors
+/// [`Interrupted`] once `interrupt` is raised.
+pub fn embed_by(
     most: usize,
     behaviours: &Behaviours,
     axes: &[[f64; 2]],

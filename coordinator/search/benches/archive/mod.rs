@@ -2,6 +2,7 @@
 
 use murmuration_proto::{Purpose, RandomStream};
 use murmuration_search::novelty::Behaviours;
+use rand::RngExt as _;
 
 /// Clumps of differing width, as an archive has them.
 pub fn archive(points: usize) -> Behaviours {
@@ -9,7 +10,7 @@ pub fn archive(points: usize) -> Behaviours {
         let clump = (i % 12) as f64;
         std::array::from_fn(|d| {
             let centre = (clump * (d + 1) as f64 * 0.37) % 1.0;
-            centre + stream.between(-0.02, 0.02) * (1.0 + clump)
+            centre + stream.random_range(-0.02..0.02) * (1.0 + clump)
         })
     })
 }
@@ -17,16 +18,19 @@ pub fn archive(points: usize) -> Behaviours {
 /// No clusters at all.
 #[allow(dead_code, reason = "not every benchmark asks for it")]
 pub fn uniform(points: usize) -> Behaviours {
-    behaviours(points, 2, |_, stream| std::array::from_fn(|_| stream.unit()))
+    behaviours(points, 2, |_, stream| stream.random())
 }
 
 /// A curved sheet with a dense core and a sparse tail.
 #[allow(dead_code, reason = "not every benchmark asks for it")]
 pub fn skewed(points: usize) -> Behaviours {
     behaviours(points, 3, |_, stream| {
-        let (a, b) = (stream.unit().powi(4) * 6.0, stream.unit().powi(2) * 3.0);
+        let (a, b) = (
+            stream.random::<f64>().powi(4) * 6.0,
+            stream.random::<f64>().powi(2) * 3.0,
+        );
         let sheet = [2.0 * a.sin(), (a * b).cos(), b, a * 0.5, a * b * 0.2];
-        sheet.map(|value| value + stream.between(-0.05, 0.05))
+        sheet.map(|value| value + stream.random_range(-0.05..0.05))
     })
 }
 

@@ -16,14 +16,14 @@
 //! * the first tournament; whether to cross over; if so the second tournament and the cut; then, gene by gene,
 //!   whether it mutates and if so how (a child).
 
-mod selection;
 mod spread;
-mod variation;
 
 use crate::filter::Score;
 use murmuration_proto::{
-    CampaignSpec, CapabilityModel, Controller, ControllerSpace, Enumeration, Method, Purpose, RandomStream,
+    CampaignSpec, CapabilityModel, Controller, ControllerSpace, Enumeration, GeneSpace, Method, Purpose,
+    RandomStream, Search,
 };
+use rand::RngExt as _;
 use spread::Spread;
 
 /// Attempts at one controller before the search is given up as hopeless.
@@ -47,7 +47,6 @@ pub struct Proposal {
 /// An individual of the generation before.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parent {
-    /// Its controller.
     pub controller: Controller,
     /// Its novelty (paper, Eq. 1), higher being fitter.
     pub novelty: f64,
@@ -67,7 +66,6 @@ pub enum ProposeError {
     ForeignParent {
         /// Its place among the parents, from 0.
         parent: usize,
-        /// Its model.
         given: CapabilityModel,
         /// The campaign's model.
         expected: CapabilityModel,
@@ -118,7 +116,6 @@ pub fn propose(spec: &CampaignSpec, generation: u32, parents: &[Parent]) -> Resu
     fill(spec, generation, &[], |stream| breed(spec, parents, stream))
 }
 
-/// The slice of a generation of an exhaustive campaign.
 fn slice(spec: &CampaignSpec, generation: u32) -> Proposal {
     let population = u64::from(spec.search().population());
     let first = u64::from(generation) * population;
@@ -155,7 +152,7 @@ pub fn sample(
 /// The seed of the first start of an individual.
 #[must_use]
 pub fn start_seed(spec: &CampaignSpec, index: u64) -> u64 {
-    RandomStream::derive(spec.seed(), Purpose::Start, index).bits()
+    RandomStream::derive(spec.seed(), Purpose::Start, index).random()
 }
 
 /// What takes the place of an individual whose task is poisoned, at an attempt from 1: another sample of the space, with the seed of
@@ -166,7 +163,7 @@ pub fn start_seed(spec: &CampaignSpec, index: u64) -> u64 {
 pub fn substitute(spec: &CampaignSpec, index: u64, attempt: u64) -> Result<(Controller, u64), ProposeError> {
     let mut stream = RandomStream::derive(spec.seed(), Purpose::Substitute, index << 8 | attempt);
     let controller = sample(spec.controllers(), spec.filter(), &mut stream)?;
-    Ok((controller, stream.bits()))
+    Ok((controller, stream.random()))
 }
 
 /// Whether the first start of an individual can have this seed: its own, or that of a substitute, whose controller it has then.
@@ -211,14 +208,61 @@ fn fill(
 
 fn breed(spec: &CampaignSpec, parents: &[Parent], stream: &mut RandomStream) -> Controller {
     let search = spec.search();
-    let first = selection::tournament(parents, search, stream);
+    let first = tournament(parents, search, stream);
     let mut genes = first.controller.genes().to_vec();
     if stream.chance(search.crossover()) {
-        let second = selection::tournament(parents, search, stream);
-        variation::cross_over(&mut genes, second.controller.genes(), stream);
+        let second = tournament(parents, search, stream);
+        cross_over(&mut genes, second.controller.genes(), stream);
     }
-    variation::mutate(&mut genes, spec.controllers(), search, stream);
+    mutate(&mut genes, spec.controllers(), search, stream);
     spec.controllers().controller(&genes)
+}
+
+/// The winner of one tournament among `parents` (at least one).
+///
+/// Candidates are drawn uniformly with replacement and ranked by novelty, the highest first, equal ones by
+/// their place among the parents. The first wins with probability p, else the second with p, and so on; the
+/// last takes what is left.
+fn tournament<'p>(parents: &'p [Parent], search: &Search, stream: &mut RandomStream) -> &'p Parent {
+    let mut candidates: Vec<usize> = (0..search.tournament())
+        .map(|_| stream.below(parents.len() as u64) as usize)
+        .collect();
+    candidates.sort_unstable_by(|&a, &b| {
+        let by_novelty = parents[b].novelty.total_cmp(&parents[a].novelty);
+        by_novelty.then(a.cmp(&b))
+    });
+    let last = candidates.len() - 1;
+    let rank = (0..last)
+        .find(|_| stream.chance(search.tournament_pressure()))
+        .unwrap_or(last);
+    &parents[candidates[rank]]
+}
+
+/// One-point crossover: `genes` keeps its head and takes the tail of `other`, at least one gene each.
+fn cross_over(genes: &mut [f64], other: &[f64], stream: &mut RandomStream) {
+    let cut = 1 + stream.below(genes.len() as u64 - 1) as usize;
+    genes[cut..].copy_from_slice(&other[cut..]);
+}
+
+/// Mutates each gene with the search's probability.
+///
+/// A speed moves by a uniform amount within the mutation step (a share of its limit), may change its sign, and becomes the
+/// nearest speed of the space. Every other gene is drawn anew.
+fn mutate(genes: &mut [f64], space: &ControllerSpace, search: &Search, stream: &mut RandomStream) {
+    for (gene, values) in genes.iter_mut().zip(space.genes()) {
+        if !stream.chance(search.mutation()) {
+            continue;
+        }
+        *gene = match values {
+            GeneSpace::Speed { limit, .. } => {
+                let step = search.mutation_step();
+                let moved = *gene / limit + stream.between(-step, step);
+                let flipped = stream.chance(search.sign_flip());
+                values.nearest_speed(if flipped { -moved } else { moved })
+            }
+            GeneSpace::Among(_) | GeneSpace::Within(_) | GeneSpace::Ratio(_) => values.sample(stream),
+        };
+    }
 }
 
 #[cfg(test)]

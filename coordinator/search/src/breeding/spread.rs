@@ -5,6 +5,7 @@
 //! permutations the columns of large primes go along diagonals for hundreds of points.
 
 use murmuration_proto::{Controller, ControllerSpace, Purpose, RandomStream};
+use rand::RngExt as _;
 
 /// An evenly spread sequence of the controllers of a space; some may come twice, where genes have few values.
 pub(super) struct Spread<'a> {
@@ -24,7 +25,7 @@ impl<'a> Spread<'a> {
     pub(super) fn over(space: &'a ControllerSpace, seed: u64) -> Self {
         let digits = |(gene, base): (u64, u64)| {
             let mut stream = RandomStream::derive(seed, Purpose::Spread, gene);
-            let shift = stream.unit();
+            let shift = stream.random();
             let mut permuted: Vec<u64> = (0..base).collect();
             stream.shuffle(&mut permuted[1..]);
             Digits { permuted, shift }

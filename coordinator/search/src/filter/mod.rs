@@ -42,7 +42,6 @@
 
 use murmuration_proto::{Controller, DriveKind, RobotController};
 
-/// One metric of the filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Metric {
     /// Its name, as people see it.
@@ -96,7 +95,6 @@ pub struct Score {
 }
 
 impl Score {
-    /// Scores a controller.
     #[must_use]
     pub fn of(controller: &Controller) -> Self {
         let scores = controller.robots().map(Self::of_robot);

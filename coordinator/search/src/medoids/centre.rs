@@ -23,7 +23,6 @@ const WEISZFELD_STEPS: usize = 12;
 /// Blocks that are summed by themselves. Part of what the bits rest on.
 const CHUNK: usize = 512;
 
-/// The members of a cluster.
 struct Members<'a> {
     points: &'a Behaviours,
     indices: &'a [usize],

@@ -14,20 +14,22 @@
 mod assignment;
 mod by_class;
 mod centre;
+mod coverage;
 mod sampled;
 mod seeding;
 mod swaps;
 
 pub use by_class::cluster_by_class;
+pub use coverage::{cover, order};
 
 use crate::{
     interrupt::{Interrupt, Interrupted},
     novelty::Behaviours,
 };
-use murmuration_proto::RandomStream;
+use murmuration_proto::{CampaignSpec, Choice, Purpose, RandomStream};
 use rayon::prelude::*;
 use sampled::Sampling;
-use std::cmp::Reverse;
+use std::{cmp::Reverse, collections::BTreeMap};
 
 /// Most points that are all weighed against each other: about a second of one core.
 pub const MOST_EXACT: usize = 16_384;
@@ -77,6 +79,33 @@ pub struct Clustering {
     pub clusters: Vec<u32>,
     /// Sum of the distances of all behaviours to their medoids.
     pub loss: f64,
+}
+
+/// Clusters an archive about the behaviours that its taxonomy shows, chosen as `spec` says; `labelled` has indices of points, each
+/// once, and their classes. `told` hears how far it is.
+///
+/// # Errors
+/// As [`cluster`].
+pub fn choose(
+    spec: &CampaignSpec,
+    points: &Behaviours,
+    labelled: &BTreeMap<usize, u32>,
+    interrupt: &Interrupt,
+    told: &dyn Fn(Progress),
+) -> Result<Clustering, Interrupted> {
+    let k = spec.medoids() as usize;
+    let mut stream = RandomStream::derive(spec.seed(), Purpose::Medoids, 0);
+    match spec.choice() {
+        Choice::Coverage => {
+            let neighbours = spec.search().neighbours() as usize;
+            cover(points, labelled, (k, neighbours), &mut stream, interrupt)
+        }
+        Choice::Medoids => {
+            let algorithm = Algorithm::for_size(points.len());
+            cluster_by(algorithm, points, k, &mut stream, interrupt, told)
+        }
+        Choice::ByClass => cluster_by_class(points, labelled, k, &mut stream, interrupt, told),
+    }
 }
 
 /// Clusters `points` about `k` of them, so that the sum of Euclidean distances to the nearest medoid is (locally)

@@ -21,7 +21,6 @@ use rayon::prelude::*;
 pub(super) struct Sampling {
     /// Points of a sample, where there are not more than [`LEAST_SHARE`] medoids for each of them.
     pub(super) size: usize,
-    /// Samples.
     pub(super) count: u32,
 }
 

@@ -5,6 +5,7 @@ use crate::{
     novelty::Behaviours,
 };
 use murmuration_proto::RandomStream;
+use rand::RngExt as _;
 
 /// `k` different points (at most as many as there are): the first uniformly, each of the others with a
 /// probability proportional to its distance from the nearest one chosen (k-means++ for a loss of distances that
@@ -48,7 +49,7 @@ fn draw(distances: &[f64], stream: &mut RandomStream) -> Option<usize> {
     if total <= 0.0 {
         return None;
     }
-    let mark = stream.unit() * total;
+    let mark = stream.random::<f64>() * total;
     let mut sum = 0.0;
     let mut drawn = None;
     for (point, &distance) in distances.iter().enumerate() {

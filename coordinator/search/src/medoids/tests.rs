@@ -136,8 +136,8 @@ fn losses_are_close_to_the_least_possible() {
     let (mut found, mut least) = (0.0, 0.0);
     for seed in 0..300 {
         let mut random = RandomStream::derive(seed, Purpose::Start, 0);
-        let k = 1 + random.below(4) as usize;
-        let points: Vec<Vec<f64>> = (0..13).map(|_| vec![random.unit(), random.unit()]).collect();
+        let k = random.random_range(1..=4);
+        let points: Vec<Vec<f64>> = (0..13).map(|_| vec![random.random(), random.random()]).collect();
         let points = behaviours(&points);
         let clustering = cluster(&points, k, &mut stream(seed));
         check(&points, k, &clustering);
@@ -153,7 +153,7 @@ fn losses_are_close_to_the_least_possible() {
 fn the_number_of_threads_changes_nothing() {
     let mut random = RandomStream::derive(3, Purpose::Start, 0);
     let points: Vec<Vec<f64>> = (0..1500)
-        .map(|_| (0..5).map(|_| random.unit()).collect())
+        .map(|_| (0..5).map(|_| random.random()).collect())
         .collect();
     let points = behaviours(&points);
     let on = |threads| {
@@ -177,7 +177,7 @@ fn the_number_of_threads_changes_nothing() {
 fn the_medoids_are_the_same_for_ever() {
     let mut random = RandomStream::derive(4, Purpose::Start, 0);
     let points: Vec<Vec<f64>> = (0..1000)
-        .map(|_| (0..5).map(|_| random.unit()).collect())
+        .map(|_| (0..5).map(|_| random.random()).collect())
         .collect();
     let clustering = cluster(&behaviours(&points), 5, &mut stream(4));
     assert_eq!(

@@ -23,7 +23,6 @@ pub enum Misfit {
     Value {
         /// Place of the value, from 0.
         place: usize,
-        /// The value.
         value: f64,
     },
 }
@@ -95,7 +94,6 @@ impl Behaviours {
         self.dims
     }
 
-    /// Number of behaviours.
     #[must_use]
     pub const fn len(&self) -> usize {
         self.len

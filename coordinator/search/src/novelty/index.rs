@@ -27,9 +27,7 @@ pub struct Index {
 /// A behaviour near a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Neighbour {
-    /// Its index.
     pub index: usize,
-    /// Its distance.
     pub distance: f64,
 }
 

@@ -22,7 +22,6 @@ const PARALLEL: usize = 8192;
 #[derive(Debug, Clone)]
 pub(super) struct Tree {
     dims: usize,
-    /// What it is of.
     range: Range<usize>,
     /// Leaf after leaf.
     lanes: Lanes,
@@ -33,7 +32,6 @@ pub(super) struct Tree {
     boxes: Vec<f64>,
 }
 
-/// A node on the way.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Node {
     place: usize,
@@ -62,7 +60,6 @@ impl Tree {
         }
     }
 
-    /// What it is of.
     pub(super) fn range(&self) -> Range<usize> {
         self.range.clone()
     }

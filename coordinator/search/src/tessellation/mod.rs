@@ -50,7 +50,6 @@ impl Tessellation {
         Ok(tessellation)
     }
 
-    /// The cells about these centroids.
     #[must_use]
     pub const fn about(centroids: Behaviours) -> Self {
         Self { centroids }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::medoids::{centre, sampled::Sampling};
+use rand::RngExt as _;
 use std::cell::Cell;
 
 /// Of few points, as of many.
@@ -18,10 +19,10 @@ fn overlapping(count: usize, seed: u64) -> Behaviours {
     let mut random = RandomStream::derive(seed, Purpose::Start, 0);
     let points: Vec<Vec<f64>> = (0..count)
         .map(|_| {
-            let clump = random.unit().powi(2) * 9.0;
+            let clump = random.random::<f64>().powi(2) * 9.0;
             let centre = |d: f64| (clump.floor() * d * 0.37).fract() * 2.0;
             (1..=5)
-                .map(|d| centre(f64::from(d)) + random.unit() * (1.0 + clump / 9.0))
+                .map(|d| centre(f64::from(d)) + random.random::<f64>() * (1.0 + clump / 9.0))
                 .collect()
         })
         .collect();

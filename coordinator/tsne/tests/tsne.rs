@@ -1,8 +1,15 @@
 //! Neighbours in two dimensions.
 
-use super::*;
+#![expect(clippy::unwrap_used, reason = "tests fail by panicking")]
+
 use murmuration_proto::{Purpose, RandomStream};
-use murmuration_search::projection;
+use murmuration_search::{
+    interrupt::{Interrupt, Interrupted},
+    novelty::Behaviours,
+    projection,
+};
+use murmuration_tsne::{embed, embed_by};
+use rand::RngExt as _;
 
 /// Two clumps of behaviours far from each other, half of `count` in each.
 fn clumps(count: usize) -> Behaviours {
@@ -10,7 +17,7 @@ fn clumps(count: usize) -> Behaviours {
     let mut behaviours = Behaviours::new(5);
     for i in 0..count {
         let centre = if i % 2 == 0 { 0.0 } else { 10.0 };
-        let near: Vec<f64> = (0..5).map(|_| centre + stream.unit()).collect();
+        let near: Vec<f64> = (0..5).map(|_| centre + stream.random::<f64>()).collect();
         behaviours.push(&near).unwrap();
     }
     behaviours
@@ -28,7 +35,7 @@ fn neighbours_stay_neighbours() {
         let axes = projection::principal_axes(&behaviours, &Interrupt::default())
             .unwrap()
             .points;
-        let points = arrange(&behaviours, &axes, &Interrupt::default()).unwrap();
+        let points = embed(&behaviours, &axes, &Interrupt::default()).unwrap();
         assert_ne!(points, axes);
         for (i, &point) in points.iter().enumerate() {
             let others = (0..points.len()).filter(|&other| other != i);
@@ -70,7 +77,7 @@ fn few_behaviours_and_equal_ones_have_a_map_too() {
         let axes = projection::principal_axes(&equal, &Interrupt::default())
             .unwrap()
             .points;
-        assert_eq!(arrange(&equal, &axes, &Interrupt::default()), Ok(axes));
+        assert_eq!(embed(&equal, &axes, &Interrupt::default()), Ok(axes));
     }
 }
 
@@ -80,7 +87,7 @@ fn what_is_interrupted_has_no_map() {
     let axes = projection::principal_axes(&behaviours, &Interrupt::default()).unwrap();
     let interrupt = Interrupt::default();
     interrupt.raise();
-    assert_eq!(arrange(&behaviours, &axes.points, &interrupt), Err(Interrupted));
+    assert_eq!(embed(&behaviours, &axes.points, &interrupt), Err(Interrupted));
     assert_eq!(
         projection::principal_axes(&behaviours, &interrupt),
         Err(Interrupted)
