@@ -17,6 +17,7 @@ use murmuration_dispatch::leases::{
 };
 use murmuration_model::MachineId;
 use murmuration_proto::{Purpose, RandomStream};
+use rand::RngExt as _;
 use rustix::time::{ClockId, clock_gettime};
 use std::{
     cmp::Reverse,
@@ -116,7 +117,7 @@ impl Cluster {
         cluster.plan(begun + TICK, Happens::Tick);
         let tasks = workers * TASKS_EACH;
         let stream = &mut cluster.stream;
-        let audited = (0..tasks).filter(|_| stream.chance(0.01)).collect();
+        let audited = (0..tasks).filter(|_| stream.random_bool(0.01)).collect();
         let params = JobParams {
             tasks,
             cost: 1,
@@ -229,10 +230,10 @@ impl Cluster {
             let mut ends = begins;
             for _ in &grant.tasks {
                 let (least, most) = EVALUATION_MS;
-                ends += Duration::from_millis(least + self.stream.bits() % (most - least));
+                ends += Duration::from_millis(self.stream.random_range(least..most));
             }
             self.alive.insert(grant.worker, (ends, process));
-            if self.stream.chance(LOST) {
+            if self.stream.random_bool(LOST) {
                 self.plan(ends, Happens::Silence(grant.worker));
             } else {
                 let result = Happens::Result(grant.worker, grant.lease, grant.tasks.len());

@@ -17,9 +17,7 @@ pub struct EvaluationJob {
     pub campaign: Option<CampaignId>,
     /// Their share of the workers.
     pub weight: Weight,
-    /// The capability model of every controller.
     pub model: CapabilityModel,
-    /// The arena.
     pub world: World,
     /// The pictures wanted.
     pub image: ImageFormat,
@@ -66,11 +64,9 @@ impl EvaluationJob {
 /// Stored pictures to embed.
 #[derive(Debug, Clone)]
 pub struct EmbeddingJob {
-    /// Whose they are.
     pub campaign: CampaignId,
     /// The campaign's share of the workers.
     pub weight: Weight,
-    /// What embeds them.
     pub embedder: EmbedderRef,
     /// Number of pictures of each individual.
     pub starts: Starts,
@@ -79,16 +75,12 @@ pub struct EmbeddingJob {
     pub images: Vec<Vec<Vec<u8>>>,
 }
 
-/// An embedder to train for a campaign.
 #[derive(Debug)]
 pub struct TrainingJob {
-    /// The campaign.
     pub campaign: CampaignId,
     /// The campaign's share of the workers.
     pub weight: Weight,
-    /// How to train.
     pub configuration: Configuration,
-    /// The shape of the pictures.
     pub shape: PictureShape,
     /// The pictures without labels.
     pub pictures: TrainingPictures,
@@ -116,18 +108,11 @@ impl TrainingJob {
 /// What a training on labels begins with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FineTuningParams {
-    /// The checkpoint to go on from.
     pub parent: CheckpointDigest,
     /// Number of labelled pictures.
     pub labelled: u32,
     /// Number of labels that those come from.
     pub labels: u32,
-    /// Number of compared individuals.
-    pub compared: u32,
-    /// Pictures of each of them.
-    pub compared_views: u32,
-    /// Number of comparisons.
-    pub comparisons: u32,
 }
 
 /// One simulation to watch.
@@ -135,11 +120,8 @@ pub struct FineTuningParams {
 pub struct ReplayJob {
     /// Of whose archive it is.
     pub campaign: CampaignId,
-    /// The controller.
     pub controller: Controller,
-    /// The arena.
     pub world: World,
-    /// Seed of the start.
     pub seed: u64,
     /// The frames that are wanted of its motion.
     pub frames: Frames,
@@ -148,11 +130,9 @@ pub struct ReplayJob {
 /// What became of a controller that was to be evaluated.
 #[derive(Debug, Clone)]
 pub enum Evaluated {
-    /// It was evaluated.
     Done {
         /// What came of its trials: as many as the job has starts.
         trials: Vec<Evaluation>,
-        /// Who did it.
         maker: Maker,
     },
     /// It was given up.
@@ -163,7 +143,6 @@ pub enum Evaluated {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{} workers were lost during it, the last two while they did nothing else: {}", .workers.len(), .workers.join(", "))]
 pub struct PoisonedTask {
-    /// Names of the workers.
     pub workers: Vec<String>,
 }
 
@@ -179,7 +158,6 @@ pub enum JobError {
          on another machine, and resume the campaign", .workers.join(" and ")
     )]
     Disagreement {
-        /// Place of the task in the job.
         task: usize,
         /// Names of those who disagree.
         workers: Vec<String>,

@@ -34,12 +34,10 @@ impl JobProgress {
         trouble.unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// So many are done.
     pub(crate) fn set_done(&self, count: u32) {
         self.done.store(count, Ordering::Relaxed);
     }
 
-    /// One more is done.
     pub fn one_more(&self) {
         self.done.fetch_add(1, Ordering::Relaxed);
     }

@@ -15,18 +15,13 @@
 //! [`LeaseTable::take_events`] tells what became of jobs; [`LeaseTable::grant`] says whom to send what.
 
 mod held;
-mod ids;
 mod job;
-mod params;
 mod quarantine;
 mod queues;
 mod roster;
 mod task;
 mod turns;
 mod workers;
-
-pub use ids::{Abilities, JobId, LeaseNumber, WorkerId, WorkerProcessId};
-pub use params::JobParams;
 
 use job::Job;
 use murmuration_model::MachineId;
@@ -55,12 +50,55 @@ pub trait Agree {
     fn agrees_with(&self, other: &Self) -> bool;
 }
 
+/// A worker's connection; a worker that connects anew has another one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct WorkerId(u64);
+
+/// A worker's process, the same over all its connections from one machine.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct WorkerProcessId {
+    /// Where it runs.
+    pub machine: MachineId,
+    /// What tells it from other processes of that machine: a number of its own choosing, which gives it no vote.
+    pub instance: u64,
+}
+
+/// What a worker can do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Abilities {
+    /// Tasks that it runs at once, 1 or more.
+    pub capacity: usize,
+    /// Whether it embeds pictures.
+    pub embeds: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct JobId(u64);
+
+/// A lease; numbers are never used twice in one run of the coordinator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct LeaseNumber(pub u64);
+
+#[derive(Debug, Clone)]
+pub struct JobParams {
+    /// Number of tasks, at least one.
+    pub tasks: usize,
+    /// What a task costs its job when turns are compared, in a unit that all jobs share (agents times steps over a weight,
+    /// say); at least 1.
+    pub cost: u64,
+    /// Places of the tasks that a worker on a second machine repeats, where there is one.
+    pub audited: BTreeSet<usize>,
+    /// Whether only workers that embed can do them.
+    pub embeds: bool,
+    /// Whether a late lease is also given to a worker that would be idle.
+    pub speculative: bool,
+}
+
 /// A batch that was just leased: send it to its worker.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Grant {
     /// Who holds the lease.
     pub worker: WorkerId,
-    /// The lease.
     pub lease: LeaseNumber,
     /// The job that the tasks belong to.
     pub job: JobId,
@@ -71,7 +109,6 @@ pub struct Grant {
 /// What became of a task.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Settled<R> {
-    /// It was done.
     Result {
         /// The result.
         value: R,
@@ -92,21 +129,18 @@ pub enum Settled<R> {
 pub enum Event<R> {
     /// So many tasks of a job are settled. Fewer than before where a worker was found wrong.
     Progress {
-        /// The job.
         job: JobId,
         /// How many.
         settled: usize,
     },
     /// All tasks are settled, in their order; the job is now forgotten.
     Done {
-        /// The job.
         job: JobId,
         /// One a task.
         results: Vec<Settled<R>>,
     },
     /// Machines differ about a task and there is no other that could say which is right; the job is now forgotten.
     Disagreement {
-        /// The job.
         job: JobId,
         /// The place of the task.
         task: usize,
@@ -116,7 +150,6 @@ pub enum Event<R> {
     /// Workers say that nobody could do a task: of two machines, or of one where there is no other to ask. The job is now
     /// forgotten.
     Impossible {
-        /// The job.
         job: JobId,
         /// Who says so.
         by: Vec<WorkerProcessId>,
@@ -204,7 +237,6 @@ impl<R: Agree> LeaseTable<R> {
         }
     }
 
-    /// Takes in a job.
     pub fn submit(&mut self, params: JobParams) -> JobId {
         let id = JobId(self.fresh_number());
         let tasks = (0..params.tasks).map(|place| Task::new(params.audited.contains(&place)));

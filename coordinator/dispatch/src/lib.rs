@@ -3,7 +3,6 @@
 //! Campaigns hand it jobs and wait for their results; the worker service hands it what workers say. It keeps
 //! no results once a job is over and writes nothing to disk.
 
-mod connected;
 mod job;
 mod job_progress;
 pub mod leases;
@@ -13,7 +12,6 @@ mod submitted;
 mod trainers;
 mod work;
 
-pub use connected::{ConnectedMachine, WorkInHand};
 pub use job::{
     EmbeddingJob, Evaluated, EvaluationJob, FineTuningParams, JobError, PoisonedTask, ReplayJob, TrainingJob,
 };
@@ -31,6 +29,25 @@ use tokio::sync::{mpsc, oneshot, watch};
 use tonic::Status;
 use work::Work;
 
+/// A worker or trainer that is connected.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ConnectedMachine {
+    /// What it is called, and its address.
+    pub name: String,
+    /// Tasks that it runs at once; 0 once it takes no more.
+    pub capacity: usize,
+    pub work: Vec<WorkInHand>,
+}
+
+/// Tasks of one campaign and kind that a machine has in hand.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WorkInHand {
+    pub kind: WorkKind,
+    /// Whose they are; `None` if they are of no campaign.
+    pub campaign: Option<CampaignId>,
+    pub tasks: usize,
+}
+
 /// How the dispatcher treats its workers.
 #[derive(Debug, Clone, Copy)]
 pub struct Options {
@@ -47,7 +64,6 @@ pub struct Options {
 pub struct Share(f64);
 
 impl Share {
-    /// As a number.
     #[must_use]
     pub const fn get(self) -> f64 {
         self.0
@@ -108,7 +124,6 @@ pub struct Dispatch {
     quarantined: watch::Receiver<Vec<Quarantined>>,
 }
 
-/// Who connects.
 #[derive(Debug)]
 pub struct JoinRequest {
     /// Its name, for people.
@@ -148,30 +163,23 @@ pub enum WorkerReport {
     Result {
         /// The coordinator's epoch that the lease was given in.
         epoch: u64,
-        /// Its number.
         lease: LeaseNumber,
-        /// What came of it.
         outcome: v1::batch_result::Outcome,
     },
     /// How far the training of a lease has come.
     Training {
         /// The coordinator's epoch that the lease was given in.
         epoch: u64,
-        /// Its number.
         lease: LeaseNumber,
-        /// How far.
         progress: v1::TrainingProgress,
     },
     /// The training of a lease, put aside.
     Saved {
         /// The coordinator's epoch that the lease was given in.
         epoch: u64,
-        /// Its number.
         lease: LeaseNumber,
-        /// The training.
         training: SavedTraining,
     },
-    /// Alive.
     Heartbeat,
     /// Takes no more leases.
     Drain,
@@ -182,7 +190,6 @@ pub enum WorkerReport {
 /// The training under a lease that a trainer names.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TrainingLease {
-    /// The trainer holds the lease.
     Held(Box<LeasedTraining>),
     /// The lease is over: nobody wants its training any more.
     Over,
@@ -193,7 +200,6 @@ pub enum TrainingLease {
 /// What a training can come to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeasedTraining {
-    /// How it is trained.
     pub configuration: Configuration,
     /// The checkpoint that it goes on from; `None` if from scratch.
     pub parent: Option<CheckpointDigest>,
@@ -407,6 +413,16 @@ impl Dispatch {
         // Nobody holds leases of a dispatcher that has ended.
         self.commands.send(Command::Work(request)).await.ok()?;
         answer.await.ok()?
+    }
+
+    /// Everybody who is connected, by name; nobody once the dispatcher has ended.
+    pub async fn connected(&self) -> Vec<ConnectedMachine> {
+        let (reply, answer) = oneshot::channel();
+        let request = Command::Work(Request::Connected { reply });
+        match self.commands.send(request).await {
+            Ok(()) => answer.await.unwrap_or_default(),
+            Err(_) => Vec::new(),
+        }
     }
 
     async fn submit<W: Work>(

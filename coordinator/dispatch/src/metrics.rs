@@ -14,9 +14,7 @@ use std::time::Duration;
 /// With whom a dispatcher deals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PeerKind {
-    /// Workers.
     Worker,
-    /// Trainers.
     Trainer,
 }
 
@@ -32,20 +30,17 @@ impl PeerKind {
 /// What is farmed out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WorkKind {
-    /// Evaluations of controllers.
     Evaluation,
     /// Pictures to embed.
     Embedding,
     /// Simulations to watch.
     Replay,
-    /// Embedders to train.
     Training,
 }
 
 impl WorkKind {
     const ALL: [Self; 4] = [Self::Evaluation, Self::Embedding, Self::Replay, Self::Training];
 
-    /// Its name as a label.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

@@ -1,6 +1,5 @@
 //! The dispatcher's task: it owns the lease table, and is the only one to write to workers.
 
-mod connected;
 mod results;
 
 use super::{
@@ -9,12 +8,13 @@ use super::{
     submitted::{AnyJob, Vote},
 };
 use crate::{
-    DispatchMetrics,
+    ConnectedMachine, DispatchMetrics, WorkInHand,
     leases::{Abilities, Grant, JobId, LeaseNumber, LeaseTable, WorkerId, WorkerProcessId},
 };
 use murmuration_link::trace_parent;
 use murmuration_model::{CampaignId, MachineId, Quarantined};
 use murmuration_proto::{EmbeddingKind, Purpose, RandomStream, v1};
+use rand::RngExt as _;
 use std::{
     collections::{BTreeMap, BTreeSet},
     sync::Arc,
@@ -151,7 +151,7 @@ impl Service {
         match request {
             Request::Submit { job, job_progress } => {
                 let (chance, share) = (&mut self.chance, self.options.audited.get());
-                let id = self.table.submit(job.params(&mut || chance.chance(share)));
+                let id = self.table.submit(job.params(&mut || chance.random_bool(share)));
                 let job = Job {
                     submitted: job,
                     job_progress,
@@ -231,7 +231,7 @@ impl Service {
         } = join_request;
         let process = WorkerProcessId {
             machine: origin.machine,
-            instance: instance.unwrap_or_else(|| self.chance.bits()),
+            instance: instance.unwrap_or_else(|| self.chance.random()),
         };
         let abilities = Abilities {
             capacity,
@@ -247,7 +247,7 @@ impl Service {
             heartbeat_interval_ms: self.options.heartbeat_interval.as_millis() as u32,
             silence_limit_ms: self.options.silence_limit.as_millis() as u32,
         });
-        tracing::info!(worker = name, capacity, "worker joined");
+        tracing::info!(name, capacity, "joined");
         self.remember(process, format!("{name} at {}", origin.address));
         let trainings = BTreeSet::new();
         self.workers.insert(
@@ -337,7 +337,7 @@ impl Service {
                 tracing::warn!(worker = worker.name, reason = status.message(), "worker dropped");
                 let _ = worker.outbox.try_send(Err(status));
             }
-            None => tracing::info!(worker = worker.name, "worker left"),
+            None => tracing::info!(name = worker.name, "left"),
         }
     }
 
@@ -421,6 +421,43 @@ impl Service {
                     "this worker does not read its messages",
                 )),
             );
+        }
+    }
+
+    /// Everybody who is connected, by name.
+    fn connected(&self) -> Vec<ConnectedMachine> {
+        let mut machines: Vec<_> = self.workers.keys().map(|&id| self.machine(id)).collect();
+        machines.sort_by(|one, other| one.name.cmp(&other.name));
+        machines
+    }
+
+    fn machine(&self, id: WorkerId) -> ConnectedMachine {
+        let process = self.table.process(id);
+        let name = process.and_then(|process| self.names.get(&process));
+        let mut work: Vec<WorkInHand> = Vec::new();
+        for (job, tasks) in self.table.in_hand(id) {
+            self.add(&mut work, job, tasks);
+        }
+        ConnectedMachine {
+            name: name.cloned().unwrap_or_default(),
+            capacity: self.table.capacity(id),
+            work,
+        }
+    }
+
+    fn add(&self, work: &mut Vec<WorkInHand>, job: JobId, tasks: usize) {
+        let Some(job) = self.jobs.get(&job) else { return };
+        let (kind, campaign) = (job.submitted.kind(), job.submitted.campaign());
+        let known = work
+            .iter_mut()
+            .find(|known| known.kind == kind && known.campaign.as_ref() == campaign);
+        match known {
+            Some(known) => known.tasks += tasks,
+            None => work.push(WorkInHand {
+                kind,
+                campaign: campaign.cloned(),
+                tasks,
+            }),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! A dispatcher of its own for trainers: what they lease takes minutes and belongs to one of them at a time.
 
-use super::{Dispatch, JobError, JobProgress, Options, TrainingJob};
+use super::{ConnectedMachine, Dispatch, JobError, JobProgress, Options, TrainingJob};
 use crate::DispatchMetrics;
 use murmuration_model::Quarantined;
 use murmuration_proto::CheckpointDigest;
@@ -46,6 +46,11 @@ impl Trainers {
     /// Ends every trainer's stream and every training; those go on with the next coordinator.
     pub async fn stop(&self) {
         self.0.stop().await;
+    }
+
+    /// Every trainer that is connected, by name.
+    pub async fn machines(&self) -> Vec<ConnectedMachine> {
+        self.dispatch().connected().await
     }
 
     /// What serves the trainers' streams.

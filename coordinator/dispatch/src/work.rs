@@ -8,7 +8,7 @@ use murmuration_proto::{
     check_embedding, embeddings_agree,
     v1::{self, batch_result::Outcome},
 };
-use murmuration_worker::features::{FeatureBounds, check_positions};
+use murmuration_sim::features::{FeatureBounds, check_positions};
 use std::fmt::Debug;
 
 /// What embedding a picture costs, in steps of an agent.
@@ -29,7 +29,6 @@ pub(super) trait Work: Debug + Send + 'static {
     /// The campaign's share of the workers.
     fn weight(&self) -> Weight;
 
-    /// Number of tasks.
     fn tasks(&self) -> usize {
         1
     }
@@ -348,11 +347,6 @@ impl Work for TrainingJob {
             parent: parent.unwrap_or_default(),
             labelled: self.fine_tuning.map_or(0, |fine_tuning| fine_tuning.labelled),
             labels: self.fine_tuning.map_or(0, |fine_tuning| fine_tuning.labels),
-            compared: self.fine_tuning.map_or(0, |fine_tuning| fine_tuning.compared),
-            compared_views: self
-                .fine_tuning
-                .map_or(0, |fine_tuning| fine_tuning.compared_views),
-            comparisons: self.fine_tuning.map_or(0, |fine_tuning| fine_tuning.comparisons),
         })
     }
 

@@ -14,5 +14,10 @@ pub mod taxonomy;
 
 pub use murmuration_store::blocking;
 
+/// A swarm that never moved.
 #[cfg(test)]
-mod still;
+fn still(index: u64, generation: u32) -> murmuration_store::ArchivedIndividual {
+    use murmuration_proto::{Controller, Preset};
+    let controller = Controller::new(Preset::SingleSensor, &[0.0; 4]).unwrap();
+    murmuration_store::ArchivedIndividual::unmeasured(index, generation, controller)
+}

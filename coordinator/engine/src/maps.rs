@@ -23,11 +23,9 @@ pub struct Maps {
     spaces: Spaces,
     /// One lock a campaign, so that an archive is projected once, whoever asks meanwhile.
     kept: Arc<Kept<Mutex<Option<Known>>>>,
-    /// Ends every computation of a map.
     interrupt: Interrupt,
 }
 
-/// What is known of one campaign.
 #[derive(Debug)]
 struct Known {
     of: Version,
@@ -37,7 +35,7 @@ struct Known {
     interrupt: Interrupt,
 }
 
-/// What a map is a map of.
+/// The archive that a map shows: its version, and the number of its individuals.
 type Version = (ArchiveVersion, u64);
 
 /// How far the t-SNE of an archive has come.
@@ -60,7 +58,6 @@ impl Known {
 
 impl Maps {
     /// Nothing is known yet; what is computed ends early once `interrupt` is raised.
-    #[must_use]
     pub fn new(spaces: Spaces, interrupt: Interrupt) -> Self {
         Self::within(spaces, interrupt, MOST_BYTES)
     }
@@ -74,9 +71,6 @@ impl Maps {
     }
 
     /// The archive on its principal axes. Blocks while it is read and projected, once a version of it.
-    ///
-    /// # Errors
-    /// See [`SpaceError`].
     pub fn axes(&self, record: &CampaignRecord) -> Result<Arc<Projection>, SpaceError> {
         let kept = self.kept.of(&record.id);
         self.current(record, &mut lock(&kept))
@@ -85,9 +79,6 @@ impl Maps {
 
     /// The archive by t-SNE; `None` while that is computed, which begins when it is asked for first, but not while the
     /// archive grows. Blocks as [`Maps::axes`].
-    ///
-    /// # Errors
-    /// See [`SpaceError`].
     pub fn neighbours(&self, record: &CampaignRecord) -> Result<Option<Arc<Points>>, SpaceError> {
         if record.state == CampaignState::Running {
             return Ok(None);
@@ -123,7 +114,7 @@ impl Maps {
         Ok(None)
     }
 
-    /// What is known of the archive as far as `record` says that it goes.
+    /// The map of the archive as far as `record` says that it goes.
     fn current<'a>(
         &self,
         record: &CampaignRecord,

@@ -9,7 +9,6 @@ use std::collections::BTreeMap;
 /// From this many times the mean distance of a cluster's members on, a behaviour is like nothing in it.
 pub const UNLIKE: f64 = 3.0;
 
-/// An individual near a behaviour.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Neighbour {
     /// Place in the archive, from 0.
@@ -18,11 +17,10 @@ pub struct Neighbour {
     pub distance: f64,
     /// The place of its cluster, from 0.
     pub cluster: u32,
-    /// The class that stands for it.
     pub class: Option<ClassName>,
 }
 
-/// What in an archive is like a behaviour.
+/// The individuals of an archive that are like a behaviour.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Nearest {
     /// The nearest individuals, nearest first; those as near as each other by their index.
@@ -40,22 +38,16 @@ pub struct Nearest {
 /// Why nothing can be compared with a behaviour.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NearestError {
-    /// The archive is empty.
     #[error("the archive is empty: wait until the first generation is complete")]
     Empty,
-    /// The behaviour is of another space.
     #[error("{0}")]
     Misfit(#[from] Misfit),
-    /// A cluster has lost its medoid, which is a bug.
     #[error("the archive of {} has no medoids", counted(*.0 as u64, "individual"))]
     NoMedoid(usize),
 }
 
 impl Nearest {
     /// What is like `behaviour` among `count` individuals of an archive at most, in which `classes` stand.
-    ///
-    /// # Errors
-    /// See [`NearestError`].
     pub fn find(
         clustered: &Clustered,
         classes: &BTreeMap<u64, ClassName>,
@@ -109,13 +101,11 @@ impl Nearest {
 
 impl Nearest {
     /// The distance from the medoid by the mean distance of its members; `None` if they are all at one place.
-    #[must_use]
     pub fn relative_distance(&self) -> Option<f64> {
         relative_distance(self.medoid.distance, self.mean_distance)
     }
 
     /// Whether the behaviour is like nothing in the archive.
-    #[must_use]
     pub fn is_unlike(&self) -> bool {
         is_unlike(self.medoid.distance, self.mean_distance)
     }
@@ -123,13 +113,11 @@ impl Nearest {
 
 /// Whether a distance from a medoid is more than [`UNLIKE`] times the mean distance of its members: any distance, if they are all at
 /// one place.
-#[must_use]
 pub fn is_unlike(distance: f64, mean_distance: f64) -> bool {
     distance > UNLIKE * mean_distance
 }
 
 /// A distance from a medoid by the mean distance of its members; `None` if they are all at one place.
-#[must_use]
 pub fn relative_distance(distance: f64, mean_distance: f64) -> Option<f64> {
     (mean_distance > 0.0).then(|| distance / mean_distance)
 }
@@ -148,6 +136,7 @@ mod tests {
     use super::*;
     use crate::space::Space;
     use murmuration_model::ArchiveVersion;
+    use murmuration_proto::{BehaviourSpace, Scale};
     use murmuration_search::medoids::Clustering;
     use std::sync::Arc;
 
@@ -160,6 +149,7 @@ mod tests {
         Clustered {
             space: Arc::new(Space {
                 behaviours,
+                scale: Scale::unscaled(BehaviourSpace::Features),
                 archive_version: ArchiveVersion {
                     created_ms: 0,
                     rollbacks: 0,

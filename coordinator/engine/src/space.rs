@@ -1,6 +1,7 @@
 //! The behaviour space of an archive: what novelty, questions and maps are measured in.
 
 use murmuration_model::{ArchiveVersion, CampaignRecord};
+use murmuration_proto::Scale;
 use murmuration_search::{
     interrupt::Interrupted,
     novelty::{Behaviours, Misfit},
@@ -19,20 +20,18 @@ const CHUNK: u64 = 4096;
 pub struct Space {
     /// One an individual, by index.
     pub behaviours: Behaviours,
-    /// What they are of.
+    /// The scale of `behaviours`, by which a behaviour from elsewhere is brought into the space.
+    pub scale: Scale,
     pub archive_version: ArchiveVersion,
 }
 
 /// Why there is no space to measure in.
 #[derive(Debug, thiserror::Error)]
 pub enum SpaceError {
-    /// The store could not be read.
     #[error("{0}")]
     Store(#[from] StoreError),
-    /// The archive holds vectors that cannot be compared.
     #[error("the archive holds vectors that cannot be compared: {0}")]
     Misfit(#[from] Misfit),
-    /// What was computed of it is not wanted any more.
     #[error("{0}")]
     Interrupted(#[from] Interrupted),
 }
@@ -40,9 +39,6 @@ pub enum SpaceError {
 impl Space {
     /// Reads the archive as far as `record` says that it goes. One of which another archive version begins meanwhile is
     /// read again.
-    ///
-    /// # Errors
-    /// See [`SpaceError`].
     pub fn read(store: &Store, record: &CampaignRecord) -> Result<Self, SpaceError> {
         Self::read_on(store, record, None)
     }
@@ -54,14 +50,26 @@ impl Space {
         let mut before = archive_version()?;
         loop {
             let len = record.individuals();
-            let begun =
-                known.filter(|known| known.archive_version == before && known.behaviours.len() as u64 <= len);
-            let read = behaviours(store, record, begun.map(|known| known.behaviours.clone()));
+            // The scale follows from the first generation, so it is known once there is an individual.
+            let begun = known.filter(|known| {
+                known.archive_version == before
+                    && known.behaviours.len() as u64 <= len
+                    && !known.behaviours.is_empty()
+            });
+            let read = match begun {
+                Some(known) => Ok((known.scale, known.behaviours.clone())),
+                None => store.scale(record).map(|scale| (scale, Behaviours::new(0))),
+            };
+            let read = read
+                .map_err(SpaceError::from)
+                .and_then(|(scale, known)| Ok((scale, behaviours(store, record, &scale, known)?)));
             let after = archive_version()?;
             // Two archive versions are no space.
             if before == after {
+                let (scale, behaviours) = read?;
                 return Ok(Self {
-                    behaviours: read?,
+                    behaviours,
+                    scale,
                     archive_version: after,
                 });
             }
@@ -69,7 +77,6 @@ impl Space {
         }
     }
 
-    /// Bytes that it holds.
     pub fn bytes(&self) -> usize {
         self.behaviours.len() * self.behaviours.dims() * size_of::<f64>()
     }
@@ -78,14 +85,13 @@ impl Space {
 /// The spaces of archives, of which only what has come since is read while they are kept; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Spaces {
-    store: Store,
+    pub store: Store,
     /// One lock a campaign, so that what has come is read once, whoever asks meanwhile.
     kept: Arc<Kept<Mutex<Option<Arc<Space>>>>>,
 }
 
 impl Spaces {
     /// Nothing is known yet.
-    #[must_use]
     pub fn new(store: Store) -> Self {
         Self {
             store,
@@ -93,15 +99,7 @@ impl Spaces {
         }
     }
 
-    /// The store that they are read from.
-    pub const fn store(&self) -> &Store {
-        &self.store
-    }
-
     /// The archive as far as `record` says that it goes. Blocks while it is read.
-    ///
-    /// # Errors
-    /// See [`SpaceError`].
     pub fn of(&self, record: &CampaignRecord) -> Result<Arc<Space>, SpaceError> {
         let kept = self.kept.of(&record.id);
         let mut known = kept.lock().unwrap_or_else(PoisonError::into_inner);
@@ -123,22 +121,20 @@ impl Spaces {
 fn behaviours(
     store: &Store,
     record: &CampaignRecord,
-    known: Option<Behaviours>,
+    scale: &Scale,
+    known: Behaviours,
 ) -> Result<Behaviours, SpaceError> {
-    let (model, method) = (record.spec.model(), record.spec.method());
-    let mut behaviours = known.filter(|known| !known.is_empty());
-    let (begun, len) = (
-        behaviours.as_ref().map_or(0, Behaviours::len),
-        record.individuals(),
-    );
-    for start in (begun as u64..len).step_by(CHUNK as usize) {
+    let mut behaviours = known;
+    let (begun, len) = (behaviours.len() as u64, record.individuals());
+    for start in (begun..len).step_by(CHUNK as usize) {
         let range = start..len.min(start + CHUNK);
-        for individual in store.individuals(&record.id, model, range, false)? {
-            let vector = individual.behaviour(method);
-            behaviours
-                .get_or_insert_with(|| Behaviours::new(vector.len()))
-                .push(&vector)?;
+        for individual in store.individuals(&record.id, record.spec.model(), range, false)? {
+            let vector = individual.behaviour(scale);
+            if behaviours.is_empty() {
+                behaviours = Behaviours::new(vector.len());
+            }
+            behaviours.push(&vector)?;
         }
     }
-    Ok(behaviours.unwrap_or_else(|| Behaviours::new(0)))
+    Ok(behaviours)
 }

@@ -9,13 +9,12 @@ use murmuration_judge as judge;
 use murmuration_judge::judge;
 use murmuration_model::{
     CampaignRecord,
-    labels::{Action, Annotator, Answer, Change, Preference, Triple},
+    labels::{Action, Annotator, Answer, Change},
 };
 use murmuration_proto::{Class, Strategy, World};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{ArchivedIndividual, Store, StoreError};
 use std::{
-    collections::{BTreeMap, BTreeSet},
     sync::Arc,
     time::{SystemTime, UNIX_EPOCH},
 };
@@ -29,13 +28,10 @@ const AGENTS_AT_ONCE: usize = 20_000;
 /// Why the synthetic annotator cannot answer.
 #[derive(Debug, thiserror::Error)]
 pub enum AnnotatorError {
-    /// The store could not be read.
     #[error("{0}")]
     Store(#[from] StoreError),
-    /// What to ask it could not be found out.
     #[error("{0}")]
     Query(#[from] QueryError),
-    /// A motion could not be simulated.
     #[error("{0}")]
     Job(#[from] JobError),
     /// A bug: it broke off.
@@ -46,11 +42,10 @@ pub enum AnnotatorError {
 /// The synthetic annotator of a coordinator; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct SyntheticAnnotator {
-    /// Where the individuals are.
     pub store: Store,
-    /// What says about which of them it is asked.
+    /// The order in which it is asked about them.
     pub queries: Queries,
-    /// Who simulates their motion.
+    /// The workers that simulate their motion.
     pub dispatch: Dispatch,
 }
 
@@ -59,9 +54,6 @@ impl SyntheticAnnotator {
     /// there are not so many; nothing is written to the log. `job_progress` counts the answers; `interrupt` ends a clustering of the archive.
     ///
     /// With the same archive and log they are the same answers.
-    ///
-    /// # Errors
-    /// See [`AnnotatorError`].
     pub async fn answers(
         &self,
         record: &CampaignRecord,
@@ -82,41 +74,6 @@ impl SyntheticAnnotator {
             })
         };
         Ok(asked.into_iter().zip(classes).map(answer).collect())
-    }
-
-    /// What it says when it is asked to compare, up to `count` times: the individual that alone has the class of the reference is
-    /// more like it. Nothing is written to the log. `job_progress` counts the individuals that were judged.
-    ///
-    /// With the same archive and log they are the same answers.
-    ///
-    /// # Errors
-    /// See [`AnnotatorError`].
-    pub async fn comparisons(
-        &self,
-        record: &CampaignRecord,
-        count: usize,
-        job_progress: Arc<JobProgress>,
-    ) -> Result<Vec<Change>, AnnotatorError> {
-        let asked = self
-            .queries
-            .comparisons(record, Annotator::synthetic(), count)
-            .await?;
-        let about: BTreeSet<usize> = asked
-            .iter()
-            .flat_map(Triple::individuals)
-            .map(|index| index as usize)
-            .collect();
-        let about: Vec<usize> = about.into_iter().collect();
-        let classes = self.classes(record, &about, &job_progress).await?;
-        let classes: BTreeMap<u64, Class> = about.iter().map(|&index| index as u64).zip(classes).collect();
-        let compare = |triple: Triple| {
-            let [reference, left, right] = triple.individuals().map(|index| classes[&index].name());
-            said(Action::Compare {
-                triple,
-                preference: Preference::of_classes(reference, left, right),
-            })
-        };
-        Ok(asked.into_iter().map(compare).collect())
     }
 
     /// The classes of individuals, in their order; `job_progress` counts them.
@@ -165,7 +122,7 @@ impl SyntheticAnnotator {
     }
 }
 
-/// What the synthetic annotator says now.
+/// A change by the synthetic annotator, now.
 fn said(action: Action) -> Change {
     Change {
         annotator: Annotator::synthetic(),

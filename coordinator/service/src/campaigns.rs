@@ -23,9 +23,7 @@ const WATCH_INTERVAL: Duration = Duration::from_millis(100);
 /// Implements `murmuration.v1.CampaignService`.
 #[derive(Debug, Clone)]
 pub struct CampaignApi {
-    /// The registry.
     pub campaigns: Campaigns,
-    /// What is on disk.
     pub store: Store,
     /// Who simulates replays.
     pub dispatch: Dispatch,
@@ -162,7 +160,6 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
             individuals: deletion.individuals,
             pictures: deletion.pictures,
             labelled: deletion.labelled,
-            comparisons: deletion.comparisons,
             taxonomy: deletion.taxonomy,
         }))
     }

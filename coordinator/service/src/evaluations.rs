@@ -151,7 +151,7 @@ impl EvaluationApi {
             ),
             Some(EmbedderSource::Trained { .. }) => {
                 let allowed = "the digest of a checkpoint: nothing is trained here";
-                return Err(Invalid::new("checkpoint", "nothing", allowed).into());
+                return Err(Invalid::missing("checkpoint", allowed).into());
             }
             None => None,
         };

@@ -22,17 +22,13 @@ use std::{
 };
 use tonic::{Request, Response, Status};
 
-/// Most comparisons of the synthetic annotator in one request: each takes up to three simulations.
-const MAX_COMPARISONS: usize = 5_000;
 /// Most answers in one request.
 const MAX_ANSWERS: usize = 50_000;
 
 /// Implements `murmuration.v1.LabelService`.
 #[derive(Debug, Clone)]
 pub struct LabelApi {
-    /// What is on disk.
     pub store: Store,
-    /// Who is asked what.
     pub queries: Queries,
     /// Who answers in a person's place.
     pub annotator: SyntheticAnnotator,
@@ -126,8 +122,7 @@ impl v1::label_service_server::LabelService for LabelApi {
             return Err(Invalid::new("count", count, allowed).into());
         }
         let (record, before) = self.made(message.campaign, request.clone()).await?;
-        let is_answer = |action: &Action| matches!(action, Action::Answer { .. });
-        messages::check_synthetic(&before, &request, is_answer).or_status()?;
+        messages::check_synthetic(&before, &request).or_status()?;
         let entries = if before.is_empty() {
             let done = Arc::default();
             let interrupt = self.queries.interrupt();
@@ -232,7 +227,7 @@ impl v1::label_service_server::LabelService for LabelApi {
             annotator,
             change,
         } = request.into_inner();
-        let change = change.ok_or_else(|| Invalid::new("change", "nothing", "a change of a class"))?;
+        let change = change.ok_or_else(|| Invalid::missing("change", "a change of a class"))?;
         let change = Change {
             annotator: annotator.parse()?,
             time_ms: now_ms(),
@@ -256,73 +251,6 @@ impl v1::label_service_server::LabelService for LabelApi {
             .await
             .or_status()?;
         Ok(Response::new(asked.into()))
-    }
-
-    async fn next_comparison(
-        &self,
-        request: Request<v1::NextComparisonRequest>,
-    ) -> Answered<v1::NextComparisonResponse> {
-        let v1::NextComparisonRequest { campaign, annotator } = request.into_inner();
-        let asked = self.queries.next_comparison(&campaign, annotator.parse()?);
-        Ok(Response::new(asked.await.or_status()?.into()))
-    }
-
-    async fn answer_comparison(
-        &self,
-        request: Request<v1::AnswerComparisonRequest>,
-    ) -> Answered<v1::AnswerComparisonResponse> {
-        let message = request.into_inner();
-        let (campaign, request) = (message.campaign.clone(), message.request_id.parse()?);
-        let change = messages::comparison(message, now_ms())?;
-        let entries = self.add(campaign, request, vec![change]).await?;
-        let entry = entries.into_iter().next().map(Into::into);
-        Ok(Response::new(v1::AnswerComparisonResponse { entry }))
-    }
-
-    async fn withdraw_comparison(
-        &self,
-        request: Request<v1::WithdrawComparisonRequest>,
-    ) -> Answered<v1::WithdrawComparisonResponse> {
-        let v1::WithdrawComparisonRequest {
-            campaign,
-            request_id,
-            annotator,
-        } = request.into_inner();
-        let (request, annotator) = (request_id.parse()?, Annotator::known(&annotator)?);
-        let withdrawn = self
-            .with(move |store| -> std::result::Result<_, LabelError> {
-                let id = store.campaign(&campaign)?.id;
-                store.withdraw_comparison(&id, &request, &annotator, now_ms())
-            })
-            .await?;
-        Ok(Response::new(messages::withdrawn(withdrawn)))
-    }
-
-    type AppendSyntheticComparisonsStream = Streamed<v1::AppendLabelsResponse>;
-
-    async fn append_synthetic_comparisons(
-        &self,
-        request: Request<v1::AppendSyntheticComparisonsRequest>,
-    ) -> Answered<Self::AppendSyntheticComparisonsStream> {
-        let message = request.into_inner();
-        let count = message.count as usize;
-        if !(1..=MAX_COMPARISONS).contains(&count) {
-            let allowed = format!("a whole number from 1 to {MAX_COMPARISONS}");
-            return Err(Invalid::new("count", count, allowed).into());
-        }
-        let request: RequestId = message.request_id.parse()?;
-        let (record, before) = self.made(message.campaign, request.clone()).await?;
-        let is_comparison = |action: &Action| matches!(action, Action::Compare { .. });
-        messages::check_synthetic(&before, &request, is_comparison).or_status()?;
-        let entries = if before.is_empty() {
-            let answers = self.annotator.comparisons(&record, count, Arc::default());
-            let answers = self.annotator.dispatch.while_staffed(answers).await.or_status()?;
-            let answers = answers.map_err(CampaignError::from).or_status()?;
-            self.add(record.id.to_string(), request, answers).await?
-        } else {
-            before
-        };
-        Ok(in_parts(messages::appended(entries)))
     }
 
     type GetAgreementStream = Streamed<v1::Agreement>;

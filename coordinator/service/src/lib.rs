@@ -4,7 +4,6 @@ mod campaigns;
 mod checkpoints;
 mod evaluations;
 mod labels;
-mod lease_id;
 mod nearest;
 mod permits;
 pub mod report_data;
@@ -14,7 +13,6 @@ mod spread;
 mod status;
 mod training;
 mod transfers;
-mod unreadable;
 mod work;
 
 pub use campaigns::CampaignApi;
@@ -23,12 +21,13 @@ pub use evaluations::EvaluationApi;
 pub use labels::LabelApi;
 pub use nearest::OtherBehaviour;
 pub use permits::{Permit, Permits, is_over};
-pub use status::{IntoStatus, OrStatus};
+pub use status::{IntoStatus, OrStatus, blame_the_client};
 pub use training::TrainerApi;
 pub use transfers::TransferApi;
-pub use unreadable::blame_the_client;
 pub use work::WorkerApi;
 
+use murmuration_dispatch::LeaseNumber;
+use murmuration_proto::{Invalid, v1};
 use std::pin::Pin;
 use tokio_stream::Stream;
 use tonic::{Response, Status};
@@ -41,4 +40,10 @@ fn in_parts<T: Send + 'static>(
     parts: impl IntoIterator<Item = T, IntoIter: Send + 'static>,
 ) -> Response<Streamed<T>> {
     Response::new(Box::pin(tokio_stream::iter(parts.into_iter().map(Ok))))
+}
+
+/// The coordinator's epoch that the lease of `field` was given in, and its number.
+fn lease_id(lease: Option<v1::LeaseId>, field: &str) -> Result<(u64, LeaseNumber), Invalid> {
+    let lease = lease.ok_or_else(|| Invalid::missing(field, "a lease id"))?;
+    Ok((lease.epoch, LeaseNumber(lease.number)))
 }

@@ -52,14 +52,12 @@ impl CampaignApi {
             let OtherBehaviour { features, embedding } = behaviour;
             let (given, embedding) = embedding.unzip();
             let embedded = clustered.space.archive_version.checkpoint;
-            if record.spec.method().embeds() && !clustered.space.behaviours.is_empty() && given != embedded {
+            if record.spec.space().embeds() && !clustered.space.behaviours.is_empty() && given != embedded {
                 return Err(other_checkpoint(&record, given, embedded));
             }
             let classes = api.store.labels(&record.id).or_status()?.by_individual();
-            let vector = record
-                .spec
-                .method()
-                .behaviour(&features, &embedding.unwrap_or_default());
+            let scale = &clustered.space.scale;
+            let vector = scale.behaviour(&features, &embedding.unwrap_or_default());
             Nearest::find(&clustered, &classes, &vector, count).or_status()
         };
         blocking(find).await.or_status()?

@@ -5,17 +5,17 @@ use bytes::Bytes;
 use murmuration_engine::blocking::{Broken, blocking};
 use murmuration_model::{
     Repetition,
-    labels::{Annotator, Class, ClassName, Label, given_classes},
+    labels::{Annotator, Class, Label, given_classes},
 };
 use murmuration_proto::{
-    CampaignSpec, CapabilityModel, Controller, Features, Frames, Invalid, Method, Replay, SIMULATOR_VERSION,
-    Verdict, counted,
+    CampaignSpec, CapabilityModel, Controller, Features, Frames, Invalid, Replay, SIMULATOR_VERSION, Verdict,
+    counted,
     parts::whole,
     v1::{self, campaign_service_client::CampaignServiceClient, label_service_client::LabelServiceClient},
 };
 use murmuration_report::{
-    CarriedName, Entry, GenerationSummary, Map, MedoidEntry, Member, Names, PictureSheets, Report, Spread,
-    TrialEntry, picture::PictureError,
+    CarriedName, Entry, GenerationSummary, Judged, Map, MedoidEntry, Member, Names, PictureSheets, Report,
+    Spread, TrialEntry, picture::PictureError,
 };
 use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
@@ -106,7 +106,6 @@ fn class(class: &v1::LabelClass) -> Result<Class, Invalid> {
     })
 }
 
-/// Whose pictures a report has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PicturesOf {
     /// Those of the medoids and of evenly chosen individuals.
@@ -156,7 +155,7 @@ where
     for (entry, &robust) in individuals.iter_mut().zip(&taxonomy.robust_trials) {
         entry.robustness = Some(f64::from(robust) / starts);
     }
-    let behaviours = behaviours(&individuals, spec.method())?;
+    let behaviours = behaviours(&individuals, &spec)?;
     let centres = taxonomy.medoids.iter();
     let centres: Vec<_> = centres
         .map(|medoid| {
@@ -192,7 +191,19 @@ where
             carried: carried(medoid.name)?,
         });
     }
+    let (judged_spec, shown) = (
+        spec.clone(),
+        centres.iter().map(|&index| index as u64).collect::<Vec<_>>(),
+    );
+    // A contact sheet has no words.
+    let (judged, individuals) = match pictures {
+        PicturesOf::Medoids => (Ok(Judged::default()), individuals),
+        PicturesOf::Individuals => {
+            blocking(move || (Judged::of(&judged_spec, &individuals, &shown), individuals)).await?
+        }
+    };
     Ok(Report {
+        judged: judged?,
         campaign: id(),
         repetition: repetition(&digest)?,
         digest: digest.digest,
@@ -218,7 +229,7 @@ fn carried(name: Option<v1::ClusterName>) -> Result<Option<CarriedName>, Invalid
         return Ok(None);
     };
     Ok(Some(CarriedName {
-        class: ClassName::stored(&name.name)?,
+        class: name.name.parse()?,
         version: from.version,
         place: from.cluster as usize,
         shared: from.shared,
@@ -411,9 +422,10 @@ where
     })
 }
 
-/// The behaviours of an archive, in the space of a method.
-fn behaviours(individuals: &[Entry], method: Method) -> Result<Behaviours, ReportDataError> {
-    let behaviour = |entry: &Entry| method.behaviour(&entry.features, &entry.embedding);
+/// The behaviours of an archive, in the space of its campaign.
+fn behaviours(individuals: &[Entry], spec: &CampaignSpec) -> Result<Behaviours, ReportDataError> {
+    let scale = spec.scale(individuals.iter().map(Entry::measured));
+    let behaviour = |entry: &Entry| scale.behaviour(&entry.features, &entry.embedding);
     let mut behaviours = Behaviours::new(individuals.first().map_or(0, |first| behaviour(first).len()));
     for entry in individuals {
         behaviours.push(&behaviour(entry))?;

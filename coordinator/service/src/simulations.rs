@@ -10,7 +10,7 @@ use murmuration_proto::{
     CampaignSpec, Controller, Frames, Invalid, PART_BYTES, World,
     v1::{self, evaluation_description::Campaign},
 };
-use murmuration_worker::{replay::motion, simulate::Start};
+use murmuration_sim::{replay::motion, simulate::Start};
 use std::{iter, time::Duration};
 use tokio::sync::mpsc;
 use tonic::Status;
@@ -81,7 +81,7 @@ pub(super) fn spec_of(campaign: Option<Campaign>) -> Result<CampaignSpec, Status
         Some(Campaign::Toml(text)) => {
             CampaignSpec::from_toml(&text).map_err(|error| Status::invalid_argument(error.to_string()))
         }
-        None => Err(Invalid::new("campaign", "nothing", "a campaign").into()),
+        None => Err(Invalid::missing("campaign", "a campaign").into()),
     }
 }
 
@@ -156,7 +156,7 @@ fn next_part(frames: &mut impl Iterator<Item = Vec<Pose>>) -> Result<Option<v1::
 mod tests {
     use super::*;
     use murmuration_access::limits::MAX_SIMULATIONS;
-    use murmuration_worker::replay::poses;
+    use murmuration_sim::replay::poses;
     use tonic::Code;
 
     /// The default world with this many robots, and a controller of the paper's.

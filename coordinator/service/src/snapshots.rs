@@ -1,7 +1,7 @@
 //! Trainings that trainers put aside: they arrive part by part, and only of a training that the stream leases is a part
 //! kept.
 
-use super::lease_id::lease_id;
+use super::lease_id;
 use murmuration_dispatch::{Dispatch, LeaseNumber, TrainingLease, WorkerId, WorkerReport};
 use murmuration_model::SavedTraining;
 use murmuration_proto::{Invalid, PART_BYTES, v1};

@@ -1,13 +1,13 @@
-//! Errors of the floors below, as gRPC says them.
+//! Errors of the floors below, as gRPC says them, and messages that cannot be read.
 
+use axum::{extract::Request, middleware::Next, response::Response};
 use murmuration_dispatch::{JobError, JoinError};
 use murmuration_engine::{blocking::Broken, campaign::CampaignError, queries::QueryError, space::SpaceError};
 use murmuration_model::labels::Refusal;
 use murmuration_proto::Text;
 use murmuration_store::{LabelError, StoreError, checkpoints::CheckpointError};
-use tonic::Status;
+use tonic::{Code, Status};
 
-/// An error that has a status.
 pub trait IntoStatus {
     /// What the client is told.
     fn into_status(self) -> Status;
@@ -44,7 +44,6 @@ impl IntoStatus for StoreError {
             StoreError::InUse { .. }
             | StoreError::NoDirectory(_)
             | StoreError::Newer { .. }
-            | StoreError::Unreleased { .. }
             | StoreError::Superseded(_) => Status::failed_precondition(said),
             StoreError::File { .. } | StoreError::Compression(_) | StoreError::Sqlite { .. } => {
                 Status::internal(said)
@@ -105,11 +104,7 @@ impl IntoStatus for LabelError {
             LabelError::Refused(Refusal::IntoItself(_)) => Status::invalid_argument(said),
             LabelError::Refused(Refusal::TooManyClasses(_)) => Status::resource_exhausted(said),
             LabelError::Refused(
-                Refusal::NothingToUndo(_)
-                | Refusal::NothingToWithdraw { .. }
-                | Refusal::NotNewestChange(_)
-                | Refusal::NoComparison { .. }
-                | Refusal::NothingCompared(_),
+                Refusal::NothingToUndo(_) | Refusal::NothingToWithdraw { .. } | Refusal::NotNewestChange(_),
             ) => Status::failed_precondition(said),
         }
     }
@@ -160,4 +155,28 @@ impl IntoStatus for JoinError {
             JoinError::Quarantined(_) => Status::failed_precondition(self.to_string()),
         }
     }
+}
+
+/// What tonic says of a message that cannot be read. It blames the server (INTERNAL); the client is told that its message is wrong.
+const SAID: &str = "failed to decode Protobuf message";
+
+/// Blames the client of a method for a message that could not be read before the answer began.
+pub async fn blame_the_client(request: Request, next: Next) -> Response {
+    let answer = next.run(request).await;
+    match Status::from_header_map(answer.headers()) {
+        Some(status) if is_unreadable(&status) => blamed(status).into_http(),
+        _ => answer,
+    }
+}
+
+/// The same for one that comes later on a stream.
+pub(super) fn blamed(status: Status) -> Status {
+    match is_unreadable(&status) {
+        true => Status::invalid_argument(Text::line(status.message())),
+        false => status,
+    }
+}
+
+fn is_unreadable(status: &Status) -> bool {
+    status.code() == Code::Internal && status.message().starts_with(SAID)
 }

@@ -1,8 +1,7 @@
 //! The service for trainers: their streams, and what their tasks need.
 
 use super::{
-    Streamed,
-    lease_id::lease_id,
+    Streamed, lease_id,
     work::{Peer, machine_of, serve},
 };
 use crate::status::{IntoStatus as _, OrStatus as _};
@@ -15,15 +14,11 @@ use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
 
-/// Comparisons in a part: of at most 20 bytes each.
-const TRIPLETS: usize = PART_BYTES / 32;
-
 /// Implements `murmuration.v1.TrainerService`.
 #[derive(Debug, Clone)]
 pub struct TrainerApi {
     /// Who leases trainings out.
     pub trainers: Trainers,
-    /// What is on disk.
     pub store: Store,
 }
 
@@ -88,7 +83,7 @@ fn check_trainer(hello: &v1::Hello) -> Result<(), Status> {
     }
 }
 
-/// Sends pictures, then labelled and compared ones, then what was put aside, until all is sent or nobody listens.
+/// Sends pictures, then labelled ones, then what was put aside, until all is sent or nobody listens.
 fn send(
     store: &Store,
     record: &CampaignRecord,
@@ -118,29 +113,6 @@ fn send(
             message.pictures.extend(store.round_image(record, picture)?);
         }
         if !send(Part::Labelled(message)) {
-            return Ok(());
-        }
-    }
-    for part in round.compared.pictures.chunks(each) {
-        let mut message = v1::ComparedPart::default();
-        for &picture in part {
-            message.pictures.extend(store.round_image(record, picture)?);
-        }
-        if !send(Part::Compared(message)) {
-            return Ok(());
-        }
-    }
-    for part in round.compared.triplets.chunks(TRIPLETS) {
-        let triplet = |&[anchor, nearer, farther]: &[u32; 3]| v1::ComparedTriplet {
-            anchor,
-            nearer,
-            farther,
-        };
-        let message = v1::ComparedPart {
-            triplets: part.iter().map(triplet).collect(),
-            ..v1::ComparedPart::default()
-        };
-        if !send(Part::Compared(message)) {
             return Ok(());
         }
     }

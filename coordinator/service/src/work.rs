@@ -1,6 +1,6 @@
 //! The streams of workers and trainers: one each, validated and handed to a dispatcher.
 
-use super::{lease_id::lease_id, snapshots::Snapshots, unreadable::blamed};
+use super::{lease_id, snapshots::Snapshots, status::blamed};
 use crate::status::OrStatus as _;
 use murmuration_access::origin;
 use murmuration_dispatch::{Dispatch, JoinRequest, OUTBOX, TrainingLease, WorkerId, WorkerReport};
@@ -82,7 +82,6 @@ pub(super) async fn serve(
     Ok(Response::new(ReceiverStream::new(stream)))
 }
 
-/// The machine that a request comes from.
 pub(super) fn machine_of<T>(request: &Request<T>) -> Result<Origin, Status> {
     origin(request.extensions()).ok_or_else(|| Status::internal("this connection has no address"))
 }
@@ -211,7 +210,7 @@ fn report(message: Option<v1::worker_message::Message>) -> Result<WorkerReport, 
             let (epoch, lease) = lease_id(result.lease, "result.lease")?;
             let outcome = result
                 .outcome
-                .ok_or_else(|| Invalid::new("result.outcome", "nothing", "an outcome"))?;
+                .ok_or_else(|| Invalid::missing("result.outcome", "an outcome"))?;
             Ok(WorkerReport::Result {
                 epoch,
                 lease,
@@ -229,9 +228,7 @@ fn report(message: Option<v1::worker_message::Message>) -> Result<WorkerReport, 
         Some(Message::Heartbeat(_)) => Ok(WorkerReport::Heartbeat),
         Some(Message::Drain(_)) => Ok(WorkerReport::Drain),
         Some(Message::Hello(_)) => Err(Invalid::new("message", "a second Hello", "anything else")),
-        Some(Message::Snapshot(_)) | None => {
-            Err(Invalid::new("message", "nothing", "one of WorkerMessage's kinds"))
-        }
+        Some(Message::Snapshot(_)) | None => Err(Invalid::missing("message", "one of WorkerMessage's kinds")),
     }
 }
 

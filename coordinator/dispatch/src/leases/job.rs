@@ -15,7 +15,6 @@ pub(super) struct Job<R> {
     pub(super) settled: usize,
     /// Cost of all its tasks that were leased so far; the job with the least is next.
     pub(super) served: u64,
-    /// Cost of one task.
     pub(super) cost: u64,
     pub(super) speculative: bool,
     /// Whether only workers that embed can do it.

@@ -6,8 +6,8 @@
 mod observed;
 
 use super::*;
+use rand::{RngExt as _, SeedableRng as _, seq::IteratorRandom as _};
 use rand_chacha::ChaCha8Rng;
-use rand_core::{Rng as _, SeedableRng as _};
 use std::collections::BTreeMap;
 
 impl Agree for u64 {
@@ -92,28 +92,23 @@ impl SimulatedCluster {
         }
     }
 
-    fn below(&mut self, count: usize) -> usize {
-        (self.die.next_u64() % count.max(1) as u64) as usize
-    }
-
-    fn chance(&mut self, one_in: usize) -> bool {
-        self.below(one_in) == 0
+    fn chance(&mut self, one_in: u32) -> bool {
+        self.die.random_ratio(1, one_in)
     }
 
     fn pick(&mut self) -> Option<WorkerProcessId> {
-        let place = self.below(self.processes.len());
-        self.processes.keys().nth(place).copied()
+        self.processes.keys().choose(&mut self.die).copied()
     }
 
     fn submit(&mut self) {
-        let tasks = 1 + self.below(30);
+        let tasks = self.die.random_range(1..=30);
         let audited = (0..tasks).filter(|_| self.chance(5)).collect();
         let deadly = (0..tasks).filter(|_| self.chance(40)).collect();
         let impossible = (0..tasks).filter(|_| self.chance(150)).collect();
         let embeds = self.chance(3);
         let params = JobParams {
             tasks,
-            cost: 1 + self.below(5) as u64,
+            cost: self.die.random_range(1..=5),
             audited,
             embeds,
             speculative: !self.chance(4),
@@ -139,10 +134,9 @@ impl SimulatedCluster {
     /// Some machine, every other time a new one.
     fn some_machine(&mut self) -> MachineId {
         if !self.machines.is_empty() && self.chance(2) {
-            let place = self.below(self.machines.len());
-            return *self.machines.keys().nth(place).unwrap();
+            return *self.machines.keys().choose(&mut self.die).unwrap();
         }
-        let character = match self.below(6) {
+        let character = match self.die.random_range(0..6) {
             0 | 1 => Character::Liar,
             2 => Character::Unfit,
             _ => Character::Honest,
@@ -168,8 +162,8 @@ impl SimulatedCluster {
     }
 
     fn connect(&mut self, id: WorkerProcessId) {
-        let capacity = 1 + self.below(4);
-        let credits = 1 + self.below(12);
+        let capacity = self.die.random_range(1..=4);
+        let credits = self.die.random_range(1..=12);
         let process = self.processes.get_mut(&id).unwrap();
         if process.worker.is_some() {
             return;
@@ -237,7 +231,7 @@ impl SimulatedCluster {
             return false;
         }
         let (character, count) = (process.character, process.has.len());
-        let place = self.below(count);
+        let place = self.die.random_range(0..count);
         let grant = self.processes.get_mut(&id).unwrap().has.swap_remove(place);
         let meets = |tasks: fn(&Submitted) -> &BTreeSet<usize>| {
             let job = self.jobs.get(&grant.job);
@@ -275,10 +269,10 @@ impl SimulatedCluster {
     }
 
     fn step(&mut self) {
-        let passed = self.below(200) as u64;
+        let passed = self.die.random_range(0..200);
         self.now += Duration::from_millis(passed);
         let picked = self.pick();
-        match (self.below(16), picked) {
+        match (self.die.random_range(0..16), picked) {
             (0, _) => self.submit(),
             (1, _) if self.processes.len() < 8 => {
                 let machine = self.some_machine();
@@ -405,7 +399,7 @@ fn no_task_is_lost_or_done_twice_and_there_is_always_progress() {
     for seed in first..first + count {
         let run = std::panic::catch_unwind(|| {
             let mut cluster = SimulatedCluster::new(seed);
-            for _ in 0..20 + cluster.below(150) {
+            for _ in 0..cluster.die.random_range(20..170) {
                 cluster.step();
             }
             cluster.finish();

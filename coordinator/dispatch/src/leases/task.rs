@@ -101,7 +101,6 @@ impl<R: Agree> Task<R> {
         refused || self.votes.iter().any(|(by, _)| by.machine == machine)
     }
 
-    /// Who has voted.
     pub(super) fn voters(&self) -> impl Iterator<Item = WorkerProcessId> {
         self.votes.iter().map(|(by, _)| *by)
     }

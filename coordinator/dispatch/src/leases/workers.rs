@@ -162,7 +162,6 @@ impl<R: Agree> LeaseTable<R> {
             .collect()
     }
 
-    /// Whether a worker is there and takes work.
     #[must_use]
     pub fn takes_work(&self, worker: WorkerId) -> bool {
         self.workers.get(worker).is_some_and(|worker| worker.capacity > 0)

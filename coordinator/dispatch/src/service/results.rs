@@ -16,7 +16,6 @@ use tonic::Status;
 use tracing::Span;
 
 impl Service {
-    /// Takes in what became of a lease.
     pub(super) fn take_result(&mut self, worker: WorkerId, lease: LeaseNumber, outcome: Outcome) {
         let Some(id) = self.table.leased(worker, lease) else {
             tracing::debug!(?worker, ?lease, "a result that nobody waits for");
@@ -171,7 +170,6 @@ impl Service {
         self.jobs.remove(&id)
     }
 
-    /// Names and addresses of processes.
     fn names(&self, processes: &[WorkerProcessId]) -> Vec<String> {
         let name = |process| self.names.get(process).map_or("?", String::as_str);
         processes.iter().map(|process| name(process).to_owned()).collect()

@@ -10,27 +10,29 @@ use super::{
     run_handle::{Progress, RunHandle, held_up_by},
 };
 use crate::{blocking::blocking, synthetic::SyntheticAnnotator};
-use murmuration_dispatch::{ConnectedMachine, Trainers};
+use murmuration_dispatch::{ConnectedMachine, Evaluated, EvaluationJob, JobError, Trainers};
 use murmuration_model::{
     CampaignHead, CampaignId, CampaignRecord, CampaignState, NewCampaign, Quarantined, Stage,
 };
-use murmuration_proto::{EmbedderSource, v1};
+use murmuration_proto::{Controller, EmbedderSource, Evaluation, World, v1};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{Notice, Started, StoreError, checkpoints::Checkpoints};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::{
+    sync::Arc,
+    time::{Duration, SystemTime, UNIX_EPOCH},
+};
 use tokio::sync::watch;
 use tracing::Instrument as _;
 
 /// A campaign as it stands: what is on disk, and what is happening.
 #[derive(Debug, Clone)]
 pub struct CampaignStatus {
-    /// What is on disk.
     pub record: CampaignRecord,
     /// Whether this process works on it.
     pub active: bool,
-    /// What it does, or would do next.
+    /// The stage that it is in, or would begin next.
     pub stage: Stage,
-    /// Of what its stage has in work (a generation, part of a dataset, stored pictures): how much has arrived.
+    /// How much has arrived of what its stage has in work (a generation, part of a dataset, stored pictures).
     pub arrived: u32,
     /// Evaluations (or embeddings) a second over the last seconds.
     pub per_second: f64,
@@ -38,18 +40,15 @@ pub struct CampaignStatus {
     pub training: Option<v1::TrainingProgress>,
     /// What it waits for before it goes on by itself, such as room on the disk, or a worker.
     pub waiting: Option<String>,
-    /// Workers connected to this coordinator.
     pub workers: usize,
-    /// Trainers connected to this coordinator.
     pub trainers: usize,
-    /// What somebody should know of it, oldest first: the latest.
+    /// The latest notices, oldest first.
     pub notices: Vec<Notice>,
 }
 
 /// A campaign of a list, before the list is cut into pages.
 #[derive(Debug, Clone)]
 pub struct ListedCampaign {
-    /// What is on disk.
     pub head: CampaignHead,
     /// Whether this process works on it.
     pub active: bool,
@@ -62,13 +61,11 @@ pub struct ListedCampaign {
 pub struct Campaigns {
     pub(super) context: StageContext,
     pub(super) registry: Registry,
-    /// Ends what campaigns compute.
     interrupt: Interrupt,
 }
 
 impl Campaigns {
     /// The campaigns of a store, with nothing at work; what they compute ends early once `interrupt` is raised.
-    #[must_use]
     pub fn new(
         trainers: Trainers,
         checkpoints: Checkpoints,
@@ -106,7 +103,7 @@ impl Campaigns {
             .duration_since(UNIX_EPOCH)
             .map_or(0, |age| age.as_millis() as u64);
         let campaigns = self.clone();
-        // Of its own: what was stored also starts where who asked is gone before.
+        // In a task of its own: what was stored also starts if the client has gone.
         let creating = async move {
             let store = campaigns.context.store.clone();
             let Started { id, is_new } = blocking(move || store.start_campaign(&new, created_ms)).await??;
@@ -200,9 +197,6 @@ impl Campaigns {
     }
 
     /// Every campaign, oldest first.
-    ///
-    /// # Errors
-    /// If the store cannot be read.
     pub async fn list(&self) -> Result<Vec<CampaignStatus>, CampaignError> {
         let store = self.context.store.clone();
         let at_work = self.registry.snapshots();
@@ -224,10 +218,7 @@ impl Campaigns {
             .collect())
     }
 
-    /// What a list of campaigns is searched by, oldest first.
-    ///
-    /// # Errors
-    /// If the store cannot be read.
+    /// The fields of campaigns that a list is searched by, oldest first.
     pub async fn heads(&self) -> Result<Vec<ListedCampaign>, CampaignError> {
         let store = self.context.store.clone();
         let at_work = self.registry.snapshots();
@@ -248,9 +239,6 @@ impl Campaigns {
     }
 
     /// These campaigns, in this order, without those that are gone.
-    ///
-    /// # Errors
-    /// If the store cannot be read.
     pub async fn statuses(&self, ids: Vec<CampaignId>) -> Result<Vec<CampaignStatus>, CampaignError> {
         let store = self.context.store.clone();
         let at_work = self.registry.snapshots();
@@ -337,7 +325,7 @@ impl Campaigns {
         );
         let run = record.run_id();
         let context = self.context.during(run.clone());
-        // Of nobody's request: it goes on after the one that started it, and says itself whose it is.
+        // Outside any request's span: it goes on after the request that started it, and names its campaign itself.
         let span = tracing::info_span!(parent: None, "campaign", id = %record.id);
         self.registry.start(deciding, |former| {
             let work = async move {
@@ -355,6 +343,35 @@ impl Campaigns {
             }
         });
         Ok(())
+    }
+
+    /// Evaluates a controller on a worker in a world of its own, with the picture and the embedder of a campaign: a client waits
+    /// for it. Nothing of it is stored.
+    ///
+    /// # Errors
+    /// If no worker is connected for a while, the evaluation fails, or the campaign's checkpoint cannot be read.
+    pub async fn evaluate_elsewhere(
+        &self,
+        record: &CampaignRecord,
+        (controller, seed): (Controller, u64),
+        world: World,
+    ) -> Result<Evaluation, CampaignError> {
+        let job = EvaluationJob {
+            model: controller.model().clone(),
+            world,
+            ..EvaluationJob::of(
+                record,
+                self.context.embedder(record).await?,
+                vec![(controller, seed)],
+            )
+        };
+        let dispatch = &self.context.dispatch;
+        let evaluated = dispatch.while_staffed(dispatch.evaluate(job, Arc::default()));
+        match evaluated.await??.pop() {
+            Some(Evaluated::Done { trials, .. }) => trials.into_iter().next().ok_or(CampaignError::Broken),
+            Some(Evaluated::Poisoned(reason)) => Err(JobError::Poisoned(reason).into()),
+            None => Err(CampaignError::Broken),
+        }
     }
 
     /// The snapshot must have been taken before the record was read: then a search that had ended by the time

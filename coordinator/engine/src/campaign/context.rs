@@ -7,10 +7,10 @@ use murmuration_model::{CampaignId, CampaignRecord, EmbedderRef, RunId};
 use murmuration_proto::{CampaignSpec, ImageFormat};
 use murmuration_store::{Store, checkpoints::Checkpoints};
 
-/// What the stages of a campaign work with.
+/// The services that the stages of a campaign work with.
 #[derive(Debug, Clone)]
 pub(super) struct StageContext {
-    /// That of the run: it takes no change once the run is over.
+    /// The run's store: it takes no change once the run is over.
     pub(super) store: Store,
     pub(super) dispatch: Dispatch,
     pub(super) trainers: Trainers,
@@ -28,7 +28,6 @@ impl StageContext {
         }
     }
 
-    /// What embeds a campaign's individuals, if anything.
     pub(super) async fn embedder(
         &self,
         record: &CampaignRecord,
@@ -53,7 +52,6 @@ pub(super) fn individuals_at_once(spec: &CampaignSpec, most: usize) -> usize {
     (PICTURE_BYTES / spec.individual_bytes()).clamp(1, most)
 }
 
-/// How a stage ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Outcome {
     /// All of it is on disk.
@@ -63,7 +61,7 @@ pub(super) enum Outcome {
 }
 
 impl Outcome {
-    /// That of a stage that ends with a [`StageContext::commit`].
+    /// The outcome of a stage that ends with a [`StageContext::commit`].
     pub(super) const fn of(committed: Option<()>) -> Self {
         match committed {
             Some(()) => Self::Done,

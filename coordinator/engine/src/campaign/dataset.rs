@@ -11,6 +11,7 @@ use murmuration_model::CampaignRecord;
 use murmuration_proto::{CampaignSpec, Controller, Dataset, EmbedderSource, Purpose, RandomStream};
 use murmuration_search::breeding::{self, ProposeError};
 use murmuration_store::Store;
+use rand::RngExt as _;
 use std::ops::Range;
 
 /// Controllers whose pictures are simulated and committed together, where so many fit.
@@ -74,7 +75,7 @@ pub fn tasks(
         let mut stream = RandomStream::derive(spec.seed(), Purpose::Dataset, index);
         let controller = breeding::sample(spec.controllers(), dataset.filter(), &mut stream)?;
         for place in index * starts..(index + 1) * starts {
-            let seed = RandomStream::derive(spec.seed(), Purpose::DatasetStart, place).bits();
+            let seed = RandomStream::derive(spec.seed(), Purpose::DatasetStart, place).random();
             tasks.push((controller.clone(), seed));
         }
     }
@@ -96,7 +97,7 @@ fn substitutes(
     let substitute = breeding::sample(spec.controllers(), dataset.filter(), &mut stream)?;
     let places = controller * starts..(controller + 1) * starts;
     Ok(places
-        .map(|place| (place as usize, (substitute.clone(), stream.bits())))
+        .map(|place| (place as usize, (substitute.clone(), stream.random())))
         .collect())
 }
 

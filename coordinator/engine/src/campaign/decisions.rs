@@ -22,7 +22,7 @@ impl Campaigns {
         self.decide(record.id, Decision::Pause).await
     }
 
-    /// Has a campaign go on; the decision is on disk when this returns.
+    /// Continues a campaign; the decision is on disk when this returns.
     ///
     /// # Errors
     /// If there is no such campaign, its state does not allow it, or it was begun with another simulator.
@@ -44,7 +44,7 @@ impl Campaigns {
         self.decide(record.id, Decision::Cancel).await
     }
 
-    /// Has a campaign move to a stored checkpoint, and go on from there; the decision is on disk when this returns.
+    /// Moves a campaign to a stored checkpoint, from which it goes on; the decision is on disk when this returns.
     ///
     /// # Errors
     /// If there is no such campaign or checkpoint, the two do not go together, or the campaign is cancelled.
@@ -63,8 +63,7 @@ impl Campaigns {
     /// that; the decision is on disk when this returns.
     ///
     /// # Errors
-    /// If there is no such campaign, it is cancelled or has no embedder (yet), or its labels name fewer than two classes
-    /// and no comparison says anything.
+    /// If there is no such campaign, it is cancelled or has no embedder (yet), or its labels name fewer than two classes.
     pub async fn refine(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let record = self.movable(id, Change::Refine).await?;
         if record.embedder.checkpoint().is_none() {
@@ -118,9 +117,9 @@ impl Campaigns {
             let (id, state) = (id.clone(), *state);
             return Err(NotAllowed { id, change, state }.into());
         }
-        if !spec.method().embeds() {
-            let (id, method) = (id.clone(), spec.method());
-            return Err(CampaignError::NoEmbedding { id, method });
+        if !spec.space().embeds() {
+            let (id, space) = (id.clone(), spec.space());
+            return Err(CampaignError::NoEmbedding { id, space });
         }
         check_simulator(&record)?;
         Ok(record)
@@ -129,7 +128,7 @@ impl Campaigns {
     /// Writes a decision, ends the run that there is, and begins another if the campaign is to run; the status after that.
     async fn decide(&self, id: CampaignId, decision: Decision) -> Result<CampaignStatus, CampaignError> {
         let campaigns = self.clone();
-        // Of its own: what is decided is also done where who asked is gone before.
+        // In a task of its own: what is decided is also done if the client has gone.
         let deciding = async move {
             let deciding = campaigns.registry.deciding(&id).await;
             campaigns.decide_alone(&deciding, decision).await?;
@@ -141,14 +140,14 @@ impl Campaigns {
     }
 
     async fn decide_alone(&self, deciding: &Deciding, decision: Decision) -> Result<(), CampaignError> {
-        let run = self.registry.snapshot(deciding.id());
+        let run = self.registry.snapshot(&deciding.id);
         let has_failed = run.progress.failed.is_some();
         if decision == Decision::Resume && run.active && !has_failed {
             return Ok(());
         }
-        let (store, id) = (self.context.store.clone(), deciding.id().clone());
+        let (store, id) = (self.context.store.clone(), deciding.id.clone());
         blocking(move || store.decide(&id, decision, has_failed)).await??;
-        tracing::info!(campaign = %deciding.id(), change = decision.change().name(), "decided");
+        tracing::info!(campaign = %deciding.id, change = decision.change().name(), "decided");
         self.registry.stop(deciding);
         self.go_on(deciding).await?;
         Ok(())
@@ -156,8 +155,8 @@ impl Campaigns {
 
     /// Starts a run of a campaign that is to run and has none here; whether it did.
     pub(super) async fn go_on(&self, deciding: &Deciding) -> Result<bool, CampaignError> {
-        let record = self.record(deciding.id().as_str()).await?;
-        if record.state != CampaignState::Running || self.registry.snapshot(deciding.id()).active {
+        let record = self.record(deciding.id.as_str()).await?;
+        if record.state != CampaignState::Running || self.registry.snapshot(&deciding.id).active {
             return Ok(false);
         }
         self.start(deciding, &record)?;

@@ -9,7 +9,7 @@ use super::{
 use crate::blocking::blocking;
 use murmuration_dispatch::EmbeddingJob;
 use murmuration_model::{ArchiveEmbedder, CampaignId, CampaignRecord};
-use murmuration_proto::CampaignSpec;
+use murmuration_proto::{CampaignSpec, Scale};
 use murmuration_search::{
     interrupt::Interrupt,
     novelty::{Behaviours, Index},
@@ -80,7 +80,7 @@ pub(super) async fn embed(
         embedded += count;
         handle.done(count);
     }
-    let (store, of, interrupt) = (context.store.clone(), id.clone(), handle.interrupt().clone());
+    let (store, of, interrupt) = (context.store.clone(), id.clone(), handle.interrupt.clone());
     let measured = blocking(move || measure(&store, &of, &spec, embedder.dimensions, &interrupt)).await??;
     let switched = context
         .commit(&handle.commit_handle(), move |store| store.switch(&id, &measured))
@@ -97,21 +97,28 @@ fn measure(
     interrupt: &Interrupt,
 ) -> Result<Switch, CampaignError> {
     let embeddings = store.next_embeddings(id, dimensions)?;
-    let method = spec.method();
-    let mut behaviours = Behaviours::new(super::search::dimensions(method, Some(dimensions)));
+    let mut behaviours = Behaviours::new(super::search::dimensions(spec.space(), Some(dimensions)));
     let mut index = Index::new();
     let mut measured = Switch {
         novelty: Vec::new(),
         generations: Vec::new(),
     };
     let population = spec.search().population() as usize;
+    let mut scale = Scale::unscaled(spec.space());
     let generations = store.generations(id)?;
     for (generation, record) in embeddings.chunks(population).zip(generations) {
         let first = behaviours.len();
         let range = first as u64..(first + generation.len()) as u64;
         let individuals = store.individuals(id, spec.model(), range, false)?;
-        for (individual, embedding) in individuals.iter().zip(generation) {
-            behaviours.push(&method.behaviour(&individual.features(), embedding))?;
+        let parts = individuals.iter().zip(generation);
+        let parts: Vec<_> = parts
+            .map(|(individual, embedding)| (individual.features(), embedding.clone()))
+            .collect();
+        if first == 0 {
+            scale = Scale::of(spec.space(), &parts);
+        }
+        for (features, embedding) in &parts {
+            behaviours.push(&scale.behaviour(features, embedding))?;
         }
         let neighbours = spec.search().neighbours() as usize;
         let novelty = index.novelty(&behaviours, first..behaviours.len(), neighbours, interrupt)?;

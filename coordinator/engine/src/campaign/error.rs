@@ -3,100 +3,72 @@
 use crate::{blocking::Broken, queries::QueryError, space::SpaceError, synthetic::AnnotatorError};
 use murmuration_dispatch::JobError;
 use murmuration_model::{CampaignId, NotAllowed};
-use murmuration_proto::{CheckpointDigest, Method, SIMULATOR_VERSION, counted};
+use murmuration_proto::{BehaviourSpace, CheckpointDigest, SIMULATOR_VERSION, counted};
 use murmuration_search::{breeding::ProposeError, interrupt::Interrupted, novelty::Misfit};
 use murmuration_store::{DecisionError, DeletionError, LabelError, StoreError, checkpoints::CheckpointError};
 
 /// Why a campaign stopped, or could not do what was asked.
 #[derive(Debug, thiserror::Error)]
 pub enum CampaignError {
-    /// The store could not be read or written.
     #[error("{0}")]
     Store(#[from] StoreError),
-    /// Its state does not allow the change.
     #[error("{0}")]
     NotAllowed(#[from] NotAllowed),
-    /// It may not be deleted.
     #[error("{0}")]
     NotDeleted(DeletionError),
-    /// A generation could not be evaluated, or an embedder not trained.
     #[error("{0}")]
     Job(#[from] JobError),
-    /// A checkpoint cannot be used.
     #[error("{0}")]
     Checkpoint(#[from] CheckpointError),
-    /// It has no embedding that another checkpoint could make.
-    #[error("campaign {id} has no embedder to replace or to fine-tune: its method is \"{method}\"")]
-    NoEmbedding {
-        /// The campaign.
-        id: CampaignId,
-        /// Its method.
-        method: Method,
-    },
-    /// It has no embedder yet that could be fine-tuned.
+    #[error("campaign {id} has no embedder to replace or to fine-tune: its behaviour space is \"{space}\"")]
+    NoEmbedding { id: CampaignId, space: BehaviourSpace },
     #[error("campaign {0} has no embedder to fine-tune yet: wait until its first training is done")]
     NoEmbedder(CampaignId),
-    /// Its labels leave nothing to tell apart.
     #[error(
-        "the labels of campaign {id} name {}, and learning takes at least 2 classes, or comparisons: label more individuals",
+        "the labels of campaign {id} name {}, and learning takes at least 2 classes: label more individuals",
         counted(*classes as u64, "class")
     )]
     TooFewClasses {
-        /// The campaign.
         id: CampaignId,
         /// Classes that are named.
         classes: usize,
     },
-    /// Its checkpoint does not say how to go on training it.
     #[error(
         "checkpoint {checkpoint} cannot be fine-tuned, because its training configuration cannot be read ({reason}): move \
          the campaign to a checkpoint that Murmuration trained (`murmuration adopt`)"
     )]
     Untrainable {
-        /// The checkpoint.
         checkpoint: CheckpointDigest,
-        /// What is wrong with its configuration.
         reason: String,
     },
-    /// Nobody could be asked about its individuals.
     #[error("{0}")]
     Query(QueryError),
-    /// Labels could not be stored.
     #[error("{0}")]
     Label(#[from] LabelError),
-    /// A generation could not be proposed.
     #[error("{0}")]
     Propose(#[from] ProposeError),
-    /// A worker returned features that cannot be compared.
     #[error("a worker returned an impossible evaluation: {0}")]
     Misfit(#[from] Misfit),
-    /// It has gone on from something that a worker got wrong, with the help of people.
     #[error(
         "{wrong} of campaign {id}, computed by worker {workers}, is wrong and cannot be computed again, because labels or \
          another embedder came after it: save the labels (`murmuration labels {id} --csv FILE`), and submit the campaign \
          again"
     )]
     Tainted {
-        /// The campaign.
         id: CampaignId,
-        /// What is wrong.
         wrong: String,
-        /// Whose it was.
         workers: String,
     },
-    /// Its archive comes from another simulator, whose evaluations differ.
     #[error(
         "campaign {id} was started with simulator version {theirs}, and this is version {}, whose evaluations differ: use \
          the program of that version, or start a new campaign",
         SIMULATOR_VERSION
     )]
     OtherSimulator {
-        /// The campaign.
         id: CampaignId,
         /// Version of the simulator that it was begun with.
         theirs: String,
     },
-    /// It was told to stop, or the coordinator ends.
     #[error("{0}")]
     Interrupted(#[from] Interrupted),
     /// A bug: the search itself broke off.
@@ -171,7 +143,6 @@ impl CampaignError {
     }
 
     /// Whether the disk is why, so that the same may be done later.
-    #[must_use]
     pub const fn may_pass(&self) -> bool {
         match self {
             Self::Store(error)

@@ -8,14 +8,14 @@ use murmuration_search::breeding::{EVALUATION_ATTEMPTS, ProposeError};
 use murmuration_store::{Picture, Provenance};
 use std::collections::BTreeMap;
 
-/// What a job came to.
+/// The results of a job.
 #[derive(Debug)]
 pub(super) struct Done {
-    /// What was evaluated: the tasks of the job, except the poisoned ones.
+    /// The tasks of the job, except the poisoned ones.
     pub(super) tasks: Vec<(Controller, u64)>,
     /// The trials of each task.
     pub(super) evaluations: Vec<Vec<Evaluation>>,
-    /// Who made each.
+    /// The maker of each.
     pub(super) makers: Vec<Maker>,
     /// The places of poisoned tasks, and why they are.
     pub(super) poisoned: Vec<(usize, PoisonedTask)>,
@@ -47,7 +47,7 @@ impl Done {
 /// A task and its place in a job.
 pub(super) type Placed = (usize, (Controller, u64));
 
-/// Has the workers do `job`. Where a task is poisoned, `substitute` says which tasks take its place (and those
+/// Runs `job` on the workers. Where a task is poisoned, `substitute` says which tasks take its place (and those
 /// of its neighbours, where they belong together) at an attempt, counted from 1. `None` if the campaign is to stop.
 pub(super) async fn evaluate(
     dispatch: &Dispatch,

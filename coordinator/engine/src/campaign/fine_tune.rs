@@ -20,7 +20,7 @@ use murmuration_store::{FurtherStart, RoundPictures, Store};
 /// Pictures from further starts that are simulated and committed together.
 const CHUNK: usize = 1000;
 
-/// Has the embedder fine-tuned on the labels of the round that was begun, and the campaign move to the checkpoint.
+/// A trainer fine-tunes the embedder on the labels of the round that was begun, and the campaign moves to the checkpoint.
 pub(super) async fn fine_tune(
     context: &StageContext,
     record: CampaignRecord,
@@ -39,9 +39,6 @@ pub(super) async fn fine_tune(
         parent,
         labelled: pictures.pictures.len() as u32,
         labels: pictures.labels,
-        compared: pictures.compared.individuals,
-        compared_views: pictures.compared.views,
-        comparisons: pictures.compared.triplets.len() as u32,
     };
     let training = (configuration(context, parent, feedback).await?, Some(fine_tuning));
     let Some(checkpoint) = train(context, &record, training, handle).await? else {
@@ -62,8 +59,8 @@ async fn read(
     Ok(blocking(move || store.round_pictures(&record, cutoff)).await??)
 }
 
-/// Has the workers simulate what labelled controllers do from further starts, as far as that is not on disk yet: a class is
-/// what a controller does, wherever its agents begin.
+/// Workers simulate labelled controllers from further starts, as far as that is not on disk yet: a class is what a controller
+/// does, wherever its agents begin.
 async fn further_starts(
     context: &StageContext,
     record: &CampaignRecord,
@@ -103,7 +100,7 @@ async fn further_starts(
     Ok(Outcome::Done)
 }
 
-/// That of the checkpoint to go on from, with the recipe for labels.
+/// The configuration of the checkpoint to go on from, with the recipe for labels.
 async fn configuration(
     context: &StageContext,
     parent: CheckpointDigest,

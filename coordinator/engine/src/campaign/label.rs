@@ -9,7 +9,7 @@ use crate::blocking::blocking;
 use murmuration_model::{CampaignRecord, labels::RequestId};
 use murmuration_store::Store;
 
-/// Has the synthetic annotator label as many individuals as a round asks for, and begins to learn from the labels.
+/// The synthetic annotator labels as many individuals as a round asks for, and the campaign begins to learn from the labels.
 pub(super) async fn label(
     context: &StageContext,
     record: CampaignRecord,
@@ -19,7 +19,7 @@ pub(super) async fn label(
         return Ok(Outcome::Done);
     };
     let (strategy, count) = (feedback.strategy(), feedback.labels() as usize);
-    let interrupt = handle.interrupt().clone();
+    let interrupt = handle.interrupt.clone();
     let answers = |job_progress| {
         let annotator = &context.annotator;
         annotator.answers(&record, strategy, count, job_progress, &interrupt)

@@ -14,7 +14,6 @@ pub struct CampaignMetrics {
 
 impl CampaignMetrics {
     /// All at nought, and told to `registry`.
-    #[must_use]
     pub fn register(registry: &mut Registry) -> Self {
         // From a millisecond to half a minute.
         let commit = Histogram::new(exponential_buckets(0.001, 2.0, 16));

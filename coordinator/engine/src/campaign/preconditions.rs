@@ -16,7 +16,7 @@ pub(super) fn check_simulator(record: &CampaignRecord) -> Result<(), CampaignErr
     }
 }
 
-/// Whether there is something to learn from labels or comparisons.
+/// Whether there is something to learn from labels.
 pub(super) fn check_classes(id: &CampaignId, labels: &Labels) -> Result<(), CampaignError> {
     let classes: BTreeSet<u32> = labels
         .numbered_classes()
@@ -25,7 +25,6 @@ pub(super) fn check_classes(id: &CampaignId, labels: &Labels) -> Result<(), Camp
         .collect();
     match classes.len() {
         2.. => Ok(()),
-        _ if !labels.compared_triplets().is_empty() => Ok(()),
         classes => Err(CampaignError::TooFewClasses {
             id: id.clone(),
             classes,

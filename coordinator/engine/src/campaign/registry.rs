@@ -1,6 +1,6 @@
 //! Which campaigns are at work in this process.
 //!
-//! Whoever changes what a campaign does holds the lock of that campaign ([`Deciding`]); other campaigns, and who only looks,
+//! A change of what a campaign does holds the lock of that campaign ([`Deciding`]); other campaigns, and readers,
 //! do not wait for it. The registry's own lock is held for a look-up, never while something is awaited or computed.
 
 use super::run_handle::Progress;
@@ -36,7 +36,7 @@ struct Entry {
 /// The lock of a campaign: held from a decision about it until its run is stopped or started.
 #[derive(Debug)]
 pub(super) struct Deciding {
-    id: CampaignId,
+    pub(super) id: CampaignId,
     _held: OwnedMutexGuard<()>,
 }
 
@@ -44,7 +44,6 @@ pub(super) struct Deciding {
 #[derive(Debug)]
 pub(super) struct AtWork {
     pub(super) stop: watch::Sender<bool>,
-    /// Ends what it computes.
     pub(super) interrupt: Interrupt,
     pub(super) progress: watch::Receiver<Progress>,
     pub(super) task: JoinHandle<()>,
@@ -56,13 +55,6 @@ pub(super) struct Snapshot {
     /// Whether it works, and was not told to stop.
     pub(super) active: bool,
     pub(super) progress: Progress,
-}
-
-impl Deciding {
-    /// Which campaign is decided about.
-    pub(super) const fn id(&self) -> &CampaignId {
-        &self.id
-    }
 }
 
 impl Registry {
@@ -124,14 +116,13 @@ impl Registry {
         entry.and_then(Entry::snapshot).unwrap_or_default()
     }
 
-    /// The run of every campaign that has one.
     pub(super) fn snapshots(&self) -> BTreeMap<CampaignId, Snapshot> {
         let entries = self.lock();
         let snapshot = |(id, entry): (&CampaignId, &Entry)| Some((id.clone(), entry.snapshot()?));
         entries.campaigns.iter().filter_map(snapshot).collect()
     }
 
-    /// What the run of a campaign tells its watchers, while it works.
+    /// The progress of the run of a campaign, while it works.
     pub(super) fn progress(&self, id: &CampaignId) -> Option<watch::Receiver<Progress>> {
         let entries = self.lock();
         let at_work = entries.campaigns.get(id)?.at_work.as_ref()?;

@@ -19,7 +19,6 @@ use murmuration_store::{ArchivedIndividual, Store, StoreError, Suspect, Suspects
 /// Results that are done again at a time, where so many fit.
 const CHUNK: usize = 1024;
 
-/// What was found to be wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Wrong {
     Picture(u64),
@@ -27,7 +26,7 @@ enum Wrong {
     Embedding(u64),
 }
 
-/// What is rolled back, and done again by itself.
+/// The part of a campaign that is rolled back, and done again by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Rollback {
     /// All but so many pictures.
@@ -250,7 +249,7 @@ async fn evaluated_again(
     evaluate(&context.dispatch, handle, job, same).await
 }
 
-/// What is to be rolled back because of something wrong.
+/// The part to roll back because of something wrong.
 async fn rollback(
     context: &StageContext,
     record: &CampaignRecord,

@@ -3,9 +3,9 @@
 use super::{
     CampaignError,
     context::{Outcome, StageContext, read},
-    dataset, embed, fine_tune, label, pretrain, reverify,
+    dataset, embed, fine_tune, label, reverify,
     run_handle::RunHandle,
-    search,
+    search, train,
 };
 use crate::blocking::blocking;
 use murmuration_model::{CampaignId, CampaignState, RunId, Stage};
@@ -17,8 +17,7 @@ pub(super) async fn run(context: StageContext, run: RunId, mut handle: RunHandle
     match stages(&context, &run, &mut handle).await {
         Ok(Outcome::Done) => tracing::info!(campaign = %id, "completed"),
         Ok(Outcome::Stopped) => {}
-        // Whoever decided something about it has told people; whoever shuts the coordinator down wants the campaign to go on
-        // with the next one.
+        // A decision has been told to people already; after a shutdown the campaign is to go on with the next coordinator.
         Err(error) if error.is_stop() => {}
         Err(error) => {
             let said = error.to_string();
@@ -41,7 +40,7 @@ async fn stages(
     let id = run.campaign();
     let mut before = None;
     loop {
-        handle.interrupt().check()?;
+        handle.interrupt.check()?;
         let Some((suspects, seen)) = suspects(context, id, handle).await? else {
             return Ok(Outcome::Stopped);
         };
@@ -65,7 +64,7 @@ async fn stages(
         tracing::info!(campaign = %id, ?stage, "begins");
         let outcome = match stage {
             Stage::Dataset => dataset::collect(context, record, handle).await?,
-            Stage::Pretrain => pretrain::pretrain(context, record, handle).await?,
+            Stage::Pretrain => train::pretrain(context, record, handle).await?,
             Stage::Embed => embed::embed(context, record, handle).await?,
             Stage::Label => label::label(context, record, handle).await?,
             Stage::FineTune => fine_tune::fine_tune(context, record, handle).await?,

@@ -23,7 +23,7 @@ const ABSENCE_LIMIT: Duration = Duration::from_secs(2);
 pub(super) struct Hands {
     /// How many are connected.
     connected: watch::Receiver<usize>,
-    /// What there is to say where nobody is.
+    /// The words for waiting where nobody is connected.
     missing: &'static str,
     /// Since when nobody has been.
     since: Option<Instant>,
@@ -47,7 +47,7 @@ impl Hands {
         }
     }
 
-    /// What is missing, if nobody has been there for a while; to be asked again and again.
+    /// The missing machines, if none has been connected for a while; to be called again and again.
     pub(super) fn missing(&mut self, now: Instant) -> Option<String> {
         if *self.connected.borrow() > 0 {
             self.since = None;
@@ -66,10 +66,10 @@ pub(super) fn held_up_by(missing: Option<String>, trouble: Option<String>) -> Op
     }
 }
 
-/// What a campaign at work tells its watchers.
+/// The progress of a campaign, for its watchers.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Progress {
-    /// Of what is in work (a generation, part of a dataset, stored pictures): how much has arrived.
+    /// How much has arrived of what is in work (a generation, part of a dataset, stored pictures).
     pub(super) arrived: u32,
     pub(super) per_second: f64,
     pub(super) training: Option<v1::TrainingProgress>,
@@ -81,7 +81,7 @@ pub(super) struct Progress {
     pub(super) failed: Option<String>,
 }
 
-/// What a commit needs of a [`RunHandle`]; commits may run beside what the campaign does next.
+/// The part of a [`RunHandle`] that a commit needs; commits may run beside what the campaign does next.
 #[derive(Debug, Clone)]
 pub(super) struct CommitHandle {
     progress: watch::Sender<Progress>,
@@ -100,7 +100,7 @@ impl CommitHandle {
 
     /// Resolves when the campaign is to stop.
     pub(super) async fn stopped(&self) {
-        // Whoever could have said stop is gone: stop.
+        // A closed channel means stop: nobody is left to say so.
         let _ = self.stopped.clone().wait_for(|&stopped| stopped).await;
     }
 }
@@ -113,7 +113,7 @@ pub(super) struct RunHandle {
     /// Workers, who do all but training.
     workers: Hands,
     /// Ends what the campaign computes, when it is to stop.
-    interrupt: Interrupt,
+    pub(super) interrupt: Interrupt,
     /// What of this stage this process has done, without the job at hand.
     done: u64,
     /// What of this stage was done by when, over the last [`RATE_SPAN`].
@@ -137,7 +137,6 @@ impl RunHandle {
         }
     }
 
-    /// Another stage begins.
     pub(super) fn begin(&mut self) {
         self.done = 0;
         self.history.clear();
@@ -155,7 +154,7 @@ impl RunHandle {
         self.progress.send_modify(|progress| progress.arrived = 0);
     }
 
-    /// What the campaign waits for, if it does.
+    /// Notes what the campaign waits for, if it does.
     pub(super) fn waiting(&self, what: Option<String>) {
         self.progress.send_if_modified(|progress| {
             let changes = progress.waiting != what;
@@ -164,7 +163,6 @@ impl RunHandle {
         });
     }
 
-    /// The campaign has failed.
     pub(super) fn failed(&self, why: &str) {
         self.progress
             .send_modify(|progress| progress.failed = Some(why.to_owned()));
@@ -175,12 +173,6 @@ impl RunHandle {
         self.progress.send_modify(|progress| progress.training = training);
     }
 
-    /// What ends its computations.
-    pub(super) const fn interrupt(&self) -> &Interrupt {
-        &self.interrupt
-    }
-
-    /// What a commit needs of it.
     pub(super) fn commit_handle(&self) -> CommitHandle {
         CommitHandle {
             progress: self.progress.clone(),

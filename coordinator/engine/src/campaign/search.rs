@@ -9,7 +9,7 @@ use super::{
 use crate::{blocking::blocking, space::SpaceError, taxonomy};
 use murmuration_dispatch::EvaluationJob;
 use murmuration_model::{CampaignId, CampaignRecord, EmbedderRef};
-use murmuration_proto::{Evaluation, Method, Starts};
+use murmuration_proto::{BehaviourSpace, Evaluation, Scale, Starts};
 use murmuration_search::{
     breeding::{self, Parent, Proposal, ProposeError},
     interrupt::{Interrupt, Interrupted},
@@ -35,11 +35,12 @@ struct Generation {
 /// A campaign's search between two generations: a function of its specification, its embedder and its archive.
 struct Search {
     store: Store,
-    /// Ends what it computes.
     interrupt: Interrupt,
     campaign: Arc<CampaignRecord>,
     embedder: Option<EmbedderRef>,
     behaviours: Behaviours,
+    /// The scale of `behaviours`, which follows from the first generation.
+    scale: Scale,
     /// Where they are near each other; kept from generation to generation.
     index: Index,
     /// The last generation; empty before the first.
@@ -151,8 +152,8 @@ fn trial(evaluation: Evaluation) -> Trial {
 }
 
 /// Numbers in a behaviour vector.
-pub(super) const fn dimensions(method: Method, embedding: Option<usize>) -> usize {
-    let features = if method.has_features() { 5 } else { 0 };
+pub(super) const fn dimensions(space: BehaviourSpace, embedding: Option<usize>) -> usize {
+    let features = if space.has_features() { 5 } else { 0 };
     match embedding {
         Some(embedding) => embedding + features,
         None => features,
@@ -165,15 +166,16 @@ async fn restore(
     record: CampaignRecord,
     handle: &RunHandle,
 ) -> Result<Search, CampaignError> {
-    let method = record.spec.method();
+    let space = record.spec.space();
     let embedder = context.embedder(&record).await?;
     let search = Search {
-        behaviours: Behaviours::new(dimensions(method, embedder.map(|embedder| embedder.dimensions))),
+        behaviours: Behaviours::new(dimensions(space, embedder.map(|embedder| embedder.dimensions))),
+        scale: Scale::unscaled(space),
         index: Index::new(),
         parents: Vec::new(),
         next_generation: record.generations_done,
         store: context.store.clone(),
-        interrupt: handle.interrupt().clone(),
+        interrupt: handle.interrupt.clone(),
         campaign: Arc::new(record),
         embedder,
     };
@@ -185,8 +187,8 @@ impl Search {
     fn restored(self) -> Result<Self, CampaignError> {
         let mut search = self;
         let population = u64::from(search.campaign.spec.search().population());
-        let method = search.campaign.spec.method();
         let len = search.campaign.individuals();
+        search.scale = search.store.scale(&search.campaign)?;
         for start in (0..len).step_by(CHUNK as usize) {
             search.interrupt.check()?;
             let range = start..len.min(start + CHUNK);
@@ -195,7 +197,7 @@ impl Search {
                     .store
                     .individuals(&search.campaign.id, search.campaign.spec.model(), range, false)?
             {
-                search.behaviours.push(&individual.behaviour(method))?;
+                search.behaviours.push(&individual.behaviour(&search.scale))?;
                 if individual.index + population >= len {
                     let ArchivedIndividual {
                         controller, novelty, ..
@@ -231,7 +233,7 @@ impl Search {
             .collect()
     }
 
-    /// What takes the place of an individual of the generation to come whose task is poisoned.
+    /// The task that replaces that of an individual of the generation to come, which is poisoned.
     fn substitute(&self, place: usize, attempt: u64) -> Result<Vec<Placed>, ProposeError> {
         let index = (self.behaviours.len() + place) as u64;
         Ok(vec![(
@@ -255,8 +257,12 @@ impl Search {
                 novelty: 0.0,
             })
             .collect();
+        if first == 0 {
+            let parts = individuals.iter().map(|one| (one.features(), one.embedding()));
+            self.scale = Scale::of(self.campaign.spec.space(), &parts.collect::<Vec<_>>());
+        }
         for individual in &individuals {
-            self.behaviours.push(&individual.behaviour(method))?;
+            self.behaviours.push(&individual.behaviour(&self.scale))?;
         }
         let neighbours = self.campaign.spec.search().neighbours() as usize;
         let all = first..self.behaviours.len();
@@ -309,7 +315,7 @@ impl Search {
             for (individual, &own) in individuals.iter().zip(&taxonomy.clusters[start as usize..]) {
                 robust.push(taxonomy::robust_trials(
                     individual,
-                    spec.method(),
+                    &self.scale,
                     &self.behaviours,
                     (&taxonomy.medoids, own),
                 ));

@@ -2,18 +2,35 @@
 
 use super::{
     CampaignError,
-    context::StageContext,
+    context::{Outcome, StageContext},
     run_handle::{COUNTING_INTERVAL, Hands, RunHandle, held_up_by},
 };
 use crate::blocking::blocking;
 use murmuration_dispatch::{FineTuningParams, JobProgress, TrainingJob};
 use murmuration_model::{CampaignId, CampaignRecord, SavedTraining, TrainingPictures};
-use murmuration_proto::{CheckpointDigest, training::Configuration, v1};
+use murmuration_proto::{CheckpointDigest, EmbedderSource, training::Configuration, v1};
 use murmuration_store::{EpochRecord, Store, StoreError};
 use std::{sync::Arc, time::Instant};
 use tokio::sync::watch;
 
-/// Has an embedder trained and published; `None` if the campaign is to stop.
+/// The pretrain stage: a trainer makes the embedder, and the campaign moves to it.
+pub(super) async fn pretrain(
+    context: &StageContext,
+    record: CampaignRecord,
+    handle: &mut RunHandle,
+) -> Result<Outcome, CampaignError> {
+    let Some(EmbedderSource::Trained { training, .. }) = record.spec.embedder() else {
+        return Ok(Outcome::Done);
+    };
+    let configuration = (**training).clone();
+    let Some(checkpoint) = train(context, &record, (configuration, None), handle).await? else {
+        return Ok(Outcome::Stopped);
+    };
+    let begin = move |store: &Store| store.move_to(&record.id, checkpoint);
+    Ok(Outcome::of(context.commit(&handle.commit_handle(), begin).await?))
+}
+
+/// A trainer trains and publishes an embedder; `None` if the campaign is to stop.
 pub(super) async fn train(
     context: &StageContext,
     record: &CampaignRecord,

@@ -4,6 +4,7 @@ use super::*;
 use murmuration_model::Weight;
 use murmuration_proto::{CampaignSpec, Purpose, RandomStream};
 use murmuration_store::{DataDirectory, GenerationRecord, Provenance, Store, Trial, kept::ENTRY_BYTES};
+use rand::RngExt as _;
 
 #[test]
 fn an_empty_archive_has_an_empty_map() {
@@ -40,8 +41,8 @@ fn paused(store: &Store, seed: u64) -> CampaignRecord {
         .unwrap();
     let mut stream = RandomStream::derive(seed, Purpose::Propose, 0);
     let individual = |index: u64| {
-        crate::still::still(index, 0).with_trial(Trial {
-            features: std::array::from_fn(|_| 10.0 * (index % 2) as f64 + stream.unit()),
+        crate::still(index, 0).with_trial(Trial {
+            features: std::array::from_fn(|_| 10.0 * (index % 2) as f64 + stream.random::<f64>()),
             ..Trial::default()
         })
     };

@@ -12,10 +12,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Most bytes of clusters that are kept, with the behaviours that are in them.
 const MOST_BYTES: usize = 128 << 20;
 
-/// An archive in clusters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clustered {
-    /// What was clustered.
     pub space: Arc<Space>,
     /// The clusters of the taxonomy, or what they would be if the search ended here.
     pub clustering: Clustering,
@@ -26,7 +24,7 @@ pub struct Clustered {
     pub robust_trials: Vec<u8>,
 }
 
-/// What was clustered lately, campaign by campaign; cheap to clone.
+/// The latest clusters of each campaign; cheap to clone.
 #[derive(Debug, Clone)]
 pub(super) struct Clusters {
     spaces: Spaces,
@@ -36,12 +34,9 @@ pub(super) struct Clusters {
 
 impl Clustered {
     /// The archive as far as `record` says that it goes.
-    ///
-    /// # Errors
-    /// See [`SpaceError`].
     pub fn read(spaces: &Spaces, record: &CampaignRecord, interrupt: &Interrupt) -> Result<Self, SpaceError> {
         let space = spaces.of(record)?;
-        Ok(match spaces.store().taxonomy(&record.id)? {
+        Ok(match spaces.store.taxonomy(&record.id)? {
             Some(mut stored) if stored.clusters.len() == space.behaviours.len() => Self {
                 space,
                 is_taxonomy: true,
@@ -49,7 +44,7 @@ impl Clustered {
                 clustering: stored.into(),
             },
             _ => Self {
-                clustering: taxonomy::cluster(spaces.store(), record, &space.behaviours, interrupt, &|_| {})?,
+                clustering: taxonomy::cluster(&spaces.store, record, &space.behaviours, interrupt, &|_| {})?,
                 space,
                 is_taxonomy: false,
                 robust_trials: Vec::new(),
@@ -57,7 +52,6 @@ impl Clustered {
         })
     }
 
-    /// Bytes that it holds.
     fn bytes(&self) -> usize {
         let Clustering {
             medoids, clusters, ..

@@ -13,10 +13,9 @@ use std::{
 /// How long a query stays with a holder who does not ask for more.
 pub(super) const QUERY_LEASE_TIME: Duration = Duration::from_secs(5 * 60);
 
-/// Who looks at a query: an annotator, and which of their windows, should they have several.
+/// The holder of a query: an annotator, and which of their windows, should they have several.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct AnnotatorSession {
-    /// Who is asked.
     pub annotator: Annotator,
     /// The window, as its page calls it; may be empty.
     pub session: String,
@@ -40,15 +39,7 @@ struct QueryLease<K> {
 }
 
 impl<K: PartialEq + Copy> QueryLeases<K> {
-    /// Nothing is with anybody.
-    #[must_use]
-    pub const fn new() -> Self {
-        Self {
-            by_index: BTreeMap::new(),
-        }
-    }
-
-    /// Has `holder` be asked `query` before whatever else they hold, unless it is with somebody else.
+    /// Puts `query` before all others of `holder`, unless somebody else holds it.
     pub fn give_first(&mut self, holder: &AnnotatorSession, kind: K, query: Query, now: Instant) {
         let other = self.by_index.get(&query.index);
         if other.is_some_and(|lease| lease.holder != *holder && lease.until > now) {
@@ -68,7 +59,7 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
         );
     }
 
-    /// Has `holder` hold `count` queries of `kind` at time `now`, as far as there are any: those that they have and that
+    /// Gives `holder` up to `count` queries of `kind` at time `now`: those that they have and that
     /// are still open, oldest first, then the first of `ranking` that are open and with nobody. All are theirs for
     /// another `QUERY_LEASE_TIME`; whatever else they had is given back.
     pub fn top_up(
@@ -110,7 +101,6 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
     }
 
     /// Whether nothing is with anybody any more at time `now`.
-    #[must_use]
     pub fn are_over(&self, now: Instant) -> bool {
         self.by_index.values().all(|lease| lease.until <= now)
     }
@@ -140,9 +130,11 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
     }
 }
 
-impl<K: PartialEq + Copy> Default for QueryLeases<K> {
+impl<K> Default for QueryLeases<K> {
     fn default() -> Self {
-        Self::new()
+        Self {
+            by_index: BTreeMap::new(),
+        }
     }
 }
 

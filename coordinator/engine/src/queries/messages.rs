@@ -1,6 +1,6 @@
 //! Queries as the messages that carry them.
 
-use super::{AnnotatorSession, Asked, AskedComparison, Query, QueryRequest};
+use super::{AnnotatorSession, Asked, Query, QueryRequest};
 use murmuration_proto::{Invalid, v1};
 
 /// Most queries that somebody holds at once.
@@ -49,17 +49,6 @@ impl From<Asked> for v1::NextQueriesResponse {
             answered: asked.answered,
             own: asked.own,
             synthetic: asked.synthetic,
-            individuals: asked.individuals,
-        }
-    }
-}
-
-impl From<AskedComparison> for v1::NextComparisonResponse {
-    fn from(asked: AskedComparison) -> Self {
-        Self {
-            triple: asked.triple.map(Into::into),
-            own: asked.own,
-            comparisons: asked.comparisons,
             individuals: asked.individuals,
         }
     }

@@ -6,18 +6,13 @@
 //! that contact sheets show.
 
 mod clusters;
-mod comparison;
 mod leases;
 mod messages;
 mod open;
-mod query;
 mod ranking;
-mod uncertainty;
 
 pub use clusters::Clustered;
-pub use comparison::{AskedComparison, next_comparison};
 pub use leases::AnnotatorSession;
 pub use murmuration_proto::Strategy;
 pub use open::{Asked, Queries, QueryError, QueryRequest};
-pub use query::{Query, Reason};
-pub use ranking::{by_uncertainty, in_random_order};
+pub use ranking::{Query, Reason, by_uncertainty, in_random_order};

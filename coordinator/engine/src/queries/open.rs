@@ -3,7 +3,6 @@
 use super::{
     AnnotatorSession, Query, Reason,
     clusters::{self, Clustered, Clusters},
-    comparison::{self, AskedComparison},
     leases::QueryLeases,
     ranking,
 };
@@ -13,7 +12,7 @@ use crate::{
 };
 use murmuration_model::{
     ArchiveVersion, CampaignId, CampaignRecord,
-    labels::{Annotator, Labels, Triple},
+    labels::{Annotator, Labels},
 };
 use murmuration_proto::{Purpose, RandomStream, Strategy};
 use murmuration_search::interrupt::Interrupt;
@@ -27,12 +26,10 @@ use std::{
 /// Most bytes of orders that are kept.
 const MOST_BYTES: usize = 64 << 20;
 
-/// What somebody would like to be asked.
+/// A request for questions.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct QueryRequest {
-    /// Who.
     pub holder: AnnotatorSession,
-    /// How it is chosen.
     pub strategy: Strategy,
     /// Whether it is about behaviours to which others gave a class, to see whether annotators agree. Otherwise about
     /// those that nobody was asked about.
@@ -43,7 +40,6 @@ pub struct QueryRequest {
     pub again: Vec<usize>,
 }
 
-/// What somebody is asked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Asked {
     /// The queries that they hold now, oldest first.
@@ -54,17 +50,14 @@ pub struct Asked {
     pub own: u64,
     /// Individuals about which the synthetic annotator alone has answered.
     pub synthetic: u64,
-    /// Individuals in the archive.
     pub individuals: u64,
 }
 
 /// Why nobody can be asked.
 #[derive(Debug, thiserror::Error)]
 pub enum QueryError {
-    /// The store could not be read, or has no such campaign.
     #[error("{0}")]
     Store(#[from] StoreError),
-    /// The archive cannot be read as behaviours.
     #[error("{0}")]
     Space(#[from] SpaceError),
     /// A bug: an order of questions could not be made.
@@ -79,15 +72,13 @@ pub struct Queries {
     rankings: Arc<Kept<Rankings>>,
     leases: Arc<Mutex<LeasesById>>,
     clusters: Clusters,
-    spaces: Spaces,
-    /// Ends every clustering.
     interrupt: Interrupt,
 }
 
 /// Queries that are with somebody. They cannot be made again: those of a campaign go when all of them are over.
 type LeasesById = BTreeMap<CampaignId, Arc<Mutex<QueryLeases<Kind>>>>;
 
-/// Of a strategy, whether for agreement.
+/// The strategy of questions, and whether they measure agreement.
 type Kind = (Strategy, bool);
 
 /// The orders of one campaign.
@@ -111,23 +102,18 @@ struct Ranked {
 
 impl Queries {
     /// Nobody has been asked anything yet. Archives are clustered until `interrupt` is raised.
-    #[must_use]
     pub fn new(store: Store, spaces: Spaces, interrupt: Interrupt) -> Self {
         Self {
             store,
             rankings: Arc::new(Kept::within(MOST_BYTES)),
             leases: Arc::default(),
-            clusters: Clusters::new(spaces.clone()),
-            spaces,
+            clusters: Clusters::new(spaces),
             interrupt,
         }
     }
 
     /// What to ask now; `campaign` may be `latest`. Whoever asks first by a strategy waits until its order is made. When the
     /// archive has grown, or lies in another space, it is made anew meanwhile, and the former serves until then.
-    ///
-    /// # Errors
-    /// See [`QueryError`].
     pub async fn next(&self, campaign: &str, wish: QueryRequest, now: Instant) -> Result<Asked, QueryError> {
         let (store, campaign) = (self.store.clone(), campaign.to_owned());
         let record = blocking(move || store.campaign(&campaign)).await??;
@@ -139,7 +125,7 @@ impl Queries {
     /// The leases of a campaign; those of others that are over are forgotten.
     fn leases_of(&self, campaign: &CampaignId, now: Instant) -> Arc<Mutex<QueryLeases<Kind>>> {
         let mut by_campaign = lock(&self.leases);
-        // Who is just being given some has them too.
+        // Leases that are being given just now are held elsewhere too.
         by_campaign.retain(|_, leases| Arc::strong_count(leases) > 1 || !lock(leases).are_over(now));
         Arc::clone(by_campaign.entry(campaign.clone()).or_default())
     }
@@ -147,9 +133,6 @@ impl Queries {
     /// The first `count` individuals in the order of a strategy that nobody has answered about, fewer where there are not
     /// so many: a function of archive and log alone, whoever is being asked meanwhile. Clustering ends early once
     /// `interrupt` is raised.
-    ///
-    /// # Errors
-    /// See [`QueryError`].
     pub(crate) async fn unanswered(
         &self,
         record: &CampaignRecord,
@@ -167,54 +150,28 @@ impl Queries {
         Ok(open.take(count).collect())
     }
 
-    /// The question of comparison to ask an annotator now; `campaign` may be `latest`. It is a function of archive, log and annotator.
-    ///
-    /// # Errors
-    /// See [`QueryError`].
-    pub async fn next_comparison(
-        &self,
-        campaign: &str,
-        annotator: Annotator,
-    ) -> Result<AskedComparison, QueryError> {
-        let (store, spaces, campaign) = (self.store.clone(), self.spaces.clone(), campaign.to_owned());
-        blocking(move || {
-            let record = store.campaign(&campaign)?;
-            let (space, labels) = (spaces.of(&record)?, store.labels(&record.id)?);
-            Ok(comparison::asked(&record, &space, &labels, &annotator))
-        })
-        .await?
-    }
-
-    /// Up to `count` questions of comparison, one after the other, as an annotator would be asked: a function of archive, log
-    /// and annotator.
-    ///
-    /// # Errors
-    /// See [`QueryError`].
-    pub(crate) async fn comparisons(
+    /// The first `count` individuals that are farthest from the medoids and from each other, in the order in which the strategy
+    /// [`Strategy::Coverage`] asks about them.
+    pub async fn beyond_medoids(
         &self,
         record: &CampaignRecord,
-        annotator: Annotator,
         count: usize,
-    ) -> Result<Vec<Triple>, QueryError> {
-        let (store, spaces, record) = (self.store.clone(), self.spaces.clone(), record.clone());
-        blocking(move || {
-            let (space, labels) = (spaces.of(&record)?, store.labels(&record.id)?);
-            Ok(comparison::several(&record, &space, &labels, &annotator, count))
-        })
-        .await?
+    ) -> Result<Vec<usize>, QueryError> {
+        let ranked = self.ranked(record, Strategy::Coverage).await?;
+        let beyond = ranked
+            .order
+            .iter()
+            .filter(|query| query.reason == Reason::Uncovered);
+        Ok(beyond.take(count).map(|query| query.index).collect())
     }
 
     /// The clusters of an archive: those of its taxonomy, or what they would be if the search ended now. While it runs they
     /// may be of the archive as it was when it was a fifth smaller. Blocks while the archive is clustered.
-    ///
-    /// # Errors
-    /// See [`SpaceError`].
     pub fn clusters(&self, record: &CampaignRecord) -> Result<Arc<Clustered>, SpaceError> {
         self.clusters.lately(record, &self.interrupt)
     }
 
-    /// What ends every clustering of this coordinator.
-    #[must_use]
+    /// The flag that ends every clustering of this coordinator.
     pub const fn interrupt(&self) -> &Interrupt {
         &self.interrupt
     }
@@ -267,19 +224,30 @@ impl Queries {
         Ok(ranked)
     }
 
-    /// `clustered` is told what by medoids is ranked by.
+    /// `clustered` gives the clusters that all but the random strategy begin with.
     async fn rank(
         &self,
         record: CampaignRecord,
         strategy: Strategy,
         clustered: impl FnOnce(&CampaignRecord) -> Result<Arc<Clustered>, SpaceError> + Send + 'static,
     ) -> Result<Ranked, QueryError> {
+        let interrupt = self.interrupt.clone();
         blocking(move || {
             let (order, archive_version) = match strategy {
                 Strategy::Medoids => {
                     let clustered = clustered(&record)?;
                     let order = ranking::by_uncertainty(&clustered.space.behaviours, &clustered.clustering);
                     (order, clustered.space.archive_version)
+                }
+                Strategy::Coverage => {
+                    let clustered = clustered(&record)?;
+                    let order = ranking::by_coverage(
+                        &clustered.space.behaviours,
+                        &clustered.clustering,
+                        &record.spec,
+                        &interrupt,
+                    );
+                    (order.map_err(SpaceError::from)?, clustered.space.archive_version)
                 }
                 Strategy::Random => {
                     let count = record.individuals() as usize;
@@ -299,7 +267,7 @@ impl Queries {
     }
 }
 
-/// Has the holder be asked what is theirs, and then what comes next in the order.
+/// Gives the holder the questions that are theirs, and then the next of the order.
 fn lease(
     leases: &Mutex<QueryLeases<Kind>>,
     store: &Store,

@@ -1,14 +1,71 @@
-//! Orders of behaviours to ask about.
+//! Orders of behaviours to ask about, each with the reason for its place.
 
-use super::{
-    query::{Query, Reason},
-    uncertainty,
+use murmuration_proto::{CampaignSpec, Purpose, RandomStream, counted};
+use murmuration_search::{
+    interrupt::{Interrupt, Interrupted},
+    medoids::{self, Clustering},
+    novelty::Behaviours,
 };
-use murmuration_proto::RandomStream;
-use murmuration_search::{medoids::Clustering, novelty::Behaviours};
+use rayon::prelude::*;
+use std::fmt;
+
+/// Behaviours that are asked about for being far from all before them; more than anybody answers.
+const MOST_COVERED: usize = 1000;
+
+/// Why a behaviour is asked about, in words for whoever is asked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reason {
+    Random,
+    /// It stands for a cluster.
+    Medoid {
+        /// The cluster, from 1, the largest first.
+        cluster: usize,
+        /// How many behaviours it has.
+        size: usize,
+    },
+    /// It is nearly as far from the medoid of its own cluster as from that of another.
+    Uncertain {
+        /// Its cluster, from 1.
+        cluster: usize,
+        /// The other; `None` where there is but one cluster.
+        other: Option<usize>,
+    },
+    /// It is far from the medoids and from all that come before it.
+    Uncovered,
+    /// The window asked for it, for instance because its answer was undone.
+    Again,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Query {
+    pub index: usize,
+    pub reason: Reason,
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Random => f.write_str("drawn at random"),
+            Self::Uncovered => f.write_str("unlike all before it"),
+            Self::Medoid { cluster, size: 1 } => write!(f, "the only behaviour of cluster {cluster}"),
+            Self::Medoid { cluster, size } => {
+                write!(
+                    f,
+                    "medoid of cluster {cluster}: the nearest to {}",
+                    counted(*size as u64, "behaviour")
+                )
+            }
+            Self::Uncertain {
+                cluster,
+                other: Some(other),
+            } => write!(f, "between cluster {cluster} and cluster {other}"),
+            Self::Uncertain { cluster, other: None } => write!(f, "in cluster {cluster}"),
+            Self::Again => f.write_str("to be answered again"),
+        }
+    }
+}
 
 /// `count` behaviours in random order.
-#[must_use]
 pub fn in_random_order(count: usize, stream: &mut RandomStream) -> Vec<Query> {
     let mut order: Vec<usize> = (0..count).collect();
     stream.shuffle(&mut order);
@@ -24,22 +81,51 @@ pub fn in_random_order(count: usize, stream: &mut RandomStream) -> Vec<Query> {
 ///
 /// A behaviour's uncertainty is its distance from the medoid of its cluster, as a share of that from the nearest other
 /// medoid: 1 on the border.
-#[must_use]
 pub fn by_uncertainty(behaviours: &Behaviours, clustering: &Clustering) -> Vec<Query> {
+    let uncertain = uncertain_members(behaviours, clustering);
+    medoids_first(clustering).chain(in_turns(uncertain)).collect()
+}
+
+/// The medoids of the clustering of `behaviours`, then all other behaviours, each the farthest from all before it, as far as
+/// [`MOST_COVERED`] of them.
+///
+/// # Errors
+/// [`Interrupted`] once `interrupt` is raised.
+pub fn by_coverage(
+    behaviours: &Behaviours,
+    clustering: &Clustering,
+    spec: &CampaignSpec,
+    interrupt: &Interrupt,
+) -> Result<Vec<Query>, Interrupted> {
+    let mut stream = RandomStream::derive(spec.seed(), Purpose::Query, 0);
+    let count = (MOST_COVERED, spec.search().neighbours() as usize);
+    let others = medoids::order(
+        behaviours,
+        clustering.medoids.clone(),
+        count,
+        &mut stream,
+        interrupt,
+    )?;
+    let others = others.into_iter().map(|index| Query {
+        index,
+        reason: Reason::Uncovered,
+    });
+    Ok(medoids_first(clustering).chain(others).collect())
+}
+
+fn medoids_first(clustering: &Clustering) -> impl Iterator<Item = Query> {
     let mut sizes = vec![0; clustering.medoids.len()];
     for &cluster in &clustering.clusters {
         sizes[cluster as usize] += 1;
     }
     let medoids = clustering.medoids.iter().zip(sizes).enumerate();
-    let medoids = medoids.map(|(place, (&index, size))| Query {
+    medoids.map(|(place, (&index, size))| Query {
         index,
         reason: Reason::Medoid {
             cluster: place + 1,
             size,
         },
-    });
-    let uncertain = uncertainty::members(behaviours, clustering);
-    medoids.chain(in_turns(uncertain)).collect()
+    })
 }
 
 /// First each list's first, then each list's second, and so on.
@@ -47,6 +133,54 @@ fn in_turns(lists: Vec<Vec<Query>>) -> Vec<Query> {
     let longest = lists.iter().map(Vec::len).max().unwrap_or(0);
     let turn = |place| lists.iter().filter_map(move |list| list.get(place).copied());
     (0..longest).flat_map(turn).collect()
+}
+
+/// For each cluster its members but the medoid, the most uncertain first; equal ones by index. Those of a single
+/// cluster are certain, and come by index.
+fn uncertain_members(behaviours: &Behaviours, clustering: &Clustering) -> Vec<Vec<Query>> {
+    let uncertainties: Vec<(f64, Option<usize>)> = (0..behaviours.len())
+        .into_par_iter()
+        .map(|index| uncertainty(behaviours, clustering, index))
+        .collect();
+    let mut members = vec![Vec::new(); clustering.medoids.len()];
+    for (index, &cluster) in clustering.clusters.iter().enumerate() {
+        let cluster = cluster as usize;
+        if clustering.medoids[cluster] != index {
+            members[cluster].push(index);
+        }
+    }
+    let sorted = |(place, mut indices): (usize, Vec<usize>)| {
+        indices.sort_by(|&a, &b| uncertainties[b].0.total_cmp(&uncertainties[a].0));
+        let query = |index: usize| Query {
+            index,
+            reason: Reason::Uncertain {
+                cluster: place + 1,
+                other: uncertainties[index].1.map(|other| other + 1),
+            },
+        };
+        indices.into_iter().map(query).collect()
+    };
+    members.into_iter().enumerate().map(sorted).collect()
+}
+
+/// How uncertain a behaviour's cluster is, 0 to 1, and the cluster that it might belong to: its distance from its own medoid
+/// over that from the nearest other one.
+fn uncertainty(behaviours: &Behaviours, clustering: &Clustering, index: usize) -> (f64, Option<usize>) {
+    let own = clustering.clusters[index] as usize;
+    let others = clustering.medoids.iter().enumerate();
+    let nearest = others
+        .filter(|(place, _)| *place != own)
+        .map(|(place, &medoid)| (behaviours.squared_distance(index, medoid), place))
+        .min_by(|a, b| a.0.total_cmp(&b.0));
+    match nearest {
+        None => (0.0, None),
+        // The medoids coincide: as uncertain as can be.
+        Some((0.0, other)) => (1.0, Some(other)),
+        Some((squared, other)) => {
+            let own = behaviours.squared_distance(index, clustering.medoids[own]);
+            ((own / squared).sqrt(), Some(other))
+        }
+    }
 }
 
 #[cfg(test)]

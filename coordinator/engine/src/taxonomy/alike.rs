@@ -1,7 +1,7 @@
 //! Medoids that may be one behaviour.
 
 use super::Taxonomy;
-use murmuration_proto::Method;
+use murmuration_proto::Scale;
 
 /// Two clusters of a taxonomy that touch: their medoids are nearer to each other than the mean distances of both clusters' members to
 /// their medoids come to together. So there is no gap between them, and they may be one behaviour in two halves. The ratio of
@@ -19,12 +19,11 @@ pub struct Alike {
 impl Taxonomy {
     /// The pairs of clusters whose medoids are alike, nearest first. Only for the taxonomy that stands: medoids of former versions
     /// are measured in a space that is gone.
-    #[must_use]
-    pub fn alike(&self, method: Method) -> Vec<Alike> {
+    pub fn alike(&self, scale: &Scale) -> Vec<Alike> {
         let places: Vec<Vec<f64>> = self
             .medoids
             .iter()
-            .map(|medoid| medoid.individual.behaviour(method))
+            .map(|medoid| medoid.individual.behaviour(scale))
             .collect();
         let mut found = Vec::new();
         for (other, theirs) in self.medoids.iter().enumerate() {
@@ -41,13 +40,11 @@ impl Taxonomy {
 }
 
 /// Whether two clusters touch whose medoids are so far apart, and whose members have these mean distances to their medoids.
-#[must_use]
 pub fn touch(distance: f64, [one, other]: [f64; 2]) -> bool {
     distance < one + other
 }
 
 /// The distance of two places in one behaviour space.
-#[must_use]
 pub fn distance(one: &[f64], other: &[f64]) -> f64 {
     let squares = one.iter().zip(other).map(|(a, b)| (a - b) * (a - b));
     squares.sum::<f64>().sqrt()
@@ -57,12 +54,13 @@ pub fn distance(one: &[f64], other: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::taxonomy::Medoid;
+    use murmuration_proto::BehaviourSpace;
     use murmuration_store::Trial;
 
     /// A taxonomy of medoids at these first features, with these mean distances of their members.
     fn taxonomy(medoids: &[(f64, f64)]) -> Taxonomy {
         let medoid = |(index, &(at, mean_distance)): (u64, &(f64, f64))| Medoid {
-            individual: crate::still::still(index, 0).with_trial(Trial {
+            individual: crate::still(index, 0).with_trial(Trial {
                 features: [at, 0.0, 0.0, 0.0, 0.0],
                 ..Trial::default()
             }),
@@ -82,7 +80,7 @@ mod tests {
     fn medoids_are_alike_where_their_clusters_touch() {
         // The third and the fourth are as far apart as both are wide: a gap of nothing is one.
         let taxonomy = taxonomy(&[(0.0, 0.5), (1.5, 1.25), (9.0, 1.0), (10.5, 0.5), (0.5, 0.25)]);
-        let found = taxonomy.alike(Method::HandCrafted);
+        let found = taxonomy.alike(&Scale::unscaled(BehaviourSpace::Features));
         let found: Vec<_> = found
             .iter()
             .map(|pair| (pair.one, pair.other, pair.distance))

@@ -14,7 +14,6 @@ pub struct Change {
 
 impl Change {
     /// The change from one version to another. Individuals that only one of them has are members of no cluster of the other.
-    #[must_use]
     pub fn between(before: &StoredTaxonomy, after: &StoredTaxonomy) -> Self {
         let mut shared = vec![vec![0; after.medoids.len()]; before.medoids.len()];
         for (&from, &to) in before.clusters.iter().zip(&after.clusters) {
@@ -35,33 +34,28 @@ impl Change {
     }
 
     /// Members of the cluster `before` that are in the cluster `after`; 0 where there is no such cluster.
-    #[must_use]
     pub fn shared(&self, before: usize, after: usize) -> u64 {
         let row = self.shared.get(before);
         row.and_then(|row| row.get(after)).copied().unwrap_or(0)
     }
 
     /// Members of a cluster before, as far as the version after has them.
-    #[must_use]
     pub fn size_before(&self, before: usize) -> u64 {
         self.shared.get(before).map_or(0, |row| row.iter().sum())
     }
 
     /// Members of a cluster after.
-    #[must_use]
     pub fn size_after(&self, after: usize) -> u64 {
         self.shared.iter().filter_map(|row| row.get(after)).sum::<u64>() + self.new_in(after)
     }
 
     /// Members of a cluster after that the archive before did not have.
-    #[must_use]
     pub fn new_in(&self, after: usize) -> u64 {
         self.new.get(after).copied().unwrap_or(0)
     }
 
     /// The cluster after that holds most members of the cluster `before`, the first of those with as many; `None` if it has no
     /// members.
-    #[must_use]
     pub fn largest_part(&self, before: usize) -> Option<usize> {
         let row = self.shared.get(before)?.iter().enumerate();
         let largest = row.min_by_key(|(_, count)| std::cmp::Reverse(**count))?;
@@ -69,14 +63,12 @@ impl Change {
     }
 
     /// The cluster after that holds more than half of the members of the cluster `before`, if there is one: what it became.
-    #[must_use]
     pub fn successor(&self, before: usize) -> Option<usize> {
         let part = self.largest_part(before)?;
         (2 * self.shared(before, part) > self.size_before(before)).then_some(part)
     }
 
     /// The clusters before that became the cluster `after`, those with most members in it first. None: it is new.
-    #[must_use]
     pub fn predecessors(&self, after: usize) -> Vec<usize> {
         let all = 0..self.shared.len();
         let mut found: Vec<usize> = all
@@ -87,7 +79,6 @@ impl Change {
     }
 
     /// The clusters before from which the members of the cluster `after` are, those with most first.
-    #[must_use]
     pub fn sources(&self, after: usize) -> Vec<usize> {
         let all = 0..self.shared.len();
         let mut found: Vec<usize> = all.filter(|&before| self.shared(before, after) > 0).collect();

@@ -11,7 +11,7 @@ pub use names::{ClusterName, Names, NotCarried, Origin, Uncarried};
 
 use crate::space::SpaceError;
 use murmuration_model::{CampaignId, CampaignRecord};
-use murmuration_proto::{CampaignSpec, Method, Purpose, RandomStream};
+use murmuration_proto::{CampaignSpec, Choice, Scale};
 use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
     medoids::{self, Clustering},
@@ -20,11 +20,7 @@ use murmuration_search::{
 use murmuration_store::{ArchivedIndividual, ClusterMeasures, Store, StoreError, StoredTaxonomy, Trial};
 use std::collections::BTreeMap;
 
-/// Clusters the archive of a campaign: by class where its specification says so and its embedder has learned from labels. `told`
-/// hears how far it is.
-///
-/// # Errors
-/// See [`SpaceError`].
+/// Chooses the behaviours that stand for the archive of a campaign, as its specification says. `told` hears how far it is.
 pub(crate) fn cluster(
     store: &Store,
     record: &CampaignRecord,
@@ -33,20 +29,11 @@ pub(crate) fn cluster(
     told: &dyn Fn(medoids::Progress),
 ) -> Result<Clustering, SpaceError> {
     let spec = &record.spec;
-    let labelled = match spec.medoids_by_class() {
-        true => store.learned_classes(record)?,
-        false => BTreeMap::new(),
+    let labelled = match spec.choice() {
+        Choice::Medoids => BTreeMap::new(),
+        Choice::Coverage | Choice::ByClass => store.learned_classes(record)?,
     };
-    let mut stream = RandomStream::derive(spec.seed(), Purpose::Medoids, 0);
-    let count = spec.medoids() as usize;
-    Ok(medoids::cluster_by_class(
-        behaviours,
-        &labelled,
-        count,
-        &mut stream,
-        interrupt,
-        told,
-    )?)
+    Ok(medoids::choose(spec, behaviours, &labelled, interrupt, told)?)
 }
 
 /// One behaviour: the individual at the centre of a cluster.
@@ -93,9 +80,6 @@ impl Taxonomy {
     }
 
     /// Reads a version of the taxonomy of a campaign, former or not; `None` if there is none of that number.
-    ///
-    /// # Errors
-    /// As [`Taxonomy::read`].
     pub fn read_version(
         store: &Store,
         (campaign, version): (&CampaignId, u32),
@@ -139,15 +123,14 @@ impl Taxonomy {
 
 /// The number of an individual's trials that no other medoid is nearer to than its own. `behaviours` are those of the archive;
 /// `medoids` the individuals at the centres of its clusters, with the place of the individual's own.
-#[must_use]
 pub fn robust_trials(
     individual: &ArchivedIndividual,
-    method: Method,
+    scale: &Scale,
     behaviours: &Behaviours,
     (medoids, own): (&[usize], u32),
 ) -> u8 {
     let is_own = |trial: &&Trial| {
-        let behaviour = method.behaviour(&trial.features, &trial.embedding);
+        let behaviour = scale.behaviour(&trial.features, &trial.embedding);
         let distance = |medoid: usize| behaviours.squared_distance_to(medoid, &behaviour);
         let to_own = medoids
             .get(own as usize)
@@ -158,9 +141,6 @@ pub fn robust_trials(
 }
 
 /// Measures the clusters of an archive; `neighbours` is the k of novelty.
-///
-/// # Errors
-/// [`Interrupted`] once `interrupt` is raised.
 pub fn measure(
     behaviours: &Behaviours,
     clustering: &Clustering,

@@ -9,10 +9,8 @@ use murmuration_model::{
 use murmuration_store::{Store, StoreError, StoredTaxonomy, TaxonomyVersion};
 use std::collections::BTreeMap;
 
-/// The name of a cluster.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ClusterName {
-    /// The name.
     pub class: ClassName,
     /// Where it comes from.
     pub origin: Origin,
@@ -27,7 +25,6 @@ pub enum Origin {
     Judge,
     /// It was the name of a cluster of an earlier version.
     Carried {
-        /// That version.
         version: u32,
         /// The place of the cluster in it.
         place: usize,
@@ -50,11 +47,9 @@ pub struct Names {
 /// A name that was not carried on.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Uncarried {
-    /// The name.
     pub class: ClassName,
     /// The place of its cluster in the version before.
     pub place: usize,
-    /// Why.
     pub why: NotCarried,
 }
 
@@ -74,14 +69,12 @@ pub enum NotCarried {
     Outdone {
         /// The cluster that holds the majority.
         place: usize,
-        /// Its name.
         by: ClassName,
     },
 }
 
 impl Names {
     /// The names of the first version of a taxonomy, whose medoids these are: what `given` says of them.
-    #[must_use]
     pub fn first(medoids: &[u64], given: &BTreeMap<u64, GivenClass>) -> Self {
         let own = medoids.iter().map(|medoid| {
             given.get(medoid).map(|given| ClusterName {
@@ -102,7 +95,6 @@ impl Names {
     /// The names of a later version with the medoids `medoids`, where these are those of `version` before it. A name goes to the
     /// cluster with the majority of its members, unless a person named that otherwise; of two that meet there, the one with more
     /// members stays. The judge's names are not carried: it is asked anew.
-    #[must_use]
     pub fn carried(
         &self,
         version: u32,
@@ -166,9 +158,6 @@ impl Names {
 
     /// The names of `versions` of a campaign's taxonomy, oldest first, up to the last of them: what labels say of their medoids,
     /// carried on from each to the next.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn read(
         store: &Store,
         campaign: &CampaignId,
@@ -195,9 +184,6 @@ impl Names {
     }
 
     /// The names of the taxonomy that stands; none where none does.
-    ///
-    /// # Errors
-    /// If it cannot be read.
     pub fn standing(store: &Store, campaign: &CampaignId) -> Result<Self, StoreError> {
         let versions = store.taxonomy_versions(campaign)?;
         match versions.last() {

@@ -2,12 +2,16 @@
 
 use murmuration_model::labels::{Action, Agreement, Annotator, Change, Entry, Labels, RequestId};
 use murmuration_proto::{Invalid, parts::parts, v1};
-use murmuration_store::{LabelError, Undone, WithdrawnComparison};
+use murmuration_store::{LabelError, Undone};
 use std::collections::BTreeSet;
 
 /// What an answer says; `now_ms` is when, unless it tells.
 pub(super) fn change(message: v1::Answer, now_ms: u64) -> Result<Change, Invalid> {
-    let time_ms = time(message.time_ms, now_ms)?;
+    let time_ms = match message.time_ms {
+        0 => now_ms,
+        given if given <= i64::MAX.unsigned_abs() => given,
+        other => return Err(Invalid::new("time_ms", other, "at most 2^63 - 1")),
+    };
     Ok(Change {
         annotator: message.annotator.parse()?,
         time_ms,
@@ -18,49 +22,12 @@ pub(super) fn change(message: v1::Answer, now_ms: u64) -> Result<Change, Invalid
     })
 }
 
-/// What an answer to a question of comparison says; `now_ms` is when, unless it tells.
-pub(super) fn comparison(message: v1::AnswerComparisonRequest, now_ms: u64) -> Result<Change, Invalid> {
-    let nothing = || Invalid::new("comparison", "nothing", "a question and its answer");
-    let action = Action::try_from(message.comparison.ok_or_else(nothing)?);
-    Ok(Change {
-        annotator: message.annotator.parse()?,
-        time_ms: time(message.time_ms, now_ms)?,
-        action: action.map_err(|error| error.within("comparison"))?,
-    })
-}
-
-fn time(given_ms: u64, now_ms: u64) -> Result<u64, Invalid> {
-    match given_ms {
-        0 => Ok(now_ms),
-        given if given <= i64::MAX.unsigned_abs() => Ok(given),
-        other => Err(Invalid::new("time_ms", other, "at most 2^63 - 1")),
-    }
-}
-
-/// A comparison that was withdrawn, by what.
-pub(super) fn withdrawn(withdrawn: WithdrawnComparison) -> v1::WithdrawComparisonResponse {
-    let WithdrawnComparison {
-        entry,
-        triple,
-        preference,
-    } = withdrawn;
-    v1::WithdrawComparisonResponse {
-        entry: Some(entry.into()),
-        withdrawn: Some(v1::Comparison {
-            triple: Some(triple.into()),
-            preference: v1::Preference::from(preference).into(),
-        }),
-    }
-}
-
-/// Checks that what a request has added, if it was made before, is what the synthetic annotator said when it was asked for this.
-pub(super) fn check_synthetic(
-    before: &[Entry],
-    request: &RequestId,
-    is_asked_for: impl Fn(&Action) -> bool,
-) -> Result<(), LabelError> {
+/// Checks that what a request has added, if it was made before, is answers of the synthetic annotator.
+pub(super) fn check_synthetic(before: &[Entry], request: &RequestId) -> Result<(), LabelError> {
     let synthetic = Annotator::synthetic();
-    let is_own = |entry: &Entry| entry.change.annotator == synthetic && is_asked_for(&entry.change.action);
+    let is_own = |entry: &Entry| {
+        entry.change.annotator == synthetic && matches!(entry.change.action, Action::Answer { .. })
+    };
     match before.iter().all(is_own) {
         true => Ok(()),
         false => Err(LabelError::OtherRequest(request.clone())),

@@ -30,7 +30,7 @@ struct Table {
 impl Table {
     fn new() -> Self {
         Self {
-            leases: QueryLeases::new(),
+            leases: QueryLeases::default(),
             answered: BTreeSet::new(),
             now: Instant::now(),
         }

@@ -37,7 +37,7 @@ impl Campaign {
 
     fn grow(&self, generation: u32) {
         let individual = |place| {
-            crate::still::still(u64::from(generation) * 10 + place, generation).with_trial(Trial {
+            crate::still(u64::from(generation) * 10 + place, generation).with_trial(Trial {
                 features: [f64::from(generation), place as f64, 0.0, 0.0, 0.0],
                 ..Trial::default()
             })
@@ -77,7 +77,7 @@ impl Campaign {
         asked.queries.iter().map(|query| query.index).collect()
     }
 
-    /// What is asked once the order that is made meanwhile is there.
+    /// The questions once the order that is made meanwhile is there.
     async fn ask_later(&self, strategy: Strategy) -> BTreeSet<usize> {
         self.ask("ana", strategy, false).await;
         let rankings = self.queries.rankings.of(&self.id);

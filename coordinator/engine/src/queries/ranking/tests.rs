@@ -37,10 +37,7 @@ fn medoids_come_first_then_uncertain_members_by_turns() {
     let ranking = by_uncertainty(&points, &clustering);
     assert_eq!(indices(&ranking), [5, 1, 4, 3, 8, 0, 7, 2, 6]);
     let reasons: Vec<String> = ranking.iter().map(|query| query.reason.to_string()).collect();
-    assert_eq!(
-        reasons[0],
-        "medoid of cluster 1; its name stands for 5 behaviours"
-    );
+    assert_eq!(reasons[0], "medoid of cluster 1: the nearest to 5 behaviours");
     assert_eq!(
         &reasons[2..4],
         [
