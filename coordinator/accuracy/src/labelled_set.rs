@@ -4,7 +4,7 @@ use super::grey_image::pixels;
 use murmuration_link::{InputKind, read_bytes};
 use murmuration_model::labels::{Answer, ClassKey, LabelFile, LabelFileError, Row};
 use murmuration_proto::{Class, Features, ImageFormat, Invalid, onnx::ImageShape};
-use murmuration_worker::evaluate::Evaluator;
+use murmuration_sim::evaluate::Evaluator;
 use rayon::prelude::*;
 use std::{
     collections::BTreeMap,
@@ -15,7 +15,7 @@ mod swarms;
 
 pub use swarms::Swarm;
 
-/// The behaviours of a label file that have a class given by a person, each once.
+/// The behaviours of a label file that have a class by an annotator other than the synthetic one, each once.
 #[derive(Debug, Clone)]
 pub struct LabelledSet {
     file: LabelFile,
@@ -60,16 +60,18 @@ impl LabelledSet {
         }
     }
 
-    /// The file.
-    #[must_use]
     pub fn path(&self) -> &Path {
         self.file.path()
     }
 
     /// The ignored rows in which the synthetic annotator gave a class.
-    #[must_use]
     pub const fn synthetic(&self) -> u64 {
         self.synthetic
+    }
+
+    /// The ids of the behaviours, in the file's order.
+    pub fn ids(&self) -> impl Iterator<Item = &str> {
+        self.behaviours.iter().map(|behaviour| behaviour.id.as_str())
     }
 
     /// The classes, one for each behaviour, in the file's order.
@@ -77,14 +79,13 @@ impl LabelledSet {
         self.behaviours.iter().map(|behaviour| behaviour.class.as_str())
     }
 
-    /// The patterns that people saw in each behaviour, in the file's order (column `pattern`, several joined by `|`); empty
+    /// The patterns that annotators saw in each behaviour, in the file's order (column `pattern`, several joined by `|`); empty
     /// if they saw none, or the file does not have the column.
     pub fn patterns(&self) -> impl Iterator<Item = &str> {
         self.rows().map(|(_, row)| row.cell("pattern"))
     }
 
     /// Whether the file has what is needed to simulate each behaviour again: its controller, and the seed of its start.
-    #[must_use]
     pub fn can_be_simulated(&self) -> bool {
         self.file.has("seed") && self.file.has_controllers()
     }
@@ -165,7 +166,7 @@ fn check_images(format: &ImageFormat, images: ImageShape) -> Result<(), Invalid>
     })
 }
 
-/// The behaviours of a file to which a person gave a class, in the order of their first rows; and the rows in which the
+/// The behaviours of a file to which an annotator gave a class, in the order of their first rows; and the rows in which the
 /// synthetic annotator gave one.
 fn behaviours(file: &LabelFile) -> Result<(Vec<Behaviour>, u64), LabelFileError> {
     let known = Class::ALL.map(|class| (ClassKey::from(class.name()), class.name().to_owned()));
@@ -315,7 +316,7 @@ mod tests {
         assert_eq!(labels.synthetic(), 2);
         check_refused(
             "id,class,annotator\n7,ring,synthetic\n8,ring,\"Synthetic\"\n",
-            "no row has a class that a person gave: the synthetic annotator gave 2 classes",
+            "no row has a class by an annotator other than `synthetic`, which gave 2 classes",
         );
     }
 

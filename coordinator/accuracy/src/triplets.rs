@@ -5,12 +5,10 @@ use std::collections::BTreeMap;
 /// The class of behaviours that fit no other class.
 pub const RANDOM: &str = "random";
 
-/// Triplets counted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Tally {
     /// Triplets whose anchor is nearer to the positive than to the negative.
     pub correct: u64,
-    /// All triplets.
     pub triplets: u64,
 }
 
@@ -25,7 +23,6 @@ pub struct Accuracy {
 
 impl Tally {
     /// Correct triplets in percent; `None` if there is no triplet.
-    #[must_use]
     pub fn percent(&self) -> Option<f64> {
         (self.triplets > 0).then(|| 100.0 * self.correct as f64 / self.triplets as f64)
     }
@@ -40,7 +37,6 @@ impl Tally {
 
 impl Accuracy {
     /// Counts all admissible triplets of `behaviours`, each a class and a vector. Vectors must be finite and of one length.
-    #[must_use]
     pub fn measure(behaviours: &[(&str, Vec<f64>)]) -> Self {
         let mut classes: BTreeMap<String, Tally> = BTreeMap::new();
         for anchor in 0..behaviours.len() {
@@ -56,13 +52,11 @@ impl Accuracy {
     }
 
     /// Triplets with anchors of every class, as in the paper's text.
-    #[must_use]
     pub fn every_anchor(&self) -> Tally {
         self.sum(|_| true)
     }
 
     /// Triplets whose anchor is not [`RANDOM`], as in the authors' code. Random behaviours still serve as negatives.
-    #[must_use]
     pub fn anchor_not_random(&self) -> Tally {
         self.sum(|class| class != RANDOM)
     }
@@ -96,6 +90,31 @@ fn with_anchor(behaviours: &[(&str, Vec<f64>)], anchor: usize) -> Tally {
 /// Compared instead of distances, because a square root could make ties.
 fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+/// Mean and spread of at least one figure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Summary {
+    /// The mean, in the unit of the figures.
+    pub mean: f64,
+    /// The sample standard deviation (over n - 1), in the same unit; `None` for a single figure.
+    pub deviation: Option<f64>,
+}
+
+impl Summary {
+    /// Summarises finite figures; `None` if there are none.
+    pub fn of(figures: &[f64]) -> Option<Self> {
+        let count = figures.len() as f64;
+        let mean = (!figures.is_empty()).then(|| figures.iter().sum::<f64>() / count)?;
+        let squares: f64 = figures
+            .iter()
+            .map(|figure| (figure - mean) * (figure - mean))
+            .sum();
+        Some(Self {
+            mean,
+            deviation: (figures.len() > 1).then(|| (squares / (count - 1.0)).sqrt()),
+        })
+    }
 }
 
 #[cfg(test)]
@@ -178,5 +197,16 @@ mod tests {
         ) {
             prop_assert_eq!(Accuracy::measure(&behaviours).every_anchor(), one_by_one(&behaviours));
         }
+    }
+
+    #[test]
+    fn a_summary_by_hand() {
+        let summary = |mean, deviation| Some(Summary { mean, deviation });
+        assert_eq!(
+            Summary::of(&[2.0, 4.0, 4.0, 6.0, 9.0]),
+            summary(5.0, Some(7.0_f64.sqrt()))
+        );
+        assert_eq!(Summary::of(&[3.0]), summary(3.0, None));
+        assert_eq!(Summary::of(&[]), None);
     }
 }

@@ -24,39 +24,30 @@ pub struct Tracks {
 /// Why tracks cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TracksError {
-    /// The file is not CSV, a column is missing, or a cell cannot be used.
     #[error("{0}")]
     File(#[from] LabelFileError),
-    /// There is not one row.
     #[error("{}: there are no rows below the names of the columns", .0.display())]
     Empty(PathBuf),
-    /// All of it is one moment.
     #[error("{}: the frames last less than one step, and a motion has one at least", .0.display())]
     Short(PathBuf),
-    /// A robot is missing for too long, in the part of the film that is looked at.
     #[error(
         "{}: robot {robot} is not in {}, and it is interpolated over {} at most", path.display(), missing(*frames),
         counted(u64::from(crate::MAX_GAP_FRAMES), "frame")
     )]
     Gap {
-        /// The file.
         path: PathBuf,
         /// Number of the robot.
         robot: u32,
         /// First and last frame without it.
         frames: [u32; 2],
     },
-    /// The species of a robot does not fit the swarm.
     #[error("{}: robot {robot} {what}", path.display())]
     Species {
-        /// The file.
         path: PathBuf,
         /// Number of the robot.
         robot: u32,
-        /// What is wrong with it.
         what: String,
     },
-    /// The frames cannot be understood as asked.
     #[error("{0}")]
     Invalid(#[from] Invalid),
 }
@@ -116,8 +107,6 @@ impl Tracks {
         }
     }
 
-    /// Number of robots.
-    #[must_use]
     pub fn robots(&self) -> u32 {
         u32::try_from(self.robots.len()).unwrap_or(u32::MAX)
     }
@@ -165,13 +154,11 @@ impl Tracks {
     }
 
     /// The first and the last frame that a robot is in.
-    #[must_use]
     pub const fn frames(&self) -> [u32; 2] {
         self.frames
     }
 
     /// Share of the rows that have a heading, 0 to 1.
-    #[must_use]
     pub fn share_of_headings(&self) -> f64 {
         let sightings = || self.robots.values().flat_map(BTreeMap::values);
         let known = sightings().filter(|sighting| sighting.heading.is_some());
@@ -179,7 +166,6 @@ impl Tracks {
     }
 
     /// Number of frames in which robots are missing that were in one before or are in one after, summed over the robots.
-    #[must_use]
     pub fn missing(&self) -> u64 {
         let [first, last] = self.frames.map(u64::from);
         let all = (last - first + 1) * self.robots.len() as u64;
@@ -189,7 +175,6 @@ impl Tracks {
 
 /// The tracks of a swarm whose robots had these poses (x, y, heading) in each frame, from frame 0 on; [`Tracks::parse`] reads the
 /// same numbers back. `species` has the name of each robot's species; without any there is no column for it.
-#[must_use]
 pub fn to_csv(frames: &[Vec<[f64; 3]>], species: &[&str]) -> String {
     let header = "frame,robot,x,y,heading";
     let mut text = match species {

@@ -5,18 +5,17 @@ use murmuration_proto::{Invalid, World};
 /// How a world was filmed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Filmed<'a> {
-    world: &'a World,
+    pub(crate) world: &'a World,
     /// World units to a unit of the tracks.
     scale: f64,
     /// Where the origin of the tracks is, world units.
     origin: [f64; 2],
     /// Frames from one step to the next.
-    frames_a_step: f64,
+    pub(crate) frames_a_step: f64,
 }
 
 impl<'a> Filmed<'a> {
     /// A film of `world` whose tracks are in world units, with a frame for each step.
-    #[must_use]
     pub const fn new(world: &'a World) -> Self {
         Self {
             world,
@@ -63,19 +62,8 @@ impl<'a> Filmed<'a> {
     }
 
     /// Factor from the units of the tracks to those of the world.
-    #[must_use]
     pub const fn scale(&self) -> f64 {
         self.scale
-    }
-
-    /// The world that was filmed.
-    pub(crate) const fn world(&self) -> &World {
-        self.world
-    }
-
-    /// Frames from one step to the next.
-    pub(crate) const fn frames_a_step(&self) -> f64 {
-        self.frames_a_step
     }
 
     /// A place of the tracks in the world.

@@ -6,7 +6,6 @@
 
 mod file;
 mod filmed;
-mod headings;
 mod motion;
 
 pub use file::{Tracks, TracksError, to_csv};

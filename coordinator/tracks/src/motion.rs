@@ -1,6 +1,6 @@
 //! From the frames of a film to the steps of a world.
 
-use crate::{Sighting, Tracks, TracksError, filmed::Filmed, headings};
+use crate::{Sighting, Tracks, TracksError, filmed::Filmed};
 use murmuration_proto::Invalid;
 use std::{collections::BTreeMap, f64::consts::TAU};
 
@@ -9,6 +9,9 @@ pub const MAX_GAP_FRAMES: u32 = 25;
 
 /// Most poses of a motion (480 MB).
 pub const MAX_POSES: u64 = 20_000_000;
+
+/// Most steps before and after a step whose motion says where a robot looks.
+const MOST_STEPS: usize = 5;
 
 impl Tracks {
     /// The pose (x, y, heading; world units and radians) of each robot, in the order of their numbers, at the end of the film and
@@ -23,7 +26,7 @@ impl Tracks {
     /// If the film is shorter than a step, a robot is missing for longer, or there would be more than [`MAX_POSES`].
     pub fn ending(&self, steps: u32, filmed: &Filmed<'_>) -> Result<Vec<Vec<[f64; 3]>>, TracksError> {
         let [first, last] = self.frames().map(f64::from);
-        let whole = ((last - first) / filmed.frames_a_step()).floor();
+        let whole = ((last - first) / filmed.frames_a_step).floor();
         // A cast of what is larger gives the largest.
         let steps = steps.min(whole as u32);
         if steps == 0 {
@@ -35,7 +38,7 @@ impl Tracks {
             return Err(Invalid::new("image.window", steps, allowed).into());
         }
         // From the end, so that frames are met exactly where there is one for each step.
-        let moments = (0..=steps).map(|step| last - f64::from(steps - step) * filmed.frames_a_step());
+        let moments = (0..=steps).map(|step| last - f64::from(steps - step) * filmed.frames_a_step);
         let moments: Vec<f64> = moments.collect();
         let mut frames = vec![Vec::with_capacity(self.robots.len()); moments.len()];
         for (&robot, sightings) in &self.robots {
@@ -44,7 +47,7 @@ impl Tracks {
                     .map(|()| seen(sightings, moment, filmed))
             };
             let path = moments.iter().map(at).collect::<Result<Vec<_>, _>>()?;
-            let headings = headings::complete(&path, filmed);
+            let headings = headings(&path, filmed);
             for ((frame, sighting), heading) in frames.iter_mut().zip(&path).zip(headings) {
                 frame.push([sighting.at[0], sighting.at[1], heading]);
             }
@@ -110,7 +113,7 @@ fn seen(sightings: &BTreeMap<u32, Sighting>, moment: f64, filmed: &Filmed<'_>) -
     };
     let share = (moment - f64::from(before.0)) / (f64::from(after.0) - f64::from(before.0));
     let (before, after) = (placed(before.1), placed(after.1));
-    let way = filmed.world().way(before.at, after.at);
+    let way = filmed.world.way(before.at, after.at);
     let turned = |from: f64, to: f64| {
         let turn = to - from;
         from + share * (turn - TAU * (turn / TAU).round())
@@ -122,6 +125,31 @@ fn seen(sightings: &BTreeMap<u32, Sighting>, moment: f64, filmed: &Filmed<'_>) -
             .zip(after.heading)
             .map(|(from, to)| turned(from, to)),
     }
+}
+
+/// The heading of a robot at each step of its path, radians: where none is known, the direction of the motion about the step; where
+/// there is hardly one, the heading before, or else the first that there is; 0 if there is none.
+fn headings(path: &[Sighting], filmed: &Filmed<'_>) -> Vec<f64> {
+    let known: Vec<Option<f64>> = (0..path.len())
+        .map(|step| path[step].heading.or_else(|| direction(path, step, filmed)))
+        .collect();
+    let mut last = known.iter().flatten().next().copied().unwrap_or(0.0);
+    let kept = known.into_iter().map(|heading| {
+        last = heading.unwrap_or(last);
+        last
+    });
+    kept.collect()
+}
+
+/// The direction of the motion from some steps before to as many after, the fewest in which it is no jitter; `None` if there are
+/// none.
+fn direction(path: &[Sighting], step: usize, filmed: &Filmed<'_>) -> Option<f64> {
+    (1..=MOST_STEPS).find_map(|steps| {
+        let before = path[step.saturating_sub(steps)];
+        let after = path[(step + steps).min(path.len() - 1)];
+        let [x, y] = filmed.world.way(before.at, after.at);
+        (x.hypot(y) > filmed.still()).then(|| y.atan2(x))
+    })
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use super::{Behaviour, LabelledSet, Row};
 use murmuration_link::{InputKind, read_bytes};
 use murmuration_model::labels::{LabelFile, LabelFileError};
 use murmuration_proto::{Controller, World};
-use murmuration_worker::simulate::Start;
+use murmuration_sim::simulate::Start;
 use std::{collections::HashMap, path::Path};
 
 /// Columns of a start: behaviour, agent and pose.
@@ -13,11 +13,8 @@ const START: [&str; 5] = ["id", "agent", "x", "y", "theta"];
 /// A labelled swarm, to simulate it again.
 #[derive(Debug, Clone)]
 pub struct Swarm {
-    /// Its controller.
     pub controller: Controller,
-    /// Its start.
     pub start: Start,
-    /// Its world.
     pub world: World,
 }
 
@@ -53,9 +50,6 @@ impl LabelledSet {
     }
 
     /// The controller of each behaviour, in the file's order; columns as for [`LabelledSet::swarms`].
-    ///
-    /// # Errors
-    /// As [`LabelledSet::swarms`].
     pub fn controllers(&self) -> Result<Vec<Controller>, LabelFileError> {
         self.rows().map(|(_, row)| row.controller()).collect()
     }
