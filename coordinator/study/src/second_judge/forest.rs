@@ -1,0 +1,73 @@
+//! From measures to a class: a forest of decision trees, each of which has a vote.
+//!
+//! Trees ask only whether a measure is above a threshold, so a swarm unlike all that they learned from is still judged by the side
+//! on which it lies, not by how far it lies there.
+
+use murmuration_proto::{Class, World};
+
+/// A node of a tree, as `scripts/second-judge` writes it. Those below follow it.
+#[derive(Debug, Clone, Copy)]
+enum Node {
+    /// A split: place of a measure, a threshold, and place in the tree of the node for what is above the threshold; that for the
+    /// rest comes next.
+    S(u8, f64, u16),
+    /// A leaf: the number of the class in [`Class::ALL`].
+    L(u8),
+}
+
+use Node::{L, S};
+
+/// Each tree begins with its root.
+static FOREST: &[&[Node]] = &include!("forest.txt");
+
+/// The class with the most votes among those that have a meaning in `world`; of equals the last in [`Class::ALL`], whose end is
+/// `random`.
+pub(super) fn class(measures: &[f64], world: &World) -> Class {
+    let mut votes = [0_u32; Class::ALL.len()];
+    for tree in FOREST {
+        if let Some(vote) = vote(tree, measures).and_then(|class| votes.get_mut(class)) {
+            *vote += 1;
+        }
+    }
+    let classes = Class::ALL.into_iter().zip(votes);
+    let possible = classes.filter(|(class, _)| class.without_meaning(world).is_none());
+    let best = possible.max_by_key(|&(_, votes)| votes);
+    best.map_or(Class::Random, |(class, _)| class)
+}
+
+/// The class that a tree names by its place in [`Class::ALL`].
+fn vote(tree: &[Node], measures: &[f64]) -> Option<usize> {
+    let mut at = 0;
+    loop {
+        match *tree.get(at)? {
+            L(class) => return Some(class.into()),
+            S(measure, threshold, above) => {
+                let is_above = *measures.get(usize::from(measure))? > threshold;
+                at = if is_above { above.into() } else { at + 1 };
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{super::measures::MEASURES, *};
+
+    /// So every walk through a tree ends at a class.
+    #[test]
+    fn every_tree_leads_on_to_leaves() {
+        assert_eq!(FOREST.len(), 50);
+        for tree in FOREST {
+            for (place, node) in tree.iter().enumerate() {
+                match *node {
+                    L(class) => assert!(usize::from(class) < Class::ALL.len()),
+                    S(measure, threshold, above) => {
+                        assert!(usize::from(measure) < MEASURES && threshold.is_finite());
+                        assert!((place + 2..tree.len()).contains(&above.into()));
+                    }
+                }
+            }
+            assert!(matches!(tree.last(), Some(L(_))));
+        }
+    }
+}
