@@ -1,23 +1,22 @@
 //! The paper's count of behaviours (section "Evolving New Behaviors"): the classes among the medoids of the last generations.
 
 use crate::{
-    behaviours_error::BehavioursError,
+    maps::BehavioursError,
     measured::{JudgedBehaviours, JudgedIndividual, MedoidsOf},
+    second_judge::second_judge,
     study::{Measures, RandomBatches},
 };
 use murmuration_judge::{frames, judge};
-use murmuration_proto::{CampaignSpec, Controller, Method, Purpose, RandomStream};
+use murmuration_proto::{CampaignSpec, Choice, Controller, Method};
 use murmuration_search::{interrupt::Interrupt, medoids, novelty::Behaviours};
-use murmuration_worker::{replay::replay_frames, simulate::Start};
+use murmuration_sim::{replay::replay_frames, simulate::Start};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// An individual of an archive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Individual {
     /// Generation that it belongs to, from 0.
     pub generation: u32,
-    /// Its controller.
     pub controller: Controller,
     /// Seed of its start, the first one if there are several.
     pub seed: u64,
@@ -30,9 +29,6 @@ pub struct Individual {
 /// Judges the last taxonomies of an archive, which is in the order of its individuals. The taxonomy of a generation is that of
 /// the archive as it stood after it, in the behaviour space of the whole archive; that of the last generation is the
 /// campaign's. `interrupt` ends a clustering.
-///
-/// # Errors
-/// See [`BehavioursError`].
 pub fn measure_behaviours(
     spec: &CampaignSpec,
     archive: &[Individual],
@@ -91,13 +87,10 @@ fn last_taxonomies(
         let mut labelled = BTreeMap::new();
         for (index, individual) in archive[..until].iter().enumerate() {
             behaviours.push(&individual.behaviour)?;
-            let class = individual.class.filter(|_| spec.medoids_by_class());
+            let class = individual.class.filter(|_| spec.choice() != Choice::Medoids);
             labelled.extend(class.map(|class| (index, class)));
         }
-        let mut stream = RandomStream::derive(spec.seed(), Purpose::Medoids, 0);
-        let count = spec.medoids() as usize;
-        let clustering =
-            medoids::cluster_by_class(&behaviours, &labelled, count, &mut stream, interrupt, &|_| {})?;
+        let clustering = medoids::choose(spec, &behaviours, &labelled, interrupt, &|_| {})?;
         Ok(MedoidsOf {
             generation,
             medoids: clustering.medoids.iter().map(|&medoid| medoid as u64).collect(),
@@ -121,6 +114,7 @@ fn judged(
         controller: individual.controller.genes().to_vec(),
         class: verdict.class().name().to_owned(),
         pattern: verdict.pattern().map_or("", |pattern| pattern.name()).to_owned(),
+        second_class: second_judge(&motion, world).name().to_owned(),
     })
 }
 
@@ -148,7 +142,7 @@ mod tests {
              search.population = 4\nsearch.generations = 4\ntaxonomy.medoids = 3\nworld.horizon = 4"
         );
         let study = Study::from_toml(&text, Path::new(""), false).unwrap();
-        (study.cells()[0].spec.clone(), study.measures().clone())
+        (study.cells[0].spec.clone(), study.measures.clone())
     }
 
     fn indices(more: &str) -> Vec<(u32, Vec<u64>)> {

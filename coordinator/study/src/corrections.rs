@@ -6,7 +6,7 @@ use murmuration_model::labels::{Annotator, of_cell, to_cell};
 use murmuration_proto::{Class, Invalid};
 use std::collections::BTreeMap;
 
-/// Who is said to have named a behaviour if the file does not say.
+/// Name of the annotator of a behaviour if the file names none.
 const SOMEBODY: &str = "a person";
 /// Whose word the classes of `medoids.csv` are.
 pub const JUDGE: &str = "judge";
@@ -26,7 +26,6 @@ pub struct Corrections {
 pub struct CorrectionsError {
     /// The line, from 1.
     pub line: u64,
-    /// What is wrong.
     pub what: String,
 }
 
@@ -109,7 +108,6 @@ impl Corrections {
     }
 
     /// The table that [`Corrections::parse`] reads, a row an individual.
-    #[must_use]
     pub fn to_csv(&self) -> String {
         let mut table = Writer::from_writer(Vec::new());
         // Writing to memory cannot fail, and each row has as many cells.
@@ -122,7 +120,6 @@ impl Corrections {
     }
 
     /// The class that a person gave to an individual of a cell, and the person; `None` if the judge's word stands.
-    #[must_use]
     pub fn of(&self, cell: &Measured, index: u64) -> Option<(Class, &str)> {
         let (class, by) = self.by_individual.get(&(cell.cell.clone(), index))?;
         let judged = cell
@@ -139,10 +136,8 @@ impl Corrections {
 
 /// An individual by the digest of its cell and its index.
 type Place = (String, u64);
-/// A class, and who gave it.
 type Given = (Class, String);
 
-/// The places of the columns.
 struct Columns {
     cell: usize,
     index: usize,

@@ -1,9 +1,9 @@
 //! What is measured of a cell, and the figures that come of it.
 
 use murmuration_proto::{Class, Invalid, Pattern};
-use std::{fmt, str::FromStr};
+use std::{borrow::Cow, fmt, str::FromStr};
 
-/// What is measured of a cell.
+/// A measure of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Measure {
     /// The classes of the behaviours that its last taxonomies consist of.
@@ -23,7 +23,6 @@ pub enum Measure {
 }
 
 impl Measure {
-    /// Every measure.
     pub const ALL: [Self; 7] = [
         Self::Behaviours,
         Self::Shares,
@@ -34,8 +33,6 @@ impl Measure {
         Self::Maps,
     ];
 
-    /// Its name in study files.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Behaviours => "behaviours",
@@ -48,8 +45,6 @@ impl Measure {
         }
     }
 
-    /// The title of its table.
-    #[must_use]
     pub const fn title(self) -> &'static str {
         match self {
             Self::Behaviours => "Behaviours discovered",
@@ -63,12 +58,12 @@ impl Measure {
     }
 
     /// Its figures, in the order of the columns of its table.
-    #[must_use]
     pub fn figures(self) -> Vec<Figure> {
         match self {
             Self::Behaviours => {
                 let classes = Class::ALL.map(Figure::Class);
-                [Figure::Distinct].into_iter().chain(classes).collect()
+                let distinct = [Figure::Distinct, Figure::DistinctBySecond, Figure::DistinctByBoth];
+                distinct.into_iter().chain(classes).collect()
             }
             // Random first, which is what most is said of in the paper.
             Self::Shares => {
@@ -113,6 +108,11 @@ impl FromStr for Measure {
 pub enum Figure {
     /// Distinct classes among the medoids, the mean over the last taxonomies.
     Distinct,
+    /// The same by the second judge's word alone.
+    DistinctBySecond,
+    /// Distinct classes by which a medoid goes with both judges (or a person and the second judge), the mean over the last
+    /// taxonomies.
+    DistinctByBoth,
     /// Medoids of a class, the mean over the last taxonomies.
     Class(Class),
     /// Percentage of all trials that are of a class.
@@ -149,42 +149,44 @@ pub enum Figure {
 
 impl Figure {
     /// Its name in study files and tables.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
+    pub fn name(self) -> Cow<'static, str> {
+        Cow::Borrowed(match self {
             Self::Distinct => "distinct",
+            Self::DistinctBySecond => "distinct_by_second_judge",
+            Self::DistinctByBoth => "distinct_by_both_judges",
             Self::Class(class) => class.name(),
-            Self::Share(class) => share_of(class),
-            Self::PatternShare(Pattern::SmallClusters) => "share_small_clusters",
-            Self::PatternShare(Pattern::Chain) => "share_chain",
-            Self::PatternShare(Pattern::MovingClumps) => "share_moving_clumps",
+            Self::Share(class) => return format!("share_{class}").into(),
+            Self::PatternShare(pattern) => return format!("share_{pattern}").into(),
+            Self::Reached(class) => return format!("reached_{class}").into(),
             Self::Accuracy => "accuracy",
             Self::AccuracyOfEveryAnchor => "accuracy_of_every_anchor",
             Self::Loss => "loss",
             Self::Novelty => "novelty",
             Self::NichesReached => "niches_reached",
             Self::VerdictsFound => "verdicts_found",
-            Self::Reached(class) => reached(class),
             Self::NichesSeen => "niches_seen",
             Self::NichesChao1 => "niches_chao1",
             Self::NichesAce => "niches_ace",
             Self::VerdictsSeen => "verdicts_seen",
             Self::VerdictsChao1 => "verdicts_chao1",
             Self::VerdictsAce => "verdicts_ace",
-        }
+        })
     }
 
-    /// Every figure.
     pub fn all() -> impl Iterator<Item = Self> {
         Measure::ALL.into_iter().flat_map(Measure::figures)
     }
 
     /// Decimals that it is shown with.
-    #[must_use]
     pub const fn decimals(self) -> usize {
         match self {
-            Self::Share(_) | Self::PatternShare(_) => 1,
-            Self::Distinct | Self::Class(_) | Self::Accuracy | Self::AccuracyOfEveryAnchor | Self::Loss => 2,
+            Self::Distinct
+            | Self::DistinctBySecond
+            | Self::DistinctByBoth
+            | Self::Class(_)
+            | Self::Accuracy
+            | Self::AccuracyOfEveryAnchor
+            | Self::Loss => 2,
             Self::Novelty => 4,
             Self::NichesReached
             | Self::VerdictsFound
@@ -194,36 +196,10 @@ impl Figure {
             | Self::NichesAce
             | Self::VerdictsSeen
             | Self::VerdictsChao1
-            | Self::VerdictsAce => 1,
+            | Self::VerdictsAce
+            | Self::Share(_)
+            | Self::PatternShare(_) => 1,
         }
-    }
-}
-
-/// The name of the share of a class.
-const fn share_of(class: Class) -> &'static str {
-    match class {
-        Class::CyclicPursuit => "share_cyclic_pursuit",
-        Class::Milling => "share_milling",
-        Class::Aggregation => "share_aggregation",
-        Class::Dispersal => "share_dispersal",
-        Class::WallFollowing => "share_wall_following",
-        Class::NestedCycle => "share_nested_cycle",
-        Class::ConcavePath => "share_concave_path",
-        Class::Random => "share_random",
-    }
-}
-
-/// The name of the share of a class's niches.
-const fn reached(class: Class) -> &'static str {
-    match class {
-        Class::CyclicPursuit => "reached_cyclic_pursuit",
-        Class::Milling => "reached_milling",
-        Class::Aggregation => "reached_aggregation",
-        Class::Dispersal => "reached_dispersal",
-        Class::WallFollowing => "reached_wall_following",
-        Class::NestedCycle => "reached_nested_cycle",
-        Class::ConcavePath => "reached_concave_path",
-        Class::Random => "reached_random",
     }
 }
 
@@ -231,6 +207,8 @@ impl fmt::Display for Figure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Distinct => f.pad("distinct behaviours"),
+            Self::DistinctBySecond => f.pad("distinct, second judge"),
+            Self::DistinctByBoth => f.pad("distinct, both judges"),
             Self::AccuracyOfEveryAnchor => f.pad("accuracy, every anchor"),
             Self::Novelty => f.pad("mean novelty"),
             Self::Share(class) => f.pad(&format!("{}, %", class.words())),
@@ -254,7 +232,7 @@ impl FromStr for Figure {
 
     fn from_str(name: &str) -> Result<Self, Invalid> {
         Self::all().find(|figure| figure.name() == name).ok_or_else(|| {
-            let names: Vec<&str> = Self::all().map(Self::name).collect();
+            let names: Vec<_> = Self::all().map(Self::name).collect();
             Invalid::new(
                 "figures",
                 format!("\"{name}\""),
@@ -271,19 +249,10 @@ mod tests {
 
     #[test]
     fn names_are_different_and_read_back() {
-        let names: BTreeSet<&str> = Figure::all().map(Figure::name).collect();
+        let names: BTreeSet<_> = Figure::all().map(Figure::name).collect();
         assert_eq!(names.len(), Figure::all().count());
         for figure in Figure::all() {
             assert_eq!(figure.name().parse(), Ok(figure));
-        }
-        for class in Class::ALL {
-            assert_eq!(Figure::Share(class).name(), format!("share_{class}"));
-        }
-        for pattern in Pattern::ALL {
-            assert_eq!(
-                Figure::PatternShare(pattern).name(),
-                format!("share_{}", pattern.name())
-            );
         }
     }
 }

@@ -7,9 +7,10 @@ mod recall;
 mod tests;
 
 use crate::{
-    figure::Measure,
-    overlay::lay_over,
+    figure::{Figure, Measure},
+    map_files, recall_curve,
     study::{Axis, Cell, Measures, Phase, Published, RandomBatches, Study},
+    written,
 };
 use message::{AxisMessage, PhaseMessage, PublishedMessage, Seeds, StudyMessage};
 use murmuration_model::labels::to_cell;
@@ -22,7 +23,7 @@ use std::{
     num::NonZeroU32,
     path::Path,
 };
-use toml::Table;
+use toml::{Table, Value};
 
 /// Most characters of the name of an axis, and of one of its values.
 const NAME_CHARS: [usize; 2] = [32, 64];
@@ -30,61 +31,19 @@ const NAME_CHARS: [usize; 2] = [32, 64];
 const MOST_AXES: usize = 8;
 const MOST_VALUES: usize = 64;
 const MOST_REPLICATES: u64 = 1000;
-/// Names that tables have for other columns.
-const TAKEN: [&str; 26] = [
-    "cell",
-    "campaign",
-    "archive_digest",
-    "checkpoint",
-    "seed",
-    "evaluations",
-    "generation",
-    "index",
-    "class",
-    "pattern",
-    "by",
-    "start_seed",
-    "controller",
-    // Of richness.csv and maps.csv.
-    "of",
-    "seen",
-    "chao1",
-    "standard_error",
-    "low",
-    "high",
-    "ace",
-    "in_atlas",
-    "heuristic_score",
-    "controller_x",
-    "controller_y",
-    "behaviour_x",
-    "behaviour_y",
-];
-
 /// Why a study file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
-    /// Not TOML, or a field that does not exist, or a value of the wrong type; says where.
     #[error("{0}")]
     Syntax(#[from] TomlError),
-    /// A value that is not allowed.
     #[error("{0}")]
     Value(#[from] Invalid),
-    /// A cell is no campaign.
     #[error("the campaign with {cell}: {error}")]
-    Cell {
-        /// The cell's values and seed.
-        cell: String,
-        /// What is wrong with its fields.
-        error: Box<SpecFileError>,
-    },
+    Cell { cell: String, error: Box<SpecFileError> },
 }
 
 impl Study {
     /// Reads a study file; with `quick`, as its `[quick]` says. Label files are relative to `folder`.
-    ///
-    /// # Errors
-    /// See [`StudyError`].
     pub fn from_toml(text: &str, folder: &Path, quick: bool) -> Result<Self, StudyError> {
         let message: StudyMessage = read_toml(text)?;
         let message = message.made(quick)?;
@@ -175,7 +134,7 @@ fn cell(
     })
 }
 
-/// What is wrong with a cell, which is named.
+/// The error of a cell, which is named.
 fn cell_error(study: &Study, values: &[usize], seed: u64, error: SpecFileError) -> StudyError {
     let named = study.axes.iter().zip(study.names(values));
     let mut words: Vec<String> = named
@@ -283,7 +242,13 @@ fn phase(message: &PhaseMessage, axes: &[Axis], measures: Option<&[String]>) -> 
 /// A name that can be a column of a table.
 fn axis_name(name: &str) -> Result<String, Invalid> {
     let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-' || c == '_';
-    let is_taken = TAKEN.contains(&name) || crate::Figure::all().any(|figure| figure.name() == name);
+    let columns = [
+        &written::CELL[..],
+        &written::MEDOID,
+        &recall_curve::RICHNESS,
+        &map_files::COLUMNS,
+    ];
+    let is_taken = columns.concat().contains(&name) || Figure::all().any(|figure| figure.name() == name);
     if (1..=NAME_CHARS[0]).contains(&name.len()) && name.chars().all(fits) && !is_taken {
         return Ok(name.to_owned());
     }
@@ -361,7 +326,7 @@ fn measures(message: &StudyMessage, folder: &Path) -> Result<Measures, Invalid> 
     }
     if which.contains(&Measure::Accuracy) && labelled.is_empty() {
         let allowed = "label files for a robot: the measure \"accuracy\" needs some";
-        return Err(Invalid::new("accuracy", "nothing", allowed));
+        return Err(Invalid::missing("accuracy", allowed));
     }
     Ok(Measures {
         which: which.into_iter().collect(),
@@ -403,4 +368,16 @@ fn published(message: &PublishedMessage, axes: &[Axis]) -> Result<Published, Inv
         rows,
         figures,
     })
+}
+
+/// Lays `over` on `base`: a table in both is laid over in turn, every other value is replaced.
+fn lay_over(base: &mut Table, over: &Table) {
+    for (name, value) in over {
+        match (base.get_mut(name), value) {
+            (Some(Value::Table(below)), Value::Table(above)) => lay_over(below, above),
+            _ => {
+                base.insert(name.clone(), value.clone());
+            }
+        }
+    }
 }

@@ -17,7 +17,7 @@ use std::{
 
 /// The file in the folder of all studies that is locked while a campaign of a study is looked for and begun.
 const BEGINNING: &str = ".beginning";
-/// What the atlas of the study holds.
+/// The content of the study's atlas.
 const REFERENCE: &str = "reference.json";
 /// Most bytes of a file in the folder.
 const MOST_BYTES: u64 = 256 << 20;
@@ -28,34 +28,14 @@ const BEGINS: u64 = 512;
 /// Why the folder of a study cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum FolderError {
-    /// There is no such study.
-    #[error("there is no study \"{name}\" in {}: `murmuration study list` lists the studies", data.display())]
-    NoStudy {
-        /// The name.
-        name: String,
-        /// The data directory.
-        data: PathBuf,
-    },
-    /// A file cannot be read.
+    #[error("there is no study \"{name}\" in {}: `murmuration lab study list` lists the studies", data.display())]
+    NoStudy { name: String, data: PathBuf },
     #[error("cannot read {}: {reason}", path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        reason: String,
-    },
-    /// A file cannot be written.
+    Unreadable { path: PathBuf, reason: String },
     #[error("{0}")]
     Write(#[from] ReportError),
-    /// The study file that was kept cannot be used.
     #[error("{}: {error}", path.display())]
-    Study {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        error: StudyError,
-    },
-    /// A cell of the study cannot be made.
+    Study { path: PathBuf, error: StudyError },
     #[error("{0}")]
     Cell(#[from] Invalid),
 }
@@ -65,7 +45,6 @@ pub enum FolderError {
 struct Origin {
     /// Whether it was run with `--quick`.
     quick: bool,
-    /// The folder of its file.
     folder: PathBuf,
     /// How its cells were measured.
     measures: String,
@@ -74,9 +53,7 @@ struct Origin {
 /// A study as it was last run.
 #[derive(Debug, Clone)]
 pub struct KeptStudy {
-    /// Its folder.
     pub folder: StudyFolder,
-    /// The study.
     pub study: Study,
     /// How its cells were measured ([`measures_digest`](crate::measures_digest)).
     pub measures: String,
@@ -89,9 +66,6 @@ pub struct StudyFolder {
 }
 
 /// The names of the studies of a data directory, in alphabetical order.
-///
-/// # Errors
-/// [`FolderError::Unreadable`].
 pub fn studies(data: &Path) -> Result<Vec<String>, FolderError> {
     let folder = data.join(STUDIES);
     let entries = match fs::read_dir(&folder) {
@@ -112,11 +86,8 @@ pub fn studies(data: &Path) -> Result<Vec<String>, FolderError> {
     Ok(names)
 }
 
-/// Has nobody else of this data directory look for campaigns, or begin them, until the file is dropped: two studies that run at once
-/// would both begin a campaign that both have not found. Waits for others.
-///
-/// # Errors
-/// [`FolderError::Unreadable`].
+/// Locks out other studies of this data directory that look for campaigns, or begin them, until the file is dropped: two studies
+/// that run at once would both begin a campaign that both have not found. Waits for others.
 pub fn lock_beginning(data: &Path) -> Result<fs::File, FolderError> {
     let folder = data.join(STUDIES);
     let path = folder.join(BEGINNING);
@@ -135,9 +106,6 @@ pub fn lock_beginning(data: &Path) -> Result<fs::File, FolderError> {
 
 impl KeptStudy {
     /// The study with what was measured of it, and with these classes instead of the judge's.
-    ///
-    /// # Errors
-    /// As [`StudyFolder::all_measured`] and [`StudyFolder::reference`].
     pub fn outcome(self, corrections: Corrections) -> Result<Outcome, FolderError> {
         let measured = self.folder.all_measured(&self.study, &self.measures)?;
         let reference = self.folder.reference(&self.measures)?;
@@ -146,18 +114,14 @@ impl KeptStudy {
 }
 
 impl StudyFolder {
-    /// That of a study, which need not exist yet.
-    #[must_use]
+    /// The folder of a study, which need not exist yet.
     pub fn of(data: &Path, study: &Study) -> Self {
         Self {
-            path: data.join(STUDIES).join(study.name().as_str()),
+            path: data.join(STUDIES).join(study.name.as_str()),
         }
     }
 
     /// A study of a data directory, as it was last run.
-    ///
-    /// # Errors
-    /// See [`FolderError`].
     pub fn open(data: &Path, name: &str) -> Result<KeptStudy, FolderError> {
         if !studies(data)?.iter().any(|known| known == name) {
             return Err(FolderError::NoStudy {
@@ -180,16 +144,11 @@ impl StudyFolder {
         })
     }
 
-    /// The folder.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
     /// Keeps the study file and how its cells are measured. `folder` is the file's, made absolute.
-    ///
-    /// # Errors
-    /// [`FolderError::Write`].
     pub fn keep_study(
         &self,
         text: &str,
@@ -208,9 +167,6 @@ impl StudyFolder {
     }
 
     /// The checkpoints that cells share, by the digest of the campaign that trains each.
-    ///
-    /// # Errors
-    /// [`FolderError::Unreadable`].
     pub fn embedders(&self) -> Result<BTreeMap<String, CheckpointDigest>, FolderError> {
         let kept: BTreeMap<String, String> = self.json(STUDY_EMBEDDERS)?.unwrap_or_default();
         let parsed = |(cell, digest): (String, String)| Ok((cell, digest.parse()?));
@@ -218,9 +174,6 @@ impl StudyFolder {
     }
 
     /// Keeps the checkpoints that cells share.
-    ///
-    /// # Errors
-    /// [`FolderError::Write`].
     pub fn keep_embedders(&self, embedders: &BTreeMap<String, CheckpointDigest>) -> Result<(), FolderError> {
         let kept: BTreeMap<&String, String> = embedders
             .iter()
@@ -231,9 +184,6 @@ impl StudyFolder {
     }
 
     /// Keeps what the atlas of the study holds.
-    ///
-    /// # Errors
-    /// [`FolderError::Write`].
     pub fn keep_reference(&self, reference: &Reference) -> Result<(), FolderError> {
         Folder::create(&self.path)?.bytes(REFERENCE, &json_bytes(reference))?;
         Ok(())
@@ -241,9 +191,6 @@ impl StudyFolder {
 
     /// What the atlas of the study holds, made for cells that are measured in this way; `None` if there is none, or one made in
     /// another way, or if the file is damaged: then it is made again.
-    ///
-    /// # Errors
-    /// [`FolderError::Unreadable`].
     pub fn reference(&self, measures: &str) -> Result<Option<Reference>, FolderError> {
         let path = self.path.join(REFERENCE);
         if !path.is_file() {
@@ -267,18 +214,12 @@ impl StudyFolder {
     }
 
     /// Keeps the classes that people gave.
-    ///
-    /// # Errors
-    /// [`FolderError::Write`].
     pub fn keep_classes(&self, classes: &Corrections) -> Result<(), FolderError> {
         Folder::create(&self.path)?.text(STUDY_CLASSES, &classes.to_csv())?;
         Ok(())
     }
 
     /// Keeps what was measured of a cell.
-    ///
-    /// # Errors
-    /// [`FolderError::Write`].
     pub fn keep(&self, measured: &Measured) -> Result<(), FolderError> {
         let mut files = Folder::create(&self.path)?;
         files.folder("cells")?;
@@ -288,9 +229,6 @@ impl StudyFolder {
 
     /// What was measured of the cell with this digest in this way; `None` if nothing was, or in another way, or if the file is
     /// damaged: then it is measured again.
-    ///
-    /// # Errors
-    /// [`FolderError::Unreadable`].
     pub fn measured(&self, cell: &str, measures: &str) -> Result<Option<Measured>, FolderError> {
         let path = self.path.join(of_cell(cell));
         if !path.is_file() {
@@ -303,9 +241,6 @@ impl StudyFolder {
     }
 
     /// Whether the cell with this digest was measured in this way, by the beginning of its file alone: the rest of it may be damaged.
-    ///
-    /// # Errors
-    /// [`FolderError::Unreadable`].
     pub fn is_measured(&self, cell: &str, measures: &str) -> Result<bool, FolderError> {
         let path = self.path.join(of_cell(cell));
         let mut beginning = Vec::new();
@@ -320,17 +255,14 @@ impl StudyFolder {
         Ok(says("cell", cell) && says("measures", measures))
     }
 
-    /// What was measured of each cell of a study in this way, in the order of the cells.
-    ///
-    /// # Errors
-    /// [`FolderError::Unreadable`] or [`FolderError::Cell`].
+    /// The measures of each cell of a study that were made in this way, in the order of the cells.
     pub fn all_measured(&self, study: &Study, measures: &str) -> Result<Vec<Option<Measured>>, FolderError> {
         let embedders = self.embedders()?;
         let measured = |cell| match study.campaign_of(cell, &embedders)? {
             Some(spec) => self.measured(&cell_digest(&spec), measures),
             None => Ok(None),
         };
-        study.cells().iter().map(measured).collect()
+        study.cells.iter().map(measured).collect()
     }
 
     /// A file of JSON; `None` if it does not exist.

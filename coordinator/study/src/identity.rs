@@ -7,10 +7,9 @@ use murmuration_proto::{
 use std::{collections::BTreeMap, fmt::Write as _};
 
 /// Version of what is measured; it rises when the same campaign would have other figures.
-const MEASURES_VERSION: u32 = 2;
+const MEASURES_VERSION: u32 = 3;
 
 /// The digest of a specification without its name: 64 hexadecimal digits.
-#[must_use]
 pub fn cell_digest(spec: &CampaignSpec) -> String {
     let mut message = v1::CampaignSpec::from(spec);
     message.name = None;
@@ -19,7 +18,6 @@ pub fn cell_digest(spec: &CampaignSpec) -> String {
 }
 
 /// The digest of how a cell is measured, and of the label files' `contents`: 64 hexadecimal digits.
-#[must_use]
 pub fn measures_digest(measures: &Measures, contents: &[&[u8]]) -> String {
     let mut words = format!("{MEASURES_VERSION} {SIMULATOR_VERSION}");
     for measure in &measures.which {
@@ -66,7 +64,7 @@ pub fn embedder_spec(spec: &CampaignSpec, seed: u64) -> Result<Option<CampaignSp
     });
     message.taxonomy = Some(v1::TaxonomyFormat {
         medoids: Some(1),
-        by_class: None,
+        choose: None,
     });
     message.evaluation = None;
     message.feedback = None;
@@ -78,9 +76,6 @@ pub fn embedder_spec(spec: &CampaignSpec, seed: u64) -> Result<Option<CampaignSp
 
 impl Study {
     /// The campaign that trains the embedder of a cell, if the cell shares one: see [`embedder_spec`].
-    ///
-    /// # Errors
-    /// As [`embedder_spec`].
     pub fn embedder_of(&self, cell: &Cell) -> Result<Option<CampaignSpec>, Invalid> {
         match self.embedder_seed(cell.replicate) {
             Some(seed) => embedder_spec(&cell.spec, seed),
@@ -90,9 +85,6 @@ impl Study {
 
     /// The campaign of a cell, with the checkpoint of the embedder that it shares; `embedders` are known by the
     /// [`cell_digest`] of the campaign that trains them. `None` if its embedder is not known yet.
-    ///
-    /// # Errors
-    /// As [`embedder_spec`] and [`with_checkpoint`].
     pub fn campaign_of(
         &self,
         cell: &Cell,
@@ -191,9 +183,9 @@ mod tests {
         let plain = study("");
         let more = study("[behaviours]\ngenerations = 3");
         let digests = [
-            measures_digest(plain.measures(), &[]),
-            measures_digest(more.measures(), &[]),
-            measures_digest(plain.measures(), &[b"labels"]),
+            measures_digest(&plain.measures, &[]),
+            measures_digest(&more.measures, &[]),
+            measures_digest(&plain.measures, &[b"labels"]),
         ];
         assert!(
             digests[0] != digests[1] && digests[0] != digests[2],
@@ -209,7 +201,7 @@ mod tests {
                  method = \"random\"\nevaluation.judge = true"
             );
             let study = crate::Study::from_toml(&text, std::path::Path::new(""), false).unwrap();
-            measures_digest(study.measures(), &[])
+            measures_digest(&study.measures, &[])
         };
         let atlas =
             |more: &str| format!("atlas = {{ model = \"single-sensor\", method = \"exhaustive\"{more} }}");

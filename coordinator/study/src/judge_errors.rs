@@ -1,8 +1,9 @@
 //! The judge's errors, carried into the figures by resampling.
 //!
-//! What the judge says of a behaviour and what people say of it differ ([`JudgeErrors`]). A resampling draws the labelled
-//! behaviours, the replicates and, for each individual that the judge named, the class that people give to what the judge so
-//! names; of shares also the trials. The figures of many resamplings spread as far as judge, replicates and trials leave them open.
+//! What the judge says of a behaviour and what the annotators of the labelled sets say of it differ ([`JudgeErrors`]). A resampling
+//! draws the labelled behaviours, the replicates and, for each individual that the judge named, the class that the annotators give to
+//! what the judge so names; of shares also the trials. The figures of many resamplings spread as far as judge, replicates and
+//! trials leave them open.
 
 use crate::{figure::Figure, measured::JudgedBehaviours, shares::JudgedTrials};
 use murmuration_proto::{CapabilityModel, Class, Preset, Purpose, RandomStream};
@@ -45,16 +46,15 @@ const TWO_SENSORS: Counts = [
     [0, 3, 0, 3, 2, 0, 0, 123],
 ];
 
-/// How the judge's word differs from that of people, as measured on labelled behaviours.
+/// How the judge's word differs from that of the annotators, as measured on labelled behaviours.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JudgeErrors {
-    /// The labelled behaviours: the class that people gave, and the judge's.
+    /// The labelled behaviours: the class that the annotators gave, and the judge's.
     pairs: Vec<(Class, Class)>,
 }
 
 impl JudgeErrors {
-    /// Those of the labelled sets that fit a model best: behaviours of robots with one sensor, or with two.
-    #[must_use]
+    /// The errors on the labelled sets that fit a model best: behaviours of robots with one sensor, or with two.
     pub fn of_model(model: &CapabilityModel) -> Self {
         match model.preset() {
             Some(Preset::SingleSensor) => Self::of_counts(&SINGLE_SENSOR),
@@ -73,8 +73,7 @@ impl JudgeErrors {
         }
     }
 
-    /// The labelled behaviours: the class that people gave, and the judge's.
-    #[must_use]
+    /// The labelled behaviours: the class that the annotators gave, and the judge's.
     pub fn pairs(&self) -> &[(Class, Class)] {
         &self.pairs
     }
@@ -155,7 +154,7 @@ impl JudgeErrors {
         (0..RESAMPLINGS).map(|_| one()).collect()
     }
 
-    /// As many labelled behaviours as there are, drawn with replacement: by the judge's class, the classes that people gave.
+    /// As many labelled behaviours as there are, drawn with replacement: by the judge's class, those that the annotators gave.
     fn drawn_labels(&self, stream: &mut RandomStream) -> [Vec<usize>; CLASSES] {
         let mut given: [Vec<usize>; CLASSES] = Default::default();
         for _ in &self.pairs {
@@ -186,7 +185,7 @@ fn redrawn(judged: &[u64; CLASSES], stream: &mut RandomStream) -> [u64; CLASSES]
     drawn
 }
 
-/// How many trials people would call by each class, of so many that the judge calls by each: each gets the class of one of the
+/// How many trials annotators would call by each class, of so many that the judge calls by each: each gets the class of one of the
 /// behaviours that `given` has for the judge's.
 fn renamed(
     judged: &[u64; CLASSES],

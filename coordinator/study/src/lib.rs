@@ -5,10 +5,8 @@
 //! [`write_report`] writes its pages and files.
 //!
 //! Runs no campaign: that is the caller's work. Knows neither the store nor the network.
-#![deny(missing_docs)]
 
 mod behaviours;
-mod behaviours_error;
 mod contours;
 mod corrections;
 mod figure;
@@ -20,7 +18,6 @@ mod map_files;
 mod maps;
 mod measured;
 mod outcome;
-mod overlay;
 mod page;
 mod phase;
 mod phase_picture;
@@ -30,37 +27,36 @@ mod recall;
 mod recall_curve;
 mod reference;
 mod report;
-mod report_error;
 mod richness;
+mod second_judge;
 mod share_bars;
 mod shares;
 mod study;
 mod tables;
-mod wide;
 mod written;
 
 #[cfg(test)]
 mod sample;
 
 pub use behaviours::{Individual, measure_behaviours};
-pub use behaviours_error::BehavioursError;
 pub use corrections::{Corrections, CorrectionsError, JUDGE};
 pub use figure::{Figure, Measure};
 pub use file::StudyError;
 pub use folder::{FolderError, KeptStudy, StudyFolder, lock_beginning, studies};
 pub use identity::{cell_digest, embedder_spec, measures_digest, with_checkpoint};
 pub use judge_errors::JudgeErrors;
-pub use maps::{MappedIndividual, Maps, measure_maps};
+pub use maps::{BehavioursError, MappedIndividual, Maps, measure_maps};
 pub use measured::{AccuracyFigures, JudgedBehaviours, JudgedIndividual, Measured, MedoidsOf, SearchFigures};
 pub use outcome::{MeasuredCell, Outcome};
 pub use page::{TABLES_STYLE, tables_and_plots};
 pub use phase::PhaseDiagram;
+pub use pictures::ReportError;
+pub use plot::wide;
 pub use recall::{RecallCounts, RecallPlan, RecallStage, measure_recall};
 pub use reference::{Judged, Niche, Reference, ReferenceError};
-pub use report::{ReportFiles, report_page, write_report};
-pub use report_error::ReportError;
+pub use report::{report_page, write_report};
 pub use richness::Richness;
+pub use second_judge::{second_judge, second_judge_measures};
 pub use shares::JudgedTrials;
-pub use study::{Axis, Cell, LabelledSets, Measures, Phase, Published, RandomBatches, Study};
+pub use study::{Axis, Cell, LabelledSets, Measures, Phase, RandomBatches, Study};
 pub use tables::{Entry, Resampled, Row, Table};
-pub use wide::wide;

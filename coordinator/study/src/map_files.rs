@@ -3,7 +3,8 @@
 use crate::{
     maps::{MappedIndividual, Maps},
     outcome::{MeasuredCell, Outcome},
-    report_error::ReportError,
+    pictures::ReportError,
+    written::{self, columns},
 };
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use csv::Writer;
@@ -26,7 +27,7 @@ const NAME_CHARS: usize = 60;
 pub(crate) struct RowMaps {
     /// The row in words.
     words: String,
-    /// What the names of its files begin with.
+    /// The beginning of the names of its files.
     stem: String,
     behaviours: Picture,
     controllers: Picture,
@@ -49,8 +50,7 @@ impl Picture {
             class: individual.class(),
         };
         let points: Vec<ClassPoint> = maps.individuals.iter().map(point).collect();
-        let svg = class_map::svg(&points, title);
-        let png = class_map::png(&svg).map_err(|error| ReportError::Map {
+        let (svg, png) = class_map::draw(&points, title).map_err(|error| ReportError::Map {
             title: title.to_owned(),
             reason: error.to_string(),
         })?;
@@ -101,7 +101,7 @@ fn file_name(words: &str) -> String {
     parts.join("-").chars().take(NAME_CHARS).collect()
 }
 
-/// What the names of files of maps end with.
+/// The ends of the names of files of maps.
 const ENDS: [&str; 5] = [
     "-behaviours.svg",
     "-behaviours.png",
@@ -135,37 +135,28 @@ pub(crate) fn write(outcome: &Outcome, rows: &[RowMaps], files: &mut Folder) -> 
     Ok(())
 }
 
+/// The columns of `maps.csv` after those of [`columns`].
+pub(crate) const COLUMNS: [&str; 7] = [
+    "index",
+    "class",
+    "heuristic_score",
+    "controller_x",
+    "controller_y",
+    "behaviour_x",
+    "behaviour_y",
+];
+
 /// One row for each individual of a map, of every measured cell.
 pub(crate) fn csv(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
-    let axes = outcome.study().axes().iter().map(|axis| axis.name.as_str());
-    let last = [
-        "seed",
-        "index",
-        "class",
-        "heuristic_score",
-        "controller_x",
-        "controller_y",
-        "behaviour_x",
-        "behaviour_y",
-    ];
-    table.write_record(["cell", "campaign"].into_iter().chain(axes).chain(last))?;
+    table.write_record(columns(outcome, COLUMNS))?;
     for cell in outcome.cells() {
         for individual in cell.measured.maps.iter().flat_map(|maps| &maps.individuals) {
-            let known = [cell.measured.cell.as_str(), cell.measured.campaign.as_str()].into_iter();
-            let known = known
-                .chain(outcome.study().names(&cell.cell.values))
-                .map(str::to_owned);
-            let of = [
-                cell.cell.spec.seed().to_string(),
-                individual.index.to_string(),
-                individual.class.clone(),
-            ];
-            let numbers = [individual.score]
-                .into_iter()
-                .chain(individual.controller)
-                .chain(individual.behaviour);
-            table.write_record(known.chain(of).chain(numbers.map(|number| number.to_string())))?;
+            let of = [individual.index.to_string(), individual.class.clone()];
+            let numbers = [individual.score].into_iter();
+            let numbers = numbers.chain(individual.controller).chain(individual.behaviour);
+            let numbers = numbers.map(|number| number.to_string());
+            table.write_record(written::row(outcome, &cell, of.into_iter().chain(numbers)))?;
         }
     }
     table.flush()

@@ -2,11 +2,14 @@
 //! first generation of a campaign, which is sampled uniformly: campaigns with the same seed then map the same swarms, unless a
 //! filter or given controllers choose others. Campaigns that list controllers in order have no maps.
 
-use crate::{behaviours_error::BehavioursError, reference::Judged};
-use murmuration_proto::{CampaignSpec, Class};
+use crate::reference::Judged;
+use murmuration_proto::{CampaignSpec, Class, Invalid};
 use murmuration_report::{atlas::Tally, score_histogram::MOST_SCORE};
 use murmuration_search::{
-    filter::Score, interrupt::Interrupt, novelty::Behaviours, projection::principal_axes,
+    filter::Score,
+    interrupt::{Interrupt, Interrupted},
+    novelty::{Behaviours, Misfit},
+    projection::principal_axes,
 };
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +19,23 @@ const MOST: usize = 5000;
 /// Farthest that t-SNE puts anything from the middle: maps of thousands are a few hundred across.
 const MOST_PLACE: f64 = 1e9;
 
+/// Why behaviours cannot be counted.
+#[derive(Debug, thiserror::Error)]
+pub enum BehavioursError {
+    #[error("the archive holds vectors that cannot be compared: {0}")]
+    Misfit(#[from] Misfit),
+    #[error("{0}")]
+    Interrupted(#[from] Interrupted),
+    #[error("individual {index} cannot be simulated: {error}")]
+    Simulation {
+        /// Its index.
+        index: u64,
+        error: Invalid,
+    },
+    #[error("the archive is empty")]
+    Empty,
+}
+
 /// The first generation of an archive, mapped.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -24,7 +44,6 @@ pub struct Maps {
     pub individuals: Vec<MappedIndividual>,
 }
 
-/// An individual of the maps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MappedIndividual {
@@ -43,7 +62,6 @@ pub struct MappedIndividual {
 impl Maps {
     /// Whether it can be drawn: it has individuals, and every number of it is finite and one that a robot can have. What is read from
     /// a file may have others.
-    #[must_use]
     pub fn is_sound(&self) -> bool {
         let is_sound = |individual: &MappedIndividual| {
             let places = [individual.controller, individual.behaviour];
@@ -53,9 +71,8 @@ impl Maps {
         !self.individuals.is_empty() && self.individuals.iter().all(is_sound)
     }
 
-    /// Of the individuals that are not random, the share of which the nearest other individual on a map is of the same class,
-    /// percent; `at` is the place on that map. `None` if all are random, or there is one alone.
-    #[must_use]
+    /// The share of individuals that are not random whose nearest other individual on a map is of the same class, percent; `at` is
+    /// the place on that map. `None` if all are random, or there is one alone.
     pub fn alike(&self, at: impl Fn(&MappedIndividual) -> [f64; 2]) -> Option<f64> {
         let places: Vec<([f64; 2], Class)> = self
             .individuals
@@ -80,7 +97,6 @@ impl Maps {
 
 impl MappedIndividual {
     /// Its class; `random` where a damaged file names none.
-    #[must_use]
     pub fn class(&self) -> Class {
         let named = Class::ALL.into_iter().find(|class| class.name() == self.class);
         named.unwrap_or(Class::Random)
@@ -88,9 +104,6 @@ impl MappedIndividual {
 }
 
 /// Maps the first generation of an archive, which is in order. `interrupt` ends it.
-///
-/// # Errors
-/// [`BehavioursError::Empty`], [`BehavioursError::Misfit`] or [`BehavioursError::Interrupted`].
 pub fn measure_maps(
     spec: &CampaignSpec,
     archive: &[Judged],
@@ -117,7 +130,6 @@ pub fn measure_maps(
     })
 }
 
-/// The t-SNE of vectors.
 fn placed<'a>(
     vectors: impl Iterator<Item = &'a [f64]>,
     interrupt: &Interrupt,

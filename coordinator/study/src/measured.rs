@@ -5,7 +5,7 @@ use murmuration_proto::Class;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What was measured of a completed cell.
+/// The measures of a completed cell.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Measured {
@@ -29,7 +29,7 @@ pub struct Measured {
     pub accuracy: Option<AccuracyFigures>,
     /// How the search ended, if that was measured.
     pub search: Option<SearchFigures>,
-    /// What its first individuals were, if recall or richness was measured.
+    /// The counts of its first individuals, if recall or richness was measured.
     #[serde(default)]
     pub recall: Option<RecallCounts>,
     /// The maps of its first generation, if they were made.
@@ -57,7 +57,7 @@ pub struct MedoidsOf {
     pub medoids: Vec<u64>,
 }
 
-/// An individual with the judge's word.
+/// An individual with the judges' words.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JudgedIndividual {
@@ -69,6 +69,9 @@ pub struct JudgedIndividual {
     pub class: String,
     /// Name of its pattern; empty if none.
     pub pattern: String,
+    /// Name of its class by the second judge; empty if it was not asked.
+    #[serde(default)]
+    pub second_class: String,
 }
 
 /// The accuracy of an embedding on labelled sets.
@@ -94,64 +97,111 @@ pub struct SearchFigures {
 }
 
 impl JudgedBehaviours {
-    /// The figures, with the class that `class_of` says of an individual by its index.
-    #[must_use]
+    /// The figures, with the class that `class_of` says of an individual by its index. What the second judge says is counted only
+    /// if it was asked about all.
     pub fn figures(&self, class_of: impl Fn(u64) -> Class) -> BTreeMap<Figure, f64> {
         let mut sums: BTreeMap<Figure, f64> = Class::ALL
             .map(|class| (Figure::Class(class), 0.0))
             .into_iter()
             .collect();
-        let mut distinct = 0;
+        let mut add = |figure: Figure, count: usize| *sums.entry(figure).or_default() += count as f64;
+        let is_second_asked = self.individuals.keys().all(|&index| self.second(index).is_some());
         for taxonomy in &self.taxonomies {
-            let mut classes = BTreeSet::new();
-            for &index in &taxonomy.medoids {
-                let class = class_of(index);
-                *sums.entry(Figure::Class(class)).or_default() += 1.0;
-                classes.insert(class);
+            let medoids = taxonomy.medoids.iter();
+            let words: Vec<_> = medoids
+                .map(|&index| (class_of(index), self.second(index)))
+                .collect();
+            words.iter().for_each(|&(class, _)| add(Figure::Class(class), 1));
+            let first: BTreeSet<Class> = words.iter().map(|&(class, _)| class).collect();
+            add(Figure::Distinct, first.len());
+            if is_second_asked {
+                let second: BTreeSet<Class> = words.iter().filter_map(|&(_, second)| second).collect();
+                let both = words.iter().filter(|&&(class, second)| second == Some(class));
+                let both: BTreeSet<Class> = both.map(|&(class, _)| class).collect();
+                add(Figure::DistinctBySecond, second.len());
+                add(Figure::DistinctByBoth, both.len());
             }
-            distinct += classes.len();
         }
-        sums.insert(Figure::Distinct, distinct as f64);
         let count = self.taxonomies.len().max(1) as f64;
         sums.values_mut().for_each(|sum| *sum /= count);
         sums
     }
 
     /// The judge's word of an individual; [`Class::Random`] of one that it was not asked about.
-    #[must_use]
     pub fn judged(&self, index: u64) -> Class {
-        let name = self
-            .individuals
-            .get(&index)
-            .map(|individual| individual.class.as_str());
-        let class = name.and_then(|name| Class::ALL.into_iter().find(|class| class.name() == name));
+        let individual = self.individuals.get(&index);
+        let class = individual.and_then(|individual| named(&individual.class));
         class.unwrap_or(Class::Random)
     }
+
+    /// The second judge's word of an individual; `None` of one that it was not asked about.
+    pub fn second(&self, index: u64) -> Option<Class> {
+        named(&self.individuals.get(&index)?.second_class)
+    }
+}
+
+fn named(name: &str) -> Option<Class> {
+    Class::ALL.into_iter().find(|class| class.name() == name)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn classes_are_counted_per_taxonomy_and_averaged() {
-        let taxonomy = |generation, medoids: &[u64]| MedoidsOf {
+    fn taxonomy(generation: u32, medoids: &[u64]) -> MedoidsOf {
+        MedoidsOf {
             generation,
             medoids: medoids.to_vec(),
+        }
+    }
+
+    /// Two taxonomies of the individuals 1 to 4, with these words of the second judge.
+    fn behaviours(second: [&str; 4]) -> JudgedBehaviours {
+        let individual = |second: &str| JudgedIndividual {
+            seed: 1,
+            controller: vec![0.0; 4],
+            class: String::new(),
+            pattern: String::new(),
+            second_class: second.to_owned(),
         };
-        let behaviours = JudgedBehaviours {
+        JudgedBehaviours {
             taxonomies: vec![taxonomy(0, &[1, 2, 3]), taxonomy(1, &[1, 2, 4])],
-            individuals: BTreeMap::new(),
-        };
-        let class = |index| match index {
-            1 | 2 => Class::Milling,
+            individuals: (1..).zip(second.map(individual)).collect(),
+        }
+    }
+
+    fn class(index: u64) -> Class {
+        match index {
             3 => Class::Random,
             _ => Class::Milling,
-        };
-        let figures = behaviours.figures(class);
+        }
+    }
+
+    #[test]
+    fn classes_are_counted_per_taxonomy_and_averaged() {
+        let figures = behaviours([""; 4]).figures(class);
         assert_eq!(figures[&Figure::Distinct], 1.5);
         assert_eq!(figures[&Figure::Class(Class::Milling)], 2.5);
         assert_eq!(figures[&Figure::Class(Class::Random)], 0.5);
         assert_eq!(figures[&Figure::Class(Class::Dispersal)], 0.0);
+    }
+
+    #[test]
+    fn the_second_judge_counts_alone_and_with_the_first() {
+        let figures = behaviours(["milling", "dispersal", "aggregation", "random"]).figures(class);
+        assert_eq!(figures[&Figure::Distinct], 1.5);
+        assert_eq!(figures[&Figure::DistinctBySecond], 3.0);
+        // Milling in both taxonomies; what only one judge names is of neither.
+        assert_eq!(figures[&Figure::DistinctByBoth], 1.0);
+    }
+
+    #[test]
+    fn files_from_before_the_second_judge_have_no_figures_of_it() {
+        let before = r#"{"seed":1,"controller":[0.5],"class":"milling","pattern":""}"#;
+        let individual: JudgedIndividual = serde_json::from_str(before).unwrap();
+        assert_eq!(individual.second_class, "");
+        let figures = behaviours(["milling", "", "milling", "milling"]).figures(class);
+        assert!(!figures.contains_key(&Figure::DistinctBySecond));
+        assert!(!figures.contains_key(&Figure::DistinctByBoth));
     }
 }

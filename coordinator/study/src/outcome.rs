@@ -28,27 +28,23 @@ pub struct Outcome {
     /// By the place of the cell.
     measured: Arc<[Option<Measured>]>,
     corrections: Corrections,
-    /// What there is to find, if recall or richness is measured and the atlas is there.
+    /// The content of the atlas, if recall or richness is measured and the atlas is there.
     reference: Option<Arc<Reference>>,
     /// Resampling takes seconds.
     tables: OnceLock<Vec<Table>>,
 }
 
-/// A cell that was measured.
 #[derive(Debug, Clone, Copy)]
 pub struct MeasuredCell<'a> {
-    /// The cell.
     pub cell: &'a Cell,
-    /// What was measured of it.
     pub measured: &'a Measured,
 }
 
 impl Outcome {
     /// Brings a study and the measures of its cells together, which are in the order of the cells. Classes in `corrections`
     /// replace the judge's.
-    #[must_use]
     pub fn new(study: Study, mut measured: Vec<Option<Measured>>, corrections: Corrections) -> Self {
-        measured.resize(study.cells().len(), None);
+        measured.resize(study.cells.len(), None);
         Self {
             study: Arc::new(study),
             measured: measured.into(),
@@ -95,21 +91,18 @@ impl Outcome {
         }
     }
 
-    /// What there is to find; `None` if neither recall nor richness is measured, or not yet.
-    #[must_use]
+    /// The content of the atlas; `None` if neither recall nor richness is measured, or not yet.
     pub fn reference(&self) -> Option<&Reference> {
         self.reference.as_deref()
     }
 
-    /// The study.
-    #[must_use]
     pub fn study(&self) -> &Study {
         &self.study
     }
 
     /// The cells that were measured, in the study's order.
     pub fn cells(&self) -> impl Iterator<Item = MeasuredCell<'_>> {
-        let cells = self.study.cells().iter().zip(self.measured.iter());
+        let cells = self.study.cells.iter().zip(self.measured.iter());
         cells.filter_map(|(cell, measured)| {
             Some(MeasuredCell {
                 cell,
@@ -119,20 +112,17 @@ impl Outcome {
     }
 
     /// The cell with this digest, if it was measured.
-    #[must_use]
     pub fn cell(&self, digest: &str) -> Option<MeasuredCell<'_>> {
         self.cells().find(|cell| cell.measured.cell == digest)
     }
 
     /// The campaign of each cell, in the study's order; `None` of those that were not measured.
-    #[must_use]
     pub fn campaigns(&self) -> Vec<Option<String>> {
         let campaign = |measured: &Option<Measured>| Some(measured.as_ref()?.campaign.clone());
         self.measured.iter().map(campaign).collect()
     }
 
     /// The class of an individual of a cell, and whose word it is.
-    #[must_use]
     pub fn class_of(&self, cell: &Measured, index: u64) -> (Class, &str) {
         self.corrections.of(cell, index).unwrap_or_else(|| {
             let judged = cell
@@ -143,8 +133,6 @@ impl Outcome {
         })
     }
 
-    /// How many individuals were named by whom.
-    #[must_use]
     pub fn named_by(&self) -> BTreeMap<String, usize> {
         let mut counts = BTreeMap::new();
         for MeasuredCell { measured, .. } in self.cells() {
@@ -160,8 +148,6 @@ impl Outcome {
         counts
     }
 
-    /// The figures of a cell.
-    #[must_use]
     pub fn figures(&self, cell: &Measured) -> BTreeMap<Figure, f64> {
         let mut figures = BTreeMap::new();
         if let Some(behaviours) = &cell.behaviours {
@@ -188,7 +174,7 @@ impl Outcome {
 
     /// Recall and richness of a cell at a number of evaluations, where they are measured.
     pub(crate) fn stage_figures(&self, cell: &Measured, stage: &RecallStage) -> BTreeMap<Figure, f64> {
-        let has = |measure| self.study.measures().which.contains(&measure);
+        let has = |measure| self.study.measures.which.contains(&measure);
         let mut figures = BTreeMap::new();
         if let (Some(reference), true) = (self.reference(), has(Measure::Recall)) {
             figures.extend(stage.recall(reference));
@@ -200,11 +186,9 @@ impl Outcome {
         figures
     }
 
-    /// The table of each measure.
-    #[must_use]
     pub fn tables(&self) -> &[Table] {
         self.tables.get_or_init(|| {
-            let measures = self.study.measures().which.iter();
+            let measures = self.study.measures.which.iter();
             measures.map(|&measure| self.table(measure)).collect()
         })
     }
@@ -289,7 +273,6 @@ impl Outcome {
     }
 
     /// Where the published figures of the study come from, each once.
-    #[must_use]
     pub fn sources(&self) -> BTreeSet<&str> {
         let sources = self
             .study

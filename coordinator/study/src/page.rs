@@ -6,16 +6,15 @@ use crate::{
     map_files::{self, RowMaps},
     outcome::{MeasuredCell, Outcome},
     phase_picture,
-    pictures::CellPictures,
-    plot::dots,
+    pictures::MedoidPictures,
+    plot::{dots, wide},
     recall_curve, share_bars,
     tables::{Entry, Row, Table},
-    wide::wide,
 };
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{Markup, PreEscaped, html};
 use murmuration_model::colours::{self, class_colour};
-use murmuration_proto::{counted, grouped};
+use murmuration_proto::{Class, counted, grouped};
 use murmuration_report::Document;
 use std::collections::BTreeMap;
 
@@ -25,23 +24,20 @@ const STYLE: &str = concat!(include_str!("page.css"), include_str!("tables.css")
 /// `--warm` for what was published.
 pub const TABLES_STYLE: &str = include_str!("tables.css");
 
-/// What a page shows besides tables.
-#[derive(Clone, Copy)]
-pub(crate) struct Drawn<'a> {
+/// The pictures of a report, besides its tables.
+pub(crate) struct Pictures {
     /// The phase diagrams, if there are any.
-    pub(crate) phase: Option<&'a str>,
+    pub(crate) phase: Option<String>,
     /// The pictures of each measured cell, in order.
-    pub(crate) behaviours: &'a [CellPictures],
+    pub(crate) behaviours: Vec<MedoidPictures>,
     /// The maps of each row that has some.
-    pub(crate) maps: &'a [RowMaps],
-    /// Whether the tables and pictures of the report are files beside the page.
-    pub(crate) files_beside: bool,
+    pub(crate) maps: Vec<RowMaps>,
 }
 
-/// The whole document.
-pub(crate) fn render(outcome: &Outcome, tables: &[Table], drawn: Drawn<'_>) -> String {
+/// The whole document; `files_beside` says whether the tables and pictures of the report are files beside it.
+pub(crate) fn render(outcome: &Outcome, drawn: &Pictures, files_beside: bool) -> String {
     let study = outcome.study();
-    let title = format!("Study {}", study.name().as_str());
+    let title = format!("Study {}", study.name.as_str());
     let document = Document {
         title: &title,
         style: STYLE,
@@ -51,22 +47,21 @@ pub(crate) fn render(outcome: &Outcome, tables: &[Table], drawn: Drawn<'_>) -> S
     document.with(&html! {
         (header(outcome))
         main.study {
-            @if let Some(picture) = drawn.phase { (phase_diagrams(picture, drawn.files_beside)) }
-            @for table in tables {
-                @if table.measure == Measure::Maps { (mapped(outcome, drawn)) }
-                @else { (section(outcome, table, drawn.files_beside)) }
+            @if let Some(picture) = &drawn.phase { (phase_diagrams(picture, files_beside)) }
+            @for table in outcome.tables() {
+                @if table.measure == Measure::Maps { (mapped(outcome, &drawn.maps, files_beside)) }
+                @else { (section(outcome, table, files_beside)) }
             }
-            (behaviours(outcome, drawn))
+            (behaviours(outcome, &drawn.behaviours, files_beside))
             (cells(outcome))
-            (commands(outcome, drawn.files_beside))
+            (commands(outcome, files_beside))
         }
     })
 }
 
 /// The tables and plots of a study as they stand, without the maps: for a page in whose style sheets are [`TABLES_STYLE`].
-#[must_use]
 pub fn tables_and_plots(outcome: &Outcome) -> Markup {
-    let phase = phase_picture::svg(outcome.study().name().as_str(), &outcome.phase_diagrams());
+    let phase = phase_picture::svg(outcome.study().name.as_str(), &outcome.phase_diagrams());
     let tables = outcome.tables().iter();
     html! {
         @if let Some(picture) = &phase { (phase_diagrams(picture, false)) }
@@ -76,11 +71,11 @@ pub fn tables_and_plots(outcome: &Outcome) -> Markup {
 
 fn header(outcome: &Outcome) -> Markup {
     let study = outcome.study();
-    let (measured, all) = (outcome.cells().count(), study.cells().len());
+    let (measured, all) = (outcome.cells().count(), study.cells.len());
     html! {
         header {
             p.eyebrow { "Study" }
-            h1 { (study.name().as_str()) }
+            h1 { (study.name.as_str()) }
             @if study.is_quick() {
                 p.lead {
                     strong { "Shortened by --quick." } " Its campaigns are smaller and fewer than the study says: it shows what the report looks like, "
@@ -89,10 +84,10 @@ fn header(outcome: &Outcome) -> Markup {
             }
             p.lead {
                 (counted(study.rows().len() as u64, "row")) ", "
-                (counted(study.seeds().len() as u64, "replicate")) " each: "
+                (counted(study.seeds.len() as u64, "replicate")) " each: "
                 @if measured == all { (counted(all as u64, "campaign")) "." }
                 @else { (grouped(measured as u64)) " of " (counted(all as u64, "campaign")) " measured so far." }
-                @if let Some(embedders) = study.embedders() {
+                @if let Some(embedders) = study.embedders {
                     " The replicates share " (counted(embedders.get().into(), "embedder"))
                     " for each dataset and training."
                 }
@@ -128,7 +123,7 @@ fn section(outcome: &Outcome, table: &Table, files_beside: bool) -> Markup {
                 (wide(&format!("Table: {}", table.measure.title()), &html! {
                     table {
                         thead { tr {
-                            @for axis in outcome.study().axes() { th { (axis.name) } }
+                            @for axis in &outcome.study().axes { th { (axis.name) } }
                             th.number { "n" }
                             @for figure in &figures { th.number { (figure) } }
                         } }
@@ -169,19 +164,17 @@ fn any(table: &Table, has: impl Fn(&Entry) -> bool) -> bool {
     table.rows.iter().flat_map(|row| row.entries.values()).any(has)
 }
 
-/// The maps of controllers and behaviours.
-fn mapped(outcome: &Outcome, drawn: Drawn<'_>) -> Markup {
+fn mapped(outcome: &Outcome, maps: &[RowMaps], files_beside: bool) -> Markup {
     html! {
         section #maps {
             h2 { (Measure::Maps.title()) }
-            p.lead { (explained(outcome, Measure::Maps, drawn.files_beside)) }
-            @if drawn.maps.is_empty() { p.lead { "Nothing is measured yet." } }
-            (map_files::shown(drawn.maps))
+            p.lead { (explained(outcome, Measure::Maps, files_beside)) }
+            @if maps.is_empty() { p.lead { "Nothing is measured yet." } }
+            (map_files::shown(maps))
         }
     }
 }
 
-/// Recall over evaluations.
 fn recall(outcome: &Outcome) -> Markup {
     let stages = recall_curve::stages(outcome);
     html! {
@@ -230,12 +223,15 @@ fn explained(outcome: &Outcome, measure: Measure, files_beside: bool) -> Markup 
             let named = outcome.named_by();
             html! {
                 "Medoids of each class and distinct classes: the mean over the last "
-                (outcome.study().measures().generations)
+                (outcome.study().measures.generations)
                 " taxonomies of a replicate, then mean ± sample standard deviation over the replicates. "
-                (judged_by(&named)) " "
+                (judged_by(&named)) " \
+                 The second judge, which learned from labels and shares nothing with the rules, names the same medoids: a class counts as \
+                 distinct by both judges if at least one medoid has it from both. "
                 @if named.contains_key(JUDGE) {
                     "The second line has the judge's errors: mean, 5th and 95th percentile of 1,000 resamplings of the replicates and of \
-                     the classes that people give to what the judge so names."
+                     the classes that the annotators of the labelled sets, each a vision model with a written brief, give to what the \
+                     judge so names."
                 }
             }
         }
@@ -243,7 +239,7 @@ fn explained(outcome: &Outcome, measure: Measure, files_beside: bool) -> Markup 
             "Percentage of all trials of a replicate's archive that the rule-based judge gave each class, then mean ± sample standard \
              deviation over the replicates. Small clusters, chains and moving clumps are patterns among the random trials. The second \
              line has the judge's errors: mean, 5th and 95th percentile of 1,000 resamplings of the replicates and of the classes that \
-             people give to what the judge so names, on the labelled sets."
+             the annotators of the labelled sets, each a vision model with a written brief, give to what the judge so names."
         },
         Measure::Accuracy => html! {
             "Share of labelled triplets in which the anchor is nearer to the positive than to the negative, percent; n counts \
@@ -254,7 +250,7 @@ fn explained(outcome: &Outcome, measure: Measure, files_beside: bool) -> Markup 
              them only within a method."
         },
         Measure::Recall => html! {
-            @if let (Some(reference), Some(plan)) = (outcome.reference(), &outcome.study().measures().recall) {
+            @if let (Some(reference), Some(plan)) = (outcome.reference(), &outcome.study().measures.recall) {
                 "Of what the atlas (campaign " (reference.campaign) ") holds, the share that the first individuals of each archive \
                  find. Its behaviours, in the five features divided by their standard deviations, are "
                 (counted(reference.niches.len() as u64, "niche")) " of about equal size; a niche is reached if an individual lies in it, \
@@ -280,7 +276,7 @@ fn explained(outcome: &Outcome, measure: Measure, files_beside: bool) -> Markup 
     }
 }
 
-/// Who judged the medoids: `Judged by: the rule-based judge; 37 of 320 medoids by ann.`
+/// The line about annotators: `Judged by: the rule-based judge; 37 of 320 medoids by ann.`
 fn judged_by(named: &BTreeMap<String, usize>) -> String {
     let all: usize = named.values().sum();
     let people = named.iter().filter(|(by, _)| *by != JUDGE);
@@ -298,16 +294,15 @@ fn judged_by(named: &BTreeMap<String, usize>) -> String {
     }
 }
 
-fn behaviours(outcome: &Outcome, drawn: Drawn<'_>) -> Markup {
-    let pictures = drawn.behaviours;
+fn behaviours(outcome: &Outcome, pictures: &[MedoidPictures], files_beside: bool) -> Markup {
     html! {
-        @if pictures.iter().any(|cell| !cell.medoids.is_empty()) {
+        @if pictures.iter().any(|medoids| !medoids.is_empty()) {
             section #medoids {
                 h2 { "The medoids" }
                 p.lead {
                     "The last taxonomy of each cell: the paths of the last steps, and the class that it was given. To name them \
                      yourself, use the study's page of a coordinator"
-                    @if drawn.files_beside {
+                    @if files_beside {
                         "; or edit the columns class and by of medoids.csv and write the report again with --classes"
                     }
                     "."
@@ -318,13 +313,13 @@ fn behaviours(outcome: &Outcome, drawn: Drawn<'_>) -> Markup {
     }
 }
 
-fn cell_medoids(outcome: &Outcome, cell: &MeasuredCell<'_>, pictures: &CellPictures) -> Markup {
+fn cell_medoids(outcome: &Outcome, cell: &MeasuredCell<'_>, pictures: &MedoidPictures) -> Markup {
     html! {
-        @if !pictures.medoids.is_empty() {
+        @if !pictures.is_empty() {
             details {
                 summary { (outcome.study().cell_in_words(cell.cell)) " " span { (cell.measured.campaign) } }
                 div.medoids {
-                    @for (index, png) in &pictures.medoids {
+                    @for (index, png) in pictures {
                         @let (class, by) = outcome.class_of(cell.measured, *index);
                         figure style={ "--class:" (colours::hex(class_colour(class))) } {
                             img loading="lazy" alt={ "Individual " (index) } src={ "data:image/png;base64," (STANDARD.encode(png)) };
@@ -332,6 +327,9 @@ fn cell_medoids(outcome: &Outcome, cell: &MeasuredCell<'_>, pictures: &CellPictu
                                 b { (class.words()) }
                                 " " (grouped(*index))
                                 @if by != JUDGE { " (" (by) ")" }
+                                @if let Some(second) = second(cell, *index).filter(|second| *second != class) {
+                                    small { "second judge: " (second.words()) }
+                                }
                             }
                         }
                     }
@@ -339,6 +337,11 @@ fn cell_medoids(outcome: &Outcome, cell: &MeasuredCell<'_>, pictures: &CellPictu
             }
         }
     }
+}
+
+/// The second judge's word of a medoid.
+fn second(cell: &MeasuredCell<'_>, index: u64) -> Option<Class> {
+    cell.measured.behaviours.as_ref()?.second(index)
 }
 
 fn cells(outcome: &Outcome) -> Markup {
@@ -369,14 +372,14 @@ fn cells(outcome: &Outcome) -> Markup {
 }
 
 fn commands(outcome: &Outcome, files_beside: bool) -> Markup {
-    let name = outcome.study().name().as_str();
+    let name = outcome.study().name.as_str();
     html! {
         section #commands {
             h2 { "Commands" }
             pre {
-                "murmuration study run study.toml            # run this study again, or go on with it\n"
-                "murmuration study show " (name) "\n"
-                "murmuration study report " (name) " --classes medoids.csv\n"
+                "murmuration lab study run study.toml            # run this study again, or go on with it\n"
+                "murmuration lab study show " (name) "\n"
+                "murmuration lab study report " (name) " --classes medoids.csv\n"
                 "murmuration report CAMPAIGN                 # the report of one cell"
             }
             @if files_beside {

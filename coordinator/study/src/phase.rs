@@ -29,14 +29,12 @@ impl PhaseDiagram<'_> {
     }
 
     /// The share of a class in each cell, row after row, percent; `None` where nothing is measured yet.
-    #[must_use]
     pub fn shares(&self, class: Class) -> Vec<Option<f64>> {
         let share = |cell: &BTreeMap<Class, f64>| cell.get(&class).copied();
         self.cells.iter().map(share).collect()
     }
 
     /// The classes that some cell shows in at least `percent` of its trials, that with the largest share first.
-    #[must_use]
     pub fn classes(&self, percent: f64) -> Vec<Class> {
         let most = |class: Class| {
             let shares = self.shares(class).into_iter().flatten();
@@ -52,12 +50,11 @@ impl PhaseDiagram<'_> {
 impl Outcome {
     /// The phase diagrams of the study, one for each combination of the values of its other axes; none if the study file asks
     /// for none.
-    #[must_use]
     pub fn phase_diagrams(&self) -> Vec<PhaseDiagram<'_>> {
-        let Some(phase) = self.study().phase() else {
+        let Some(phase) = self.study().phase else {
             return Vec::new();
         };
-        let axes = self.study().axes();
+        let axes = &self.study().axes;
         let table = self
             .tables()
             .iter()

@@ -94,7 +94,7 @@ fn panels(diagram: &PhaseDiagram<'_>) -> Vec<Markup> {
 /// The class that most trials of each cell show, the paler the fewer do.
 fn most_frequent(diagram: &PhaseDiagram<'_>, y: &Axis) -> Markup {
     let most = |cell: &BTreeMap<Class, f64>| {
-        // Of equally frequent classes, the first.
+        // The first of equally frequent classes.
         let most = cell
             .iter()
             .rev()
@@ -134,7 +134,6 @@ fn of_class(diagram: &PhaseDiagram<'_>, y: &Axis, class: Class) -> Markup {
     panel(&class.words(), diagram, y, share, contours)
 }
 
-/// Width and height of a cell.
 fn steps(diagram: &PhaseDiagram<'_>, y: &Axis) -> [f64; 2] {
     [
         WIDTH / diagram.x.values.len().max(1) as f64,

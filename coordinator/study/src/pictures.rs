@@ -1,42 +1,50 @@
-//! The pictures of the medoids of a cell.
+//! The pictures of the medoids of a cell, and why a report cannot be written.
 
 use crate::outcome::MeasuredCell;
 use murmuration_proto::{CampaignSpec, Controller, Frames, Invalid};
 use murmuration_report::picture::{Bodies, Paper, PictureError, trajectory_png};
-use murmuration_worker::{replay::replay_frames, simulate::Start};
+use murmuration_sim::{replay::replay_frames, simulate::Start};
 use std::num::NonZeroU32;
 
 /// Side of a medoid's picture, pixels.
 const PICTURE: u32 = 180;
 
-/// The pictures of a cell.
-pub(crate) struct CellPictures {
-    /// The medoids of its last taxonomy by index, the largest cluster first: PNG files. None if they were not judged.
-    pub(crate) medoids: Vec<(u64, Vec<u8>)>,
+/// Why a report cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    #[error("{0}")]
+    Write(#[from] murmuration_report::ReportError),
+    #[error("cannot draw the map \"{title}\": {reason}")]
+    Map { title: String, reason: String },
+    #[error("cannot draw individual {index} of campaign {campaign}: {reason}")]
+    Picture {
+        /// Its index.
+        index: u64,
+        /// Its campaign.
+        campaign: String,
+        reason: String,
+    },
 }
 
-impl CellPictures {
-    /// Simulates and draws them; otherwise says of which individual there is no picture, and why.
-    pub(crate) fn of(cell: &MeasuredCell<'_>) -> Result<Self, (u64, String)> {
-        let Some(behaviours) = &cell.measured.behaviours else {
-            return Ok(Self { medoids: Vec::new() });
-        };
-        let last = behaviours
-            .taxonomies
-            .last()
-            .map(|taxonomy| taxonomy.medoids.as_slice());
-        let medoids = last.unwrap_or_default().iter().filter_map(|&index| {
-            let individual = behaviours.individuals.get(&index)?;
-            let drawn = picture(&cell.cell.spec, &individual.controller, individual.seed);
-            Some(match drawn {
-                Ok(png) => Ok((index, png)),
-                Err(reason) => Err((index, reason.to_string())),
-            })
-        });
-        Ok(Self {
-            medoids: medoids.collect::<Result<_, _>>()?,
+/// The medoids of the last taxonomy of a cell by index, the largest cluster first: PNG files. None if they were not judged.
+pub(crate) type MedoidPictures = Vec<(u64, Vec<u8>)>;
+
+/// Simulates and draws the medoids of a cell; otherwise says of which individual there is no picture, and why.
+pub(crate) fn of_cell(cell: &MeasuredCell<'_>) -> Result<MedoidPictures, (u64, String)> {
+    let Some(behaviours) = &cell.measured.behaviours else {
+        return Ok(Vec::new());
+    };
+    let last = behaviours.taxonomies.last();
+    let medoids = last.iter().flat_map(|taxonomy| &taxonomy.medoids);
+    let drawn = medoids.filter_map(|&index| {
+        let individual = behaviours.individuals.get(&index)?;
+        let drawn = picture(&cell.cell.spec, &individual.controller, individual.seed);
+        Some(match drawn {
+            Ok(png) => Ok((index, png)),
+            Err(reason) => Err((index, reason.to_string())),
         })
-    }
+    });
+    drawn.collect()
 }
 
 /// Why there is no picture.

@@ -5,6 +5,7 @@ use crate::{
     tables::{Entry, Row},
 };
 use maud::{Markup, html};
+use murmuration_report::{axes::ticks, svg::tenth};
 
 /// Width of the plot and of the names of its rows; height of a row and of the axis; pixels.
 pub(crate) const WIDTH: f64 = 900.0;
@@ -26,7 +27,7 @@ pub(crate) fn dots(rows: &[Row], figure: Figure, name: impl Fn(&Row) -> String) 
     let height = shown.len() as f64 * ROW + AXIS;
     html! {
         svg.plot viewBox={ "0 0 " (WIDTH) " " (height) } role="img" aria-label={ (figure) ", by row" } {
-            @for tick in scale.ticks() {
+            @for tick in ticks([scale.low, scale.high], 8, 0.0) {
                 @let x = scale.x(tick);
                 line.grid x1=(x) x2=(x) y1="0" y2=(height - AXIS) {}
                 text.tick x=(x) y=(height - AXIS + 18.0) text-anchor="middle" { (number(tick)) }
@@ -82,18 +83,7 @@ impl Scale {
     fn x(&self, value: f64) -> f64 {
         let share = (value - self.low) / (self.high - self.low);
         let x = NAMES + MARGIN + share * (WIDTH - NAMES - 2.0 * MARGIN);
-        (10.0 * x).round() / 10.0
-    }
-
-    /// Round values, some four to eight.
-    fn ticks(&self) -> Vec<f64> {
-        let span = self.high - self.low;
-        let power = 10_f64.powf((span / 5.0).log10().floor());
-        let step = [1.0, 2.0, 5.0, 10.0].map(|factor| factor * power);
-        let step = step.into_iter().find(|step| span / step <= 8.0).unwrap_or(span);
-        let first = (self.low / step).ceil();
-        let ticks = (0..=8).map(|place| (first + f64::from(place)) * step);
-        ticks.filter(|tick| *tick <= self.high).collect()
+        tenth(x)
     }
 }
 
@@ -113,24 +103,22 @@ fn number(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
+/// A table or plot that narrow screens scroll, also with keys; `name` tells it apart from others of its page.
+pub fn wide(name: &str, content: &Markup) -> Markup {
+    html! { div.wide tabindex="0" role="region" aria-label=(name) { (content) } }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn ticks_are_round_and_on_the_plot() {
-        let scale = |low, high| Scale { low, high };
-        let ticks = |low, high| {
-            scale(low, high)
-                .ticks()
-                .into_iter()
-                .map(number)
-                .collect::<Vec<_>>()
-        };
-        assert_eq!(ticks(2.9, 6.1), ["3", "3.5", "4", "4.5", "5", "5.5", "6"]);
-        assert_eq!(ticks(-0.5, 0.5), ["-0.4", "-0.2", "0", "0.2", "0.4"]);
-        assert_eq!(ticks(53.0, 98.0), ["60", "70", "80", "90"]);
-        assert_eq!(scale(0.0, 1.0).x(0.0), NAMES + MARGIN);
-        assert_eq!(scale(0.0, 1.0).x(1.0), WIDTH - MARGIN);
+    fn the_lowest_value_is_at_the_left_and_the_highest_at_the_right() {
+        let scale = Scale { low: 0.0, high: 1.0 };
+        assert_eq!(scale.x(0.0), NAMES + MARGIN);
+        assert_eq!(scale.x(1.0), WIDTH - MARGIN);
+        let shown = |tick: &f64| number(*tick);
+        let numbers: Vec<String> = ticks([2.9, 6.1], 8, 0.0).iter().map(shown).collect();
+        assert_eq!(numbers, ["3", "3.5", "4", "4.5", "5", "5.5", "6"]);
     }
 }

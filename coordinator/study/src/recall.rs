@@ -10,7 +10,6 @@ use murmuration_search::novelty::Misfit;
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, num::NonZeroU32};
 
-/// How recall and richness are measured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecallPlan {
     /// The campaign of the atlas: one that judges. Robots and world are those of every cell.
@@ -21,7 +20,7 @@ pub struct RecallPlan {
     pub niches: NonZeroU32,
 }
 
-/// What the first individuals of an archive were, at some numbers of evaluations.
+/// The counts of the first individuals of an archive, at some numbers of evaluations.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecallCounts {
@@ -32,7 +31,7 @@ pub struct RecallCounts {
     pub stages: Vec<RecallStage>,
 }
 
-/// What the first individuals of an archive were.
+/// The counts of the first individuals of an archive.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecallStage {
@@ -82,7 +81,6 @@ pub(crate) fn is_independent(spec: &CampaignSpec) -> bool {
 
 impl RecallStage {
     /// Recall by this stage, percent: of all niches, of the niches of each class, and of the classes and patterns.
-    #[must_use]
     pub fn recall(&self, reference: &Reference) -> BTreeMap<Figure, f64> {
         let niches = || reference.niches.iter().zip(&self.niches);
         let reached = |of: &dyn Fn(&str) -> bool| {
@@ -112,19 +110,16 @@ impl RecallStage {
     }
 
     /// The number of classes and patterns that there are, estimated.
-    #[must_use]
     pub fn richness_of_verdicts(&self) -> Option<Richness> {
         Richness::of(&self.verdicts.values().copied().collect::<Vec<_>>())
     }
 
     /// The number of niches that the same draws would reach in the end, estimated.
-    #[must_use]
     pub fn richness_of_niches(&self) -> Option<Richness> {
         Richness::of(&self.niches)
     }
 
     /// Both estimates as figures.
-    #[must_use]
     pub fn richness(&self) -> BTreeMap<Figure, f64> {
         let mut figures = BTreeMap::new();
         if let Some(of) = self.richness_of_verdicts() {

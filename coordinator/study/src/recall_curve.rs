@@ -3,10 +3,11 @@
 use crate::{
     figure::{Figure, Measure},
     outcome::{MeasuredCell, Outcome},
+    plot::wide,
     recall::RecallStage,
     richness::Richness,
     tables::{Entry, Row},
-    wide::wide,
+    written::{self, columns},
 };
 use csv::Writer;
 use maud::{Markup, html};
@@ -36,8 +37,8 @@ pub(crate) struct Stage {
 /// Recall at each number of evaluations; empty where it is not measured.
 pub(crate) fn stages(outcome: &Outcome) -> Vec<Stage> {
     let study = outcome.study();
-    let is_measured = study.measures().which.contains(&Measure::Recall) && outcome.reference().is_some();
-    let Some(plan) = study.measures().recall.as_ref().filter(|_| is_measured) else {
+    let is_measured = study.measures.which.contains(&Measure::Recall) && outcome.reference().is_some();
+    let Some(plan) = study.measures.recall.as_ref().filter(|_| is_measured) else {
         return Vec::new();
     };
     let numbers = plan.at.iter().enumerate();
@@ -89,7 +90,7 @@ pub(crate) fn table(outcome: &Outcome, stages: &[Stage]) -> Markup {
         (wide("Table: recall over evaluations", &html! {
             table {
                 thead { tr {
-                    @for axis in outcome.study().axes() { th { (axis.name) } }
+                    @for axis in &outcome.study().axes { th { (axis.name) } }
                     @for stage in stages { th.number { "niches, % at " (grouped(stage.evaluations.into())) } }
                     @for stage in stages { th.number { "classes and patterns, % at " (grouped(stage.evaluations.into())) } }
                 } }
@@ -215,7 +216,6 @@ fn panel(figure: Figure, stages: &[Stage], rows: usize) -> Markup {
     }
 }
 
-/// The colour of a row.
 fn colour(place: usize) -> String {
     colours::hex(colours::class(place))
 }
@@ -224,43 +224,44 @@ fn colour(place: usize) -> String {
 pub(crate) fn recall_csv(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     let figures = Measure::Recall.figures();
-    let columns = figures.iter().map(|figure| figure.name());
-    table.write_record(known_columns(outcome).chain(columns))?;
-    each_stage(outcome, |known, cell, stage| {
+    let names: Vec<_> = figures.iter().map(|figure| figure.name()).collect();
+    let others = ["evaluations"].into_iter().chain(names.iter().map(AsRef::as_ref));
+    table.write_record(columns(outcome, others))?;
+    for (cell, stage) in each_stage(outcome) {
         let values = outcome.stage_figures(cell.measured, stage);
-        let numbers = figures
-            .iter()
-            .map(|figure| values.get(figure).map_or_else(String::new, f64::to_string));
-        table.write_record(known.into_iter().chain(numbers))
-    })?;
+        let number = |figure| values.get(figure).map_or_else(String::new, f64::to_string);
+        let others = [stage.evaluations.to_string()]
+            .into_iter()
+            .chain(figures.iter().map(number));
+        table.write_record(written::row(outcome, &cell, others))?;
+    }
     table.flush()
 }
+
+/// The columns of `richness.csv` after those of [`columns`].
+pub(crate) const RICHNESS: [&str; 9] = [
+    "evaluations",
+    "of",
+    "seen",
+    "chao1",
+    "standard_error",
+    "low",
+    "high",
+    "ace",
+    "in_atlas",
+];
 
 /// One row for each cell of independent draws, number of evaluations, and what was counted: niches, or classes and patterns.
 pub(crate) fn richness_csv(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
-    let columns = [
-        "of",
-        "seen",
-        "chao1",
-        "standard_error",
-        "low",
-        "high",
-        "ace",
-        "in_atlas",
-    ];
-    table.write_record(known_columns(outcome).chain(columns))?;
+    table.write_record(columns(outcome, RICHNESS))?;
     let in_atlas = outcome
         .reference()
         .map_or([0, 0], |of| [of.verdicts.len(), of.niches.len()]);
-    each_stage(outcome, |known, cell, stage| {
-        if !cell
-            .measured
-            .recall
-            .as_ref()
-            .is_some_and(|counts| counts.is_independent)
-        {
-            return Ok(());
+    for (cell, stage) in each_stage(outcome) {
+        let counts = cell.measured.recall.as_ref();
+        if !counts.is_some_and(|counts| counts.is_independent) {
+            continue;
         }
         let estimates = [
             ("verdicts", stage.richness_of_verdicts(), in_atlas[0]),
@@ -277,19 +278,16 @@ pub(crate) fn richness_csv(outcome: &Outcome, file: &mut dyn Write) -> io::Resul
             else {
                 continue;
             };
+            let known = [stage.evaluations.to_string(), of.to_owned(), seen.to_string()];
             let numbers = [chao1, standard_error, low, high].map(|value| value.to_string());
-            let row = known
-                .iter()
-                .cloned()
-                .chain([of.to_owned(), seen.to_string()])
-                .chain(numbers);
-            table.write_record(row.chain([
-                ace.map_or_else(String::new, |ace| ace.to_string()),
-                in_atlas.to_string(),
-            ]))?;
+            let ace = ace.map_or_else(String::new, |ace| ace.to_string());
+            let others = known
+                .into_iter()
+                .chain(numbers)
+                .chain([ace, in_atlas.to_string()]);
+            table.write_record(written::row(outcome, &cell, others))?;
         }
-        Ok(())
-    })?;
+    }
     table.flush()
 }
 
@@ -308,29 +306,11 @@ pub(crate) fn niches_csv(outcome: &Outcome, file: &mut dyn Write) -> io::Result<
     table.flush()
 }
 
-/// What a row of these tables begins with.
-fn known_columns(outcome: &Outcome) -> impl Iterator<Item = &str> {
-    let axes = outcome.study().axes().iter().map(|axis| axis.name.as_str());
-    ["cell", "campaign"]
-        .into_iter()
-        .chain(axes)
-        .chain(["seed", "evaluations"])
-}
-
-/// Visits each stage of each measured cell with the values of [`known_columns`].
-fn each_stage(
-    outcome: &Outcome,
-    mut visit: impl FnMut(Vec<String>, MeasuredCell<'_>, &RecallStage) -> csv::Result<()>,
-) -> io::Result<()> {
-    for cell in outcome.cells() {
-        for stage in cell.measured.recall.iter().flat_map(|counts| &counts.stages) {
-            let mut known = vec![cell.measured.cell.clone(), cell.measured.campaign.clone()];
-            known.extend(outcome.study().names(&cell.cell.values).map(str::to_owned));
-            known.extend([cell.cell.spec.seed().to_string(), stage.evaluations.to_string()]);
-            visit(known, cell, stage)?;
-        }
-    }
-    Ok(())
+fn each_stage(outcome: &Outcome) -> impl Iterator<Item = (MeasuredCell<'_>, &RecallStage)> {
+    outcome.cells().flat_map(|cell| {
+        let stages = cell.measured.recall.iter().flat_map(|counts| &counts.stages);
+        stages.map(move |stage| (cell, stage))
+    })
 }
 
 #[cfg(test)]
@@ -377,7 +357,6 @@ mod tests {
         Outcome::new(study, cells, Corrections::default()).with_reference(Some(reference))
     }
 
-    /// The rows of a table, by column.
     fn rows(write: impl Fn(&Outcome, &mut dyn Write) -> io::Result<()>) -> Vec<BTreeMap<String, String>> {
         let mut bytes = Vec::new();
         write(&outcome(), &mut bytes).unwrap();

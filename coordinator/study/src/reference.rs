@@ -12,7 +12,6 @@ use murmuration_search::{
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Number of features.
 const FEATURES: usize = FEATURE_NAMES.len();
 /// The features that change their sign in a mirror: angular momentum and group rotation.
 const TURNING: [usize; 2] = [1, 4];
@@ -20,7 +19,6 @@ const TURNING: [usize; 2] = [1, 4];
 /// An individual of an archive whose trials were judged.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judged {
-    /// Its controller.
     pub controller: Controller,
     /// Its features, means over its trials.
     pub features: Features,
@@ -30,7 +28,7 @@ pub struct Judged {
     pub verdicts: Vec<Verdict>,
 }
 
-/// What an atlas says there is to find: verdicts, and niches of the space of the five features.
+/// The content of an atlas: verdicts, and niches of the space of the five features.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reference {
@@ -42,7 +40,7 @@ pub struct Reference {
     pub archive_digest: String,
     /// Trials of each verdict by its name, mirror images included; verdicts without one are left out.
     pub verdicts: BTreeMap<String, u64>,
-    /// What each feature is divided by: its standard deviation over the atlas, or 1 where that is 0.
+    /// The divisor of each feature: its standard deviation over the atlas, or 1 where that is 0.
     pub scale: Features,
     /// The niches; at least one.
     pub niches: Vec<Niche>,
@@ -63,13 +61,10 @@ pub struct Niche {
 /// Why there is no reference.
 #[derive(Debug, thiserror::Error)]
 pub enum ReferenceError {
-    /// The atlas has no controllers.
     #[error("the atlas is empty")]
     Empty,
-    /// Features are no numbers, or too large.
     #[error("the features of the atlas cannot be compared: {0}")]
     Misfit(#[from] Misfit),
-    /// The caller raised its [`Interrupt`].
     #[error("{0}")]
     Interrupted(#[from] Interrupted),
 }
@@ -77,9 +72,6 @@ pub enum ReferenceError {
 impl Reference {
     /// That of the archive of an atlas with at most `niches` niches. A controller whose mirror image the atlas leaves out counts
     /// twice, with the features of its image.
-    ///
-    /// # Errors
-    /// See [`ReferenceError`].
     pub fn of(
         spec: &CampaignSpec,
         archive: &[Judged],

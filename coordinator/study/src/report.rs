@@ -2,14 +2,12 @@
 
 use crate::{
     figure::Measure,
-    map_files::{self, RowMaps},
+    map_files,
     outcome::{MeasuredCell, Outcome},
-    page::{self, Drawn},
+    page::{self, Pictures},
     phase_picture,
-    pictures::CellPictures,
-    recall_curve,
-    report_error::ReportError,
-    written,
+    pictures::{self, MedoidPictures, ReportError},
+    recall_curve, written,
 };
 use murmuration_report::Folder;
 use rayon::prelude::*;
@@ -25,45 +23,26 @@ const OPTIONAL: [&str; 6] = [
     "maps.csv",
 ];
 
-/// The files that were written.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ReportFiles {
-    /// The page to open.
-    pub page: PathBuf,
-    /// The figures of each cell.
-    pub cells: PathBuf,
-    /// The judged individuals.
-    pub medoids: PathBuf,
-    /// The phase diagrams, if the study has any.
-    pub phase: Option<PathBuf>,
-}
-
 /// Writes `report.html`, `cells.csv` and `medoids.csv` into `folder`, which is made if it does not exist; for a study with phase
 /// diagrams, also `phase.svg`; where recall was measured, also `recall.svg` and `recall.csv`; where richness was, `richness.csv`;
-/// with either, `niches.csv`; where maps were made, also `maps.csv` and the folder `maps`. Every file is complete or absent; the page is
-/// written last, and then such files of an earlier report are removed that this one does not have.
-///
-/// # Errors
-/// See [`ReportError`].
-pub fn write_report(outcome: &Outcome, folder: &Path) -> Result<ReportFiles, ReportError> {
-    let pictures = Pictures::draw(outcome)?;
-    let page = page::render(outcome, outcome.tables(), pictures.shown(true));
-    let Pictures { phase, maps, .. } = pictures;
+/// with either, `niches.csv`; where maps were made, also `maps.csv` and the folder `maps`. Every file is complete or absent; the page,
+/// whose path is returned, is written last, and then such files of an earlier report are removed that this one does not have.
+pub fn write_report(outcome: &Outcome, folder: &Path) -> Result<PathBuf, ReportError> {
+    let pictures = draw(outcome)?;
+    let page = page::render(outcome, &pictures, true);
     let mut files = Folder::create(folder)?;
     if outcome.reference().is_some() {
         write_recall(outcome, &mut files)?;
     }
-    if !maps.is_empty() {
-        map_files::write(outcome, &maps, &mut files)?;
+    if !pictures.maps.is_empty() {
+        map_files::write(outcome, &pictures.maps, &mut files)?;
     }
-    let page_files = ReportFiles {
-        cells: files.write("cells.csv", |file| written::cells(outcome, file))?,
-        medoids: files.write("medoids.csv", |file| written::medoids(outcome, file))?,
-        phase: phase
-            .map(|picture| files.text("phase.svg", &picture))
-            .transpose()?,
-        page: files.text("report.html", &page)?,
-    };
+    files.write("cells.csv", |file| written::cells(outcome, file))?;
+    files.write("medoids.csv", |file| written::medoids(outcome, file))?;
+    if let Some(picture) = &pictures.phase {
+        files.text("phase.svg", picture)?;
+    }
+    let page = files.text("report.html", &page)?;
     // What an earlier report of other measures or rows left here is not this one's.
     files.remove_unless_written(
         OPTIONAL
@@ -71,48 +50,26 @@ pub fn write_report(outcome: &Outcome, folder: &Path) -> Result<ReportFiles, Rep
             .into_iter()
             .chain(map_files::earlier(folder)),
     )?;
-    Ok(page_files)
+    Ok(page)
 }
 
 /// The page of [`write_report`] alone, which names no file beside it.
-///
-/// # Errors
-/// See [`ReportError`].
 pub fn report_page(outcome: &Outcome) -> Result<String, ReportError> {
-    let pictures = Pictures::draw(outcome)?;
-    Ok(page::render(outcome, outcome.tables(), pictures.shown(false)))
+    let pictures = draw(outcome)?;
+    Ok(page::render(outcome, &pictures, false))
 }
 
-/// What is drawn for a report.
-struct Pictures {
-    phase: Option<String>,
-    behaviours: Vec<CellPictures>,
-    maps: Vec<RowMaps>,
-}
-
-impl Pictures {
-    fn draw(outcome: &Outcome) -> Result<Self, ReportError> {
-        let cells: Vec<MeasuredCell<'_>> = outcome.cells().collect();
-        Ok(Self {
-            behaviours: cells.par_iter().map(drawn).collect::<Result<_, _>>()?,
-            phase: phase_picture::svg(outcome.study().name().as_str(), &outcome.phase_diagrams()),
-            maps: map_files::draw(outcome)?,
-        })
-    }
-
-    /// For the page.
-    fn shown(&self, files_beside: bool) -> Drawn<'_> {
-        Drawn {
-            phase: self.phase.as_deref(),
-            behaviours: &self.behaviours,
-            maps: &self.maps,
-            files_beside,
-        }
-    }
+fn draw(outcome: &Outcome) -> Result<Pictures, ReportError> {
+    let cells: Vec<MeasuredCell<'_>> = outcome.cells().collect();
+    Ok(Pictures {
+        behaviours: cells.par_iter().map(drawn).collect::<Result<_, _>>()?,
+        phase: phase_picture::svg(outcome.study().name.as_str(), &outcome.phase_diagrams()),
+        maps: map_files::draw(outcome)?,
+    })
 }
 
 fn write_recall(outcome: &Outcome, files: &mut Folder) -> Result<(), ReportError> {
-    let has = |measure| outcome.study().measures().which.contains(&measure);
+    let has = |measure| outcome.study().measures.which.contains(&measure);
     files.write("niches.csv", |file| recall_curve::niches_csv(outcome, file))?;
     if has(Measure::Recall) {
         let stages = recall_curve::stages(outcome);
@@ -125,13 +82,13 @@ fn write_recall(outcome: &Outcome, files: &mut Folder) -> Result<(), ReportError
     Ok(())
 }
 
-fn drawn(cell: &MeasuredCell<'_>) -> Result<CellPictures, ReportError> {
+fn drawn(cell: &MeasuredCell<'_>) -> Result<MedoidPictures, ReportError> {
     let failed = |(index, reason)| ReportError::Picture {
         index,
         campaign: cell.measured.campaign.clone(),
         reason,
     };
-    CellPictures::of(cell).map_err(failed)
+    pictures::of_cell(cell).map_err(failed)
 }
 
 #[cfg(test)]
@@ -148,7 +105,7 @@ mod tests {
         assert!(!alone.contains("cells.csv has"));
         assert!(!tables_and_plots(&outcome).into_string().contains(".csv"));
         let folder = tempfile::tempdir().unwrap();
-        let beside = write_report(&outcome, folder.path()).unwrap().page;
+        let beside = write_report(&outcome, folder.path()).unwrap();
         assert!(std::fs::read_to_string(beside).unwrap().contains("cells.csv has"));
     }
 }

@@ -32,7 +32,6 @@ impl Richness {
     /// Chao1 is S + f1 (f1 - 1) / (2 (f2 + 1)) of S kinds, f1 of them met once and f2 twice (Chao 1984; bias-corrected as in
     /// Chao 2005), its variance and its interval, which is log-normal and never below S, those of Chao 1987 and of Colwell's
     /// EstimateS 9, appendix B. ACE is that of Chao and Lee 1992 with the rare kinds apart (Chao and others 2000).
-    #[must_use]
     pub fn of(abundances: &[u64]) -> Option<Self> {
         let met: Vec<u64> = abundances.iter().copied().filter(|&count| count > 0).collect();
         if met.is_empty() {

@@ -19,7 +19,7 @@ pub(crate) fn study() -> Study {
 /// What was measured of a cell whose medoids are of these classes, a list a taxonomy; individuals have the indices from 0, taxonomy
 /// after taxonomy.
 pub(crate) fn measured(study: &Study, place: usize, taxonomies: &[&[&str]]) -> Measured {
-    let cell = cell_digest(&study.cells()[place].spec);
+    let cell = cell_digest(&study.cells[place].spec);
     let mut next = 0..;
     let mut behaviours = JudgedBehaviours {
         taxonomies: Vec::new(),
@@ -33,6 +33,7 @@ pub(crate) fn measured(study: &Study, place: usize, taxonomies: &[&[&str]]) -> M
                 controller: vec![0.5, 1.0, -0.5, 0.0],
                 class: (*class).to_owned(),
                 pattern: String::new(),
+                second_class: (*class).to_owned(),
             };
             behaviours.individuals.insert(index, individual);
         }

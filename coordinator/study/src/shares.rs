@@ -14,26 +14,22 @@ pub struct JudgedTrials {
 }
 
 impl JudgedTrials {
-    /// Counts another trial.
     pub fn add(&mut self, verdict: Verdict) {
         *self.verdicts.entry(verdict.name().to_owned()).or_default() += 1;
     }
 
     /// The trials of all classes.
-    #[must_use]
     pub fn trials(&self) -> u64 {
         Verdict::all().map(|verdict| self.of(verdict)).sum()
     }
 
     /// The trials of a class, those of its patterns included.
-    #[must_use]
     pub fn of_class(&self, class: Class) -> u64 {
         let verdicts = Verdict::all().filter(|verdict| verdict.class() == class);
         verdicts.map(|verdict| self.of(verdict)).sum()
     }
 
     /// The shares of all trials, percent; none without trials.
-    #[must_use]
     pub fn figures(&self) -> BTreeMap<Figure, f64> {
         let trials = self.trials();
         if trials == 0 {

@@ -10,17 +10,23 @@ use std::{collections::BTreeMap, num::NonZeroU32, path::PathBuf};
 /// A grid of campaigns: every combination of the axes' values, in several replicates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Study {
-    pub(crate) name: CampaignName,
-    pub(crate) axes: Vec<Axis>,
-    pub(crate) seeds: Vec<u64>,
-    pub(crate) embedders: Option<NonZeroU32>,
-    pub(crate) measures: Measures,
-    pub(crate) phase: Option<Phase>,
+    /// Its name; that of a quick study ends with `-quick`.
+    pub name: CampaignName,
+    /// Its axes, in the order of the file; there may be none.
+    pub axes: Vec<Axis>,
+    /// The seed of each replicate, all different.
+    pub seeds: Vec<u64>,
+    /// How many embedders the replicates share; `None` if each campaign trains its own.
+    pub embedders: Option<NonZeroU32>,
+    pub measures: Measures,
+    /// The axes of its phase diagrams; `None` if it has none.
+    pub phase: Option<Phase>,
+    /// The values of the last axis vary fastest, then those of the others; the replicates of a row are together.
+    pub cells: Vec<Cell>,
     pub(crate) published: Vec<Published>,
-    pub(crate) cells: Vec<Cell>,
 }
 
-/// What differs between cells, besides the seed.
+/// A difference between cells, besides the seed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
     /// Its name: 1 to 32 lower-case letters, digits, `-` and `_`.
@@ -29,7 +35,7 @@ pub struct Axis {
     pub values: Vec<String>,
     /// The path of the field that an axis of numbers is about, such as `world.agents`; `None` of other axes.
     pub field: Option<String>,
-    /// Of an axis of numbers the number of each value; empty of other axes.
+    /// The number of each value of an axis of numbers; empty for other axes.
     pub numbers: Vec<f64>,
 }
 
@@ -53,14 +59,14 @@ pub struct Phase {
     pub y: Option<usize>,
 }
 
-/// What is measured of each cell.
+/// The measures of each cell.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measures {
     /// Which measures, each once, in the order of [`Measure::ALL`].
     pub which: Vec<Measure>,
     /// Taxonomies at the end of the search whose behaviours are judged, 1 to 1,000.
     pub generations: NonZeroU32,
-    /// What stands for the taxonomies of a random search.
+    /// The substitute for the taxonomies of a random search.
     pub random: RandomBatches,
     /// The labelled sets of the accuracy, by the name of a capability model: files, as the study file names them.
     pub labelled: BTreeMap<String, LabelledSets>,
@@ -71,7 +77,7 @@ pub struct Measures {
 /// The label files of a capability model, joined.
 pub type LabelledSets = Vec<PathBuf>;
 
-/// What stands for the taxonomies of a random search.
+/// The substitute for the taxonomies of a random search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RandomBatches {
     /// Batches of as many samples as a taxonomy has medoids, as in the paper.
@@ -82,86 +88,38 @@ pub enum RandomBatches {
 
 /// Figures that somebody published of some rows of the grid.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Published {
+pub(crate) struct Published {
     /// Where; may be empty.
     pub source: String,
     /// The rows: by the place of an axis, the place of its value. Other axes may have any value.
     pub rows: BTreeMap<usize, usize>,
-    /// The figures.
     pub figures: BTreeMap<Figure, f64>,
 }
 
 impl Study {
-    /// Maximum number of cells.
     pub const MAX_CELLS: usize = 2000;
 
-    /// What the name of a quick study ends with, and no other name.
+    /// The end of the name of a quick study, and of no other name.
     pub const QUICK: &str = "-quick";
 
     /// Whether `--quick` shortened it.
-    #[must_use]
     pub fn is_quick(&self) -> bool {
         self.name.as_str().ends_with(Self::QUICK)
     }
 
-    /// Its name; that of a quick study ends with `-quick`.
-    #[must_use]
-    pub const fn name(&self) -> &CampaignName {
-        &self.name
-    }
-
-    /// Its axes, in the order of the file; there may be none.
-    #[must_use]
-    pub fn axes(&self) -> &[Axis] {
-        &self.axes
-    }
-
-    /// The seed of each replicate, all different.
-    #[must_use]
-    pub fn seeds(&self) -> &[u64] {
-        &self.seeds
-    }
-
-    /// How many embedders the replicates share; `None` if each campaign trains its own.
-    #[must_use]
-    pub const fn embedders(&self) -> Option<NonZeroU32> {
-        self.embedders
-    }
-
-    /// What is measured.
-    #[must_use]
-    pub const fn measures(&self) -> &Measures {
-        &self.measures
-    }
-
-    /// The axes of its phase diagrams; `None` if it has none.
-    #[must_use]
-    pub const fn phase(&self) -> Option<Phase> {
-        self.phase
-    }
-
-    /// Its cells: the values of the last axis vary fastest, then those of the others; the replicates of a row are together.
-    #[must_use]
-    pub fn cells(&self) -> &[Cell] {
-        &self.cells
-    }
-
     /// The rows of the grid: for each axis, the place of a value; in the order of the cells.
-    #[must_use]
     pub fn rows(&self) -> Vec<Vec<usize>> {
         let mut rows: Vec<Vec<usize>> = self.cells.iter().map(|cell| cell.values.clone()).collect();
         rows.dedup();
         rows
     }
 
-    /// The names of a row's values.
     pub fn names<'a>(&'a self, values: &'a [usize]) -> impl Iterator<Item = &'a str> {
         let named = self.axes.iter().zip(values);
         named.filter_map(|(axis, &place)| axis.values.get(place).map(String::as_str))
     }
 
     /// A row in words: `single sensor · latent`; the name of the study if it has no axes.
-    #[must_use]
     pub fn row_in_words(&self, values: &[usize]) -> String {
         let names: Vec<&str> = self.names(values).collect();
         match names.is_empty() {
@@ -171,15 +129,13 @@ impl Study {
     }
 
     /// A cell in words: `single sensor · latent · seed 3`.
-    #[must_use]
     pub fn cell_in_words(&self, cell: &Cell) -> String {
         let mut words: Vec<String> = self.names(&cell.values).map(str::to_owned).collect();
         words.push(format!("seed {}", cell.spec.seed()));
         words.join(" · ")
     }
 
-    /// What was published of a figure of a row: the value and its source.
-    #[must_use]
+    /// The published value of a figure of a row, and its source.
     pub fn published(&self, values: &[usize], figure: Figure) -> Option<(f64, &str)> {
         let of_row = |published: &&Published| {
             let mut rows = published.rows.iter();
@@ -190,7 +146,6 @@ impl Study {
     }
 
     /// The seed of the embedder of a replicate, if the replicates share embedders.
-    #[must_use]
     pub fn embedder_seed(&self, replicate: usize) -> Option<u64> {
         let embedders = self.embedders?.get() as usize;
         self.seeds.get(replicate % embedders).copied()

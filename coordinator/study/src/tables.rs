@@ -3,10 +3,8 @@
 use crate::figure::{Figure, Measure};
 use std::collections::BTreeMap;
 
-/// The table of a measure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
-    /// What was measured.
     pub measure: Measure,
     /// Its rows, in the order of the grid.
     pub rows: Vec<Row>,
@@ -21,18 +19,16 @@ pub struct Row {
     pub entries: BTreeMap<Figure, Entry>,
 }
 
-/// A figure of a row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Entry {
     /// Replicates that have it; of accuracies the different embeddings. At least one.
     pub count: usize,
-    /// Their mean.
     pub mean: f64,
     /// Their sample standard deviation (over n - 1); `None` for a single replicate.
     pub deviation: Option<f64>,
     /// The figure with the judge's errors; `None` of figures that do not rest on the judge.
     pub resampled: Option<Resampled>,
-    /// What was published.
+    /// The published figure.
     pub published: Option<f64>,
 }
 
@@ -63,7 +59,6 @@ impl Resampled {
 
 impl Table {
     /// Its columns: the figures that a row has.
-    #[must_use]
     pub fn figures(&self) -> Vec<Figure> {
         let mut figures = self.measure.figures();
         figures.retain(|figure| self.rows.iter().any(|row| row.entries.contains_key(figure)));

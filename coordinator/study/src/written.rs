@@ -1,18 +1,69 @@
 //! The tables of a report as CSV: a header, then numbers that read back exactly.
 
-use crate::{figure::Figure, outcome::Outcome};
+use crate::{
+    figure::Figure,
+    outcome::{MeasuredCell, Outcome},
+};
 use csv::Writer;
 use murmuration_model::labels::to_cell;
 use std::io::{self, Write};
 
+/// The columns of these tables besides those of axes and figures.
+pub(crate) const CELL: [&str; 6] = [
+    "cell",
+    "campaign",
+    "archive_digest",
+    "checkpoint",
+    "seed",
+    "evaluations",
+];
+pub(crate) const MEDOID: [&str; 8] = [
+    "generation",
+    "index",
+    "class",
+    "pattern",
+    "by",
+    "second_class",
+    "start_seed",
+    "controller",
+];
+
+/// The columns that say which cell a row is of, then `others`.
+pub(crate) fn columns<'a>(
+    outcome: &'a Outcome,
+    others: impl IntoIterator<Item = &'a str>,
+) -> impl Iterator<Item = &'a str> {
+    let axes = outcome.study().axes.iter().map(|axis| axis.name.as_str());
+    let known = ["cell", "campaign"].into_iter().chain(axes);
+    known.chain(["seed"]).chain(others)
+}
+
+/// A row of a table with [`columns`].
+pub(crate) fn row(
+    outcome: &Outcome,
+    cell: &MeasuredCell<'_>,
+    others: impl IntoIterator<Item = String>,
+) -> Vec<String> {
+    let mut row = vec![cell.measured.cell.clone(), cell.measured.campaign.clone()];
+    row.extend(outcome.study().names(&cell.cell.values).map(str::to_owned));
+    row.push(cell.cell.spec.seed().to_string());
+    row.extend(others);
+    row
+}
+
 /// One row a measured cell.
 pub(crate) fn cells(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
-    let axes = outcome.study().axes().iter().map(|axis| axis.name.as_str());
-    let figures: Vec<Figure> = figures(outcome);
-    let header = ["cell", "campaign", "archive_digest", "checkpoint"].into_iter();
-    let header = header.chain(axes).chain(["seed", "evaluations"]);
-    table.write_record(header.chain(figures.iter().map(|figure| figure.name())))?;
+    let measures = outcome.study().measures.which.iter();
+    let figures: Vec<Figure> = measures.flat_map(|measure| measure.figures()).collect();
+    let names: Vec<_> = figures.iter().map(|figure| figure.name()).collect();
+    let axes = outcome.study().axes.iter().map(|axis| axis.name.as_str());
+    let header = CELL[..4]
+        .iter()
+        .copied()
+        .chain(axes)
+        .chain(CELL[4..].iter().copied());
+    table.write_record(header.chain(names.iter().map(AsRef::as_ref)))?;
     for cell in outcome.cells() {
         let (measured, seed) = (cell.measured, cell.cell.spec.seed().to_string());
         let evaluations = measured.evaluations.to_string();
@@ -40,53 +91,31 @@ pub(crate) fn cells(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()> {
 /// One row a medoid of each judged taxonomy, in the order of the cells and taxonomies.
 pub(crate) fn medoids(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
-    let axes = outcome.study().axes().iter().map(|axis| axis.name.as_str());
-    let last = [
-        "seed",
-        "generation",
-        "index",
-        "class",
-        "pattern",
-        "by",
-        "start_seed",
-        "controller",
-    ];
-    table.write_record(["cell", "campaign"].into_iter().chain(axes).chain(last))?;
+    table.write_record(columns(outcome, MEDOID))?;
     for cell in outcome.cells() {
-        let measured = cell.measured;
-        let Some(behaviours) = &measured.behaviours else {
+        let Some(behaviours) = &cell.measured.behaviours else {
             continue;
         };
         for taxonomy in &behaviours.taxonomies {
             for &index in &taxonomy.medoids {
-                let (class, by) = outcome.class_of(measured, index);
+                let (class, by) = outcome.class_of(cell.measured, index);
                 let Some(individual) = behaviours.individuals.get(&index) else {
                     continue;
                 };
                 let genes: Vec<String> = individual.controller.iter().map(f64::to_string).collect();
-                let numbers = [
-                    cell.cell.spec.seed().to_string(),
+                let others = [
                     taxonomy.generation.to_string(),
                     index.to_string(),
-                ];
-                let rest = [
                     class.name().to_owned(),
                     individual.pattern.clone(),
                     to_cell(by).into_owned(),
+                    individual.second_class.clone(),
                     individual.seed.to_string(),
                     genes.join(" "),
                 ];
-                let known = [measured.cell.as_str(), measured.campaign.as_str()].into_iter();
-                let row = known.chain(outcome.study().names(&cell.cell.values));
-                table.write_record(row.chain(numbers.iter().chain(&rest).map(String::as_str)))?;
+                table.write_record(row(outcome, &cell, others))?;
             }
         }
     }
     table.flush()
-}
-
-/// The figures that the study measures.
-fn figures(outcome: &Outcome) -> Vec<Figure> {
-    let measures = outcome.study().measures().which.iter();
-    measures.flat_map(|measure| measure.figures()).collect()
 }

@@ -10,17 +10,14 @@ use serde::Deserialize;
 use std::{collections::BTreeMap, path::PathBuf};
 use toml::Table;
 
-/// A study file.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StudyMessage {
-    /// Name of the study.
     pub(super) name: String,
     /// The replicates. Default: one, of seed 1.
     pub(super) seeds: Option<Seeds>,
     /// How many embedders the replicates share.
     pub(super) embedders: Option<u32>,
-    /// What is measured.
     pub(super) measures: Option<Vec<String>>,
     /// How behaviours are counted.
     #[serde(default)]
@@ -28,12 +25,11 @@ pub(super) struct StudyMessage {
     /// The label files of each robot.
     #[serde(default)]
     pub(super) accuracy: BTreeMap<String, Vec<PathBuf>>,
-    /// How recall and richness are measured.
     pub(super) recall: Option<RecallMessage>,
     /// The fields that all campaigns share.
     #[serde(default)]
     pub(super) campaign: Table,
-    /// What differs between the campaigns.
+    /// The differences between the campaigns.
     #[serde(default)]
     pub(super) axes: Vec<AxisMessage>,
     /// The axes of its phase diagrams.
@@ -41,7 +37,7 @@ pub(super) struct StudyMessage {
     /// Figures to compare with.
     #[serde(default)]
     pub(super) published: Vec<PublishedMessage>,
-    /// What `--quick` changes.
+    /// The changes by `--quick`.
     pub(super) quick: Option<QuickMessage>,
 }
 
@@ -61,11 +57,10 @@ pub(super) enum Seeds {
 pub(super) struct BehavioursMessage {
     /// Taxonomies at the end of the search.
     pub(super) generations: Option<u32>,
-    /// What stands for the taxonomies of a random search.
+    /// The substitute for the taxonomies of a random search.
     pub(super) random: Option<String>,
 }
 
-/// How recall and richness are measured.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RecallMessage {
@@ -78,22 +73,19 @@ pub(super) struct RecallMessage {
     pub(super) niches: Option<u32>,
 }
 
-/// An axis.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct AxisMessage {
-    /// Its name.
     pub(super) name: String,
     /// Its values, unless it is an axis of numbers.
     #[serde(default)]
     pub(super) values: Vec<ValueMessage>,
     /// The field that has its numbers.
     pub(super) field: Option<String>,
-    /// Its numbers.
     pub(super) numbers: Option<NumbersMessage>,
     /// Its numbers with `--quick`, if these are others.
     pub(super) quick: Option<NumbersMessage>,
-    /// What it is about if it has numbers, once its values are made of them.
+    /// The field and numbers of an axis of numbers, once its values are made of them.
     #[serde(skip)]
     pub(super) about: Option<NumberAxis>,
 }
@@ -108,16 +100,14 @@ pub(super) struct PhaseMessage {
     pub(super) y: Option<String>,
 }
 
-/// A value of an axis.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ValueMessage {
-    /// Its name.
     pub(super) name: String,
     /// Fields of the campaigns that have it.
     #[serde(default)]
     pub(super) campaign: Table,
-    /// What `--quick` changes of these.
+    /// The changes by `--quick`.
     #[serde(default)]
     pub(super) quick: Table,
 }
@@ -132,22 +122,20 @@ pub(super) struct PublishedMessage {
     /// The rows: the name of a value by the name of its axis.
     #[serde(default, rename = "where")]
     pub(super) rows: BTreeMap<String, String>,
-    /// The figures by name.
     pub(super) figures: BTreeMap<String, f64>,
 }
 
-/// What `--quick` changes.
+/// The changes by `--quick`.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct QuickMessage {
-    /// The replicates.
     pub(super) seeds: Option<Seeds>,
     /// How many embedders the replicates share.
     pub(super) embedders: Option<u32>,
     /// Fields of all campaigns.
     #[serde(default)]
     pub(super) campaign: Table,
-    /// What it changes of `[recall]`.
+    /// The changes of `[recall]`.
     pub(super) recall: Option<RecallMessage>,
 }
 
@@ -175,7 +163,7 @@ impl StudyMessage {
         let Some(changes) = &self.quick else {
             let allowed =
                 "there to say what `--quick` changes; this study has no such table: run it without `--quick`";
-            return Err(Invalid::new("[quick]", "nothing", allowed));
+            return Err(Invalid::missing("[quick]", allowed));
         };
         self.name.push_str(Study::QUICK);
         self.seeds = changes.seeds.clone().or(self.seeds);
@@ -209,21 +197,21 @@ impl AxisMessage {
     /// The axis with a value for each of its numbers, and what it is about; with `quick`, with the numbers for `--quick`. An
     /// axis whose values are written one by one is about no field.
     fn numbered(&self, quick: bool) -> Result<(Vec<ValueMessage>, Option<NumberAxis>), Invalid> {
-        let wrong = |field: &str, value: &str, allowed: &str| {
-            let field = format!("axes.{field} of {}", self.name);
-            Err(Invalid::new(field, value.to_owned(), allowed))
-        };
+        let path = |field| format!("axes.{field} of {}", self.name);
         let (field, numbers) = match (&self.field, &self.numbers) {
             (None, None) if self.quick.is_none() => return Ok((self.values.clone(), None)),
             (Some(field), Some(numbers)) if self.values.is_empty() => (field, numbers),
-            (Some(_), Some(_)) => return wrong("values", "given", "absent: the axis has `numbers`"),
+            (Some(_), Some(_)) => {
+                let allowed = "absent: the axis has `numbers`";
+                return Err(Invalid::new(path("values"), "given", allowed));
+            }
             (_, None) => {
                 let allowed = "numbers for `field`, or `values` without `field`";
-                return wrong("numbers", "nothing", allowed);
+                return Err(Invalid::missing(path("numbers"), allowed));
             }
             (None, Some(_)) => {
                 let allowed = "the field that has the numbers, such as \"world.agents\"";
-                return wrong("field", "nothing", allowed);
+                return Err(Invalid::missing(path("field"), allowed));
             }
         };
         let numbers = self.quick.as_ref().filter(|_| quick).unwrap_or(numbers);

@@ -20,13 +20,10 @@ pub(super) enum NumbersMessage {
     Spread(Spread),
 }
 
-/// Evenly spread numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Spread {
-    /// The first.
     from: Number,
-    /// The last.
     to: Number,
     /// How many, at least two.
     count: usize,
@@ -36,9 +33,7 @@ pub(super) struct Spread {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(untagged, expecting = "a number")]
 pub(super) enum Number {
-    /// A whole number.
     Whole(i64),
-    /// Another number.
     Decimal(f64),
 }
 
@@ -57,7 +52,6 @@ impl Number {
         }
     }
 
-    /// The number as people write it.
     fn text(self) -> String {
         match self {
             Self::Whole(number) => number.to_string(),
@@ -101,7 +95,7 @@ fn short(number: f64) -> f64 {
     format!("{number:.11e}").parse().unwrap_or(number)
 }
 
-/// What an axis of numbers is about: a field, and different numbers.
+/// The field of an axis of numbers, and its numbers, all different.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct NumberAxis {
     field: String,

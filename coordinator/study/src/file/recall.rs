@@ -33,7 +33,7 @@ pub(super) fn plan(message: &StudyMessage) -> Result<Option<RecallPlan>, StudyEr
         }
         (Some(measure), None) => {
             let allowed = format!("a table with an atlas: the measure \"{measure}\" needs one");
-            Err(Invalid::new("recall", "nothing", allowed).into())
+            Err(Invalid::missing("recall", allowed).into())
         }
         (Some(_), Some(recall)) => Ok(Some(RecallPlan {
             atlas: atlas(&message.name, recall)?,

@@ -2,7 +2,7 @@
 
 mod recall;
 
-use super::axis_name;
+use super::{axis_name, lay_over};
 use crate::{
     Corrections, Figure, Measure, Outcome, RandomBatches, Study, cell_digest, map_files, recall_curve,
     written,
@@ -14,6 +14,7 @@ use std::{
     num::NonZeroU32,
     path::Path,
 };
+use toml::Table;
 
 const GOOD: &str = r#"
 name = "s"
@@ -64,23 +65,19 @@ fn check(part: &str, by: &str, said: &str) {
 #[test]
 fn cells_are_the_product_of_values_and_seeds() {
     let study = read(GOOD, false).unwrap();
-    assert_eq!(study.cells().len(), 2 * 2 * 3);
+    assert_eq!(study.cells.len(), 2 * 2 * 3);
     assert_eq!(study.rows(), [[0, 0], [0, 1], [1, 0], [1, 1]]);
-    let words: Vec<String> = study
-        .cells()
-        .iter()
-        .map(|cell| study.cell_in_words(cell))
-        .collect();
+    let words: Vec<String> = study.cells.iter().map(|cell| study.cell_in_words(cell)).collect();
     assert_eq!(words[0], "latent + filter · few · seed 1");
     assert_eq!(words[11], "hand-crafted · many · seed 3");
-    let different: BTreeSet<String> = study.cells().iter().map(|cell| cell_digest(&cell.spec)).collect();
+    let different: BTreeSet<String> = study.cells.iter().map(|cell| cell_digest(&cell.spec)).collect();
     assert_eq!(different.len(), 12);
-    let first = &study.cells()[0].spec;
+    let first = &study.cells[0].spec;
     assert_eq!(
         (first.filter(), first.world().agents(), first.seed()),
         (true, 6, 1)
     );
-    let last = &study.cells()[11].spec;
+    let last = &study.cells[11].spec;
     assert_eq!(
         (last.method(), last.filter(), last.world().agents(), last.seed()),
         (Method::HandCrafted, false, 24, 3)
@@ -92,7 +89,7 @@ fn cells_are_the_product_of_values_and_seeds() {
 fn quick_lays_its_fields_over_all_others() {
     let study = read(GOOD, true).unwrap();
     assert_eq!(
-        (study.name().as_str(), study.seeds()),
+        (study.name.as_str(), study.seeds.as_slice()),
         ("s-quick", [7].as_slice())
     );
     let spec = v1_of(&study, 0);
@@ -101,19 +98,19 @@ fn quick_lays_its_fields_over_all_others() {
     let long = v1_of(&read(GOOD, false).unwrap(), 0);
     assert_eq!(long.dataset.unwrap().controllers, Some(50));
     let error = read(&GOOD[..GOOD.find("[quick]").unwrap()], true).unwrap_err();
-    assert!(error.contains("[quick] = nothing"), "{error}");
+    assert!(error.contains("[quick] is missing"), "{error}");
 }
 
 fn v1_of(study: &Study, cell: usize) -> murmuration_proto::v1::CampaignSpec {
-    (&study.cells()[cell].spec).into()
+    (&study.cells[cell].spec).into()
 }
 
 #[test]
 fn measures_and_published_figures_are_read() {
     let study = read(GOOD, false).unwrap();
-    assert_eq!(study.measures().which, [Measure::Behaviours, Measure::Search]);
-    assert_eq!(study.measures().generations, NonZeroU32::new(10).unwrap());
-    assert_eq!(study.measures().random, RandomBatches::Samples);
+    assert_eq!(study.measures.which, [Measure::Behaviours, Measure::Search]);
+    assert_eq!(study.measures.generations, NonZeroU32::new(10).unwrap());
+    assert_eq!(study.measures.random, RandomBatches::Samples);
     assert_eq!(
         study.published(&[1, 0], Figure::Distinct),
         Some((5.5, "somebody"))
@@ -127,7 +124,7 @@ fn measures_and_published_figures_are_read() {
     )
     .unwrap();
     assert_eq!(
-        study.measures().labelled["single-sensor"],
+        study.measures.labelled["single-sensor"],
         [Path::new("/folder/../a.csv")]
     );
 }
@@ -142,7 +139,7 @@ fn embedders_are_those_of_the_first_trials() {
     let seeds: Vec<Option<u64>> = (0..3).map(|replicate| study.embedder_seed(replicate)).collect();
     assert_eq!(seeds, [Some(4), Some(5), Some(4)]);
     let trained: BTreeSet<String> = study
-        .cells()
+        .cells
         .iter()
         .filter_map(|cell| study.embedder_of(cell).unwrap())
         .map(|spec| cell_digest(&spec))
@@ -170,7 +167,7 @@ fn a_bad_file_is_told_where_and_what_is_allowed() {
         "\"speed\", ",
         "measures = \"speed\": must be some of behaviours, shares, accuracy, search",
     );
-    check("\"search\", ", "\"accuracy\", ", "accuracy = nothing");
+    check("\"search\", ", "\"accuracy\", ", "accuracy is missing");
     check("name = \"s\"", "name = \"a b\"", "name = \"a b\"");
     check(
         "name = \"robots\"",
@@ -191,7 +188,7 @@ fn a_bad_file_is_told_where_and_what_is_allowed() {
     check(
         "figures = { distinct",
         "figures = { distnct",
-        "must be one of distinct, cyclic_pursuit",
+        "must be one of distinct, distinct_by_second_judge, distinct_by_both_judges, cyclic_pursuit",
     );
     check("where = { method", "where = { way", "by the axes method, robots");
     check(
@@ -260,7 +257,7 @@ fn shares_are_counted_of_cells_that_judge_alone() {
         "method = \"latent\"\nevaluation.judge = true\n",
         1,
     );
-    assert_eq!(read(&judged, false).unwrap().measures().which, [Measure::Shares]);
+    assert_eq!(read(&judged, false).unwrap().measures.which, [Measure::Shares]);
 }
 
 const PHASE: &str = r#"
@@ -291,11 +288,11 @@ values = [{ name = "no" }]
 #[test]
 fn axes_of_numbers_set_their_fields_and_phase_diagrams_lie_over_them() {
     let study = read(PHASE, false).unwrap();
-    let world = study.cells()[5].spec.world();
-    assert_eq!((study.cells().len(), world.agents()), (6, 12));
-    assert_eq!(study.cell_in_words(&study.cells()[5]), "12 · 0.4 · no · seed 1");
-    assert_eq!(study.axes()[1].numbers, [0.0, 0.2, 0.4]);
-    let phase = study.phase().unwrap();
+    let world = study.cells[5].spec.world();
+    assert_eq!((study.cells.len(), world.agents()), (6, 12));
+    assert_eq!(study.cell_in_words(&study.cells[5]), "12 · 0.4 · no · seed 1");
+    assert_eq!(study.axes[1].numbers, [0.0, 0.2, 0.4]);
+    let phase = study.phase.unwrap();
     assert_eq!((phase.x, phase.y), (0, Some(1)));
 }
 
@@ -305,13 +302,13 @@ fn the_example_lays_phase_diagrams_over_campaigns_with_taxonomies() {
     let text = std::fs::read_to_string(file).unwrap();
     for (quick, cells, individuals) in [(false, 12, 1000), (true, 4, 100)] {
         let study = read(&text, quick).unwrap();
-        assert_eq!(study.cells().len(), cells);
-        let phase = study.phase().unwrap();
+        assert_eq!(study.cells.len(), cells);
+        let phase = study.phase.unwrap();
         assert_eq!((phase.x, phase.y), (0, Some(1)));
         let is_search = |cell: &crate::Cell| {
             cell.spec.evaluations() == individuals && cell.spec.medoids() == 12 && cell.spec.judges()
         };
-        assert!(study.cells().iter().all(is_search));
+        assert!(study.cells.iter().all(is_search));
     }
 }
 
@@ -343,7 +340,7 @@ fn axes_that_set_one_field_and_names_like_formulas_are_refused() {
 fn quick_has_its_own_numbers() {
     let text = PHASE.replacen("numbers = [6, 12]", "numbers = [6, 12, 24]\nquick = [6, 24]", 1);
     let text = format!("{text}\n[quick]\nseeds = 1");
-    let values = |quick| read(&text, quick).unwrap().axes()[0].values.clone();
+    let values = |quick| read(&text, quick).unwrap().axes[0].values.clone();
     assert_eq!((values(true).len(), values(false).len()), (2, 3));
     assert_eq!(values(true), ["6", "24"]);
 }
@@ -397,4 +394,13 @@ evaluation.judge = true
             assert!(axis_name(column).is_err(), "an axis may be called {column}");
         }
     }
+}
+
+#[test]
+fn tables_are_joined_and_other_values_replaced() {
+    let table = |text: &str| text.parse::<Table>().unwrap();
+    let mut base = table("a = 1\nb = [1, 2]\n[c]\nd = 1\ne = 2\n[c.f]\ng = 1");
+    lay_over(&mut base, &table("b = [3]\n[c]\nd = 4\n[c.f]\nh = 5\n[i]\nj = 6"));
+    let expected = "a = 1\nb = [3]\n[c]\nd = 4\ne = 2\n[c.f]\ng = 1\nh = 5\n[i]\nj = 6";
+    assert_eq!(base, table(expected));
 }

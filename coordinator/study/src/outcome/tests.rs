@@ -39,6 +39,8 @@ fn figures_are_means_and_deviations_over_trials() {
     assert_eq!((distinct.count, distinct.mean), (2, 1.75));
     assert_eq!(distinct.deviation, Some((2.0 * 0.25 * 0.25_f64).sqrt()));
     assert_eq!(distinct.published, Some(3.5));
+    assert_eq!(entry(&outcome, 0, 0, Figure::DistinctBySecond).mean, 1.75);
+    assert_eq!(entry(&outcome, 0, 0, Figure::DistinctByBoth).mean, 1.75);
     // 1.5 milling medoids in the taxonomies of replicate 1, 0.5 in those of replicate 2.
     assert_eq!(entry(&outcome, 0, 0, Figure::Class(Class::Milling)).mean, 1.0);
     let alone = entry(&outcome, 0, 1, Figure::Distinct);
@@ -84,7 +86,7 @@ fn resampled_figures_are_reproducible_and_around_what_people_would_say() {
 fn what_a_person_said_replaces_the_judge_and_has_no_errors() {
     let study = sample::study();
     let cells: Vec<String> = study
-        .cells()
+        .cells
         .iter()
         .map(|cell| crate::cell_digest(&cell.spec))
         .collect();
@@ -101,6 +103,9 @@ fn what_a_person_said_replaces_the_judge_and_has_no_errors() {
     assert_eq!((distinct.mean, distinct.deviation), (1.0, Some(0.0)));
     let resampled = distinct.resampled.unwrap();
     assert_eq!((resampled.mean, resampled.low, resampled.high), (1.0, 1.0, 1.0));
+    // The second judge's word stands, and of none of these it says aggregation.
+    assert_eq!(entry(&outcome, 0, 0, Figure::DistinctBySecond).mean, 1.75);
+    assert_eq!(entry(&outcome, 0, 0, Figure::DistinctByBoth).mean, 0.0);
     assert_eq!(entry(&outcome, 0, 1, Figure::Distinct).mean, 2.0);
     let named: Vec<(String, usize)> = outcome.named_by().into_iter().collect();
     assert_eq!(
@@ -112,7 +117,7 @@ fn what_a_person_said_replaces_the_judge_and_has_no_errors() {
 #[test]
 fn what_people_say_on_a_page_is_kept_as_a_table_and_can_be_taken_back() {
     let study = sample::study();
-    let cell = crate::cell_digest(&study.cells()[0].spec);
+    let cell = crate::cell_digest(&study.cells[0].spec);
     let mut said = Corrections::default();
     said.set(&cell, 0, Some(Class::Dispersal), " ana, of \"us\" ")
         .unwrap();
@@ -192,10 +197,10 @@ fn every_table_follows_from_the_files_of_the_report() {
     for path in &stale {
         std::fs::write(path, "of another study").unwrap();
     }
-    let files = write_report(&outcome, folder.path()).unwrap();
+    let page = write_report(&outcome, folder.path()).unwrap();
     assert!(stale.iter().all(|path| !path.exists()));
     let mut distinct: BTreeMap<String, Vec<f64>> = BTreeMap::new();
-    let mut cells = csv::Reader::from_path(&files.cells).unwrap();
+    let mut cells = csv::Reader::from_path(folder.path().join("cells.csv")).unwrap();
     for row in cells.deserialize::<BTreeMap<String, String>>() {
         let row = row.unwrap();
         let value = row["distinct"].parse().unwrap();
@@ -203,7 +208,7 @@ fn every_table_follows_from_the_files_of_the_report() {
     }
     assert_eq!(distinct["no"], [1.5, 2.0]);
     assert_eq!(distinct["yes"], [1.0]);
-    let mut medoids = csv::Reader::from_path(&files.medoids).unwrap();
+    let mut medoids = csv::Reader::from_path(folder.path().join("medoids.csv")).unwrap();
     let rows: Vec<BTreeMap<String, String>> = medoids.deserialize().map(Result::unwrap).collect();
     assert_eq!(rows.len(), 4 + 4 + 2);
     let milling = rows
@@ -211,7 +216,7 @@ fn every_table_follows_from_the_files_of_the_report() {
         .filter(|row| row["class"] == MILLING && row["seed"] == "1");
     // Two taxonomies in a replicate.
     assert_eq!(milling.count() as f64 / 2.0, 1.5);
-    let page = std::fs::read_to_string(&files.page).unwrap();
+    let page = std::fs::read_to_string(&page).unwrap();
     for said in [
         "3 of 4 campaigns measured so far",
         "published 3.5",

@@ -14,7 +14,7 @@ recall = { atlas.controllers.step = 0.5, at = [5] }
 
 #[test]
 fn an_atlas_is_a_campaign_and_quick_changes_it() {
-    let plan = |quick| read(RECALL, quick).unwrap().measures().recall.clone().unwrap();
+    let plan = |quick| read(RECALL, quick).unwrap().measures.recall.clone().unwrap();
     let (long, quick) = (plan(false), plan(true));
     let at: Vec<u32> = long.at.iter().map(|at| at.get()).collect();
     assert_eq!((at, long.niches.get()), (vec![10, 40], 30));
@@ -24,7 +24,7 @@ fn an_atlas_is_a_campaign_and_quick_changes_it() {
         (5, 30, 325)
     );
     let defaults = RECALL.replace(", at = [10, 40], niches = 30", "");
-    let plan = read(&defaults, false).unwrap().measures().recall.clone().unwrap();
+    let plan = read(&defaults, false).unwrap().measures.recall.clone().unwrap();
     let at: Vec<u32> = plan.at.iter().map(|at| at.get()).collect();
     assert_eq!((at, plan.niches.get()), (vec![1000, 3000, 10_000], 500));
 }
@@ -116,10 +116,7 @@ fn maps_need_verdicts_and_a_sample() {
              campaign = {{ model = \"single-sensor\", method = \"random\", evaluation.judge = {judge} }}"
         )
     };
-    assert_eq!(
-        read(&text(true), false).unwrap().measures().which,
-        [Measure::Maps]
-    );
+    assert_eq!(read(&text(true), false).unwrap().measures.which, [Measure::Maps]);
     let error = read(&text(false), false).unwrap_err();
     assert!(error.contains("seed = 1: evaluation.judge = false"), "{error}");
     let listed = text(true).replace("method = \"random\"", "method = \"exhaustive\"");
