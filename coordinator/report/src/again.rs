@@ -1,7 +1,7 @@
-//! What is needed to reproduce the archive of a report: for its page, and at the top of its `spec.toml`.
+//! How to reproduce the archive of a report: text for its page and the top of its `spec.toml`, and command lines to copy.
 
-use super::Report;
-use murmuration_proto::EmbedderSource;
+use super::{Entry, Report};
+use murmuration_proto::{CampaignSpec, EmbedderSource, World};
 use std::fmt::Write as _;
 
 /// The text of `spec.toml`: what is needed besides the specification, as comments, then the specification.
@@ -14,7 +14,7 @@ pub(super) fn specification(report: &Report) -> String {
     text + &report.spec.to_toml()
 }
 
-/// What is needed besides the specification, in entries of one or two sentences; nothing if the specification suffices.
+/// Requirements besides the specification, in entries of one or two sentences; none if the specification suffices.
 pub(super) fn also_needed(report: &Report) -> Vec<String> {
     let (campaign, repetition) = (&report.campaign, &report.repetition);
     let mut needed = Vec::new();
@@ -33,12 +33,6 @@ pub(super) fn also_needed(report: &Report) -> Vec<String> {
         needed.push(format!(
             "The labels that campaign {campaign} learned from are needed, as they were when each round began; `murmuration \
              labels {campaign} --csv labels.csv` writes the labels as they are now."
-        ));
-    }
-    if repetition.rounds.iter().any(|round| round.comparisons > 0) {
-        needed.push(format!(
-            "The comparisons that campaign {campaign} learned from are needed too: they are in what `murmuration export` writes, \
-             and in no CSV file."
         ));
     }
     if !repetition.is_by_specification() {
@@ -61,11 +55,44 @@ pub(super) fn also_needed(report: &Report) -> Vec<String> {
     needed
 }
 
-/// Whether commands reproduce the archive: people's answers were learned from in one round, and a file can hold them, which holds
-/// no comparisons.
+/// Whether commands reproduce the archive: people's answers were learned from in one round, and a file can hold them.
 pub(super) fn is_by_commands(report: &Report) -> bool {
     let repetition = &report.repetition;
     let is_one_round = repetition.attended && !repetition.adopted && repetition.rounds.len() == 1;
-    let has_compared = repetition.rounds.iter().any(|round| round.comparisons > 0);
-    is_one_round && !has_compared && report.names.named().machine == 0
+    is_one_round && report.names.named().machine == 0
+}
+
+/// Runs the campaign of a `spec.toml` again.
+pub(super) const RUN_AGAIN: &str = "murmuration run spec.toml";
+
+/// Teaches the campaign that a `spec.toml` ran, in one round.
+pub(super) const TEACH_AGAIN: [&str; 3] = [
+    RUN_AGAIN,
+    "murmuration label latest --csv labels.csv",
+    "murmuration refine latest",
+];
+
+/// Writes the labels of a report's campaign.
+pub(super) fn write_labels(report: &Report) -> String {
+    format!("murmuration labels {} --csv labels.csv", report.campaign)
+}
+
+/// Shows one individual's whole run as a GIF.
+pub(super) fn simulate(spec: &CampaignSpec, entry: &Entry, gif: &str) -> String {
+    let genes: Vec<String> = entry.controller.genes().iter().map(f64::to_string).collect();
+    // Brackets, so that a first gene below zero is not taken for an option.
+    format!(
+        "{} --controller \"[{}]\" --seed {} --gif {gif}",
+        simulator(spec),
+        genes.join(", "),
+        entry.seed
+    )
+}
+
+/// The command that simulates any controller of a campaign, before the options that say which.
+pub(super) fn simulator(spec: &CampaignSpec) -> String {
+    match spec.model().preset() {
+        Some(preset) if *spec.world() == World::default() => format!("murmuration simulate --model {preset}"),
+        _ => "murmuration simulate --spec spec.toml".to_owned(),
+    }
 }

@@ -1,13 +1,11 @@
 //! A map of points in the colours of their classes with a legend, fit for a paper: as SVG and as PNG.
 
 use crate::{
+    figure::{Anchor, Figure, GRID, INK, MUTED, Shape, Words},
     picture::PictureError,
     point_map::places,
-    raster,
-    svg::{Drawing, GRID, MUTED, WHITE, tenth},
 };
-use maud::html;
-use murmuration_model::colours::{self, class_colour};
+use murmuration_model::colours::class_colour;
 use murmuration_proto::{Class, grouped};
 
 /// A point with its class.
@@ -27,52 +25,71 @@ const DOT: f64 = 4.0;
 /// Pixels of the PNG for one of the SVG.
 const PNG_SCALE: f32 = 2.0;
 
-/// The map as SVG. A unit is as long across as it is up.
-#[must_use]
-pub fn svg(points: &[ClassPoint], title: &str) -> String {
-    let at: Vec<[f64; 2]> = points.iter().map(|point| point.at).collect();
-    let places = places(&at, SIDE);
-    let of_class = |class: Class| {
-        points
-            .iter()
-            .zip(&places)
-            .filter(move |(point, _)| point.class == class)
-    };
-    let path = |class: Class| -> String {
-        let dot = |(_, [x, y]): (&ClassPoint, &[f64; 2])| format!("M{} {}h0", tenth(*x), tenth(y + TOP));
-        of_class(class).map(dot).collect()
-    };
-    let drawing = Drawing {
-        size: [SIDE + LEGEND, SIDE + TOP],
-        font_size: 14,
-        title,
-        label: None,
-        paper: WHITE,
-        shrinks: true,
-    };
-    let content = html! {
-        text x="12" y="28" font-size="17" font-weight="bold" { (title) }
-        rect x="0.5" y=(TOP) width=(SIDE) height=(SIDE - 0.5) fill="none" stroke=(GRID) {}
-        @for class in in_order() {
-            path d=(path(class)) stroke=(colours::hex(class_colour(class))) stroke-width=(DOT) stroke-linecap="round" fill="none" {}
-        }
-        @for (place, class) in Class::ALL.into_iter().filter(|&class| of_class(class).next().is_some()).enumerate() {
-            @let y = TOP + 18.0 + 24.0 * place as f64;
-            circle cx=(SIDE + 20.0) cy=(y) r="6" fill=(colours::hex(class_colour(class))) {}
-            text x=(SIDE + 34.0) y=(y + 5.0) {
-                (class.words()) " " tspan fill=(MUTED) { (grouped(of_class(class).count() as u64)) }
-            }
-        }
-    };
-    drawing.with(&content).into_string()
+/// The map as SVG and as PNG. A unit is as long across as it is up.
+pub fn draw(points: &[ClassPoint], title: &str) -> Result<(String, Vec<u8>), PictureError> {
+    let figure = figure(points, title);
+    Ok((figure.svg()?, figure.png(PNG_SCALE)?))
 }
 
-/// A map that [`svg`] made, as PNG.
-///
-/// # Errors
-/// [`PictureError`] if it cannot be drawn.
-pub fn png(svg: &str) -> Result<Vec<u8>, PictureError> {
-    raster::png(svg, PNG_SCALE)
+fn figure(points: &[ClassPoint], title: &str) -> Figure {
+    let at: Vec<[f64; 2]> = points.iter().map(|point| point.at).collect();
+    let places = places(&at, SIDE);
+    let of_class = |class: Class| -> Vec<[f64; 2]> {
+        let points = points.iter().zip(&places);
+        let points = points.filter(|(point, _)| point.class == class);
+        points.map(|(_, [x, y])| [*x, y + TOP]).collect()
+    };
+    let words = |text: String, at: [f64; 2], anchor: Anchor| Words {
+        text,
+        at,
+        anchor,
+        size: 14.0,
+        colour: INK,
+        bold: false,
+        upwards: false,
+    };
+    let dots = |class: Class, centres: Vec<[f64; 2]>, diameter: f64| Shape::Dots {
+        centres,
+        diameter,
+        colour: class_colour(class),
+    };
+    let mut shapes = vec![
+        Shape::Words(Words {
+            size: 17.0,
+            bold: true,
+            ..words(title.to_owned(), [12.0, 28.0], Anchor::Start)
+        }),
+        Shape::Frame {
+            at: [0.5, TOP],
+            side: SIDE - 0.5,
+            colour: GRID,
+        },
+    ];
+    shapes.extend(in_order().map(|class| dots(class, of_class(class), DOT)));
+    let there = Class::ALL.into_iter().map(|class| (class, of_class(class).len()));
+    for (place, (class, count)) in there.filter(|(_, count)| *count > 0).enumerate() {
+        let y = TOP + 18.0 + 24.0 * place as f64;
+        shapes.push(dots(class, vec![[SIDE + 20.0, y]], 12.0));
+        shapes.push(Shape::Words(words(
+            class.words().to_owned(),
+            [SIDE + 34.0, y + 5.0],
+            Anchor::Start,
+        )));
+        shapes.push(Shape::Words(Words {
+            colour: MUTED,
+            ..words(
+                grouped(count as u64),
+                [SIDE + LEGEND - 14.0, y + 5.0],
+                Anchor::End,
+            )
+        }));
+    }
+    Figure {
+        size: [SIDE + LEGEND, SIDE + TOP],
+        title: title.to_owned(),
+        paper: [0xff; 3],
+        shapes,
+    }
 }
 
 /// Classes as they are drawn: what is random lies below the others.
@@ -97,7 +114,7 @@ mod tests {
 
     #[test]
     fn random_behaviours_hide_no_other() {
-        let (width, height, pixels) = decode_png(&png(&svg(&points(), "A map")).unwrap());
+        let (width, height, pixels) = decode_png(&draw(&points(), "A map").unwrap().1);
         assert_eq!(
             [width, height].map(f64::from),
             [2.0 * (SIDE + LEGEND), 2.0 * (SIDE + TOP)]
@@ -113,13 +130,14 @@ mod tests {
     fn the_legend_counts_what_there_is() {
         let mut points = points().to_vec();
         points.extend([points[1]; 2]);
-        let svg = svg(&points, "A & B");
+        let (svg, _) = draw(&points, "A & B").unwrap();
         assert!(svg.contains("A &amp; B") && svg.contains("dispersal") && !svg.contains("aggregation"));
-        assert_eq!(svg.matches("h0").count(), 5);
+        // The points, and the dots of three classes in the legend.
+        assert_eq!(svg.matches("h0").count(), 5 + 3);
         let counts: Vec<&str> = svg
-            .split("</tspan>")
-            .filter_map(|part| part.rsplit_once("<tspan fill=\"#5f5e58\">"))
-            .map(|(_, count)| count)
+            .split("</text>")
+            .filter(|text| text.contains("text-anchor=\"end\""))
+            .filter_map(|text| text.rsplit('>').next())
             .collect();
         // In the order of the classes: milling, dispersal, random.
         assert_eq!(counts, ["1", "3", "1"]);

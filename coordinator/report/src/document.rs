@@ -18,7 +18,6 @@ pub struct Document<'a> {
 
 impl Document<'_> {
     /// The whole document with this content of its `body`.
-    #[must_use]
     pub fn with(&self, body: &Markup) -> String {
         let page = html! {
             (DOCTYPE)
@@ -38,7 +37,7 @@ impl Document<'_> {
         page.into_string()
     }
 
-    /// What a browser may load for it.
+    /// The policy of what a browser may load for it.
     fn policy(&self) -> String {
         let scripts = if self.scripts {
             "script-src 'unsafe-inline'; "

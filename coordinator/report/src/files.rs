@@ -18,9 +18,6 @@ pub struct Folder {
 
 impl Folder {
     /// Makes the folder and the ones above it where they do not exist.
-    ///
-    /// # Errors
-    /// [`ReportError::Write`].
     pub fn create(path: &Path) -> Result<Self, ReportError> {
         let folder = Self {
             path: path.to_owned(),
@@ -30,40 +27,26 @@ impl Folder {
         Ok(folder)
     }
 
-    /// The files that were written so far.
-    #[must_use]
     pub fn written(&self) -> &[PathBuf] {
         &self.written
     }
 
     /// Makes a folder in it.
-    ///
-    /// # Errors
-    /// [`ReportError::Write`].
     pub fn folder(&self, name: &str) -> Result<(), ReportError> {
         self.make(&self.path.join(name))
     }
 
     /// Writes a file of text.
-    ///
-    /// # Errors
-    /// [`ReportError::Write`].
     pub fn text(&mut self, name: &str, text: &str) -> Result<PathBuf, ReportError> {
         self.bytes(name, text.as_bytes())
     }
 
     /// Writes a file.
-    ///
-    /// # Errors
-    /// [`ReportError::Write`].
     pub fn bytes(&mut self, name: &str, bytes: &[u8]) -> Result<PathBuf, ReportError> {
         self.write(name, |file| file.write_all(bytes))
     }
 
     /// Writes a file under another name and moves it into place once all of it is on disk.
-    ///
-    /// # Errors
-    /// [`ReportError::Write`].
     pub fn write(
         &mut self,
         name: &str,
@@ -78,9 +61,6 @@ impl Folder {
     }
 
     /// Removes those of these files that an earlier report left here and this one did not write.
-    ///
-    /// # Errors
-    /// [`ReportError::Write`].
     pub fn remove_unless_written(&self, names: impl IntoIterator<Item = String>) -> Result<(), ReportError> {
         let paths = names.into_iter().map(|name| self.path.join(name));
         for path in paths.filter(|path| !self.written.contains(path)) {
@@ -103,9 +83,6 @@ impl Folder {
 }
 
 /// A file that is to take the place of `path` once it is whole, in the same folder.
-///
-/// # Errors
-/// If it cannot be made.
 pub fn temporary_for(path: &Path) -> io::Result<NamedTempFile> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     // Like any file that a person writes, not for its owner's eyes alone as temporary files are.

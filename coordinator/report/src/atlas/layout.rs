@@ -11,12 +11,11 @@ pub struct Layout {
     speeds: [Vec<f64>; 4],
 }
 
-/// What is at a pixel.
+/// The controller at a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Place {
     /// Place of the controller, or of that whose mirror image it is, among the atlas's entries.
     pub(super) entry: u32,
-    /// Whether it is a mirror image.
     pub(super) mirrored: bool,
 }
 
@@ -24,8 +23,7 @@ impl Layout {
     /// Most values of a speed: the picture is then 4,096 pixels wide.
     const MOST_VALUES: usize = 64;
 
-    /// That of a campaign; `None` unless it evaluates all controllers of a space of four speeds.
-    #[must_use]
+    /// The layout of a campaign's atlas; `None` unless it evaluates all controllers of a space of four speeds.
     pub fn of(spec: &CampaignSpec) -> Option<Self> {
         let all = Enumeration::of(spec.controllers(), spec.world())?;
         if all.len() != spec.search().evaluations() {
@@ -48,13 +46,11 @@ impl Layout {
     }
 
     /// Values of a speed, which is also the number of tiles in a row, and of pixels in a row of a tile.
-    #[must_use]
     pub fn values(&self) -> usize {
         self.speeds[0].len()
     }
 
     /// Side of the picture, pixels.
-    #[must_use]
     pub fn side(&self) -> usize {
         self.values() * self.values()
     }
@@ -65,7 +61,6 @@ impl Layout {
     }
 
     /// The pixel of a controller, x to the right and y down; `None` if it is not one of the space.
-    #[must_use]
     pub fn pixel(&self, controller: &Controller) -> Option<[usize; 2]> {
         let genes = <&[f64; 4]>::try_from(controller.genes()).ok()?;
         let place = |gene: usize| self.speeds[gene].iter().position(|speed| *speed == genes[gene]);
@@ -74,7 +69,7 @@ impl Layout {
         Some([a * self.values() + c, (last - b) * self.values() + (last - d)])
     }
 
-    /// What is at each pixel, row by row; `None` where nothing was evaluated.
+    /// The controller at each pixel, row by row; `None` where nothing was evaluated.
     pub(super) fn places(&self, atlas: &Atlas) -> Vec<Option<Place>> {
         let all = Enumeration::of(atlas.spec.controllers(), atlas.spec.world());
         let mut places = vec![None; self.side() * self.side()];

@@ -5,7 +5,6 @@
 
 mod layout;
 mod page;
-mod picture;
 mod poster;
 mod table;
 mod tally;
@@ -16,25 +15,25 @@ mod tests;
 
 pub use layout::Layout;
 pub use page::{HOW, canvas, explained};
-pub(crate) use picture::square_png;
 pub use tally::{Tally, agreed, precision};
 pub use tiles::Tiles;
 
-use super::{ReportError, ReportFiles, files::Folder, raster};
+use super::{ReportError, ReportFiles, files::Folder};
+use crate::picture::{PictureError, encoded};
+use murmuration_model::colours::Rgb;
 use murmuration_proto::{CampaignSpec, Controller, Features, Verdict};
 use std::{
     fs,
     path::{Path, PathBuf},
 };
 
-/// What an exhaustive campaign found.
+/// The map of an exhaustive campaign.
 #[derive(Debug, Clone)]
 pub struct Atlas {
     /// Id of the campaign.
     pub campaign: String,
     /// Digest of its archive.
     pub digest: String,
-    /// Its specification.
     pub spec: CampaignSpec,
     /// Its archive, by index; at least one.
     pub entries: Vec<AtlasEntry>,
@@ -43,7 +42,6 @@ pub struct Atlas {
 /// A controller of an atlas. What is said of it holds for its mirror image too.
 #[derive(Debug, Clone)]
 pub struct AtlasEntry {
-    /// The controller.
     pub controller: Controller,
     /// Seed of its first start, from which the others follow.
     pub seed: u64,
@@ -71,9 +69,6 @@ const FILES: [&str; 6] = [
 /// controllers of four speeds were evaluated, also `atlas.png`, `atlas-poster.svg`, `atlas-poster.png` and, last, `atlas.html`,
 /// the page of the answer; otherwise the page is the table. The page shows pictures of swarms if [`Tiles`] wrote them into the same
 /// folder.
-///
-/// # Errors
-/// [`ReportError::Write`] names the path.
 pub fn write(atlas: &Atlas, folder: &Path) -> Result<ReportFiles, ReportError> {
     let tallies: Vec<Tally> = atlas
         .entries
@@ -91,19 +86,18 @@ pub fn write(atlas: &Atlas, folder: &Path) -> Result<ReportFiles, ReportError> {
         });
     };
     let places = layout.places(atlas);
-    let drawn = |file, scale| {
-        let drawn = picture::png(&layout, &places, &tallies, scale);
-        drawn.map_err(|source| ReportError::Drawing { file, source })
-    };
-    let map = drawn("atlas.png", 1)?;
-    let large = drawn("atlas-poster.svg", poster::scale(&layout))?;
-    let poster = poster::svg(atlas, &layout, &tallies, &large);
-    let print = raster::png(&poster, poster::PNG_SCALE).map_err(|source| ReportError::Drawing {
-        file: "atlas-poster.png",
-        source,
-    })?;
+    let pixels = tally::pixels(&places, &tallies);
+    let undrawn = |file| move |source| ReportError::Drawing { file, source };
+    let map = png(&pixels, &layout).map_err(undrawn("atlas.png"))?;
+    let poster = poster::poster(atlas, &layout, &tallies, pixels);
     files.bytes("atlas.png", &map)?;
-    files.text("atlas-poster.svg", &poster)?;
+    files.text(
+        "atlas-poster.svg",
+        &poster.svg().map_err(undrawn("atlas-poster.svg"))?,
+    )?;
+    let print = poster
+        .png(poster::PNG_SCALE)
+        .map_err(undrawn("atlas-poster.png"))?;
     files.bytes("atlas-poster.png", &print)?;
     let others = files.written().to_vec();
     let page = files.text("atlas.html", &page::render(atlas, &layout, &places, &map))?;
@@ -154,9 +148,6 @@ fn files_in(folder: &Path) -> Vec<PathBuf> {
 
 /// What the script of an atlas's page draws from, as JSON, and the picture as a PNG, a pixel a controller: for a page that a
 /// coordinator serves.
-///
-/// # Errors
-/// [`ReportError::Drawing`].
 pub fn for_page(atlas: &Atlas, layout: &Layout) -> Result<(String, Vec<u8>), ReportError> {
     let tallies: Vec<Tally> = atlas
         .entries
@@ -164,10 +155,14 @@ pub fn for_page(atlas: &Atlas, layout: &Layout) -> Result<(String, Vec<u8>), Rep
         .map(|entry| Tally::of(&entry.verdicts))
         .collect();
     let places = layout.places(atlas);
-    let picture = picture::png(layout, &places, &tallies, 1);
-    let picture = picture.map_err(|source| ReportError::Drawing {
+    let picture = png(&tally::pixels(&places, &tallies), layout).map_err(|source| ReportError::Drawing {
         file: "atlas.png",
         source,
     })?;
     Ok((page::data(atlas, layout, &places).to_string(), picture))
+}
+
+/// The picture as a PNG, a pixel a controller.
+fn png(pixels: &[Rgb], layout: &Layout) -> Result<Vec<u8>, PictureError> {
+    encoded(pixels.as_flattened(), [layout.side(); 2], png::ColorType::Rgb)
 }

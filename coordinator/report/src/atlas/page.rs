@@ -20,7 +20,6 @@ const MIRRORED: u32 = 1 << 31;
 /// What the map has where nothing was evaluated.
 const NOTHING: u32 = MIRRORED - 1;
 
-/// The whole document.
 pub(super) fn render(atlas: &Atlas, layout: &Layout, places: &[Option<Place>], map: &[u8]) -> String {
     let map = format!("data:image/png;base64,{}", STANDARD.encode(map));
     let title = format!("Atlas of the robot {}", atlas.spec.model());
@@ -52,8 +51,6 @@ pub(super) fn render(atlas: &Atlas, layout: &Layout, places: &[Option<Place>], m
 pub const HOW: &str = "Scroll to zoom, drag to move, click for a controller. With keys: + and - zoom, Enter chooses the controller in the \
                        middle, arrow keys go on from it, with Shift by a tile, and Escape lets it go.";
 
-/// The canvas of the map.
-#[must_use]
 pub fn canvas() -> Markup {
     html! {
         canvas #map tabindex="0" role="application"
@@ -62,7 +59,6 @@ pub fn canvas() -> Markup {
 }
 
 /// What the map shows: the controllers that were simulated so far and their mirror images, and where each is.
-#[must_use]
 pub fn explained(spec: &CampaignSpec, layout: &Layout, simulated: u64) -> Markup {
     html! {
         p {
@@ -81,13 +77,13 @@ pub fn explained(spec: &CampaignSpec, layout: &Layout, simulated: u64) -> Markup
             }
         }
         p {
-            "Colours are classes. A pixel is darker where fewer of its starts are of its class, and where people agree less often with the "
-            "judge about that class."
+            "Colours are classes. A pixel is darker where fewer of its starts are of its class, and where the annotators of the labelled sets, "
+            "each a vision model with a written brief, agree less often with the judge about that class."
         }
     }
 }
 
-/// What the script draws from.
+/// The data that the script draws.
 pub(super) fn data(atlas: &Atlas, layout: &Layout, places: &[Option<Place>]) -> Value {
     let entries = || atlas.entries.iter();
     let number = |place: &Option<Place>| {

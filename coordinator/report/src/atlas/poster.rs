@@ -1,10 +1,8 @@
-//! The poster: the picture with axes and a legend, as SVG, which prints at any size.
+//! The poster: the picture with axes and a legend.
 
 use super::{Atlas, Layout, Tally};
-use crate::svg::{Drawing, MUTED};
-use base64::{Engine as _, engine::general_purpose::STANDARD};
-use maud::{Markup, html};
-use murmuration_model::colours;
+use crate::figure::{Anchor, Figure, INK, MUTED, Shape, Words};
+use murmuration_model::colours::{self, Rgb};
 use murmuration_proto::{Class, grouped};
 
 /// Side of the picture, and the room around it.
@@ -17,15 +15,8 @@ const BOTTOM: f64 = 90.0;
 /// Pixels of the poster as PNG for a unit of its SVG: 3,726 pixels across, 319 dots an inch on a page of A4 on its side.
 pub(super) const PNG_SCALE: f32 = 2.0;
 
-/// Pixels that each controller's side has in the picture, which some programs blur where they enlarge it.
-pub(super) fn scale(layout: &Layout) -> usize {
-    (SIDE as usize).div_ceil(layout.side())
-}
-
-/// The poster, with the picture at its scale.
-pub(super) fn svg(atlas: &Atlas, layout: &Layout, tallies: &[Tally], map: &[u8]) -> String {
-    let (width, height) = (LEFT + SIDE + LEGEND, TOP + SIDE + BOTTOM);
-    let picture = format!("data:image/png;base64,{}", STANDARD.encode(map));
+/// The poster of the picture with these pixels.
+pub(super) fn poster(atlas: &Atlas, layout: &Layout, tallies: &[Tally], pixels: Vec<Rgb>) -> Figure {
     let starts = atlas.spec.starts().get();
     let title = format!("Every controller of the robot {}", atlas.spec.model());
     let subtitle = format!(
@@ -33,48 +24,73 @@ pub(super) fn svg(atlas: &Atlas, layout: &Layout, tallies: &[Tally], map: &[u8])
         grouped((layout.side() * layout.side()) as u64),
         grouped(atlas.entries.len() as u64)
     );
-    let drawing = Drawing {
-        size: [width, height],
-        font_size: 16,
-        title: &title,
-        label: None,
-        paper: &colours::hex(colours::PAPER),
-        shrinks: true,
-    };
-    let content = html! {
-        text x=(LEFT) y="52" font-size="34" font-weight="bold" { (title) }
-        text x=(LEFT) y="90" font-size="20" fill=(MUTED) { (subtitle) }
-        image x=(LEFT) y=(TOP) width=(SIDE) height=(SIDE) href=(picture) style="image-rendering: pixelated" {}
-        (axes(atlas, layout))
-        (legend(atlas, layout, tallies))
-    };
-    drawing.with(&content).into_string()
+    let mut shapes = vec![
+        Shape::Words(Words {
+            bold: true,
+            ..words(title.clone(), [LEFT, 52.0], 34.0)
+        }),
+        Shape::Words(Words {
+            colour: MUTED,
+            ..words(subtitle, [LEFT, 90.0], 20.0)
+        }),
+        Shape::Picture {
+            at: [LEFT, TOP],
+            side: SIDE,
+            pixels,
+        },
+    ];
+    shapes.extend(axes(atlas, layout).into_iter().map(Shape::Words));
+    shapes.extend(legend(atlas, layout, tallies));
+    Figure {
+        size: [LEFT + SIDE + LEGEND, TOP + SIDE + BOTTOM],
+        title,
+        paper: colours::PAPER,
+        shapes,
+    }
+}
+
+/// Dark words that begin at a place.
+fn words(text: String, at: [f64; 2], size: f64) -> Words {
+    Words {
+        text,
+        at,
+        size,
+        anchor: Anchor::Start,
+        colour: INK,
+        bold: false,
+        upwards: false,
+    }
 }
 
 /// The speeds while nothing is seen, which tiles go by.
-fn axes(atlas: &Atlas, layout: &Layout) -> Markup {
+fn axes(atlas: &Atlas, layout: &Layout) -> Vec<Words> {
     let tile = SIDE / layout.values() as f64;
     let every = (layout.values() / 10).max(1);
-    let [right, up, ..] = layout.speeds();
-    let marks = |speeds: &[f64]| -> Vec<(f64, String)> {
-        let places = speeds.iter().enumerate().step_by(every);
-        places
-            .map(|(place, speed)| ((place as f64 + 0.5) * tile, rounded(*speed)))
-            .collect()
+    let centred = |text, at, size| Words {
+        anchor: Anchor::Middle,
+        ..words(text, at, size)
     };
-    let turned = format!("rotate(-90 34 {})", TOP + SIDE / 2.0);
-    html! {
-        g font-size="17" text-anchor="middle" {
-            @for (along, speed) in marks(right) {
-                text x=(LEFT + along) y=(TOP + SIDE + 26.0) { (speed) }
-            }
-            @for (along, speed) in marks(up) {
-                text x=(LEFT - 28.0) y=(TOP + SIDE - along + 6.0) { (speed) }
-            }
-            text x=(LEFT + SIDE / 2.0) y=(TOP + SIDE + 62.0) font-size="21" { (atlas.spec.model().gene_names()[0]) ", while nothing is seen: tiles" }
-            text x="34" y=(TOP + SIDE / 2.0) font-size="21" transform=(turned) { (atlas.spec.model().gene_names()[1]) ", while nothing is seen: tiles" }
-        }
-    }
+    let marks = |speeds: &[f64], at: fn(f64) -> [f64; 2]| {
+        let places = speeds.iter().enumerate().step_by(every);
+        let mark =
+            |(place, speed): (usize, &f64)| centred(rounded(*speed), at((place as f64 + 0.5) * tile), 17.0);
+        places.map(mark).collect::<Vec<_>>()
+    };
+    let [right, up, ..] = layout.speeds();
+    let mut all = marks(right, |along| [LEFT + along, TOP + SIDE + 26.0]);
+    all.extend(marks(up, |along| [LEFT - 28.0, TOP + SIDE - along + 6.0]));
+    let names = atlas.spec.model().gene_names();
+    let titled = |name: &str| format!("{name}, while nothing is seen: tiles");
+    all.push(centred(
+        titled(&names[0]),
+        [LEFT + SIDE / 2.0, TOP + SIDE + 62.0],
+        21.0,
+    ));
+    all.push(Words {
+        upwards: true,
+        ..centred(titled(&names[1]), [34.0, TOP + SIDE / 2.0], 21.0)
+    });
+    all
 }
 
 /// A speed as people read it.
@@ -83,41 +99,55 @@ fn rounded(speed: f64) -> String {
 }
 
 /// The classes with their colours, and of how many controllers each is the most frequent one.
-fn legend(atlas: &Atlas, layout: &Layout, tallies: &[Tally]) -> Markup {
+fn legend(atlas: &Atlas, layout: &Layout, tallies: &[Tally]) -> Vec<Shape> {
     let x = LEFT + SIDE + 34.0;
     let counts = counts(atlas, layout, tallies);
     let all: u64 = counts.iter().map(|(_, count)| count).sum();
     let names = atlas.spec.model().gene_names();
     let (to_the_right, up) = (&names[2], &names[3]);
-    let words = [
+    let explanation = [
         "Within each tile, a pixel for each pair of".to_owned(),
         "speeds while something is seen:".to_owned(),
         format!("{to_the_right} to the right, {up} up."),
         String::new(),
         "Colour: what the judge calls most of the".to_owned(),
         "starts. Brightness: the share of the starts".to_owned(),
-        "that it calls so, times how often people".to_owned(),
-        "agree with it.".to_owned(),
+        "that it calls so, times how often the".to_owned(),
+        "annotators of labelled sets agree with it.".to_owned(),
     ];
-    html! {
-        g font-size="19" {
-            @for (place, (class, count)) in counts.iter().enumerate() {
-                @let y = TOP + 20.0 + 58.0 * place as f64;
-                rect x=(x) y=(y) width="30" height="30" rx="4" fill=(colours::hex(colours::class_colour(*class))) {}
-                text x=(x + 44.0) y=(y + 13.0) font-weight="bold" { (class.words()) }
-                text x=(x + 44.0) y=(y + 34.0) fill=(MUTED) font-size="16" {
-                    (grouped(*count)) " controllers, " (format!("{:.1}", 100.0 * *count as f64 / all.max(1) as f64)) " %"
-                }
-            }
-            @for (place, line) in words.iter().enumerate() {
-                text x=(x) y=(TOP + 540.0 + 26.0 * place as f64) font-size="18" { (line) }
-            }
-        }
-    }
+    let of_class = |(place, (class, count)): (usize, &(Class, u64))| {
+        let y = TOP + 20.0 + 58.0 * place as f64;
+        let share = 100.0 * *count as f64 / all.max(1) as f64;
+        let counted = format!("{} controllers, {share:.1} %", grouped(*count));
+        [
+            Shape::Dots {
+                centres: vec![[x + 15.0, y + 15.0]],
+                diameter: 30.0,
+                colour: colours::class_colour(*class),
+            },
+            Shape::Words(Words {
+                bold: true,
+                ..words(class.words().to_owned(), [x + 44.0, y + 13.0], 19.0)
+            }),
+            Shape::Words(Words {
+                colour: MUTED,
+                ..words(counted, [x + 44.0, y + 34.0], 16.0)
+            }),
+        ]
+    };
+    let explained = explanation.into_iter().enumerate().map(|(place, line)| {
+        let y = TOP + 540.0 + 26.0 * place as f64;
+        Shape::Words(words(line, [x, y], 18.0))
+    });
+    counts
+        .iter()
+        .enumerate()
+        .flat_map(of_class)
+        .chain(explained)
+        .collect()
 }
 
-/// Of how many controllers of the picture each class is the most frequent one, mirror images included; the largest
-/// first.
+/// Number of controllers of the picture whose most frequent class is each, mirror images included; the largest first.
 fn counts(atlas: &Atlas, layout: &Layout, tallies: &[Tally]) -> Vec<(Class, u64)> {
     let places = layout.places(atlas);
     let class = |class: Class| {

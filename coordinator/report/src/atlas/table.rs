@@ -40,7 +40,6 @@ pub(super) fn write(atlas: &Atlas, tallies: &[Tally], file: &mut dyn Write) -> i
     table.flush()
 }
 
-/// What is in the folder.
 pub(super) fn readme(atlas: &Atlas) -> String {
     let spec = &atlas.spec;
     let mirrored = Enumeration::of(spec.controllers(), spec.world())
@@ -65,7 +64,7 @@ brightness is how sure the class is (column `sureness`).
 - `atlas-poster.svg`, `atlas-poster.png`: the same with axes and a legend.
 - `atlas.html`: the same to zoom into. It needs no network. The folder `pictures`, if it is there, has the picture of each swarm.
 
-{images} `murmuration atlas spec.toml` evaluates the same again.
+{images} `murmuration lab atlas spec.toml` evaluates the same again.
 
 | column of `atlas.csv` | |
 |---|---|
@@ -74,8 +73,9 @@ brightness is how sure the class is (column `sureness`).
 | `seed` | seed of the first start, from which those of the others follow |
 | `class` | the class that the judge gave most trials; of several, that of the earliest trial |
 | `share` | share of the trials that are of this class |
-| `sureness` | how sure the class is, from 0 to 1: `share`, times the share of motions of this class, by the judge, that people called \
-by it too (on labelled sets; one agreement and one disagreement are added to the counts, since some classes were seldom met) |
+| `sureness` | how sure the class is, from 0 to 1: `share`, times the share of motions of this class, by the judge, that annotators called \
+by it too (on the labelled sets, whose annotators are each a vision model with a written brief; \
+one agreement and one disagreement are added to the counts, since some classes were seldom met) |
 | `share_CLASS` | share of the trials that are of each class; `share_random` is of random ones without a pattern |
 | `share_small_clusters`, `share_chain`, `share_moving_clumps` | share of the trials that are random with this pattern |
 | {features} | hand-crafted features, means over the trials and the last 100 steps |

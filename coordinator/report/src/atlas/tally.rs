@@ -1,8 +1,10 @@
-//! What the trials of a controller come to.
+//! The most frequent class over the trials of a controller, and its pixel.
 
+use super::layout::Place;
+use murmuration_model::colours::{self, Rgb, class_colour};
 use murmuration_proto::{Class, Verdict};
 
-/// What the judge said of the trials of a controller.
+/// The judge's verdicts on the trials of a controller, summed up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tally {
     /// The most frequent class; of several, that of the earliest trial.
@@ -12,8 +14,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// That of at least one trial.
-    #[must_use]
+    /// The tally of at least one trial.
     pub fn of(verdicts: &[Verdict]) -> Self {
         let of = |class: Class| verdicts.iter().filter(|verdict| verdict.class() == class).count();
         let mut most = (Class::Random, 0);
@@ -28,17 +29,15 @@ impl Tally {
         }
     }
 
-    /// How sure the class is, over 0 to under 1: the share of trials that are of it, times how likely people are to
+    /// How sure the class is, over 0 to under 1: the share of trials that are of it, times how likely annotators are to
     /// call them so too.
-    #[must_use]
     pub fn sureness(&self) -> f64 {
         self.share * precision(self.class)
     }
 }
 
-/// Of how many motions that the judge calls by this class people call them so too, and how many it calls so: on the
-/// validation parts of all labelled sets (`docs/judge.md`).
-#[must_use]
+/// Number of motions for which the annotators agree with the judge's class, and number of motions to which the judge gives it: on
+/// the validation parts of all labelled sets (`docs/judge.md`).
 pub const fn agreed(class: Class) -> [u32; 2] {
     match class {
         Class::CyclicPursuit => [43, 44],
@@ -52,10 +51,26 @@ pub const fn agreed(class: Class) -> [u32; 2] {
     }
 }
 
-/// How likely people are to call a motion by the class that the judge gives it, over 0 to under 1: by the rule of
+/// How likely the annotators are to call a motion by the class that the judge gives it, over 0 to under 1: by the rule of
 /// succession, since some classes were seldom met.
-#[must_use]
 pub fn precision(class: Class) -> f64 {
     let [agreed, all] = agreed(class);
     f64::from(agreed + 1) / f64::from(all + 2)
+}
+
+/// Under everything: what is not sure is dark.
+const DARK: Rgb = [0; 3];
+/// Where nothing was evaluated.
+const NOTHING: Rgb = [0xff; 3];
+
+/// The colour of a controller: its class's, as bright as the class is sure.
+fn shade(tally: &Tally) -> Rgb {
+    let part = (tally.sureness() * 255.0).round() as u8;
+    colours::over(class_colour(tally.class), part, DARK)
+}
+
+/// The pixels of the picture, row by row.
+pub(super) fn pixels(places: &[Option<Place>], tallies: &[Tally]) -> Vec<Rgb> {
+    let shade = |place: &Option<Place>| place.map_or(NOTHING, |place| shade(&tallies[place.entry as usize]));
+    places.iter().map(shade).collect()
 }

@@ -1,7 +1,11 @@
 //! The pictures of the swarms of an atlas: one PNG a tile, so that a page loads what it shows.
 
-use super::{Layout, picture::square_png};
-use crate::{ReportError, files::Folder, picture::PictureError};
+use super::Layout;
+use crate::{
+    ReportError,
+    files::Folder,
+    picture::{PictureError, encoded},
+};
 use murmuration_proto::{Controller, PictureShape};
 use std::path::Path;
 
@@ -21,9 +25,6 @@ pub struct Tiles {
 
 impl Tiles {
     /// Into `folder`/pictures, which is made if it does not exist.
-    ///
-    /// # Errors
-    /// [`ReportError::Write`] names the path.
     pub fn create(folder: &Path, layout: Layout, shape: PictureShape) -> Result<Self, ReportError> {
         let folder = Folder::create(&folder.join(FOLDER))?;
         Ok(Self {
@@ -64,9 +65,6 @@ impl Tiles {
     }
 
     /// Writes the last tile.
-    ///
-    /// # Errors
-    /// As [`Tiles::add`].
     pub fn finish(mut self) -> Result<(), ReportError> {
         self.flush()
     }
@@ -76,7 +74,7 @@ impl Tiles {
             return Ok(());
         };
         let width = self.layout.values() * self.shape.side();
-        let png = square_png(&pixels, width, png::ColorType::Grayscale).map_err(undrawn)?;
+        let png = encoded(&pixels, [width; 2], png::ColorType::Grayscale).map_err(undrawn)?;
         self.folder.bytes(&format!("tile-{column}-{row}.png"), &png)?;
         Ok(())
     }
