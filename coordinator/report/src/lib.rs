@@ -5,11 +5,13 @@
 
 mod again;
 pub mod atlas;
+pub mod axes;
 pub mod class_map;
-mod commands;
 mod contact_sheet;
 mod document;
+mod figure;
 mod files;
+mod judged;
 mod names;
 mod numbers;
 mod page;
@@ -17,7 +19,6 @@ pub mod picture;
 mod pictured;
 mod plots;
 pub mod point_map;
-mod raster;
 pub mod score_histogram;
 pub mod scripts;
 pub mod svg;
@@ -28,6 +29,7 @@ mod sample;
 
 pub use document::Document;
 pub use files::{Folder, temporary_for};
+pub use judged::{Judged, Shown, found};
 pub use names::{CarriedName, Names};
 pub use pictured::{PictureSheets, Pictured};
 pub use plots::condensed;
@@ -46,7 +48,6 @@ use std::{
 pub struct Report {
     /// Id of the campaign.
     pub campaign: String,
-    /// Its specification.
     pub spec: CampaignSpec,
     /// Digest of its archive, to compare with that of a repeated campaign.
     pub digest: String,
@@ -64,7 +65,6 @@ pub struct Report {
     pub medoids: Vec<MedoidEntry>,
     /// For each individual, the place in `medoids` of its nearest medoid.
     pub clusters: Vec<u32>,
-    /// The behaviour space in two dimensions.
     pub map: Map,
     /// Pictures of individuals, for the map.
     pub pictured: Pictured,
@@ -72,7 +72,9 @@ pub struct Report {
     pub loss: f64,
     /// The names of behaviours, and who gave them.
     pub names: Names,
-    /// What the archive depends on besides the specification.
+    /// What the rule-based judge says of the medoids, and of a sample of the archive.
+    pub judged: Judged,
+    /// The inputs of the archive besides the specification.
     pub repetition: Repetition,
 }
 
@@ -99,7 +101,6 @@ pub struct GenerationSummary {
     pub generation: u32,
     /// Highest novelty among its individuals when it was evaluated, in the behaviour space of the report.
     pub best_novelty: f64,
-    /// Their mean novelty.
     pub mean_novelty: f64,
     /// Proposals that the heuristic filter rejected.
     pub filtered: u64,
@@ -110,7 +111,6 @@ pub struct GenerationSummary {
 pub struct Entry {
     /// Generation that it belongs to, from 0.
     pub generation: u32,
-    /// The controller.
     pub controller: Controller,
     /// Seed of its start, the first one if there are several.
     pub seed: u64,
@@ -126,6 +126,14 @@ pub struct Entry {
     /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it stood after its generation, in the
     /// behaviour space of the report.
     pub novelty_when_evaluated: f64,
+}
+
+impl Entry {
+    /// What its place in the behaviour space is made of.
+    #[must_use]
+    pub fn measured(&self) -> (Features, Vec<f32>) {
+        (self.features, self.embedding.clone())
+    }
 }
 
 /// One simulation of an individual that has several.
@@ -202,7 +210,6 @@ pub struct Map {
     pub axis_titles: [String; 2],
 }
 
-/// The files that were written.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReportFiles {
     /// The page to open.
@@ -214,41 +221,22 @@ pub struct ReportFiles {
 /// Why a report cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
-    /// Parts of the report contradict each other.
     #[error("the report does not fit together: {0}")]
     Inconsistent(String),
-    /// A picture of a medoid cannot be made.
     #[error("cannot draw individual {index}: {source}")]
     Picture {
         /// Index of the individual.
         index: u64,
-        /// What is wrong.
         source: PictureError,
     },
-    /// A picture of an atlas cannot be made.
     #[error("cannot draw {file}: {source}")]
     Drawing {
         /// Name of its file or folder.
         file: &'static str,
-        /// What is wrong.
         source: PictureError,
     },
-    /// A plot cannot be made.
-    #[error("cannot draw {plot}: {reason}")]
-    Plot {
-        /// File name of the plot.
-        plot: &'static str,
-        /// What is wrong.
-        reason: String,
-    },
-    /// A file or folder cannot be written: no permission, no space, something else in its place.
     #[error("cannot write {}: {source}", path.display())]
-    Write {
-        /// The file or folder.
-        path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
+    Write { path: PathBuf, source: io::Error },
 }
 
 /// Writes a report into `folder`, which is made if it does not exist.
@@ -263,9 +251,9 @@ pub enum ReportError {
 pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError> {
     check(report)?;
     let pictures = draw_medoids(report)?;
-    let novelty = plots::novelty(&report.generations, plots::WIDE)?.svg;
-    let map = plots::map(report)?;
-    let page = page::render(report, &pictures, Files::Beside)?;
+    let novelty = plots::novelty(&report.generations, plots::WIDE).svg;
+    let map = plots::map(report);
+    let page = page::render(report, &pictures, Files::Beside);
 
     let mut files = Folder::create(folder)?;
     files.text("spec.toml", &again::specification(report))?;
@@ -296,18 +284,12 @@ pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError>
 }
 
 /// The page of a report alone. The page of [`write()`] differs where it names the files beside it.
-///
-/// # Errors
-/// As [`write()`], except [`ReportError::Write`].
 pub fn page(report: &Report) -> Result<String, ReportError> {
     check(report)?;
-    page::render(report, &draw_medoids(report)?, Files::Absent)
+    Ok(page::render(report, &draw_medoids(report)?, Files::Absent))
 }
 
 /// The contact sheet alone, as SVG: the paths of all behaviours in one figure. It needs no pictures of individuals.
-///
-/// # Errors
-/// [`ReportError::Inconsistent`].
 pub fn contact_sheet(report: &Report) -> Result<String, ReportError> {
     check(report)?;
     Ok(contact_sheet::svg(report))
@@ -380,7 +362,7 @@ struct MedoidPictures {
     image_large: Vec<u8>,
     trajectory: Vec<u8>,
     trajectory_large: Vec<u8>,
-    /// Of the members of its [`Spread`], in its order; empty without one.
+    /// The members of its [`Spread`], in its order; empty without one.
     members: Vec<Vec<u8>>,
 }
 

@@ -16,7 +16,6 @@ pub struct Names {
 /// The name that a cluster has from an earlier version of its taxonomy.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CarriedName {
-    /// The name.
     pub class: ClassName,
     /// The version that it comes from, from 1.
     pub version: u32,
@@ -28,10 +27,9 @@ pub struct CarriedName {
     pub of: u64,
 }
 
-/// What a cluster is called.
+/// The name of a cluster.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ClusterName<'a> {
-    /// The name.
     pub(super) class: &'a ClassName,
     /// The colour of its class; `None` if no answer that stands names it.
     pub(super) colour: Option<Colour>,
@@ -54,7 +52,7 @@ impl ClusterName<'_> {
 }
 
 impl Report {
-    /// What a cluster is called: by its medoid, or by a cluster of an earlier version.
+    /// The name of a cluster: by its medoid, or by a cluster of an earlier version.
     pub(super) fn name_of(&self, place: usize) -> Option<ClusterName<'_>> {
         let medoid = self.medoids.get(place)?;
         if let Some(carried) = &medoid.carried {
@@ -94,7 +92,6 @@ impl Named {
         }
     }
 
-    /// All of them.
     pub(super) const fn total(self) -> u64 {
         self.people + self.machine
     }

@@ -34,7 +34,7 @@ pub struct PictureSheets {
     shape: PictureShape,
     /// Individuals that are to have a picture, the next one last.
     wanted: Vec<u64>,
-    /// Those that have one, ascending.
+    /// The individuals with a picture, ascending.
     indices: Vec<u64>,
     /// Their pictures, each row by row, of several channels with red, green and blue of each pixel.
     tiles: Vec<Vec<u8>>,
@@ -43,7 +43,6 @@ pub struct PictureSheets {
 impl PictureSheets {
     /// For an archive of so many individuals with pictures of this shape: at most 10,000 pictures, fewer if they are larger than
     /// 50 pixels a side, of evenly chosen individuals.
-    #[must_use]
     pub fn of(individuals: usize, shape: PictureShape) -> Self {
         let most = MOST_PICTURES.min(MOST_PIXELS / shape.pixels().max(1));
         let shown = thinned(individuals, MOST_POINTS);
@@ -75,9 +74,6 @@ impl PictureSheets {
     }
 
     /// The sheets. Blocks while they are encoded, which takes up to a second or two.
-    ///
-    /// # Errors
-    /// [`PictureError`] if one cannot be encoded.
     pub fn finish(self) -> Result<Pictured, PictureError> {
         let sheets = self.tiles.chunks(TILES).map(|tiles| sheet(tiles, self.shape));
         Ok(Pictured {

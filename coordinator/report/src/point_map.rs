@@ -1,13 +1,12 @@
 //! Points in colours, as pictures without words.
 
-use crate::{atlas::square_png, picture::PictureError};
+use crate::picture::{PictureError, encoded};
 use murmuration_model::colours::Rgb;
 
 /// Share of a map's side that is free at each edge.
 const FREE: f64 = 0.03;
 
 /// Where points are on a square of this side, right and down. A unit is as long across as it is up.
-#[must_use]
 pub fn places(points: &[[f64; 2]], side: f64) -> Vec<[f64; 2]> {
     let range = |axis: usize| {
         let values = points.iter().map(|point| point[axis]);
@@ -33,15 +32,12 @@ pub fn places(points: &[[f64; 2]], side: f64) -> Vec<[f64; 2]> {
 }
 
 /// The points as PNG of this side in pixels, later ones over earlier ones, on nothing: the page behind shows through.
-///
-/// # Errors
-/// [`PictureError`] if it cannot be encoded.
 pub fn png(points: &[([f64; 2], Rgb)], side: usize, radius: i64) -> Result<Vec<u8>, PictureError> {
     let mut pixels = vec![[0; 4]; side * side];
     draw(points, (side, radius), |pixel, [red, green, blue]| {
         pixels[pixel] = [red, green, blue, 0xff];
     });
-    square_png(pixels.as_flattened(), side, png::ColorType::Rgba)
+    encoded(pixels.as_flattened(), [side; 2], png::ColorType::Rgba)
 }
 
 /// Tells `set` the colour of each pixel of the points, row by row.

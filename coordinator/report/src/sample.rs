@@ -1,17 +1,19 @@
-//! A report of an invented campaign, for tests and for looking at.
-//!
-//! Its swarms obey the robots' kinematics and sensors but not the simulator's exact rules: the report does not care.
+//! A report of an invented campaign, for tests. Its robots drive as robots do; the report does not care what they see.
 
 use super::{
-    Entry, GenerationSummary, Map, MedoidEntry, Member, Names, PictureSheets, Pictured, Report, Spread,
+    Entry, GenerationSummary, Judged, Map, MedoidEntry, Member, Names, PictureSheets, Pictured, Report,
+    Spread,
 };
 use murmuration_model::{
     Repetition,
     labels::{Class, GivenClass},
 };
-use murmuration_proto::{CampaignSpec, Controller, Pose, Purpose, RandomStream, Replay, World};
+use murmuration_proto::{
+    CampaignSpec, Class as JudgedClass, Controller, Pose, Purpose, RandomStream, Replay, Verdict, World,
+};
+use rand::RngExt as _;
 
-/// What the sample should look like; the fields are those of a campaign.
+/// The size of a sample; the fields are those of a campaign.
 pub(super) struct Sample {
     pub(super) spec: &'static str,
     pub(super) individuals: usize,
@@ -25,23 +27,6 @@ pub(super) const SMALL: Sample = Sample {
     frames: 50,
 };
 
-/// Genes that show well-known behaviours: the paper's examples, then others.
-const KNOWN: [[f64; 4]; 12] = [
-    [-0.7, 0.3, 1.0, 1.0],
-    [0.6, 1.0, 0.4, 0.5],
-    [-0.7, -1.0, 1.0, -1.0],
-    [0.2, 0.7, -0.5, -0.1],
-    [1.0, 0.9, 1.0, 1.0],
-    [-0.8, -0.7, 0.2, -0.5],
-    [0.9, -0.4, 0.2, -0.4],
-    [-0.8, 1.0, 0.4, -0.1],
-    [0.4, 0.7, 0.9, 0.7],
-    [0.9, 0.8, 0.5, 0.9],
-    [0.3, -0.6, 0.9, 0.8],
-    [0.1, 0.4, 1.0, 0.2],
-];
-
-/// The report of a [`Sample`].
 pub(super) fn report(sample: &Sample) -> Report {
     let spec = CampaignSpec::from_toml(sample.spec).unwrap();
     let mut stream = RandomStream::derive(spec.seed(), Purpose::Propose, 0);
@@ -53,14 +38,14 @@ pub(super) fn report(sample: &Sample) -> Report {
             if i < count {
                 i as u32
             } else {
-                (stream.unit() * stream.unit() * count as f64) as u32
+                (stream.random::<f64>() * stream.random::<f64>() * count as f64) as u32
             }
         })
         .collect();
     let centres: Vec<[f64; 2]> = (0..count)
-        .map(|_| [stream.between(-3.0, 3.0), stream.between(-2.0, 2.0)])
+        .map(|_| [stream.random_range(-3.0..3.0), stream.random_range(-2.0..2.0)])
         .collect();
-    let mut near = |centre: f64| centre + (0..4).map(|_| stream.between(-0.45, 0.45)).sum::<f64>();
+    let mut near = |centre: f64| centre + (0..4).map(|_| stream.random_range(-0.45..0.45)).sum::<f64>();
     let points: Vec<[f64; 2]> = clusters
         .iter()
         .map(|&cluster| centres[cluster as usize].map(&mut near))
@@ -68,19 +53,16 @@ pub(super) fn report(sample: &Sample) -> Report {
     let individuals: Vec<Entry> = (0..sample.individuals)
         .map(|i| Entry {
             generation: (i / population) as u32,
-            controller: match KNOWN.get(i) {
-                Some(genes) if spec.model().genes() == 4 => Controller::new(spec.model(), genes).unwrap(),
-                _ => spec.controllers().sample(&mut stream),
-            },
-            seed: stream.below(1 << 40),
-            features: std::array::from_fn(|_| stream.between(-0.2, 1.0)),
-            embedding: match spec.method().embeds() {
-                true => (0..5).map(|_| stream.between(-2.0, 2.0) as f32).collect(),
+            controller: spec.controllers().sample(&mut stream),
+            seed: stream.random_range(0..1 << 40),
+            features: std::array::from_fn(|_| stream.random_range(-0.2..1.0)),
+            embedding: match spec.space().embeds() {
+                true => (0..5).map(|_| stream.random_range(-2.0..2.0) as f32).collect(),
                 false => Vec::new(),
             },
             trials: Vec::new(),
             robustness: None,
-            novelty_when_evaluated: 0.3 / (i / population + 2) as f64 * stream.between(0.3, 2.0),
+            novelty_when_evaluated: 0.3 / (i / population + 2) as f64 * stream.random_range(0.3..2.0),
         })
         .collect();
     let size = |place: usize| {
@@ -96,8 +78,8 @@ pub(super) fn report(sample: &Sample) -> Report {
                 index: place as u64,
                 image: image(&replay, &individuals[place].controller, &spec),
                 cluster_size: size(place) as u64,
-                mean_distance: stream.between(0.01, 0.2),
-                novelty: stream.between(0.001, 0.1),
+                mean_distance: stream.random_range(0.01..0.2),
+                novelty: stream.random_range(0.001..0.1),
                 spread: Some(spread(
                     place,
                     &image(&replay, &individuals[place].controller, &spec),
@@ -110,7 +92,7 @@ pub(super) fn report(sample: &Sample) -> Report {
     Report {
         campaign: format!("{}-1", spec.name().as_str()),
         digest: "3f9ac41be07d5528".repeat(4),
-        checkpoint: match spec.method().embeds() {
+        checkpoint: match spec.space().embeds() {
             true => "81c0de7744aa90be".repeat(4),
             false => String::new(),
         },
@@ -128,6 +110,15 @@ pub(super) fn report(sample: &Sample) -> Report {
         medoids,
         clusters,
         loss: 123.4,
+        judged: Judged {
+            medoids: (0..count)
+                .map(|place| Verdict::Class(JudgedClass::ALL[7 - place % 3]))
+                .collect(),
+            sample: vec![
+                Verdict::Class(JudgedClass::Random),
+                Verdict::Class(JudgedClass::Milling),
+            ],
+        },
         names: names(),
         repetition: Repetition::default(),
         spec,
@@ -183,13 +174,13 @@ fn generation_of(generation: u32, stream: &mut RandomStream) -> GenerationSummar
     let level = 0.02 + 0.3 / f64::from(generation + 2);
     GenerationSummary {
         generation,
-        best_novelty: level * stream.between(1.5, 2.4),
-        mean_novelty: level * stream.between(0.9, 1.1),
-        filtered: 10 + stream.below(30),
+        best_novelty: level * stream.random_range(1.5..2.4),
+        mean_novelty: level * stream.random_range(0.9..1.1),
+        filtered: stream.random_range(10..40),
     }
 }
 
-/// Robots that drive, see and push each other apart.
+/// Robots that drive as if they saw nobody, and stop at walls.
 fn swarm(entry: &Entry, world: &World, frames: u32) -> Replay {
     let mut stream = RandomStream::derive(entry.seed, Purpose::Start, 0);
     let margin = world.margin();
@@ -197,53 +188,27 @@ fn swarm(entry: &Entry, world: &World, frames: u32) -> Replay {
     let mut agents: Vec<[f64; 3]> = (0..world.agents())
         .map(|_| {
             [
-                stream.between(margin, right),
-                stream.between(margin, bottom),
-                stream.between(-3.1, 3.1),
+                stream.random_range(margin..right),
+                stream.random_range(margin..bottom),
+                stream.random_range(-3.1..3.1),
             ]
         })
         .collect();
     let genes = entry.controller.genes();
+    let forward = world.wheel_radius() / 2.0 * (genes[0] + genes[1]);
+    let turn = (genes[0] - genes[1]) / (2.0 * world.radius());
     let stride = (world.horizon() / frames).max(1);
     let (mut steps, mut poses) = (Vec::new(), Vec::new());
     for step in 0..=world.horizon() {
         if step % stride == 0 || step == world.horizon() {
             steps.push(step);
-            poses.extend(
-                agents
-                    .iter()
-                    .map(|agent| -> Pose { agent.map(|value| value as f32) }),
-            );
+            let pose = |agent: &[f64; 3]| -> Pose { agent.map(|value| value as f32) };
+            poses.extend(agents.iter().map(pose));
         }
-        for i in 0..agents.len() {
-            let [x, y, heading] = agents[i];
-            let (cos, sin) = (libm::cos(heading), libm::sin(heading));
-            let seen = agents.iter().enumerate().any(|(j, other)| {
-                let (ex, ey) = (other[0] - x, other[1] - y);
-                let ahead = ex * cos + ey * sin;
-                j != i && ahead > 0.0 && ex * ex + ey * ey - ahead * ahead < world.radius() * world.radius()
-            });
-            let (left, right_speed) = if seen {
-                (genes[2], genes[3])
-            } else {
-                (genes[0], genes[1])
-            };
-            let forward = world.wheel_radius() / 2.0 * (left + right_speed);
-            let mut at = [x + forward * cos, y + forward * sin];
-            for (j, other) in agents.iter().enumerate() {
-                let (dx, dy) = (at[0] - other[0], at[1] - other[1]);
-                let distance = (dx * dx + dy * dy).sqrt();
-                if j != i && distance < 2.0 * world.radius() && distance > 0.0 {
-                    let push = (2.0 * world.radius() - distance) / distance;
-                    at = [at[0] + dx * push, at[1] + dy * push];
-                }
-            }
-            let turn = (left - right_speed) / (2.0 * world.radius());
-            agents[i] = [
-                at[0].clamp(margin, right),
-                at[1].clamp(margin, bottom),
-                heading + turn,
-            ];
+        for [x, y, heading] in &mut agents {
+            *x = (*x + forward * libm::cos(*heading)).clamp(margin, right);
+            *y = (*y + forward * libm::sin(*heading)).clamp(margin, bottom);
+            *heading += turn;
         }
     }
     Replay::new(steps, agents.len(), poses).unwrap()

@@ -28,7 +28,6 @@ struct Bar {
 
 /// The histogram of the scores of controllers with the class of each; scores are within [`MOST_SCORE`] of 0. The filter rejects
 /// those under `cutoff`.
-#[must_use]
 pub fn svg(scores: &[(f64, Class)], cutoff: f64, title: &str) -> String {
     let bars = bars(scores, cutoff);
     let most = bars

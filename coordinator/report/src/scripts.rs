@@ -6,7 +6,6 @@
 use maud::{Markup, html};
 
 /// The buttons by which a map is zoomed: the script of points hears them.
-#[must_use]
 pub fn zoom_buttons() -> Markup {
     html! {
         button type="button" data-zoom="in" aria-label="Zoom in" { "+" }

@@ -18,11 +18,10 @@ pub struct Drawing<'a> {
     pub size: [f64; 2],
     /// Size of its words, pixels.
     pub font_size: u32,
-    /// What it is called where it stands alone.
+    /// Its title where it stands alone.
     pub title: &'a str,
-    /// What a page says of it to people who cannot see it; `None` where its picture has such words.
+    /// The description for people who cannot see it; `None` where its picture has such words.
     pub label: Option<&'a str>,
-    /// The colour of its background.
     pub paper: &'a str,
     /// Whether it shrinks to the width of a page that holds it.
     pub shrinks: bool,
@@ -30,7 +29,6 @@ pub struct Drawing<'a> {
 
 impl Drawing<'_> {
     /// The drawing with this content. It needs nothing else, and prints at any size.
-    #[must_use]
     pub fn with(&self, content: &Markup) -> Markup {
         let [width, height] = self.size;
         let role = self.label.map(|_| "img");
@@ -57,7 +55,6 @@ pub fn percent_grid([left, right]: [f64; 2], y: impl Fn(f64) -> f64) -> Markup {
 }
 
 /// Pixels to a tenth: nobody sees more, and files stay small.
-#[must_use]
 pub fn tenth(pixels: f64) -> f64 {
     (10.0 * pixels).round() / 10.0
 }

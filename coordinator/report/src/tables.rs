@@ -102,7 +102,6 @@ pub(super) fn classes(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     table.flush()
 }
 
-/// One row a generation.
 pub(super) fn generations(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     table.write_record(GENERATION_COLUMNS)?;

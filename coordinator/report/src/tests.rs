@@ -11,7 +11,7 @@ use super::{
 use crate::picture::sample::decode_png;
 use learned::LATENT;
 use murmuration_model::labels::GivenClass;
-use murmuration_proto::Preset;
+use murmuration_proto::{Class, Preset, Verdict};
 use std::fs;
 
 fn written(report: &Report) -> (tempfile::TempDir, ReportFiles) {
@@ -169,7 +169,9 @@ fn what_people_named_and_what_the_machine_named_are_told_apart() {
     const MARK: &str = "Named by the rule-based judge, not by a person.";
     let mut report = sample::report(&SMALL);
     let named = page(&report);
-    assert!(named.contains("people have named 2 and the rule-based judge, a program, has named another 1."));
+    assert!(
+        named.contains("annotators have named 2 and the rule-based judge, a program, has named another 1.")
+    );
     assert!(named.contains("ring, or &quot;mill&quot; · 3, 1 of them only by the rule-based judge"));
     assert!(!named.contains(MARK), "a person named the first behaviour");
     report.names.by_individual.get_mut(&0).unwrap().by_machine = true;
@@ -226,6 +228,40 @@ fn a_page_names_what_behaviours_are_compared_by() {
     );
     assert!(embedding.contains(&compared) && embedding.contains("The behaviour space has 5 dimensions"));
     assert!(!embedding.contains("average speed"));
+
+    let both = page(&sample::report(&Sample {
+        spec: "model = \"single-sensor\"\nmethod = \"latent\"\n[taxonomy]\nmedoids = 3\n[world]\nagents = 6\nhorizon = 200",
+        ..LATENT
+    }));
+    assert!(both.contains("group rotation. Each of the two parts is scaled to a total variance of 1"));
+    assert!(both.contains("The behaviour space has 10 dimensions"));
+}
+
+#[test]
+fn a_page_begins_with_what_was_found_and_folds_what_is_random_or_shown_already() {
+    let mut report = sample::report(&SMALL);
+    // The first medoid has a label, which goes before the judge's word.
+    report.judged.medoids = [Class::Random, Class::Milling, Class::Random]
+        .map(Verdict::Class)
+        .into();
+    report.judged.sample = [Class::Random, Class::Milling].map(Verdict::Class).into();
+    let found = page(&report);
+    let said = "<strong>At least 1 distinct behaviour</strong>: ring, or &quot;mill&quot;. \
+                <strong>The rule-based judge names 1 more kind of behaviour</strong>: milling. \
+                Of about 50 % of the archive it knows no kind (a sample of 2).";
+    assert!(
+        found.contains(said),
+        "{}",
+        &found[found.find("class=\"answer\"").unwrap()..][..300]
+    );
+    assert!(found.contains("The rule-based judge calls it milling."));
+    let folded = &found[found.find("<summary>1 more: 1 random</summary>").unwrap()..];
+    assert!(folded.contains("id=\"behaviour-3\"") && !folded.contains("id=\"behaviour-2\""));
+
+    report.names = Names::default();
+    report.judged.medoids = vec![Verdict::Class(Class::Random); 3];
+    let nothing = page(&report);
+    assert!(!nothing.contains("class=\"answer\"") && !nothing.contains(" more: "));
 }
 
 #[test]
@@ -237,7 +273,7 @@ fn commands_repeat_what_the_card_shows() {
     let report = sample::report(&two_sensors);
     for medoid in &report.medoids {
         let entry = &report.individuals[medoid.index as usize];
-        let command = commands::simulate(&report.spec, entry, "a.gif");
+        let command = again::simulate(&report.spec, entry, "a.gif");
         assert!(command.contains(&format!("--seed {} ", entry.seed)), "{command}");
         assert!(
             command.contains("--spec spec.toml"),

@@ -2,13 +2,13 @@
 
 use super::{copyable, image_names, inline_png, robots::robots};
 use crate::{
-    Files, MedoidEntry, MedoidPictures, Report, Spread, commands, contact_sheet,
+    Files, MedoidEntry, MedoidPictures, Report, Spread, again, contact_sheet,
+    judged::{Shown, distinct},
     numbers::{counted, grouped, percent, short},
 };
 use maud::{Markup, html};
 use murmuration_model::colours;
 
-/// The section with every card.
 pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures], files: Files) -> Markup {
     let few = report.spec.world().agents() as usize <= colours::AGENTS.len();
     let one_colour = match (report.spec.model().species().len(), few) {
@@ -34,7 +34,7 @@ pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures], files: Fi
                 }
             }
             p.lead {
-                "Each picture shows the paths of the last " (counted(report.spec.image().window().into(), "step"))
+                "Each picture shows the paths of the last " (counted(report.spec.image().window().min(report.spec.world().horizon()).into(), "step"))
                 (one_colour) ", with older parts fainter. "
                 @if report.spec.model().species().len() > 1 { (species(report)) " " }
                 span.scripted { "Point at a picture, or focus it and press Space, to play the whole run from its start." }
@@ -48,13 +48,46 @@ pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures], files: Fi
                 }
                 @if files == Files::Beside { " The folder medoids has each as PNG and SVG." }
             }
-            div.cards {
-                @for (place, (medoid, pictures)) in report.medoids.iter().zip(pictures).enumerate() {
-                    (card(report, place, medoid, pictures))
+            @let shown = report.shown();
+            @let (distinct, others) = distinct(&shown);
+            // The judge does not know of species, so it cannot say which of their behaviours are of one kind.
+            @if distinct.is_empty() || report.spec.model().species().len() > 1 {
+                @let all: Vec<usize> = (0..shown.len()).collect();
+                (cards(report, pictures, &all))
+            } @else {
+                (cards(report, pictures, &distinct))
+                @if !others.is_empty() {
+                    details.others-shown {
+                        summary { (folded(&shown, &others)) }
+                        (cards(report, pictures, &others))
+                    }
                 }
             }
         }
     }
+}
+
+fn cards(report: &Report, pictures: &[MedoidPictures], places: &[usize]) -> Markup {
+    html! {
+        div.cards {
+            @for &place in places {
+                @if let Some(pictures) = pictures.get(place) { (card(report, place, &report.medoids[place], pictures)) }
+            }
+        }
+    }
+}
+
+/// What is folded beneath the distinct behaviours.
+fn folded(shown: &[Shown], places: &[usize]) -> String {
+    let random = places
+        .iter()
+        .filter(|&&place| shown[place] == Shown::Random)
+        .count();
+    let alike = places.len() - random;
+    let random = (random > 0).then(|| format!("{random} random"));
+    let alike = (alike > 0).then(|| format!("{alike} of a kind that is shown above"));
+    let parts: Vec<String> = random.into_iter().chain(alike).collect();
+    format!("{} more: {}", places.len(), parts.join(", "))
 }
 
 /// The colour of each species.
@@ -73,7 +106,7 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
     let world = report.spec.world();
     let [image_title, image] = image_names(report);
     let colour = colours::hex(colours::cluster(place));
-    let command = commands::simulate(&report.spec, entry, &format!("behaviour-{number:02}.gif"));
+    let command = again::simulate(&report.spec, entry, &format!("behaviour-{number:02}.gif"));
     let controller = entry.controller.to_string();
     html! {
         article.card #{ "behaviour-" (number) } tabindex="0" data-place=(place) data-mode="still"
@@ -182,6 +215,9 @@ fn share(report: &Report, number: usize, medoid: &MedoidEntry) -> Markup {
                 }
             }
             p title=(members) { strong { (part) } " · cluster of " (grouped(medoid.cluster_size)) }
+        }
+        @if let (None, Some(verdict)) = (name, report.judged.medoids.get(number - 1)) {
+            p.judged { "The rule-based judge calls it " (verdict.words()) "." }
         }
         @if name.is_some_and(|name| name.by_machine) { p.judged { "Named by the rule-based judge, not by a person." } }
         @if let Some(carried) = name.and_then(|name| name.carried) {

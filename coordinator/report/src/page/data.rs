@@ -2,7 +2,7 @@
 //! individuals and the motion of every medoid stay small and load at once.
 
 use crate::{
-    Entry, Report, commands,
+    Entry, Report, again,
     picture::{
         Bodies,
         columns::{self, column, span, spread},
@@ -54,7 +54,7 @@ fn content(report: &Report) -> Value {
         "runs": runs,
         "archive": archive(report),
         "pictures": pictures(report),
-        "simulator": commands::simulator(&report.spec),
+        "simulator": again::simulator(&report.spec),
     })
 }
 

@@ -63,9 +63,12 @@ const labels = archive.medoids.map((_, cluster) => {
   const link = document.createElement("a");
   link.href = `#behaviour-${cluster + 1}`;
   link.className = "pin";
+  // Whoever presses on a pin and goes on moves over the map.
+  link.draggable = false;
   link.dataset.place = cluster;
   link.style.setProperty("--cluster", clusterColours[cluster]);
   const image = document.createElement("img");
+  image.draggable = false;
   const card = document.getElementById(`behaviour-${cluster + 1}`);
   image.src = card.querySelector("img.grey").src;
   image.alt = "";
@@ -87,19 +90,23 @@ function arrange() {
   const points = archive.medoids.map(place);
   const buttons = document.querySelector(".zoom");
   const underButtons = buttons.offsetTop + buttons.offsetHeight + size / 2 + BADGE;
+  const least = size / 2 + 2;
+  const highest = (x) => (x + size / 2 + BADGE > buttons.offsetLeft ? underButtons : least);
   labels.forEach((label, i) => {
     const [dx, dy] = [points[i][0] - width / 2, points[i][1] - height / 2];
     const far = small ? 0 : PIN / Math.max(Math.hypot(dx, dy), 1);
-    label.x = points[i][0] + dx * far + 0.01 * i;
-    label.y = points[i][1] + dy * far;
+    const at = (far) => [points[i][0] + dx * far + 0.01 * i, points[i][1] + dy * far];
+    const [x, y] = at(far);
+    // At the edge of the map, where there is no room outside its point, a pin lies inside.
+    const fits = x >= least && x <= width - least && y >= highest(x) && y <= height - least;
+    [label.x, label.y] = at(fits ? far : -far);
   });
   for (let round = 0; round < 300; round++) {
     for (const [i, a] of labels.entries()) {
       for (const b of labels.slice(0, i)) push(a, b, size + 6, 0.5);
       if (!small) for (const [x, y] of points) push(a, { x, y, fixed: true }, size / 2 + 10, 0.6);
-      a.x = Math.min(Math.max(a.x, size / 2 + 2), width - size / 2 - 2);
-      const highest = a.x + size / 2 + BADGE > buttons.offsetLeft ? underButtons : size / 2 + 2;
-      a.y = Math.min(Math.max(a.y, highest), height - size / 2 - 2);
+      a.x = Math.min(Math.max(a.x, least), width - least);
+      a.y = Math.min(Math.max(a.y, highest(a.x)), height - least);
     }
   }
   // As parts of the map: a page that is printed is laid out anew, and no script is asked.

@@ -10,14 +10,14 @@ mod sections;
 mod world;
 
 use super::{
-    Document, Files, MedoidPictures, Report, ReportError,
+    Document, Files, MedoidPictures, Report, found,
     numbers::{counted, grouped},
     scripts,
 };
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{Markup, PreEscaped, html};
 use murmuration_model::{Timestamp, generations_in_words};
-use murmuration_proto::{Method, Starts};
+use murmuration_proto::{BehaviourSpace, Method, Starts};
 
 const STYLE: &str = include_str!("style.css");
 /// Each in a scope of its own, in this order, so that one that fails takes no other with it.
@@ -29,12 +29,7 @@ const SCRIPTS: [[&str; 2]; 5] = [
     ["", include_str!("copy.js")],
 ];
 
-/// The whole document.
-pub(super) fn render(
-    report: &Report,
-    pictures: &[MedoidPictures],
-    files: Files,
-) -> Result<String, ReportError> {
+pub(super) fn render(report: &Report, pictures: &[MedoidPictures], files: Files) -> String {
     let title = format!("{} · behaviours of {}", report.campaign, robots(report));
     let document = Document {
         title: &title,
@@ -42,15 +37,15 @@ pub(super) fn render(
         scripts: true,
         pictures_beside: false,
     };
-    Ok(document.with(&html! {
+    document.with(&html! {
         a.skip href="#behaviours" { "Skip to the behaviours" }
         (header(report))
         main {
             (cards::behaviours(report, pictures, files))
             (sections::names(report, files))
             (sections::map(report, files))
-            @if report.spec.method().has_novelty() { (sections::novelty(report)?) }
-            (sections::filtered(report)?)
+            @if report.spec.method().has_novelty() { (sections::novelty(report)) }
+            (sections::filtered(report))
             (sections::specification(report, files))
             (sections::reading(report))
         }
@@ -59,7 +54,7 @@ pub(super) fn render(
         @for script in SCRIPTS {
             script { "{" @for part in script { (PreEscaped(part)) } "}" }
         }
-    }))
+    })
 }
 
 fn header(report: &Report) -> Markup {
@@ -74,7 +69,8 @@ fn header(report: &Report) -> Markup {
                     "Which collective behaviours can a swarm of " span.nowrap { (robots(report)) } " show?"
                 }
             }
-            p.answer {
+            (answer(report))
+            p.lead {
                 @match report.repetition.rounds.last() {
                     None => { "No behaviour was defined beforehand. This campaign tried " },
                     Some(round) => {
@@ -82,33 +78,55 @@ fn header(report: &Report) -> Markup {
                     },
                 }
                 (counted(report.individuals.len() as u64, "controller")) " and sorted the behaviours of their swarms into "
-                (counted(report.medoids.len() as u64, "cluster"))
-                ", as many as its file asks for. Each picture shows the behaviour in the middle of a cluster; two clusters may show \
-                 behaviours that look alike."
+                (counted(report.medoids.len() as u64, "cluster")) "."
+                @if !report.judged.medoids.is_empty() {
+                    " The judge is a program that knows the classes of the paper and some patterns. It makes mistakes, and it cannot name \
+                     what is new: look at the cards."
+                }
             }
             (facts(report))
         }
     }
 }
 
-/// The facts under the title.
+/// What was found, in one line; nothing where there is no name.
+fn answer(report: &Report) -> Markup {
+    let found = found(&report.shown());
+    if found.is_empty() {
+        return Markup::default();
+    }
+    html! {
+        p.answer {
+            @for (count, names) in found { strong { (count) } ": " (names) ". " }
+            @if let Some(share) = report.judged.random_share() {
+                "Of about " (format!("{:.0} %", 100.0 * share)) " of the archive it knows no kind (a sample of "
+                (report.judged.sample.len()) ")."
+            }
+        }
+    }
+}
+
 fn facts(report: &Report) -> Markup {
     let spec = &report.spec;
     let method = match spec.method() {
-        Method::Random => "uniform random sampling, compared on five hand-crafted features",
-        Method::HandCrafted => "novelty search on five hand-crafted features",
-        Method::Latent => "novelty search on a learned embedding",
-        Method::Untrained => "novelty search on the embedding of an untrained network",
-        Method::Concatenate => "novelty search on an embedding and five hand-crafted features",
-        Method::Exhaustive => {
-            "every controller of a space or an even sample, compared on five hand-crafted features"
-        }
+        Method::Random => "uniform random sampling",
+        Method::HandCrafted | Method::Latent | Method::Untrained => "novelty search",
+        Method::Exhaustive => "every controller of a space or an even sample",
+    };
+    let compared = match spec.space() {
+        BehaviourSpace::Features => "five hand-crafted features",
+        BehaviourSpace::Embedding => "a learned embedding",
+        BehaviourSpace::Both => "five hand-crafted features and a learned embedding",
+    };
+    let compared = match spec.method() {
+        Method::Untrained => compared.replace("a learned embedding", "the embedding of an untrained network"),
+        _ => compared.to_owned(),
     };
     let fact = |name: &str, value: Markup| html! { div { dt { (name) } dd { (value) } } };
     html! {
         dl.facts {
             (fact("Model", html! { (spec.model()) }))
-            (fact("Method", html! { (method) }))
+            (fact("Method", html! { (method) ", compared on " (compared) }))
             (fact("Filter", html! { @if spec.filter() { "on" } @else { "off" } }))
             @let differences = world::differences(spec.world());
             @if !differences.is_empty() { (fact("World", html! { (differences.join("; ")) })) }
@@ -180,12 +198,11 @@ fn shortened(digest: &str) -> String {
     }
 }
 
-/// The data URL of a PNG.
 fn inline_png(file: &[u8]) -> String {
     format!("data:image/png;base64,{}", STANDARD.encode(file))
 }
 
-/// What the page calls the images: at the beginning of a sentence, and within one.
+/// The page's words for the images: at the beginning of a sentence, and within one.
 fn image_names(report: &Report) -> [&'static str; 2] {
     match report.spec.image().shape().channels() {
         1 => ["Grey image", "grey image"],

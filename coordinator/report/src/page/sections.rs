@@ -2,19 +2,18 @@
 
 use super::{copyable, image_names};
 use crate::{
-    Files, Report, ReportError, again, commands,
+    Files, Report, again,
     names::Named,
     numbers::{counted, grouped, percent, short},
     plots::{self, Curves, Frame, Line},
     scripts,
 };
 use maud::{Markup, PreEscaped, html};
-use murmuration_model::{Round, colours};
-use murmuration_proto::{FEATURE_NAMES, Method, Preset};
-use murmuration_worker::features::FEATURE_STEPS;
+use murmuration_model::colours;
+use murmuration_proto::{BehaviourSpace, Choice, FEATURE_NAMES, Method, Preset};
+use murmuration_sim::features::FEATURE_STEPS;
 use serde_json::{Value, json};
 
-/// The behaviour space in two dimensions.
 pub(super) fn map(report: &Report, files: Files) -> Markup {
     let [across, up] = &report.map.axis_titles;
     let (count, shown) = (report.individuals.len(), super::data::shown_points(report).len());
@@ -101,14 +100,14 @@ fn chosen() -> Markup {
 
 /// Dimensions of the behaviour space.
 fn dimensions(report: &Report) -> usize {
-    let method = report.spec.method();
-    let embedding = if method.embeds() {
+    let space = report.spec.space();
+    let embedding = if space.embeds() {
         report.embedding_dimensions()
     } else {
         0
     };
     embedding
-        + if method.has_features() {
+        + if space.has_features() {
             FEATURE_NAMES.len()
         } else {
             0
@@ -137,10 +136,13 @@ fn space(report: &Report) -> Markup {
     };
     html! {
         "Behaviours are compared by "
-        @match (method.embeds(), method.has_features()) {
-            (true, true) => { "the " (embedding) ", and by " (features) "; none of these numbers is scaled" },
-            (true, false) => { "the " (embedding) },
-            (false, _) => { (features) },
+        @match report.spec.space() {
+            BehaviourSpace::Both => {
+                "the " (embedding) ", and by " (features) ". Each of the two parts is scaled to a total variance of 1 in the first \
+                 generation, and each feature to a fifth of that"
+            },
+            BehaviourSpace::Embedding => { "the " (embedding) },
+            BehaviourSpace::Features => { (features) },
         }
         ". The distance between two behaviours is Euclidean."
     }
@@ -155,7 +157,7 @@ pub(super) fn names(report: &Report, files: Files) -> Markup {
             section #names aria-labelledby="names-title" {
                 h2 #names-title { "Names" }
                 p.lead {
-                    "Of " (counted(report.individuals.len() as u64, "individual")) ", people have named " (grouped(named.people))
+                    "Of " (counted(report.individuals.len() as u64, "individual")) ", annotators have named " (grouped(named.people))
                     @if named.machine > 0 {
                         " and the rule-based judge, a program, has named another " (grouped(named.machine))
                     }
@@ -188,10 +190,9 @@ pub(super) fn names(report: &Report, files: Files) -> Markup {
     }
 }
 
-/// Best and mean novelty over generations.
-pub(super) fn novelty(report: &Report) -> Result<Markup, ReportError> {
+pub(super) fn novelty(report: &Report) -> Markup {
     let ends = report.generations.first().zip(report.generations.last());
-    Ok(html! {
+    html! {
         section #novelty aria-labelledby="novelty-title" {
             h2 #novelty-title { "Novelty over generations" }
             p.lead {
@@ -203,9 +204,9 @@ pub(super) fn novelty(report: &Report) -> Result<Markup, ReportError> {
                 }
             }
             @if report.repetition.has_moved() { p.lead { (moved(report)) } }
-            (plot("Best and mean novelty over generations", |size| plots::novelty(&report.generations, size))?)
+            (plot("Best and mean novelty over generations", |size| plots::novelty(&report.generations, size)))
         }
-    })
+    }
 }
 
 /// How a change of the embedding affects the values of novelty.
@@ -214,7 +215,7 @@ fn moved(report: &Report) -> Markup {
         "The embedding changed during this campaign: "
         @match report.repetition.rounds.len() as u64 {
             0 => {},
-            rounds => { "it was fine-tuned on " (taught_by(&report.repetition.rounds)) " in " (counted(rounds, "round")) },
+            rounds => { "it was fine-tuned on labels in " (counted(rounds, "round")) },
         }
         @if report.repetition.adopted {
             @if !report.repetition.rounds.is_empty() { ", and " }
@@ -225,21 +226,11 @@ fn moved(report: &Report) -> Markup {
     }
 }
 
-/// What the rounds learned from, all together.
-fn taught_by(rounds: &[Round]) -> &'static str {
-    let any = |count: fn(&Round) -> u64| rounds.iter().any(|round| count(round) > 0);
-    match (any(|round| round.labels), any(|round| round.comparisons)) {
-        (true, true) => "labels and comparisons",
-        (false, true) => "comparisons",
-        (_, false) => "labels",
-    }
-}
-
-/// What the heuristic filter rejected.
-pub(super) fn filtered(report: &Report) -> Result<Markup, ReportError> {
+/// The section on proposals that the heuristic filter rejected.
+pub(super) fn filtered(report: &Report) -> Markup {
     let away: u64 = report.generations.iter().map(|step| step.filtered).sum();
     let proposed = away + report.individuals.len() as u64;
-    Ok(html! {
+    html! {
         section #filtered aria-labelledby="filtered-title" {
             h2 #filtered-title { "Heuristic filter" }
             @if report.spec.filter() {
@@ -248,25 +239,25 @@ pub(super) fn filtered(report: &Report) -> Result<Markup, ReportError> {
                     "spin in place, or ignore their sensors. It rejected "
                     strong { (grouped(away)) " of " (counted(proposed, "proposal")) } " (" (percent(away, proposed)) ")."
                 }
-                (plot("Proposals that the filter rejected, over generations", |size| plots::filtered(&report.generations, size))?)
+                (plot("Proposals that the filter rejected, over generations", |size| plots::filtered(&report.generations, size)))
             } @else {
                 p.lead { "The heuristic filter was off: every proposed controller was simulated." }
             }
         }
-    })
+    }
 }
 
 /// A plot for wide pages and one for narrow pages; the style sheet shows the one that fits. A script tells its values at a pointer
 /// or by keys.
-fn plot(name: &str, draw: impl Fn((u32, u32)) -> Result<Curves, ReportError>) -> Result<Markup, ReportError> {
-    let (wide, narrow) = (draw(plots::WIDE)?, draw(plots::NARROW)?);
-    Ok(html! {
+fn plot(name: &str, draw: impl Fn([f64; 2]) -> Curves) -> Markup {
+    let (wide, narrow) = (draw(plots::WIDE), draw(plots::NARROW));
+    html! {
         div.plot role="img" aria-label=(name) data-plot=(told(&wide, &narrow).to_string()) {
             div.wide { (PreEscaped(&wide.svg)) }
             div.narrow { (PreEscaped(&narrow.svg)) }
         }
         p.told.scripted { "Point at the plot, or focus it and press the arrow keys, to read its values." }
-    })
+    }
 }
 
 /// What a script needs to tell the values of a plot: those of each line, and where they are in the pictures. A value that is no
@@ -309,7 +300,7 @@ pub(super) fn specification(report: &Report, files: Files) -> Markup {
                     ":"
                 }
                 @for sentence in &needed { p { (sentence) } }
-                (copyable("command", commands::RUN_AGAIN))
+                (copyable("command", again::RUN_AGAIN))
             } @else {
                 @for sentence in &needed { p { (sentence) } }
                 @if again::is_by_commands(report) {
@@ -317,8 +308,8 @@ pub(super) fn specification(report: &Report, files: Files) -> Markup {
                         "On machines with one kind of processor these commands reproduce the archive, if no answer has changed since "
                         "the round began:"
                     }
-                    (copyable("command", &commands::write_labels(report)))
-                    @for command in commands::TEACH_AGAIN { (copyable("command", command)) }
+                    (copyable("command", &again::write_labels(report)))
+                    @for command in again::TEACH_AGAIN { (copyable("command", command)) }
                 } @else if !report.repetition.adopted {
                     p {
                         "Commands alone do not reproduce the archive: a round learns from the answers as they are when it begins, and an "
@@ -340,7 +331,6 @@ pub(super) fn specification(report: &Report, files: Files) -> Markup {
     }
 }
 
-/// What the numbers of a controller are.
 fn controller(report: &Report) -> Markup {
     let model = report.spec.model();
     match model.preset() {
@@ -367,20 +357,28 @@ pub(super) fn reading(report: &Report) -> Markup {
             h2 #reading-title { "How to read this" }
             dl.words {
                 (entry("Behaviour", html! {
-                    "A medoid: the individual whose distances to the other members of its cluster have the least sum. The cards are "
-                    "in the order of cluster size."
+                    @match report.spec.choice() {
+                        Choice::Coverage => {
+                            "A medoid: an individual that stands for its cluster. Medoids are chosen far from each other, so that "
+                            "together they cover the behaviour space."
+                        },
+                        Choice::Medoids | Choice::ByClass => {
+                            "A medoid: the individual whose distances to the other members of its cluster have the least sum."
+                        },
+                    }
+                    " The cards are in the order of cluster size, those that show something new before the others."
                 }))
                 (entry("Cluster", html! {
                     "The individuals that are nearer to one medoid than to any other. The mean distance says how alike they are."
                 }))
                 (entry(image_names(report)[0], html! {
-                    "The last " (counted(report.spec.image().window().into(), "step")) " as " (report.spec.image().resolution()) " × "
+                    "The last " (counted(report.spec.image().window().min(report.spec.world().horizon()).into(), "step")) " as " (report.spec.image().resolution()) " × "
                     (report.spec.image().resolution()) " grey values"
                     @match report.spec.image().shape().channels() {
                         1 => { ", without colours" },
                         _ => { " of each species, shown in its colour" },
                     }
-                    @if report.spec.method().embeds() { ": what the network sees of the swarm." } @else { ". This campaign measures nothing on it." }
+                    @if report.spec.space().embeds() { ": what the network sees of the swarm." } @else { ". This campaign measures nothing on it." }
                 }))
                 (entry("Controller", controller(report)))
                 (entry("Novelty", html! {
@@ -410,7 +408,7 @@ pub(super) fn reading(report: &Report) -> Markup {
                     })) },
                     starts => { (entry("Robustness", html! {
                         "Each controller was simulated from " (starts) " starts. Its features "
-                        @if report.spec.method().embeds() { "and its embedding are means over these trials" } @else { "are means over these trials" }
+                        @if report.spec.space().embeds() { "and its embedding are means over these trials" } @else { "are means over these trials" }
                         "; its picture and its motion are of the first. Robustness is the share of its trials to which no "
                         "other behaviour on this page is nearer than its own. A low value means that the start, or noise, decides what the swarm does."
                     })) },

@@ -3,7 +3,7 @@
 use crate::numbers::counted;
 use murmuration_proto::{Boundary, Noise, StartShape, World};
 
-/// What a world has that the paper's has not, one phrase each; none for the paper's.
+/// The differences between a world and the paper's, one phrase each.
 pub(super) fn differences(world: &World) -> Vec<String> {
     let paper = World::default();
     let mut phrases = Vec::new();

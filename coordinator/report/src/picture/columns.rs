@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 const MOST_FRAMES: usize = Frames::WATCHED as usize;
 const POSE_BYTES: usize = 5;
 
-/// What there is to know of a world to draw a swarm in it.
+/// The facts about a world that drawing a swarm needs.
 pub fn world(world: &World) -> Value {
     json!({
         "width": world.width(), "height": world.height(), "padding": world.padding(), "radius": world.radius(),

@@ -21,9 +21,6 @@ pub fn image_png(image: &[u8], shape: PictureShape, scale: u32) -> Result<Vec<u8
 }
 
 /// Images as [`image_png`] has one, side by side, with a white line of `scale` pixels between two.
-///
-/// # Errors
-/// As [`image_png`], of the whole row.
 pub fn image_row_png(images: &[&[u8]], shape: PictureShape, scale: u32) -> Result<Vec<u8>, PictureError> {
     images.iter().try_for_each(|image| check(image, shape))?;
     let columns = (shape.side() as u64 + 1) * images.len() as u64;
@@ -50,15 +47,25 @@ pub fn image_row_png(images: &[&[u8]], shape: PictureShape, scale: u32) -> Resul
             })
             .collect(),
     };
-    let mut file = Vec::new();
-    let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
-    encoder.set_color(if is_grey {
+    let colours = if is_grey {
         png::ColorType::Grayscale
     } else {
         png::ColorType::Rgb
-    });
+    };
+    encoded(&screen, [width, height], colours)
+}
+
+/// Pixels, row by row, as a PNG of this width and height.
+pub(crate) fn encoded(
+    pixels: &[u8],
+    [width, height]: [usize; 2],
+    colours: png::ColorType,
+) -> Result<Vec<u8>, PictureError> {
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
+    encoder.set_color(colours);
     let mut writer = encoder.write_header()?;
-    writer.write_image_data(&screen)?;
+    writer.write_image_data(pixels)?;
     writer.finish()?;
     Ok(file)
 }

@@ -4,7 +4,6 @@
 //! are for people, so no result rests on them; still, the same input gives the same bytes.
 
 mod animation;
-pub mod axis;
 pub mod columns;
 mod image;
 mod indexed;
@@ -15,6 +14,7 @@ mod vector;
 
 pub(crate) use animation::thinned;
 pub use animation::{Animation, Film, animation_film, animation_gif};
+pub(crate) use image::encoded;
 pub use image::{image_png, image_row_png, rgb};
 pub use robot::{robot_svg, sensor_in_words, sensor_reach};
 pub use sketch::{Bodies, Colouring};
@@ -29,7 +29,6 @@ pub(crate) const SIZES: std::ops::RangeInclusive<u32> = 16..=4096;
 /// Why a picture cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
-    /// An image that does not have the shape it came with.
     #[error("a picture of {shape} pixels cannot be made of {bytes} bytes")]
     Shape {
         /// Shape that was named.
@@ -37,16 +36,10 @@ pub enum PictureError {
         /// Bytes that came with it.
         bytes: usize,
     },
-    /// A side that is too short or too long.
     #[error("a picture cannot be {0} pixels wide: {min} to {max} is possible", min = SIZES.start(), max = SIZES.end())]
     Size(u64),
-    /// The PNG encoder refused.
     #[error("cannot encode the picture as PNG: {0}")]
     Png(#[from] png::EncodingError),
-    /// An SVG that cannot be read, or is too large to be drawn.
-    #[error("cannot draw the SVG: {0}")]
-    Svg(String),
-    /// The GIF encoder refused.
     #[error("cannot encode the animation as GIF: {0}")]
     Gif(#[from] gif::EncodingError),
 }

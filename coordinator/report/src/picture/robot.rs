@@ -35,7 +35,6 @@ pub fn robot_svg(robot: &Robot, angles: Option<&[f64]>) -> Markup {
 }
 
 /// Largest distance at which a sensor sees anything, world units; `None` if there is no limit.
-#[must_use]
 pub fn sensor_reach(sensor: &Sensor) -> Option<f64> {
     let robots = match sensor.robots() {
         SeenRobots::None if !sensor.sees_obstacles() => Some(0.0),
@@ -102,7 +101,7 @@ fn short(length: f64) -> f64 {
     (100.0 * length).round() / 100.0 + 0.0
 }
 
-/// What a sensor is, in words: `a cone 0.4 rad wide at 1.57 rad that sees walls up to 40`.
+/// A sensor in words: `a cone 0.4 rad wide at 1.57 rad that sees walls up to 40`.
 pub fn sensor_in_words(sensor: &Sensor, angle: Option<f64>) -> String {
     let shape = match sensor.half_angle() {
         0.0 => "a ray".to_owned(),

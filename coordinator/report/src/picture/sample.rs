@@ -1,6 +1,7 @@
 //! Invented swarms for tests, and a decoder to look at the pictures made of them.
 
 use murmuration_proto::{Pose, Purpose, RandomStream, Replay, World, v1};
+use rand::RngExt as _;
 
 /// A world from the lines of a campaign file's `[world]` table.
 pub fn world(lines: &str) -> World {
@@ -16,9 +17,9 @@ pub fn ring(world: &World, steps: u32, stride: u32) -> Replay {
     let agents: Vec<[f64; 3]> = (0..world.agents())
         .map(|_| {
             [
-                stream.between(0.3, 1.0) * reach,
-                stream.between(0.0, 6.3),
-                stream.between(0.5, 1.0),
+                stream.random_range(0.3..1.0) * reach,
+                stream.random_range(0.0..6.3),
+                stream.random_range(0.5..1.0),
             ]
         })
         .collect();

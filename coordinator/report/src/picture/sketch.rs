@@ -9,7 +9,7 @@ use tiny_skia::{
     BlendMode, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, Transform,
 };
 
-/// What the bodies of a swarm look like.
+/// The sizes and species of the bodies of a swarm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bodies {
     /// The place of the species of each agent.
@@ -18,7 +18,7 @@ pub struct Bodies {
     radii: Vec<f64>,
 }
 
-/// What the colour of an agent says, and how large it is.
+/// The meaning of an agent's colour, and its size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Colouring<'a> {
     /// Which agent it is; all are as large as the world says.
@@ -33,8 +33,7 @@ pub enum Colouring<'a> {
 }
 
 impl Bodies {
-    /// Those of the swarm of a controller.
-    #[must_use]
+    /// The bodies of the swarm of a controller.
     pub fn of(controller: &Controller, world: &World) -> Self {
         let species = controller.model().species().iter();
         Self {
@@ -44,7 +43,6 @@ impl Bodies {
     }
 
     /// By species if there are several.
-    #[must_use]
     pub fn colouring(&self) -> Colouring<'_> {
         match self.radii.len() {
             0 | 1 => Colouring::Agents,
@@ -106,7 +104,6 @@ impl<'a> Sketch<'a> {
         self.pixels.height()
     }
 
-    /// Makes the sheet empty again.
     pub(super) fn clear(&mut self) {
         self.pixels.fill(tiny_skia::Color::TRANSPARENT);
     }

@@ -1,16 +1,15 @@
 //! The paths of a swarm in colour.
 
 use super::{
-    PictureError,
+    PictureError, encoded,
     sketch::{Colouring, Sketch},
 };
 use murmuration_model::colours;
 use murmuration_proto::{Boundary, Pose, Replay, World};
 
-/// What a picture is drawn on.
+/// The background of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Paper {
-    /// A light background.
     Light,
     /// None: the picture takes on the colour of the page that it is put on.
     Clear,
@@ -83,16 +82,15 @@ fn encode(sketch: &Sketch, paper: Paper) -> Result<Vec<u8>, PictureError> {
             Paper::Clear => bytes.extend([colour[0], colour[1], colour[2], part]),
         }
     }
-    let mut file = Vec::new();
-    let mut encoder = png::Encoder::new(&mut file, sketch.width(), sketch.height());
-    encoder.set_color(match paper {
+    let colours = match paper {
         Paper::Light => png::ColorType::Rgb,
         Paper::Clear => png::ColorType::Rgba,
-    });
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(&bytes)?;
-    writer.finish()?;
-    Ok(file)
+    };
+    encoded(
+        &bytes,
+        [sketch.width() as usize, sketch.height() as usize],
+        colours,
+    )
 }
 
 #[cfg(test)]

@@ -11,7 +11,6 @@ use std::fmt::Write as _;
 /// The paths of the last `window` steps. Agents are coloured by `colouring`, older parts are fainter, the bodies stand where they
 /// are at the end, each with a tick that points where it heads, and the walls are a thin line. x goes right and y down, as on
 /// the screen; a unit of the picture is a world unit, and the background is clear.
-#[must_use]
 pub fn trajectory_svg(replay: &Replay, world: &World, colouring: Colouring<'_>, window: u32) -> String {
     let (width, height) = (world.width(), world.height());
     let mut svg = format!(

@@ -1,0 +1,217 @@
+//! The rule-based judge's verdicts on the medoids of a report and on a sample of its archive, and the sentences made of them.
+
+use crate::{Entry, Report};
+use murmuration_judge::{frames, judge};
+use murmuration_model::labels::ClassName;
+use murmuration_proto::{CampaignSpec, Class, Invalid, Verdict, counted, noun};
+use murmuration_sim::{replay::replay_frames, simulate::Start};
+use rayon::prelude::*;
+use std::collections::BTreeSet;
+
+/// Individuals that are judged for the share of random behaviours: it is known to within 7 percentage points.
+const SAMPLE: usize = 200;
+
+/// Most steps of robots that are simulated for the sample, and for the medoids: as many as 200 of the paper's swarms take, half a
+/// second of one core. Reports are also made by coordinators, which have other work.
+const MOST_STEPS: u64 = 200 * 24 * 1200;
+
+/// Fewest individuals that say something of all.
+const LEAST: usize = 50;
+
+/// Fewest robots whose swarm is judged.
+const FEWEST_ROBOTS: u32 = 3;
+
+/// The rule-based judge's verdicts on the medoids of an archive and on a sample of it.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Judged {
+    /// Its verdict on each medoid, in the order of the taxonomy; none where judging them would take long.
+    pub medoids: Vec<Verdict>,
+    /// Its verdicts on individuals that are evenly spread over the archive; likewise.
+    pub sample: Vec<Verdict>,
+}
+
+impl Judged {
+    /// Simulates and judges the individuals `medoids` of an archive, and a sample of all.
+    ///
+    /// # Errors
+    /// If one cannot be simulated.
+    pub fn of(spec: &CampaignSpec, archive: &[Entry], medoids: &[u64]) -> Result<Self, Invalid> {
+        let world = spec.world();
+        // The judge knows what several robots do for a while.
+        if world.agents() < FEWEST_ROBOTS || world.horizon() < spec.image().window() {
+            return Ok(Self::default());
+        }
+        let verdict = |entry: &Entry| {
+            let start = Start::seeded(entry.seed);
+            let motion = replay_frames(&entry.controller, world, &start, &frames(world))?;
+            Ok(judge(&motion, world))
+        };
+        let steps = u64::from(world.agents()) * u64::from(world.horizon());
+        let affordable = usize::try_from(MOST_STEPS / steps.max(1)).unwrap_or(SAMPLE);
+        let count = SAMPLE.min(affordable).min(archive.len());
+        let count = if count < LEAST { 0 } else { count };
+        let sampled = (0..count).into_par_iter();
+        let sampled = sampled.map(|place| verdict(&archive[place * archive.len() / count]));
+        let medoids = if medoids.len() > affordable { &[] } else { medoids };
+        let shown = medoids
+            .par_iter()
+            .filter_map(|&index| archive.get(index as usize));
+        Ok(Self {
+            medoids: shown.map(verdict).collect::<Result<_, _>>()?,
+            sample: sampled.collect::<Result<_, Invalid>>()?,
+        })
+    }
+
+    /// The share of the sample of which the judge knows no class and no pattern, 0 to 1; `None` without a sample.
+    pub(crate) fn random_share(&self) -> Option<f64> {
+        let random = self.sample.iter().filter(|verdict| **verdict == RANDOM).count();
+        (!self.sample.is_empty()).then(|| random as f64 / self.sample.len() as f64)
+    }
+}
+
+/// The name that a card counts under.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Shown {
+    /// A behaviour that an annotator named.
+    Named(String),
+    /// A behaviour that only the rule-based judge names.
+    Judged(String),
+    /// A behaviour without a name, or a random one.
+    Random,
+}
+
+impl Shown {
+    /// The name of a card that has this name, if it has one from an annotator, and this verdict.
+    pub fn of(name: Option<&ClassName>, verdict: Option<Verdict>) -> Self {
+        let is_random = |name: &str| name.eq_ignore_ascii_case(Class::Random.name());
+        match (name, verdict) {
+            (Some(name), _) if is_random(&name.shown()) => Self::Random,
+            (Some(name), _) => Self::Named(name.shown()),
+            (None, Some(verdict)) if verdict != RANDOM => Self::Judged(verdict.words()),
+            (None, _) => Self::Random,
+        }
+    }
+}
+
+/// The places of the cards that show something that no card before them does, and the places of the others.
+pub(crate) fn distinct(shown: &[Shown]) -> (Vec<usize>, Vec<usize>) {
+    let mut seen = BTreeSet::new();
+    (0..shown.len()).partition(|&place| shown[place] != Shown::Random && seen.insert(&shown[place]))
+}
+
+/// What was found, in sentences: how many distinct behaviours annotators named, at least, and what the judge names beside them.
+/// A judge makes mistakes, so its names are no such bound.
+pub fn found(shown: &[Shown]) -> Vec<(String, String)> {
+    let (places, _) = distinct(shown);
+    let (mut named, mut judged) = (Vec::new(), Vec::new());
+    for place in places {
+        match &shown[place] {
+            Shown::Named(name) => named.push(name.as_str()),
+            Shown::Judged(name) => judged.push(name.as_str()),
+            Shown::Random => {}
+        }
+    }
+    let more = if named.is_empty() { "" } else { " more" };
+    let named = (!named.is_empty()).then(|| {
+        let count = counted(named.len() as u64, "distinct behaviour");
+        (format!("At least {count}"), named.join(", "))
+    });
+    let judged = (!judged.is_empty()).then(|| {
+        let count = judged.len();
+        let kinds = noun(count as u64, "kind");
+        (
+            format!("The rule-based judge names {count}{more} {kinds} of behaviour"),
+            judged.join(", "),
+        )
+    });
+    named.into_iter().chain(judged).collect()
+}
+
+/// A behaviour of no class, without a pattern.
+const RANDOM: Verdict = Verdict::Class(Class::Random);
+
+impl Report {
+    /// The name of each card, in the order of the taxonomy.
+    pub(crate) fn shown(&self) -> Vec<Shown> {
+        let shown = |place: usize| {
+            let name = self.name_of(place).filter(|name| !name.by_machine);
+            Shown::of(
+                name.map(|name| name.class),
+                self.judged.medoids.get(place).copied(),
+            )
+        };
+        (0..self.medoids.len()).map(shown).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::{self, SMALL};
+
+    #[test]
+    fn a_sample_is_judged_where_there_are_enough() {
+        let report = sample::report(&SMALL);
+        let judged = |archive: &[Entry]| Judged::of(&report.spec, archive, &[1, 0]).unwrap();
+        let few = judged(&report.individuals);
+        assert_eq!((few.medoids.len(), few.sample.len()), (2, 0));
+        let more = judged(&vec![report.individuals.clone(); 2].concat());
+        assert_eq!(more.sample.len(), 2 * report.individuals.len());
+        assert_eq!(more.sample[..2], [more.medoids[1], more.medoids[0]]);
+        let many = vec![report.individuals.clone(); 20].concat();
+        let many = judged(&many);
+        assert_eq!(many.sample.len(), SAMPLE);
+    }
+
+    #[test]
+    fn swarms_that_take_long_are_not_judged() {
+        let report = sample::report(&SMALL);
+        let spec = CampaignSpec::from_toml(
+            "model = \"single-sensor\"\nmethod = \"hand-crafted\"\n[world]\nagents = 1000\nhorizon = 10000",
+        );
+        let judged = Judged::of(&spec.unwrap(), &report.individuals, &[0, 1, 2]).unwrap();
+        assert_eq!(judged, Judged::default());
+    }
+
+    #[test]
+    fn what_annotators_named_is_said_before_what_the_judge_names() {
+        let named = |name: &str| Shown::Named(name.to_owned());
+        let judged = |name: &str| Shown::Judged(name.to_owned());
+        let said = |shown: &[Shown]| {
+            let said = found(shown).into_iter();
+            said.map(|(count, names)| format!("{count}: {names}"))
+                .collect::<Vec<_>>()
+        };
+        let both = [
+            judged("milling"),
+            named("ring"),
+            Shown::Random,
+            judged("milling"),
+            judged("chain"),
+        ];
+        assert_eq!(
+            said(&both),
+            [
+                "At least 1 distinct behaviour: ring",
+                "The rule-based judge names 2 more kinds of behaviour: milling, chain"
+            ]
+        );
+        assert_eq!(
+            said(&both[3..4]),
+            ["The rule-based judge names 1 kind of behaviour: milling"]
+        );
+        assert!(said(&both[2..3]).is_empty());
+    }
+
+    #[test]
+    fn a_card_is_distinct_if_it_has_a_name_that_none_before_it_has() {
+        let mut report = sample::report(&SMALL);
+        // The first medoid has a label.
+        report.judged.medoids = vec![Verdict::Class(Class::Random); 3];
+        assert_eq!(distinct(&report.shown()), (vec![0], vec![1, 2]));
+        report.judged.medoids = vec![Verdict::Class(Class::Milling); 3];
+        assert_eq!(distinct(&report.shown()), (vec![0, 1], vec![2]));
+        report.names = crate::Names::default();
+        assert_eq!(distinct(&report.shown()), (vec![0], vec![1, 2]));
+    }
+}
