@@ -1,8 +1,8 @@
 //! `README.md`: what the files and their columns mean. The columns are described once, where the tables are written.
 
 use crate::{
-    CHECKPOINTS, DATASHEET, GENERATIONS, INDIVIDUALS, LABELS, PICTURES, TAXONOMY, columns::metadata,
-    description, digests, individuals, labels, pictures, small_tables,
+    CHECKPOINTS, DATABASE, DATASHEET, GENERATIONS, INDIVIDUALS, LABELS, PICTURES, TAXONOMY,
+    columns::metadata, description, digests, individuals, labels, pictures, small_tables,
 };
 use arrow_schema::{DataType, Schema};
 use murmuration_model::{CampaignState, ExportedCampaign};
@@ -22,6 +22,7 @@ pub(crate) fn page(campaign: &ExportedCampaign, has_csv: bool, checkpoints: &[Ch
          - `b3sum --check {sums}` checks the files. `import` refuses a folder in which one was changed.\n\
          - [{DATASHEET}]({DATASHEET}) says where the data come from, and what they are for.\n\n\
          | file | contents |\n|---|---|\n\
+         | `{DATABASE}` | everything, as one SQLite database: what `murmuration import` reads. Its numbers are packed; read the other files for anything else |\n\
          | `spec.toml` | the specification, with every default |\n\
          | `campaign.json` | everything else of the campaign itself |\n\
          | `{INDIVIDUALS}` | a row for each individual |\n\

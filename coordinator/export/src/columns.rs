@@ -1,28 +1,15 @@
-//! Columns of Arrow: how they are described, made and checked.
+//! Columns of Arrow: how they are described and made.
 
-use crate::{ExportError, sizes};
-use arrow_array::{
-    Array, ArrayRef, ArrowPrimitiveType, ListArray, PrimitiveArray, RecordBatch, StringArray, cast::AsArray,
-};
+use crate::ExportError;
+use arrow_array::{Array, ArrayRef, ArrowPrimitiveType, ListArray, PrimitiveArray, RecordBatch, StringArray};
 use arrow_buffer::OffsetBuffer;
 use arrow_schema::{DataType, Field, Schema};
-use parquet::{
-    arrow::{
-        ArrowWriter,
-        arrow_reader::{ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder},
-    },
-    basic::Compression,
-    file::properties::WriterProperties,
-    schema::types::ColumnPath,
-};
-use std::{collections::HashMap, fmt::Display, fs::File, path::Path, sync::Arc};
+use parquet::{arrow::ArrowWriter, basic::Compression, file::properties::WriterProperties};
+use std::{collections::HashMap, fs::File, path::Path, sync::Arc};
 
-/// Most rows of a row group, and most rows that are read at a time.
+/// Most rows of a row group.
 const ROWS: usize = 16_384;
-/// Bytes of rows that are read at a time, about: fewer rows where they are long.
-const BYTES: usize = 32 << 20;
-/// Most bytes of a row group as arrays, neither encoded nor compressed: [`sizes::check`] counts up to four times as many for
-/// numbers of four bytes, the most of an export, and must come to less than it allows.
+/// Most bytes of a row group as arrays, neither encoded nor compressed: the writer holds one in memory.
 const GROUP_BYTES: usize = 16 << 20;
 
 /// A column without nulls.
@@ -112,17 +99,11 @@ impl TableWriter {
     /// A new table with these columns.
     pub(crate) fn create(path: &Path, schema: Schema) -> Result<Self, ExportError> {
         let file = File::create_new(path).map_err(ExportError::file("write", path))?;
-        let mut properties = WriterProperties::builder()
+        let properties = WriterProperties::builder()
             .set_compression(Compression::ZSTD(parquet::basic::ZstdLevel::default()))
             // How many bytes a row group has is bounded in `add`: the library would count them compressed.
-            .set_max_row_group_row_count(Some(ROWS));
-        let texts = schema.fields().iter();
-        for text in texts.filter(|field| *field.data_type() == DataType::Utf8) {
-            // Then a reader knows from the sizes of pages how long all texts together are.
-            let column = ColumnPath::from(text.name().as_str());
-            properties = properties.set_column_dictionary_enabled(column, false);
-        }
-        let properties = properties.build();
+            .set_max_row_group_row_count(Some(ROWS))
+            .build();
         let schema = Arc::new(schema);
         let writer = ArrowWriter::try_new(file, Arc::clone(&schema), Some(properties))
             .map_err(ExportError::unwritten(path))?;
@@ -161,58 +142,6 @@ impl TableWriter {
     }
 }
 
-/// Opens a table, which must have these columns and so many rows; its rows come in batches. Nothing is decoded before it is known
-/// what it comes to.
-pub(crate) fn open(
-    path: &Path,
-    file: File,
-    schema: &Schema,
-    rows: u64,
-) -> Result<ParquetRecordBatchReader, ExportError> {
-    let damaged = |reason: &dyn Display| {
-        let reason = format!("it is no table that `murmuration export` writes: {reason}");
-        ExportError::damaged(path, reason)
-    };
-    sizes::check_footer(&file).map_err(|reason| damaged(&reason))?;
-    let checked = file.try_clone().map_err(ExportError::file("read", path))?;
-    let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(|error| damaged(&error))?;
-    if shape(builder.schema()) != shape(schema) {
-        let names = schema.fields().iter().map(|field| field.name().as_str());
-        let names = names.collect::<Vec<_>>().join(", ");
-        return Err(damaged(&format!("its columns are others than {names}")));
-    }
-    let row_bytes = sizes::check(&checked, builder.metadata(), rows).map_err(|reason| damaged(&reason))?;
-    let batch = BYTES / usize::try_from(row_bytes).unwrap_or(usize::MAX).max(1);
-    let reader = builder.with_batch_size(batch.clamp(1, ROWS)).build();
-    reader.map_err(|error| damaged(&error))
-}
-
-/// What tells whether two tables have the same columns.
-fn shape(schema: &Schema) -> Vec<(&str, &DataType, bool)> {
-    let columns = schema.fields().iter();
-    columns
-        .map(|field| (field.name().as_str(), field.data_type(), field.is_nullable()))
-        .collect()
-}
-
-/// The numbers of a column without nulls.
-pub(crate) fn numbers<T: ArrowPrimitiveType>(rows: &RecordBatch, column: usize) -> &[T::Native] {
-    rows.column(column).as_primitive::<T>().values()
-}
-
-/// The numbers of a column, where they are there.
-pub(crate) fn optional<T: ArrowPrimitiveType>(
-    rows: &RecordBatch,
-    column: usize,
-) -> impl Iterator<Item = Option<T::Native>> + '_ {
-    rows.column(column).as_primitive::<T>().iter()
-}
-
-/// The texts of a column, where they are there.
-pub(crate) fn texts(rows: &RecordBatch, column: usize) -> impl Iterator<Item = Option<&str>> {
-    rows.column(column).as_string::<i32>().iter()
-}
-
 /// A column of texts.
 pub(crate) fn text_column<'a>(texts: impl Iterator<Item = Option<&'a str>>) -> ArrayRef {
     Arc::new(texts.collect::<StringArray>())
@@ -232,14 +161,3 @@ where
 {
     Arc::new(numbers.collect::<PrimitiveArray<T>>())
 }
-
-/// The numbers of the list in a row; nothing for a null.
-pub(crate) fn list<T: ArrowPrimitiveType>(lists: &ListArray, row: usize) -> Vec<T::Native> {
-    match lists.is_null(row) {
-        true => Vec::new(),
-        false => lists.value(row).as_primitive::<T>().values().to_vec(),
-    }
-}
-
-#[cfg(test)]
-mod tests;

@@ -4,14 +4,11 @@
 use crate::{ExportError, IndividualTable};
 use csv::Writer;
 use murmuration_model::{
-    labels::{ANSWER_COLUMNS, ClassName, Labels, answer_row},
+    labels::{ANSWER_COLUMNS, ClassName, answer_row},
     tables::{GENERATION_COLUMNS, generation_row},
 };
 use murmuration_proto::CampaignSpec;
-use murmuration_store::{
-    GenerationRecord,
-    transfer::{Medoids, Member},
-};
+use murmuration_store::transfer::{Member, ReceivedCampaign};
 use std::{
     collections::BTreeMap,
     fs::File,
@@ -58,43 +55,39 @@ impl CsvTables {
         Ok(())
     }
 
-    /// Writes the other tables; `sizes` are those of the clusters. That of labels has the answers that stand, with the columns that
-    /// a label file must have: what `murmuration labels --csv` adds to them is in the table of individuals.
+    /// Writes the other tables. That of labels has the answers that stand, with the columns that a label file must have: what
+    /// `murmuration labels --csv` adds to them is in the table of individuals.
     pub(crate) fn add_small_tables(
         &mut self,
         folder: &Path,
-        generations: &[GenerationRecord],
-        labels: &Labels,
-        taxonomy: Option<(&Medoids, &[u64])>,
+        campaign: &ReceivedCampaign,
     ) -> Result<(), ExportError> {
-        let generations = generations.iter().map(|row| {
+        let generations = campaign.generations().iter().map(|row| {
             generation_row(row.generation, row.best_novelty, row.mean_novelty, row.filtered).to_vec()
         });
         self.write(folder, GENERATIONS, &GENERATION_COLUMNS, generations)?;
-        let standing = labels.standing().map(|label| {
+        let standing = campaign.labels().standing().map(|label| {
             let (answer, annotator) = (label.answer.as_str(), label.annotator.as_str());
             answer_row(label.index, answer, annotator, label.time_ms).to_vec()
         });
         self.write(folder, LABELS, &ANSWER_COLUMNS, standing)?;
-        let Some((taxonomy, sizes)) = taxonomy else {
+        let Some(taxonomy) = campaign.taxonomy() else {
             return Ok(());
         };
-        let medoids = taxonomy
+        let clusters = taxonomy
             .medoids
             .iter()
-            .enumerate()
-            .map(|(place, (index, cluster))| {
-                let numbers = [cluster.mean_distance, cluster.novelty].map(|number| number.to_string());
-                let [distance, novelty] = numbers;
-                let size = sizes.get(place).copied().unwrap_or(0).to_string();
-                vec![
-                    (place + 1).to_string(),
-                    index.to_string(),
-                    size,
-                    distance,
-                    novelty,
-                ]
-            });
+            .zip(taxonomy.sizes())
+            .zip(&taxonomy.measures);
+        let medoids = clusters.enumerate().map(|(place, ((index, size), cluster))| {
+            vec![
+                (place + 1).to_string(),
+                index.to_string(),
+                size.to_string(),
+                cluster.mean_distance.to_string(),
+                cluster.novelty.to_string(),
+            ]
+        });
         self.write(
             folder,
             TAXONOMY,

@@ -19,7 +19,7 @@ pub(crate) fn page(campaign: &ExportedCampaign, labels: &Labels, checkpoints: &[
     };
     section(
         "Motivation",
-        "The data show which collective behaviours a swarm of robots with these capabilities can show. Nobody named the \
+        "The data show which collective behaviours a swarm of the robots described below can show. Nobody named the \
          behaviours beforehand. Whoever ran the campaign may add why, and who paid for it.",
     );
     section("Composition", &composition(campaign, labels, checkpoints));
@@ -38,11 +38,17 @@ pub(crate) fn page(campaign: &ExportedCampaign, labels: &Labels, checkpoints: &[
         "Preprocessing, cleaning and labelling",
         &format!("{} {}", filtered(spec), labelled(labels)),
     );
+    let space = match checkpoints {
+        [] => "the five features, whose scale depends on the robots and their world",
+        _ => "one embedder",
+    };
     section(
         "Uses",
-        "Comparing methods of search, training embedders of behaviours, choosing controllers for robots. The pictures and \
-         features are a simulator's: robots with noise, other bodies or other worlds may behave otherwise. Novelty and distances \
-         are in the space of one embedder, and cannot be compared with those of another.",
+        &format!(
+            "Comparing methods of search, training embedders of behaviours, choosing controllers for robots. The pictures and \
+             features are a simulator's: robots with noise, other bodies or other worlds may behave otherwise. Novelty and distances \
+             are in the space of {space}, and cannot be compared with those of another."
+        ),
     );
     section(
         "Distribution",
@@ -99,12 +105,11 @@ fn proposed(campaign: &ExportedCampaign, checkpoints: &[CheckpointRecord]) -> St
         Method::Exhaustive => "enumerated: all those of a grid".to_owned(),
         Method::HandCrafted => "bred by novelty search on the hand-crafted features".to_owned(),
         Method::Latent | Method::Untrained => {
-            format!("bred by novelty search on the embedding of {network}")
-        }
-        Method::Concatenate => {
-            format!(
-                "bred by novelty search on the embedding of {network} and the hand-crafted features together"
-            )
+            let features = match record.spec.space().has_features() {
+                true => " and the hand-crafted features together",
+                false => "",
+            };
+            format!("bred by novelty search on the embedding of {network}{features}")
         }
     }
 }
@@ -122,7 +127,7 @@ fn network(
         .take(checkpoints.len())
         .map(|record| &record.lineage);
     if lineage.any(|lineage| !lineage.label_digest.is_empty()) {
-        return "a network that was fine-tuned on labels or comparisons (earlier generations: of those that it was fine-tuned from)";
+        return "a network that was fine-tuned on labels (earlier generations: of those that it was fine-tuned from)";
     }
     match (method, newest) {
         (Method::Untrained, _) => "an untrained network",
@@ -163,8 +168,8 @@ fn labelled(labels: &Labels) -> String {
         "Labels were given by {}; {} {} a label of the rule-based judge alone (annotator `synthetic`).",
         match people {
             0 => "nobody".to_owned(),
-            1 => "1 person".to_owned(),
-            people => format!("{people} people"),
+            1 => "1 annotator".to_owned(),
+            people => format!("{people} annotators"),
         },
         counted(synthetic, "individual"),
         match synthetic {
@@ -204,7 +209,7 @@ mod tests {
         };
         assert!(said(Method::Latent, "own").contains("without labels"));
         assert!(said(Method::Untrained, "own").contains("untrained"));
-        for method in [Method::Latent, Method::Untrained, Method::Concatenate] {
+        for method in [Method::Latent, Method::Untrained] {
             for name in ["round", "since"] {
                 assert!(said(method, name).contains("fine-tuned on labels"), "{name}");
             }

@@ -1,23 +1,16 @@
 //! `campaign.json`, and the description of each checkpoint: everything that is in no table.
 
-use crate::{CAMPAIGN, CHECKPOINTS, ExportError, SPEC, digests};
-use murmuration_link::{InputKind, read_text};
-use murmuration_model::{CampaignState, ExportedCampaign};
-use murmuration_proto::{CampaignSpec, CheckpointDigest, v1};
-use murmuration_store::CheckpointRecord;
-use serde::{Deserialize, Serialize};
-use std::{
-    collections::BTreeMap,
-    fs,
-    path::{Path, PathBuf},
-};
+use crate::CHECKPOINTS;
+use murmuration_proto::{CheckpointDigest, v1};
+use murmuration_store::{CheckpointRecord, transfer::ReceivedCampaign};
+use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// Version of the format of the whole folder.
 pub(crate) const FORMAT: u32 = 1;
 
-/// What is in no table of a campaign.
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// The facts about a campaign that no table has.
+#[derive(Debug, Serialize)]
 pub(crate) struct Description {
     /// Version of the format of the folder.
     pub(crate) format: u32,
@@ -51,91 +44,42 @@ pub(crate) struct Description {
 
 impl Description {
     /// Of a campaign that was exported whole.
-    pub(crate) fn of(
-        campaign: &ExportedCampaign,
-        digest: String,
-        label_digest: String,
-        loss: Option<f64>,
-        checkpoints: &[CheckpointRecord],
-    ) -> Self {
-        let message = v1::ExportedCampaign::from(campaign.clone());
-        let named = |digest: String| Some(digest).filter(|digest| !digest.is_empty());
+    pub(crate) fn of(received: &ReceivedCampaign) -> Self {
+        let campaign = received.campaign();
+        let record = &campaign.record;
+        let named = |digest: Option<CheckpointDigest>| digest.map(|digest| digest.to_string());
         Self {
             format: FORMAT,
             murmuration: env!("CARGO_PKG_VERSION").to_owned(),
-            campaign: message.id,
-            state: campaign.record.state.name().to_owned(),
-            error: message.error,
-            created_ms: message.created_ms,
-            weight: message.weight,
-            simulator_version: message.simulator_version,
-            rollbacks: message.rollbacks,
-            rounds_done: message.rounds_done,
-            last_label_cutoff: message.last_label_cutoff,
-            label_cutoff: message.label_cutoff,
-            checkpoint: named(message.checkpoint),
-            next_checkpoint: named(message.next_checkpoint),
-            generations: message.generations,
-            individuals: campaign.record.individuals(),
-            label_entries: message.label_entries,
-            digest,
-            label_digest,
-            loss,
-            checkpoints: checkpoints
+            campaign: record.id.to_string(),
+            state: record.state.name().to_owned(),
+            error: record.error.clone(),
+            created_ms: record.created_ms,
+            weight: record.weight.get(),
+            simulator_version: record.simulator_version.clone(),
+            rollbacks: record.rollbacks,
+            rounds_done: record.rounds.done,
+            last_label_cutoff: record.rounds.last_cutoff,
+            label_cutoff: record.rounds.current_cutoff,
+            checkpoint: named(record.embedder.checkpoint()),
+            next_checkpoint: named(record.embedder.next()),
+            generations: record.generations_done,
+            individuals: record.individuals(),
+            label_entries: campaign.label_entries,
+            digest: campaign.digest.clone(),
+            label_digest: received.labels().digest().to_string(),
+            loss: received.taxonomy().map(|taxonomy| taxonomy.loss),
+            checkpoints: received
+                .checkpoints()
                 .iter()
                 .map(|record| record.digest.to_string())
                 .collect(),
         }
     }
-
-    /// Reads that of a folder.
-    pub(crate) fn read(folder: &Path) -> Result<Self, ExportError> {
-        let path = folder.join(CAMPAIGN);
-        let description: Self = from_json(&path)?;
-        match description.format {
-            FORMAT => Ok(description),
-            other => {
-                let reason = format!("the export has format {other}, this murmuration reads {FORMAT}");
-                Err(ExportError::damaged(&path, reason))
-            }
-        }
-    }
-
-    /// The campaign, with the specification of the folder.
-    pub(crate) fn campaign(&self, folder: &Path) -> Result<v1::ExportedCampaign, ExportError> {
-        let path = folder.join(SPEC);
-        digests::open(&path)?;
-        let text = read_text(&path, InputKind::Campaign).map_err(ExportError::file("read", &path))?;
-        let spec = CampaignSpec::from_toml(&text).map_err(|error| ExportError::damaged(&path, error))?;
-        let state = CampaignState::from_name(&self.state);
-        let state = state.ok_or_else(|| {
-            let reason = format!("state {:?} is none of a campaign", self.state);
-            ExportError::damaged(&folder.join(CAMPAIGN), reason)
-        })?;
-        Ok(v1::ExportedCampaign {
-            id: self.campaign.clone(),
-            spec: Some((&spec).into()),
-            state: v1::CampaignState::from(state).into(),
-            error: self.error.clone(),
-            created_ms: self.created_ms,
-            weight: self.weight,
-            simulator_version: self.simulator_version.clone(),
-            rollbacks: self.rollbacks,
-            rounds_done: self.rounds_done,
-            last_label_cutoff: self.last_label_cutoff,
-            label_cutoff: self.label_cutoff,
-            checkpoint: self.checkpoint.clone().unwrap_or_default(),
-            next_checkpoint: self.next_checkpoint.clone().unwrap_or_default(),
-            generations: self.generations,
-            label_entries: self.label_entries,
-            digest: self.digest.clone(),
-        })
-    }
 }
 
 /// A checkpoint without its bytes.
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Serialize)]
 struct CheckpointDescription {
     checkpoint: String,
     size: u64,
@@ -151,21 +95,11 @@ struct CheckpointDescription {
 
 /// The name of the file with a checkpoint's bytes.
 pub(crate) fn onnx(digest: CheckpointDigest) -> String {
-    onnx_of(&digest.to_string())
-}
-
-/// The same of the digest as a text.
-pub(crate) fn onnx_of(digest: &str) -> String {
     format!("{CHECKPOINTS}/{digest}.onnx")
 }
 
 /// The name of the file with a checkpoint's description.
 pub(crate) fn lineage(digest: CheckpointDigest) -> String {
-    lineage_of(&digest.to_string())
-}
-
-/// The same of the digest as a text.
-pub(crate) fn lineage_of(digest: &str) -> String {
     format!("{CHECKPOINTS}/{digest}.json")
 }
 
@@ -186,63 +120,8 @@ pub(crate) fn checkpoint_to_json(record: &CheckpointRecord) -> String {
     })
 }
 
-/// The description of a checkpoint of a folder, as a message.
-pub(crate) fn read_checkpoint(
-    folder: &Path,
-    digest: CheckpointDigest,
-) -> Result<v1::Checkpoint, ExportError> {
-    let path: PathBuf = folder.join(lineage(digest));
-    let described: CheckpointDescription = from_json(&path)?;
-    if described.checkpoint != digest.to_string() {
-        return Err(ExportError::damaged(&path, "it describes another checkpoint"));
-    }
-    let mut labelled = Vec::new();
-    for picture in &described.labelled {
-        let number = u64::from_str_radix(picture, 16)
-            .ok()
-            .filter(|_| picture.len() == 16);
-        let number =
-            number.ok_or_else(|| ExportError::damaged(&path, "labelled: not 16 hexadecimal digits each"))?;
-        labelled.extend(number.to_be_bytes());
-    }
-    Ok(v1::Checkpoint {
-        digest: described.checkpoint,
-        size: described.size,
-        parent: described.parent.unwrap_or_default(),
-        data_digest: described.data_digest,
-        label_digest: described.label_digest,
-        configuration: described.configuration,
-        metrics: described.metrics.into_iter().collect(),
-        created_ms: described.created_ms,
-        labelled,
-    })
-}
-
 /// A document as a text of several lines.
 pub(crate) fn to_json(document: &impl Serialize) -> String {
     // No document has a key that is no string, and nothing else can fail.
     serde_json::to_string_pretty(document).unwrap_or_default() + "\n"
-}
-
-fn from_json<T: for<'a> Deserialize<'a>>(path: &Path) -> Result<T, ExportError> {
-    digests::open(path)?;
-    let text = read_text(path, InputKind::Manifest).map_err(ExportError::file("read", path))?;
-    serde_json::from_str(&text).map_err(|error| ExportError::damaged(path, error))
-}
-
-/// The bytes of a file of a folder, no more than a checkpoint can have.
-pub(crate) fn read_onnx(folder: &Path, digest: CheckpointDigest) -> Result<Vec<u8>, ExportError> {
-    let path = folder.join(onnx(digest));
-    digests::open(&path)?;
-    let limit = InputKind::Checkpoint.max_bytes();
-    let size = fs::metadata(&path)
-        .map_err(ExportError::file("read", &path))?
-        .len();
-    if size > limit {
-        return Err(ExportError::damaged(
-            &path,
-            format!("it has {size} bytes, a checkpoint has {limit} at most"),
-        ));
-    }
-    fs::read(&path).map_err(ExportError::file("read", &path))
 }

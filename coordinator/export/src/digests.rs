@@ -1,6 +1,6 @@
 //! `BLAKE3SUMS`: the digest of every file of an export, a line each, as `b3sum --check` reads them.
 
-use crate::{CAMPAIGN, ExportError, INDIVIDUALS, SPEC};
+use crate::{CAMPAIGN, DATABASE, ExportError, SPEC};
 use murmuration_proto::text;
 use std::{
     collections::BTreeMap,
@@ -108,7 +108,7 @@ pub(crate) fn is_alone(folder: &Path) -> io::Result<bool> {
         .map(|(digest, name)| (name, digest))
         .collect();
     let is_listed = |name| listed.contains_key(name);
-    if ![SPEC, CAMPAIGN, INDIVIDUALS].into_iter().all(is_listed) {
+    if ![SPEC, CAMPAIGN, DATABASE].into_iter().all(is_listed) {
         return Ok(false);
     }
     let mut folders = vec![folder.to_path_buf()];
@@ -205,7 +205,7 @@ mod tests {
             !is_alone(folder.path()).unwrap(),
             "a list of somebody's own files"
         );
-        for name in [SPEC, CAMPAIGN, INDIVIDUALS] {
+        for name in [SPEC, CAMPAIGN, DATABASE] {
             write(name, "one");
             digests.add(folder.path(), name).unwrap();
         }

@@ -1,7 +1,8 @@
 //! Why a folder cannot be written or read.
 
 use arrow_schema::ArrowError;
-use murmuration_proto::{Invalid, Text};
+use murmuration_proto::Text;
+use murmuration_store::transfer::Unsound;
 use parquet::errors::ParquetError;
 use std::{
     io,
@@ -51,12 +52,9 @@ pub enum ExportError {
         /// What is wrong with it.
         reason: String,
     },
-    /// The coordinator's answer is invalid.
+    /// The coordinator sent no database of a campaign.
     #[error("the coordinator's answer is invalid: {0}")]
-    Answer(#[from] Invalid),
-    /// The sink takes no more parts.
-    #[error("the import was ended by the coordinator")]
-    Ended,
+    Answer(#[from] Unsound),
 }
 
 impl ExportError {

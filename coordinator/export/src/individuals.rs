@@ -3,20 +3,19 @@
 use crate::{
     ExportError,
     columns::{
-        Described as _, TableWriter, column, list, list_of, lists, lists_or_nulls, number_column, numbers,
-        optional, optional_column, text_column, texts,
+        Described as _, TableWriter, column, list_of, lists, lists_or_nulls, number_column, optional_column,
+        text_column,
     },
 };
 use arrow_array::{
-    Array as _, ArrayRef, ListArray, RecordBatch, StructArray,
-    cast::AsArray as _,
+    ArrayRef, StructArray,
     types::{Float32Type, Float64Type, UInt8Type, UInt32Type, UInt64Type},
 };
 use arrow_schema::{DataType, Field, Fields, Schema};
 use murmuration_model::labels::ClassName;
-use murmuration_proto::{CampaignSpec, FEATURE_NAMES, Starts, Verdict, v1};
+use murmuration_proto::{CampaignSpec, FEATURE_NAMES, Starts, Verdict};
 use murmuration_store::{Trial, transfer::Member};
-use std::{collections::BTreeMap, path::Path, sync::Arc};
+use std::{collections::BTreeMap, sync::Arc};
 
 /// The unit of each feature, in their order.
 const FEATURE_UNITS: &str = "world units a step, world units a step, none, none, world units a step";
@@ -29,7 +28,7 @@ pub(crate) fn columns(spec: &CampaignSpec) -> Schema {
         column("generation", DataType::UInt32).about("from 0"),
         column("genes", list_of(DataType::Float64))
             .about("the controller")
-            .unit("wheel speeds in radians a unit of time, angles in radians, shares from 0 to 1")
+            .unit("left, right and turn: radians a unit of time; speed: world units a unit of time; angles: radians; shares: 0 to 1")
             .names(&spec.model().gene_names()),
         column("features", list_of(DataType::Float64))
             .about("hand-crafted features: means over the last 100 steps, and over trials")
@@ -136,124 +135,4 @@ fn trials(members: &[Member]) -> ArrayRef {
     ];
     let values: ArrayRef = Arc::new(StructArray::new(trial_columns(), columns, None));
     Arc::new(lists(values, members.len(), starts))
-}
-
-/// The columns of a row that follow from its other columns and the labels.
-#[derive(Debug)]
-pub(crate) struct DerivedColumns {
-    generation: u32,
-    features: Vec<f64>,
-    embedding: Vec<f32>,
-    class: Option<String>,
-    seeds: Vec<u64>,
-}
-
-/// The individuals of some rows, without pictures.
-pub(crate) fn read(
-    path: &Path,
-    rows: &RecordBatch,
-) -> Result<Vec<(v1::ExportedIndividual, DerivedColumns)>, ExportError> {
-    let indices = numbers::<UInt64Type>(rows, 0);
-    let (generations, novelty) = (numbers::<UInt32Type>(rows, 1), numbers::<Float64Type>(rows, 5));
-    let (genes, features) = (rows.column(2).as_list::<i32>(), rows.column(3).as_list::<i32>());
-    let embeddings = rows.column(4).as_list::<i32>();
-    let seeds = numbers::<UInt64Type>(rows, 7);
-    let mut classes = texts(rows, 6);
-    let mut places = optional::<UInt32Type>(rows, 8).zip(optional::<UInt8Type>(rows, 9));
-    let all_trials = rows.column(10).as_list::<i32>();
-    let mut individuals = Vec::with_capacity(rows.num_rows());
-    for row in 0..rows.num_rows() {
-        let (trials, starts) = trials_of(path, all_trials, row)?;
-        let (cluster, robust) = places.next().unwrap_or_default();
-        let individual = v1::ExportedIndividual {
-            index: indices[row],
-            controller: list::<Float64Type>(genes, row),
-            seed: seeds[row],
-            novelty: novelty[row],
-            trials,
-            // There is no cluster 0: it becomes one that no campaign has, which is refused.
-            cluster: cluster.map(|number| number.wrapping_sub(1)),
-            robust_trials: robust.map(Into::into),
-        };
-        let derived = DerivedColumns {
-            generation: generations[row],
-            features: list::<Float64Type>(features, row),
-            embedding: list::<Float32Type>(embeddings, row),
-            class: classes.next().flatten().map(str::to_owned),
-            seeds: starts,
-        };
-        individuals.push((individual, derived));
-    }
-    Ok(individuals)
-}
-
-/// The trials of a row without pictures, and their seeds.
-fn trials_of(
-    path: &Path,
-    all: &ListArray,
-    row: usize,
-) -> Result<(Vec<v1::Evaluation>, Vec<u64>), ExportError> {
-    let trials = all.value(row);
-    let trials = trials.as_struct();
-    let seeds = trials.column(0).as_primitive::<UInt64Type>().values().to_vec();
-    let (features, embeddings) = (
-        trials.column(1).as_list::<i32>(),
-        trials.column(2).as_list::<i32>(),
-    );
-    let verdicts = trials.column(3).as_string::<i32>();
-    let verdict = |place: usize| match verdicts.is_valid(place) {
-        false => Ok(0),
-        true => {
-            let name = verdicts.value(place);
-            let found = Verdict::all().find(|verdict| verdict.name() == name);
-            let damaged = || ExportError::damaged(path, format!("verdict {name:?} is none of the judge's"));
-            found
-                .map(|verdict| i32::from(verdict.number()))
-                .ok_or_else(damaged)
-        }
-    };
-    let trial = |place: usize| {
-        Ok(v1::Evaluation {
-            features: list::<Float64Type>(features, place),
-            image: Vec::new(),
-            embedding: list::<Float32Type>(embeddings, place),
-            verdict: verdict(place)?,
-        })
-    };
-    let found: Result<Vec<_>, ExportError> = (0..trials.len()).map(trial).collect();
-    Ok((found?, seeds))
-}
-
-impl DerivedColumns {
-    /// Checks them against the individual and the classes that were given.
-    pub(crate) fn check(
-        &self,
-        path: &Path,
-        member: &Member,
-        classes: &BTreeMap<u64, ClassName>,
-    ) -> Result<(), ExportError> {
-        let individual = &member.individual;
-        let bits = |features: &[f64]| features.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
-        let embedded = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
-        let starts = Starts::new("trials", individual.trials.len() as u32).unwrap_or_default();
-        let seeds = starts.seeds(individual.seed).take(individual.trials.len());
-        let wrong = if self.generation != individual.generation {
-            "generation"
-        } else if bits(&self.features) != bits(&individual.features()) {
-            "features"
-        } else if embedded(&self.embedding) != embedded(&individual.embedding()) {
-            "embedding"
-        } else if self.class.as_deref() != classes.get(&individual.index).map(ClassName::as_str) {
-            "class"
-        } else if !seeds.eq(self.seeds.iter().copied()) {
-            "trials"
-        } else {
-            return Ok(());
-        };
-        let index = individual.index;
-        let reason = format!(
-            "individual {index}: its column `{wrong}` does not follow from its other columns and the labels"
-        );
-        Err(ExportError::damaged(path, reason))
-    }
 }

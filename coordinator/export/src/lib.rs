@@ -1,11 +1,10 @@
-//! The folder that a campaign is exported to, and read back from: Parquet, NPZ, ONNX, TOML and JSON, with a page about the columns
-//! and a datasheet.
+//! The folder that a campaign is exported to: its database, which is what an import reads, and the same as Parquet, NPZ, ONNX, TOML
+//! and JSON, with a page about the columns and a datasheet.
 //!
-//! Data in, files out, and back: reads neither the store nor the network. A folder appears under its name once it is whole;
-//! what is read is checked file by file, then value by value, as a network's messages are.
+//! Data in, files out: reads neither a store nor the network. A folder appears under its name once it is whole.
 
 mod about;
-mod cluster_sizes;
+mod checked;
 mod columns;
 mod csv_tables;
 mod datasheet;
@@ -17,20 +16,19 @@ mod individuals;
 mod labels;
 mod pictures;
 mod placing;
-mod reader;
-mod sizes;
 mod small_tables;
-mod thrift;
 mod writer;
 
 #[cfg(test)]
 mod tests;
 
+pub use checked::CheckedExport;
 pub use error::ExportError;
 pub use individual_table::IndividualTable;
-pub use reader::{PartSink, ReadFolder, read_any_table};
 pub use writer::{Exported, NewFolder};
 
+/// Everything, as a database of SQLite.
+const DATABASE: &str = "campaign.sqlite";
 /// The specification, TOML.
 const SPEC: &str = "spec.toml";
 /// Everything else of the campaign itself, JSON.

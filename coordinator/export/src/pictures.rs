@@ -1,4 +1,4 @@
-//! `pictures.npz`: NumPy's archive of one array of grey values, written and read picture by picture.
+//! `pictures.npz`: NumPy's archive of one array of grey values, written picture by picture.
 //!
 //! A picture is stored column by column (`x * side + y`); in the array its rows go from the top down, as plots show them.
 
@@ -6,10 +6,10 @@ use crate::ExportError;
 use murmuration_proto::{CampaignSpec, PictureShape};
 use std::{
     fs::File,
-    io::{self, Read, Write},
+    io::Write as _,
     path::{Path, PathBuf},
 };
-use zip::{CompressionMethod, ZipArchive, ZipWriter, read::ZipFile, write::SimpleFileOptions};
+use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 /// The file of the array in the archive; NumPy calls it `pictures`.
 const ARRAY: &str = "pictures.npy";
@@ -41,7 +41,7 @@ fn header(shape: &[u64]) -> Vec<u8> {
     header
 }
 
-/// A picture's rows from its columns, or the reverse: the two are each other's reverse.
+/// A picture's rows from its columns.
 fn transposed(picture: &[u8], shape: PictureShape) -> Vec<u8> {
     let side = shape.side();
     let mut rows = Vec::with_capacity(picture.len());
@@ -97,73 +97,6 @@ impl PictureWriter {
     }
 }
 
-/// Opens an archive.
-pub(crate) fn open(path: &Path, file: File) -> Result<ZipArchive<File>, ExportError> {
-    ZipArchive::new(file)
-        .map_err(|error| ExportError::damaged(path, format!("it is no NPZ archive: {error}")))
-}
-
-/// An archive that is being read.
-pub(crate) struct PictureReader<'a> {
-    path: &'a Path,
-    shape: PictureShape,
-    array: ZipFile<'a, File>,
-}
-
-impl<'a> PictureReader<'a> {
-    /// The pictures of so many individuals of a campaign.
-    pub(crate) fn of(
-        archive: &'a mut ZipArchive<File>,
-        path: &'a Path,
-        spec: &CampaignSpec,
-        individuals: u64,
-    ) -> Result<Self, ExportError> {
-        let array = archive
-            .by_name(ARRAY)
-            .map_err(|error| ExportError::damaged(path, format!("{ARRAY}: {error}")))?;
-        let mut reader = Self {
-            path,
-            shape: spec.image().shape(),
-            array,
-        };
-        let wanted = header(&shape(spec, individuals));
-        let found = reader.bytes(wanted.len())?;
-        match found == wanted {
-            true => Ok(reader),
-            false => {
-                let sizes = shape(spec, individuals);
-                let reason = format!("its array `pictures` is not uint8 of the shape {sizes:?}");
-                Err(ExportError::damaged(path, reason))
-            }
-        }
-    }
-
-    /// The next picture.
-    pub(crate) fn next(&mut self) -> Result<Vec<u8>, ExportError> {
-        let rows = self.bytes(self.shape.bytes())?;
-        Ok(transposed(&rows, self.shape))
-    }
-
-    /// Makes sure that there are no more.
-    pub(crate) fn end(mut self) -> Result<(), ExportError> {
-        match self.array.read(&mut [0]) {
-            Ok(0) => Ok(()),
-            Ok(_) => Err(ExportError::damaged(
-                self.path,
-                "it has more pictures than its shape says",
-            )),
-            Err(error) => Err(ExportError::damaged(self.path, error)),
-        }
-    }
-
-    fn bytes(&mut self, count: usize) -> Result<Vec<u8>, ExportError> {
-        let mut bytes = vec![0; count];
-        let read: io::Result<()> = self.array.read_exact(&mut bytes);
-        read.map_err(|error| ExportError::damaged(self.path, format!("its pictures end early: {error}")))?;
-        Ok(bytes)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -179,10 +112,9 @@ mod tests {
     }
 
     #[test]
-    fn rows_and_columns_change_places_and_back_in_each_channel() {
+    fn rows_and_columns_change_places_in_each_channel() {
         let shape = PictureShape::new(2, 2).unwrap();
         let columns = [1, 2, 3, 4, 5, 6, 7, 8];
         assert_eq!(transposed(&columns, shape), [1, 3, 2, 4, 5, 7, 6, 8]);
-        assert_eq!(transposed(&transposed(&columns, shape), shape), columns);
     }
 }

@@ -214,13 +214,13 @@ fn sync(folder: &Path) -> Result<(), ExportError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{CAMPAIGN, INDIVIDUALS, SPEC};
+    use crate::{CAMPAIGN, DATABASE, SPEC};
     use std::os::unix::fs::symlink;
 
     fn export_in(folder: &Path, text: &str) {
         fs::create_dir_all(folder).unwrap();
         let mut listed = digests::Digests::default();
-        for name in [SPEC, CAMPAIGN, INDIVIDUALS, "README.md"] {
+        for name in [SPEC, CAMPAIGN, DATABASE, "README.md"] {
             fs::write(folder.join(name), text).unwrap();
             listed.add(folder, name).unwrap();
         }

@@ -1,9 +1,8 @@
-//! Writes the folder, part by part, and gives it its name once all of it is on disk.
+//! Writes the folder around the database of a campaign, and gives it its name once all of it is on disk.
 
 use crate::{
-    CAMPAIGN, CHECKPOINTS, DATASHEET, ExportError, GENERATIONS, INDIVIDUALS, LABELS, PICTURES, README, SPEC,
-    TAXONOMY, about,
-    cluster_sizes::ClusterSizes,
+    CAMPAIGN, CHECKPOINTS, DATABASE, DATASHEET, ExportError, GENERATIONS, INDIVIDUALS, LABELS, PICTURES,
+    README, SPEC, TAXONOMY, about,
     columns::TableWriter,
     csv_tables::CsvTables,
     datasheet,
@@ -14,17 +13,9 @@ use crate::{
     placing::{self, Filled, place},
     small_tables,
 };
-use murmuration_model::{
-    ExportedCampaign,
-    labels::{ClassName, Entry, Labels, RequestId},
-};
-use murmuration_store::{
-    CheckpointRecord, GenerationRecord,
-    digest::ArchiveHasher,
-    transfer::{Medoids, Member, Part},
-};
+use murmuration_model::ExportedCampaign;
+use murmuration_store::transfer::ReceivedCampaign;
 use std::{
-    collections::BTreeMap,
     fs::{self, File},
     io::Write as _,
     path::{Path, PathBuf},
@@ -35,7 +26,6 @@ use std::{
 pub struct Exported {
     /// The folder.
     pub folder: PathBuf,
-    /// The campaign, with the digest of its archive.
     pub campaign: ExportedCampaign,
     /// The files, by path within the folder, in alphabetical order.
     pub files: Vec<String>,
@@ -45,21 +35,8 @@ pub struct Exported {
 pub struct NewFolder {
     target: PathBuf,
     folder: Filled,
-    campaign: ExportedCampaign,
-    checkpoints: Vec<CheckpointRecord>,
-    checkpoint: Option<File>,
-    log: Vec<(RequestId, Entry)>,
-    /// What the log comes to, once it has come.
-    labels: Labels,
-    /// The class of each individual, once the first individuals come: after the whole log.
-    classes: Option<BTreeMap<u64, ClassName>>,
-    generations: Vec<GenerationRecord>,
-    table: TableWriter,
-    pictures: PictureWriter,
-    csv: Option<CsvTables>,
-    hasher: ArchiveHasher,
-    sizes: ClusterSizes,
-    taxonomy: Option<Medoids>,
+    database: File,
+    with_csv: bool,
 }
 
 impl NewFolder {
@@ -68,195 +45,150 @@ impl NewFolder {
     ///
     /// # Errors
     /// [`ExportError::NotEmpty`], [`ExportError::NoExport`], or if it cannot be made.
-    pub fn create(
-        target: &Path,
-        campaign: ExportedCampaign,
-        with_csv: bool,
-        replaces: bool,
-    ) -> Result<Self, ExportError> {
+    pub fn create(target: &Path, with_csv: bool, replaces: bool) -> Result<Self, ExportError> {
         let target = placing::target(target, replaces)?;
         let folder = placing::new_folder(&target)?;
-        let path = folder.path();
-        let record = &campaign.record;
-        let individuals = record.individuals();
+        let database = folder.path().join(DATABASE);
         Ok(Self {
             target,
-            table: TableWriter::create(&path.join(INDIVIDUALS), individuals::columns(&record.spec))?,
-            pictures: PictureWriter::create(&path.join(PICTURES), &record.spec, individuals)?,
-            csv: with_csv
-                .then(|| CsvTables::create(path, &record.spec))
-                .transpose()?,
+            database: File::create_new(&database).map_err(ExportError::file("write", &database))?,
             folder,
-            campaign,
-            checkpoints: Vec::new(),
-            checkpoint: None,
-            log: Vec::new(),
-            labels: Labels::default(),
-            classes: None,
-            generations: Vec::new(),
-            hasher: ArchiveHasher::default(),
-            sizes: ClusterSizes::default(),
-            taxonomy: None,
+            with_csv,
         })
     }
 
-    /// Writes the next part, as a [`Sequence`](murmuration_store::transfer::Sequence) returned it.
+    /// Writes the next bytes of the campaign's database.
     ///
     /// # Errors
-    /// If it cannot be written.
-    pub fn add(&mut self, part: Part) -> Result<(), ExportError> {
-        match part {
-            Part::Campaign(_) => Ok(()),
-            Part::Checkpoint(record) => self.add_checkpoint(record),
-            Part::Chunk(bytes) => self.add_bytes(&bytes),
-            Part::Labels(entries) => self.add_labels(entries),
-            Part::Generation(record) => {
-                self.generations.push(record);
-                Ok(())
-            }
-            Part::Individuals(members) => self.add_individuals(&members),
-            Part::Taxonomy(taxonomy) => {
-                self.taxonomy = Some(taxonomy);
-                Ok(())
-            }
-        }
+    /// If they cannot be written.
+    pub fn add(&mut self, bytes: &[u8]) -> Result<(), ExportError> {
+        let written = self.database.write_all(bytes);
+        written.map_err(ExportError::file("write", &self.folder.path().join(DATABASE)))
     }
 
-    /// Writes what follows from all parts, and gives the folder its name.
+    /// Checks the database, writes the other files from it, and gives the folder its name.
     ///
     /// # Errors
-    /// If it cannot be written; there is nothing new at its place then.
-    pub fn finish(mut self) -> Result<Exported, ExportError> {
-        let folder = self.folder.path().to_path_buf();
-        self.finish_checkpoint()?;
-        self.campaign.digest = self.hasher.digest();
-        small_tables::write_generations(&folder.join(GENERATIONS), &self.generations)?;
-        labels::write(&folder.join(LABELS), &self.log, &self.labels)?;
-        if let Some(taxonomy) = &self.taxonomy {
-            small_tables::write_taxonomy(&folder.join(TAXONOMY), taxonomy, self.sizes.as_slice())?;
-        }
-        let mut names = self.write_texts()?;
-        self.table.finish()?;
-        self.pictures.finish()?;
-        if let Some(mut csv) = self.csv {
-            let taxonomy = self
-                .taxonomy
-                .as_ref()
-                .map(|taxonomy| (taxonomy, self.sizes.as_slice()));
-            csv.add_small_tables(&folder, &self.generations, &self.labels, taxonomy)?;
-            names.extend(csv.finish()?);
-        }
-        names.extend([INDIVIDUALS, PICTURES, GENERATIONS, LABELS].map(str::to_owned));
-        names.extend(self.taxonomy.is_some().then(|| TAXONOMY.to_owned()));
-        for record in &self.checkpoints {
-            names.extend([
-                description::onnx(record.digest),
-                description::lineage(record.digest),
-            ]);
-        }
+    /// [`ExportError::Answer`] if it is no database of a campaign, or if a file cannot be written; there is nothing new at its place
+    /// then.
+    pub fn finish(self) -> Result<Exported, ExportError> {
+        let folder = self.folder.path();
+        let database = folder.join(DATABASE);
+        self.database
+            .sync_all()
+            .map_err(ExportError::file("write", &database))?;
+        let campaign = ReceivedCampaign::open(&database)?;
+        let mut names = write_archive(folder, &campaign, self.with_csv)?;
+        names.extend(write_small_tables(folder, &campaign)?);
+        names.extend(write_checkpoints(folder, &campaign)?);
+        names.extend(write_texts(folder, &campaign, self.with_csv)?);
+        names.push(DATABASE.to_owned());
         let mut listed = Digests::default();
         for name in &names {
-            listed.add(&folder, name)?;
+            listed.add(folder, name)?;
         }
-        write_text(&folder, digests::FILE, &listed.to_text())?;
+        write_text(folder, digests::FILE, &listed.to_text())?;
         place(self.folder, &self.target)?;
         let mut files: Vec<String> = listed.names().map(str::to_owned).collect();
         files.push(digests::FILE.to_owned());
         files.sort();
         Ok(Exported {
             folder: self.target,
-            campaign: self.campaign,
+            campaign: campaign.campaign().clone(),
             files,
         })
     }
+}
 
-    /// Writes the files of text; their names.
-    fn write_texts(&self) -> Result<Vec<String>, ExportError> {
-        let loss = self.taxonomy.as_ref().map(|taxonomy| taxonomy.loss);
-        let described = Description::of(
-            &self.campaign,
-            self.campaign.digest.clone(),
-            self.labels.digest().to_string(),
-            loss,
-            &self.checkpoints,
-        );
-        let texts = [
-            (SPEC, self.campaign.record.spec.to_toml()),
-            (CAMPAIGN, description::to_json(&described)),
-            (
-                README,
-                about::page(&self.campaign, self.csv.is_some(), &self.checkpoints),
-            ),
-            (
-                DATASHEET,
-                datasheet::page(&self.campaign, &self.labels, &self.checkpoints),
-            ),
-        ];
-        for (name, text) in &texts {
-            write_text(self.folder.path(), name, text)?;
+/// Writes the individuals, their pictures, and every table as CSV if that is wanted; the names of the files.
+fn write_archive(
+    folder: &Path,
+    campaign: &ReceivedCampaign,
+    with_csv: bool,
+) -> Result<Vec<String>, ExportError> {
+    let record = &campaign.campaign().record;
+    let mut table = TableWriter::create(&folder.join(INDIVIDUALS), individuals::columns(&record.spec))?;
+    let mut pictures = PictureWriter::create(&folder.join(PICTURES), &record.spec, record.individuals())?;
+    let mut csv = with_csv
+        .then(|| CsvTables::create(folder, &record.spec))
+        .transpose()?;
+    let classes = campaign.labels().by_individual();
+    campaign.archive(|members| {
+        individuals::write(&mut table, &members, &classes)?;
+        for trial in members.iter().flat_map(|member| &member.individual.trials) {
+            pictures.add(trial.image.as_deref().unwrap_or_default())?;
         }
-        Ok(texts.map(|(name, _)| name.to_owned()).into())
+        csv.as_mut()
+            .map_or(Ok(()), |csv| csv.add_individuals(&members, &classes))
+    })?;
+    table.finish()?;
+    pictures.finish()?;
+    let mut names = [INDIVIDUALS, PICTURES].map(str::to_owned).to_vec();
+    if let Some(mut csv) = csv {
+        csv.add_small_tables(folder, campaign)?;
+        names.extend(csv.finish()?);
     }
+    Ok(names)
+}
 
-    fn add_checkpoint(&mut self, record: CheckpointRecord) -> Result<(), ExportError> {
-        self.finish_checkpoint()?;
-        let folder = self.folder.path();
+fn write_small_tables(folder: &Path, campaign: &ReceivedCampaign) -> Result<Vec<String>, ExportError> {
+    small_tables::write_generations(&folder.join(GENERATIONS), campaign.generations())?;
+    labels::write(&folder.join(LABELS), campaign)?;
+    let mut names = [GENERATIONS, LABELS].map(str::to_owned).to_vec();
+    if let Some(taxonomy) = campaign.taxonomy() {
+        small_tables::write_taxonomy(&folder.join(TAXONOMY), taxonomy)?;
+        names.push(TAXONOMY.to_owned());
+    }
+    Ok(names)
+}
+
+fn write_checkpoints(folder: &Path, campaign: &ReceivedCampaign) -> Result<Vec<String>, ExportError> {
+    let mut names = Vec::new();
+    for record in campaign.checkpoints() {
         let checkpoints = folder.join(CHECKPOINTS);
         fs::create_dir_all(&checkpoints).map_err(ExportError::file("make", &checkpoints))?;
-        let described = description::checkpoint_to_json(&record);
-        write_text(folder, &description::lineage(record.digest), &described)?;
-        let path = folder.join(description::onnx(record.digest));
-        self.checkpoint = Some(File::create_new(&path).map_err(ExportError::file("write", &path))?);
-        self.checkpoints.push(record);
-        Ok(())
+        let (onnx, lineage) = (
+            description::onnx(record.digest),
+            description::lineage(record.digest),
+        );
+        write(folder, &onnx, &campaign.model(record)?)?;
+        write_text(folder, &lineage, &description::checkpoint_to_json(record))?;
+        names.extend([onnx, lineage]);
     }
+    Ok(names)
+}
 
-    fn add_bytes(&mut self, bytes: &[u8]) -> Result<(), ExportError> {
-        let Some(file) = &mut self.checkpoint else {
-            return Ok(());
-        };
-        file.write_all(bytes)
-            .map_err(ExportError::file("write", self.folder.path()))
+/// Writes the files of text; their names.
+fn write_texts(
+    folder: &Path,
+    received: &ReceivedCampaign,
+    with_csv: bool,
+) -> Result<Vec<String>, ExportError> {
+    let (campaign, checkpoints) = (received.campaign(), received.checkpoints());
+    let texts = [
+        (SPEC, campaign.record.spec.to_toml()),
+        (CAMPAIGN, description::to_json(&Description::of(received))),
+        (README, about::page(campaign, with_csv, checkpoints)),
+        (
+            DATASHEET,
+            datasheet::page(campaign, received.labels(), checkpoints),
+        ),
+    ];
+    for (name, text) in &texts {
+        write_text(folder, name, text)?;
     }
-
-    /// Has the bytes of the last checkpoint on disk.
-    fn finish_checkpoint(&mut self) -> Result<(), ExportError> {
-        let synced = self.checkpoint.take().map_or(Ok(()), |file| file.sync_all());
-        synced.map_err(ExportError::file("write", self.folder.path()))
-    }
-
-    fn add_labels(&mut self, entries: Vec<(RequestId, Entry)>) -> Result<(), ExportError> {
-        let log = entries.iter().map(|(_, entry)| entry.clone()).collect();
-        self.labels
-            .follow(log)
-            .map_err(|error| ExportError::damaged(&self.folder.path().join(LABELS), error))?;
-        self.classes = None;
-        self.log.extend(entries);
-        Ok(())
-    }
-
-    fn add_individuals(&mut self, members: &[Member]) -> Result<(), ExportError> {
-        let classes = self.classes.get_or_insert_with(|| self.labels.by_individual());
-        individuals::write(&mut self.table, members, classes)?;
-        for member in members {
-            self.hasher.add(&member.individual);
-            for trial in &member.individual.trials {
-                self.pictures.add(trial.image.as_deref().unwrap_or_default())?;
-            }
-            self.sizes.add(member.cluster);
-        }
-        match &mut self.csv {
-            Some(csv) => csv.add_individuals(members, classes),
-            None => Ok(()),
-        }
-    }
+    Ok(texts.map(|(name, _)| name.to_owned()).into())
 }
 
 /// Writes a file of text; it is on disk then.
-pub(crate) fn write_text(folder: &Path, name: &str, text: &str) -> Result<(), ExportError> {
+fn write_text(folder: &Path, name: &str, text: &str) -> Result<(), ExportError> {
+    write(folder, name, text.as_bytes())
+}
+
+fn write(folder: &Path, name: &str, bytes: &[u8]) -> Result<(), ExportError> {
     let path = folder.join(name);
     let written = File::create_new(&path).and_then(|mut file| {
-        file.write_all(text.as_bytes())?;
+        file.write_all(bytes)?;
         file.sync_all()
     });
     written.map_err(ExportError::file("write", &path))
