@@ -3,11 +3,9 @@
 use super::{
     Web, keys,
     layout::{Part, campaign_page},
-    page_error::PageError,
-    parts,
-    refused::Refused,
-    teach,
-    visitor::Visitor,
+    of_campaign::OfCampaign,
+    page_error::{PageError, Refused},
+    parts, teach,
 };
 use axum::{
     Json,
@@ -35,13 +33,7 @@ const KEYS: [(&str, &str); 4] = [
     ("Escape", "select nothing"),
 ];
 
-/// The page.
-pub(super) async fn page(
-    State(web): State<Web>,
-    Path(id): Path<String>,
-    visitor: Visitor,
-) -> Result<Markup, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
+pub(super) async fn page(OfCampaign { record, visitor, .. }: OfCampaign) -> Result<Markup, PageError> {
     let content = html! {
         div.wide-bar {
             h1 { "Answers" }
@@ -77,13 +69,7 @@ pub(super) async fn page(
         }
         (parts::confirm())
     };
-    Ok(campaign_page(
-        &record,
-        Part::Answers,
-        &visitor,
-        "answers.js",
-        content,
-    ))
+    Ok(campaign_page(&record, Part::Answers, &visitor, content))
 }
 
 /// The answers that stand, in columns: the individual, the place of the annotator, the place of the class, and when, in

@@ -12,7 +12,7 @@ const CSS: &str = "text/css";
 const SCRIPT: &str = "text/javascript";
 
 /// The file name, type and content of each asset, without the scripts that reports share.
-const ASSETS: [(&str, &str, &str); 50] = [
+const ASSETS: [(&str, &str, &str); 49] = [
     ("icon.svg", "image/svg+xml", include_str!("assets/icon.svg")),
     ("style.css", CSS, include_str!("assets/style.css")),
     ("teach.css", CSS, include_str!("assets/teach.css")),
@@ -31,7 +31,6 @@ const ASSETS: [(&str, &str, &str); 50] = [
     ("classes.js", SCRIPT, include_str!("assets/classes.js")),
     ("colours.js", SCRIPT, include_str!("assets/colours.js")),
     ("compare.js", SCRIPT, include_str!("assets/compare.js")),
-    ("comparisons.js", SCRIPT, include_str!("assets/comparisons.js")),
     ("coordinator.js", SCRIPT, include_str!("assets/coordinator.js")),
     ("curves.js", SCRIPT, include_str!("assets/curves.js")),
     ("events.js", SCRIPT, include_str!("assets/events.js")),
@@ -65,7 +64,6 @@ const ASSETS: [(&str, &str, &str); 50] = [
     ("views.js", SCRIPT, include_str!("assets/views.js")),
 ];
 
-/// Serves an asset.
 pub(super) async fn asset(Path(name): Path<String>) -> Result<impl IntoResponse, PageError> {
     let shared = MODULES.map(|(name, content)| (name, SCRIPT, content));
     let found = ASSETS

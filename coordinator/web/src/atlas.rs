@@ -6,10 +6,10 @@ mod others;
 use super::{
     Web,
     layout::{Part, atlas_of, campaign_page},
+    of_campaign::OfCampaign,
     page_error::PageError,
     parts,
     play::described,
-    visitor::Visitor,
 };
 use axum::{
     body::Bytes,
@@ -46,13 +46,13 @@ impl Default for DrawnAtlas {
     }
 }
 
-/// What was drawn of a campaign, and of which archive; `None` before anything was.
+/// The latest drawing of a campaign, and its archive; `None` before the first.
 type Latest = Option<(Drawn, Arc<Parts>)>;
 
 /// Which archive was drawn: version, individuals.
 type Drawn = (ArchiveVersion, u64);
 
-/// What the page draws from.
+/// The data and the picture of the page.
 #[derive(Debug)]
 struct Parts {
     /// JSON.
@@ -70,13 +70,7 @@ enum Undrawn {
     Report(#[from] ReportError),
 }
 
-/// The page.
-pub(super) async fn page(
-    State(web): State<Web>,
-    Path(id): Path<String>,
-    visitor: Visitor,
-) -> Result<Markup, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
+pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Result<Markup, PageError> {
     let layout = atlas_of(&record).ok_or(PageError::NoPage)?;
     let others = others::others(&web, &record).await?;
     let (id, spec) = (&record.id, &record.spec);
@@ -115,10 +109,10 @@ pub(super) async fn page(
             p.reason.scripted { (atlas::HOW) " Space plays and pauses the motion." }
         }
     };
-    Ok(campaign_page(&record, Part::Atlas, &visitor, "atlas.js", content))
+    Ok(campaign_page(&record, Part::Atlas, &visitor, content))
 }
 
-/// What the script of the page draws from.
+/// The data that the script of the page draws.
 pub(super) async fn data(
     State(web): State<Web>,
     Path(id): Path<String>,

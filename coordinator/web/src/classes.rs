@@ -3,10 +3,9 @@
 use super::{
     Web, keys,
     layout::{Part, campaign_page},
-    page_error::PageError,
+    of_campaign::OfCampaign,
+    page_error::{PageError, Refused},
     parts,
-    refused::Refused,
-    visitor::Visitor,
 };
 use axum::{
     Json,
@@ -36,13 +35,7 @@ const KEYS: [(&str, &str); 3] = [
     ("Escape", "in a dialog: go back without a change"),
 ];
 
-/// The page.
-pub(super) async fn page(
-    State(web): State<Web>,
-    Path(id): Path<String>,
-    visitor: Visitor,
-) -> Result<Markup, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
+pub(super) async fn page(OfCampaign { record, visitor, .. }: OfCampaign) -> Result<Markup, PageError> {
     let keys: Vec<String> = Shortcut::all().map(|key| key.to_string()).collect();
     let content = html! {
         div.wide-bar {
@@ -74,13 +67,7 @@ pub(super) async fn page(
             }
         }
     };
-    Ok(campaign_page(
-        &record,
-        Part::Classes,
-        &visitor,
-        "classes.js",
-        content,
-    ))
+    Ok(campaign_page(&record, Part::Classes, &visitor, content))
 }
 
 /// The classes, each with who named it and some of its individuals; and the changes of classes that stand, the newest first.
@@ -95,7 +82,7 @@ pub(super) async fn details(
     Ok(Json(told))
 }
 
-/// Who named a class, and some of its individuals.
+/// The annotators who named a class, and some of its individuals.
 #[derive(Default)]
 struct Named {
     people: BTreeSet<String>,
@@ -135,7 +122,7 @@ fn told(labels: &Labels) -> Value {
     json!({ "classes": classes.collect::<Vec<_>>(), "changes": changes.collect::<Vec<_>>() })
 }
 
-/// What somebody did to a class, after their name.
+/// A change of a class in words, after the annotator's name.
 fn said(action: &Action) -> String {
     match action {
         Action::Create { class } => format!("added “{}”", class.shown()),
@@ -147,16 +134,12 @@ fn said(action: &Action) -> String {
             Some(key) => format!("gave “{}” the key {key}", class.shown()),
             None => format!("took the chosen key of “{}” away", class.shown()),
         },
-        Action::Answer { .. }
-        | Action::Undo
-        | Action::Withdraw { .. }
-        | Action::Revert { .. }
-        | Action::Compare { .. }
-        | Action::WithdrawComparison { .. } => String::new(),
+        Action::Answer { .. } | Action::Undo | Action::Withdraw { .. } | Action::Revert { .. } => {
+            String::new()
+        }
     }
 }
 
-/// A change of a class.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Changed {

@@ -1,6 +1,6 @@
 //! Deleting a campaign: what would go is said first.
 
-use super::{Web, layout::layout, page_error::PageError, visitor::Visitor};
+use super::{Web, layout::layout, of_campaign::OfCampaign, page_error::PageError};
 use axum::{
     Form,
     extract::{Path, State},
@@ -11,13 +11,7 @@ use murmuration_model::{CampaignRecord, CampaignState, study_name};
 use murmuration_store::Deletion;
 use serde::Deserialize;
 
-/// The page that asks.
-pub(super) async fn page(
-    State(web): State<Web>,
-    Path(id): Path<String>,
-    visitor: Visitor,
-) -> Result<Markup, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
+pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Result<Markup, PageError> {
     let deletion = web.campaigns.deletion(&record.id).await?;
     Ok(layout(
         "Delete a campaign",
@@ -40,7 +34,7 @@ fn question(record: &CampaignRecord, deletion: &Deletion) -> Markup {
             @if let Some(study) = &record.study {
                 p {
                     "The campaign belongs to the study " strong { (study.as_str()) } ". What the study has measured of it stays. If it has not "
-                    "been measured yet, the next " code { "murmuration study run" } " runs it again from the beginning."
+                    "been measured yet, the next " code { "murmuration lab study run" } " runs it again from the beginning."
                 }
             }
             form method="post" action={ "/campaigns/" (id) "/delete" } {
@@ -52,7 +46,7 @@ fn question(record: &CampaignRecord, deletion: &Deletion) -> Markup {
     }
 }
 
-/// What the form says.
+/// The fields of the form.
 #[derive(Debug, Deserialize)]
 pub(super) struct Named {
     /// The study that the campaign belongs to; absent if it belongs to none.
@@ -60,7 +54,6 @@ pub(super) struct Named {
     study: String,
 }
 
-/// Deletes it.
 pub(super) async fn delete(
     State(web): State<Web>,
     Path(id): Path<String>,
@@ -92,7 +85,6 @@ mod tests {
             individuals: 100,
             pictures: 0,
             labelled: 3,
-            comparisons: 0,
             taxonomy: true,
         };
         let cell = CampaignRecord {
@@ -120,7 +112,6 @@ mod tests {
             individuals: 0,
             pictures: 0,
             labelled: 0,
-            comparisons: 0,
             taxonomy: false,
         };
         let page = question(&running, &nothing).into_string();

@@ -1,9 +1,8 @@
 //! Labels and archive as CSV, for spreadsheets and data frames.
 
-use super::{Web, page_error::PageError};
+use super::{of_campaign::OfCampaign, page_error::PageError};
 use axum::{
     body::{Body, Bytes},
-    extract::{Path, State},
     http::header::{CONTENT_DISPOSITION, CONTENT_TYPE},
     response::{IntoResponse, Response},
 };
@@ -27,8 +26,7 @@ use tonic::Status;
 const CHUNK: u64 = 1000;
 
 /// The answers that stand, as `murmuration labels --csv` writes them.
-pub(super) async fn labels(State(web): State<Web>, Path(id): Path<String>) -> Result<Response, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
+pub(super) async fn labels(OfCampaign { web, record, .. }: OfCampaign) -> Result<Response, PageError> {
     let (store, of) = (web.store.clone(), record.clone());
     let table = blocking(move || label_table(&store, &of)).await??;
     let table = table.map_err(|error| Status::internal(error.to_string()))?;
@@ -56,8 +54,7 @@ fn label_table(store: &Store, record: &CampaignRecord) -> Result<Result<Vec<u8>,
 }
 
 /// A row for each individual, as `murmuration export --csv` writes them. The table is sent while it is read.
-pub(super) async fn archive(State(web): State<Web>, Path(id): Path<String>) -> Result<Response, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
+pub(super) async fn archive(OfCampaign { web, record, .. }: OfCampaign) -> Result<Response, PageError> {
     let permit = web.archive.permits.watch()?;
     let (parts, stream) = mpsc::channel(2);
     let (store, of) = (web.store.clone(), record.clone());
@@ -66,7 +63,7 @@ pub(super) async fn archive(State(web): State<Web>, Path(id): Path<String>) -> R
         let sent = blocking(move || {
             let sent = archive_table(&store, &of, |part| parts.blocking_send(Ok(part)).is_ok());
             if let Err(error) = sent {
-                // Whoever downloads it is told that it is not whole; or is gone.
+                // The client learns that the file is not whole, unless it is gone.
                 let _ = parts.blocking_send(Err(error));
             }
         });

@@ -21,7 +21,7 @@ pub(super) const STATES: [&str; 7] = [
     "cancelled",
 ];
 
-/// What the address of the list says; an empty field asks for nothing.
+/// The parameters of the list's address; an empty field asks for nothing.
 #[derive(Debug, Clone, Default, Deserialize, Serialize)]
 #[serde(default)]
 pub(super) struct Wanted {
@@ -35,7 +35,6 @@ pub(super) struct Wanted {
     pub(super) page: usize,
 }
 
-/// A page of the list.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Found {
     /// Newest first.
@@ -48,7 +47,6 @@ pub(super) struct Found {
     pub(super) pages: usize,
 }
 
-/// A line of the list.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Line {
     Campaign(CampaignId),
@@ -78,7 +76,7 @@ impl Wanted {
         }
     }
 
-    /// What is wanted of `campaigns`, which are sorted oldest first.
+    /// The page of `campaigns`, which are sorted oldest first.
     pub(super) fn of(&self, campaigns: &[ListedCampaign]) -> Found {
         let words: Vec<String> = self
             .words

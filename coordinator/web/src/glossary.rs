@@ -8,7 +8,6 @@ use maud::{Markup, html};
 
 const TEXT: &str = include_str!("../../../docs/glossary.md");
 
-/// The page.
 pub(super) async fn page(visitor: Visitor) -> Markup {
     layout(
         GLOSSARY,

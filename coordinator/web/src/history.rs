@@ -22,12 +22,12 @@ struct Step {
     version: Option<TaxonomyVersion>,
 }
 
-/// What a checkpoint learned, and what came of that.
+/// A checkpoint with what it learned from, and its accuracies.
 #[derive(Debug, Clone, PartialEq)]
 struct Learned {
     digest: CheckpointDigest,
     made_ms: u64,
-    /// The labels and comparisons that it learned from, in words; `None` if there were none.
+    /// The labels that it learned from, in words; `None` if there were none.
     from: Option<String>,
     /// Share of the held-out triplets that its parent told apart; `None` where that is not known, or the parent was judged by other
     /// triplets.
@@ -37,11 +37,8 @@ struct Learned {
 }
 
 /// The table; nothing for a campaign that embeds nothing. Blocks while it reads the store.
-///
-/// # Errors
-/// If the store cannot be read.
 pub(super) fn read(store: &Store, record: &CampaignRecord) -> Result<Markup, StoreError> {
-    if !record.spec.method().embeds() {
+    if !record.spec.space().embeds() {
         return Ok(Markup::default());
     }
     let versions = store.taxonomy_versions(&record.id)?;
@@ -104,14 +101,12 @@ fn learned(store: &Store, digest: CheckpointDigest) -> Result<Learned, StoreErro
     let before = parent
         .filter(|parent| are_judged_alike(&parent.lineage, &lineage))
         .and_then(|parent| accuracy(&parent.lineage));
-    let count = |metric: &str| lineage.metrics.get(metric).map_or(0, |&count| count as u64);
-    let (labels, comparisons) = (count("labels"), count("comparisons"));
-    let from = lineage.parent.filter(|_| labels + comparisons > 0).map(|parent| {
+    let labels = lineage.metrics.get("labels").map_or(0, |&labels| labels as u64);
+    let from = lineage.parent.filter(|_| labels > 0).map(|parent| {
         let round = Round {
             parent,
             checkpoint: digest,
             labels,
-            comparisons,
             label_digest: String::new(),
         };
         round.learned_from()
@@ -198,10 +193,10 @@ fn table(record: &CampaignRecord, steps: &[Step]) -> Markup {
         section.history aria-labelledby="history" {
             h2 #history { "History" }
             p.reason {
-                "A round learns from the labels and comparisons that there are when it begins, and goes on from the checkpoint before. The "
+                "A round learns from the labels that there are when it begins, and goes on from the checkpoint before. The "
                 "accuracy is the share of held-out triplets that a checkpoint tells apart, of two pictures of one controller and one of another. "
                 "No accuracy before is shown where the checkpoint before was judged by other pictures. The accuracy may fall a little while the "
-                "agreement with people rises, which " code { "murmuration accuracy" } " measures."
+                "agreement with labels rises, which " code { "murmuration lab accuracy" } " measures."
             }
             (wide("Rounds", &html! { table {
                 thead { tr { @for title in [
@@ -294,7 +289,10 @@ mod tests {
     fn every_round_has_a_row_with_what_it_learned_from_and_its_taxonomy_if_it_has_one() {
         let known = vec![
             (0, learned(b"first", 30_000, None)),
-            (1, learned(b"skipped", 90_000, Some("1 comparison"))),
+            (
+                1,
+                learned(b"skipped", 90_000, Some("the classes of 2 individuals")),
+            ),
             (
                 2,
                 learned(b"taught", 100_000, Some("the classes of 20 individuals")),
@@ -339,7 +337,6 @@ mod tests {
             parent: first,
             checkpoint: second,
             labels: 5,
-            comparisons: 0,
             label_digest: String::new(),
         };
         let rounds = std::slice::from_ref(&round);

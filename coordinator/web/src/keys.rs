@@ -10,7 +10,6 @@ pub(super) enum Page {
     Sheet,
     Map,
     Answers,
-    Comparisons,
     Play,
 }
 
@@ -21,13 +20,12 @@ impl Page {
             Self::Sheet => "sheet",
             Self::Map => "map",
             Self::Answers => "answers",
-            Self::Comparisons => "comparisons",
             Self::Play => "play",
         }
     }
 }
 
-/// What a key does. People can choose another key for it, which their browser keeps.
+/// An action with a key. People can choose another key for it, which their browser keeps.
 struct Action {
     name: &'static str,
     /// The usual key, as browsers call it.
@@ -51,7 +49,7 @@ const NAMING: &[Page] = &[Page::Label, Page::Sheet, Page::Map, Page::Answers];
 const PLAYING: &[Page] = &[Page::Label, Page::Map];
 
 /// Everything that a key does, wherever the focus is. No page has two actions with one usual key.
-const ACTIONS: [Action; 20] = [
+const ACTIONS: [Action; 16] = [
     action("name", "n", "name a class, new or existing", NAMING),
     action("undo", "u", "undo your last answer", NAMING),
     action(
@@ -70,29 +68,10 @@ const ACTIONS: [Action; 20] = [
     action("previous", "ArrowLeft", "the previous cluster", &[Page::Sheet]),
     action("next", "ArrowRight", "the next cluster", &[Page::Sheet]),
     action(
-        "left",
-        "ArrowLeft",
-        "the left one is more like the reference",
-        &[Page::Comparisons],
-    ),
-    action(
-        "right",
-        "ArrowRight",
-        "the right one is more like the reference",
-        &[Page::Comparisons],
-    ),
-    action("neither", "ArrowDown", "neither, or both", &[Page::Comparisons]),
-    action(
-        "withdraw-last",
-        "u",
-        "withdraw your last comparison, and answer it again",
-        &[Page::Comparisons],
-    ),
-    action(
         "play",
         " ",
         "play or pause",
-        &[Page::Label, Page::Map, Page::Comparisons, Page::Play],
+        &[Page::Label, Page::Map, Page::Play],
     ),
     action("back", "ArrowLeft", "a few steps back", PLAYING),
     action("forward", "ArrowRight", "a few steps forward", PLAYING),
@@ -208,14 +187,7 @@ mod tests {
 
     #[test]
     fn no_page_has_two_actions_with_one_key() {
-        for page in [
-            Page::Label,
-            Page::Sheet,
-            Page::Map,
-            Page::Answers,
-            Page::Comparisons,
-            Page::Play,
-        ] {
+        for page in [Page::Label, Page::Sheet, Page::Map, Page::Answers, Page::Play] {
             let own = || ACTIONS.iter().filter(|action| action.pages.contains(&page));
             let keys: BTreeSet<&str> = own().map(|action| action.key).collect();
             assert_eq!(keys.len(), own().count(), "{page:?}");

@@ -1,24 +1,18 @@
 //! The pages on which people label behaviours: one at a time, or a cluster at once.
 
 use super::{
-    Web, keys,
+    keys,
     layout::{Part, campaign_page},
     learning,
+    of_campaign::OfCampaign,
     page_error::PageError,
     parts,
-    visitor::Visitor,
 };
-use axum::extract::{Path, State};
 use maud::{Markup, html};
 use murmuration_proto::{Feedback, Strategy};
 
 /// One behaviour at a time.
-pub(super) async fn one(
-    State(web): State<Web>,
-    Path(id): Path<String>,
-    visitor: Visitor,
-) -> Result<Markup, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
+pub(super) async fn one(OfCampaign { web, record, visitor }: OfCampaign) -> Result<Markup, PageError> {
     let usual = record
         .spec
         .feedback()
@@ -39,15 +33,12 @@ pub(super) async fn one(
             section.side aria-label="Your answer" {
                 div.seen.scripted {
                     figure { canvas #paths role="img" aria-label="Paths of the robots" {} figcaption { "The paths" } }
-                    figure { img #picture width="150" height="150" alt=""; figcaption { @if record.spec.method().embeds() { "What the network sees" } @else { "The stored picture" } } }
+                    figure { img #picture width="150" height="150" alt=""; figcaption { @if record.spec.space().embeds() { "What the network sees" } @else { "The stored picture" } } }
                     div aria-live="polite" { p #which { strong { "…" } } p #reason.reason {} }
                 }
                 (parts::palette(record.spec.world(), true))
                 (parts::status_line())
                 (learning::button(&web, &record).await?)
-                @if record.spec.method().embeds() {
-                    p.reason { "You can also " a href={ "/campaigns/" (record.id) "/comparisons" } { "compare behaviours" } ", which needs no names." }
-                }
                 (parts::downloads(&record))
             }
         }
@@ -70,12 +61,13 @@ pub(super) async fn one(
             }
         }
     };
-    Ok(campaign_page(&record, Part::Label, &visitor, "label.js", content))
+    Ok(campaign_page(&record, Part::Label, &visitor, content))
 }
 
 /// The query strategies, and how the menu names them.
-const STRATEGIES: [(Strategy, &str); 2] = [
+const STRATEGIES: [(Strategy, &str); 3] = [
     (Strategy::Medoids, "medoids first, then uncertain ones"),
+    (Strategy::Coverage, "medoids first, then what is unlike them"),
     (Strategy::Random, "at random"),
 ];
 
@@ -87,12 +79,7 @@ const SHEET_KEYS: [(&str, &str); 3] = [
 ];
 
 /// A cluster at once.
-pub(super) async fn sheet(
-    State(web): State<Web>,
-    Path(id): Path<String>,
-    visitor: Visitor,
-) -> Result<Markup, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
+pub(super) async fn sheet(OfCampaign { web, record, visitor }: OfCampaign) -> Result<Markup, PageError> {
     let content = html! {
         div.wide-bar {
             h1 { "Which of these differ?" }
@@ -124,5 +111,5 @@ pub(super) async fn sheet(
             }
         }
     };
-    Ok(campaign_page(&record, Part::Sheet, &visitor, "sheet.js", content))
+    Ok(campaign_page(&record, Part::Sheet, &visitor, content))
 }

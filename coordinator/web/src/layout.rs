@@ -1,23 +1,21 @@
 //! The parts that all pages have around their content.
 
-use super::{archive_state::ArchiveState, visitor::Visitor};
+use super::visitor::Visitor;
 use maud::{DOCTYPE, Markup, html};
-use murmuration_model::CampaignRecord;
+use murmuration_model::{ArchiveVersion, CampaignRecord, CampaignState};
 use murmuration_report::atlas::Layout;
 
 /// The title of the page on which people play.
-const PLAY: &str = "Play";
+pub(super) const PLAY: &str = "Play";
 /// The title of the page that explains the words of the others.
 pub(super) const GLOSSARY: &str = "Glossary";
 /// The title of the list of studies.
 pub(super) const STUDIES: &str = "Studies";
 
-/// The pages of a campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Part {
     Progress,
     Label,
-    Comparisons,
     Sheet,
     Map,
     Answers,
@@ -27,10 +25,9 @@ pub(super) enum Part {
 }
 
 impl Part {
-    const ALL: [(Self, &str, &str); 9] = [
+    const ALL: [(Self, &str, &str); 8] = [
         (Self::Progress, "", "Progress"),
         (Self::Label, "/label", "Label"),
-        (Self::Comparisons, "/comparisons", "Comparisons"),
         (Self::Sheet, "/sheet", "Sheet"),
         (Self::Map, "/map", "Map"),
         (Self::Answers, "/answers", "Answers"),
@@ -39,7 +36,6 @@ impl Part {
         (Self::Atlas, "/atlas", "Atlas"),
     ];
 
-    /// Whether a campaign has this page.
     fn is_of(self, record: &CampaignRecord) -> bool {
         self != Self::Atlas || atlas_of(record).is_some()
     }
@@ -50,17 +46,12 @@ pub(super) fn atlas_of(record: &CampaignRecord) -> Option<Layout> {
     Layout::of(&record.spec).filter(|_| record.spec.judges())
 }
 
-/// A whole page around `content`.
+/// A page around `content` that is kept up to date.
 pub(super) fn layout(title: &str, visitor: &Visitor, content: Markup) -> Markup {
-    document(
-        title,
-        visitor.account(),
-        &["live.js"],
-        html! { main #content { (content) } },
-    )
+    layout_with(title, visitor, &["live.js"], content)
 }
 
-/// A whole page around `content`, with these scripts.
+/// A page around `content`, with these scripts.
 pub(super) fn layout_with(title: &str, visitor: &Visitor, scripts: &[&str], content: Markup) -> Markup {
     document(
         title,
@@ -70,32 +61,11 @@ pub(super) fn layout_with(title: &str, visitor: &Visitor, scripts: &[&str], cont
     )
 }
 
-/// The page on which people play, with its script.
-pub(super) fn play_page(visitor: &Visitor, content: Markup) -> Markup {
-    document(
-        PLAY,
-        visitor.account(),
-        &["play.js"],
-        html! { main #content { (content) } },
-    )
-}
-
-/// The page of a study, with its script.
-pub(super) fn study_page(name: &str, visitor: &Visitor, content: Markup) -> Markup {
-    document(
-        &format!("Study {name}"),
-        visitor.account(),
-        &["study.js"],
-        html! { main #content { (content) } },
-    )
-}
-
-/// A page of a campaign, with its script.
+/// A page of a campaign, with the script that is called as it is.
 pub(super) fn campaign_page(
     record: &CampaignRecord,
     part: Part,
     visitor: &Visitor,
-    script: &str,
     content: Markup,
 ) -> Markup {
     let id = record.id.as_str();
@@ -121,7 +91,7 @@ pub(super) fn campaign_page(
             (content)
         }
     };
-    document(&title, links, &[script], main)
+    document(&title, links, &[&format!("{}.js", name.to_lowercase())], main)
 }
 
 /// The notice that a page shows where scripts do not run.
@@ -136,7 +106,7 @@ fn without_scripts(record: &CampaignRecord, part: Part) -> Markup {
                 "Without JavaScript the motions cannot be played and the behaviours cannot be named here. The report shows its "
                 "pictures and numbers without JavaScript."
             },
-            Part::Label | Part::Comparisons | Part::Sheet | Part::Map | Part::Answers | Part::Classes | Part::Atlas => {
+            Part::Label | Part::Sheet | Part::Map | Part::Answers | Part::Classes | Part::Atlas => {
                 "This page needs JavaScript, which is not running in this browser. Without JavaScript, see the "
                 (page("", "progress")) " and the " (page("/taxonomy", "taxonomy")) " of the campaign, or read answers from a "
                 "file with the command " code { "murmuration label " (record.id) " --csv FILE" } "."
@@ -154,6 +124,8 @@ fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Marku
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="color-scheme" content="light dark";
                 title { (title) " · Murmuration" }
+                // Nothing is shown before the whole page is read: what comes last may move what comes first.
+                link rel="expect" href="#whole" blocking="render";
                 link rel="icon" type="image/svg+xml" href="/assets/icon.svg";
                 link rel="stylesheet" href="/assets/style.css";
                 link rel="stylesheet" href="/assets/teach.css";
@@ -177,7 +149,32 @@ fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Marku
                 }
                 p.stale-note role="status" hidden {}
                 (main)
+                span #whole hidden {}
             }
         }
+    }
+}
+
+/// The state of an archive: a page that shows the archive is loaded again when the state changes.
+#[derive(PartialEq, Eq)]
+pub(super) struct ArchiveState {
+    pub(super) version: ArchiveVersion,
+    pub(super) individuals: u64,
+    pub(super) completed: bool,
+}
+
+impl ArchiveState {
+    pub(super) fn of(record: &CampaignRecord) -> Self {
+        Self {
+            version: record.archive_version(),
+            individuals: record.individuals(),
+            completed: record.state == CampaignState::Completed,
+        }
+    }
+
+    /// The state as one word of a page's markup, from which a script learns whether the page is of the archive as it is now.
+    pub(super) fn word(&self) -> String {
+        let completed = if self.completed { "completed" } else { "growing" };
+        format!("{}-{}-{completed}", self.version, self.individuals)
     }
 }

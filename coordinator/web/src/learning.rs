@@ -7,9 +7,9 @@ use murmuration_model::{CampaignRecord, CampaignState, TimeLeft};
 use murmuration_proto::{Feedback, counted};
 use murmuration_store::{Store, StoreError};
 
-/// The button that has the campaign learn from its labels and comparisons; nothing where the campaign has no embedding.
+/// The button that has the campaign learn from its labels; nothing where the campaign has no embedding.
 pub(super) async fn button(web: &Web, record: &CampaignRecord) -> Result<Markup, PageError> {
-    if !record.spec.method().embeds() || record.state == CampaignState::Cancelled {
+    if !record.spec.space().embeds() || record.state == CampaignState::Cancelled {
         return Ok(Markup::default());
     }
     let (store, of) = (web.store.clone(), record.clone());
@@ -34,7 +34,7 @@ struct Estimate {
 }
 
 impl Estimate {
-    /// `None` before the first round, and where nobody noted when its epochs ended.
+    /// `None` before the first round, and for a campaign that was imported.
     fn read(store: &Store, record: &CampaignRecord) -> Result<Option<Self>, StoreError> {
         let round = record.rounds.done;
         if round == 0 {
@@ -86,7 +86,7 @@ fn until_made(trained_ms: u64, (made_ms, individuals): (u64, u64), now: u64) -> 
     took * now as f64 / individuals.max(1) as f64
 }
 
-/// What learning does to a campaign, for somebody who is about to begin it.
+/// The effects of learning on a campaign, for a person who is about to begin it.
 fn announcement(record: &CampaignRecord, estimate: Option<Estimate>) -> String {
     let further = record.spec.feedback().map_or(0, Feedback::generations);
     let search = match further {
@@ -98,8 +98,8 @@ fn announcement(record: &CampaignRecord, estimate: Option<Estimate>) -> String {
         Estimate::in_words,
     );
     format!(
-        "The campaign fine-tunes its embedder on all labels and comparisons, embeds its {} again{search}, and clusters them anew. {takes} \
-         The clusters and their order change; your labels and comparisons stay. Progress shows how far it is, and can pause it: until \
+        "The campaign fine-tunes its embedder on all labels, embeds its {} again{search}, and clusters them anew. {takes} \
+         The clusters and their order change; your labels stay. Progress shows how far it is, and can pause it: until \
          the archive is embedded again, a paused campaign keeps the taxonomy that it has. Resume goes on after the last epoch; to learn \
          again begins the training anew, with the answers as they are then.",
         counted(record.individuals(), "individual")

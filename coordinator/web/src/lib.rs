@@ -4,17 +4,13 @@
 //! from another site. Without scripts people can read and steer campaigns; labelling needs scripts. The handlers pass every
 //! request on to the services, which validate and decide.
 
-mod actions;
 mod answers;
-mod archive_state;
 mod archived;
 mod assets;
 mod atlas;
 mod classes;
-mod comparisons;
 mod delete;
 mod downloads;
-mod examples;
 mod found;
 mod glossary;
 mod guard;
@@ -31,12 +27,12 @@ mod map;
 mod motion;
 mod named;
 mod new;
+mod of_campaign;
 mod page_error;
 mod pages;
 mod parts;
 mod play;
 mod progress;
-mod refused;
 #[cfg(test)]
 mod samples;
 mod side_by_side;
@@ -44,7 +40,6 @@ mod stages;
 mod studies;
 mod taxonomy;
 mod teach;
-mod time_limit;
 mod visitor;
 
 pub use atlas::DrawnAtlas;
@@ -76,23 +71,17 @@ const OPERATOR: Requirement = Requirement::OPERATOR;
 /// The parts of a coordinator that the pages use.
 #[derive(Debug, Clone)]
 pub struct Web {
-    /// The campaigns at work.
     pub campaigns: Campaigns,
-    /// What is on disk.
     pub store: Store,
     /// Where behaviours lie in two dimensions.
     pub maps: Maps,
-    /// The service for campaigns and archives.
     pub archive: CampaignApi,
-    /// The service for labels.
     pub labels: LabelApi,
     /// Where swarms are simulated for people who play.
     pub play: Playground,
-    /// The studies of the data directory.
     pub studies: Studies,
-    /// The atlases that were drawn last.
     pub atlas: DrawnAtlas,
-    /// What the judge has said of medoids lately.
+    /// The judge's latest verdicts on medoids.
     pub judged: Judged,
 }
 
@@ -100,7 +89,7 @@ pub struct Web {
 pub fn routes(services: GuardedRouter, web: Web, probes: GuardedRouter) -> GuardedRouter {
     let pages = pages().with_state(web).merge(probes);
     pages
-        .wrapped(time_limit::limited)
+        .wrapped(guard::limited)
         .merge(services.wrapped(blame_the_client))
 }
 
@@ -154,10 +143,10 @@ fn pages() -> GuardedRouter<Web> {
         .get("/campaigns/{id}/robot", VIEWER, pages::robot)
         .get("/campaigns/{id}/behaviour", VIEWER, list::behaviour)
         .get("/campaigns/{id}/individuals/{index}", VIEWER, pages::image)
-        .post("/campaigns/{id}/pause", OPERATOR, actions::pause)
-        .post("/campaigns/{id}/resume", OPERATOR, actions::resume)
-        .post("/campaigns/{id}/cancel", OPERATOR, actions::cancel)
-        .post("/campaigns/{id}/refine", OPERATOR, actions::refine)
+        .post("/campaigns/{id}/pause", OPERATOR, pages::pause)
+        .post("/campaigns/{id}/resume", OPERATOR, pages::resume)
+        .post("/campaigns/{id}/cancel", OPERATOR, pages::cancel)
+        .post("/campaigns/{id}/refine", OPERATOR, pages::refine)
         .get("/campaigns/{id}/delete", OPERATOR, delete::page)
         .post("/campaigns/{id}/delete", OPERATOR, delete::delete)
         .get("/campaigns/{id}/label", VIEWER, label::one)
@@ -214,18 +203,6 @@ fn pages() -> GuardedRouter<Web> {
         .get("/campaigns/{id}/answers", VIEWER, answers::page)
         .get("/campaigns/{id}/answers/standing", VIEWER, answers::standing)
         .post("/campaigns/{id}/withdraw", ANNOTATOR, answers::withdraw)
-        .get("/campaigns/{id}/comparisons", VIEWER, comparisons::page)
-        .post("/campaigns/{id}/comparisons", ANNOTATOR, comparisons::answer)
-        .post(
-            "/campaigns/{id}/comparisons/question",
-            ANNOTATOR,
-            comparisons::ask,
-        )
-        .post(
-            "/campaigns/{id}/comparisons/withdraw",
-            ANNOTATOR,
-            comparisons::withdraw,
-        )
         .get("/campaigns/{id}/classes", VIEWER, classes::page)
         .get("/campaigns/{id}/classes/details", VIEWER, classes::details)
         .post("/campaigns/{id}/classes", ANNOTATOR, classes::change)

@@ -5,13 +5,14 @@ use super::{
     found::{Line, STATES, Wanted},
     glossary::term,
     layout::layout_with,
+    of_campaign::OfCampaign,
     page_error::PageError,
     parts,
     stages::progress,
     visitor::Visitor,
 };
 use axum::{
-    extract::{Path, Query, State},
+    extract::{Query, State},
     response::Redirect,
 };
 use maud::{Markup, html};
@@ -26,7 +27,6 @@ use std::{
     time::{SystemTime, UNIX_EPOCH},
 };
 
-/// The page.
 pub(super) async fn page(
     State(web): State<Web>,
     Query(wanted): Query<Wanted>,
@@ -138,7 +138,6 @@ fn folded(wanted: &Wanted, study: &CampaignName, states: &BTreeMap<&str, u64>, c
     }
 }
 
-/// One campaign.
 fn line(status: &CampaignStatus) -> Markup {
     let record = &status.record;
     let id = record.id.as_str();
@@ -171,8 +170,7 @@ fn picture(record: &CampaignRecord) -> String {
 }
 
 /// Leads to the picture of the largest cluster's medoid: only a browser that shows a campaign asks which individual that is.
-pub(super) async fn behaviour(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
+pub(super) async fn behaviour(OfCampaign { web, record, .. }: OfCampaign) -> Result<Redirect, PageError> {
     let (store, campaign) = (web.store.clone(), record.id.clone());
     let first = blocking(move || store.first_medoid(&campaign)).await??;
     let first = first.ok_or(PageError::NoPage)?;

@@ -1,6 +1,6 @@
 //! The event streams of pages: parts of a page are sent again whenever they change.
 
-use super::{Web, archive_state::ArchiveState, found::Wanted, list, page_error::PageError, pages, stages};
+use super::{Web, found::Wanted, layout::ArchiveState, list, page_error::PageError, pages, stages};
 use axum::{
     extract::{Path, Query, State},
     response::sse::{Event, KeepAlive, Sse},

@@ -48,7 +48,7 @@ impl Default for Destination {
 }
 
 impl From<String> for Destination {
-    /// What is not plainly a path of this host becomes the front page.
+    /// An address that is not plainly a path of this host becomes the front page.
     fn from(address: String) -> Self {
         let (path, query) = address.split_once('?').unwrap_or((&address, ""));
         let plain = |c: char| c.is_ascii_alphanumeric() || "/-_.".contains(c);

@@ -37,7 +37,7 @@ pub(super) fn table(workers: &[ConnectedMachine], trainers: &[ConnectedMachine])
     }
 }
 
-/// What a machine does, in words.
+/// A machine's activity, in words.
 fn doing(machine: &ConnectedMachine) -> String {
     if machine.work.is_empty() {
         return match machine.capacity {

@@ -4,10 +4,9 @@ use super::{
     Web, keys,
     layout::{Part, campaign_page},
     learning,
-    page_error::PageError,
+    of_campaign::OfCampaign,
+    page_error::{PageError, Refused},
     parts,
-    refused::Refused,
-    visitor::Visitor,
 };
 use axum::{
     Json,
@@ -44,13 +43,7 @@ const KEYS: [(&str, &str); 8] = [
     ("Delete", "on a picture of the selection: take it out"),
 ];
 
-/// The page.
-pub(super) async fn page(
-    State(web): State<Web>,
-    Path(id): Path<String>,
-    visitor: Visitor,
-) -> Result<Markup, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
+pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Result<Markup, PageError> {
     let content = html! {
         div.wide-bar {
             h1 { "Map" }
@@ -125,7 +118,7 @@ pub(super) async fn page(
             }
         }
     };
-    Ok(campaign_page(&record, Part::Map, &visitor, "map.js", content))
+    Ok(campaign_page(&record, Part::Map, &visitor, content))
 }
 
 /// The properties of each point besides its place. While the archive grows, only its first individuals have a cluster.

@@ -1,6 +1,10 @@
 //! The motion of an individual: for a script to draw, and as a file to download.
 
-use super::{Web, archived::Created, page_error::PageError, refused::Refused};
+use super::{
+    Web,
+    archived::Created,
+    page_error::{PageError, Refused},
+};
 use axum::{
     Json,
     extract::{Path, Query, State},
@@ -55,7 +59,6 @@ async fn simulated(web: &Web, campaign: &str, index: u64) -> Result<Simulated, S
     })
 }
 
-/// The motion, for a script.
 pub(super) async fn motion(
     State(web): State<Web>,
     Path((campaign, index)): Path<(String, u64)>,

@@ -1,6 +1,6 @@
 //! The errors of a page, and the page that shows them.
 
-use super::{layout::layout, refused, visitor::Visitor};
+use super::{layout::layout, visitor::Visitor};
 use axum::{
     Json,
     http::{HeaderMap, StatusCode, header::ACCEPT},
@@ -14,38 +14,30 @@ use murmuration_proto::Invalid;
 use murmuration_report::picture::PictureError;
 use murmuration_store::StoreError;
 use serde_json::json;
-use tonic::Status;
+use tonic::{Code, Status};
 
 /// Why a page cannot be shown.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum PageError {
-    /// There is no page of that address.
     #[error("there is no such page")]
     NoPage,
-    /// The client may not see it.
     #[error("{0}")]
     Refused(Refusal),
-    /// Too many clients use what it needs.
     #[error("{0}")]
     Busy(String),
-    /// It would take too long.
     #[error(
         "this took longer than {} seconds and was given up, because the workers or the coordinator are busy: try again \
          later, or use a command, which waits for as long as a report takes: `murmuration report` for that of a campaign, \
-         `murmuration study report` for that of a study",
+         `murmuration lab study report` for that of a study",
         murmuration_access::limits::PAGE_LIMIT.as_secs()
     )]
     Late,
-    /// A service refused it.
     #[error("{}", .0.message())]
     Service(#[from] Status),
-    /// A value is not allowed.
     #[error("{0}")]
     Input(#[from] Invalid),
-    /// The campaign refused the request, or failed at it.
     #[error("{0}")]
     Campaign(#[from] CampaignError),
-    /// A picture cannot be drawn.
     #[error("{0}")]
     Picture(#[from] PictureError),
 }
@@ -113,7 +105,7 @@ impl PageError {
             Self::Refused(refusal) => status_of(refusal),
             Self::Busy(_) => StatusCode::SERVICE_UNAVAILABLE,
             Self::Late => StatusCode::GATEWAY_TIMEOUT,
-            Self::Service(status) => refused::status_of(status.code()),
+            Self::Service(status) => status_of_code(status.code()),
             Self::Input(_) => StatusCode::BAD_REQUEST,
             Self::Campaign(CampaignError::Store(
                 StoreError::NoCampaign(_) | StoreError::NoIndividual { .. },
@@ -131,7 +123,6 @@ impl PageError {
     }
 }
 
-/// The HTTP status of a refusal.
 pub(super) const fn status_of(refusal: &Refusal) -> StatusCode {
     match refusal {
         Refusal::NoToken | Refusal::UnknownToken | Refusal::NoCertificate => StatusCode::UNAUTHORIZED,
@@ -166,7 +157,7 @@ impl IntoResponse for PageError {
     }
 }
 
-/// What was not found, in words: for the clients that show no pages.
+/// The words for a missing page: for clients that show no pages.
 #[derive(Debug, Clone)]
 struct NotFound(String);
 
@@ -183,5 +174,35 @@ pub(super) fn negotiated(response: Response, headers: &HeaderMap) -> Response {
     match accepts.is_some_and(|kinds| kinds.contains("application/json")) {
         true => (StatusCode::NOT_FOUND, Json(json!({ "error": text }))).into_response(),
         false => (StatusCode::NOT_FOUND, text + "\n").into_response(),
+    }
+}
+
+/// The status of a service, for a script.
+#[derive(Debug)]
+pub(super) struct Refused(Status);
+
+impl<E: Into<Status>> From<E> for Refused {
+    fn from(error: E) -> Self {
+        Self(error.into())
+    }
+}
+
+impl IntoResponse for Refused {
+    fn into_response(self) -> Response {
+        let status = status_of_code(self.0.code());
+        (status, self.0.message().to_owned()).into_response()
+    }
+}
+
+/// The HTTP status for the code of a service.
+const fn status_of_code(code: Code) -> StatusCode {
+    match code {
+        Code::InvalidArgument | Code::OutOfRange => StatusCode::BAD_REQUEST,
+        Code::NotFound => StatusCode::NOT_FOUND,
+        Code::AlreadyExists | Code::FailedPrecondition | Code::Aborted => StatusCode::CONFLICT,
+        Code::ResourceExhausted | Code::Unavailable | Code::DeadlineExceeded => {
+            StatusCode::SERVICE_UNAVAILABLE
+        }
+        _ => StatusCode::INTERNAL_SERVER_ERROR,
     }
 }

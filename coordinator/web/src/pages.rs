@@ -1,4 +1,4 @@
-//! A campaign's page, and its pictures.
+//! A campaign's page, the actions behind its buttons, and its pictures.
 
 use super::{
     Web,
@@ -7,6 +7,7 @@ use super::{
     layout::{Part, campaign_page},
     machines,
     named::NamedTaxonomy,
+    of_campaign::OfCampaign,
     page_error::PageError,
     parts,
     stages::{progress, stage_left, whole_left},
@@ -15,7 +16,7 @@ use super::{
 use axum::{
     extract::{Path, Query, State},
     http::header::CONTENT_TYPE,
-    response::IntoResponse,
+    response::{IntoResponse, Redirect},
 };
 use maud::{Markup, html};
 use murmuration_engine::{
@@ -26,7 +27,7 @@ use murmuration_model::{CampaignRecord, CampaignState, Change, Stage, generation
 use murmuration_proto::{EmbedderSource, World, counted, figure, grouped};
 use murmuration_report::picture::{image_png, robot_svg};
 
-/// What somebody is told before a campaign is cancelled.
+/// The warning before a campaign is cancelled.
 const CANCELLING: &str = "Cancelling ends this campaign for good: it cannot be resumed. Its archive and its labels stay. To stop it for a while, \
                           pause it.";
 
@@ -51,7 +52,6 @@ pub(super) async fn campaign(
         &status.record,
         Part::Progress,
         &visitor,
-        "progress.js",
         html! {
             p.eyebrow { (status.record.spec.model()) " · " (status.record.spec.method()) }
             h1 { (id) }
@@ -103,7 +103,7 @@ fn found(running: bool, world: &World) -> Markup {
     }
 }
 
-/// What the place of a curve says before there is a line to draw.
+/// The text in the place of a curve before there is a line to draw.
 const NO_CURVE: &str = "The curve begins with its second point.";
 
 /// The place of a curve, which a script draws; as large before there is anything to draw.
@@ -141,18 +141,16 @@ fn trains(record: &CampaignRecord) -> bool {
 /// The parts of a campaign's page that change while it runs, by the names of their places.
 #[derive(Debug, Default)]
 pub(super) struct Slots {
-    /// Progress, figures and buttons.
     pub(super) status: Markup,
     /// The behaviours of the taxonomy; nothing before there is one.
     pub(super) taxonomy: Markup,
-    /// The rounds of a campaign that learns.
     pub(super) history: Markup,
-    /// Who works, and what was noticed.
+    /// Connected machines, and notices.
     pub(super) around: Markup,
 }
 
 impl Slots {
-    /// Those of a campaign as it is, without the taxonomy and the history, which take longer to read.
+    /// The slots of a campaign as it is, without the taxonomy and the history, which take longer to read.
     pub(super) async fn of(web: &Web, status: &CampaignStatus) -> Self {
         let running = status.record.state == CampaignState::Running;
         let (workers, trainers) = match running {
@@ -175,7 +173,7 @@ impl Slots {
         }
     }
 
-    /// What a script puts into the places of the page.
+    /// The markup that a script puts into the places of the page.
     pub(super) fn sent(&self) -> String {
         let slots = [
             ("status", &self.status),
@@ -269,7 +267,7 @@ fn facts(status: &CampaignStatus) -> Markup {
             (fact("Rate", rate.map(|rate| format!("{} per second", grouped(rate.round() as u64)))))
             (fact("Workers", Some(status.workers.to_string())))
             (fact("Trainers", Some(status.trainers.to_string())))
-            @if record.spec.method().embeds() {
+            @if record.spec.space().embeds() {
                 (fact("Checkpoint", checkpoint.map(|checkpoint| checkpoint.to_string().chars().take(12).collect())))
             }
         }
@@ -282,7 +280,7 @@ fn behaviours(record: &CampaignRecord, named: &NamedTaxonomy) -> Markup {
     html! {
         h2 { (counted(medoids.len() as u64, "behaviour")) }
         p.lead {
-            "Each picture shows the last steps of the swarm at the centre of a cluster. "
+            "Each picture shows the last steps of a swarm that stands for a cluster. "
             a href={ "/campaigns/" (record.id) "/taxonomy" } { "Watch and name the behaviours" }
         }
         ul.behaviours {
@@ -300,11 +298,7 @@ fn behaviours(record: &CampaignRecord, named: &NamedTaxonomy) -> Markup {
 }
 
 /// A drawing of the robots of a campaign's first species.
-pub(super) async fn robot(
-    State(web): State<Web>,
-    Path(id): Path<String>,
-) -> Result<impl IntoResponse, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
+pub(super) async fn robot(OfCampaign { record, .. }: OfCampaign) -> Result<impl IntoResponse, PageError> {
     let species = record.spec.model().species().first().ok_or(PageError::NoPage)?;
     let drawing = robot_svg(species.robot(), None).into_string();
     Ok(([(CONTENT_TYPE, "image/svg+xml")], drawing))
@@ -312,15 +306,39 @@ pub(super) async fn robot(
 
 /// An individual's picture, as a PNG of its own size: browsers enlarge it sooner than this encodes a larger one.
 pub(super) async fn image(
-    State(web): State<Web>,
-    Path((id, index)): Path<(String, u64)>,
+    Path((_, index)): Path<(String, u64)>,
     Query(created): Query<Created>,
+    OfCampaign { web, record, .. }: OfCampaign,
 ) -> Result<impl IntoResponse, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
     let shape = record.spec.image().shape();
     let kept = created.keep(&record);
     let individual = blocking(move || web.store.individual(&record.id, record.spec.model(), index)).await??;
     let pixels = individual.into_image().ok_or(PageError::NoPage)?;
     let file = image_png(&pixels, shape, 1)?;
     Ok(([(CONTENT_TYPE, "image/png"), kept], file))
+}
+
+pub(super) async fn pause(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
+    let paused = web.campaigns.pause(&id).await?;
+    Ok(page_of(paused.record.id.as_str()))
+}
+
+pub(super) async fn resume(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
+    let resumed = web.campaigns.resume(&id).await?;
+    Ok(page_of(resumed.record.id.as_str()))
+}
+
+pub(super) async fn cancel(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
+    let cancelled = web.campaigns.cancel(&id).await?;
+    Ok(page_of(cancelled.record.id.as_str()))
+}
+
+/// Begins to learn from the labels, and leads to the map, which shows the progress.
+pub(super) async fn refine(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
+    let refined = web.campaigns.refine(&id).await?;
+    Ok(Redirect::to(&format!("/campaigns/{}/map", refined.record.id)))
+}
+
+pub(super) fn page_of(campaign: &str) -> Redirect {
+    Redirect::to(&format!("/campaigns/{campaign}"))
 }

@@ -45,7 +45,6 @@ pub(super) fn stage(label: &str, world: &World) -> Markup {
     }
 }
 
-/// The menu of speeds.
 pub(super) fn speeds() -> Markup {
     html! {
         select.speed {
@@ -133,7 +132,6 @@ pub(super) fn confirm() -> Markup {
     }
 }
 
-/// The tables that can be downloaded.
 pub(super) fn downloads(record: &CampaignRecord) -> Markup {
     html! {
         p.reason {

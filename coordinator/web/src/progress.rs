@@ -1,6 +1,6 @@
 //! The curves of a campaign's novelty and trainings, for the scripts of its Progress page.
 
-use super::{Web, refused::Refused};
+use super::{Web, page_error::Refused};
 use axum::{
     Json,
     extract::{Path, State},
@@ -63,9 +63,7 @@ pub(super) async fn epochs(State(web): State<Web>, Path(id): Path<String>) -> Re
         events.push(learned(last.round, *at));
     }
     for notice in status.notices {
-        if let Some(at) = notice.generations {
-            events.push(json!({ "generation": at, "text": notice.text }));
-        }
+        events.push(json!({ "generation": notice.generations, "text": notice.text }));
     }
     let epochs: Vec<Value> = epochs
         .iter()

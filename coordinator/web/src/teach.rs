@@ -1,6 +1,6 @@
 //! Labels and questions for the scripts: translates between JSON and the label service, which validates and decides.
 
-use super::{Web, refused::Refused};
+use super::{Web, page_error::Refused};
 use axum::{
     Json,
     extract::{Path, State},
@@ -119,7 +119,6 @@ pub(super) async fn undo(
     Ok(Json(told))
 }
 
-/// The classes as they stand.
 pub(super) async fn classes(web: &Web, campaign: String) -> Told {
     let request = v1::ListClassesRequest { campaign };
     let classes = web
@@ -134,7 +133,6 @@ pub(super) async fn classes(web: &Web, campaign: String) -> Told {
     ))
 }
 
-/// A class for a script.
 pub(super) fn class(class: &Class) -> Value {
     let near: Vec<&str> = class.near.iter().map(ClassName::as_str).collect();
     json!({

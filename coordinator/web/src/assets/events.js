@@ -1,4 +1,4 @@
-// Events that the coordinator sends to a page, and the notice at the top of the page while none can be received.
+// Events that the coordinator sends to a page, and the notice at the bottom of the page while none can be received.
 
 const SILENCE = "The coordinator is not responding. This page continues when it is back.";
 const CROWD = "Too many pages are open on this coordinator. This page updates again once another one is closed.";

@@ -117,7 +117,7 @@ function whoElse(open) {
   const people = queue.answered - queue.own - queue.synthetic;
   const parts = [`${grouped(open)} not answered yet`];
   if (queue.synthetic > 0) parts.unshift(`${grouped(queue.synthetic)} by the rule-based judge only`);
-  if (people > 0) parts.unshift(`${grouped(people)} by other people`);
+  if (people > 0) parts.unshift(`${grouped(people)} by other annotators`);
   return parts.join(", ");
 }
 

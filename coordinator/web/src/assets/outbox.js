@@ -7,8 +7,6 @@ import { Refused, Silent, keptAs, pause, post } from "./coordinator.js";
 import { keeping } from "./events.js";
 import { counted } from "./words.js";
 
-// Requests that answer a question; the others take answers back.
-const ANSWERS = ["labels", "comparisons"];
 const KEPT = `${keptAs}.unsent.`;
 
 export class Outbox {
@@ -50,9 +48,9 @@ export class Outbox {
     this.add("undo", { annotator: annotator() });
   }
 
-  // `path` is the address of the request, `body` its content without the id; `count` such requests.
-  add(path, body, count = 1) {
-    for (let i = 0; i < count; i++) this.items.push({ path, body: { request_id: random(), ...body } });
+  // `path` is the address of the request, `body` its content without the id.
+  add(path, body) {
+    this.items.push({ path, body: { request_id: random(), ...body } });
     this.keep();
     this.changed(this);
     this.send();
@@ -88,7 +86,7 @@ export class Outbox {
     this.sending = false;
   }
 
-  // Says on the page how things stand: on its line, and of what is kept here at the top, where everybody looks.
+  // Says on the page how things stand: on its line, and of what is kept here at the bottom.
   tell(line) {
     const { items, trouble } = this;
     const open = items.length > 0;
@@ -101,8 +99,9 @@ export class Outbox {
   }
 
   kept() {
-    const isAnswer = ({ path }) => ANSWERS.includes(path);
-    const answers = this.items.filter(isAnswer).reduce((sum, { body }) => sum + (body.answers?.length ?? 1), 0);
+    // The others take answers back.
+    const isAnswer = ({ path }) => path === "labels";
+    const answers = this.items.filter(isAnswer).reduce((sum, { body }) => sum + body.answers.length, 0);
     const others = this.items.filter((item) => !isAnswer(item)).length;
     const parts = [answers && counted(answers, "answer"), others && counted(others, "withdrawal")].filter(Boolean);
     return `${parts.join(" and ")} ${answers + others === 1 ? "is" : "are"} stored in this browser and will be sent.`;

@@ -21,7 +21,7 @@ async function renew() {
       shown = now;
     }
   } catch {
-    // The notice at the top of the page says that the coordinator is silent.
+    // The notice at the bottom of the page says that the coordinator is silent.
   } finally {
     asking = false;
   }

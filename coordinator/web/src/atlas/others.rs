@@ -21,7 +21,7 @@ pub(super) struct Others {
     atlases: Vec<(CampaignId, usize, usize)>,
 }
 
-/// Those of the coordinator that can be switched to from the atlas of a campaign; `None` if there are none.
+/// The atlases that can be switched to from the atlas of a campaign; `None` if there are none.
 pub(super) async fn others(web: &Web, record: &CampaignRecord) -> Result<Option<Others>, PageError> {
     // The only method that evaluates every controller; its name is among the first lines of a specification.
     let method = format!("method = \"{}\"", Method::Exhaustive.name());
@@ -39,7 +39,7 @@ pub(super) async fn others(web: &Web, record: &CampaignRecord) -> Result<Option<
 }
 
 impl Others {
-    /// Those of the `known` atlases, newest first, that are like the atlas of a campaign.
+    /// The atlases among `known`, newest first, that are like the atlas of a campaign.
     fn among(
         (id, spec): (&CampaignId, &CampaignSpec),
         known: Vec<(CampaignId, CampaignSpec)>,
@@ -137,7 +137,7 @@ fn conditions(spec: &CampaignSpec) -> (u32, [f64; 5]) {
     (world.agents(), numbers.map(Option::unwrap_or_default))
 }
 
-/// What the numbers of a noise are.
+/// The names of the numbers of a noise.
 const NOISE: [&str; 5] = ["slip", "gain", "missed", "false detections", "delay"];
 
 fn compared(one: &[f64; 5], other: &[f64; 5]) -> Ordering {

@@ -1,13 +1,49 @@
 //! A campaign that is being described: what the form holds, and what is wrong with it.
 
 use super::{
-    super::{examples::EXAMPLES, page_error::PageError},
+    super::page_error::PageError,
     Parameters,
     fields::{Kind, fields},
     given,
 };
-use murmuration_proto::{CampaignSpec, Invalid, Method, SpecFileError, line_of_field, text::quoted};
+use murmuration_proto::{
+    BehaviourSpace, CampaignSpec, Invalid, Method, SpecFileError, line_of_field, text::quoted,
+};
 use toml::Table;
+
+/// Name, description, and campaign file of each.
+pub(super) const EXAMPLES: [(&str, &str, &str); 6] = [
+    (
+        "quick-latent",
+        "A small campaign on a learned embedding",
+        include_str!("../../../../examples/quick-latent.toml"),
+    ),
+    (
+        "quick-hil",
+        "A small campaign that learns from a rule-based judge, twice",
+        include_str!("../../../../examples/quick-hil.toml"),
+    ),
+    (
+        "single-sensor-latent",
+        "One sensor, a learned embedding, as many evaluations as the paper",
+        include_str!("../../../../examples/single-sensor-latent.toml"),
+    ),
+    (
+        "two-sensor-latent",
+        "Two sensors, a learned embedding",
+        include_str!("../../../../examples/two-sensor-latent.toml"),
+    ),
+    (
+        "single-sensor",
+        "One sensor, hand-crafted features",
+        include_str!("../../../../examples/single-sensor.toml"),
+    ),
+    (
+        "two-sensor",
+        "Two sensors, hand-crafted features",
+        include_str!("../../../../examples/two-sensor.toml"),
+    ),
+];
 
 /// A campaign that is being described.
 pub(super) enum Draft {
@@ -17,31 +53,28 @@ pub(super) enum Draft {
     File(String),
 }
 
-/// What is wrong with a draft.
+/// An error in a draft.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Problem {
     /// The field, as its path in a campaign file; nothing if it is not known.
     pub(super) field: String,
     /// The line of the file, from 1.
     pub(super) line: Option<usize>,
-    /// What is wrong, in words.
     pub(super) text: String,
 }
 
 impl Draft {
-    /// What the form begins with.
+    /// The draft that the form begins with.
     pub(super) fn usual() -> Self {
         let [model, method] = [("model", "single-sensor"), ("method", Method::Latent.name())]
             .map(|(name, value)| (name.to_owned(), value.into()));
         Self::Fields(Table::from_iter([model, method]))
     }
 
-    /// A specification with all its fields.
     pub(super) fn copy(spec: &CampaignSpec) -> Self {
         Self::File(spec.to_toml()).into_fields()
     }
 
-    /// An example, by its name.
     pub(super) fn example(name: &str) -> Result<Self, PageError> {
         let found = EXAMPLES.iter().find(|(known, _, _)| *known == name);
         let (_, _, text) = found.ok_or_else(|| {
@@ -51,7 +84,7 @@ impl Draft {
         Ok(Self::File((*text).to_owned()).into_fields())
     }
 
-    /// What somebody sent.
+    /// The draft that was sent.
     pub(super) fn of_form(parameters: &Parameters) -> Result<Self, PageError> {
         if parameters.iter().any(|(name, _)| name == "text") {
             // Browsers send the line ends of Windows.
@@ -84,7 +117,6 @@ impl Draft {
         }
     }
 
-    /// The same as a campaign file.
     pub(super) fn into_file(self) -> Self {
         match self {
             Self::Fields(table) => Self::File(without_empty(table).to_string()),
@@ -140,11 +172,15 @@ fn suited(mut table: Table) -> Table {
         .get("method")
         .and_then(toml::Value::as_str)
         .unwrap_or_default();
-    let embeds = Method::ALL
-        .iter()
-        .find(|known| known.name() == method)
-        .is_none_or(|method| method.embeds());
-    if !embeds {
+    let Ok(method) = method.parse::<Method>() else {
+        return table;
+    };
+    let named = table.get("space").and_then(toml::Value::as_str);
+    let space = BehaviourSpace::from_field(named, method).or_else(|_| {
+        table.remove("space");
+        BehaviourSpace::from_field(None, method)
+    });
+    if !space.is_ok_and(BehaviourSpace::embeds) {
         for unused in ["dataset", "training", "feedback", "checkpoint"] {
             table.remove(unused);
         }

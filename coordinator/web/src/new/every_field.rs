@@ -32,13 +32,12 @@ pub(super) fn list() -> Markup {
     }
 }
 
-/// What the documentation says of the fields of trainings.
+/// The documentation of the fields of trainings.
 fn training() -> &'static str {
     let after = CAMPAIGNS.split_once(TRAINING).map_or("", |(_, after)| after);
     after.split_once("\n## ").map_or(after, |(section, _)| section)
 }
 
-/// A table or a paragraph.
 fn shown(block: &str) -> Markup {
     let mut rows = block.lines().filter_map(cells);
     let (Some(head), Some(_)) = (rows.next(), rows.next()) else {

@@ -3,20 +3,18 @@
 use murmuration_proto::{Method, Preset, spec_sections};
 use toml::{Table, Value};
 
-/// A field of the form.
 pub(super) struct Field {
     /// The section of a campaign file that has it.
     pub(super) section: &'static str,
     /// Its name there.
     pub(super) name: &'static str,
-    /// What it is called on the page.
+    /// Its name on the page.
     pub(super) label: &'static str,
     /// What it does, in a sentence for somebody who reads of it for the first time.
     pub(super) meaning: &'static str,
     pub(super) kind: Kind,
 }
 
-/// What a field holds.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Text,
@@ -64,7 +62,7 @@ pub(super) const GROUPS: [(&str, &[Field]); 4] = [
                 ("", "method"),
                 "Method",
                 Kind::Method,
-                "How the search tells behaviours apart. latent: by a network that learns from pictures of them. hand-crafted: by five measured numbers. random: it draws controllers and compares nothing. exhaustive: it tries all of them.",
+                "How controllers are found. latent: by a search for what is new, by five measured numbers and a network that learns from pictures. hand-crafted: by the five numbers alone. random: they are drawn. exhaustive: all are tried.",
             ),
             field(
                 ("", "seed"),
@@ -111,7 +109,7 @@ pub(super) const GROUPS: [(&str, &[Field]); 4] = [
                 ("taxonomy", "medoids"),
                 "Behaviours in the taxonomy",
                 Kind::Number,
-                "How many behaviours the result shows. Each is the middle (the medoid) of a cluster of behaviours that are alike.",
+                "How many behaviours the result shows. They are far from each other, and each (a medoid) stands for the behaviours that are nearest to it.",
             ),
             field(
                 ("", "filter"),
@@ -145,7 +143,7 @@ pub(super) const GROUPS: [(&str, &[Field]); 4] = [
                 ("feedback", "rounds"),
                 "Unattended rounds",
                 Kind::Number,
-                "How often the campaign labels with its rule-based judge, learns from that and searches on. People can begin further rounds on the pages.",
+                "How often the campaign labels with its rule-based judge, learns from that and searches on. You can begin further rounds on the pages.",
             ),
             field(
                 ("feedback", "labels"),
@@ -163,7 +161,6 @@ pub(super) const GROUPS: [(&str, &[Field]); 4] = [
     ),
 ];
 
-/// Every field of the form.
 pub(super) fn fields() -> impl Iterator<Item = &'static Field> {
     GROUPS.iter().flat_map(|(_, fields)| *fields)
 }
@@ -176,7 +173,7 @@ pub(super) fn path(section: &str, name: &str) -> String {
     }
 }
 
-/// What the contract says of a field, without the names of its methods; `None` of fields that it does not know.
+/// The contract's comment on a field, without the names of its methods; `None` for unknown fields.
 pub(super) fn explanation(section: &str, name: &str) -> Option<String> {
     let said = spec_sections::explanation(section, name)?;
     Some(said.replace(" (RefineCampaign)", ""))
@@ -188,7 +185,7 @@ impl Field {
         path(self.section, self.name)
     }
 
-    /// What the contract says of it, without the names of its methods.
+    /// The contract's comment on it, without the names of its methods.
     pub(super) fn explanation(&self) -> String {
         explanation(self.section, self.name).unwrap_or_default()
     }

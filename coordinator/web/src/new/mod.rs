@@ -6,7 +6,7 @@ mod every_field;
 mod fields;
 mod view;
 
-use super::{Web, actions::page_of, page_error::PageError, visitor::Visitor};
+use super::{Web, page_error::PageError, pages::page_of, visitor::Visitor};
 use axum::{
     Form,
     extract::{Query, State},
@@ -49,7 +49,7 @@ pub(super) async fn page(
     Ok(view::page(&draft, &token(), false, &visitor).into_response())
 }
 
-/// What the form was sent for: to see what it costs, to be shown in the other way, or to start.
+/// The form was sent: to see what it costs, to be shown in the other way, or to start.
 pub(super) async fn submitted(
     State(web): State<Web>,
     visitor: Visitor,

@@ -1,8 +1,8 @@
 //! The page on which a campaign is described.
 
 use super::{
-    super::{examples::EXAMPLES, layout::layout_with, visitor::Visitor},
-    draft::{Draft, Problem},
+    super::{layout::layout_with, visitor::Visitor},
+    draft::{Draft, EXAMPLES, Problem},
     every_field,
     fields::{Field, GROUPS, Kind, fields},
 };
@@ -69,7 +69,7 @@ fn refused(problem: &Problem, draft: &Draft) -> Markup {
     }
 }
 
-/// What the campaign costs, or what is wrong with it.
+/// The cost of the campaign, or the error in it.
 pub(super) fn outcome(draft: &Draft) -> Markup {
     html! {
         section #outcome aria-live="polite" aria-label="What it costs" {

@@ -2,7 +2,7 @@
 //!
 //! `model` names a preset, or else `robot` describes the robots as a campaign file does; `genes` are the numbers of the
 //! controller, separated by commas; `seed` is that of the start, and `robots` how many there are. What is absent is as usual.
-//! Of an address that is wrong in part, the rest is kept.
+//! Where part of an address is wrong, the rest is kept.
 
 use super::knobs::{Knob, knobs};
 use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Invalid, Preset, World, v1};
@@ -18,14 +18,14 @@ pub(super) const MOST_DESCRIPTION_BYTES: usize = 6000;
 /// Largest seed of a start, as of a campaign.
 const MOST_SEED: u64 = i64::MAX as u64;
 
-/// What an address says, and what is wrong with it.
+/// The swarm of an address, and the errors in it.
 #[derive(Debug)]
 pub(super) struct Address {
-    /// What the robots are called or described as.
+    /// The name or description of the robots.
     pub(super) robots: Robots,
     /// The swarm; or why the description cannot be used, in the words for its author.
     pub(super) play: Result<Play, String>,
-    /// What was not understood, and is as usual instead.
+    /// The parameters that were not understood; the defaults stand in.
     pub(super) problems: Vec<Invalid>,
 }
 
@@ -124,7 +124,6 @@ fn robots(model: Option<&str>, text: Option<&str>, problems: &mut Vec<Invalid>) 
     }
 }
 
-/// The model and its world.
 fn described(robots: &Robots) -> Result<(CapabilityModel, World), String> {
     match robots {
         Robots::Preset(preset) => {

@@ -1,7 +1,7 @@
 //! The motion of an archived individual from its first start, a piece at a time, simulated by the coordinator.
 
 use super::{
-    super::{Web, refused::Refused},
+    super::{Web, page_error::Refused},
     Play,
     address::MOST_ROBOTS,
     piece,
@@ -20,7 +20,6 @@ use serde::Deserialize;
 /// Which piece is asked for.
 #[derive(Debug, Deserialize)]
 pub(in super::super) struct Wanted {
-    /// The individual.
     index: u64,
     /// The first step.
     #[serde(default)]

@@ -1,7 +1,7 @@
 //! "What is this like?": the individuals of a campaign nearest to the swarm that is played with.
 
 use super::{
-    super::{Web, archived, motion::REPLAY_TIMEOUT, refused::Refused},
+    super::{Web, archived, motion::REPLAY_TIMEOUT, page_error::Refused},
     address::{Parameters, Play},
     strictly,
 };
@@ -36,7 +36,7 @@ pub(in super::super) async fn like(
     let play = strictly(&parameters)?;
     let record = web.campaigns.status(&campaign).await.or_status()?.record;
     check(&play, &record)?;
-    // Whoever looks at the page would wait in vain.
+    // The page would wait in vain.
     web.archive.dispatch.check_staffed().or_status()?;
     let _seat = web.archive.permits.replay()?;
     let Play {
@@ -63,7 +63,7 @@ pub(in super::super) async fn like(
 /// Takes the campaign out of the parameters.
 fn campaign(parameters: &mut Parameters) -> Result<String, Invalid> {
     let place = parameters.iter().position(|(name, _)| name == "campaign");
-    let place = place.ok_or_else(|| Invalid::new("campaign", "nothing", "the id of a campaign"))?;
+    let place = place.ok_or_else(|| Invalid::missing("campaign", "the id of a campaign"))?;
     Ok(parameters.remove(place).1)
 }
 
@@ -132,7 +132,7 @@ fn difference(theirs: &CapabilityModel, own: &CapabilityModel) -> String {
     }
 }
 
-/// What the swarm is most like.
+/// The behaviour that the swarm is most like.
 fn verdict(record: &CampaignRecord, nearest: &Nearest) -> Markup {
     let medoid = &nearest.medoid;
     let times = nearest.relative_distance();

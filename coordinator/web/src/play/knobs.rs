@@ -3,18 +3,16 @@
 use murmuration_proto::{CapabilityModel, DriveKind, Invalid, Preset, Robot, SensorAngle};
 use std::{fmt, iter};
 
-/// A gene.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Knob {
     /// Its name among all genes of the model.
     pub(super) name: String,
-    /// What it may be.
     pub(super) values: Values,
-    /// What it is until somebody changes it.
+    /// The default.
     pub(super) usual: f64,
 }
 
-/// What a gene may be.
+/// The allowed values of a gene.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Values {
     /// Any number from a lowest to a highest one.
@@ -51,7 +49,7 @@ pub(super) fn knobs(model: &CapabilityModel) -> Vec<Knob> {
     knobs
 }
 
-/// What the genes of one robot may be and usually are: it turns until a sensor is on.
+/// The allowed values and defaults of the genes of one robot: it turns until a sensor is on.
 fn of_robot(robot: &Robot) -> impl Iterator<Item = (Values, f64)> + use<'_> {
     let limits = robot.drive().limits();
     let shares = |state| match (robot.drive().kind(), state) {

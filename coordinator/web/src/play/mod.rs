@@ -9,28 +9,33 @@ mod archived;
 mod compare;
 mod knobs;
 mod motion;
-mod search;
 mod view;
 
 pub(super) use archived::pieces;
 pub(super) use compare::like;
-pub(super) use search::search;
 pub(super) use view::described;
 
-use super::{Web, page_error::PageError, refused::Refused, visitor::Visitor};
+use super::{
+    Web,
+    new::request_of,
+    page_error::{PageError, Refused},
+    pages::page_of,
+    visitor::Visitor,
+};
 use address::{Address, Parameters, Play};
 use axum::{
     Form,
     extract::{Query, State},
     http::header::{CACHE_CONTROL, CONTENT_TYPE},
-    response::IntoResponse,
+    response::{IntoResponse, Redirect},
 };
+use compare::check_cost;
 use maud::Markup;
 use motion::{Kept, MOST_STEPS};
 use murmuration_access::limits::MAX_PLAYED;
 use murmuration_engine::blocking::blocking;
-use murmuration_model::CampaignId;
-use murmuration_proto::Invalid;
+use murmuration_model::{CampaignId, NewCampaign};
+use murmuration_proto::{CampaignSpec, Invalid};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_service::OrStatus as _;
 use std::sync::Arc;
@@ -40,7 +45,7 @@ use tonic::Status;
 /// Most campaigns that are offered to compare a swarm with, and most whose records are in memory at once.
 const OFFERED: usize = 50;
 
-/// What the page needs of its coordinator: room to simulate, and the swarms that were simulated last. Cheap to clone.
+/// The page's resources: room to simulate, and the swarms that were simulated last. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Playground {
     room: Arc<Semaphore>,
@@ -76,7 +81,6 @@ impl Drop for Wanted {
     }
 }
 
-/// The page.
 pub(super) async fn page(
     State(web): State<Web>,
     Query(parameters): Query<Parameters>,
@@ -162,6 +166,29 @@ fn step(from: u32) -> Result<u32, Invalid> {
 
 fn not_a_step(given: String) -> Invalid {
     Invalid::new("from", given, format!("a whole number from 0 to {MOST_STEPS}"))
+}
+
+/// Starts the campaign of an address of the page, and leads to it. The form says which page it is of, so that a second click
+/// starts nothing; what is no form is refused.
+pub(super) async fn search(
+    State(web): State<Web>,
+    Query(parameters): Query<Parameters>,
+    Form(form): Form<Parameters>,
+) -> Result<Redirect, PageError> {
+    if parameters.is_empty() {
+        return Err(Invalid::missing("address", "that of a swarm on the page Play").into());
+    }
+    let play = strictly(&parameters)?;
+    check_cost(&play.world)?;
+    let spec = CampaignSpec::begun_with(&play.controller, &play.world, play.seed)?;
+    let token = form.iter().find(|(name, _)| name == "request");
+    let request = token.map(|(_, token)| request_of(token, &spec)).transpose()?;
+    let new = NewCampaign {
+        request,
+        ..spec.into()
+    };
+    let created = web.campaigns.create(new).await?;
+    Ok(page_of(created.record.id.as_str()))
 }
 
 #[cfg(test)]

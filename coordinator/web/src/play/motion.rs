@@ -6,7 +6,7 @@
 use super::address::Play;
 use murmuration_proto::Invalid;
 use murmuration_search::interrupt::Interrupt;
-use murmuration_worker::simulate::{Agent, Start, Swarm};
+use murmuration_sim::simulate::{Agent, Start, Swarm};
 use std::{
     sync::{Mutex, PoisonError},
     time::{Duration, Instant},
@@ -28,7 +28,6 @@ const TIME_LIMIT: Duration = Duration::from_secs(2);
 const PIECE_LIMIT: Duration = Duration::from_millis(250);
 /// Steps of a small swarm between two looks at the clock.
 const PATIENCE_STEPS: u32 = 8;
-/// The version of the format.
 const VERSION: u32 = 1;
 
 /// A piece of a motion: frames at even steps.
@@ -39,7 +38,7 @@ pub(super) struct Piece {
     robots: u32,
     /// x, y and heading of each robot of each frame.
     poses: Vec<[f32; 3]>,
-    /// What each robot of each frame sensed last.
+    /// The last sensor state of each robot of each frame.
     sensed: Vec<u8>,
 }
 

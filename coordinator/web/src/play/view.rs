@@ -1,7 +1,13 @@
 //! The markup of the page.
 
 use super::{
-    super::{keys, layout::play_page, new::token, parts, visitor::Visitor},
+    super::{
+        keys,
+        layout::{PLAY, layout_with},
+        new::token,
+        parts,
+        visitor::Visitor,
+    },
     OFFERED,
     address::{Address, MOST_DESCRIPTION_BYTES, MOST_ROBOTS, Play, Robots},
     knobs::{Knob, Values, knobs},
@@ -32,7 +38,7 @@ pub(super) fn page(address: &Address, campaigns: &[CampaignId], visitor: &Visito
             (comparison(play, campaigns))
         }
     };
-    play_page(visitor, content)
+    layout_with(PLAY, visitor, &["play.js"], content)
 }
 
 /// Links to the robots that are known by name.
@@ -90,7 +96,6 @@ sensors = [
 ]
 ";
 
-/// The swarm and its controller.
 fn playground(address: &Address, play: &Play) -> Markup {
     let model = play.controller.model();
     let preset = match &address.robots {
@@ -125,7 +130,7 @@ fn playground(address: &Address, play: &Play) -> Markup {
     }
 }
 
-/// What the swarm is like, and the button that searches on from it.
+/// The comparison with a campaign, and the button that searches on from the swarm.
 fn comparison(play: &Play, campaigns: &[CampaignId]) -> Markup {
     html! {
         section.compare.scripted aria-label="This swarm and campaigns" {
@@ -154,7 +159,7 @@ fn comparison(play: &Play, campaigns: &[CampaignId]) -> Markup {
     }
 }
 
-/// What the drawn colours mean.
+/// The legend of the drawn colours.
 fn legend(model: &CapabilityModel) -> Markup {
     html! {
         ul.legend aria-label="Colours" {
@@ -256,7 +261,6 @@ fn sensors_of(robot: &Robot, state: usize) -> Markup {
     }
 }
 
-/// The controls of one gene.
 fn setting(gene: usize, knob: &Knob, value: f64) -> Markup {
     let id = format!("gene-{gene}");
     html! {
@@ -310,7 +314,7 @@ fn cone(robot: &Robot, sensor: &Sensor) -> (f64, Option<f64>) {
     (half, sensor_reach(sensor).or(drawn))
 }
 
-/// What the script needs to draw the swarm.
+/// The data with which the script draws the swarm.
 pub(in super::super) fn described(model: &CapabilityModel, world: &World) -> Value {
     let mut first = 0;
     let mut species = Vec::new();

@@ -16,7 +16,6 @@ pub(super) struct Behaviour {
     pub(super) at: Vec<f64>,
     /// Mean distance of its cluster's members to it, in units of that space.
     pub(super) mean_distance: f64,
-    /// Its class, if it has one.
     pub(super) class: Option<ClassName>,
 }
 
@@ -121,7 +120,7 @@ pub(super) fn by_class(campaigns: usize, all: &[Behaviour]) -> Vec<Group> {
     groups
 }
 
-/// Those that most campaigns have come first, then those of the first campaigns, largest clusters first.
+/// Groups that most campaigns have come first, then those of the first campaigns, largest clusters first.
 fn ordered(mut groups: Vec<Group>) -> Vec<Group> {
     let first = |group: &Group| group.members.iter().flatten().min().copied();
     groups.sort_by_key(|group| (std::cmp::Reverse(group.campaigns()), first(group)));

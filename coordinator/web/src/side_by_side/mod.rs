@@ -64,7 +64,7 @@ fn shown(compared: &[(CampaignRecord, Option<NamedTaxonomy>)]) -> Markup {
             }
         }
         @for (id, title, note) in NOVELTY { (curves(id, title, note)) }
-        @if compared.iter().any(|(record, _)| record.spec.method().embeds()) {
+        @if compared.iter().any(|(record, _)| record.spec.space().embeds()) {
             @for (id, title, note) in TRAININGS { (curves(id, title, note)) }
         }
         (taxonomies::section(compared))
@@ -84,7 +84,7 @@ const NOVELTY: [(&str, &str, &str); 2] = [
     ),
     ("mean", "Mean novelty", ""),
 ];
-/// Those of campaigns that embed.
+/// The curves of campaigns that embed.
 const TRAININGS: [(&str, &str, &str); 2] = [
     (
         "accuracy",

@@ -7,7 +7,7 @@ use super::{
 };
 use maud::{Markup, html};
 use murmuration_model::CampaignRecord;
-use murmuration_proto::counted;
+use murmuration_proto::{BehaviourSpace, Scale, counted};
 use murmuration_report::point_map;
 use murmuration_search::{interrupt::Interrupt, novelty::Behaviours, projection::principal_axes};
 use murmuration_study::wide;
@@ -18,7 +18,6 @@ const MARGIN: f64 = 24.0;
 
 type Compared = (CampaignRecord, Option<NamedTaxonomy>);
 
-/// The map and the rows.
 pub(super) fn section(compared: &[Compared]) -> Markup {
     let all = behaviours(compared);
     let with = compared.iter().filter(|(_, named)| named.is_some()).count();
@@ -53,7 +52,8 @@ fn behaviours(compared: &[Compared]) -> Vec<Behaviour> {
                 .map(|(place, medoid)| Behaviour {
                     campaign,
                     place,
-                    at: medoid.individual.behaviour(record.spec.method()),
+                    // Campaigns are measured in one space only where nothing is scaled.
+                    at: medoid.individual.behaviour(&Scale::unscaled(record.spec.space())),
                     mean_distance: medoid.mean_distance,
                     class: named.class(place).cloned(),
                 }),
@@ -70,10 +70,10 @@ fn have_one_space(compared: &[Compared]) -> bool {
 }
 
 /// Embeddings are comparable if one checkpoint made them; hand-crafted features if they are of the same robots in a world of the same
-/// size, which they are measured by.
+/// size, which they are measured by. Both together are scaled by each campaign's own first generation.
 fn share_a_space(one: &CampaignRecord, other: &CampaignRecord) -> bool {
-    let [ours, theirs] = [one, other].map(|record| record.spec.method());
-    let same_parts = ours.embeds() == theirs.embeds() && ours.has_features() == theirs.has_features();
+    let [ours, theirs] = [one, other].map(|record| record.spec.space());
+    let same_parts = ours == theirs && ours != BehaviourSpace::Both;
     let size = |record: &CampaignRecord| [record.spec.world().width(), record.spec.world().height()];
     let same_features =
         one.spec.model().species() == other.spec.model().species() && size(one) == size(other);
@@ -81,15 +81,15 @@ fn share_a_space(one: &CampaignRecord, other: &CampaignRecord) -> bool {
     same_parts && (!ours.has_features() || same_features) && (!ours.embeds() || ours_by == theirs_by)
 }
 
-/// What a campaign measures behaviours by.
+/// The behaviour space of a campaign.
 fn space_in_words(record: &CampaignRecord) -> String {
-    let method = record.spec.method();
-    let checkpoint = record.embedder.checkpoint().filter(|_| method.embeds());
+    let space = record.spec.space();
+    let checkpoint = record.embedder.checkpoint().filter(|_| space.embeds());
     let embedding = checkpoint.map(|digest| {
         let short: String = digest.to_string().chars().take(12).collect();
         format!("the embedding by checkpoint {short}")
     });
-    let features = method.has_features().then(|| {
+    let features = space.has_features().then(|| {
         let world = record.spec.world();
         format!(
             "the features of {} robots in a world of {} x {}",
@@ -114,7 +114,7 @@ fn explanation(compared: &[Compared], has_one_space: bool, groups: &[Group], wit
         } @else {
             p.lead {
                 "These campaigns measure behaviours in different spaces, in which distances do not mean the same. So behaviours are matched by "
-                "the classes that they were given, by people or by the rule-based judge, and those without a class are not matched."
+                "the classes that they were given, by annotators or by the rule-based judge, and those without a class are not matched."
             }
             ul.reason {
                 @for (record, _) in compared.iter().filter(|(_, named)| named.is_some()) {
@@ -293,15 +293,15 @@ mod tests {
 
     #[test]
     fn embeddings_are_of_one_space_if_one_checkpoint_made_them() {
-        let latent = || samples::record("model = \"two-sensor\"\nmethod = \"latent\"");
+        let latent = || samples::record("model = \"two-sensor\"\nmethod = \"latent\"\nspace = \"embedding\"");
         let (one, other) = (by(b"one", latent()), by(b"other", latent()));
         assert!(share_a_space(&one, &by(b"one", latent())));
         assert!(!share_a_space(&one, &other));
         let both = by(
             b"one",
-            samples::record("model = \"two-sensor\"\nmethod = \"concatenate\""),
+            samples::record("model = \"two-sensor\"\nmethod = \"latent\""),
         );
-        assert!(!share_a_space(&one, &both));
+        assert!(!share_a_space(&one, &both) && !share_a_space(&both, &both));
         assert!(
             space_in_words(&both).contains(" and the features of two-sensor"),
             "{}",

@@ -25,7 +25,7 @@ pub(super) enum State {
     Measuring,
     /// It failed for this reason.
     Failed(String),
-    /// What it is for is known.
+    /// Its result is known.
     Done,
 }
 
@@ -155,7 +155,6 @@ impl Known {
     }
 }
 
-/// The state of a campaign.
 fn state(status: &CampaignStatus) -> State {
     let record = &status.record;
     match record.state {

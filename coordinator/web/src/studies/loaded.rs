@@ -46,7 +46,6 @@ pub struct Studies(Arc<Shared>);
 #[derive(Debug)]
 struct Shared {
     data: PathBuf,
-    /// Those that somebody looks at, by name.
     held: Mutex<BTreeMap<String, Held>>,
     /// The campaigns of the coordinator as they stood a moment ago, and when that was.
     listed: sync::Mutex<Option<(Instant, Arc<Known>)>>,
@@ -65,21 +64,16 @@ struct Held {
 /// Why a study cannot be shown.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Unusable {
-    /// There is none of this name.
     #[error("there is no study \"{0}\" in the data directory")]
     None(String),
-    /// Its folder cannot be read.
     #[error("{0}")]
     Folder(#[from] FolderError),
-    /// An answer about it is not allowed.
     #[error("{0}")]
     Answer(#[from] Invalid),
-    /// Reading it broke off.
     #[error("{0}")]
     Broken(#[from] Broken),
 }
 
-/// A study that was read.
 #[derive(Debug)]
 struct Read {
     study: Arc<Loaded>,
@@ -125,10 +119,9 @@ pub(super) struct Loaded {
     report: OnceCell<Bytes>,
 }
 
-/// The campaigns that a study needs.
 #[derive(Debug)]
 pub(super) struct Jobs {
-    /// Those that come before the cells: the atlas, and embedders that cells share.
+    /// The jobs before the cells: the atlas, and embedders that cells share.
     pub(super) before: Vec<Job>,
     /// The cells, in the order of the study.
     pub(super) cells: Vec<Job>,
@@ -136,20 +129,18 @@ pub(super) struct Jobs {
     pub(super) read: Instant,
 }
 
-/// A campaign that a study needs.
 #[derive(Debug)]
 pub(super) struct Job {
-    /// What it is, in words.
+    /// Its name, in words.
     pub(super) words: String,
     /// Digest of its specification; `None` while the embedder that it begins with is not known.
     pub(super) digest: Option<String>,
-    /// What came of it, if something did: the id of the campaign, which may be unknown.
+    /// The id of its campaign, if it is done; empty if that is unknown.
     pub(super) done: Option<String>,
 }
 
 impl Studies {
-    /// Those of a data directory.
-    #[must_use]
+    /// The studies of a data directory.
     pub fn of(data: &Path) -> Self {
         Self(Arc::new(Shared {
             data: data.to_owned(),
@@ -288,7 +279,7 @@ impl Shared {
 }
 
 impl Jobs {
-    /// Those of a study whose folder is only looked into.
+    /// The jobs of a study whose folder is only looked into.
     fn look(data: &Path, name: &str) -> Result<Self, FolderError> {
         let KeptStudy {
             folder,
@@ -312,7 +303,7 @@ impl Jobs {
         done: impl Fn(usize, Option<&str>) -> Result<Option<String>, FolderError>,
     ) -> Result<Self, FolderError> {
         let mut before = Vec::new();
-        if let Some(plan) = &study.measures().recall {
+        if let Some(plan) = &study.measures.recall {
             before.push(Job {
                 words: "atlas".to_owned(),
                 digest: Some(cell_digest(&plan.atlas)),
@@ -321,7 +312,7 @@ impl Jobs {
         }
         let mut trained = BTreeMap::new();
         let mut cells = Vec::new();
-        for (place, cell) in study.cells().iter().enumerate() {
+        for (place, cell) in study.cells.iter().enumerate() {
             let words = study.cell_in_words(cell);
             if let Some(spec) = study.embedder_of(cell)? {
                 trained.entry(cell_digest(&spec)).or_insert_with(|| words.clone());
@@ -343,7 +334,6 @@ impl Jobs {
         Ok(Self { before, cells, read })
     }
 
-    /// How many cells are done.
     pub(super) fn measured(&self) -> usize {
         self.cells.iter().filter(|cell| cell.done.is_some()).count()
     }
@@ -403,7 +393,7 @@ impl Loaded {
         drawing.await.map_err(|_| Broken)?
     }
 
-    /// What was judged of an individual of the cell with this digest.
+    /// The judge's word on an individual of the cell with this digest.
     fn judged(&self, cell: &str, index: u64) -> Option<&JudgedIndividual> {
         let measured = self.outcome.cell(cell)?.measured;
         measured.behaviours.as_ref()?.individuals.get(&index)
@@ -413,10 +403,8 @@ impl Loaded {
 /// Why there is no page of a report.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Undrawn {
-    /// It cannot be drawn.
     #[error("{0}")]
     Report(#[from] ReportError),
-    /// Drawing it broke off.
     #[error("{0}")]
     Broken(#[from] Broken),
 }

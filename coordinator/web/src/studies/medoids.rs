@@ -1,7 +1,12 @@
 //! The medoids of a study's cells, which people may judge again: each with its picture, its motion and the classes.
 
 use super::loaded::Loaded;
-use crate::{Web, page_error::PageError, parts, play::described, refused::Refused};
+use crate::{
+    Web,
+    page_error::{PageError, Refused},
+    parts,
+    play::described,
+};
 use axum::{
     Json,
     extract::{Path, State},
@@ -14,7 +19,7 @@ use serde::Deserialize;
 
 /// The part of a study's page with the medoids: the script asks for those of a cell when somebody opens it.
 pub(super) fn section(loaded: &Loaded) -> Markup {
-    let (study, name) = (loaded.outcome.study(), loaded.outcome.study().name().as_str());
+    let (study, name) = (loaded.outcome.study(), loaded.outcome.study().name.as_str());
     let judged = || loaded.outcome.cells().filter(|cell| !last(cell).is_empty());
     html! {
         @if judged().next().is_some() {
@@ -96,7 +101,7 @@ pub(crate) async fn of_cell(
     })
 }
 
-/// What somebody says of an individual.
+/// A person's class for an individual.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Said {
@@ -105,7 +110,7 @@ pub(crate) struct Said {
     index: u64,
     /// Name of the class; empty for the judge's word.
     class: String,
-    /// Who says so.
+    /// Name of the annotator.
     by: String,
 }
 

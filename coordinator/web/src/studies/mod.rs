@@ -1,6 +1,6 @@
 //! The pages of studies: which campaign of the grid is how far, and the tables and plots of the report as they stand.
 //!
-//! They read what `murmuration study run` keeps in the data directory, and begin nothing themselves.
+//! They read what `murmuration lab study run` keeps in the data directory, and begin nothing themselves.
 
 mod known;
 mod loaded;
@@ -9,7 +9,7 @@ mod sight;
 
 use super::{
     Web,
-    layout::{STUDIES, layout, study_page},
+    layout::{STUDIES, layout, layout_with},
     live::{Events, follow, permit},
     page_error::PageError,
     visitor::Visitor,
@@ -26,7 +26,6 @@ use murmuration_proto::{counted, grouped};
 use sight::Sight;
 use tonic::Status;
 
-/// The list of studies.
 pub(super) async fn list(State(web): State<Web>, visitor: Visitor) -> Result<Markup, PageError> {
     let names = web.studies.names().await?;
     let known = web.studies.known(&web.campaigns).await?;
@@ -42,7 +41,7 @@ pub(super) async fn list(State(web): State<Web>, visitor: Visitor) -> Result<Mar
             h1 { "Studies" }
             p.lead { "A study is a grid of campaigns, each in several replicates, with one report." }
             @if listed.is_empty() {
-                p { "There are no studies in this data directory yet. The command " code { "murmuration study run FILE --data DIR" } " runs one; DIR is the coordinator's." }
+                p { "There are no studies in this data directory yet. The command " code { "murmuration lab study run FILE --data DIR" } " runs one; DIR is the coordinator's." }
             } @else {
                 ul.campaigns {
                     @for (name, sight) in &listed {
@@ -71,10 +70,11 @@ pub(super) async fn page(
 ) -> Result<Markup, PageError> {
     let loaded = web.studies.loaded(&name).await?;
     let study = loaded.outcome.study();
-    let name = study.name().as_str();
-    Ok(study_page(
-        name,
+    let name = study.name.as_str();
+    Ok(layout_with(
+        &format!("Study {name}"),
         &visitor,
+        &["study.js"],
         html! {
             p.eyebrow { "Study" }
             div.wide-bar {
@@ -82,8 +82,8 @@ pub(super) async fn page(
                 @if loaded.jobs.measured() > 0 { a.button href={ "/studies/" (name) "/report" } { "Export the report" } }
             }
             p.lead {
-                (counted(study.rows().len() as u64, "row")) ", " (counted(study.seeds().len() as u64, "replicate")) " each: "
-                (counted(study.cells().len() as u64, "campaign")) ". "
+                (counted(study.rows().len() as u64, "row")) ", " (counted(study.seeds.len() as u64, "replicate")) " each: "
+                (counted(study.cells.len() as u64, "campaign")) ". "
             }
             noscript { p.scriptless { "Without JavaScript this page does not update. Reload it to see the current state." } }
             section aria-label="Cells" data-live={ "/studies/" (name) "/events" } { (sight(&web, &loaded).await?.markup(&loaded)) }
@@ -116,13 +116,12 @@ pub(super) async fn current_tables(
     Ok(tables(&*web.studies.loaded(&name).await?))
 }
 
-/// The report as one file to download.
 pub(super) async fn export(
     State(web): State<Web>,
     Path(name): Path<String>,
 ) -> Result<impl IntoResponse, PageError> {
     let loaded = web.studies.loaded(&name).await?;
-    let name = loaded.outcome.study().name().as_str().to_owned();
+    let name = loaded.outcome.study().name.as_str().to_owned();
     let permit = web.archive.permits.export();
     let permit = permit.map_err(|status| PageError::Busy(status.message().to_owned()))?;
     let page = loaded.report(permit).await;
@@ -150,7 +149,7 @@ fn tables(loaded: &Loaded) -> Markup {
         @if loaded.jobs.measured() == 0 {
             p.lead { "The tables and plots appear when the first cell is done." }
         } @else {
-            @if loaded.jobs.measured() < loaded.outcome.study().cells().len() {
+            @if loaded.jobs.measured() < loaded.outcome.study().cells.len() {
                 p.lead { "From the " (grouped(loaded.jobs.measured() as u64)) " cells that are done." }
             }
             (PreEscaped(&loaded.tables))

@@ -25,7 +25,7 @@ pub(super) struct Sight {
 }
 
 impl Sight {
-    /// What is to be seen of a study among these campaigns.
+    /// The states of a study's jobs among these campaigns.
     pub(super) fn of(jobs: &Jobs, known: &Known) -> Self {
         let seen = |job: &Job| {
             let found = job.digest.as_ref().and_then(|digest| known.get(digest));
@@ -47,7 +47,6 @@ impl Sight {
         }
     }
 
-    /// How many cells there are.
     pub(super) fn cells(&self) -> usize {
         self.cells.len()
     }
@@ -78,12 +77,12 @@ impl Sight {
     /// The part of a study's page that changes while it runs; a script reads from it when the tables have changed.
     pub(super) fn markup(&self, loaded: &Loaded) -> Markup {
         let study = loaded.outcome.study();
-        let cells = study.cells().iter().zip(&self.cells);
+        let cells = study.cells.iter().zip(&self.cells);
         html! {
             div data-version=(loaded.version) {
                 (self.progress())
                 @if self.done() < self.cells() {
-                    p.reason { code { "murmuration study run" } " starts the waiting cells and measures the completed ones." }
+                    p.reason { code { "murmuration lab study run" } " starts the waiting cells and measures the completed ones." }
                 }
                 @if !self.before.is_empty() {
                     h2 { "Before the cells" }
@@ -98,7 +97,7 @@ impl Sight {
                     div.wide.cells tabindex="0" role="group" aria-label="Cells" {
                         table {
                             thead { tr {
-                                @for axis in study.axes() { th { (axis.name) } }
+                                @for axis in &study.axes { th { (axis.name) } }
                                 th.number { "seed" } th { "state" } th { "campaign" }
                             } }
                             tbody {

@@ -4,14 +4,15 @@ use super::{Shown, alike, starts, versions};
 use crate::{archived, parts};
 use maud::{Markup, html};
 use murmuration_engine::taxonomy::{ClusterName, Origin};
-use murmuration_model::CampaignRecord;
+use murmuration_model::{
+    CampaignRecord,
+    labels::{ClassName, GivenClass},
+};
 use murmuration_proto::{Verdict, counted, grouped};
 
-/// Which card.
 pub(super) struct Card<'a> {
     pub(super) record: &'a CampaignRecord,
     pub(super) shown: &'a Shown,
-    /// The place of the cluster.
     pub(super) place: usize,
 }
 
@@ -54,12 +55,7 @@ pub(super) fn card(card: &Card<'_>) -> Markup {
     let number = card.place + 1;
     html! {
         article.medoid data-index=(index) aria-labelledby={ "behaviour-" (number) } {
-            div.stage tabindex="0" role="button" aria-label={ "Play behaviour " (number) } {
-                (parts::shape(record.spec.world()))
-                img src=(archived::picture(record, index)) width="150" height="150" loading="lazy"
-                    alt={ "Picture of behaviour " (number) };
-                canvas aria-hidden="true" {}
-            }
+            (stage(record, index, &format!("behaviour {number}")))
             h2 id={ "behaviour-" (number) } { "Behaviour " (number) }
             p.reason title={
                 (grouped(medoid.cluster_size)) " of " (counted(individuals as u64, "individual"))
@@ -86,6 +82,42 @@ pub(super) fn card(card: &Card<'_>) -> Markup {
     }
 }
 
+/// The card of an individual that is no medoid: picture and name.
+pub(super) fn further(record: &CampaignRecord, name: Option<&GivenClass>, index: u64) -> Markup {
+    let of = format!("individual {index}");
+    html! {
+        article.medoid data-index=(index) aria-labelledby={ "individual-" (index) } {
+            (stage(record, index, &of))
+            h3 id={ "individual-" (index) } { "Individual " (grouped(index)) }
+            (name_field(index, &of, name.map(|name| &name.class)))
+        }
+    }
+}
+
+/// The picture of an individual, which plays its motion; `of` says what it is a picture of.
+fn stage(record: &CampaignRecord, index: u64, of: &str) -> Markup {
+    html! {
+        div.stage tabindex="0" role="button" aria-label={ "Play " (of) } {
+            (parts::shape(record.spec.world()))
+            img src=(archived::picture(record, index)) width="150" height="150" loading="lazy" alt={ "Picture of " (of) };
+            canvas aria-hidden="true" {}
+        }
+    }
+}
+
+/// The field that gives an individual a name.
+fn name_field(index: u64, of: &str, name: Option<&ClassName>) -> Markup {
+    html! {
+        form.naming.scripted data-index=(index) {
+            label { span.unseen { "Name of " (of) }
+                input name="name" list="names" maxlength="64" autocomplete="off" placeholder="Name it"
+                    value=[name.map(ClassName::shown)];
+            }
+            button.plain { "Save" }
+        }
+    }
+}
+
 /// The judge's word, which may become the name with a click.
 fn judged(card: &Card<'_>, index: u64) -> Markup {
     let word = card.shown.words.get(&index).copied();
@@ -107,7 +139,7 @@ fn judged(card: &Card<'_>, index: u64) -> Markup {
     }
 }
 
-/// What a worker makes of the controller: further starts, and files to download.
+/// Links to what workers simulate of the controller: further starts, and files to download.
 fn files(card: &Card<'_>, index: u64) -> Markup {
     let number = card.place + 1;
     let of = format!("/campaigns/{}/individuals/{index}", card.record.id);
@@ -128,13 +160,7 @@ fn naming(card: &Card<'_>, index: u64) -> Markup {
     let (name, number) = (card.name(), card.place + 1);
     html! {
         @if card.shown.version.stands {
-            form.naming.scripted data-index=(index) {
-                label { span.unseen { "Name of behaviour " (number) }
-                    input name="name" list="names" maxlength="64" autocomplete="off" placeholder="Name it"
-                        value=[name.map(|name| name.class.shown())];
-                }
-                button.plain { "Save" }
-            }
+            (name_field(index, &format!("behaviour {number}"), name.map(|name| &name.class)))
         } @else if let Some(name) = name {
             p { strong { (name.class.shown()) } }
         }

@@ -2,13 +2,13 @@
 
 use super::{map, versions};
 use crate::{
-    Web, archived,
+    archived,
     layout::{Part, campaign_page},
+    of_campaign::OfCampaign,
     page_error::PageError,
     parts,
-    visitor::Visitor,
 };
-use axum::extract::{Path, Query, State};
+use axum::extract::Query;
 use maud::{Markup, html};
 use murmuration_engine::{
     blocking::blocking,
@@ -58,14 +58,10 @@ struct Compared {
     names: Names,
 }
 
-/// The page.
 pub(crate) async fn page(
-    State(web): State<Web>,
-    Path(id): Path<String>,
     Query(asked): Query<Asked>,
-    visitor: Visitor,
+    OfCampaign { web, record, visitor }: OfCampaign,
 ) -> Result<Markup, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
     let (store, maps, of) = (web.store.clone(), web.maps.clone(), record.clone());
     let compared = blocking(move || read(&store, &maps, &of, &asked))
         .await?
@@ -89,13 +85,7 @@ pub(crate) async fn page(
             }
         }
     };
-    Ok(campaign_page(
-        &record,
-        Part::Taxonomy,
-        &visitor,
-        "taxonomy.js",
-        content,
-    ))
+    Ok(campaign_page(&record, Part::Taxonomy, &visitor, content))
 }
 
 /// The two versions that are asked for; `None` if they are not there, or one.
@@ -167,7 +157,6 @@ fn side(
     }))
 }
 
-/// The form that chooses the versions.
 fn choices(compared: &Compared) -> Markup {
     let menu = |name: &str, chosen: &Side| {
         html! {
@@ -189,7 +178,7 @@ fn choices(compared: &Compared) -> Markup {
     }
 }
 
-/// What is known of both versions as a whole.
+/// A comparison of both versions as a whole.
 fn summary(record: &CampaignRecord, compared: &Compared) -> Markup {
     let Compared {
         before,
@@ -252,7 +241,6 @@ fn stays(compared: &Compared, place: usize) -> bool {
         .is_some_and(|before| compared.before.stored.medoids[before] == compared.after.stored.medoids[place])
 }
 
-/// Both maps.
 fn maps_of(record: &CampaignRecord, compared: &Compared) -> Markup {
     let Compared { before, after, .. } = compared;
     html! {
@@ -300,7 +288,6 @@ fn map_of(record: &CampaignRecord, side: &Side, after: &Side) -> Markup {
     }
 }
 
-/// What became of each cluster.
 fn clusters(record: &CampaignRecord, compared: &Compared) -> Markup {
     let Compared {
         before,
@@ -411,7 +398,6 @@ fn fresh(change: &Change, place: usize) -> Markup {
     }
 }
 
-/// What became of the names.
 fn names(compared: &Compared) -> Markup {
     let carried = compared.names.names.iter().enumerate();
     let carried: Vec<_> = carried

@@ -7,6 +7,7 @@ use murmuration_engine::{blocking::blocking, taxonomy::Medoid};
 use murmuration_model::CampaignRecord;
 use murmuration_proto::{Controller, Purpose, RandomStream, Starts, Verdict};
 use murmuration_service::OrStatus as _;
+use rand::RngExt as _;
 use std::{
     collections::{BTreeMap, VecDeque},
     sync::{Arc, Mutex, PoisonError},
@@ -20,7 +21,7 @@ const MOST_STARTS: usize = 64;
 /// Most individuals of which the judge's word is remembered.
 const MOST_WORDS: usize = 4096;
 
-/// What the judge has said lately; cheap to clone.
+/// The judge's latest verdicts; cheap to clone.
 #[derive(Debug, Clone, Default)]
 pub struct Judged {
     starts: Arc<Mutex<Recent<Arc<Vec<Start>>>>>,
@@ -86,7 +87,7 @@ impl Judged {
         medoids.iter().filter_map(word).collect()
     }
 
-    /// Has workers judge the medoids of which there is no word yet.
+    /// Workers judge the medoids without a verdict.
     pub(super) async fn ask(
         &self,
         web: &Web,
@@ -130,7 +131,7 @@ impl Judged {
         let (store, id, model) = (web.store.clone(), record.id.clone(), record.spec.model().clone());
         let individual = blocking(move || store.individual(&id, &model, index)).await;
         let individual = individual.or_status()?.or_status()?;
-        let seed = |start| RandomStream::derive(individual.seed, Purpose::FurtherTrial, start).bits();
+        let seed = |start| RandomStream::derive(individual.seed, Purpose::FurtherTrial, start).random();
         let first = u64::from(Starts::MAX);
         let tasks = (first..first + STARTS).map(|start| (individual.controller.clone(), seed(start)));
         let evaluated = evaluated(web, record, tasks.collect()).await?;
@@ -140,7 +141,7 @@ impl Judged {
     }
 }
 
-/// What came of each task, in the world of a campaign; `None` where it was given up.
+/// The result of each task, in the world of a campaign; `None` where it was given up.
 async fn evaluated(
     web: &Web,
     record: &CampaignRecord,

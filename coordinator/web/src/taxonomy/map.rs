@@ -1,11 +1,7 @@
 //! The map of a version of a taxonomy, as it was when that was made.
 
-use crate::{Web, archived::Created, page_error::PageError};
-use axum::{
-    extract::{Path, Query, State},
-    http::header::CONTENT_TYPE,
-    response::IntoResponse,
-};
+use crate::{archived::Created, of_campaign::OfCampaign, page_error::PageError};
+use axum::{extract::Query, http::header::CONTENT_TYPE, response::IntoResponse};
 use murmuration_engine::{blocking::blocking, maps::Maps, space::SpaceError, taxonomy::Change};
 use murmuration_model::{
     CampaignRecord,
@@ -72,12 +68,10 @@ fn stretch(points: &mut [[f64; 2]]) {
 
 /// The individuals of a version in the colours of its clusters.
 pub(crate) async fn picture(
-    State(web): State<Web>,
-    Path(id): Path<String>,
     Query(which): Query<Which>,
     Query(created): Query<Created>,
+    OfCampaign { web, record, .. }: OfCampaign,
 ) -> Result<impl IntoResponse, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
     let kept = created.keep(&record);
     let (store, maps) = (web.store.clone(), web.maps.clone());
     let drawn = blocking(move || draw(&store, &maps, &record, &which)).await?;

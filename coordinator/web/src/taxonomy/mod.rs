@@ -13,9 +13,9 @@ pub use judged::Judged;
 use super::{
     Web, keys,
     layout::{Part, campaign_page},
+    of_campaign::OfCampaign,
     page_error::PageError,
     parts,
-    visitor::Visitor,
 };
 use axum::{
     extract::{Path, Query, State},
@@ -26,11 +26,11 @@ use card::{Card, card};
 use maud::{Markup, html};
 use murmuration_engine::{
     blocking::blocking,
-    taxonomy::{Alike, Names, Taxonomy},
+    taxonomy::{Alike, Names, Origin, Taxonomy},
 };
 use murmuration_model::{CampaignId, CampaignRecord, labels::Labels};
 use murmuration_proto::{
-    Verdict,
+    Choice, Verdict,
     v1::{
         campaign_service_client::CampaignServiceClient, campaign_service_server::CampaignServiceServer,
         label_service_client::LabelServiceClient, label_service_server::LabelServiceServer,
@@ -52,13 +52,15 @@ const KEYS: [(&str, &str); 3] = [
     ("Enter", "on a name: save it"),
 ];
 
-/// What is asked of the page.
+/// The parameters of the page's address.
 #[derive(Debug, Deserialize)]
 pub(super) struct Asked {
     /// The version to show; the newest without it.
     version: Option<u32>,
     /// Whether the judge is to be asked about the medoids; any value says so.
     judged: Option<String>,
+    /// Number of individuals to show beside the medoids.
+    more: Option<usize>,
 }
 
 /// A version of a taxonomy, with the names of its clusters and all other versions.
@@ -72,16 +74,18 @@ struct Shown {
     alike: Vec<Alike>,
     /// The judge's word on medoids, by their index, as far as it was asked.
     words: BTreeMap<u64, Verdict>,
+    /// Individuals that are shown beside the medoids, far from these and from each other.
+    further: Vec<u64>,
 }
 
-/// The page.
+/// Individuals that are shown beside the medoids at a time, and at most.
+const MORE: usize = 12;
+const MOST_MORE: usize = 240;
+
 pub(super) async fn page(
-    State(web): State<Web>,
-    Path(id): Path<String>,
     Query(asked): Query<Asked>,
-    visitor: Visitor,
+    OfCampaign { web, record, visitor }: OfCampaign,
 ) -> Result<Markup, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
     let (store, of) = (web.store.clone(), record.clone());
     let mut shown = blocking(move || read(&store, &of, asked.version)).await??;
     match &mut shown {
@@ -93,6 +97,14 @@ pub(super) async fn page(
                 web.judged.ask(&web, &record, medoids).await?;
             }
             shown.words = web.judged.known(&record, medoids);
+            if let Some(more) = asked.more.filter(|_| shown.version.stands) {
+                let queries = &web.labels.queries;
+                let further = queries
+                    .beyond_medoids(&record, more.min(MOST_MORE))
+                    .await
+                    .or_status()?;
+                shown.further = further.into_iter().map(|index| index as u64).collect();
+            }
         }
     }
     let content = html! {
@@ -108,16 +120,10 @@ pub(super) async fn page(
             Some(shown) => (behaviours(&record, shown)),
         }
     };
-    Ok(campaign_page(
-        &record,
-        Part::Taxonomy,
-        &visitor,
-        "taxonomy.js",
-        content,
-    ))
+    Ok(campaign_page(&record, Part::Taxonomy, &visitor, content))
 }
 
-/// What can be done with a version as a whole.
+/// The buttons for a version as a whole.
 fn actions(record: &CampaignRecord, shown: &Shown) -> Markup {
     let of = format!("/campaigns/{}", record.id);
     html! {
@@ -149,12 +155,14 @@ fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Op
     };
     let labels = store.labels(&record.id)?;
     let names = Names::read(store, &record.id, until, &labels)?;
-    let alike = match version.stands {
-        true => taxonomy.alike(record.spec.method()),
+    // Medoids that cover a space lie at the rims of their clusters, which touch each other all over.
+    let alike = match version.stands && record.spec.choice() != Choice::Coverage {
+        true => taxonomy.alike(&store.scale(record)?),
         false => Vec::new(),
     };
     Ok(Some(Shown {
         alike,
+        further: Vec::new(),
         words: BTreeMap::new(),
         versions,
         version,
@@ -164,13 +172,29 @@ fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Op
     }))
 }
 
+/// What is known to be shown, in one line; nothing where nothing has a name.
+fn answer(shown: &Shown) -> Markup {
+    let medoids = shown.taxonomy.medoids.iter().enumerate();
+    let shown = medoids.map(|(place, medoid)| {
+        let name = shown.names.names.get(place).and_then(Option::as_ref);
+        let name = name.filter(|name| name.origin != Origin::Judge);
+        let verdict = shown.words.get(&medoid.individual.index).copied();
+        report::Shown::of(name.map(|name| &name.class), verdict)
+    });
+    let found = report::found(&shown.collect::<Vec<_>>());
+    html! {
+        @if !found.is_empty() { p.lead { @for (count, names) in found { strong { (count) } ": " (names) ". " } } }
+    }
+}
+
 /// The cards of a version, with what is to be said of all of them.
 fn behaviours(record: &CampaignRecord, shown: &Shown) -> Markup {
-    let embeds = record.spec.method().embeds();
+    let embeds = record.spec.space().embeds();
     html! {
         (versions::list(record, shown))
+        (answer(shown))
         p.lead {
-            "Each card shows the behaviour at the centre of a cluster. The largest cluster is first. "
+            "Each card shows a behaviour that stands for a cluster. The largest cluster is first. "
             @if shown.version.stands {
                 span.scripted {
                     "Point at a picture to play its motion. A name counts as a label"
@@ -195,7 +219,27 @@ fn behaviours(record: &CampaignRecord, shown: &Shown) -> Markup {
                 }
             }
         }
+        @if shown.version.stands { (further(record, shown)) }
         (alike::section(record, shown))
+    }
+}
+
+/// Individuals beside the medoids, and a link to more of them.
+fn further(record: &CampaignRecord, shown: &Shown) -> Markup {
+    let count = shown.further.len();
+    let medoids = shown.taxonomy.medoids.len();
+    let given = shown.labels.given_classes();
+    html! {
+        section #more {
+            @if count > 0 {
+                h2 { "Further behaviours" }
+                p.reason { "Each is the farthest from the behaviours above and from those before it." }
+                ul.medoids { @for &index in &shown.further { li { (card::further(record, given.get(&index), index)) } } }
+            }
+            @if count < MOST_MORE && count + medoids < shown.taxonomy.clusters.len() {
+                p { a.button href={ "/campaigns/" (record.id) "/taxonomy?more=" (count + MORE) "#more" } { "Show " (MORE) " more" } }
+            }
+        }
     }
 }
 

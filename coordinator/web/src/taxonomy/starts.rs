@@ -2,14 +2,13 @@
 
 use super::judged::{STARTS, Start, counted};
 use crate::{
-    Web,
     archived::Created,
     layout::{Part, campaign_page},
+    of_campaign::OfCampaign,
     page_error::PageError,
-    visitor::Visitor,
 };
 use axum::{
-    extract::{Path, Query, State},
+    extract::{Path, Query},
     http::header::CONTENT_TYPE,
     response::IntoResponse,
 };
@@ -23,11 +22,9 @@ const SCALE: u32 = 2;
 
 /// The page; a script shows the part `starts` of it beside the card.
 pub(crate) async fn page(
-    State(web): State<Web>,
-    Path((id, index)): Path<(String, u64)>,
-    visitor: Visitor,
+    Path((_, index)): Path<(String, u64)>,
+    OfCampaign { web, record, visitor }: OfCampaign,
 ) -> Result<Markup, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
     let starts = web.judged.starts(&web, &record, index).await?;
     let content = html! {
         div.wide-bar {
@@ -36,13 +33,7 @@ pub(crate) async fn page(
         }
         (told(&record, index, &starts))
     };
-    Ok(campaign_page(
-        &record,
-        Part::Taxonomy,
-        &visitor,
-        "taxonomy.js",
-        content,
-    ))
+    Ok(campaign_page(&record, Part::Taxonomy, &visitor, content))
 }
 
 /// A verdict as pages show it.
@@ -59,7 +50,7 @@ pub(super) fn in_words(verdict: Verdict) -> String {
     }
 }
 
-/// What the judge said of the starts, and their pictures by class.
+/// The judge's verdicts on the starts, and their pictures by class.
 fn told(record: &CampaignRecord, index: u64, starts: &[Start]) -> Markup {
     let verdicts = counted(starts.iter().map(|start| start.verdict));
     let missing = STARTS as usize - starts.len();
@@ -76,8 +67,8 @@ fn told(record: &CampaignRecord, index: u64, starts: &[Start]) -> Markup {
                 @if missing > 0 { " " (missing) " could not be simulated." }
             }
             p.reason {
-                "The same controller from other starts. The rule-based judge names each motion; it agrees with people in about nine of ten cases. None "
-                "of this is stored."
+                "The same controller from other starts. The rule-based judge names each motion; on the labelled sets it agrees in about nine of ten "
+                "cases with the annotators, each a vision model with a written brief. None of this is stored."
             }
             ul.starts {
                 @for (verdict, _) in &verdicts {
@@ -96,11 +87,10 @@ fn told(record: &CampaignRecord, index: u64, starts: &[Start]) -> Markup {
 
 /// The picture of a further start, as a PNG.
 pub(crate) async fn picture(
-    State(web): State<Web>,
-    Path((id, index, place)): Path<(String, u64, usize)>,
+    Path((_, index, place)): Path<(String, u64, usize)>,
     Query(created): Query<Created>,
+    OfCampaign { web, record, .. }: OfCampaign,
 ) -> Result<impl IntoResponse, PageError> {
-    let record = web.campaigns.status(&id).await?.record;
     let starts = web.judged.starts(&web, &record, index).await?;
     let start = starts.get(place).ok_or(PageError::NoPage)?;
     let png = image_png(&start.image, record.spec.image().shape(), SCALE)?;

@@ -16,7 +16,6 @@ pub(super) fn in_words(version: &TaxonomyVersion) -> String {
     }
 }
 
-/// A link to a version.
 pub(super) fn link(record: &CampaignRecord, version: u32) -> Markup {
     html! { a href={ "/campaigns/" (record.id) "/taxonomy?version=" (version) } { "version " (version) } }
 }
