@@ -9,35 +9,61 @@ use clap_mangen::{
 };
 use std::{fs, io, path::Path};
 
-/// Writes `murmuration.1`, and `murmuration-COMMAND.1` for each command, into a folder that may exist.
-pub(super) fn write(command: Command, folder: &Path) -> io::Result<()> {
+/// Writes `murmuration.1`, which lists the commands by `groups`, and `murmuration-COMMAND.1` for each command, into a folder that
+/// may exist.
+pub(super) fn write(command: Command, groups: &[Command], folder: &Path) -> io::Result<()> {
     let mut command = command.disable_help_subcommand(true);
     command.build();
     fs::create_dir_all(folder)?;
-    write_with_those_within(command, folder)
+    write_with_those_within(command, groups, folder)
 }
 
-fn write_with_those_within(command: Command, folder: &Path) -> io::Result<()> {
+fn write_with_those_within(command: Command, groups: &[Command], folder: &Path) -> io::Result<()> {
     for within in command.get_subcommands().filter(|within| !within.is_hide_set()) {
-        write_with_those_within(within.clone(), folder)?;
+        write_with_those_within(within.clone(), &[], folder)?;
     }
-    let (name, text) = page(command)?;
+    let (name, text) = page(command, groups)?;
     fs::write(folder.join(name), text)
 }
 
-/// A page and the name of its file.
-fn page(command: Command) -> io::Result<(String, Vec<u8>)> {
+/// A page and the name of its file. The page of a command without groups lists the commands within it in one section.
+fn page(command: Command, groups: &[Command]) -> io::Result<(String, Vec<u8>)> {
     let help = command.get_after_help().map(ToString::to_string);
     let help = BelowOptions::of(help.as_deref().unwrap_or_default());
     let mut command = command.after_help(None::<&'static str>);
     if !help.prose.is_empty() {
         command = command.long_about(help.prose.join("\n\n"));
     }
+    let name = command.get_name().to_owned();
     let man = Man::new(command).source(concat!("murmuration ", env!("CARGO_PKG_VERSION")));
     let mut text = Vec::new();
-    man.render(&mut text)?;
+    if groups.is_empty() {
+        man.render(&mut text)?;
+    } else {
+        man.render_title(&mut text)?;
+        man.render_name_section(&mut text)?;
+        man.render_synopsis_section(&mut text)?;
+        man.render_description_section(&mut text)?;
+        for group in groups {
+            section(&name, group).to_writer(&mut text)?;
+        }
+        man.render_options_section(&mut text)?;
+        man.render_version_section(&mut text)?;
+    }
     help.sections().to_writer(&mut text)?;
     Ok((man.get_filename(), text))
+}
+
+/// The pages of a group of the commands of `program`.
+fn section(program: &str, group: &Command) -> Roff {
+    let mut roff = Roff::new();
+    roff.control("SH", [group.get_name().to_uppercase().as_str()]);
+    for command in group.get_subcommands().filter(|command| !command.is_hide_set()) {
+        let about = command.get_about().map(ToString::to_string).unwrap_or_default();
+        let page = format!("{program}-{}(1)", command.get_name());
+        roff.control("TP", []).text([roman(page)]).text([roman(about)]);
+    }
+    roff
 }
 
 /// The paragraphs that a command's help has below its options.
@@ -99,15 +125,16 @@ mod tests {
     fn what_help_says_below_the_options_stands_in_its_section() {
         let mut command = super::super::Arguments::command();
         command.build();
-        let (name, text) = page(command.clone()).unwrap();
+        let (name, text) = page(command.clone(), &crate::help::groups()).unwrap();
         let text = String::from_utf8(text).unwrap();
         assert_eq!(name, "murmuration.1");
-        assert_eq!(
-            sections(&text)[sections(&text).len() - 3..],
-            ["VERSION", "EXIT STATUS", "EXAMPLES"]
-        );
+        let expected = "NAME SYNOPSIS DESCRIPTION CAMPAIGNS LABELS ROBOTS DATA CLUSTER LAB HELP OPTIONS";
+        let expected: Vec<&str> = expected.split(' ').collect();
+        let last = ["OPTIONS OF EVERY COMMAND", "VERSION", "EXIT STATUS", "EXAMPLES"];
+        assert_eq!(sections(&text), [&expected, &last[..]].concat());
+        assert!(text.contains("\nmurmuration\\-lab(1)\n"), "{text}");
         assert!(
-            text.contains("\nmurmuration list  # list the campaigns\n"),
+            text.contains("\nmurmuration resume latest  # continue after an interruption\n"),
             "{text}"
         );
         assert!(
@@ -116,16 +143,14 @@ mod tests {
         );
 
         let doctor = command.find_subcommand("doctor").unwrap();
-        let (name, text) = page(doctor.clone()).unwrap();
+        let (name, text) = page(doctor.clone(), &[]).unwrap();
         let text = String::from_utf8(text).unwrap();
         assert_eq!(name, "murmuration-doctor.1");
         let (description, rest) = text.split_once(".SH OPTIONS").unwrap();
         assert!(description.contains("Exit code 0 means"), "{text}");
         assert!(rest.contains("EXIT STATUS"), "{text}");
         assert!(
-            rest.ends_with(
-                ".SH EXAMPLES\n.nf\nmurmuration doctor || murmuration doctor \\-\\-salvage saved\\-data\n.fi\n"
-            ),
+            rest.ends_with(".SH EXAMPLES\n.nf\nmurmuration doctor\n.fi\n"),
             "{text}"
         );
         assert!(text.contains(concat!("murmuration ", env!("CARGO_PKG_VERSION"))));
@@ -139,7 +164,7 @@ mod tests {
         let mut with_examples = 0;
         while let Some(command) = open.pop() {
             open.extend(command.get_subcommands().cloned());
-            let (name, text) = page(command).unwrap();
+            let (name, text) = page(command, &[]).unwrap();
             let text = String::from_utf8(text).unwrap();
             assert!(
                 ["EXTRA", "Examples:", "Exit codes:"]

@@ -1,0 +1,7 @@
+//! The `murmuration` binary: the whole command line.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    murmuration_program::main()
+}
