@@ -1,36 +1,34 @@
-//! `bench labels`: accuracy against the number of answers, names or comparisons.
+//! `bench labels`: accuracy against the number of labels.
 
-use super::super::{
-    CliError,
-    files::{Written, write},
+use crate::{
     json,
-    run::read_spec,
-    table::{Table, left, right},
-};
-use crate::label_curve::{
-    CurveError, Curves, LabelledBehaviours, Overlap, Point, Pretrained, Questions, Sets, plot,
+    label_curve::{CurveError, Curves, LabelledBehaviours, Overlap, Point, Pretrained, Sets, plot},
 };
 use murmuration_accuracy::{LabelledSet, Summary};
+use murmuration_cli::{
+    CliError,
+    files::{Written, write},
+    read_spec,
+    table::{Table, left, right},
+};
 use murmuration_link::{OutputError, errln};
 use murmuration_proto::{CampaignSpec, ImageFormat, Invalid, Strategy, counted, grouped, training::Recipe};
-use murmuration_worker::{evaluate::Evaluator, simulate::Start};
+use murmuration_sim::{evaluate::Evaluator, simulate::Start};
 use rayon::prelude::*;
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
 };
 
-/// Arguments of `bench labels`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 For each seed, an embedder is trained without labels, as the campaign would train it. For each strategy and number of \
-answers, the embedder is then fine-tuned on behaviours of train.csv and measured by validation.csv. A comparison says \
-which of two behaviours is of the class of a third, or that neither or both are. Controllers are also \
+labels, the embedder is then fine-tuned on behaviours of train.csv and measured by validation.csv. Controllers are also \
 simulated from further starts (feedback.starts), so train.csv needs the columns of controllers (docs/labels.md).
 
 Example:
-  murmuration bench labels examples/two-sensor-latent.toml --set labelled/two_sensor --plot curve.svg")]
-pub(in crate::cli) struct LabelsBench {
+  murmuration lab bench labels examples/two-sensor-latent.toml --set labelled/two_sensor --plot curve.svg")]
+pub struct LabelsBench {
     /// Campaign file, of which [dataset], [training] and [feedback] are used
     spec: PathBuf,
     /// Folder with train.csv, validation.csv and images/ID.png; repeat the option to join sets
@@ -39,29 +37,15 @@ pub(in crate::cli) struct LabelsBench {
     /// Seeds, used instead of the file's seed
     #[arg(long, num_args = 1.., default_values_t = [1, 2, 3])]
     seeds: Vec<u64>,
-    /// Numbers of answers; a number of names above the size of the set means all of them
+    /// Numbers of labels; a number above the size of the set means all of them
     #[arg(long, num_args = 1.., default_values_t = [0, 25, 50, 100, 200, 500])]
     labels: Vec<usize>,
-    /// What is asked for: the class of a behaviour, which of two behaviours is more like a third, or both in turn
-    #[arg(long, value_enum, default_value_t = Asked::Names)]
-    questions: Asked,
     /// Query strategies that choose the behaviours to label
     #[arg(long, num_args = 1.., default_values_t = Strategy::ALL)]
     strategies: Vec<Strategy>,
     /// Write the curves to this SVG file
     #[arg(long, value_name = "OUT")]
     plot: Option<PathBuf>,
-}
-
-/// What is asked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Asked {
-    /// The class of a behaviour
-    Names,
-    /// Which of two behaviours is more like a third
-    Comparisons,
-    /// Both, one after the other
-    Both,
 }
 
 impl LabelsBench {
@@ -95,12 +79,9 @@ impl LabelsBench {
             }
             points.push(point);
         };
-        for questions in self.asked() {
+        for &strategy in &self.strategies {
             for which in 0..pretrained.len() {
-                match questions {
-                    Questions::Names(strategy) => curves.curve(strategy, which, &self.labels, &mut took)?,
-                    Questions::Comparisons => curves.comparison_curve(which, &self.labels, &mut took)?,
-                }
+                curves.curve(strategy, which, &self.labels, &mut took)?;
             }
         }
         told?;
@@ -108,24 +89,13 @@ impl LabelsBench {
             print_table(&points)?;
         }
         if let Some(file) = &self.plot {
-            let svg = plot(&points, &spec.model().to_string()).map_err(CliError::Failed)?;
+            let svg = plot(&points, &spec.model().to_string());
             write(file, svg)?;
         }
         Ok(())
     }
 
-    /// Everything that is asked.
-    fn asked(&self) -> Vec<Questions> {
-        let names = self.strategies.iter().copied().map(Questions::Names);
-        let comparisons = std::iter::once(Questions::Comparisons);
-        match self.questions {
-            Asked::Names => names.collect(),
-            Asked::Comparisons => comparisons.collect(),
-            Asked::Both => names.chain(comparisons).collect(),
-        }
-    }
-
-    /// What is learned from, with what its controllers do from further starts.
+    /// The behaviours to learn from, with pictures of their controllers from further starts.
     fn learned(&self, spec: &CampaignSpec) -> Result<LabelledBehaviours, CliError> {
         let mut learned = LabelledBehaviours::new(spec.image().shape());
         for folder in &self.set {
@@ -176,10 +146,8 @@ fn further(labels: &LabelledSet, spec: &CampaignSpec, first: u64) -> Result<Vec<
 fn tell(point: &Point, as_json: bool) -> Result<(), OutputError> {
     if as_json {
         return json::print(json::BenchLabels {
-            questions: point.questions.kind(),
-            strategy: point.questions.choice(),
-            labels: point.answers,
-            told: point.told,
+            strategy: point.strategy.name(),
+            labels: point.labels,
             seed: point.seed,
             anchor_not_random_percent: point.not_random,
             every_anchor_percent: point.every,
@@ -188,11 +156,10 @@ fn tell(point: &Point, as_json: bool) -> Result<(), OutputError> {
     }
     let percent = |figure: Option<f64>| figure.map_or("-".to_owned(), |figure| format!("{figure:.2} %"));
     errln!(
-        "seed {}: {} ({}), {} of them told: {} / {} ({:.1} s)",
+        "seed {}: {} ({}): {} / {} ({:.1} s)",
         point.seed,
-        counted(point.answers as u64, "answer"),
-        point.questions,
-        point.told,
+        counted(point.labels as u64, "label"),
+        point.strategy,
         percent(point.not_random),
         percent(point.every),
         point.took.as_secs_f64(),
@@ -200,24 +167,20 @@ fn tell(point: &Point, as_json: bool) -> Result<(), OutputError> {
     Ok(())
 }
 
-/// Means over the seeds.
 fn print_table(points: &[Point]) -> Result<(), OutputError> {
     let mut table = Table::new([
-        left("QUESTIONS"),
         left("STRATEGY"),
-        right("ANSWERS"),
-        right("TOLD"),
+        right("LABELS"),
         right("ANCHOR NOT RANDOM"),
         right("EVERY ANCHOR"),
     ]);
-    let mut rows: BTreeMap<(Questions, usize), Vec<&Point>> = BTreeMap::new();
+    let mut rows: BTreeMap<(Strategy, usize), Vec<&Point>> = BTreeMap::new();
     for point in points {
-        rows.entry((point.questions, point.answers))
+        rows.entry((point.strategy, point.labels))
             .or_default()
             .push(point);
     }
-    for ((questions, answers), points) in rows {
-        let told = points.iter().map(|point| point.told as f64).sum::<f64>() / points.len() as f64;
+    for ((strategy, labels), points) in rows {
         let over = |figure: fn(&Point) -> Option<f64>| {
             let figures: Vec<f64> = points.iter().filter_map(|point| figure(point)).collect();
             Summary::of(&figures).map_or("-".to_owned(), |summary| {
@@ -228,10 +191,8 @@ fn print_table(points: &[Point]) -> Result<(), OutputError> {
             })
         };
         table.row([
-            questions.kind().to_owned(),
-            questions.choice().to_owned(),
-            grouped(answers as u64),
-            grouped(told.round() as u64),
+            strategy.name().to_owned(),
+            grouped(labels as u64),
             over(|point| point.not_random),
             over(|point| point.every),
         ]);

@@ -1,12 +1,12 @@
 //! One campaign in a cluster of this process, over a folder that lasts as long as it does, or that is kept.
 
-use super::{CliError, CpuTime, Took};
-use crate::{
-    cli::connection,
+use super::{CliError, Took, process_cpu};
+use murmuration_access::ListenConfig;
+use murmuration_cli::connection;
+use murmuration_coordinator::{
     local::{InProcess, LocalCluster},
     server::{LocalWay, Options},
 };
-use murmuration_access::ListenConfig;
 use murmuration_dispatch as dispatch;
 use murmuration_proto::{
     CampaignSpec, Controller, Lineage,
@@ -15,8 +15,8 @@ use murmuration_proto::{
         checkpoint_service_client::CheckpointServiceClient,
     },
 };
+use murmuration_sim::simulate::Start;
 use murmuration_store::{DataDirectory, Store};
-use murmuration_worker::simulate::Start;
 use std::{
     path::{Path, PathBuf},
     time::{Duration, Instant},
@@ -27,7 +27,7 @@ use tempfile::TempDir;
 const PAUSES: (Duration, Duration) = (Duration::from_millis(3), Duration::from_millis(200));
 
 /// A cluster without campaigns.
-pub(in crate::cli::bench) struct BenchCampaign {
+pub(in crate::bench) struct BenchCampaign {
     folder: Folder,
     cluster: LocalCluster,
 }
@@ -48,17 +48,17 @@ impl Folder {
 }
 
 /// A campaign that has come to its end.
-pub(in crate::cli::bench) struct Finished {
+pub(in crate::bench) struct Finished {
     /// From the request to create it to its end.
-    pub(in crate::cli::bench) took: Took,
+    pub(in crate::bench) took: Took,
     folder: Folder,
     spec: CampaignSpec,
     id: String,
 }
 
 impl Finished {
-    /// What was evaluated, in the order of the archive.
-    pub(in crate::cli::bench) fn tasks(&self) -> Result<Vec<(Controller, Start)>, CliError> {
+    /// The evaluated tasks, in the order of the archive.
+    pub(in crate::bench) fn tasks(&self) -> Result<Vec<(Controller, Start)>, CliError> {
         let (store, _) = Store::look(self.folder.path(), true)?;
         let record = store.campaign(&self.id)?;
         let range = 0..self.spec.search().evaluations();
@@ -71,10 +71,7 @@ impl Finished {
 
 impl BenchCampaign {
     /// Starts a cluster with this crew, which has the checkpoint `model` if there is one.
-    pub(in crate::cli::bench) async fn start(
-        crew: InProcess,
-        model: Option<Vec<u8>>,
-    ) -> Result<Self, CliError> {
+    pub(in crate::bench) async fn start(crew: InProcess, model: Option<Vec<u8>>) -> Result<Self, CliError> {
         let folder = tempfile::tempdir()
             .map_err(|error| CliError::Failed(format!("cannot create a temporary folder: {error}")))?;
         Self::start_in(Folder::Temporary(folder), crew, model).await
@@ -122,7 +119,7 @@ impl BenchCampaign {
     }
 
     /// Runs a campaign to its taxonomy, and ends the cluster. `saw` hears its stage after each pause.
-    pub(in crate::cli::bench) async fn complete(
+    pub(in crate::bench) async fn complete(
         self,
         spec: &CampaignSpec,
         pause: Duration,
@@ -143,7 +140,7 @@ impl BenchCampaign {
     ) -> Result<Finished, CliError> {
         let channel = connection::connect(&self.way().url, &self.way().credentials).await?;
         let mut client = CampaignServiceClient::new(channel);
-        let (begun, cpu) = (Instant::now(), CpuTime::of_process());
+        let (begun, cpu) = (Instant::now(), process_cpu());
         let request = v1::CreateCampaignRequest {
             spec: Some(spec.into()),
             ..v1::CreateCampaignRequest::default()
@@ -164,7 +161,7 @@ impl BenchCampaign {
         }
         let took = Took {
             wall: begun.elapsed(),
-            cpu: CpuTime::of_process().without(cpu),
+            cpu: process_cpu().saturating_sub(cpu),
         };
         self.cluster.shutdown().await?;
         Ok(Finished {

@@ -4,17 +4,15 @@ mod campaign;
 mod null_worker;
 mod plain_loop;
 
-use super::{
-    super::{
-        CliError,
-        files::read,
-        json,
-        table::{Table, left, right},
-    },
-    cpu_time::CpuTime,
-};
-use crate::{cli::Global, local::InProcess};
+use super::{process_cpu, thread_cpu};
+use crate::json;
 pub(super) use campaign::BenchCampaign;
+use murmuration_cli::{
+    CliError, Global,
+    files::read,
+    table::{Table, left, right},
+};
+use murmuration_coordinator::local::InProcess;
 use murmuration_link::{InputKind, OutputError, errln};
 use murmuration_proto::{CampaignSpec, CheckpointDigest, grouped};
 use null_worker::NullWorker;
@@ -24,7 +22,6 @@ use std::{
     time::Duration,
 };
 
-/// Arguments of `bench cluster`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 A campaign at the paper's size, with workers of this process over loopback gRPC and a database in the folder for \
@@ -37,9 +34,9 @@ measured. Its CPU time includes breeding, novelty, network and database, and lea
 Each figure is the best of all rounds.
 
 Examples:
-  murmuration bench cluster --generations 20 --rounds 1
-  murmuration bench cluster --generations 1 --rounds 1 --null-generations 1000 --keep million")]
-pub(in crate::cli) struct ClusterBench {
+  murmuration lab bench cluster --generations 20 --rounds 1
+  murmuration lab bench cluster --generations 1 --rounds 1 --null-generations 1000 --keep million")]
+pub struct ClusterBench {
     /// Workers of the campaign, and threads of the plain loop
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
     workers: u16,
@@ -60,11 +57,10 @@ pub(in crate::cli) struct ClusterBench {
     keep: Option<PathBuf>,
 }
 
-/// How long something took.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Took {
     pub(super) wall: Duration,
-    pub(super) cpu: CpuTime,
+    pub(super) cpu: Duration,
 }
 
 /// The best of several rounds, and how many evaluations each had.
@@ -72,7 +68,7 @@ pub(super) struct Took {
 struct Best {
     results: u64,
     wall: Duration,
-    cpu: CpuTime,
+    cpu: Duration,
 }
 
 impl Best {
@@ -206,7 +202,7 @@ impl ClusterBench {
             };
             let worker = NullWorker::start(bench.way(), spec.image())?;
             let took = bench.run(&spec).await?.took;
-            let cpu = took.cpu.without(worker.end()?);
+            let cpu = took.cpu.saturating_sub(worker.end()?);
             rounds.push(Took { cpu, ..took });
         }
         Ok(Best::of(spec.evaluations(), &rounds))
@@ -247,10 +243,10 @@ fn new_folder(folder: &Path) -> Result<(), CliError> {
 
 fn spec(text: &str) -> Result<CampaignSpec, CliError> {
     let text = format!("name = \"bench\"\nmodel = \"single-sensor\"\n{text}");
-    CampaignSpec::from_toml(&text).map_err(|error| CliError::Failed(error.to_string()))
+    CampaignSpec::from_toml(&text).map_err(CliError::failed)
 }
 
-/// What is printed in one row.
+/// The figures of a row.
 struct Figures {
     what: &'static str,
     workers: u16,

@@ -1,13 +1,17 @@
 //! A worker whose evaluations cost nothing: what is left is the coordinator's part.
 
-use super::{CliError, CpuTime};
-use crate::server::LocalWay;
+use super::{CliError, thread_cpu};
+use murmuration_coordinator::server::LocalWay;
 use murmuration_link::{Address, Broken, Health, Link, LinkError, Peer, Role, keep, stopped};
 use murmuration_proto::{
     EmbeddingKind, ImageFormat, Purpose, RandomStream,
     v1::{self, batch_result, coordinator_message, lease, worker_message},
 };
-use std::thread::{self, JoinHandle};
+use rand::RngExt as _;
+use std::{
+    thread::{self, JoinHandle},
+    time::Duration,
+};
 use tokio::{runtime, sync::watch};
 
 /// Evaluations that it accepts at once.
@@ -18,7 +22,7 @@ const GREY: usize = 20;
 /// The worker, on a thread of its own.
 pub(super) struct NullWorker {
     stop: watch::Sender<bool>,
-    thread: JoinHandle<Result<CpuTime, CliError>>,
+    thread: JoinHandle<Result<Duration, CliError>>,
 }
 
 impl NullWorker {
@@ -42,7 +46,7 @@ impl NullWorker {
             let health = Health::new();
             let worked = keep(&address, &health, &mut answers, stopped);
             runtime.block_on(worked).map_err(failed)?;
-            Ok(CpuTime::of_thread())
+            Ok(thread_cpu())
         };
         let thread = thread::Builder::new().name("null-worker".to_owned()).spawn(work);
         Ok(Self {
@@ -52,7 +56,7 @@ impl NullWorker {
     }
 
     /// Ends it; the CPU time that its thread took.
-    pub(super) fn end(self) -> Result<CpuTime, CliError> {
+    pub(super) fn end(self) -> Result<Duration, CliError> {
         self.stop.send_replace(true);
         let early = || CliError::Failed("the null worker ended early".to_owned());
         self.thread.join().map_err(|_| early())?
@@ -63,7 +67,7 @@ fn failed(error: LinkError) -> CliError {
     CliError::Failed(error.to_string())
 }
 
-/// What it answers: one picture, and features at random, so that novelty is measured on as many behaviours as there are.
+/// Its answers: one picture, and features at random, so that novelty is measured on as many behaviours as there are.
 struct Answers {
     image: Vec<u8>,
     stream: RandomStream,
@@ -72,7 +76,7 @@ struct Answers {
 impl Answers {
     /// Features that a swarm in the paper's world can have.
     fn evaluation(&mut self) -> v1::Evaluation {
-        let bits = self.stream.bits();
+        let bits: u64 = self.stream.random();
         let feature = |place: u32| f64::from((bits >> (12 * place)) as u16 & 0xfff) / f64::from(1 << 15);
         v1::Evaluation {
             features: (0..5).map(feature).collect(),

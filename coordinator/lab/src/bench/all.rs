@@ -1,28 +1,21 @@
 //! `bench all`: every speed that has a peer, in one table.
 
+mod archives;
 mod evaluations;
-mod machine;
-mod medoids;
-mod novelty;
 mod peer;
 mod training;
 
-use super::{
-    super::{
-        CliError, json,
-        table::{Table, left, right},
-    },
-    cluster::ClusterBench,
-    floor,
-    pipeline::PipelineBench,
-    span,
+use super::{RESULT, SIMULATION, cluster::ClusterBench, pipeline::PipelineBench, span};
+use crate::json::{self, Machine};
+use murmuration_cli::{
+    CliError,
+    table::{Table, left, right},
 };
-use json::Machine;
 use murmuration_link::{OutputError, errln, outln};
 use murmuration_proto::{Preset, grouped};
-use std::time::Duration;
+use murmuration_sim::simulate::Arch;
+use std::{fs, thread, time::Duration};
 
-/// Arguments of `bench all`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 A short form of what the other benchmarks measure, a row an item, with its peer in the same run, in turns. The ratio is ours \
@@ -36,8 +29,8 @@ benches/novelty_against_scikit_learn.py.
 The floor is what one result takes at least, counted by hand: docs/performance.md says how.
 
 Example:
-  murmuration bench all --seconds 0.1")]
-pub(in crate::cli) struct AllBench {
+  murmuration lab bench all --seconds 0.1")]
+pub struct AllBench {
     /// Seconds that each measurement takes; campaigns have 10 generations for each second, and at most 100, and the dataset of the
     /// latent one 200 controllers
     #[arg(long, default_value_t = 5.0)]
@@ -47,7 +40,7 @@ pub(in crate::cli) struct AllBench {
     python: String,
 }
 
-/// What was measured, in results a second.
+/// A row of the table, in results a second.
 #[derive(Debug)]
 struct Row {
     item: String,
@@ -110,7 +103,7 @@ fn rate(rate: f64) -> String {
 impl AllBench {
     pub(super) async fn execute(self, as_json: bool) -> Result<(), CliError> {
         let span = span(self.seconds)?;
-        let machine = machine::this();
+        let machine = this_machine();
         let mut printed = Printed::new(as_json, machine);
         for model in Preset::PAPER {
             for row in evaluations::rows(model, span, &self.python)? {
@@ -122,8 +115,8 @@ impl AllBench {
         }
         printed.tell(&self.pipeline().await?)?;
         printed.tell(&training::row(span, &self.python)?)?;
-        printed.tell(&novelty::row(span)?)?;
-        printed.tell(&medoids::row(span)?)?;
+        printed.tell(&archives::novelty(span)?)?;
+        printed.tell(&archives::medoids(span)?)?;
         printed.end()?;
         if printed.misses_a_peer {
             errln!(
@@ -165,7 +158,7 @@ impl AllBench {
             peer: Some(plain),
             peer_name: Some("plain loop"),
             floor: Floor {
-                count: floor::SIMULATION,
+                count: SIMULATION,
                 of: "operations",
             },
         };
@@ -176,7 +169,7 @@ impl AllBench {
             peer: None,
             peer_name: None,
             floor: Floor {
-                count: floor::RESULT,
+                count: RESULT,
                 of: "bytes received",
             },
         };
@@ -184,7 +177,6 @@ impl AllBench {
     }
 }
 
-/// The rows so far.
 struct Printed {
     as_json: bool,
     machine: Machine,
@@ -226,7 +218,7 @@ impl Printed {
             return Ok(());
         }
         self.table.print()?;
-        outln!("machine: {}", machine::words(&self.machine))
+        outln!("machine: {}", machine_in_words(&self.machine))
     }
 }
 
@@ -245,6 +237,43 @@ fn in_turns(
         peer = peer.zip(peer_took).map(|(least, took)| least.min(took));
     }
     Ok((ours, peer))
+}
+
+fn this_machine() -> Machine {
+    Machine {
+        cpu: fs::read_to_string("/proc/cpuinfo")
+            .ok()
+            .and_then(|text| cpu(&text)),
+        cores: thread::available_parallelism().map_or(1, usize::from),
+        vector_bits: vector_bits(Arch::new()),
+    }
+}
+
+/// In words, for people.
+fn machine_in_words(machine: &Machine) -> String {
+    let cpu = machine.cpu.as_deref().unwrap_or("unknown CPU");
+    format!(
+        "{cpu}, cores: {}, vectors of {} bits",
+        machine.cores, machine.vector_bits
+    )
+}
+
+/// The name in the text of /proc/cpuinfo; aarch64 has none there.
+fn cpu(text: &str) -> Option<String> {
+    let line = text.lines().find(|line| line.starts_with("model name"))?;
+    Some(line.split_once(':')?.1.trim().to_owned())
+}
+
+const fn vector_bits(arch: Arch) -> u32 {
+    match arch {
+        Arch::Scalar => 64,
+        #[cfg(target_arch = "x86_64")]
+        Arch::V3(_) => 256,
+        #[cfg(target_arch = "x86_64")]
+        Arch::V4(_) => 512,
+        // NEON.
+        _ => 128,
+    }
 }
 
 #[cfg(test)]

@@ -1,15 +1,15 @@
 //! A training step on one thread, beside PyTorch's.
 
 use super::{
-    super::{cpu_time::CpuTime, floor::TRAINED_PICTURE},
+    super::{TRAINED_PICTURE, process_cpu},
     CliError, Floor, Row, in_turns,
     peer::Peer,
 };
-use murmuration_trainer::bench::Steps;
+use murmuration_train::bench::Steps;
 use rayon::ThreadPoolBuilder;
 use std::time::Duration;
 
-const STEP: &str = include_str!("../../../../../trainer/benches/pytorch_step.py");
+const STEP: &str = include_str!("../../../../../trainer/train/benches/pytorch_step.py");
 /// Anchors of a step of the default recipe.
 const ANCHORS: usize = 256;
 
@@ -20,9 +20,9 @@ pub(super) fn row(span: Duration, python: &str) -> Result<Row, CliError> {
     let mut steps = Steps::new(ANCHORS).map_err(|error| cannot(&error))?;
     let mut pytorch = Peer::start(python, "torch", STEP, "1", "");
     let (ours, peer) = in_turns(span, || {
-        let begun = CpuTime::of_process();
+        let begun = process_cpu();
         pool.install(|| steps.step());
-        let took = CpuTime::of_process().without(begun).as_secs_f64();
+        let took = process_cpu().saturating_sub(begun).as_secs_f64();
         Ok((took, pytorch.as_mut().map(best).transpose()?))
     })?;
     Ok(Row {

@@ -1,23 +1,20 @@
-//! How accurate an embedding becomes with answers: accuracy against their number, by what is asked and by query strategy.
+//! How accurate an embedding becomes with labels: accuracy against their number, by query strategy.
 //!
-//! A labelled set stands for a person: whichever of its behaviours a strategy asks about, the set answers. Accuracy is
+//! A labelled set stands for an annotator: whichever of its behaviours a strategy asks about, the set names its class. Accuracy is
 //! measured on another set. [`Sets`] is the only way to have both, and does not come into being where they share a picture.
 
-mod comparisons;
 mod plot;
 mod pretrained;
-mod questions;
 mod sets;
 
 pub use plot::plot;
 pub use pretrained::Pretrained;
-pub use questions::Questions;
 pub use sets::{LabelledBehaviours, Overlap, Sets};
 
 use murmuration_accuracy::Accuracy;
 use murmuration_engine::queries::{by_uncertainty, in_random_order};
 use murmuration_proto::{
-    Invalid, Purpose, RandomStream, Strategy,
+    Invalid, Purpose, RandomStream, Search, Strategy,
     training::{ArchitectureError, Recipe},
 };
 use murmuration_search::{
@@ -25,73 +22,57 @@ use murmuration_search::{
     medoids,
     novelty::{self, Misfit},
 };
-use murmuration_trainer::{
-    compared_pictures::ComparedPicturesError,
+use murmuration_train::{
     labelled_pictures::{LabelledPictures, LabelledPicturesError},
     network::Network,
     pictures::PicturesError,
-    training::{FineTuning, Teaching, Training, TrainingError},
+    training::{FineTuning, Training, TrainingError},
 };
 use std::{
     sync::Arc,
     time::{Duration, Instant},
 };
 
-/// What is measured after so many answers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
-    /// What was asked, and how it was chosen.
-    pub questions: Questions,
-    /// Number of answers.
-    pub answers: usize,
-    /// Those of them that say something: all names, and comparisons in which one behaviour was more alike.
-    pub told: usize,
+    /// How the labelled behaviours were chosen.
+    pub strategy: Strategy,
+    pub labels: usize,
     /// Seed of dataset, embedder and fine-tuning.
     pub seed: u64,
     /// Correct triplets whose anchor is not random, percent; `None` if there is no such triplet.
     pub not_random: Option<f64>,
     /// Correct triplets, percent; `None` if there is none.
     pub every: Option<f64>,
-    /// What the fine-tuning took.
+    /// The time of the fine-tuning.
     pub took: Duration,
 }
 
 /// Why there is no curve.
 #[derive(Debug, thiserror::Error)]
 pub enum CurveError {
-    /// A number is out of range, or the campaign trains no embedder.
     #[error("{0}")]
     Invalid(#[from] Invalid),
-    /// The network does not fit the pictures.
     #[error("{0}")]
     Architecture(#[from] ArchitectureError),
-    /// The dataset is none.
     #[error("{0}")]
     Pictures(#[from] PicturesError),
-    /// The labelled pictures are nothing to learn from.
     #[error("{0}")]
     Labelled(#[from] LabelledPicturesError),
-    /// The compared pictures are nothing to learn from.
-    #[error("{0}")]
-    Compared(#[from] ComparedPicturesError),
-    /// The embedder cannot be trained.
     #[error("{0}")]
     Training(#[from] TrainingError),
-    /// Controllers cannot be sampled.
     #[error("{0}")]
     Propose(#[from] murmuration_search::breeding::ProposeError),
-    /// An embedding is no behaviour.
     #[error("{0}")]
     Misfit(#[from] Misfit),
-    /// Nobody waits for the curve any more.
     #[error("{0}")]
     Interrupted(#[from] Interrupted),
 }
 
-/// What all curves have in common.
+/// The inputs that all curves share.
 #[derive(Debug)]
 pub struct Curves<'a> {
-    /// What is labelled, and what judges.
+    /// The set that is labelled, and the set that measures accuracy.
     pub sets: &'a Sets,
     /// An embedder a seed.
     pub pretrained: &'a [Pretrained],
@@ -107,9 +88,6 @@ impl Curves<'_> {
     /// As in a campaign, what to ask next is chosen with the embedder that has learned from the labels so far; unlike
     /// there, each number's embedder is fine-tuned from the pretrained one, so that it does not depend on the numbers
     /// before it.
-    ///
-    /// # Errors
-    /// See [`CurveError`].
     pub fn curve(
         &self,
         strategy: Strategy,
@@ -134,9 +112,8 @@ impl Curves<'_> {
             let took = begun.elapsed();
             let accuracy = self.accuracy(&embedder);
             told(Point {
-                questions: Questions::Names(strategy),
-                answers: asked.len(),
-                told: asked.len(),
+                strategy,
+                labels: asked.len(),
                 seed,
                 not_random: accuracy.anchor_not_random().percent(),
                 every: accuracy.every_anchor().percent(),
@@ -159,25 +136,37 @@ impl Curves<'_> {
                 let clustering = medoids::cluster(&points, self.medoids, &mut stream, &Interrupt::default())?;
                 by_uncertainty(&points, &clustering)
             }
+            Strategy::Coverage => {
+                let points = points(embedder, train)?;
+                let mut stream = RandomStream::derive(seed, Purpose::Medoids, 0);
+                let all = (points.len(), Search::default().neighbours() as usize);
+                return Ok(medoids::order(
+                    &points,
+                    Vec::new(),
+                    all,
+                    &mut stream,
+                    &Interrupt::default(),
+                )?);
+            }
         };
         Ok(queries.into_iter().map(|query| query.index).collect())
     }
 
     /// The classes of these behaviours, with their pictures; `None` if they are all of one.
-    fn labelled(&self, asked: &[usize]) -> Result<Option<Teaching>, CurveError> {
+    fn labelled(&self, asked: &[usize]) -> Result<Option<LabelledPictures>, CurveError> {
         let train = self.sets.train();
         let (pictures, classes) = train.labelled_pictures(asked);
         match LabelledPictures::new(train.shape(), pictures, classes) {
             Err(LabelledPicturesError::TooFewClasses(_)) => Ok(None),
-            labelled => Ok(Some(Arc::new(labelled?.of_labels(asked.len())).into())),
+            labelled => Ok(Some(labelled?.of_labels(asked.len()))),
         }
     }
 
-    /// The pretrained embedder after it has learned what was answered.
-    fn fine_tuned(&self, pretrained: &Pretrained, teaching: Teaching) -> Result<Network, CurveError> {
+    /// The pretrained embedder, fine-tuned on labels.
+    fn fine_tuned(&self, pretrained: &Pretrained, labelled: LabelledPictures) -> Result<Network, CurveError> {
         let fine_tuning = FineTuning {
             parent: pretrained.network.clone(),
-            teaching,
+            labelled: Arc::new(labelled),
         };
         let configuration = pretrained.configuration.with_recipe(self.recipe.clone())?;
         let mut training =

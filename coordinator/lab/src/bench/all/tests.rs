@@ -43,6 +43,6 @@ fn a_peer_that_does_not_run_is_no_error() {
 #[test]
 fn the_name_of_a_cpu_is_found_where_there_is_one() {
     let text = "processor\t: 0\nmodel name\t: AMD EPYC 7\nprocessor\t: 1\n";
-    assert_eq!(machine::cpu(text), Some("AMD EPYC 7".to_owned()));
-    assert_eq!(machine::cpu("BogoMIPS\t: 50.00\n"), None);
+    assert_eq!(cpu(text), Some("AMD EPYC 7".to_owned()));
+    assert_eq!(cpu("BogoMIPS\t: 50.00\n"), None);
 }

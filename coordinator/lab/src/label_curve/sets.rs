@@ -9,7 +9,7 @@ pub struct LabelledBehaviours {
     shape: PictureShape,
     classes: Vec<String>,
     pictures: Vec<Vec<u8>>,
-    /// Of each, those of its controller from further starts.
+    /// For each behaviour, the pictures of its controller from further starts.
     further: Vec<Vec<Vec<u8>>>,
 }
 
@@ -44,14 +44,11 @@ impl Sets {
         }
     }
 
-    /// What is learned from.
-    #[must_use]
     pub const fn train(&self) -> &LabelledBehaviours {
         &self.train
     }
 
-    /// What judges.
-    #[must_use]
+    /// The set that measures accuracy.
     pub const fn validation(&self) -> &LabelledBehaviours {
         &self.validation
     }
@@ -59,7 +56,6 @@ impl Sets {
 
 impl LabelledBehaviours {
     /// None yet, with pictures of this shape.
-    #[must_use]
     pub const fn new(shape: PictureShape) -> Self {
         Self {
             shape,
@@ -78,13 +74,10 @@ impl LabelledBehaviours {
     }
 
     /// How many there are.
-    #[must_use]
     pub const fn count(&self) -> usize {
         self.classes.len()
     }
 
-    /// The shape of their pictures.
-    #[must_use]
     pub const fn shape(&self) -> PictureShape {
         self.shape
     }
@@ -101,19 +94,6 @@ impl LabelledBehaviours {
             .flat_map(|&index| &self.pictures[index])
             .copied()
             .collect()
-    }
-
-    /// All pictures of some of them, those from further starts included, one behaviour after the other, and how many each has: as many
-    /// as the one with the fewest.
-    pub(super) fn all_pictures(&self, which: &[usize]) -> (Vec<u8>, usize) {
-        let further = |index: &usize| self.further[*index].len();
-        let views = 1 + which.iter().map(further).min().unwrap_or(0);
-        let of = |&index: &usize| {
-            std::iter::once(&self.pictures[index])
-                .chain(&self.further[index])
-                .take(views)
-        };
-        (which.iter().flat_map(of).flatten().copied().collect(), views)
     }
 
     /// What is learned of some of them: pictures, one after the other, and the [number](class_numbers) of the class of each.
@@ -161,8 +141,5 @@ mod tests {
         let greys: Vec<u8> = pictures.into_iter().step_by(4).collect();
         assert_eq!(greys, [3, 103, 4, 104]);
         assert_eq!(behaviours.pictures(&[2, 0]), [4, 4, 4, 4, 3, 3, 3, 3]);
-        let (pictures, views) = behaviours.all_pictures(&[2, 0]);
-        let greys: Vec<u8> = pictures.into_iter().step_by(4).collect();
-        assert_eq!((greys, views), (vec![4, 104, 3, 103], 2));
     }
 }

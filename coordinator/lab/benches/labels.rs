@@ -12,6 +12,7 @@ use murmuration_model::{
 use murmuration_proto::{CampaignSpec, Controller, Preset, Purpose, RandomStream, Strategy};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store, Trial};
+use rand::RngExt as _;
 use std::{
     error::Error,
     time::{Duration, Instant},
@@ -35,7 +36,7 @@ fn labelled(store: &Store) -> Done<CampaignId> {
         for index in generation * POPULATION..(generation + 1) * POPULATION {
             let controller = Controller::new(Preset::SingleSensor, &[0.0; 4])?;
             let trial = Trial {
-                features: std::array::from_fn(|_| stream.unit()),
+                features: stream.random(),
                 ..Trial::default()
             };
             let individual = ArchivedIndividual::unmeasured(index, generation as u32, controller);

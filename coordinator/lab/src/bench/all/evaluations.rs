@@ -1,24 +1,21 @@
 //! Simulations and evaluations of uniform controllers on one thread, beside the simulation's loop in numba.
 
 use super::{
-    super::{
-        cpu_time::CpuTime,
-        floor::{ONE_SENSOR, PAIRS, TWO_SENSORS},
-    },
+    super::{ONE_SENSOR, PAIRS, TWO_SENSORS, thread_cpu},
     CliError, Floor, Row, in_turns,
     peer::Peer,
 };
 use murmuration_proto::{
     Controller, ControllerSpace, ImageFormat, Preset, Purpose, RandomStream, RobotController, World, v1,
 };
-use murmuration_worker::{
+use murmuration_sim::{
     evaluate::Evaluator,
     simulate::{Agent, Start, Swarm},
 };
 use serde_json::json;
 use std::{hint::black_box, time::Duration};
 
-const LOOP: &str = include_str!("../../../../../worker/benches/numba_loop.py");
+const LOOP: &str = include_str!("../../../../../worker/sim/benches/numba_loop.py");
 /// Controllers in all, and how many of them are evaluated at once.
 const CONTROLLERS: usize = 48;
 const AT_ONCE: usize = 8;
@@ -70,11 +67,11 @@ fn uniform(model: Preset) -> Result<Vec<(Controller, Start)>, CliError> {
 
 /// Seconds of this thread's CPU time.
 fn evaluated(evaluator: &mut Evaluator, tasks: &[(Controller, Start)]) -> Result<f64, CliError> {
-    let begun = CpuTime::of_thread();
+    let begun = thread_cpu();
     for tasks in tasks.chunks(AT_ONCE) {
         black_box(evaluator.evaluate_all(tasks)?);
     }
-    Ok(CpuTime::of_thread().without(begun).as_secs_f64())
+    Ok(thread_cpu().saturating_sub(begun).as_secs_f64())
 }
 
 /// Seconds that numba takes for the same swarms.
@@ -83,7 +80,7 @@ fn simulated(numba: &mut Peer) -> Result<f64, CliError> {
     seconds.parse().map_err(|_| numba.failed(&seconds))
 }
 
-/// What the script reads first: where each swarm starts, and its controller.
+/// The line that the script reads first: where each swarm starts, and its controller.
 fn population(tasks: &[(Controller, Start)], world: &World) -> Result<String, CliError> {
     let pose = |agent: Agent| [agent.position[0], agent.position[1], agent.theta];
     let swarms = tasks.iter().map(|(controller, start)| {

@@ -2,32 +2,47 @@
 
 mod all;
 mod cluster;
-mod cpu_time;
-mod floor;
 mod labels;
 mod pipeline;
 
-use super::{
-    CliError, Global, json,
+use crate::json;
+use murmuration_cli::{
+    CliError, Global,
     table::{Table, left, right},
 };
 use murmuration_link::errln;
 use murmuration_proto::{
     Controller, ControllerSpace, ImageFormat, Preset, Purpose, RandomStream, World, grouped, v1,
 };
-use murmuration_trainer::bench as train;
-use murmuration_worker::{
+use murmuration_sim::{
     evaluate::Evaluator,
     simulate::{Arch, Start, Swarm},
 };
+use murmuration_train::bench as train;
+use rand::RngExt as _;
+use rustix::time::{ClockId, clock_gettime};
 use std::{
     hint::black_box,
     time::{Duration, Instant},
 };
 
-/// A benchmark.
+// The least that things take, counted by hand: docs/performance.md says how.
+
+/// Pairs of robots that look at each other in a simulation of the paper's world: 24 robots, 1,200 steps.
+const PAIRS: u64 = 24 * 23 * 1200;
+/// Operations of a pair of robots with one sensor in a step.
+const ONE_SENSOR: u64 = 14;
+/// Operations of a pair of robots with two sensors in a step.
+const TWO_SENSORS: u64 = 21;
+/// Operations of a simulation of the paper's world with one sensor.
+const SIMULATION: u64 = PAIRS * ONE_SENSOR;
+/// Multiply-adds of a picture in training with the compact network, forward and back.
+const TRAINED_PICTURE: u64 = 4_546_112;
+/// Bytes of a result that the coordinator receives: a picture of 50 x 50 pixels, and five features in f64.
+const RESULT: u64 = 50 * 50 + 5 * 8;
+
 #[derive(Debug, clap::Subcommand)]
-pub(super) enum Bench {
+pub enum Bench {
     /// Measure simulation, campaigns, training, novelty and k-medoids in short, each beside its peer, in one table
     All(all::AllBench),
     /// Measure evaluations a second on one core, with and without SIMD
@@ -136,7 +151,7 @@ fn simulations(seconds: f64, as_json: bool) -> Result<(), CliError> {
     Ok(())
 }
 
-/// What `--seconds` says.
+/// The duration of `--seconds`.
 fn span(seconds: f64) -> Result<Duration, CliError> {
     Duration::try_from_secs_f64(seconds)
         .map_err(|_| CliError::Input(format!("--seconds {seconds}: must be a positive number")))
@@ -152,7 +167,7 @@ fn alternately(model: Preset, full: bool, span: Duration) -> Result<[f64; 2], Cl
     let mut took = [Duration::ZERO; 2];
     let mut count = 0u32;
     while took[0] + took[1] < span {
-        let (controller, start) = (space.sample(&mut stream), Start::seeded(stream.bits()));
+        let (controller, start) = (space.sample(&mut stream), Start::seeded(stream.random()));
         for i in 0..2 {
             let begun = Instant::now();
             if full {
@@ -176,4 +191,19 @@ fn simulate(arch: Arch, controller: &Controller, start: &Start) -> Result<Swarm,
     let mut swarm = Swarm::on(arch, controller, &world, start)?;
     swarm.advance(world.horizon());
     Ok(swarm)
+}
+
+/// CPU time of all threads of this process so far, which other programs of a shared machine hardly change.
+fn process_cpu() -> Duration {
+    cpu_time(ClockId::ProcessCPUTime)
+}
+
+fn thread_cpu() -> Duration {
+    cpu_time(ClockId::ThreadCPUTime)
+}
+
+/// In user and in system mode.
+fn cpu_time(clock: ClockId) -> Duration {
+    let time = clock_gettime(clock);
+    Duration::new(time.tv_sec.unsigned_abs(), time.tv_nsec.unsigned_abs() as u32)
 }

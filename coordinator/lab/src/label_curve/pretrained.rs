@@ -3,8 +3,8 @@
 use super::CurveError;
 use murmuration_engine::campaign::dataset_tasks;
 use murmuration_proto::{CampaignSpec, EmbedderSource, Invalid, training::Configuration};
-use murmuration_trainer::{network::Network, pictures::Pictures, training::Training};
-use murmuration_worker::{evaluate::Evaluator, simulate::Start};
+use murmuration_sim::{evaluate::Evaluator, simulate::Start};
+use murmuration_train::{network::Network, pictures::Pictures, training::Training};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -13,9 +13,7 @@ use std::sync::Arc;
 pub struct Pretrained {
     /// Seed of the campaign that would have trained it.
     pub seed: u64,
-    /// How it was trained.
     pub configuration: Configuration,
-    /// The network of the checkpoint.
     pub network: Network,
     /// The campaign's dataset.
     pub pictures: Arc<Pictures>,

@@ -1,29 +1,29 @@
-//! `accuracy`: how well an embedding agrees with classes that people gave.
+//! `accuracy`: how well an embedding agrees with classes that annotators gave.
 
-use super::{
-    CliError, Global, checkpoints,
+use crate::json;
+use murmuration_accuracy::{Accuracy, LabelledSet, Summary, Tally};
+use murmuration_cli::{
+    CliError, Global,
     connection::{self, CheckpointClient, Connection},
-    files::{behaviours, is_there, read, synthetic, tell_counted},
-    json,
+    fetch_checkpoint,
+    files::{is_there, read},
     table::{Table, left, right},
 };
-use crate::local::InProcess;
-use murmuration_accuracy::{Accuracy, LabelledSet, Summary, Tally};
-use murmuration_embed::{EmbedError, Embedder, Runtime, RuntimeError};
-use murmuration_link::{InputKind, OutputError};
+use murmuration_coordinator::local::InProcess;
+use murmuration_embed::{Embedder, Runtime};
+use murmuration_link::{InputKind, OutputError, errln};
 use murmuration_proto::{
     CheckpointDigest, PictureShape, SeenPictures, counted, grouped,
     onnx::{EmbedderModel, ImageShape},
     training::Architecture,
     v1,
 };
-use murmuration_trainer::network::Network;
+use murmuration_train::network::Network;
 use std::{num::NonZeroU32, path::Path, path::PathBuf};
 
 /// Length of an untrained network's embeddings, as many as there are features.
 const DIMENSIONS: usize = 5;
 
-/// Arguments of `accuracy`.
 #[derive(Debug, clap::Args)]
 #[command(
     group = clap::ArgGroup::new("embedding").required(true),
@@ -36,12 +36,13 @@ The file needs the columns index (or id) and class. --features also needs the fi
 left_0, ... (docs/labels.md). Rows without a class, `not sure`, `skip` and the answers of the synthetic annotator are skipped.
 
 Examples:
-  murmuration labels latest --csv labels.csv && murmuration accuracy --labels labels.csv --features
-  murmuration accuracy --labels single_sensor/validation.csv --features
-  murmuration accuracy --labels two_sensor/validation.csv --labels rare/validation.csv --checkpoint 1f0c
-  murmuration accuracy --labels two_sensor/validation.csv --untrained 30 --network paper"
+  murmuration labels latest --csv labels.csv
+  murmuration lab accuracy --labels labels.csv --features
+  murmuration lab accuracy --labels single_sensor/validation.csv --features
+  murmuration lab accuracy --labels two_sensor/validation.csv --checkpoint 1f0c
+  murmuration lab accuracy --labels two_sensor/validation.csv --untrained 30 --network paper"
 )]
-pub(super) struct AccuracyCommand {
+pub struct AccuracyCommand {
     /// Labelled behaviours, as `murmuration labels --csv` writes them; repeat the option to join sets
     #[arg(long, required = true, value_name = "CSV")]
     labels: Vec<PathBuf>,
@@ -102,7 +103,7 @@ impl AccuracyCommand {
         Ok(())
     }
 
-    /// What networks that nobody trained make of the sets.
+    /// The accuracy of untrained networks on the sets.
     fn untrained(&self, sets: &[LabelledSet], networks: NonZeroU32, as_json: bool) -> Result<(), CliError> {
         let pictures = PictureShape::PAPER;
         let architecture = Architecture::named(&self.network, pictures, DIMENSIONS)
@@ -159,7 +160,6 @@ impl AccuracyCommand {
         Ok(images)
     }
 
-    /// A folder for each set.
     fn image_folders(&self) -> Result<Vec<PathBuf>, CliError> {
         if self.images.is_empty() {
             return Ok(self
@@ -178,7 +178,6 @@ impl AccuracyCommand {
         Ok(self.images.clone())
     }
 
-    /// What was measured by.
     fn set(&self, sets: &[LabelledSet]) -> json::Set {
         let labels = self.labels.iter().map(|labels| labels.display().to_string());
         json::Set {
@@ -276,7 +275,7 @@ pub(super) async fn fetch(
     client: &mut CheckpointClient,
     named: &str,
 ) -> Result<(Vec<u8>, SeenPictures), CliError> {
-    let file = checkpoints::fetch(client, named).await?;
+    let file = fetch_checkpoint(client, named).await?;
     let request = v1::GetCheckpointRequest {
         digest: CheckpointDigest::of(&file).to_string(),
     };
@@ -329,14 +328,26 @@ fn percent(percent: Option<f64>) -> String {
     percent.map_or_else(|| "-".to_owned(), |percent| format!("{percent:.2} %"))
 }
 
-impl From<RuntimeError> for CliError {
-    fn from(error: RuntimeError) -> Self {
-        Self::Failed(error.to_string())
+/// Prints the number of labelled behaviours, and what of the files was left out.
+pub(crate) fn tell_counted(sets: &[LabelledSet]) {
+    errln!(
+        "{} with a class given by an annotator",
+        counted(behaviours(sets), "behaviour")
+    );
+    if let rows @ 1.. = synthetic(sets) {
+        errln!(
+            "skipped: {} by the synthetic annotator, which is the rule-based judge",
+            counted(rows, "answer")
+        );
     }
 }
 
-impl From<EmbedError> for CliError {
-    fn from(error: EmbedError) -> Self {
-        Self::Failed(error.to_string())
-    }
+/// The behaviours with a class that an annotator gave, other than the synthetic one.
+pub(crate) fn behaviours(sets: &[LabelledSet]) -> u64 {
+    sets.iter().map(|set| set.classes().count() as u64).sum()
+}
+
+/// The answers of the synthetic annotator, which were left out.
+pub(crate) fn synthetic(sets: &[LabelledSet]) -> u64 {
+    sets.iter().map(LabelledSet::synthetic).sum()
 }

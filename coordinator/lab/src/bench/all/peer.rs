@@ -51,7 +51,7 @@ impl Peer {
         answer.map_err(|error| self.failed(&error.to_string()))
     }
 
-    /// That its answer cannot be used.
+    /// The error of an answer that cannot be used.
     pub(super) fn failed(&self, why: &str) -> CliError {
         CliError::Failed(format!("{} ended or answered something else: {why}", self.name))
     }

@@ -1,10 +1,10 @@
 //! The campaign of a specification: found again or begun, and followed to its end.
 
-use super::{
+use murmuration_cli::{
     CliError,
     connection::Client,
     follow::follow_with,
-    heard::{Heard as _, heard},
+    heard::{Heard as _, get_campaign, get_digest, heard},
 };
 use murmuration_link::OutputError;
 use murmuration_proto::{CampaignSpec, parts::whole, v1};
@@ -121,15 +121,11 @@ pub(super) fn stopped(campaign: &v1::Campaign) -> String {
 async fn usable(client: &mut Client, known: Vec<String>) -> Result<Option<v1::Campaign>, CliError> {
     for campaign in known {
         // As it is now: it may have gone on since it became known.
-        let request = v1::GetCampaignRequest { campaign };
-        let campaign = heard(client.get_campaign(request).await?)?;
+        let campaign = get_campaign(client, campaign).await?;
         if campaign.state() == v1::CampaignState::Cancelled {
             continue;
         }
-        let request = v1::GetDigestRequest {
-            campaign: campaign.id.clone(),
-        };
-        let digest = heard(client.get_digest(request).await?)?;
+        let digest = get_digest(client, &campaign.id).await?;
         // Before the first checkpoint there is nothing that could have been adopted.
         let adopted = digest.adopted && !campaign.checkpoint.is_empty();
         if !digest.attended && !adopted {

@@ -1,22 +1,22 @@
 //! `bench pipeline`: where the time of a latent campaign goes.
 
 use super::{
-    super::{
-        CliError,
-        follow::stage_name,
-        json,
-        table::{Table, left, right},
-    },
+    SIMULATION, TRAINED_PICTURE,
     cluster::{BenchCampaign, PlainLoop, Took},
-    cpu_time::CpuTime,
-    floor::{SIMULATION, TRAINED_PICTURE},
+    process_cpu,
 };
-use crate::{cli::Global, local::InProcess};
+use crate::json;
+use murmuration_cli::{
+    CliError, Global,
+    follow::stage_name,
+    table::{Table, left, right},
+};
+use murmuration_coordinator::local::InProcess;
+use murmuration_embed::Runtime;
 use murmuration_link::errln;
 use murmuration_proto::{CampaignSpec, EmbedderSource, grouped, v1::CampaignStage};
 use std::time::{Duration, Instant};
 
-/// Arguments of `bench pipeline`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 The single-sensor latent campaign from nothing to its taxonomy, with workers and a trainer of this process over loopback \
@@ -25,8 +25,8 @@ twenty times a second, and the CPU time of the process meanwhile. Beside the who
 as dataset and archive have take a plain loop on as many threads, reckoned from those of the archive.
 
 Example:
-  murmuration bench pipeline --controllers 1000 --generations 10")]
-pub(in crate::cli) struct PipelineBench {
+  murmuration lab bench pipeline --controllers 1000 --generations 10")]
+pub struct PipelineBench {
     /// Controllers of the dataset, with two pictures each
     #[arg(long, default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(100..=1_000_000))]
     controllers: u32,
@@ -52,7 +52,6 @@ const STAGES: [CampaignStage; 4] = [
 /// Pause between two looks at the campaign's status.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// What was measured.
 pub(super) struct Pipeline {
     /// Each of [`STAGES`].
     stages: [Took; 4],
@@ -132,21 +131,23 @@ impl PipelineBench {
 
     /// Runs the campaign, then the plain loop.
     pub(super) async fn measure(&self) -> Result<Pipeline, CliError> {
+        // Otherwise the campaign would wait for a worker that can embed.
+        Runtime::load()?;
         let spec = self.spec()?;
         let crew = InProcess {
             workers: self.workers.into(),
             trainers: 1,
         };
         let mut stages = [Took::default(); 4];
-        let mut before: Option<(usize, Instant, CpuTime)> = None;
+        let mut before: Option<(usize, Instant, Duration)> = None;
         let finished = BenchCampaign::start(crew, None)
             .await?
             .complete(&spec, PAUSE, |stage| {
-                let (now, cpu_now) = (Instant::now(), CpuTime::of_process());
+                let (now, cpu_now) = (Instant::now(), process_cpu());
                 if let Some((place, begun, cpu)) = before {
                     let took: &mut Took = &mut stages[place];
                     took.wall += now.saturating_duration_since(begun);
-                    took.cpu = took.cpu.with(cpu_now.without(cpu));
+                    took.cpu += cpu_now.saturating_sub(cpu);
                 }
                 let place = STAGES.iter().position(|&known| known == stage);
                 let place = place.unwrap_or(before.map_or(0, |(place, ..)| place));
@@ -179,6 +180,6 @@ impl PipelineBench {
              [dataset]\ncontrollers = {}\nstarts = {STARTS}\n[search]\npopulation = 100\ngenerations = {}\n",
             self.controllers, self.generations
         );
-        CampaignSpec::from_toml(&text).map_err(|error| CliError::Failed(error.to_string()))
+        CampaignSpec::from_toml(&text).map_err(CliError::failed)
     }
 }

@@ -7,7 +7,7 @@ use std::{collections::BTreeMap, path::Path};
 
 /// A study and its tables.
 #[derive(Debug, Serialize, JsonSchema)]
-pub(in crate::cli) struct Study {
+pub(crate) struct Study {
     /// Its name.
     study: String,
     /// Path of the page of its report; null if no report was written.
@@ -18,7 +18,7 @@ pub(in crate::cli) struct Study {
     measured: Vec<StudyCell>,
     /// A table for each measure.
     tables: Vec<StudyTable>,
-    /// How many of the judged individuals were named by whom: `judge`, or a person.
+    /// How many of the judged individuals were named by whom: `judge`, or an annotator.
     named_by: BTreeMap<String, usize>,
 }
 
@@ -84,24 +84,24 @@ struct StudyFigure {
 
 /// A study and how far it is.
 #[derive(Debug, Serialize, JsonSchema)]
-pub(in crate::cli) struct ListedStudy {
+pub(crate) struct ListedStudy {
     /// Its name.
-    pub(in crate::cli) study: String,
+    pub(crate) study: String,
     /// Number of its cells.
-    pub(in crate::cli) cells: usize,
+    pub(crate) cells: usize,
     /// Number of the cells that were measured.
-    pub(in crate::cli) measured: usize,
+    pub(crate) measured: usize,
     /// Why its folder cannot be read; the numbers are 0 then. Absent if it can.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(in crate::cli) problem: Option<String>,
+    pub(crate) problem: Option<String>,
 }
 
 impl Study {
     /// A study, and the page of its report if one was written.
-    pub(in crate::cli) fn of(outcome: &study::Outcome, report: Option<&Path>) -> Self {
+    pub(crate) fn of(outcome: &study::Outcome, report: Option<&Path>) -> Self {
         let of = outcome.study();
         let values = |values: &[usize]| -> BTreeMap<String, String> {
-            let axes = of.axes().iter().map(|axis| axis.name.clone());
+            let axes = of.axes.iter().map(|axis| axis.name.clone());
             axes.zip(of.names(values).map(str::to_owned)).collect()
         };
         let cell = |cell: study::MeasuredCell<'_>| StudyCell {
@@ -123,9 +123,9 @@ impl Study {
             rows: table.rows.iter().map(row).collect(),
         };
         Self {
-            study: of.name().as_str().to_owned(),
+            study: of.name.as_str().to_owned(),
             report: report.map(|path| path.display().to_string()),
-            cells: of.cells().len(),
+            cells: of.cells.len(),
             measured: outcome.cells().map(cell).collect(),
             tables: outcome.tables().iter().map(table).collect(),
             named_by: outcome.named_by(),
@@ -136,7 +136,7 @@ impl Study {
 fn by_name<T, U>(figures: BTreeMap<study::Figure, T>, made: impl Fn(T) -> U) -> BTreeMap<String, U> {
     let figures = figures.into_iter();
     figures
-        .map(|(figure, value)| (figure.name().to_owned(), made(value)))
+        .map(|(figure, value)| (figure.name().into_owned(), made(value)))
         .collect()
 }
 

@@ -1,9 +1,9 @@
 //! The peer of a campaign: the same evaluations on as many threads, with nothing around them.
 
-use super::{CliError, CpuTime, Took};
+use super::{CliError, Took, process_cpu};
 use murmuration_embed::{EmbedError, Embedder, Runtime};
 use murmuration_proto::{CampaignSpec, Controller, Evaluation, onnx::EmbedderModel};
-use murmuration_worker::{evaluate::Evaluator, simulate::Start};
+use murmuration_sim::{evaluate::Evaluator, simulate::Start};
 use std::{
     hint::black_box,
     sync::atomic::{AtomicUsize, Ordering},
@@ -15,12 +15,12 @@ use std::{
 const AT_ONCE: usize = 64;
 
 /// One evaluator a thread, and one embedder a thread where pictures are embedded.
-pub(in crate::cli::bench) struct PlainLoop {
+pub(in crate::bench) struct PlainLoop {
     threads: Vec<(Evaluator, Option<Embedder>)>,
 }
 
 impl PlainLoop {
-    pub(in crate::cli::bench) fn new(
+    pub(in crate::bench) fn new(
         spec: &CampaignSpec,
         model: Option<&[u8]>,
         threads: usize,
@@ -33,10 +33,9 @@ impl PlainLoop {
         Ok(Self { threads })
     }
 
-    /// Evaluates all tasks.
-    pub(in crate::cli::bench) fn run(self, tasks: &[(Controller, Start)]) -> Result<Took, CliError> {
+    pub(in crate::bench) fn run(self, tasks: &[(Controller, Start)]) -> Result<Took, CliError> {
         let next = AtomicUsize::new(0);
-        let (begun, cpu) = (Instant::now(), CpuTime::of_process());
+        let (begun, cpu) = (Instant::now(), process_cpu());
         thread::scope(|scope| {
             let work = |(evaluator, embedder)| scope.spawn(|| work(evaluator, embedder, tasks, &next));
             let threads: Vec<_> = self.threads.into_iter().map(work).collect();
@@ -50,7 +49,7 @@ impl PlainLoop {
         })?;
         Ok(Took {
             wall: begun.elapsed(),
-            cpu: CpuTime::of_process().without(cpu),
+            cpu: process_cpu().saturating_sub(cpu),
         })
     }
 }

@@ -1,17 +1,18 @@
 //! `atlas`: every controller of a space evaluated and judged, as a table, a picture and a page.
 
-use super::{
-    CliError, Global,
-    connection::{self, Connection},
-    error::atlas_folder,
-    follow::{Show, View},
-    heard::{self, heard},
+use crate::{
     json,
     known_campaigns::{KnownCampaigns, begin, stopped, to_rest},
-    next_step,
-    run::{InProcessArgs, read_spec},
+};
+use murmuration_cli::{
+    CliError, Global, InProcessArgs,
+    connection::{self, Connection},
+    follow::{Show, View},
+    heard::{self, get_campaign, get_digest},
+    next_step, read_spec,
 };
 use murmuration_link::{errln, outln, termination};
+use murmuration_model::CampaignId;
 use murmuration_proto::{CampaignSpec, Controller, Enumeration, Invalid, counted, v1};
 use murmuration_report::{
     ReportError,
@@ -24,7 +25,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Arguments of `atlas`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 The command runs the campaign of the file, or continues it, and writes atlas.csv and its README.md; where all controllers of four \
@@ -32,10 +32,10 @@ speeds were evaluated, also atlas.png, atlas-poster.svg, atlas-poster.png, atlas
 what they show.
 
 Examples:
-  murmuration atlas examples/atlas.toml --values 7        a coarse atlas, in seconds
-  murmuration atlas examples/atlas.toml --out atlas       every controller of the paper's robot, in minutes
-  murmuration atlas latest --out atlas                    the atlas of a campaign that there is")]
-pub(super) struct AtlasCommand {
+  murmuration lab atlas examples/atlas.toml --values 7        a coarse atlas, in seconds
+  murmuration lab atlas examples/atlas.toml --out atlas       every controller of the paper's robot, in minutes
+  murmuration lab atlas latest --out atlas                    the atlas of a campaign that there is")]
+pub struct AtlasCommand {
     /// Campaign file with the method "exhaustive"; or the id of a campaign that judges, or `latest`
     campaign: String,
     /// Folder for the atlas [default: atlases/CAMPAIGN in the data directory]
@@ -48,7 +48,7 @@ pub(super) struct AtlasCommand {
     crew: InProcessArgs,
 }
 
-/// What an atlas is made of.
+/// The campaign that an atlas is made of.
 enum Source {
     /// A campaign file: its campaign is continued if there is one.
     Spec(Box<CampaignSpec>),
@@ -67,8 +67,7 @@ impl AtlasCommand {
                     begin(&mut connection.client, &spec, known, "").await?
                 }
                 Source::Campaign(campaign) => {
-                    let request = v1::GetCampaignRequest { campaign };
-                    let campaign = heard(connection.client.get_campaign(request).await?)?;
+                    let campaign = get_campaign(&mut connection.client, campaign).await?;
                     let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
                     check(&spec, &format!("campaign {}", campaign.id))?;
                     campaign
@@ -159,6 +158,11 @@ impl AtlasCommand {
     }
 }
 
+/// Where `murmuration` keeps the atlas of a campaign.
+fn atlas_folder(data: &Path, campaign: &CampaignId) -> PathBuf {
+    data.join("atlases").join(campaign.as_str())
+}
+
 /// The same campaign over a grid of so many values of each speed.
 fn with_values(spec: &CampaignSpec, values: u32) -> Result<CampaignSpec, CliError> {
     if values < 3 || values.is_multiple_of(2) {
@@ -219,10 +223,7 @@ async fn gather(
     folder: &Path,
 ) -> Result<Atlas, CliError> {
     let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
-    let request = v1::GetDigestRequest {
-        campaign: campaign.id.clone(),
-    };
-    let digest = heard(connection.client.get_digest(request).await?)?.digest;
+    let digest = get_digest(&mut connection.client, &campaign.id).await?.digest;
     let layout = Layout::of(&spec);
     let request = v1::GetArchiveRequest {
         campaign: campaign.id.clone(),

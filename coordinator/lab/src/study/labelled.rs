@@ -1,7 +1,8 @@
 //! The labelled sets that embeddings of a study are measured by.
 
-use super::super::{CliError, accuracy, files::read};
+use crate::accuracy;
 use murmuration_accuracy::{Accuracy, LabelledSet};
+use murmuration_cli::{CliError, files::read};
 use murmuration_embed::{Embedder, Runtime};
 use murmuration_link::InputKind;
 use murmuration_proto::{
@@ -26,10 +27,10 @@ impl Labelled {
     /// Reads the sets that a study names, and the bytes of their files.
     pub(super) fn read(study: &Study) -> Result<(Self, Vec<Vec<u8>>), CliError> {
         let (mut sets, mut contents) = (BTreeMap::new(), Vec::new());
-        if !study.measures().which.contains(&Measure::Accuracy) {
+        if !study.measures.which.contains(&Measure::Accuracy) {
             return Ok((Self::default(), contents));
         }
-        for (model, files) in &study.measures().labelled {
+        for (model, files) in &study.measures.labelled {
             for file in files {
                 contents.push(read(file, InputKind::Labels)?);
             }

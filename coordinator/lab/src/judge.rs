@@ -1,0 +1,360 @@
+//! `judge`: how well the synthetic annotator and the second judge agree with annotators.
+
+use crate::{
+    accuracy::{behaviours, synthetic, tell_counted},
+    json,
+};
+use csv::Writer;
+use murmuration_accuracy::{LabelledSet, Swarm};
+use murmuration_cli::{
+    CliError, Global,
+    files::{Written, is_there, write},
+    table::{Table, left, right},
+};
+use murmuration_judge as judge;
+use murmuration_link::{OutputError, outln};
+use murmuration_model::labels::{ConfusionMatrix, to_cell};
+use murmuration_proto::{Class, Pattern, Verdict, counted, grouped};
+use murmuration_sim::replay::replay_frames;
+use murmuration_study::{second_judge, second_judge_measures};
+use rayon::prelude::*;
+use std::{collections::BTreeMap, iter, path::PathBuf};
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+The command simulates the labelled swarms and lets the rule-based judge and the second judge, which learned from labels, name the \
+class of each. The file needs the columns \
+index (or id), class, a column for each gene, robots unless they are the paper's, and seed unless starts are given; the paper's world is the default \
+(docs/labels.md). The answers of the synthetic annotator are skipped, because the synthetic annotator is this judge.
+
+Examples:
+  murmuration labels latest --csv labels.csv && murmuration lab judge --labels labels.csv
+  murmuration lab judge --labels single_sensor/validation.csv
+  murmuration lab judge --labels two_sensor/validation.csv --labels rare/validation.csv --json")]
+pub struct JudgeCommand {
+    /// Labelled behaviours, as `murmuration labels --csv` writes them; repeat the option to join sets
+    #[arg(long, required = true, value_name = "CSV")]
+    labels: Vec<PathBuf>,
+    /// Starts of the swarms, one file for each --labels [default: the column seed, else `starts.csv` beside the CSV]
+    #[arg(long, value_name = "CSV")]
+    starts: Vec<PathBuf>,
+    /// Also write what the second judge measures of each swarm, to train it by
+    #[arg(long, value_name = "CSV")]
+    measures: Option<PathBuf>,
+}
+
+impl JudgeCommand {
+    pub(super) fn execute(&self, global: &Global) -> Result<(), CliError> {
+        self.check_starts()?;
+        if let Some(table) = &self.measures {
+            Written::Csv.check("--measures", table)?;
+        }
+        let sets = self.labels.iter().map(LabelledSet::read);
+        let sets = sets.collect::<Result<Vec<_>, _>>()?;
+        let mut said = Vec::new();
+        let mut patterns = Pattern::ALL.map(PatternCounts::of);
+        let mut without_meaning = BTreeMap::new();
+        for (place, labels) in sets.iter().enumerate() {
+            let swarms = labels.swarms(self.starts_of(place, labels)?.as_deref())?;
+            for swarm in &swarms {
+                let reasons =
+                    Class::ALL.map(|class| class.without_meaning(&swarm.world).map(|why| (class, why)));
+                for reason in reasons.into_iter().flatten() {
+                    *without_meaning.entry(reason).or_insert(0) += 1;
+                }
+            }
+            let judged = swarms.par_iter().map(Judged::of).collect::<Result<Vec<_>, _>>()?;
+            for (seen, judged) in labels.patterns().zip(&judged) {
+                patterns
+                    .iter_mut()
+                    .for_each(|counts| counts.count(seen, &judged.verdict));
+            }
+            let people = labels.ids().zip(labels.classes());
+            let people = people.map(|(id, class)| (id.to_owned(), class.to_owned()));
+            said.extend(people.zip(judged));
+        }
+        if let Some(table) = &self.measures {
+            write(table, measures_csv(&said))?;
+        }
+        let opinions = Opinions::of(&said);
+        if global.json {
+            json::print(self.document(&opinions, &patterns, &sets, &without_meaning))?;
+        } else {
+            opinions.print()?;
+            print_patterns(&patterns)?;
+            tell_without_meaning(&without_meaning)?;
+            tell_counted(&sets);
+        }
+        Ok(())
+    }
+
+    /// Where the swarms of a file start, if it does not say so itself.
+    fn starts_of(&self, place: usize, labels: &LabelledSet) -> Result<Option<PathBuf>, CliError> {
+        if let Some(named) = self.starts.get(place) {
+            return Ok(Some(named.clone()));
+        }
+        let beside = labels.path().with_file_name("starts.csv");
+        Ok((!labels.can_be_simulated() && is_there(&beside)?).then_some(beside))
+    }
+
+    fn check_starts(&self) -> Result<(), CliError> {
+        if self.starts.is_empty() || self.starts.len() == self.labels.len() {
+            return Ok(());
+        }
+        Err(CliError::Input(format!(
+            "{} --starts for {} --labels: give one --starts for each --labels, in the same order",
+            self.starts.len(),
+            self.labels.len()
+        )))
+    }
+
+    fn document(
+        &self,
+        opinions: &Opinions<'_>,
+        patterns: &[PatternCounts],
+        sets: &[LabelledSet],
+        without_meaning: &WithoutMeaning,
+    ) -> json::Judge {
+        json::Judge {
+            set: json::Set {
+                labels: self
+                    .labels
+                    .iter()
+                    .map(|labels| labels.display().to_string())
+                    .collect(),
+                behaviours: behaviours(sets),
+                synthetic_left_out: synthetic(sets),
+            },
+            agreement: agreement(&opinions.first),
+            second_judge: agreement(&opinions.second),
+            judges_agreed: opinions.judges.same(),
+            judges_kappa: opinions.judges.kappa(),
+            all_agreed: opinions.all_agreed,
+            without_meaning: without_meaning
+                .iter()
+                .map(|(&(class, _), &swarms)| (class.name().to_owned(), swarms))
+                .collect(),
+            patterns: patterns
+                .iter()
+                .map(|counts| (counts.pattern.name().to_owned(), counts.document()))
+                .collect(),
+        }
+    }
+}
+
+/// Numbers of swarms in whose world a class has no meaning, and why it has none.
+type WithoutMeaning = BTreeMap<(Class, &'static str), u64>;
+
+/// How often a pattern was seen.
+#[derive(Debug)]
+struct PatternCounts {
+    pattern: Pattern,
+    /// By annotators.
+    given: u64,
+    /// By annotators and the judge.
+    agreed: u64,
+    /// By the judge.
+    judged: u64,
+}
+
+impl PatternCounts {
+    const fn of(pattern: Pattern) -> Self {
+        Self {
+            pattern,
+            given: 0,
+            agreed: 0,
+            judged: 0,
+        }
+    }
+
+    /// Counts a behaviour in which annotators saw the patterns `seen`, joined by `|`.
+    fn count(&mut self, seen: &str, verdict: &Verdict) {
+        let seen = seen.split('|').any(|name| name == self.pattern.name());
+        let judged = verdict.pattern() == Some(self.pattern);
+        self.given += u64::from(seen);
+        self.agreed += u64::from(seen && judged);
+        self.judged += u64::from(judged);
+    }
+
+    const fn document(&self) -> json::PatternCounts {
+        json::PatternCounts {
+            given: self.given,
+            agreed: self.agreed,
+            judged: self.judged,
+        }
+    }
+}
+
+/// The verdicts of both judges on a swarm.
+#[derive(Debug)]
+struct Judged {
+    verdict: Verdict,
+    second: Class,
+    /// By which the second judge says so.
+    measures: Vec<f64>,
+}
+
+impl Judged {
+    fn of(swarm: &Swarm) -> Result<Self, CliError> {
+        let world = &swarm.world;
+        let motion = replay_frames(&swarm.controller, world, &swarm.start, &judge::frames(world))?;
+        Ok(Self {
+            verdict: judge::judge(&motion, world),
+            second: second_judge(&motion, world),
+            measures: second_judge_measures(&motion, world),
+        })
+    }
+}
+
+/// A behaviour's id, the class of its label, and the verdicts of the judges.
+type Said = ((String, String), Judged);
+
+/// How often two of three agree: the labels, the rule-based judge and the second judge.
+#[derive(Debug)]
+struct Opinions<'a> {
+    /// Of the labels and the rule-based judge.
+    first: ConfusionMatrix<&'a str>,
+    /// Of the labels and the second judge.
+    second: ConfusionMatrix<&'a str>,
+    /// Of the judges.
+    judges: ConfusionMatrix<&'a str>,
+    /// Behaviours of which all three say the same.
+    all_agreed: u64,
+}
+
+impl<'a> Opinions<'a> {
+    fn of(said: &'a [Said]) -> Self {
+        let opinions = said.iter().map(|((_, people), judged)| {
+            let first = judged.verdict.class().name();
+            (people.as_str(), first, judged.second.name())
+        });
+        Self {
+            first: opinions
+                .clone()
+                .map(|(people, first, _)| (people, first))
+                .collect(),
+            second: opinions
+                .clone()
+                .map(|(people, _, second)| (people, second))
+                .collect(),
+            judges: opinions
+                .clone()
+                .map(|(_, first, second)| (first, second))
+                .collect(),
+            all_agreed: opinions
+                .filter(|(people, first, second)| people == first && first == second)
+                .count() as u64,
+        }
+    }
+
+    fn print(&self) -> Result<(), OutputError> {
+        print_table(&self.first)?;
+        outln!("\nThe second judge:")?;
+        print_table(&self.second)?;
+        let (agreed, all) = (self.judges.same(), self.judges.total());
+        outln!(
+            "\nBoth judges say the same of {} of {} ({}), Cohen's kappa {}; people say so too of {} of these",
+            grouped(agreed),
+            grouped(all),
+            percent(agreed, all),
+            kappa(&self.judges),
+            grouped(self.all_agreed)
+        )
+    }
+}
+
+/// The measures of the second judge as CSV, one row for each behaviour.
+fn measures_csv(said: &[Said]) -> Vec<u8> {
+    let count = said.first().map_or(0, |(_, judged)| judged.measures.len());
+    let mut table = Writer::from_writer(Vec::new());
+    let names = (1..=count).map(|place| format!("measure_{place}"));
+    // Writing to memory cannot fail, and all rows have as many cells as the header.
+    let _ = table.write_record(iter::once("id".to_owned()).chain(names));
+    for ((id, _), judged) in said {
+        let values = judged.measures.iter().map(f64::to_string);
+        let _ = table.write_record(iter::once(to_cell(id).into_owned()).chain(values));
+    }
+    table.into_inner().unwrap_or_default()
+}
+
+fn agreement(matrix: &ConfusionMatrix<&str>) -> json::Agreement {
+    let said = matrix.answers();
+    let row = |class: &str| -> BTreeMap<String, u64> {
+        let counts = said
+            .iter()
+            .map(|&judge| (judge.to_owned(), matrix.count(class, judge)));
+        counts.filter(|&(_, count)| count > 0).collect()
+    };
+    json::Agreement {
+        agreed: matrix.same(),
+        kappa: matrix.kappa(),
+        judged_by_class: said.iter().map(|&class| (class.to_owned(), row(class))).collect(),
+    }
+}
+
+/// Which classes the judge could not answer with.
+fn tell_without_meaning(without_meaning: &WithoutMeaning) -> Result<(), OutputError> {
+    for ((class, why), &swarms) in without_meaning {
+        outln!("\n{class} has no meaning for {}: {why}", counted(swarms, "swarm"))?;
+    }
+    Ok(())
+}
+
+/// For each class that annotators gave, what the judge said.
+fn print_table(matrix: &ConfusionMatrix<&str>) -> Result<(), OutputError> {
+    let answers = matrix.answers();
+    let fixed = [left("CLASS"), right("GIVEN"), right("AGREED"), right("SHARE")];
+    let judged = answers.iter().map(|&judge| right(judge));
+    let mut table = Table::new(fixed.into_iter().chain(judged));
+    for &class in &answers {
+        let (given, agreed) = (matrix.said(class), matrix.count(class, class));
+        let judged = answers.iter().map(|judge| grouped(matrix.count(class, judge)));
+        table.row(counts(class, given, agreed).into_iter().chain(judged));
+    }
+    table.row(counts("all", matrix.total(), matrix.same()));
+    table.print()?;
+    outln!("Cohen's kappa {}", kappa(matrix))
+}
+
+fn kappa(matrix: &ConfusionMatrix<&str>) -> String {
+    let kappa = matrix.kappa();
+    kappa.map_or("-".to_owned(), |kappa| format!("{kappa:.3}"))
+}
+
+/// The patterns among what belongs to no class, where annotators named them.
+fn print_patterns(patterns: &[PatternCounts]) -> Result<(), OutputError> {
+    let mut table = Table::new([
+        left("PATTERN"),
+        right("GIVEN"),
+        right("AGREED"),
+        right("SHARE"),
+        right("JUDGED"),
+    ]);
+    for shown in patterns {
+        let judged = grouped(shown.judged);
+        table.row(
+            counts(shown.pattern.name(), shown.given, shown.agreed)
+                .into_iter()
+                .chain([judged]),
+        );
+    }
+    outln!("")?;
+    table.print()
+}
+
+/// How many of those that annotators gave a name have it from the judge too.
+fn counts(name: &str, given: u64, agreed: u64) -> [String; 4] {
+    [
+        name.to_owned(),
+        grouped(given),
+        grouped(agreed),
+        percent(agreed, given),
+    ]
+}
+
+fn percent(part: u64, whole: u64) -> String {
+    if whole == 0 {
+        return "-".to_owned();
+    }
+    format!("{:.1} %", 100.0 * part as f64 / whole as f64)
+}
