@@ -1,28 +1,23 @@
 //! `study`: grids of campaigns, and what is measured of them.
 
-mod clients;
-mod judged;
 mod labelled;
 mod measuring;
 mod progress;
 mod run;
 mod shown;
 
-use super::{
+use crate::json;
+use murmuration_cli::{
     CliError, Global,
     files::read_words,
-    json,
     table::{Table, left, right},
 };
 use murmuration_link::{InputKind, errln, outln};
-use murmuration_study::{
-    BehavioursError, Corrections, FolderError, Outcome, ReportError, StudyFolder, studies, write_report,
-};
+use murmuration_study::{Corrections, FolderError, Outcome, StudyFolder, studies, write_report};
 use std::path::{Path, PathBuf};
 
-/// What to do with studies.
 #[derive(Debug, clap::Subcommand)]
-pub(super) enum StudyCommand {
+pub enum StudyCommand {
     /// Run the campaigns of a study that have not run yet, measure them, and write the report
     Run(run::RunStudy),
     /// List the studies of the data directory
@@ -36,18 +31,17 @@ pub(super) enum StudyCommand {
     Report(ReportStudy),
 }
 
-/// Arguments of `study report`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 The report's medoids.csv has a row for each judged individual. To name behaviours yourself, change `class`, and `by` to your \
 name, in a copy of it.
 
 Example:
-  murmuration study report small --classes my-classes.csv")]
-pub(super) struct ReportStudy {
+  murmuration lab study report small --classes my-classes.csv")]
+pub struct ReportStudy {
     /// Name of the study
     study: String,
-    /// Classes that people gave instead of the judge: the columns cell, index, class and by of medoids.csv
+    /// Classes to take instead of the judge's: the columns cell, index, class and by of medoids.csv
     #[arg(long, value_name = "CSV")]
     classes: Option<PathBuf>,
     /// Folder for the report [default: the folder of the study in the data directory]
@@ -79,10 +73,11 @@ impl ReportStudy {
             None => Corrections::default(),
         };
         let (folder, outcome) = kept(&global.data, &self.study, corrections)?;
-        let files = write_report(&outcome, self.out.as_deref().unwrap_or(folder.path()))?;
+        let page = write_report(&outcome, self.out.as_deref().unwrap_or(folder.path()));
+        let page = page.map_err(CliError::failed)?;
         match global.json {
-            true => shown::show(&outcome, Some(&files.page), true),
-            false => Ok(outln!("{}", files.page.display())?),
+            true => shown::show(&outcome, Some(&page), true),
+            false => Ok(outln!("{}", page.display())?),
         }
     }
 }
@@ -90,19 +85,19 @@ impl ReportStudy {
 /// A study of a data directory, with what was measured of it, and the classes that people gave: `corrections`, and of other
 /// individuals those from the page of the study.
 fn kept(data: &Path, name: &str, corrections: Corrections) -> Result<(StudyFolder, Outcome), CliError> {
-    let kept = StudyFolder::open(data, name)?;
+    let kept = StudyFolder::open(data, name).map_err(folder_error)?;
     let folder = kept.folder.clone();
-    let corrections = corrections.or(folder.classes()?);
-    Ok((folder, kept.outcome(corrections)?))
+    let corrections = corrections.or(folder.classes().map_err(folder_error)?);
+    Ok((folder, kept.outcome(corrections).map_err(folder_error)?))
 }
 
 fn list(global: &Global) -> Result<(), CliError> {
     let mut listed = Vec::new();
-    for name in studies(&global.data)? {
+    for name in studies(&global.data).map_err(folder_error)? {
         let listed_study = match kept(&global.data, &name, Corrections::default()) {
             Ok((_, outcome)) => json::ListedStudy {
                 study: name,
-                cells: outcome.study().cells().len(),
+                cells: outcome.study().cells.len(),
                 measured: outcome.cells().count(),
                 problem: None,
             },
@@ -137,24 +132,11 @@ fn list(global: &Global) -> Result<(), CliError> {
     Ok(())
 }
 
-impl From<FolderError> for CliError {
-    fn from(error: FolderError) -> Self {
-        let said = error.to_string();
-        match error {
-            FolderError::NoStudy { .. } => Self::Input(said),
-            _ => Self::Failed(said),
-        }
-    }
-}
-
-impl From<ReportError> for CliError {
-    fn from(error: ReportError) -> Self {
-        Self::Failed(error.to_string())
-    }
-}
-
-impl From<BehavioursError> for CliError {
-    fn from(error: BehavioursError) -> Self {
-        Self::Failed(error.to_string())
+/// A folder of a study that cannot be read or written.
+fn folder_error(error: FolderError) -> CliError {
+    let said = error.to_string();
+    match error {
+        FolderError::NoStudy { .. } => CliError::Input(said),
+        _ => CliError::Failed(said),
     }
 }

@@ -1,7 +1,8 @@
 //! What is shown of a study.
 
-use super::super::{
-    CliError, json,
+use crate::json;
+use murmuration_cli::{
+    CliError,
     table::{Table, left, right},
 };
 use murmuration_link::{errln, outln};
@@ -24,7 +25,7 @@ pub(super) fn show(outcome: &Outcome, report: Option<&Path>, as_json: bool) -> R
     if let Some(page) = report {
         outln!("\nreport    {}", page.display())?;
     }
-    let (measured, all) = (outcome.cells().count(), outcome.study().cells().len());
+    let (measured, all) = (outcome.cells().count(), outcome.study().cells.len());
     if measured < all {
         errln!("{measured} of {} measured", counted(all as u64, "cell"));
     }
@@ -38,7 +39,7 @@ fn print_table(outcome: &Outcome, table: &StudyTable) -> Result<(), CliError> {
     let first = figures.first();
     let published = |row: &Row| row.entries.get(first?)?.published;
     let is_published = table.rows.iter().any(|row| published(row).is_some());
-    let axes = study.axes().iter().map(|axis| left(axis.name.to_uppercase()));
+    let axes = study.axes.iter().map(|axis| left(axis.name.to_uppercase()));
     let mut columns: Vec<_> = axes.chain([right("N")]).collect();
     let mut headings = figures
         .iter()

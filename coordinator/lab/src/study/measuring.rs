@@ -1,14 +1,17 @@
 //! Measures a completed campaign of a study.
 
-use super::{
-    super::{CliError, accuracy, heard::heard},
-    clients::Clients,
-    judged,
-    labelled::Labelled,
-};
+use super::labelled::Labelled;
+use crate::accuracy;
 use murmuration_accuracy::Accuracy;
+use murmuration_cli::{
+    CliError,
+    connection::{CheckpointClient, Client, LabelClient},
+    heard::get_digest,
+};
 use murmuration_model::labels::{self, Annotator, Labels};
-use murmuration_proto::{CampaignSpec, Method, parts::whole, v1};
+use murmuration_proto::{
+    CampaignSpec, Choice, Controller, Features, Invalid, Method, Scale, parts::whole, v1,
+};
 use murmuration_report::Entry;
 use murmuration_search::interrupt::Interrupt;
 use murmuration_service::report_data;
@@ -18,38 +21,33 @@ use murmuration_study::{
 };
 use std::{collections::BTreeMap, sync::Arc};
 
-/// What is measured, and by what; cheap to clone.
+/// The measures of a study and their inputs; cheap to clone.
 #[derive(Debug, Clone)]
 pub(super) struct Measuring {
     pub(super) measures: Arc<Measures>,
-    /// Its digest.
     pub(super) digest: String,
     pub(super) labelled: Arc<Labelled>,
-    /// What there is to find; known before the first cell is measured, where recall or richness is.
+    /// The content of the atlas; known before the first cell is measured, where recall or richness is.
     pub(super) reference: Option<Arc<Reference>>,
-    /// Ends what is computed.
     pub(super) interrupt: Interrupt,
 }
 
 impl Measuring {
-    /// What the atlas of a study holds, once its campaign is completed.
+    /// The content of the atlas of a study, once its campaign is completed.
     pub(super) async fn reference(
         &self,
         clients: &mut Clients,
         spec: &CampaignSpec,
         campaign: &v1::Campaign,
     ) -> Result<Reference, CliError> {
-        let request = v1::GetDigestRequest {
-            campaign: campaign.id.clone(),
-        };
-        let digest = heard(clients.campaigns.get_digest(request).await?)?.digest;
-        let archive = judged::judged_archive(clients, spec, &campaign.id).await?;
+        let digest = get_digest(&mut clients.campaigns, &campaign.id).await?.digest;
+        let archive = judged_archive(clients, spec, &campaign.id).await?;
         let plan = self.measures.recall.as_ref();
         let niches = plan.map_or(1, |plan| plan.niches.get() as usize);
         let (spec, interrupt) = (spec.clone(), self.interrupt.clone());
         let made = move || {
             let reference = Reference::of(&spec, &archive, niches, &interrupt);
-            reference.map_err(|error| CliError::Failed(error.to_string()))
+            reference.map_err(CliError::failed)
         };
         Ok(Reference {
             measures: self.digest.clone(),
@@ -59,23 +57,17 @@ impl Measuring {
         })
     }
 
-    /// Measures a campaign, which is completed.
     pub(super) async fn measure(
         &self,
         clients: &mut Clients,
         spec: &CampaignSpec,
         campaign: &v1::Campaign,
     ) -> Result<Measured, CliError> {
-        let request = v1::GetDigestRequest {
-            campaign: campaign.id.clone(),
-        };
-        let digest = heard(clients.campaigns.get_digest(request).await?)?;
+        let digest = get_digest(&mut clients.campaigns, &campaign.id).await?;
         let has = |measure| self.measures.which.contains(&measure);
         // Fetched once, however many measures take it.
         let archive = match self.reference.is_some() || has(Measure::Maps) {
-            true => Some(Arc::new(
-                judged::judged_archive(clients, spec, &campaign.id).await?,
-            )),
+            true => Some(Arc::new(judged_archive(clients, spec, &campaign.id).await?)),
             false => None,
         };
         Ok(Measured {
@@ -116,7 +108,7 @@ impl Measuring {
     async fn maps(&self, spec: &CampaignSpec, archive: &Arc<Vec<Judged>>) -> Result<Maps, CliError> {
         let archive = Arc::clone(archive);
         let (spec, interrupt) = (spec.clone(), self.interrupt.clone());
-        computed(move || Ok(measure_maps(&spec, &archive, &interrupt)?)).await
+        computed(move || measure_maps(&spec, &archive, &interrupt).map_err(CliError::failed)).await
     }
 
     async fn recall(
@@ -131,7 +123,7 @@ impl Measuring {
         let (spec, reference) = (spec.clone(), Arc::clone(reference));
         let measured = move || {
             let counts = measure_recall(&spec, &archive, &at, &reference);
-            counts.map_err(|error| CliError::Failed(error.to_string()))
+            counts.map_err(CliError::failed)
         };
         computed(measured).await
     }
@@ -143,14 +135,14 @@ impl Measuring {
         campaign: &str,
     ) -> Result<JudgedBehaviours, CliError> {
         let archive = report_data::archive(&mut clients.campaigns, campaign, spec.model()).await?;
-        let learned = match spec.medoids_by_class() {
-            true => learned_classes(clients, campaign).await?,
-            false => BTreeMap::new(),
+        let learned = match spec.choice() {
+            Choice::Medoids => BTreeMap::new(),
+            Choice::Coverage | Choice::ByClass => learned_classes(clients, campaign).await?,
         };
-        let method = spec.method();
+        let scale = spec.scale(archive.iter().map(Entry::measured));
         let individual = |(index, entry): (u64, Entry)| Individual {
             generation: entry.generation,
-            behaviour: method.behaviour(&entry.features, &entry.embedding),
+            behaviour: scale.behaviour(&entry.features, &entry.embedding),
             controller: entry.controller,
             seed: entry.seed,
             class: learned.get(&index).copied(),
@@ -161,12 +153,12 @@ impl Measuring {
             let Self {
                 measures, interrupt, ..
             } = &measuring;
-            Ok(measure_behaviours(&spec, &archive, measures, interrupt)?)
+            measure_behaviours(&spec, &archive, measures, interrupt).map_err(CliError::failed)
         })
         .await
     }
 
-    /// The accuracy of what the cell measures novelty by, where that is features alone or an embedding alone.
+    /// The accuracy of the embedding that the cell measures novelty by, or of the features where there is none.
     async fn accuracy(
         &self,
         clients: &mut Clients,
@@ -174,13 +166,13 @@ impl Measuring {
         campaign: &v1::Campaign,
     ) -> Result<Option<AccuracyFigures>, CliError> {
         let (spec, labelled) = (spec.clone(), Arc::clone(&self.labelled));
-        let (embedding, measured) = match spec.method() {
-            Method::Random | Method::Concatenate | Method::Exhaustive => return Ok(None),
-            Method::HandCrafted => {
+        let (embedding, measured) = match (spec.method(), spec.space().embeds()) {
+            (Method::Random | Method::Exhaustive, _) => return Ok(None),
+            (_, false) => {
                 let measured = computed(move || labelled.of_features(&spec)).await?;
                 ("features".to_owned(), measured)
             }
-            Method::Latent | Method::Untrained => {
+            (_, true) => {
                 let (file, seen) = accuracy::fetch(&mut clients.checkpoints, &campaign.checkpoint).await?;
                 let measured = computed(move || labelled.of_checkpoint(&spec, &file, &seen)).await?;
                 (campaign.checkpoint.clone(), measured)
@@ -204,11 +196,11 @@ async fn learned_classes(clients: &mut Clients, campaign: &str) -> Result<BTreeM
     log.truncate(log.iter().rposition(is_synthetic).map_or(0, |last| last + 1));
     let mut labels = Labels::default();
     let followed = labels.follow(log);
-    followed.map_err(|error| CliError::Failed(error.to_string()))?;
+    followed.map_err(CliError::failed)?;
     Ok(labels.numbered_classes().into_iter().collect())
 }
 
-/// What the workers' judge said of the trials of a campaign.
+/// The verdicts of the workers' judge on the trials of a campaign.
 async fn shares(
     clients: &mut Clients,
     spec: &CampaignSpec,
@@ -249,7 +241,7 @@ async fn search(clients: &mut Clients, campaign: &v1::Campaign) -> Result<Option
     }))
 }
 
-/// What a computation that takes long comes to.
+/// The result of a long computation.
 async fn computed<T: Send + 'static>(
     compute: impl FnOnce() -> Result<T, CliError> + Send + 'static,
 ) -> Result<T, CliError> {
@@ -259,4 +251,51 @@ async fn computed<T: Send + 'static>(
             "a campaign could not be measured because of a bug".to_owned(),
         )),
     }
+}
+
+/// The individuals of a campaign that judges, in order.
+async fn judged_archive(
+    clients: &mut Clients,
+    spec: &CampaignSpec,
+    campaign: &str,
+) -> Result<Vec<Judged>, CliError> {
+    let request = v1::GetArchiveRequest {
+        campaign: campaign.to_owned(),
+        images: false,
+    };
+    let mut chunks = clients.campaigns.get_archive(request).await?.into_inner();
+    let mut archive = Vec::new();
+    while let Some(chunk) = chunks.message().await? {
+        for individual in chunk.individuals {
+            archive.push((report_data::features(&individual.features)?, individual));
+        }
+    }
+    let parts = archive
+        .iter()
+        .map(|(features, individual)| (*features, individual.embedding.clone()));
+    let scale = spec.scale(parts);
+    let judged = |(features, individual)| judged(spec, &scale, features, &individual);
+    Ok(archive.into_iter().map(judged).collect::<Result<_, _>>()?)
+}
+
+fn judged(
+    spec: &CampaignSpec,
+    scale: &Scale,
+    features: Features,
+    individual: &v1::Individual,
+) -> Result<Judged, Invalid> {
+    Ok(Judged {
+        behaviour: scale.behaviour(&features, &individual.embedding),
+        controller: Controller::new(spec.model(), &individual.controller)?,
+        features,
+        verdicts: report_data::verdicts_of(spec, individual)?,
+    })
+}
+
+/// How a coordinator is asked; cheap to clone.
+#[derive(Clone)]
+pub(super) struct Clients {
+    pub(super) campaigns: Client,
+    pub(super) checkpoints: CheckpointClient,
+    pub(super) labels: LabelClient,
 }

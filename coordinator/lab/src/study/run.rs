@@ -1,20 +1,18 @@
 //! `study run`: every campaign of a study to its end, several at once, each measured as soon as it is completed.
 
 use super::{
-    super::{
-        CliError, Global,
-        connection::{self, Connection},
-        files::read_words,
-        known_campaigns::{KnownCampaigns, begin, to_end},
-        quoted,
-        run::InProcessArgs,
-    },
-    clients::Clients,
-    kept,
+    folder_error, kept,
     labelled::Labelled,
-    measuring::Measuring,
+    measuring::{Clients, Measuring},
     progress::{CellProgress, Progress},
     shown,
+};
+use crate::known_campaigns::{KnownCampaigns, begin, to_end};
+use murmuration_cli::{
+    CliError, Global, InProcessArgs,
+    connection::{self, Connection},
+    files::read_words,
+    quoted,
 };
 use murmuration_embed::Runtime;
 use murmuration_link::{InputKind, errln, termination};
@@ -32,7 +30,6 @@ use std::{
 };
 use tokio::task::JoinSet;
 
-/// Arguments of `study run`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 A campaign with the same specification counts as a cell, whatever it is called: cells that have run do not run again, and an \
@@ -40,9 +37,9 @@ interrupted study continues when it is run again. The command uses the coordinat
 directory, or else runs one itself.
 
 Examples:
-  murmuration study run studies/small.toml
-  murmuration study run studies/paper.toml --quick")]
-pub(in crate::cli) struct RunStudy {
+  murmuration lab study run studies/small.toml
+  murmuration lab study run studies/paper.toml --quick")]
+pub struct RunStudy {
     /// Study file (see studies/)
     file: PathBuf,
     /// Run the study as its [quick] table says
@@ -56,7 +53,7 @@ pub(in crate::cli) struct RunStudy {
 }
 
 impl RunStudy {
-    pub(in crate::cli) async fn execute(self, global: &Global) -> Result<(), CliError> {
+    pub(crate) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let text = read_words(&self.file, InputKind::Study)?;
         let failed =
             |error: &dyn std::fmt::Display| CliError::Input(format!("{}: {error}", self.file.display()));
@@ -67,31 +64,33 @@ impl RunStudy {
         let (labelled, contents) = Labelled::read(&study)?;
         let contents: Vec<&[u8]> = contents.iter().map(Vec::as_slice).collect();
         let measuring = Measuring {
-            digest: measures_digest(study.measures(), &contents),
-            measures: Arc::new(study.measures().clone()),
+            digest: measures_digest(&study.measures, &contents),
+            measures: Arc::new(study.measures.clone()),
             labelled: Arc::new(labelled),
             reference: None,
             interrupt: Interrupt::default(),
         };
-        if study.cells().iter().any(|cell| cell.spec.method().embeds()) {
+        if study.cells.iter().any(|cell| cell.spec.space().embeds()) {
             Runtime::load()?;
         }
         let kept_in = StudyFolder::of(&global.data, &study);
         let begun = Instant::now();
         let quick = if self.quick { " --quick" } else { "" };
         let again = global.next(&format!(
-            "study run {}{quick}",
+            "lab study run {}{quick}",
             quoted(&self.file.display().to_string())
         ));
         let run = async |connection: &mut Connection| {
-            kept_in.keep_study(&text, (folder, self.quick), &measuring.digest)?;
+            kept_in
+                .keep_study(&text, (folder, self.quick), &measuring.digest)
+                .map_err(folder_error)?;
             let run = StudyRun::begin(connection, &study, (&kept_in, &global.data), measuring)?;
             run.finish(usize::from(self.at_once), &again).await
         };
         connection::with_new(global, crew, run).await?;
-        let (folder, outcome) = kept(&global.data, study.name().as_str(), Corrections::default())?;
-        let files = write_report(&outcome, folder.path())?;
-        shown::show(&outcome, Some(&files.page), global.json)?;
+        let (folder, outcome) = kept(&global.data, study.name.as_str(), Corrections::default())?;
+        let page = write_report(&outcome, folder.path()).map_err(CliError::failed)?;
+        shown::show(&outcome, Some(&page), global.json)?;
         let seconds = begun.elapsed().as_secs_f64();
         errln!("{seconds:.1} s; open the report in a browser");
         Ok(())
@@ -108,14 +107,12 @@ enum Job {
     Cell(usize, Option<String>),
 }
 
-/// What came of a job.
 enum Done {
     Atlas(Box<Reference>),
     Embedder(String, CheckpointDigest),
     Cell(Box<Measured>),
 }
 
-/// A study while it runs.
 struct StudyRun<'a> {
     study: &'a Study,
     folder: &'a StudyFolder,
@@ -132,7 +129,6 @@ struct StudyRun<'a> {
 }
 
 impl<'a> StudyRun<'a> {
-    /// Finds out what is to be done.
     fn begin(
         connection: &Connection,
         study: &'a Study,
@@ -144,8 +140,10 @@ impl<'a> StudyRun<'a> {
             checkpoints: connection.checkpoints.clone(),
             labels: connection.labels.clone(),
         };
-        let embedders = folder.embedders()?;
-        let measured = folder.all_measured(study, &measuring.digest)?;
+        let embedders = folder.embedders().map_err(folder_error)?;
+        let measured = folder
+            .all_measured(study, &measuring.digest)
+            .map_err(folder_error)?;
         let missing = measured
             .iter()
             .enumerate()
@@ -154,18 +152,21 @@ impl<'a> StudyRun<'a> {
         let mut wanted = BTreeSet::new();
         let missing: Vec<usize> = missing
             .map(|(place, _)| place)
-            .filter(|&place| wanted.insert(cell_digest(&study.cells()[place].spec)))
+            .filter(|&place| wanted.insert(cell_digest(&study.cells[place].spec)))
             .collect();
         let mut trained = BTreeSet::new();
         let mut waiting = VecDeque::new();
-        let reference = folder.reference(&measuring.digest)?.map(Arc::new);
+        let reference = folder
+            .reference(&measuring.digest)
+            .map_err(folder_error)?
+            .map(Arc::new);
         // Figures that are kept are computed from it too, so it is made again even if no cell is missing.
-        if let (Some(plan), None) = (&study.measures().recall, &reference) {
+        if let (Some(plan), None) = (&study.measures.recall, &reference) {
             waiting.push_back(Job::Atlas(Box::new(plan.atlas.clone())));
         }
         let mut cells = Vec::new();
         for place in missing {
-            let trains = study.embedder_of(&study.cells()[place])?;
+            let trains = study.embedder_of(&study.cells[place])?;
             let needed = trains.as_ref().map(cell_digest);
             if let (Some(spec), Some(digest)) = (trains, &needed)
                 && !embedders.contains_key(digest)
@@ -179,8 +180,8 @@ impl<'a> StudyRun<'a> {
         let done = measured.iter().flatten().count();
         errln!(
             "study {}: {}, {done} of them measured before",
-            study.name().as_str(),
-            counted(study.cells().len() as u64, "cell"),
+            study.name.as_str(),
+            counted(study.cells.len() as u64, "cell"),
         );
         Ok(Self {
             data,
@@ -253,7 +254,7 @@ impl<'a> StudyRun<'a> {
             Job::Cell(place, _) => {
                 let spec = self
                     .study
-                    .campaign_of(&self.study.cells()[*place], &self.embedders)?;
+                    .campaign_of(&self.study.cells[*place], &self.embedders)?;
                 spec.ok_or_else(|| {
                     let words = self.words(*place);
                     CliError::Failed(format!("{words}: its embedder is not known because of a bug"))
@@ -278,7 +279,7 @@ impl<'a> StudyRun<'a> {
 
     /// Whether cells cannot be measured yet.
     fn waits_for_atlas(&self) -> bool {
-        self.study.measures().recall.is_some() && self.measuring.reference.is_none()
+        self.study.measures.recall.is_some() && self.measuring.reference.is_none()
     }
 
     /// Begins a campaign, in the order of the study, and leaves the rest to a task.
@@ -311,33 +312,29 @@ impl<'a> StudyRun<'a> {
         let data = self.data.to_owned();
         let locked = tokio::task::spawn_blocking(move || lock_beginning(&data)).await;
         let broken = |_| CliError::Failed("the lock of studies broke because of a bug".to_owned());
-        let _alone = locked.map_err(broken)??;
+        let _alone = locked.map_err(broken)?.map_err(folder_error)?;
         self.known.renew(&mut self.clients.campaigns).await?;
         let known = self.known.of(spec);
-        begin(
-            &mut self.clients.campaigns,
-            spec,
-            known,
-            self.study.name().as_str(),
-        )
-        .await
+        begin(&mut self.clients.campaigns, spec, known, self.study.name.as_str()).await
     }
 
     fn words(&self, place: usize) -> String {
-        self.study.cell_in_words(&self.study.cells()[place])
+        self.study.cell_in_words(&self.study.cells[place])
     }
 
     fn keep(&mut self, done: Done) -> Result<(), CliError> {
         match done {
             Done::Atlas(reference) => {
-                self.folder.keep_reference(&reference)?;
+                self.folder.keep_reference(&reference).map_err(folder_error)?;
                 self.measuring.reference = Some(Arc::from(reference));
             }
             Done::Embedder(cell, checkpoint) => {
                 self.embedders.insert(cell, checkpoint);
-                self.folder.keep_embedders(&self.embedders)?;
+                self.folder
+                    .keep_embedders(&self.embedders)
+                    .map_err(folder_error)?;
             }
-            Done::Cell(measured) => self.folder.keep(&measured)?,
+            Done::Cell(measured) => self.folder.keep(&measured).map_err(folder_error)?,
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! How far a study is: bars on a terminal, plain lines elsewhere.
 
-use super::super::follow::{bar, status_line::StatusLine};
 use indicatif::{HumanDuration, MultiProgress, ProgressBar};
+use murmuration_cli::follow::{StatusLine, bar};
 use murmuration_link::errln;
 use murmuration_proto::{counted, grouped, v1};
 use std::{
@@ -26,14 +26,14 @@ pub(super) struct Progress {
 #[derive(Debug)]
 pub(super) struct CellProgress {
     study: Progress,
-    /// What it is, in words.
+    /// Its name, in words.
     words: String,
     bar: Option<ProgressBar>,
     begun: Instant,
 }
 
 impl Progress {
-    /// Of so many campaigns.
+    /// The progress of `all` campaigns.
     pub(super) fn of(all: usize) -> Self {
         let bars = std::io::stderr().is_terminal().then(|| {
             let bars = MultiProgress::new();
@@ -72,7 +72,6 @@ impl Progress {
         }
     }
 
-    /// Removes the bars.
     pub(super) fn end(&self) {
         if let Some((bars, _)) = &self.bars {
             drop(bars.clear());
@@ -88,7 +87,6 @@ impl CellProgress {
         }
     }
 
-    /// The campaign's status.
     pub(super) fn draw(&self, status: &v1::Campaign) {
         if let Some(bar) = &self.bar {
             let line = StatusLine::of(status);
@@ -98,7 +96,6 @@ impl CellProgress {
         }
     }
 
-    /// What is done with it now.
     pub(super) fn now(&self, what: &'static str) {
         if let Some(bar) = &self.bar {
             bar.set_message(what);
