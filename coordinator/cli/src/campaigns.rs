@@ -1,0 +1,372 @@
+//! `submit`, `watch`, `list`, `show`, `pause`, `cancel`, `digest`: campaigns of some coordinator.
+
+use super::{
+    CliError, Global,
+    connection::{self, Client, Connection},
+    follow::{Show as FollowShow, follow},
+    heard::{Heard as _, get_campaign, get_digest, heard},
+    json,
+    next_step::{changed, failed, state, what_next},
+    run::{InProcessArgs, go_on, read_spec},
+    table::{Table, left, right},
+    taxonomy,
+};
+use murmuration_coordinator::local::InProcess;
+use murmuration_link::{errln, outln, print};
+use murmuration_model::{Weight, generations_in_words};
+use murmuration_proto::{CampaignSpec, Controller, FEATURE_NAMES, counted, grouped, parts::whole, v1};
+use std::{collections::BTreeMap, path::PathBuf};
+
+#[derive(Debug, clap::Args)]
+pub struct Name {
+    /// Campaign id, or `latest`
+    pub(super) campaign: String,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct Submit {
+    /// Campaign file (see examples/)
+    spec: PathBuf,
+    /// Seed of the search and the training, used instead of the file's seed
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Share of the workers relative to other running campaigns, 1 to 10,000
+    #[arg(long, value_name = "N", default_value_t)]
+    weight: Weight,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct List {
+    /// List the campaigns of studies too
+    #[arg(long)]
+    studies: bool,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct Adopt {
+    /// Campaign id, or `latest`
+    campaign: String,
+    /// Digest of a stored checkpoint, or its first digits
+    checkpoint: String,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+The command fine-tunes the embedder on the campaign's labels, embeds the archive with it, and continues the search for \
+`feedback.generations` generations. Repeat it as often as you like.
+
+Example:
+  murmuration label latest --csv my.csv --annotator ana && murmuration refine latest")]
+pub struct Refine {
+    /// Campaign id, or `latest`
+    campaign: String,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct Show {
+    /// Campaign id, or `latest`
+    campaign: String,
+    /// Show this individual of the archive instead of the campaign
+    #[arg(long, value_name = "I")]
+    index: Option<u64>,
+    /// Show the clusters of its taxonomy and their names instead of the campaign
+    #[arg(long, conflicts_with = "index")]
+    taxonomy: bool,
+}
+
+/// The answer that `show` prints.
+enum Shown {
+    Campaign(v1::Campaign),
+    Individual(v1::Campaign, v1::Individual),
+    Taxonomy(v1::Campaign, v1::Taxonomy),
+}
+
+impl Submit {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let spec = read_spec(&self.spec, self.seed)?;
+        let submit = async |connection: &mut Connection| {
+            if connection.is_own() {
+                let said = "no coordinator runs over this data directory: start `murmuration serve`, or use `murmuration run`";
+                return Err(CliError::Failed(said.to_owned()));
+            }
+            let request = v1::CreateCampaignRequest {
+                spec: Some((&spec).into()),
+                weight: Some(self.weight.get()),
+                ..v1::CreateCampaignRequest::default()
+            };
+            heard(connection.client.create_campaign(request).await?)
+        };
+        let campaign = connection::with(global, InProcess::NONE, submit).await?;
+        let next = format!("watch {}", campaign.id);
+        Ok(changed(global, &campaign, campaign.state(), "submitted", &next)?)
+    }
+}
+
+impl Adopt {
+    /// Moves a campaign to another checkpoint; where this process runs the coordinator, to the end.
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let adopt = async |connection: &mut Connection| {
+            let checkpoint = super::checkpoints::find(&mut connection.checkpoints, &self.checkpoint).await?;
+            let request = v1::AdoptCheckpointRequest {
+                campaign: self.campaign,
+                checkpoint: checkpoint.digest,
+            };
+            heard(connection.client.adopt_checkpoint(request).await?)
+        };
+        go_on(
+            global,
+            InProcessArgs::default().count(),
+            "moves to the checkpoint",
+            adopt,
+        )
+        .await
+    }
+}
+
+impl Refine {
+    /// Begins a round of feedback; where this process runs the coordinator, to the end.
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let refine = async |connection: &mut Connection| {
+            let request = v1::RefineCampaignRequest {
+                campaign: self.campaign,
+            };
+            heard(connection.client.refine_campaign(request).await?)
+        };
+        go_on(
+            global,
+            InProcessArgs::default().count(),
+            "learns from its labels",
+            refine,
+        )
+        .await
+    }
+}
+
+pub(super) async fn watch(global: &Global, campaign: &str) -> Result<(), CliError> {
+    let show = if global.json {
+        FollowShow::Lines
+    } else {
+        FollowShow::Person
+    };
+    let watch = async |connection: &mut Connection| {
+        let last = follow(&mut connection.client, campaign, show).await?;
+        Ok((last, connection.is_own()))
+    };
+    let (last, own) = connection::with(global, InProcess::NONE, watch).await?;
+    match last.state() {
+        v1::CampaignState::Failed => Err(failed(global, &last)),
+        v1::CampaignState::Running if own => {
+            let next = what_next(global, &last);
+            Err(CliError::Failed(format!(
+                "campaign {} was interrupted; {next}",
+                last.id
+            )))
+        }
+        _ => {
+            let next = what_next(global, &last);
+            errln!("campaign {} is {}; {next}", last.id, state(&last));
+            Ok(())
+        }
+    }
+}
+
+impl List {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let campaigns = listed(global).await?;
+        if global.json {
+            return Ok(json::print_all(campaigns.iter().map(json::Campaign::from))?);
+        }
+        show_list(global, campaigns, self.studies)
+    }
+}
+
+async fn listed(global: &Global) -> Result<Vec<v1::Campaign>, CliError> {
+    let list = async |connection: &mut Connection| {
+        let listed = connection.client.list_campaigns(v1::ListCampaignsRequest {});
+        whole(listed.await?.into_inner()).await?.campaigns.heard()
+    };
+    connection::with(global, InProcess::NONE, list).await
+}
+
+/// The campaigns as a table; those of studies are only counted, unless the table has `studies`.
+fn show_list(global: &Global, campaigns: Vec<v1::Campaign>, studies: bool) -> Result<(), CliError> {
+    let mut folded: BTreeMap<String, u64> = BTreeMap::new();
+    let mut table = Table::new([
+        left("CAMPAIGN"),
+        left("STATE"),
+        left("STAGE"),
+        right("GENERATIONS"),
+        left("MODEL"),
+        left("METHOD"),
+    ]);
+    for campaign in campaigns {
+        if !studies && !campaign.study.is_empty() {
+            *folded.entry(campaign.study).or_default() += 1;
+            continue;
+        }
+        let Some(Ok(spec)) = campaign.spec.clone().map(CampaignSpec::try_from) else {
+            continue;
+        };
+        let [done, all] =
+            [campaign.generations_done, campaign.generations].map(|count| grouped(count.into()));
+        table.row([
+            campaign.id.clone(),
+            state(&campaign),
+            stage(&campaign).unwrap_or("-").to_owned(),
+            format!("{done}/{all}"),
+            spec.model().to_string(),
+            spec.method().name().to_owned(),
+        ]);
+    }
+    table.print()?;
+    for (study, count) in folded {
+        let next = global.next("list --studies");
+        errln!("and {} of study {study}: {next}", counted(count, "campaign"));
+    }
+    Ok(())
+}
+
+/// The stage in a word, of a campaign that has not ended.
+fn stage(campaign: &v1::Campaign) -> Option<&'static str> {
+    match campaign.state() {
+        v1::CampaignState::Completed | v1::CampaignState::Cancelled => None,
+        _ => Some(super::follow::stage_name(campaign.stage())),
+    }
+}
+
+impl Show {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let get = async |connection: &mut Connection| {
+            let campaign = get_campaign(&mut connection.client, self.campaign).await?;
+            if self.taxonomy {
+                let found = taxonomy::of(connection, &campaign.id).await?;
+                return Ok(Shown::Taxonomy(campaign, found));
+            }
+            let Some(index) = self.index else {
+                return Ok(Shown::Campaign(campaign));
+            };
+            let request = v1::GetIndividualRequest {
+                campaign: campaign.id.clone(),
+                index,
+            };
+            let individual = connection.client.get_individual(request).await?.into_inner();
+            Ok(Shown::Individual(campaign, individual))
+        };
+        match connection::with(global, InProcess::NONE, get).await? {
+            Shown::Campaign(campaign) => show_campaign(global, &campaign),
+            Shown::Individual(campaign, individual) => show_individual(global, &campaign, &individual),
+            Shown::Taxonomy(campaign, found) => taxonomy::show(global, &campaign.id, &found),
+        }
+    }
+}
+
+fn show_campaign(global: &Global, campaign: &v1::Campaign) -> Result<(), CliError> {
+    if global.json {
+        json::print(json::Campaign::from(campaign))?;
+        return Ok(());
+    }
+    let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
+    let stage = stage(campaign).map_or_else(String::new, |stage| format!(" (stage: {stage})"));
+    outln!("# {} is {}{stage}", campaign.id, state(campaign))?;
+    for said in [&campaign.error, &campaign.waiting] {
+        if !said.is_empty() {
+            outln!("# {said}")?;
+        }
+    }
+    let why = generations_in_words(&spec, campaign.generations, campaign.rounds_done);
+    outln!(
+        "# {} of {} complete{}",
+        grouped(campaign.generations_done.into()),
+        counted(campaign.generations.into(), "generation"),
+        why.map_or_else(String::new, |why| format!(": {why}"))
+    )?;
+    if !campaign.checkpoint.is_empty() {
+        outln!("# embedded by checkpoint {}", campaign.checkpoint)?;
+    }
+    Ok(print(spec.to_toml())?)
+}
+
+fn show_individual(
+    global: &Global,
+    campaign: &v1::Campaign,
+    individual: &v1::Individual,
+) -> Result<(), CliError> {
+    if global.json {
+        json::print(json::Individual::from(individual))?;
+        return Ok(());
+    }
+    let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
+    let controller = Controller::new(spec.model(), &individual.controller)?;
+    outln!(
+        "individual  {} of {} (generation {})",
+        individual.index,
+        campaign.id,
+        individual.generation
+    )?;
+    outln!("controller  {controller}")?;
+    outln!("seed        {}", individual.seed)?;
+    let novelty = [("novelty when evaluated", &individual.novelty)];
+    let features = FEATURE_NAMES.iter().copied().zip(&individual.features);
+    for (name, value) in novelty.into_iter().chain(features) {
+        outln!("{name:<22} {value}")?;
+    }
+    if !individual.trials.is_empty() {
+        let trials = counted(individual.trials.len() as u64, "trial");
+        outln!("features are means over {trials}, from starts with the seeds")?;
+        for trial in &individual.trials {
+            outln!("  {}", trial.seed)?;
+        }
+    }
+    Ok(())
+}
+
+pub(super) async fn pause(global: &Global, campaign: &str) -> Result<(), CliError> {
+    let pause = async |connection: &mut Connection| {
+        let request = v1::PauseCampaignRequest {
+            campaign: campaign.to_owned(),
+        };
+        heard(connection.client.pause_campaign(request).await?)
+    };
+    let campaign = connection::with(global, InProcess::NONE, pause).await?;
+    let next = format!("resume {}", campaign.id);
+    let paused = v1::CampaignState::Paused;
+    Ok(changed(global, &campaign, paused, "is paused", &next)?)
+}
+
+pub(super) async fn cancel(global: &Global, campaign: &str) -> Result<(), CliError> {
+    let cancel = async |connection: &mut Connection| {
+        let request = v1::CancelCampaignRequest {
+            campaign: campaign.to_owned(),
+        };
+        heard(connection.client.cancel_campaign(request).await?)
+    };
+    let campaign = connection::with(global, InProcess::NONE, cancel).await?;
+    let cancelled = v1::CampaignState::Cancelled;
+    Ok(changed(global, &campaign, cancelled, "is cancelled", "list")?)
+}
+
+pub(super) async fn digest(global: &Global, campaign: &str) -> Result<(), CliError> {
+    let answer =
+        async |connection: &mut Connection| Ok(id_and_digest(&mut connection.client, campaign).await?);
+    let (id, digest) = connection::with(global, InProcess::NONE, answer).await?;
+    if global.json {
+        json::print(json::Digest {
+            campaign: id,
+            digest: digest.digest,
+            evaluations: digest.evaluations,
+        })?;
+    } else {
+        outln!("{}", digest.digest)?;
+    }
+    Ok(())
+}
+
+/// The id behind a name such as `latest`, and the digest.
+async fn id_and_digest(
+    client: &mut Client,
+    campaign: &str,
+) -> Result<(String, v1::GetDigestResponse), CliError> {
+    let id = get_campaign(client, campaign).await?.id;
+    let digest = get_digest(client, &id).await?;
+    Ok((id, digest))
+}

@@ -1,0 +1,170 @@
+//! `checkpoints`: published embedders, listed, shown, exported and imported.
+
+use super::{
+    CliError, Global,
+    connection::{self, CheckpointClient, Connection},
+    files::{is_there, read, write},
+    heard::{Heard as _, heard},
+    json,
+    table::{Table, left, right},
+};
+use murmuration_coordinator::local::InProcess;
+use murmuration_link::{InputKind, OutputError, outln, print};
+use murmuration_proto::{
+    CheckpointDigest, Lineage, counted, grouped, onnx::MAX_MODEL_BYTES, parts::whole, v1,
+};
+use murmuration_store::DataDirectory;
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, clap::Subcommand)]
+pub enum CheckpointsCommand {
+    /// List the checkpoints
+    List,
+    /// Show the origin and the metrics of a checkpoint
+    Show {
+        /// Digest of the checkpoint, or its first digits
+        digest: String,
+    },
+    /// Write a checkpoint as an ONNX file
+    Export {
+        /// Digest of the checkpoint, or its first digits
+        digest: String,
+        /// File to write
+        file: PathBuf,
+    },
+    /// Store an ONNX file as a checkpoint
+    Import {
+        /// File to read
+        file: PathBuf,
+    },
+}
+
+impl CheckpointsCommand {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let makes_data =
+            matches!(self, Self::Import { .. }) && global.coordinator.is_none() && !is_there(&global.data)?;
+        let ask =
+            async |connection: &mut Connection| self.with(&mut connection.checkpoints, global.json).await;
+        if makes_data {
+            let data = DataDirectory::hold(&global.data)?;
+            return connection::with_own(global, data, InProcess::NONE, ask).await;
+        }
+        connection::with(global, InProcess::NONE, ask).await
+    }
+
+    async fn with(self, client: &mut CheckpointClient, as_json: bool) -> Result<(), CliError> {
+        match self {
+            Self::List => list(client, as_json).await,
+            Self::Show { digest } => {
+                let checkpoint = find(client, &digest).await?;
+                Ok(print_whole(&checkpoint, as_json)?)
+            }
+            Self::Export { digest, file } => export(client, &digest, &file).await,
+            Self::Import { file } => import(client, &file, as_json).await,
+        }
+    }
+}
+
+async fn list(client: &mut CheckpointClient, as_json: bool) -> Result<(), CliError> {
+    let checkpoints = all(client).await?;
+    if as_json {
+        return Ok(json::print_all(checkpoints.iter().map(json::Checkpoint::from))?);
+    }
+    let mut table = Table::new([left("CHECKPOINT"), right("BYTES"), left("PARENT")]);
+    for checkpoint in checkpoints {
+        let parent = checkpoint.parent.chars().take(12).collect();
+        table.row([checkpoint.digest, grouped(checkpoint.size), parent]);
+    }
+    Ok(table.print()?)
+}
+
+fn print_whole(checkpoint: &v1::Checkpoint, as_json: bool) -> Result<(), OutputError> {
+    if as_json {
+        return json::print(json::Checkpoint::from(checkpoint));
+    }
+    outln!(
+        "# checkpoint {}, {}",
+        checkpoint.digest,
+        counted(checkpoint.size, "byte")
+    )?;
+    for (what, digest) in [
+        ("parent", &checkpoint.parent),
+        ("images", &checkpoint.data_digest),
+        ("labels", &checkpoint.label_digest),
+    ] {
+        if !digest.is_empty() {
+            outln!("# {what}: {digest}")?;
+        }
+    }
+    let mut metrics: Vec<_> = checkpoint.metrics.iter().collect();
+    metrics.sort_by_key(|(name, _)| *name);
+    for (name, value) in metrics {
+        // With an exponent where there would be hundreds of digits.
+        outln!("# {name}: {value:?}")?;
+    }
+    print(&checkpoint.configuration)
+}
+
+async fn export(client: &mut CheckpointClient, digest: &str, file: &Path) -> Result<(), CliError> {
+    let bytes = fetch(client, digest).await?;
+    write(file, bytes)
+}
+
+/// The model of the one checkpoint whose digest begins like this.
+pub async fn fetch(client: &mut CheckpointClient, beginning: &str) -> Result<Vec<u8>, CliError> {
+    let digest = find(client, beginning).await?.digest;
+    let request = v1::FetchCheckpointRequest {
+        digest: digest.clone(),
+    };
+    let mut chunks = client.fetch_checkpoint(request).await?.into_inner();
+    let mut bytes = Vec::new();
+    while let Some(chunk) = chunks.message().await? {
+        bytes.extend(chunk.data);
+        if bytes.len() > MAX_MODEL_BYTES {
+            let said = format!("checkpoint {digest} is longer than {MAX_MODEL_BYTES} bytes");
+            return Err(CliError::Failed(said));
+        }
+    }
+    if CheckpointDigest::of(&bytes).to_string() != digest {
+        return Err(CliError::Failed(format!(
+            "the coordinator sent other bytes than those of checkpoint {digest}: the checkpoint is damaged there, or was changed on the way"
+        )));
+    }
+    Ok(bytes)
+}
+
+async fn import(client: &mut CheckpointClient, file: &Path, as_json: bool) -> Result<(), CliError> {
+    let bytes = read(file, InputKind::Checkpoint)?;
+    let parts = Lineage::default().publish_requests(&bytes);
+    let checkpoint = client.publish_checkpoint(tokio_stream::iter(parts)).await?;
+    let checkpoint = heard(checkpoint)?;
+    if as_json {
+        json::print(json::Checkpoint::from(&checkpoint))?;
+    } else {
+        outln!("{}", checkpoint.digest)?;
+    }
+    Ok(())
+}
+
+async fn all(client: &mut CheckpointClient) -> Result<Vec<v1::Checkpoint>, CliError> {
+    let parts = client.list_checkpoints(v1::ListCheckpointsRequest {}).await?;
+    whole(parts.into_inner()).await?.checkpoints.heard()
+}
+
+/// The one checkpoint whose digest begins like this.
+pub(super) async fn find(client: &mut CheckpointClient, beginning: &str) -> Result<v1::Checkpoint, CliError> {
+    let mut found = all(client).await?;
+    found.retain(|checkpoint| checkpoint.digest.starts_with(beginning));
+    match (found.pop(), found.len()) {
+        (Some(one), 0) => Ok(one),
+        (None, _) => Err(CliError::Input(format!(
+            "there is no checkpoint \"{beginning}\": `murmuration checkpoints list` lists the checkpoints"
+        ))),
+        (Some(_), others) => {
+            let found = counted(others as u64 + 1, "checkpoint");
+            Err(CliError::Input(format!(
+                "\"{beginning}\" is the beginning of {found}: give more digits"
+            )))
+        }
+    }
+}

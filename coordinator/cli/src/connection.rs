@@ -1,0 +1,221 @@
+//! How a command reaches a coordinator: one that runs, or one of its own over the data directory.
+//!
+//! Nothing but [`with`], [`with_new`] and [`with_own`] opens a connection, so that no command can leave a coordinator that it started
+//! without an end.
+
+use super::{CliError, Global};
+use murmuration_access::{ListenConfig, local_token};
+use murmuration_coordinator::{
+    local::{InProcess, LocalCluster},
+    server::Options,
+};
+use murmuration_dispatch as dispatch;
+use murmuration_link::{Coordinator, Credentials};
+use murmuration_proto::v1::{
+    campaign_service_client::CampaignServiceClient, checkpoint_service_client::CheckpointServiceClient,
+    evaluation_service_client::EvaluationServiceClient, label_service_client::LabelServiceClient,
+    transfer_service_client::TransferServiceClient,
+};
+use murmuration_store::{DataDirectory, StoreError};
+use std::{
+    path::Path,
+    time::{Duration, Instant},
+};
+use tonic::service::interceptor::InterceptedService;
+
+pub type Client = CampaignServiceClient<Coordinator>;
+pub type CheckpointClient = CheckpointServiceClient<Coordinator>;
+pub type EvaluationClient = EvaluationServiceClient<Coordinator>;
+pub type TransferClient = TransferServiceClient<Coordinator>;
+pub type LabelClient = LabelServiceClient<Coordinator>;
+
+/// A coordinator that answers, for as long as this value lives.
+pub struct Connection {
+    pub client: Client,
+    pub checkpoints: CheckpointClient,
+    pub evaluations: EvaluationClient,
+    pub labels: LabelClient,
+    pub transfers: TransferClient,
+    /// Present if this process had to start one.
+    own: Option<LocalCluster>,
+}
+
+/// How long a process that holds the data directory may take to say its address, as a coordinator does once it listens.
+const ADDRESS_WAIT: Duration = Duration::from_secs(5);
+/// Pause between two looks for that address.
+const ADDRESS_PAUSE: Duration = Duration::from_millis(50);
+
+impl Connection {
+    async fn open(
+        global: &Global,
+        crew: InProcess,
+        hold: fn(&Path) -> Result<DataDirectory, StoreError>,
+    ) -> Result<Self, CliError> {
+        if let Some(url) = &global.coordinator {
+            return Self::to(url, &global.credentials()?).await;
+        }
+        let begun = Instant::now();
+        loop {
+            match hold(&global.data) {
+                Ok(data) => return Self::start(global, data, crew).await,
+                Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => {
+                    let token = local_token(&global.data)?;
+                    let credentials = token.map_or_else(Credentials::default, Credentials::token);
+                    return Self::to(&holder.address, &credentials).await;
+                }
+                Err(StoreError::InUse { .. }) if begun.elapsed() < ADDRESS_WAIT => {
+                    tokio::time::sleep(ADDRESS_PAUSE).await;
+                }
+                Err(error) => return Err(error.into()),
+            }
+        }
+    }
+
+    /// Starts a coordinator over a data directory that this process holds.
+    async fn start(global: &Global, data: DataDirectory, crew: InProcess) -> Result<Self, CliError> {
+        let options = Options {
+            data,
+            listen: ListenConfig::loopback(0),
+            resume: false,
+            checkpoints: global.checkpoint_store.clone(),
+            tries_checkpoints: crew != InProcess::NONE,
+            dispatch: dispatch::Options::default(),
+        };
+        let own = LocalCluster::start(options, crew).await?;
+        let way = own.coordinator().local().clone();
+        match Self::to(&way.url, &way.credentials).await {
+            Ok(connection) => Ok(Self {
+                own: Some(own),
+                ..connection
+            }),
+            Err(error) => {
+                own.shutdown().await?;
+                Err(error)
+            }
+        }
+    }
+
+    async fn to(url: &str, credentials: &Credentials) -> Result<Self, CliError> {
+        let channel = connect(url, credentials).await?;
+        Ok(Self {
+            client: Client::new(channel.clone()),
+            checkpoints: CheckpointClient::new(channel.clone()),
+            evaluations: EvaluationClient::new(channel.clone()),
+            labels: LabelClient::new(channel.clone()),
+            transfers: TransferClient::new(channel),
+            own: None,
+        })
+    }
+
+    /// Asks, then ends what was started, whatever came of the asking.
+    async fn asked<T>(
+        mut self,
+        ask: impl AsyncFnOnce(&mut Self) -> Result<T, CliError>,
+    ) -> Result<T, CliError> {
+        let answer = ask(&mut self).await;
+        let ended = match self.own {
+            Some(own) => own.shutdown().await.map_err(CliError::from),
+            None => Ok(()),
+        };
+        // Why the command failed is what the person who typed it wants to know first.
+        let answer = answer?;
+        ended?;
+        Ok(answer)
+    }
+
+    /// Whether this process runs the coordinator, so that nothing goes on after it.
+    pub const fn is_own(&self) -> bool {
+        self.own.is_some()
+    }
+}
+
+/// Connects `ask` to the coordinator that was named, or to the one that holds the data directory, or to one that is started over
+/// it for as long as that takes, with this crew (and goes on with no campaign by itself).
+pub async fn with<T>(
+    global: &Global,
+    crew: InProcess,
+    ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
+) -> Result<T, CliError> {
+    let connection = Connection::open(global, crew, DataDirectory::hold_existing).await?;
+    connection.asked(ask).await
+}
+
+/// As [`with`]; a data directory that does not exist is created.
+pub async fn with_new<T>(
+    global: &Global,
+    crew: InProcess,
+    ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
+) -> Result<T, CliError> {
+    let connection = Connection::open(global, crew, DataDirectory::hold).await?;
+    connection.asked(ask).await
+}
+
+/// Connects `ask` to a coordinator that is started, for as long as that takes, over a data directory that this process holds.
+pub async fn with_own<T>(
+    global: &Global,
+    data: DataDirectory,
+    crew: InProcess,
+    ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
+) -> Result<T, CliError> {
+    Connection::start(global, data, crew).await?.asked(ask).await
+}
+
+pub async fn connect(url: &str, credentials: &Credentials) -> Result<Coordinator, CliError> {
+    let endpoint = credentials.endpoint(url)?.connect_timeout(Duration::from_secs(5));
+    let channel = endpoint.connect().await;
+    let channel = channel.map_err(|error| CliError::no_coordinator(url, &error))?;
+    Ok(InterceptedService::new(channel, credentials.bearer()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser as _;
+    use murmuration_proto::{CampaignSpec, v1};
+
+    #[derive(Debug, clap::Parser)]
+    struct Arguments {
+        #[command(flatten)]
+        global: Global,
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_coordinator_that_a_command_started_ends_with_it_whatever_came_of_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("data");
+        let Arguments { global } = Arguments::parse_from(["test", "--data", data.to_str().unwrap()]);
+        let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
+        // SQLite's log lies beside the database for as long as somebody has it open.
+        let log = data.join("murmuration.sqlite-wal");
+        for fails in [false, true] {
+            let ask = async |connection: &mut Connection| {
+                // It waits for workers, until it is told to stop.
+                let request = v1::CreateCampaignRequest {
+                    spec: Some((&spec).into()),
+                    ..v1::CreateCampaignRequest::default()
+                };
+                connection.client.create_campaign(request).await?;
+                assert!(connection.is_own() && log.exists());
+                match fails {
+                    true => Err(CliError::Failed("as asked".to_owned())),
+                    false => Ok(()),
+                }
+            };
+            let held = DataDirectory::hold(&data).unwrap();
+            let asked = with_own(&global, held, InProcess::NONE, ask).await;
+            assert_eq!(
+                asked.map_err(|error| error.to_string()).err(),
+                fails.then(|| "as asked".to_owned())
+            );
+            assert!(!log.exists(), "the database is still open");
+            // A program that a test beside this one starts holds the lock too, from its fork until its exec.
+            let is_free = async || {
+                while DataDirectory::hold(&data).is_err() {
+                    tokio::time::sleep(Duration::from_millis(5)).await;
+                }
+            };
+            let freed = tokio::time::timeout(Duration::from_secs(10), is_free()).await;
+            assert!(freed.is_ok(), "the data directory is still held");
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! What a command tells a person when it cannot do what was asked.
+
+use murmuration_access::{ListenConfigError, TokensError};
+use murmuration_coordinator::server::ServerError;
+use murmuration_embed::{EmbedError, RuntimeError};
+use murmuration_export::ExportError;
+use murmuration_link::{CredentialsError, OutputError, root_cause};
+use murmuration_model::{CampaignId, labels::LabelFileError};
+use murmuration_proto::{Invalid, SpecFileError, Text, text::masked_url};
+use murmuration_report::{ReportError, picture::PictureError};
+use murmuration_service::report_data::ReportDataError;
+use murmuration_store::{
+    StoreError,
+    backup::{BackupError, TargetError},
+};
+use std::{
+    error::Error as _,
+    fmt, io,
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+use tonic::{Code, Status};
+
+/// Why a command failed, in words for the person who typed it.
+#[derive(Debug)]
+pub enum CliError {
+    /// Bad usage or input: exit code 2.
+    Input(String),
+    /// It was asked well and failed: exit code 1.
+    Failed(String),
+    /// Standard output cannot be written.
+    Output(OutputError),
+}
+
+impl CliError {
+    /// A failure of a valid request, for this reason.
+    pub fn failed(reason: impl fmt::Display) -> Self {
+        Self::Failed(reason.to_string())
+    }
+
+    /// A file named by the person that cannot be read.
+    pub fn unreadable(path: &Path, error: &io::Error) -> Self {
+        Self::Input(format!("cannot read {}: {error}", path.display()))
+    }
+
+    pub fn unwritable(path: &Path, error: &io::Error) -> Self {
+        Self::Failed(format!("cannot write {}: {error}", path.display()))
+    }
+
+    pub(super) fn spec(path: &Path, error: &SpecFileError) -> Self {
+        Self::Input(format!("{}: {error}", path.display()))
+    }
+
+    /// No answer from the coordinator at `url`.
+    pub(super) fn no_coordinator(url: &str, error: &tonic::transport::Error) -> Self {
+        let reason = root_cause(error);
+        Self::Failed(format!(
+            "no coordinator answers at {} ({reason}): check the URL, and that `murmuration serve` runs there",
+            masked_url(url)
+        ))
+    }
+
+    /// A command that needs a data directory for itself: where another process holds it, the `hint` says what to do.
+    pub(super) fn busy(error: StoreError, hint: &str) -> Self {
+        match error {
+            StoreError::InUse { .. } => Self::Failed(format!("{error}: {hint}")),
+            error => error.into(),
+        }
+    }
+
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Output(error) => error.exit_code(),
+            Self::Failed(_) => ExitCode::from(1),
+            Self::Input(_) => ExitCode::from(2),
+        }
+    }
+}
+
+impl fmt::Display for CliError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Input(said) | Self::Failed(said) => f.write_str(said),
+            Self::Output(error) => error.fmt(f),
+        }
+    }
+}
+
+impl From<OutputError> for CliError {
+    fn from(error: OutputError) -> Self {
+        Self::Output(error)
+    }
+}
+
+impl From<Invalid> for CliError {
+    fn from(invalid: Invalid) -> Self {
+        Self::Input(invalid.to_string())
+    }
+}
+
+impl From<ListenConfigError> for CliError {
+    fn from(error: ListenConfigError) -> Self {
+        Self::Input(error.to_string())
+    }
+}
+
+impl From<TokensError> for CliError {
+    fn from(error: TokensError) -> Self {
+        Self::Input(error.to_string())
+    }
+}
+
+impl From<CredentialsError> for CliError {
+    fn from(error: CredentialsError) -> Self {
+        Self::Input(error.to_string())
+    }
+}
+
+impl From<ReportDataError> for CliError {
+    fn from(error: ReportDataError) -> Self {
+        match error {
+            ReportDataError::Service(status) => status.into(),
+            ReportDataError::Answer(_)
+            | ReportDataError::Misfit(_)
+            | ReportDataError::Picture(_)
+            | ReportDataError::Broken(_)
+            | ReportDataError::Interrupted(_) => Self::Failed(error.to_string()),
+        }
+    }
+}
+
+impl From<PictureError> for CliError {
+    fn from(error: PictureError) -> Self {
+        Self::Failed(error.to_string())
+    }
+}
+
+impl From<ReportError> for CliError {
+    fn from(error: ReportError) -> Self {
+        Self::Failed(error.to_string())
+    }
+}
+
+impl From<ExportError> for CliError {
+    fn from(error: ExportError) -> Self {
+        let said = error.to_string();
+        match error {
+            ExportError::NotEmpty(_)
+            | ExportError::NoExport(_)
+            | ExportError::WorkingFolder(_)
+            | ExportError::Damaged { .. } => Self::Input(said),
+            ExportError::File { doing: "read", .. } => Self::Input(said),
+            ExportError::File { .. } | ExportError::Aside { .. } | ExportError::Answer(_) => {
+                Self::Failed(said)
+            }
+        }
+    }
+}
+
+impl From<BackupError> for CliError {
+    fn from(error: BackupError) -> Self {
+        let said = error.to_string();
+        match error {
+            BackupError::Store(error) => error.into(),
+            BackupError::Target(TargetError::NotEmpty(_) | TargetError::Within { .. })
+            | BackupError::NoBackup { .. } => Self::Input(said),
+            _ => Self::Failed(said),
+        }
+    }
+}
+
+impl From<LabelFileError> for CliError {
+    fn from(error: LabelFileError) -> Self {
+        Self::Input(error.to_string())
+    }
+}
+
+impl From<StoreError> for CliError {
+    fn from(error: StoreError) -> Self {
+        let said = error.to_string();
+        match error {
+            StoreError::NoDirectory(_)
+            | StoreError::NoCampaign(_)
+            | StoreError::NoCheckpoint(_)
+            | StoreError::NoIndividual { .. } => Self::Input(said),
+            _ => Self::Failed(said),
+        }
+    }
+}
+
+impl From<ServerError> for CliError {
+    fn from(error: ServerError) -> Self {
+        match error {
+            ServerError::Store(error) => error.into(),
+            error => Self::Failed(error.to_string()),
+        }
+    }
+}
+
+impl From<RuntimeError> for CliError {
+    fn from(error: RuntimeError) -> Self {
+        Self::Failed(error.to_string())
+    }
+}
+
+impl From<EmbedError> for CliError {
+    fn from(error: EmbedError) -> Self {
+        Self::Failed(error.to_string())
+    }
+}
+
+impl From<Status> for CliError {
+    fn from(status: Status) -> Self {
+        let message = Text::line(status.message());
+        let said = match (status.code(), status.source()) {
+            (Code::Unavailable, _) => format!("the coordinator cannot be reached: {message}"),
+            (_, Some(source)) => format!(
+                "the connection to the coordinator failed ({}); the URL of an encrypted coordinator begins with https://",
+                root_cause(source)
+            ),
+            (_, None) => message.into(),
+        };
+        match status.code() {
+            Code::InvalidArgument | Code::NotFound => Self::Input(said),
+            _ => Self::Failed(said),
+        }
+    }
+}
+
+/// Where `murmuration` keeps the report of a campaign.
+pub(super) fn report_folder(data: &Path, campaign: &CampaignId) -> PathBuf {
+    data.join("reports").join(campaign.as_str())
+}

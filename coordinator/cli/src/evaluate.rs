@@ -1,0 +1,290 @@
+//! `evaluate`: controllers of a search that runs elsewhere, on the workers of a coordinator.
+
+use super::{
+    CliError, Global,
+    connection::{self, Connection},
+    files::{Written, is_there, read, read_words},
+    follow::Count,
+    genomes, json,
+    run::InProcessArgs,
+};
+use csv::Writer;
+use murmuration_coordinator::local::InProcess;
+use murmuration_link::{InputKind, OutputError, errln, termination};
+use murmuration_model::labels::{LabelFile, LabelFileError, Row};
+use murmuration_proto::{
+    CampaignSpec, Controller, FEATURE_NAMES, Purpose, RandomStream, Text, counted,
+    v1::{self, evaluate_request::Part, evaluation_description::Campaign},
+};
+use murmuration_store::DataDirectory;
+use rand::RngExt as _;
+use std::{
+    fs::{self, File, Permissions},
+    io::{self, Write},
+    iter, mem,
+    os::unix::fs::PermissionsExt as _,
+    path::{Path, PathBuf},
+};
+use tokio_stream::StreamExt as _;
+
+/// Controllers of a request.
+const IN_A_REQUEST: usize = 64;
+/// Most bytes of a response: one result of the largest pictures, of as many starts as there may be.
+const MAX_RESPONSE: usize = 128 << 20;
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+For searches of your own: nothing is stored, and a controller has the same features and the same picture on every machine. The \
+table has a column for each gene, named as `murmuration robot` names it, and may have a column seed; other columns are passed \
+over, so that a report's archive.csv will do. A table without a header has the genes alone, in that order, as \
+RobotSwarmSimulator writes genomes. Results are in the order of the rows.
+
+Without a running coordinator and without a data directory the workers of this process do it.
+
+Examples:
+  murmuration evaluate examples/quick.toml controllers.csv --out results.csv
+  murmuration evaluate examples/quick.toml controllers.csv --json")]
+pub struct Evaluate {
+    /// Campaign file that says robots, world, pictures, starts, and the checkpoint of a method that embeds
+    spec: PathBuf,
+    /// Controllers, CSV
+    controllers: PathBuf,
+    /// Seed that the seeds of rows without one derive from
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Write the results to this CSV [default: print them]
+    #[arg(long, value_name = "FILE", conflicts_with = "json")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    crew: InProcessArgs,
+}
+
+type Tasks = Vec<(Controller, u64)>;
+
+impl Evaluate {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        if let Some(path) = &self.out {
+            Written::Csv.check("--out", path)?;
+            let is_input = |input: &PathBuf| {
+                fs::canonicalize(path)
+                    .is_ok_and(|out| fs::canonicalize(input).is_ok_and(|input| input == out))
+            };
+            if [&self.spec, &self.controllers].into_iter().any(is_input) {
+                let said = format!(
+                    "--out {} is a file that is read: name another one",
+                    path.display()
+                );
+                return Err(CliError::Input(said));
+            }
+        }
+        let spec = CampaignSpec::from_toml(&read_words(&self.spec, InputKind::Campaign)?)
+            .map_err(|error| CliError::Input(format!("{}: {error}", self.spec.display())))?;
+        let tasks = self.tasks(&spec)?;
+        let Some(path) = &self.out else {
+            let table = (!global.json).then(|| Writer::from_writer(io::stdout().lock()));
+            return all_evaluated(self.write_results(table, global, (&spec, &tasks)).await?);
+        };
+        let unwritable = |error: io::Error| CliError::unwritable(path, &error);
+        if fs::symlink_metadata(path).is_ok_and(|there| !there.is_file()) {
+            // A device or a link is written to, not replaced.
+            let table = Some(Writer::from_writer(File::create(path).map_err(unwritable)?));
+            return all_evaluated(self.write_results(table, global, (&spec, &tasks)).await?);
+        }
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        // A table is there once it is whole.
+        let file = tempfile::Builder::new()
+            .permissions(Permissions::from_mode(0o666))
+            .tempfile_in(folder.unwrap_or(Path::new(".")))
+            .map_err(unwritable)?;
+        let table = Some(Writer::from_writer(file.as_file()));
+        let failed = self.write_results(table, global, (&spec, &tasks)).await?;
+        let what = if path.is_file() { "replaced" } else { "wrote" };
+        file.persist(path).map_err(|error| unwritable(error.error))?;
+        errln!("{what} {}", path.display());
+        all_evaluated(failed)
+    }
+
+    /// The controllers of the file, with the seeds of their starts.
+    fn tasks(&self, spec: &CampaignSpec) -> Result<Tasks, CliError> {
+        let model = spec.model();
+        let names = model.gene_names();
+        let columns: Vec<&str> = names.iter().map(String::as_str).collect();
+        let text = read(&self.controllers, InputKind::Labels)?;
+        if let Some(genomes) = genomes::read(&self.controllers, &text, &columns)? {
+            return self.tasks_of(spec, &genomes);
+        }
+        let file = LabelFile::with_columns(&columns, &self.controllers, text)?;
+        let has_seeds = file.has("seed");
+        let task = |(row, place): (Row<'_>, u64)| {
+            let genes = columns.iter().map(|name| row.finite(name));
+            let controller = Controller::new(model.clone(), &genes.collect::<Result<Vec<_>, _>>()?)
+                .map_err(|error| row.refused(error))?;
+            let seed = match has_seeds {
+                true => row.seed()?,
+                false => self.seed_at(place),
+            };
+            Ok((controller, seed))
+        };
+        let tasks: Tasks = file
+            .rows()
+            .zip(0..)
+            .map(task)
+            .collect::<Result<_, LabelFileError>>()?;
+        if tasks.is_empty() {
+            let empty = format!("{}: there are no controllers in it", self.controllers.display());
+            return Err(CliError::Input(empty));
+        }
+        Ok(tasks)
+    }
+
+    /// The controllers of a table without header, with the seeds of their starts.
+    fn tasks_of(&self, spec: &CampaignSpec, genomes: &[Vec<f64>]) -> Result<Tasks, CliError> {
+        let task = |(genes, place): (&Vec<f64>, u64)| {
+            let refused = |error| {
+                let row = place + 1;
+                CliError::Input(format!("{}: row {row}: {error}", self.controllers.display()))
+            };
+            let controller = Controller::new(spec.model().clone(), genes).map_err(refused)?;
+            Ok((controller, self.seed_at(place)))
+        };
+        genomes.iter().zip(0..).map(task).collect()
+    }
+
+    /// The seed of a row without one.
+    fn seed_at(&self, place: u64) -> u64 {
+        RandomStream::derive(self.seed, Purpose::Start, place).random()
+    }
+
+    /// Evaluates the controllers, and writes each result once it is there: to a table, or as JSON. Returns the number of
+    /// controllers that could not be evaluated, which are left out.
+    async fn write_results(
+        &self,
+        table: Option<Writer<impl Write>>,
+        global: &Global,
+        (spec, tasks): (&CampaignSpec, &Tasks),
+    ) -> Result<u64, CliError> {
+        let crew = InProcess {
+            trainers: 0,
+            ..self.crew.count()
+        };
+        let evaluate = async |connection: &mut Connection| {
+            tokio::select! {
+                failed = evaluated(connection, spec, tasks, table) => failed,
+                signal = termination() => Err(CliError::Failed(signal.to_owned())),
+            }
+        };
+        if global.coordinator.is_some() || is_there(&global.data)? {
+            return connection::with(global, crew, evaluate).await;
+        }
+        let folder = tempfile::tempdir()
+            .map_err(|error| CliError::Failed(format!("cannot create a temporary folder: {error}")))?;
+        let data = DataDirectory::hold(folder.path())?;
+        connection::with_own(global, data, crew, evaluate).await
+    }
+}
+
+fn all_evaluated(failed: u64) -> Result<(), CliError> {
+    match failed {
+        0 => Ok(()),
+        failed => {
+            let said = format!("{} could not be evaluated", counted(failed, "controller"));
+            Err(CliError::Failed(said))
+        }
+    }
+}
+
+/// Evaluates controllers, and writes each result once it is there; returns the number of those that failed.
+async fn evaluated(
+    connection: &mut Connection,
+    spec: &CampaignSpec,
+    tasks: &Tasks,
+    mut table: Option<Writer<impl Write>>,
+) -> Result<u64, CliError> {
+    let client = connection.evaluations.clone();
+    let mut client = client.max_decoding_message_size(MAX_RESPONSE);
+    let requests = tokio_stream::iter(requests(spec, tasks));
+    let mut responses = client.evaluate(requests).await?.into_inner();
+    let mut count = Count::of(tasks.len() as u64, "controller");
+    let mut rows = tasks.iter().enumerate();
+    let (mut failed, mut has_header) = (0, false);
+    while let Some(response) = responses.next().await {
+        for result in response?.results {
+            let Some((index, (controller, seed))) = rows.next() else {
+                let said = "more results came than there are controllers";
+                return Err(CliError::Failed(said.to_owned()));
+            };
+            count.add();
+            if !result.failure.is_empty() {
+                failed += 1;
+                let failure = Text::line(&result.failure);
+                errln!("index {index}: {failure}");
+                continue;
+            }
+            let evaluated = json::Evaluated::new(index as u64, (controller, *seed), &result.trials)?;
+            let Some(table) = &mut table else {
+                json::print(evaluated)?;
+                continue;
+            };
+            if !mem::replace(&mut has_header, true) {
+                table
+                    .write_record(header(controller, &evaluated))
+                    .map_err(unwritten)?;
+            }
+            table.write_record(row(&evaluated)).map_err(unwritten)?;
+        }
+    }
+    count.end();
+    if let Some(mut table) = table {
+        table.flush().map_err(OutputError::from)?;
+    }
+    match rows.len() {
+        0 => Ok(failed),
+        missing => Err(CliError::Failed(format!(
+            "the coordinator ended before {} had their results",
+            counted(missing as u64, "controller")
+        ))),
+    }
+}
+
+/// The description, then the controllers.
+fn requests(spec: &CampaignSpec, tasks: &Tasks) -> Vec<v1::EvaluateRequest> {
+    let description = Part::Description(v1::EvaluationDescription {
+        campaign: Some(Campaign::Spec(spec.into())),
+        pictures: false,
+    });
+    let task = |(controller, seed): &(Controller, u64)| v1::EvaluationTask {
+        controller: controller.genes().to_vec(),
+        seed: *seed,
+    };
+    let controllers = tasks.chunks(IN_A_REQUEST).map(|tasks| {
+        let tasks = tasks.iter().map(task).collect();
+        Part::Controllers(v1::ControllersToEvaluate { tasks })
+    });
+    let parts = iter::once(description).chain(controllers);
+    parts
+        .map(|part| v1::EvaluateRequest { part: Some(part) })
+        .collect()
+}
+
+/// The columns of the table, named as those of a report's archive.csv.
+fn header(controller: &Controller, evaluated: &json::Evaluated) -> impl Iterator<Item = String> {
+    let own = ["index", "seed"].into_iter().chain(FEATURE_NAMES);
+    let embedding = (0..evaluated.embedding.len()).map(|dimension| format!("embedding_{dimension}"));
+    let genes = controller.model().gene_names();
+    own.map(str::to_owned).chain(genes).chain(embedding)
+}
+
+fn row(evaluated: &json::Evaluated) -> impl Iterator<Item = String> {
+    let own = [evaluated.index.to_string(), evaluated.seed.to_string()];
+    let features = evaluated.features.iter().map(f64::to_string);
+    let genes = evaluated.controller.iter().map(f64::to_string);
+    let embedding = evaluated.embedding.iter().map(f32::to_string);
+    own.into_iter().chain(features).chain(genes).chain(embedding)
+}
+
+fn unwritten(error: csv::Error) -> CliError {
+    match error.into_kind() {
+        csv::ErrorKind::Io(error) => OutputError::from(error).into(),
+        other => CliError::Failed(format!("the table cannot be written: {other:?}")),
+    }
+}

@@ -1,0 +1,61 @@
+//! Files that a command reads and writes where a person says.
+
+use super::CliError;
+use murmuration_link::{InputKind, errln, read_bytes, read_text};
+use murmuration_store::files;
+use std::{fs, path::Path};
+
+pub fn read(path: &Path, kind: InputKind) -> Result<Vec<u8>, CliError> {
+    read_bytes(path, kind).map_err(|error| CliError::unreadable(path, &error))
+}
+
+pub fn read_words(path: &Path, kind: InputKind) -> Result<String, CliError> {
+    read_text(path, kind).map_err(|error| CliError::unreadable(path, &error))
+}
+
+pub fn is_there(path: &Path) -> Result<bool, CliError> {
+    files::is_there(path).map_err(|error| CliError::unreadable(path, &error))
+}
+
+/// Writes a file, with the folders above it where they do not exist, and says so.
+pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), CliError> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let what = if path.is_file() { "replaced" } else { "wrote" };
+    fs::create_dir_all(folder)
+        .and_then(|()| fs::write(path, bytes))
+        .map_err(|error| CliError::unwritable(path, &error))?;
+    errln!("{what} {}", path.display());
+    Ok(())
+}
+
+/// A file that a command writes where an option says.
+#[derive(Debug, Clone, Copy)]
+pub enum Written {
+    Gif,
+    Png,
+    Svg,
+    Film,
+    Header,
+    Csv,
+}
+
+impl Written {
+    /// Refuses a name that ends as those of other files do; one without an ending says nothing else.
+    pub fn check(self, option: &str, path: &Path) -> Result<(), CliError> {
+        let (what, ending) = match self {
+            Self::Gif => ("an animated GIF", "gif"),
+            Self::Png => ("a PNG picture", "png"),
+            Self::Svg => ("an SVG picture", "svg"),
+            Self::Film => ("a film", "mp4"),
+            Self::Header => ("a C header", "h"),
+            Self::Csv => ("a table", "csv"),
+        };
+        match path.extension() {
+            Some(other) if !other.eq_ignore_ascii_case(ending) => Err(CliError::Input(format!(
+                "{option} {} would hold {what}: name a file that ends in .{ending}",
+                path.display()
+            ))),
+            _ => Ok(()),
+        }
+    }
+}

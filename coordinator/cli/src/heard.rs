@@ -1,0 +1,229 @@
+//! What a coordinator says, before any of it is printed or becomes part of a path.
+//!
+//! The coordinator at the other end may be a stranger's: its words are cleaned, and an id that is none is refused.
+
+use super::{CliError, connection::Client};
+use murmuration_model::CampaignId;
+use murmuration_proto::{CheckpointDigest, Invalid, Text, v1};
+use tonic::Response;
+
+/// A message whose words can be printed as they are.
+pub trait Heard: Sized {
+    /// The same, cleaned.
+    ///
+    /// # Errors
+    /// Where an id or digest is none.
+    fn heard(self) -> Result<Self, CliError>;
+}
+
+/// A campaign by its id, or the newest by `latest`.
+pub async fn get_campaign(
+    client: &mut Client,
+    campaign: impl Into<String>,
+) -> Result<v1::Campaign, CliError> {
+    let campaign = campaign.into();
+    heard(client.get_campaign(v1::GetCampaignRequest { campaign }).await?)
+}
+
+/// The digest of the archive of a campaign.
+pub async fn get_digest(
+    client: &mut Client,
+    campaign: impl Into<String>,
+) -> Result<v1::GetDigestResponse, CliError> {
+    let campaign = campaign.into();
+    heard(client.get_digest(v1::GetDigestRequest { campaign }).await?)
+}
+
+/// The message of an answer, cleaned.
+pub fn heard<T: Heard>(answer: Response<T>) -> Result<T, CliError> {
+    answer.into_inner().heard()
+}
+
+fn clean(words: &mut String) {
+    *words = Text::line(words).into();
+}
+
+/// An invalid answer is the coordinator's fault, not the person's.
+fn nonsense(invalid: &Invalid) -> CliError {
+    CliError::Failed(format!("the coordinator's answer is invalid: {invalid}"))
+}
+
+/// The id of a campaign, as one that can be part of a path.
+pub fn id(campaign: &v1::Campaign) -> Result<CampaignId, CliError> {
+    campaign.id.parse().map_err(|invalid| nonsense(&invalid))
+}
+
+fn check_digest(digest: &str) -> Result<(), CliError> {
+    match digest {
+        "" => Ok(()),
+        digest => {
+            let parsed = digest.parse::<CheckpointDigest>().map(drop);
+            parsed.map_err(|invalid| nonsense(&invalid))
+        }
+    }
+}
+
+impl Heard for v1::Campaign {
+    fn heard(mut self) -> Result<Self, CliError> {
+        id(&self)?;
+        for digest in [&self.checkpoint, &self.next_checkpoint] {
+            check_digest(digest)?;
+        }
+        let notices = self.notices.iter_mut().map(|notice| &mut notice.text);
+        notices
+            .chain([&mut self.error, &mut self.waiting])
+            .for_each(clean);
+        Ok(self)
+    }
+}
+
+impl Heard for v1::Taxonomy {
+    fn heard(mut self) -> Result<Self, CliError> {
+        let names = self.medoids.iter_mut().filter_map(|medoid| medoid.name.as_mut());
+        names.for_each(|name| clean(&mut name.name));
+        Ok(self)
+    }
+}
+
+impl Heard for v1::FindNearestResponse {
+    fn heard(mut self) -> Result<Self, CliError> {
+        let others = self.labelled.iter_mut().chain(&mut self.medoid);
+        let neighbours = self.neighbours.iter_mut().chain(others);
+        neighbours.for_each(|neighbour| clean(&mut neighbour.class));
+        Ok(self)
+    }
+}
+
+impl Heard for v1::Checkpoint {
+    fn heard(mut self) -> Result<Self, CliError> {
+        for digest in [&self.digest, &self.parent] {
+            check_digest(digest)?;
+        }
+        clean(&mut self.data_digest);
+        clean(&mut self.label_digest);
+        self.configuration = Text::lines(&self.configuration).into();
+        let metrics = self.metrics.into_iter();
+        self.metrics = metrics
+            .map(|(name, value)| (Text::line(&name).into(), value))
+            .collect();
+        Ok(self)
+    }
+}
+
+impl Heard for v1::Label {
+    fn heard(mut self) -> Result<Self, CliError> {
+        if let Some(answer) = &mut self.answer {
+            clean(&mut answer.answer);
+            clean(&mut answer.annotator);
+        }
+        Ok(self)
+    }
+}
+
+impl Heard for v1::ListClassesResponse {
+    fn heard(mut self) -> Result<Self, CliError> {
+        for class in &mut self.classes {
+            clean(&mut class.name);
+            clean(&mut class.colour);
+        }
+        Ok(self)
+    }
+}
+
+impl Heard for v1::Agreement {
+    fn heard(mut self) -> Result<Self, CliError> {
+        for confusion in &mut self.confusions {
+            clean(&mut confusion.first);
+            clean(&mut confusion.second);
+        }
+        for disagreement in &mut self.disagreements {
+            clean(&mut disagreement.first);
+            clean(&mut disagreement.second);
+        }
+        Ok(self)
+    }
+}
+
+impl Heard for v1::GetDigestResponse {
+    fn heard(mut self) -> Result<Self, CliError> {
+        clean(&mut self.digest);
+        for round in &mut self.rounds {
+            clean(&mut round.parent);
+            clean(&mut round.checkpoint);
+            clean(&mut round.label_digest);
+        }
+        Ok(self)
+    }
+}
+
+impl<T: Heard> Heard for Vec<T> {
+    fn heard(self) -> Result<Self, CliError> {
+        self.into_iter().map(Heard::heard).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn campaign(id: &str) -> v1::Campaign {
+        v1::Campaign {
+            id: id.to_owned(),
+            error: "broken\u{1b}]0;owned\u{7}".to_owned(),
+            notices: vec![v1::Notice {
+                number: 1,
+                time_ms: 1,
+                text: "fine\u{9b}2J \u{202e}enif".to_owned(),
+            }],
+            ..v1::Campaign::default()
+        }
+    }
+
+    #[test]
+    fn a_campaigns_words_do_not_move_the_cursor() {
+        let heard = campaign("small-1").heard().unwrap();
+        assert_eq!(heard.error, "broken]0;owned");
+        assert_eq!(heard.notices[0].text, "fine2J enif");
+    }
+
+    #[test]
+    fn an_id_that_would_be_a_path_is_refused() {
+        for bad in [
+            "/etc/cron.d/x-1",
+            "../../x-1",
+            "small",
+            "a/b-1",
+            ".-1",
+            "small-1/..",
+            "",
+            "small-\u{1b}[2J",
+            "small-+1",
+        ] {
+            let CliError::Failed(said) = campaign(bad).heard().unwrap_err() else {
+                panic!("{bad} is the person's fault");
+            };
+            assert!(
+                said.starts_with("the coordinator's answer is invalid: campaign = "),
+                "{said}"
+            );
+            assert!(!said.contains('\u{1b}'), "{said:?}");
+        }
+        for good in ["small-1", "a-b_C-9-12"] {
+            assert_eq!(id(&campaign(good)).unwrap().as_str(), good);
+        }
+    }
+
+    #[test]
+    fn a_checkpoints_words_are_cleaned_and_its_digest_is_one() {
+        let checkpoint = |digest: &str| v1::Checkpoint {
+            digest: digest.to_owned(),
+            configuration: "seed = 1\n\u{1b}[31mred = 2\n".to_owned(),
+            metrics: [("lo\u{202e}ss".to_owned(), 1.0)].into(),
+            ..v1::Checkpoint::default()
+        };
+        let heard = checkpoint(&"a".repeat(64)).heard().unwrap();
+        assert_eq!(heard.configuration, "seed = 1\n[31mred = 2\n");
+        assert!(heard.metrics.contains_key("loss"));
+        assert!(checkpoint("../../x").heard().is_err());
+    }
+}

@@ -1,0 +1,259 @@
+//! Exports, checkpoints, and data directories: backups, and what the doctor found.
+
+use super::Time;
+use murmuration_export::Exported;
+use murmuration_proto::{CheckpointDigest, v1};
+use murmuration_store::{
+    backup::Manifest,
+    checkpoints::Condition,
+    doctor::{self, CampaignFindings, Findings},
+};
+use schemars::JsonSchema;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// A backup.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Backup {
+    /// The folder that was written.
+    folder: String,
+    /// When the backup was made.
+    created: Time,
+    /// BLAKE3 of the database, in hexadecimal digits.
+    database: String,
+    /// Digests of the checkpoints that the database names.
+    checkpoints: Vec<String>,
+    /// Where the checkpoints are kept; null if they are in the backup.
+    checkpoint_store: Option<String>,
+}
+
+/// The condition of a data directory.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Doctor {
+    /// Whether nothing is damaged.
+    healthy: bool,
+    /// Path of the database.
+    database: String,
+    /// Version of the database's schema.
+    database_schema: u32,
+    /// What is wrong with the database as a whole.
+    faults: Vec<String>,
+    /// Every checkpoint that the database names, oldest first.
+    checkpoints: Vec<CheckpointState>,
+    /// Every campaign, oldest first.
+    campaigns: Vec<CampaignReport>,
+}
+
+/// The condition of a checkpoint.
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(inline)]
+struct CheckpointState {
+    /// Its digest.
+    checkpoint: String,
+    condition: CheckpointCondition,
+}
+
+/// Whether a checkpoint's bytes are those of its digest.
+#[derive(Debug, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+#[schemars(inline)]
+enum CheckpointCondition {
+    Whole,
+    Missing,
+    Damaged,
+    Unread,
+}
+
+/// The condition of a campaign.
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(inline)]
+struct CampaignReport {
+    /// Its id.
+    campaign: String,
+    /// Its state; null if it cannot be read.
+    state: Option<&'static str>,
+    condition: CampaignCondition,
+    /// What the database holds.
+    stored: Amounts,
+    /// How much of it is undamaged, from the beginning on.
+    whole: Amounts,
+    /// What is damaged.
+    problems: Vec<String>,
+    /// What to know besides; null if there is nothing.
+    note: Option<String>,
+}
+
+/// Whether a campaign can go on.
+#[derive(Debug, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+#[schemars(inline)]
+enum CampaignCondition {
+    Whole,
+    LacksCheckpoint,
+    Damaged,
+    Unreadable,
+}
+
+/// How much there is of a campaign.
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(inline)]
+struct Amounts {
+    /// Pictures of the dataset.
+    pictures: u64,
+    /// Generations.
+    generations: u32,
+    /// Individuals.
+    individuals: u64,
+    /// Entries of the label log.
+    labels: u64,
+    /// Whether there is a taxonomy.
+    taxonomy: bool,
+}
+
+impl Backup {
+    pub(crate) fn new(folder: String, manifest: &Manifest) -> Self {
+        Self {
+            folder,
+            created: Time::of_ms(manifest.created_ms),
+            database: manifest.database.clone(),
+            checkpoints: manifest.checkpoints.clone(),
+            checkpoint_store: manifest.checkpoint_store.clone(),
+        }
+    }
+}
+
+impl Doctor {
+    pub(crate) fn new(found: &Findings) -> Self {
+        Self {
+            healthy: found.is_healthy(),
+            database: found.database.display().to_string(),
+            database_schema: found.schema,
+            faults: found.faults.clone(),
+            checkpoints: found.checkpoints.iter().map(CheckpointState::of).collect(),
+            campaigns: found.campaigns.iter().map(CampaignReport::of).collect(),
+        }
+    }
+}
+
+impl CheckpointState {
+    fn of((digest, condition): &(CheckpointDigest, Condition)) -> Self {
+        Self {
+            checkpoint: digest.to_string(),
+            condition: match condition {
+                Condition::Whole => CheckpointCondition::Whole,
+                Condition::Missing => CheckpointCondition::Missing,
+                Condition::Damaged => CheckpointCondition::Damaged,
+                Condition::Unread(_) => CheckpointCondition::Unread,
+            },
+        }
+    }
+}
+
+impl CampaignReport {
+    fn of(campaign: &CampaignFindings) -> Self {
+        Self {
+            campaign: campaign.id.to_string(),
+            state: campaign.state.map(|state| state.name()),
+            condition: match campaign.condition {
+                doctor::CampaignCondition::Whole => CampaignCondition::Whole,
+                doctor::CampaignCondition::LacksCheckpoint => CampaignCondition::LacksCheckpoint,
+                doctor::CampaignCondition::Damaged => CampaignCondition::Damaged,
+                doctor::CampaignCondition::Unreadable => CampaignCondition::Unreadable,
+            },
+            stored: Amounts::of(&campaign.stored),
+            whole: Amounts::of(&campaign.whole),
+            problems: campaign.problems.clone(),
+            note: campaign.note.clone(),
+        }
+    }
+}
+
+impl Amounts {
+    const fn of(amounts: &doctor::Amounts) -> Self {
+        Self {
+            pictures: amounts.pictures,
+            generations: amounts.generations,
+            individuals: amounts.individuals,
+            labels: amounts.labels,
+            taxonomy: amounts.taxonomy,
+        }
+    }
+}
+
+/// A checkpoint.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Checkpoint {
+    /// Its digest.
+    checkpoint: String,
+    /// Bytes of its ONNX file.
+    size: u64,
+    /// Digest of the checkpoint that its training started from; empty if there was none.
+    parent: String,
+    /// Digest of the pictures that it was trained on; empty if there were none.
+    data_digest: String,
+    /// Digest of the labels that it was trained on; empty if there were none.
+    label_digest: String,
+    /// The configuration of its training, TOML.
+    configuration: String,
+    /// Figures measured on it, by name.
+    metrics: BTreeMap<String, f64>,
+    /// When it was stored.
+    created: Time,
+}
+
+impl From<&v1::Checkpoint> for Checkpoint {
+    fn from(checkpoint: &v1::Checkpoint) -> Self {
+        let metrics = checkpoint.metrics.iter();
+        Self {
+            checkpoint: checkpoint.digest.clone(),
+            size: checkpoint.size,
+            parent: checkpoint.parent.clone(),
+            data_digest: checkpoint.data_digest.clone(),
+            label_digest: checkpoint.label_digest.clone(),
+            configuration: checkpoint.configuration.clone(),
+            metrics: metrics.map(|(name, &value)| (name.clone(), value)).collect(),
+            created: Time::of_ms(checkpoint.created_ms),
+        }
+    }
+}
+
+/// What was exported of a campaign.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Export {
+    /// Id of the campaign.
+    campaign: String,
+    /// Its state when it was exported: running, paused, completed, failed or cancelled.
+    state: &'static str,
+    /// The folder that was written.
+    folder: String,
+    /// Its files, by path within the folder.
+    files: Vec<String>,
+    /// Complete generations.
+    generations: u32,
+    /// Individuals of these generations.
+    individuals: u64,
+    /// Entries of the label log.
+    label_entries: u64,
+    /// The checkpoint that embeds the archive; null if there is none.
+    checkpoint: Option<String>,
+    /// The digest of the archive, BLAKE3 in hexadecimal digits.
+    digest: String,
+}
+
+impl From<&Exported> for Export {
+    fn from(exported: &Exported) -> Self {
+        let record = &exported.campaign.record;
+        let checkpoint = record.embedder.checkpoint();
+        Self {
+            campaign: record.id.to_string(),
+            state: record.state.name(),
+            folder: exported.folder.display().to_string(),
+            files: exported.files.clone(),
+            generations: record.generations_done,
+            individuals: record.individuals(),
+            label_entries: exported.campaign.label_entries,
+            checkpoint: checkpoint.map(|digest| digest.to_string()),
+            digest: exported.campaign.digest.clone(),
+        }
+    }
+}

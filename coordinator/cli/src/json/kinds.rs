@@ -1,0 +1,71 @@
+//! Every kind of document, for `murmuration schema`.
+
+use super::{
+    AddedLabels, Agreement, Backup, Campaign, Certificates, Checkpoint, Class, Deletion, Digest, Doctor,
+    Evaluated, Export, ExportedController, FilterScore, Individual, Label, LiftedQuarantine, Quarantine,
+    Recognised, Report, Robots, Run, Taxonomy, Token, schema_of,
+};
+use schemars::{JsonSchema, Schema};
+
+/// A kind of document that commands print with `--json`.
+#[derive(Debug, Clone, Copy)]
+pub struct Kind {
+    pub name: &'static str,
+    /// Subject of the document, and the commands that print it.
+    pub help: &'static str,
+    /// The JSON Schema of the documents of this kind.
+    pub schema: fn() -> Schema,
+}
+
+impl Kind {
+    pub const fn of<T: JsonSchema>(name: &'static str, help: &'static str) -> Self {
+        Self {
+            name,
+            help,
+            schema: schema_of::<T>,
+        }
+    }
+}
+
+/// The kinds of the client's commands.
+pub const KINDS: [Kind; 24] = [
+    Kind::of::<Campaign>(
+        "campaign",
+        "A campaign and its progress: list, show, watch, submit, pause, cancel, import",
+    ),
+    Kind::of::<Deletion>("deletion", "What was deleted, or would be: delete"),
+    Kind::of::<Individual>(
+        "individual",
+        "A controller and its behaviour: show --index, simulate",
+    ),
+    Kind::of::<Taxonomy>("taxonomy", "The clusters of a campaign: show --taxonomy"),
+    Kind::of::<Run>("run", "The end of a campaign: run, resume, adopt, refine"),
+    Kind::of::<Digest>("digest", "The digest of an archive: digest"),
+    Kind::of::<Report>("report", "Where a report was written: report"),
+    Kind::of::<Export>("export", "What was exported: export"),
+    Kind::of::<Checkpoint>("checkpoint", "A checkpoint: checkpoints list, show, import"),
+    Kind::of::<AddedLabels>("added-labels", "What was added: label"),
+    Kind::of::<Label>("label", "An answer: labels"),
+    Kind::of::<Class>("class", "A class: classes"),
+    Kind::of::<Agreement>("agreement", "How far two annotators agree: agreement"),
+    Kind::of::<FilterScore>("filter-score", "The score of a controller: filter"),
+    Kind::of::<Recognised>("recognised", "A swarm that a camera tracked: recognise"),
+    Kind::of::<Evaluated>(
+        "evaluated",
+        "What an evaluation of a controller came to: evaluate",
+    ),
+    Kind::of::<Robots>("robots", "The robots of a swarm: robot"),
+    Kind::of::<ExportedController>(
+        "exported-controller",
+        "A controller for other programs: controller export",
+    ),
+    Kind::of::<Backup>("backup", "A backup: backup, restore"),
+    Kind::of::<Doctor>("doctor", "The condition of a data directory: doctor"),
+    Kind::of::<Quarantine>("quarantine", "The machines in quarantine: quarantine"),
+    Kind::of::<LiftedQuarantine>(
+        "lifted-quarantine",
+        "The machine that left quarantine: quarantine --lift",
+    ),
+    Kind::of::<Token>("token", "A new token: token"),
+    Kind::of::<Certificates>("certificates", "New certificates: certs"),
+];

@@ -1,0 +1,71 @@
+//! Machines, and what people and machines show to a coordinator.
+
+use murmuration_model::MachineId;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+/// The machines in quarantine.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Quarantine {
+    /// In the order in which they were quarantined.
+    pub(crate) machines: Vec<QuarantinedMachine>,
+}
+
+/// A machine in quarantine.
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(inline)]
+pub(crate) struct QuarantinedMachine {
+    /// Its id, for --lift.
+    machine: String,
+    /// Its name.
+    name: String,
+}
+
+/// The machine that left quarantine.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct LiftedQuarantine {
+    /// Its id.
+    pub(crate) lifted: String,
+}
+
+/// A new token.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Token {
+    /// Whom it is for.
+    pub(crate) name: String,
+    /// `viewer`, `annotator` or `operator`.
+    pub(crate) role: String,
+    /// The secret itself.
+    pub(crate) token: String,
+    /// What the tokens file holds in place of the secret.
+    pub(crate) digest: String,
+}
+
+/// New certificates.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Certificates {
+    /// Days for which they are valid.
+    pub(crate) days: u32,
+    pub(crate) certificates: Vec<Certificate>,
+}
+
+/// A new certificate.
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(inline)]
+pub(crate) struct Certificate {
+    /// Its name: `ca`, `server`, `trainer`, or the name of a worker.
+    pub(crate) name: String,
+    /// Path of the certificate.
+    pub(crate) certificate: String,
+    /// Path of its key.
+    pub(crate) key: String,
+}
+
+impl QuarantinedMachine {
+    pub(crate) fn new(machine: MachineId, name: &str) -> Self {
+        Self {
+            machine: machine.to_string(),
+            name: name.to_owned(),
+        }
+    }
+}

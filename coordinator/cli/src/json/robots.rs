@@ -1,0 +1,299 @@
+//! Documents about robots and their controllers: what they are, what evaluations came to, and swarms that a camera tracked.
+
+use base64::{Engine as _, engine::general_purpose::STANDARD};
+use murmuration_proto::{
+    CapabilityModel, Controller, DriveKind, Evaluation, Features, Invalid, SeenRobots, Sensor, Species,
+    mean_embedding, mean_features, v1,
+};
+use murmuration_report::picture::sensor_in_words;
+use schemars::JsonSchema;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// The robots of a swarm.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Robots {
+    /// A preset's name, or what kind of swarm it is.
+    model: String,
+    /// The description as an inline table of TOML, as in campaign files.
+    description: String,
+    /// The species, in order; one without a name that matters if all robots are of one kind.
+    species: Vec<OneSpecies>,
+    /// Numbers of robots of each species, to choose from; empty if there is one species.
+    ratios: Vec<Vec<u32>>,
+    /// Names of a controller's genes, in order.
+    genes: Vec<String>,
+}
+
+/// One species.
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(inline)]
+struct OneSpecies {
+    /// Its name.
+    name: String,
+    /// Radius of a body, world units.
+    radius: f64,
+    /// `differential` or `unicycle`.
+    drive: &'static str,
+    /// Largest magnitude of the two numbers of a pair: left and right wheel, or speed and turning rate.
+    limits: [f64; 2],
+    /// Its sensors, S1 first.
+    sensors: Vec<OneSensor>,
+}
+
+/// One sensor.
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(inline)]
+struct OneSensor {
+    /// Its angle from the heading, radians; null if that is a gene.
+    angle: Option<f64>,
+    /// Lowest and highest value of a free angle, radians; null unless it is free in a range.
+    angle_range: Option<[f64; 2]>,
+    /// Values of a free angle to choose from, radians; empty unless it is free in a list.
+    angles: Vec<f64>,
+    /// Half of the cone's opening angle, radians; 0 for a ray.
+    half_angle: f64,
+    /// Largest distance at which it sees robots and obstacles, world units; null without a limit.
+    range: Option<f64>,
+    /// Largest distance at which it sees walls, world units; null if it does not see them.
+    wall_range: Option<f64>,
+    /// What it sees: `robots` or the name of one species, `walls`, `obstacles`.
+    sees: Vec<String>,
+    /// The same in words.
+    words: String,
+}
+
+impl From<&CapabilityModel> for Robots {
+    fn from(model: &CapabilityModel) -> Self {
+        Self {
+            model: model.to_string(),
+            description: model.to_line(),
+            species: model.species().iter().map(OneSpecies::from).collect(),
+            ratios: model.ratios().to_vec(),
+            genes: model.gene_names(),
+        }
+    }
+}
+
+impl From<&Species> for OneSpecies {
+    fn from(species: &Species) -> Self {
+        let robot = species.robot();
+        Self {
+            name: species.name().to_string(),
+            radius: robot.radius(),
+            drive: match robot.drive().kind() {
+                DriveKind::Differential { .. } => "differential",
+                DriveKind::Unicycle => "unicycle",
+            },
+            limits: robot.drive().limits(),
+            sensors: robot.sensors().iter().map(OneSensor::from).collect(),
+        }
+    }
+}
+
+impl From<&Sensor> for OneSensor {
+    fn from(sensor: &Sensor) -> Self {
+        let robots = match sensor.robots() {
+            SeenRobots::None => None,
+            SeenRobots::All => Some("robots".to_owned()),
+            SeenRobots::Species(name) => Some(name.to_string()),
+        };
+        let walls = sensor.wall_range().map(|_| "walls".to_owned());
+        let obstacles = sensor.sees_obstacles().then(|| "obstacles".to_owned());
+        Self {
+            angle: sensor.angle().value(),
+            angle_range: sensor.angle().range(),
+            angles: sensor.angle().choices().to_vec(),
+            half_angle: sensor.half_angle(),
+            range: sensor.range(),
+            wall_range: sensor.wall_range(),
+            sees: robots.into_iter().chain(walls).chain(obstacles).collect(),
+            words: sensor_in_words(sensor, None),
+        }
+    }
+}
+
+/// The score of a controller.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct FilterScore {
+    /// 4 wheel speeds, or 8 wheel speeds and an angle in radians.
+    pub(crate) controller: Vec<f64>,
+    /// The metrics, by name.
+    pub(crate) metrics: BTreeMap<String, f64>,
+    /// Sum of the metrics' contributions.
+    pub(crate) score: f64,
+    /// Controllers with a lower score are discarded.
+    pub(crate) cutoff: f64,
+    /// Whether the controller is kept.
+    pub(crate) passes: bool,
+}
+
+/// A controller, for other programs.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct ExportedController {
+    /// A preset's name, or what kind of swarm it is.
+    model: String,
+    /// The robots as an inline table of TOML, as in campaign files.
+    robots: String,
+    /// The genes by name.
+    genes: BTreeMap<String, f64>,
+    /// The controller of each species, in order.
+    species: Vec<SpeciesController>,
+}
+
+/// The controller of one species.
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(inline)]
+struct SpeciesController {
+    /// Its name.
+    name: String,
+    /// What the two numbers of a pair are: left and right, or speed and turn.
+    pair: [&'static str; 2],
+    /// The pair of each sensor state; the highest bit of a state is the first sensor's.
+    speeds: Vec<[f64; 2]>,
+    /// The angle of each sensor, radians.
+    angles: Vec<f64>,
+}
+
+impl From<&Controller> for ExportedController {
+    fn from(controller: &Controller) -> Self {
+        let model = controller.model();
+        let species = model.species().iter().zip(controller.robots());
+        Self {
+            model: model.to_string(),
+            robots: model.to_line(),
+            genes: model
+                .gene_names()
+                .into_iter()
+                .zip(controller.genes().iter().copied())
+                .collect(),
+            species: species
+                .map(|(species, robot)| SpeciesController {
+                    name: species.name().to_string(),
+                    pair: robot.robot().drive().pair_names(),
+                    speeds: robot.pairs().to_vec(),
+                    angles: robot.angles().collect(),
+                })
+                .collect(),
+        }
+    }
+}
+
+/// What an evaluation of a controller came to.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Evaluated {
+    /// Place of the controller in the file, from 0.
+    pub(crate) index: u64,
+    /// The genes, in the order in which `murmuration robot` names them.
+    pub(crate) controller: Vec<f64>,
+    /// Seed of the start, the first one if there are several.
+    pub(crate) seed: u64,
+    /// Average speed, angular momentum, radial variance, scatter, group rotation: means over the starts.
+    pub(crate) features: Features,
+    /// Embedding by the checkpoint, the mean over the starts; empty if there is none.
+    pub(crate) embedding: Vec<f32>,
+}
+
+impl Evaluated {
+    /// What the trials of a controller come to.
+    ///
+    /// # Errors
+    /// If a trial has not five features.
+    pub(crate) fn new(
+        index: u64,
+        (controller, seed): (&Controller, u64),
+        trials: &[v1::Evaluation],
+    ) -> Result<Self, Invalid> {
+        let features = trials.iter().map(|trial| {
+            Features::try_from(trial.features.as_slice())
+                .map_err(|_| Invalid::new("features", trial.features.len(), "5 values"))
+        });
+        let features: Vec<Features> = features.collect::<Result<_, _>>()?;
+        Ok(Self {
+            index,
+            controller: controller.genes().to_vec(),
+            seed,
+            features: mean_features(features.iter()),
+            embedding: mean_embedding(trials.iter().map(|trial| trial.embedding.as_slice())),
+        })
+    }
+}
+
+/// A tracked swarm, and what in a campaign is like it.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Recognised {
+    /// Id of the campaign.
+    pub(crate) campaign: String,
+    /// Robots that were tracked.
+    pub(crate) robots: u32,
+    /// The first and the last frame.
+    pub(crate) frames: [u32; 2],
+    /// Rows that are missing, of one for each robot in each frame.
+    pub(crate) missing: u64,
+    /// Share of the rows that have a heading, 0 to 1; in the others a robot is taken to look where it moves.
+    pub(crate) share_of_headings: f64,
+    /// Time from one frame to the next, in units of the world's time.
+    pub(crate) frame_time: f64,
+    /// World units to a unit of the tracks.
+    pub(crate) scale: f64,
+    /// Steps at the end of the tracks that the picture is of.
+    pub(crate) steps: u64,
+    #[serde(flatten)]
+    pub(crate) behaviour: Behaviour,
+    /// The nearest individuals, nearest first.
+    pub(crate) nearest: Vec<Neighbour>,
+    /// The nearest individual that has a class; null if none has.
+    pub(crate) nearest_labelled: Option<Neighbour>,
+    /// The nearest medoid.
+    pub(crate) medoid: Option<Neighbour>,
+    /// Mean distance of the members of the nearest medoid's cluster to the medoid, in units of the behaviour space.
+    pub(crate) mean_distance: f64,
+    /// Whether the clusters are those of a taxonomy. Otherwise they are what they would be if the search ended now.
+    pub(crate) is_taxonomy: bool,
+}
+
+/// What a swarm did.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Behaviour {
+    /// Average speed, angular momentum, radial variance, scatter, group rotation.
+    features: Vec<f64>,
+    /// Embedding by the campaign's checkpoint; empty if there is none.
+    embedding: Vec<f64>,
+    /// Grey values of the picture, base64, column by column.
+    image: String,
+}
+
+/// An individual near a behaviour.
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(inline)]
+pub(crate) struct Neighbour {
+    /// Place in the archive, from 0.
+    index: u64,
+    /// Distance from the behaviour, in units of the behaviour space.
+    distance: f64,
+    /// Its cluster, from 1.
+    cluster: u32,
+    /// Its class; null if it has none.
+    class: Option<String>,
+}
+
+impl From<&Evaluation> for Behaviour {
+    fn from(evaluation: &Evaluation) -> Self {
+        Self {
+            features: evaluation.features().to_vec(),
+            embedding: evaluation.embedding().iter().copied().map(f64::from).collect(),
+            image: STANDARD.encode(evaluation.image()),
+        }
+    }
+}
+
+impl From<&v1::Neighbour> for Neighbour {
+    fn from(neighbour: &v1::Neighbour) -> Self {
+        Self {
+            index: neighbour.index,
+            distance: neighbour.distance,
+            cluster: neighbour.cluster + 1,
+            class: Some(neighbour.class.clone()).filter(|class| !class.is_empty()),
+        }
+    }
+}

@@ -1,0 +1,436 @@
+//! `label`, `labels`, `classes`, `agreement`: what people say about behaviours.
+
+use super::{
+    CliError, Global,
+    connection::{self, Connection, LabelClient},
+    files::{read, write},
+    heard::{Heard as _, get_campaign, heard},
+    json,
+    run::InProcessArgs,
+    table::{Table, left, right},
+};
+use murmuration_coordinator::local::InProcess;
+use murmuration_link::{InputKind, OutputError, errln, outln};
+use murmuration_model::labels::{self, Annotator, Answer, Labelled, to_csv};
+use murmuration_proto::{CampaignSpec, Strategy, Text, counted, grouped, parts::whole, v1};
+use std::{
+    collections::BTreeMap,
+    path::PathBuf,
+    time::{SystemTime, UNIX_EPOCH},
+};
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+The option --csv reads answers from a file such as `murmuration labels --csv` writes (docs/labels.md). Its first line names the \
+columns. The columns index (of the individual; also called id) and class (a class, `not sure` or `skip`) are required; annotator and time \
+(RFC 3339) are optional. The columns seed, left_0, ..., if present, must match the individuals of the archive. Rows without a class \
+are skipped. Either all rows are stored or none. A file with rows of the synthetic annotator is refused.
+
+The option --synthetic lets the rule-based judge answer instead, from the motion of each individual. Its answers carry the annotator \
+`synthetic`, a name that no other annotator may use. `murmuration lab judge` measures how well the judge agrees with other annotators.
+
+The pages of `murmuration serve` let you answer in a browser.
+
+Examples:
+  murmuration label latest --csv my.csv --annotator ana
+  murmuration label latest --synthetic 200 --strategy medoids")]
+#[command(group = clap::ArgGroup::new("answers").required(true))]
+pub struct LabelCommand {
+    /// Campaign id, or `latest`
+    campaign: String,
+    /// File of the answers to add
+    #[arg(long, value_name = "FILE", group = "answers")]
+    csv: Option<PathBuf>,
+    /// Annotator for rows of --csv without one
+    #[arg(long, value_name = "NAME", conflicts_with = "synthetic")]
+    annotator: Option<Annotator>,
+    /// Let the rule-based judge label N unlabelled individuals
+    #[arg(long, value_name = "N", group = "answers")]
+    synthetic: Option<u32>,
+    /// Query strategy by which --synthetic chooses individuals: medoids, coverage or random
+    #[arg(long, default_value_t = Strategy::Medoids, requires = "synthetic")]
+    strategy: Strategy,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct LabelsCommand {
+    /// Campaign id, or `latest`
+    campaign: String,
+    /// Write the labels to this file, which `label`, `lab accuracy` and `lab judge` read. A cell that begins with =, +, -, @ or ',
+    /// which a spreadsheet would take for a formula, gets a ' in front; these commands remove it
+    #[arg(long, value_name = "OUT")]
+    csv: Option<PathBuf>,
+    /// Replace the file of --csv if it exists
+    #[arg(long, requires = "csv")]
+    force: bool,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(group = clap::ArgGroup::new("change"))]
+pub struct ClassesCommand {
+    /// Campaign id, or `latest`
+    campaign: String,
+    /// Create a class
+    #[arg(long, value_name = "CLASS", group = "change")]
+    create: Option<String>,
+    /// Rename a class
+    #[arg(long, num_args = 2, value_names = ["CLASS", "NAME"], group = "change")]
+    rename: Vec<String>,
+    /// Merge the first class into the second
+    #[arg(long, num_args = 2, value_names = ["CLASS", "INTO"], group = "change")]
+    merge: Vec<String>,
+    /// Change the colour of a class, such as to '#1d96e6'
+    #[arg(long, num_args = 2, value_names = ["CLASS", "COLOUR"], group = "change")]
+    colour: Vec<String>,
+    /// Your name, for the label log
+    #[arg(
+        long,
+        value_name = "NAME",
+        env = "USER",
+        hide_env_values = true,
+        default_value = "unnamed"
+    )]
+    annotator: String,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct AgreementCommand {
+    /// Campaign id, or `latest`
+    campaign: String,
+    /// The two annotators to compare
+    #[arg(long, num_args = 2, required = true, value_names = ["A", "B"])]
+    annotators: Vec<String>,
+}
+
+impl LabelCommand {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        // What is wrong with the file is to be known before anything is started.
+        let table = match &self.csv {
+            Some(file) => {
+                let text = read(file, InputKind::Labels)?;
+                Some(labels::Table::parse(file, text, self.annotator.as_ref())?)
+            }
+            None => None,
+        };
+        let crew = match &table {
+            Some(_) => InProcess::NONE,
+            None => InProcess {
+                trainers: 0,
+                ..InProcessArgs::default().count()
+            },
+        };
+        let label = async |connection: &mut Connection| {
+            let (campaign, count) = match table {
+                Some(table) => add(connection, self.campaign, table).await?,
+                None => self.add_synthetic(connection).await?,
+            };
+            Added::look(connection, campaign, count).await
+        };
+        let Added {
+            campaign,
+            count,
+            digest,
+            classes,
+        } = connection::with(global, crew, label).await?;
+        warn_of_near_names(&campaign, &classes);
+        if global.json {
+            json::print(json::AddedLabels {
+                campaign,
+                added: count,
+                label_digest: digest,
+            })?;
+        } else {
+            let answers = counted(count as u64, "answer");
+            let next = global.next(&format!("classes {campaign}"));
+            errln!("added {answers} to campaign {campaign}; next: {next}");
+        }
+        Ok(())
+    }
+}
+
+impl LabelCommand {
+    /// The judge answers; returns the campaign's id and the number of answers.
+    async fn add_synthetic(self, connection: &mut Connection) -> Result<(String, usize), CliError> {
+        let campaign = get_campaign(&mut connection.client, self.campaign).await?.id;
+        let request = v1::AppendSyntheticLabelsRequest {
+            campaign: campaign.clone(),
+            request_id: request_id(),
+            strategy: v1::QueryStrategy::from(self.strategy) as i32,
+            count: self.synthetic.unwrap_or_default(),
+        };
+        let added = connection.labels.append_synthetic_labels(request).await?;
+        let added = whole(added.into_inner()).await?;
+        Ok((campaign, added.entries.len()))
+    }
+}
+
+/// The answers that were added, and the labels that stand then.
+struct Added {
+    campaign: String,
+    count: usize,
+    /// The digest of the labels that stand.
+    digest: String,
+    classes: Vec<v1::LabelClass>,
+}
+
+impl Added {
+    async fn look(connection: &mut Connection, campaign: String, count: usize) -> Result<Self, CliError> {
+        let request = v1::ListLabelsRequest {
+            campaign: campaign.clone(),
+        };
+        let listed = connection.labels.list_labels(request).await?;
+        let listed = whole(listed.into_inner()).await?;
+        let request = v1::ListClassesRequest {
+            campaign: campaign.clone(),
+        };
+        let classes = heard(connection.labels.list_classes(request).await?)?.classes;
+        Ok(Self {
+            campaign,
+            count,
+            digest: Text::line(&listed.digest).into(),
+            classes,
+        })
+    }
+}
+
+/// Adds all rows of a file; the campaign's id, and their number.
+async fn add(
+    connection: &mut Connection,
+    campaign: String,
+    table: labels::Table,
+) -> Result<(String, usize), CliError> {
+    let status = get_campaign(&mut connection.client, campaign).await?;
+    let spec = CampaignSpec::try_from(status.spec.unwrap_or_default())?;
+    let len = u64::from(status.generations_done) * u64::from(spec.search().population());
+    // The coordinator would refuse them too, but knows no lines.
+    table.check_indices(&status.id, len)?;
+    let campaign = status.id;
+    if table.describes(spec.model()) {
+        let individuals = individuals(connection, &campaign).await?;
+        table.check_individuals((&campaign, spec.model()), |index| individuals.get(&index))?;
+    }
+    let request = v1::AppendLabelsRequest {
+        campaign: campaign.clone(),
+        request_id: request_id(),
+        answers: table.into_answers(),
+    };
+    let added = connection.labels.append_labels(request).await?;
+    let added = whole(added.into_inner()).await?;
+    Ok((campaign, added.entries.len()))
+}
+
+async fn individuals(
+    connection: &mut Connection,
+    campaign: &str,
+) -> Result<BTreeMap<u64, v1::Individual>, CliError> {
+    let request = v1::GetArchiveRequest {
+        campaign: campaign.to_owned(),
+        images: false,
+    };
+    let mut chunks = connection.client.get_archive(request).await?.into_inner();
+    let mut individuals = BTreeMap::new();
+    while let Some(chunk) = chunks.message().await? {
+        let chunk = chunk.individuals.into_iter();
+        individuals.extend(chunk.map(|individual| (individual.index, individual)));
+    }
+    Ok(individuals)
+}
+
+/// A name that no other request has: when, and by which process.
+fn request_id() -> String {
+    let now = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |age| age.as_nanos());
+    format!("command-{}-{now}", std::process::id())
+}
+
+impl LabelsCommand {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        self.check_file()?;
+        let list = async |connection: &mut Connection| self.list(connection).await;
+        let (v1::ListLabelsResponse { labels, digest }, text) =
+            connection::with(global, InProcess::NONE, list).await?;
+        let answers = || labels.iter().filter_map(|label| label.answer.as_ref());
+        if let (Some(file), Some(text)) = (&self.csv, text) {
+            write(file, text)?;
+        }
+        if global.json {
+            json::print_all(labels.iter().map(json::Label::from))?;
+        } else if self.csv.is_none() {
+            let mut table = Table::new([right("INDEX"), left("CLASS"), left("ANNOTATOR")]);
+            for answer in answers() {
+                let (class, annotator) = (answer.answer.clone(), answer.annotator.clone());
+                table.row([answer.index.to_string(), class, annotator]);
+            }
+            table.print()?;
+            let classes = answers().filter(|answer| matches!(answer.answer.parse(), Ok(Answer::Class(_))));
+            let (stand, with_class) = (counted(labels.len() as u64, "answer"), classes.count());
+            errln!("{stand}, {with_class} with a class; digest of the classes {digest}");
+        }
+        Ok(())
+    }
+
+    /// A file that is there may hold answers that somebody corrected by hand.
+    fn check_file(&self) -> Result<(), CliError> {
+        match &self.csv {
+            Some(file) if file.is_file() && !self.force => Err(CliError::Input(format!(
+                "{} exists already: name another file, or replace it with --force",
+                file.display()
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// The labels, and the text of the file if one is wanted.
+    async fn list(
+        &self,
+        connection: &mut Connection,
+    ) -> Result<(v1::ListLabelsResponse, Option<Vec<u8>>), CliError> {
+        let status = get_campaign(&mut connection.client, &self.campaign).await?;
+        let request = v1::ListLabelsRequest {
+            campaign: status.id.clone(),
+        };
+        let listed = connection.labels.list_labels(request).await?;
+        let v1::ListLabelsResponse { labels, digest } = whole(listed.into_inner()).await?;
+        let listed = v1::ListLabelsResponse {
+            labels: labels.heard()?,
+            digest: Text::line(&digest).into(),
+        };
+        if self.csv.is_none() {
+            return Ok((listed, None));
+        }
+        let spec = CampaignSpec::try_from(status.spec.unwrap_or_default())?;
+        let individuals = individuals(connection, &status.id).await?;
+        let answers = listed.labels.iter().filter_map(|label| label.answer.as_ref());
+        let labelled = answers.map(|answer| {
+            let individual = individuals.get(&answer.index);
+            individual.map(|individual| Labelled { answer, individual })
+        });
+        // Between the two questions something of the archive was rolled back.
+        let moved = || {
+            CliError::Failed(format!(
+                "the archive of {} changed while its labels were read: try again",
+                status.id
+            ))
+        };
+        let labelled = labelled.collect::<Option<Vec<_>>>().ok_or_else(moved)?;
+        let text = to_csv(&spec, labelled.into_iter());
+        let text = text.map_err(|error| CliError::Failed(error.to_string()))?;
+        Ok((listed, Some(text)))
+    }
+}
+
+impl ClassesCommand {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let campaign = self.campaign.clone();
+        let ask = async |connection: &mut Connection| self.with(&mut connection.labels).await;
+        let classes = connection::with(global, InProcess::NONE, ask).await?.classes;
+        warn_of_near_names(&campaign, &classes);
+        if global.json {
+            return Ok(json::print_all(classes.iter().map(json::Class::from))?);
+        }
+        let mut table = Table::new([left("CLASS"), left("COLOUR"), right("ANSWERS")]);
+        for class in &classes {
+            table.row([class.name.clone(), class.colour.clone(), grouped(class.labels)]);
+        }
+        table.print()?;
+        let answers = classes.iter().map(|class| class.labels).sum();
+        errln!("{} with a class", counted(answers, "answer"));
+        Ok(())
+    }
+
+    /// Makes the change that was asked for, if one was; the classes after that.
+    async fn with(self, client: &mut LabelClient) -> Result<v1::ListClassesResponse, CliError> {
+        use v1::change_class_request::Change;
+        let change = if let Some(class) = self.create {
+            Change::Create(v1::CreateClass { class })
+        } else if let Ok([class, to]) = <[String; 2]>::try_from(self.rename) {
+            Change::Rename(v1::RenameClass { class, to })
+        } else if let Ok([class, into]) = <[String; 2]>::try_from(self.merge) {
+            Change::Merge(v1::MergeClass { class, into })
+        } else if let Ok([class, colour]) = <[String; 2]>::try_from(self.colour) {
+            Change::Colour(v1::ColourClass { class, colour })
+        } else {
+            let request = v1::ListClassesRequest {
+                campaign: self.campaign,
+            };
+            return heard(client.list_classes(request).await?);
+        };
+        let request = v1::ChangeClassRequest {
+            campaign: self.campaign,
+            request_id: request_id(),
+            annotator: self.annotator,
+            change: Some(change),
+        };
+        heard(client.change_class(request).await?)
+    }
+}
+
+/// Says which classes have nearly the same name, and how to make one of two.
+fn warn_of_near_names(campaign: &str, classes: &[v1::LabelClass]) {
+    for (place, class) in classes.iter().enumerate() {
+        let later = |name: &&String| classes[place..].iter().any(|other| other.name == **name);
+        for other in class.near.iter().filter(later) {
+            errln!(
+                "warning: classes {:?} and {other:?} have nearly the same name; to merge them: murmuration classes {campaign} \
+                 --merge {other:?} {:?}",
+                class.name,
+                class.name
+            );
+        }
+    }
+}
+
+impl AgreementCommand {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let [first, second] = <[String; 2]>::try_from(self.annotators)
+            .map_err(|_| CliError::Input("--annotators: name two annotators".to_owned()))?;
+        let ask = async |connection: &mut Connection| {
+            let request = v1::GetAgreementRequest {
+                campaign: self.campaign,
+                first: first.clone(),
+                second: second.clone(),
+            };
+            let parts = connection.labels.get_agreement(request).await?;
+            whole(parts.into_inner()).await?.heard()
+        };
+        let agreement = connection::with(global, InProcess::NONE, ask).await?;
+        if global.json {
+            json::print(json::Agreement::new(&first, &second, agreement))?;
+        } else {
+            print_agreement(&first, &second, &agreement)?;
+        }
+        Ok(())
+    }
+}
+
+fn print_agreement(first: &str, second: &str, agreement: &v1::Agreement) -> Result<(), OutputError> {
+    if agreement.both == 0 {
+        return outln!("{first} and {second} have no individual in common that has a class from both");
+    }
+    let kappa = agreement
+        .kappa
+        .map_or("-".to_owned(), |kappa| format!("{kappa:.3}"));
+    outln!(
+        "{first} and {second} agree on {} of {}; Cohen's kappa {kappa}",
+        grouped(agreement.agreed),
+        grouped(agreement.both)
+    )?;
+    if agreement.disagreements.is_empty() {
+        return Ok(());
+    }
+    let mut pairs = Table::new([left(first), left(second), right("INDIVIDUALS")]);
+    for confusion in &agreement.confusions {
+        let (first, second) = (confusion.first.clone(), confusion.second.clone());
+        pairs.row([first, second, grouped(confusion.individuals)]);
+    }
+    let mut individuals = Table::new([right("INDEX"), left(first), left(second)]);
+    for difference in &agreement.disagreements {
+        let (first, second) = (difference.first.clone(), difference.second.clone());
+        individuals.row([difference.index.to_string(), first, second]);
+    }
+    outln!("")?;
+    pairs.print()?;
+    outln!("")?;
+    individuals.print()
+}

@@ -1,0 +1,69 @@
+//! What a command changed, and what to type next.
+
+use super::{CliError, Global, json};
+use murmuration_link::{OutputError, errln, outln};
+use murmuration_proto::{CampaignSpec, v1};
+
+/// Tells what a command changed, and what to type next; or the state that the campaign is in, where that is not (or no
+/// longer) the `expected` one.
+pub fn changed(
+    global: &Global,
+    campaign: &v1::Campaign,
+    expected: v1::CampaignState,
+    what: &str,
+    next: &str,
+) -> Result<(), OutputError> {
+    if global.json {
+        return json::print(json::Campaign::from(campaign));
+    }
+    outln!("{}", campaign.id)?;
+    if campaign.state() == expected {
+        errln!("campaign {} {what}; next: {}", campaign.id, global.next(next));
+    } else {
+        let next = what_next(global, campaign);
+        errln!("campaign {} is now {}; {next}", campaign.id, state(campaign));
+    }
+    Ok(())
+}
+
+/// The command to type next about a campaign that has stopped.
+pub fn what_next(global: &Global, campaign: &v1::Campaign) -> String {
+    let id = &campaign.id;
+    let spec = campaign.spec.clone().map(CampaignSpec::try_from);
+    let is_taught = matches!(&spec, Some(Ok(spec)) if spec.feedback().is_some());
+    let next = match campaign.state() {
+        v1::CampaignState::Completed => format!("report {id}"),
+        v1::CampaignState::Running if campaign.active => format!("watch {id}"),
+        v1::CampaignState::Running | v1::CampaignState::Paused | v1::CampaignState::Failed => {
+            format!("resume {id}")
+        }
+        v1::CampaignState::Cancelled | v1::CampaignState::Unspecified => "list".to_owned(),
+    };
+    let next = format!("next: {}", global.next(&next));
+    if campaign.state() == v1::CampaignState::Completed && is_taught {
+        let label = global.next(&format!("label {id} --csv FILE"));
+        return format!("{next}; to add labels: {label} (or --synthetic N)");
+    }
+    next
+}
+
+/// Why a campaign that failed did, and what to type next.
+pub fn failed(global: &Global, campaign: &v1::Campaign) -> CliError {
+    let (id, error) = (&campaign.id, &campaign.error);
+    CliError::Failed(format!(
+        "campaign {id} failed: {error}; {}",
+        what_next(global, campaign)
+    ))
+}
+
+/// The state in a word; a running campaign that nobody works on was interrupted, one whose disk is full waits.
+pub fn state(campaign: &v1::Campaign) -> String {
+    match campaign.state() {
+        v1::CampaignState::Running if !campaign.waiting.is_empty() => "waiting".to_owned(),
+        v1::CampaignState::Running if !campaign.active => "interrupted".to_owned(),
+        state => state
+            .as_str_name()
+            .trim_start_matches("CAMPAIGN_STATE_")
+            .to_lowercase(),
+    }
+}

@@ -1,0 +1,78 @@
+//! `report`: has what the report shows gathered from the coordinator, and written.
+
+use super::{
+    CliError, Global,
+    connection::{self, Connection},
+    error::report_folder,
+    heard::{self, get_campaign},
+    json,
+};
+use murmuration_coordinator::local::InProcess;
+use murmuration_link::{errln, outln};
+use murmuration_model::CampaignId;
+use murmuration_proto::v1;
+use murmuration_report as report;
+use murmuration_service::report_data::{self, PicturesOf};
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, clap::Args)]
+pub struct ReportCommand {
+    /// Campaign id, or `latest`
+    campaign: String,
+    /// Folder for the report [default: reports/CAMPAIGN in the data directory]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+impl ReportCommand {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let crew = InProcess {
+            workers: 1,
+            trainers: 0,
+        };
+        let write = async |connection: &mut Connection| self.write(connection, global).await;
+        let page = connection::with(global, crew, write).await?.display().to_string();
+        if global.json {
+            json::print(json::Report { report: page })?;
+        } else {
+            outln!("{page}")?;
+        }
+        Ok(())
+    }
+
+    async fn write(&self, connection: &mut Connection, global: &Global) -> Result<PathBuf, CliError> {
+        let campaign = get_campaign(&mut connection.client, &self.campaign).await?;
+        let is_done = campaign.state() == v1::CampaignState::Completed;
+        if is_done && campaign.workers == 0 && !connection.is_own() {
+            errln!(
+                "waiting: the report needs a worker to simulate its behaviours, and the coordinator has none: start one with \
+                 `murmuration-worker --coordinator URL`"
+            );
+        }
+        let id = heard::id(&campaign)?;
+        let folder = self
+            .out
+            .clone()
+            .unwrap_or_else(|| report_folder(&global.data, &id));
+        write_report(connection, &id, &folder).await
+    }
+}
+
+/// Writes the report of a completed campaign into `folder`; the path of its page.
+pub(super) async fn write_report(
+    connection: &mut Connection,
+    campaign: &CampaignId,
+    folder: &Path,
+) -> Result<PathBuf, CliError> {
+    let names = report_data::names(&mut connection.labels, campaign.as_str()).await?;
+    let client = &mut connection.client;
+    let report = report_data::report(client, campaign.as_str(), names, PicturesOf::Individuals).await?;
+    let folder = folder.to_owned();
+    let written = tokio::task::spawn_blocking(move || report::write(&report, &folder)).await;
+    match written {
+        Ok(files) => Ok(files?.page),
+        Err(_) => Err(CliError::Failed(
+            "the report could not be written because of a bug".to_owned(),
+        )),
+    }
+}
