@@ -5,11 +5,11 @@ use super::{
     connection::{self, Connection},
     files::read_words,
     follow::{Show, follow, stage_name},
-    heard::{self, heard},
+    heard::{self, get_digest, heard},
     json, next_step, quoted,
     report::write_report,
 };
-use crate::local::InProcess;
+use murmuration_coordinator::local::InProcess;
 use murmuration_embed::Runtime;
 use murmuration_link::{InputKind, OutputError, errln, outln, termination};
 use murmuration_proto::{CampaignSpec, counted, text::masked_url, v1};
@@ -21,9 +21,8 @@ use std::{
     time::Instant,
 };
 
-/// Arguments of `run`.
 #[derive(Debug, clap::Args)]
-pub(super) struct Run {
+pub struct Run {
     /// Campaign file (see examples/)
     spec: PathBuf,
     /// Seed of the search and the training, used instead of the file's seed
@@ -33,9 +32,8 @@ pub(super) struct Run {
     crew: InProcessArgs,
 }
 
-/// Arguments of `resume`.
 #[derive(Debug, clap::Args)]
-pub(super) struct Resume {
+pub struct Resume {
     /// Campaign id, or `latest`
     campaign: String,
     #[command(flatten)]
@@ -44,7 +42,7 @@ pub(super) struct Resume {
 
 /// How many workers and trainers to start in this process.
 #[derive(Debug, Default, clap::Args)]
-pub(super) struct InProcessArgs {
+pub struct InProcessArgs {
     /// Workers in this process, one thread each [default: number of cores]
     #[arg(long, env = "MURMURATION_WORKERS", value_name = "N", value_parser = at_most_4096())]
     workers: Option<usize>,
@@ -69,7 +67,7 @@ impl InProcessArgs {
     }
 
     /// At least one of each, where nobody else could do the work.
-    pub(super) fn some(&self) -> Result<InProcess, CliError> {
+    pub fn some(&self) -> Result<InProcess, CliError> {
         let crew = self.count();
         if crew.workers == 0 {
             let said = "--workers 0: a campaign needs at least one worker";
@@ -95,7 +93,7 @@ impl Run {
             return Err(CliError::Input(hint));
         }
         let data = DataDirectory::hold(&global.data).map_err(|error| self.held(error, global))?;
-        if spec.method().embeds() {
+        if spec.space().embeds() {
             // To be told after the dataset is simulated would be late.
             Runtime::load()?;
         }
@@ -165,8 +163,8 @@ impl Resume {
     }
 }
 
-/// Has a campaign go on by a `change`; where this process runs the coordinator, to its report. `what` says of the campaign
-/// what it does then.
+/// Continues a campaign by a `change`; where this process runs the coordinator, to its report. `what` says what the campaign does
+/// then.
 pub(super) async fn go_on(
     global: &Global,
     crew: InProcess,
@@ -194,7 +192,7 @@ pub(super) async fn go_on(
 }
 
 /// Reads a campaign file, with another seed if there is one.
-pub(super) fn read_spec(path: &Path, seed: Option<u64>) -> Result<CampaignSpec, CliError> {
+pub fn read_spec(path: &Path, seed: Option<u64>) -> Result<CampaignSpec, CliError> {
     let text = read_words(path, InputKind::Campaign)?;
     let spec = CampaignSpec::from_toml(&text).map_err(|error| CliError::spec(path, &error))?;
     Ok(match seed {
@@ -275,6 +273,5 @@ async fn finish(
     let id = heard::id(&last)?;
     let folder = super::error::report_folder(&global.data, &id);
     let report = write_report(connection, &id, &folder).await?;
-    let request = v1::GetDigestRequest { campaign: last.id };
-    Ok((heard(connection.client.get_digest(request).await?)?, report))
+    Ok((get_digest(&mut connection.client, last.id).await?, report))
 }

@@ -9,13 +9,13 @@ use super::{
 use murmuration_link::{InputKind, outln};
 use murmuration_proto::{Controller, FEATURE_NAMES, ImageFormat, Invalid, Replay, World};
 use murmuration_report::picture::{self, Animation, Bodies, Colouring, Paper};
-use murmuration_tracks::to_csv;
-use murmuration_worker::{
+use murmuration_sim::{
     case::Case,
     evaluate::evaluate,
     replay::{poses, replay},
     simulate::Start,
 };
+use murmuration_tracks::to_csv;
 use std::{
     num::NonZeroU32,
     path::{Path, PathBuf},
@@ -26,7 +26,6 @@ const TRAJECTORY_SIZE: u32 = 1000;
 /// Pixels that each pixel of the image becomes.
 const IMAGE_SCALE: u32 = 10;
 
-/// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 A controller is a list of numbers separated by commas, with or without square brackets: 4 wheel speeds (single-sensor), or 8 \
@@ -40,7 +39,7 @@ Examples:
   murmuration simulate --controller=-0.7,0.3,1,1 --mp4 pursuit.mp4
   murmuration simulate --case tests/vectors/milling_s0.json --json
   murmuration simulate --case tests/vectors/robots/cyclone.feb2023.json --gif cyclone.gif")]
-pub(super) struct Simulate {
+pub struct Simulate {
     /// Numbers of a controller, separated by commas: -0.7,0.3,1,1
     #[arg(long, required_unless_present = "case", conflicts_with = "case")]
     controller: Option<String>,

@@ -10,10 +10,9 @@ Examples:
 
 The token is shown only once. Save it in a file that only you can read, and name that file in MURMURATION_TOKEN_FILE.";
 
-/// Arguments of `token`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(super) struct TokenCommand {
+pub struct TokenCommand {
     /// Name of the person, 1 to 64 characters of any script
     name: HolderName,
     /// What the person may do

@@ -7,17 +7,14 @@ use super::{
     heard::heard,
     json,
 };
-use crate::local::InProcess;
-use murmuration_export::{ExportError, Exported, NewFolder, ReadFolder};
+use murmuration_coordinator::local::InProcess;
+use murmuration_export::{CheckedExport, ExportError, Exported, NewFolder};
 use murmuration_link::{errln, outln, termination};
 use murmuration_model::CampaignState;
-use murmuration_proto::{counted, v1};
-use murmuration_store::{
-    DataDirectory, Store, StoreError,
-    transfer::{Part, Sequence},
-};
+use murmuration_proto::{PART_BYTES, counted, v1};
+use murmuration_store::{DataDirectory, Store, StoreError};
 use std::{
-    fs,
+    fs, mem,
     path::{Path, PathBuf},
 };
 use tokio::sync::mpsc;
@@ -27,14 +24,14 @@ use tonic::Code;
 /// Arguments of `export`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-The folder has the individuals, labels and generations as Parquet, the pictures as NPZ, the embedders as ONNX, the specification, \
-a README.md about every column, and a datasheet. Of a running campaign it has everything that is on disk at this moment. \
-`murmuration import` takes the folder back.
+The folder has the campaign as one SQLite database, which `murmuration import` reads, and to be read elsewhere: the individuals, \
+labels and generations as Parquet, the pictures as NPZ, the embedders as ONNX, the specification, a README.md about every column, and \
+a datasheet. Of a running campaign it has everything that is on disk at this moment.
 
 Examples:
   murmuration export latest my-campaign
   murmuration export latest my-campaign --csv --force")]
-pub(super) struct Export {
+pub struct Export {
     /// Campaign id, or `latest`
     campaign: String,
     /// New folder for the files
@@ -56,7 +53,7 @@ otherwise nothing is imported. The campaign keeps its id. One that was running i
 Examples:
   murmuration import my-campaign
   murmuration import my-campaign --data other-data")]
-pub(super) struct Import {
+pub struct Import {
     /// Folder that `murmuration export` wrote
     folder: PathBuf,
 }
@@ -96,19 +93,11 @@ impl Export {
             campaign: self.campaign.clone(),
         };
         let mut parts = connection.transfers.export_campaign(request).await?.into_inner();
-        let mut sequence = Sequence::default();
-        let first = parts.next().await.transpose()?.unwrap_or_default();
-        let Part::Campaign(campaign) = sequence.next(first)? else {
-            let said = "the coordinator's answer does not begin with the campaign";
-            return Err(CliError::Failed(said.to_owned()));
-        };
         let (target, csv, force) = (self.folder.clone(), self.csv, self.force);
-        let mut folder = on_disk(move || NewFolder::create(&target, *campaign, csv, force)).await?;
+        let mut folder = on_disk(move || NewFolder::create(&target, csv, force)).await?;
         while let Some(part) = parts.next().await.transpose()? {
-            let part = sequence.next(part)?;
-            folder = on_disk(move || folder.add(part).map(|()| folder)).await?;
+            folder = on_disk(move || folder.add(&part.data).map(|()| folder)).await?;
         }
-        sequence.end()?;
         on_disk(move || folder.finish()).await
     }
 }
@@ -117,16 +106,11 @@ impl Import {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let folder = self.folder.clone();
         // Everything is checked before a data directory is made, or a coordinator asked, for it.
-        let folder = on_disk(move || {
-            let folder = ReadFolder::open(&folder)?;
-            folder.read(&mut |_| true)?;
-            Ok(folder)
-        })
-        .await?;
-        let id = folder.campaign().to_owned();
+        let export = on_disk(move || CheckedExport::open(&folder)).await?;
+        let id = export.campaign().clone();
         let import = async |connection: &mut Connection| {
             tokio::select! {
-                imported = import(connection, folder) => imported,
+                imported = import(connection, export) => imported,
                 signal = termination() => Err(CliError::Failed(signal.to_owned())),
             }
         };
@@ -166,17 +150,32 @@ fn remove_empty(data: &Path) {
     }
 }
 
-/// Sends a folder that has been checked to the coordinator, which keeps it once it is whole.
-async fn import(connection: &mut Connection, folder: ReadFolder) -> Result<v1::Campaign, CliError> {
+/// Sends the database of an export to the coordinator, which keeps the campaign once it has checked all of it.
+async fn import(connection: &mut Connection, export: CheckedExport) -> Result<v1::Campaign, CliError> {
     let (parts, stream) = mpsc::channel::<v1::CampaignPart>(2);
-    let reading = on_disk(move || folder.read(&mut |part| parts.blocking_send(part.into()).is_ok()));
+    let reading = on_disk(move || send(export, &parts));
     let importing = connection.transfers.import_campaign(ReceiverStream::new(stream));
     match tokio::join!(reading, importing) {
+        (Err(unread), _) => Err(unread),
         (_, Err(status)) if status.code() == Code::AlreadyExists => {
             Err(CliError::Input(status.message().to_owned()))
         }
         (_, Err(status)) => Err(status.into()),
-        (read, Ok(campaign)) => read.and_then(|_| heard(campaign)),
+        (Ok(()), Ok(campaign)) => heard(campaign),
+    }
+}
+
+/// Sends a database part by part, until all of it is sent or nobody takes more.
+fn send(mut export: CheckedExport, parts: &mpsc::Sender<v1::CampaignPart>) -> Result<(), ExportError> {
+    let mut campaign = export.campaign().to_string();
+    loop {
+        let part = v1::CampaignPart {
+            campaign: mem::take(&mut campaign),
+            data: export.next(PART_BYTES)?,
+        };
+        if part.data.is_empty() || parts.blocking_send(part).is_err() {
+            return Ok(());
+        }
     }
 }
 

@@ -1,9 +1,9 @@
 //! `serve`: a coordinator that stays.
 
 use super::{CliError, Global, run::InProcessArgs};
-use crate::{local::LocalCluster, server::Options};
 use clap::builder::BoolishValueParser;
 use murmuration_access::{ListenConfig, Tls, Tokens};
+use murmuration_coordinator::{local::LocalCluster, server::Options};
 use murmuration_dispatch as dispatch;
 use murmuration_dispatch::Share;
 use murmuration_link::{errln, termination};
@@ -13,16 +13,15 @@ use std::{
     path::PathBuf,
 };
 
-/// What to do where another process holds the data directory.
+/// Advice where another process holds the data directory.
 const ONE_COORDINATOR: &str =
     "only one coordinator can use a data directory: stop that process first, or name another --data DIR";
 
 /// Port on which coordinators listen unless told otherwise.
 const PORT: u16 = 7700;
 
-/// Arguments of `serve`.
 #[derive(Debug, clap::Args)]
-pub(super) struct Serve {
+pub struct Serve {
     /// Address to listen on; the default accepts connections from this machine only
     #[arg(
         long,

@@ -18,7 +18,6 @@ pub(super) async fn of(connection: &mut Connection, campaign: &str) -> Result<v1
     whole(taxonomy.into_inner()).await?.heard()
 }
 
-/// Prints them, largest first.
 pub(super) fn show(global: &Global, campaign: &str, taxonomy: &v1::Taxonomy) -> Result<(), CliError> {
     if global.json {
         return Ok(json::print(json::Taxonomy::new(campaign, taxonomy))?);
@@ -44,7 +43,6 @@ pub(super) fn show(global: &Global, campaign: &str, taxonomy: &v1::Taxonomy) -> 
     Ok(table.print()?)
 }
 
-/// Where a name comes from.
 fn origin(name: &v1::ClusterName) -> String {
     match &name.carried {
         Some(from) => format!(

@@ -4,32 +4,29 @@ use comfy_table::CellAlignment;
 use murmuration_link::{OutputError, outln};
 
 /// A column: its heading, and the side on which its cells begin.
-pub(super) struct Column {
+pub struct Column {
     heading: String,
     side: CellAlignment,
 }
 
-/// A column of words.
-pub(super) fn left(heading: impl Into<String>) -> Column {
+pub fn left(heading: impl Into<String>) -> Column {
     Column {
         heading: heading.into(),
         side: CellAlignment::Left,
     }
 }
 
-/// A column of numbers.
-pub(super) fn right(heading: impl Into<String>) -> Column {
+pub fn right(heading: impl Into<String>) -> Column {
     Column {
         heading: heading.into(),
         side: CellAlignment::Right,
     }
 }
 
-/// A table, row by row.
-pub(super) struct Table(comfy_table::Table);
+pub struct Table(comfy_table::Table);
 
 impl Table {
-    pub(super) fn new(columns: impl IntoIterator<Item = Column>) -> Self {
+    pub fn new(columns: impl IntoIterator<Item = Column>) -> Self {
         let columns: Vec<Column> = columns.into_iter().collect();
         let mut table = comfy_table::Table::new();
         table.load_style(comfy_table::presets::NOTHING);
@@ -43,13 +40,11 @@ impl Table {
         Self(table)
     }
 
-    /// Adds a row, a cell a column.
-    pub(super) fn row(&mut self, cells: impl IntoIterator<Item = String>) {
+    pub fn row(&mut self, cells: impl IntoIterator<Item = String>) {
         self.0.add_row(cells.into_iter().collect::<Vec<_>>());
     }
 
-    /// Prints it to stdout.
-    pub(super) fn print(&self) -> Result<(), OutputError> {
+    pub fn print(&self) -> Result<(), OutputError> {
         self.0.lines().try_for_each(|line| outln!("{}", line.trim_end()))
     }
 }
