@@ -60,10 +60,6 @@ const LABELS: MethodRequirements = &[
     ("ListClasses", VIEWER),
     ("ChangeClass", ANNOTATOR),
     ("NextQueries", ANNOTATOR),
-    ("NextComparison", ANNOTATOR),
-    ("AnswerComparison", ANNOTATOR),
-    ("WithdrawComparison", ANNOTATOR),
-    ("AppendSyntheticComparisons", ANNOTATOR),
     ("GetAgreement", VIEWER),
 ];
 
