@@ -1,4 +1,4 @@
-//! `murmuration accuracy` on the command line. These tests need ONNX Runtime (`make runtime`).
+//! `murmuration lab accuracy` on the command line. These tests need ONNX Runtime (`make runtime`).
 
 use murmuration_tests::{Finished, Murmuration, binary};
 use serde_json::Value;
@@ -46,7 +46,7 @@ impl Set {
 
     fn run(&self, arguments: &[&str]) -> Finished {
         let labels = self.labels().display().to_string();
-        let arguments = [&["accuracy", "--labels", &labels], arguments].concat();
+        let arguments = [&["lab", "accuracy", "--labels", &labels], arguments].concat();
         Murmuration::over(self.folder.path()).run(&arguments)
     }
 
@@ -73,13 +73,21 @@ fn json(finished: &Finished) -> Value {
 fn sets_are_joined_and_told_of_in_json() {
     let set = |name| format!("{}/labelled/{name}/validation.csv", env!("CARGO_MANIFEST_DIR"));
     let murmuration = Murmuration::over(&std::env::temp_dir());
-    let one = json(&murmuration.run(&["accuracy", "--labels", &set("two_sensor"), "--features", "--json"]));
+    let one = json(&murmuration.run(&[
+        "lab",
+        "accuracy",
+        "--labels",
+        &set("two_sensor"),
+        "--features",
+        "--json",
+    ]));
     assert_eq!(
         (&one["behaviours"], &one["every_anchor"]["correct"]),
         (&200.into(), &856_806.into())
     );
     assert_eq!(one["by_class_of_anchor"]["milling"]["triplets"], 20_790);
     let both = [
+        "lab",
         "accuracy",
         "--labels",
         &set("two_sensor"),
@@ -133,6 +141,7 @@ fn a_checkpoint_is_named_by_the_beginning_of_its_digest_too() {
     let labels = set.labels().display().to_string();
     let accuracy = |checkpoint| {
         let arguments = [
+            "lab",
             "accuracy",
             "--labels",
             &labels,
@@ -143,7 +152,7 @@ fn a_checkpoint_is_named_by_the_beginning_of_its_digest_too() {
         json(&murmuration.run(&arguments))
     };
     assert_eq!(accuracy(&digest[..8]), accuracy(SMALL));
-    let unknown = murmuration.run(&["accuracy", "--labels", &labels, "--checkpoint", "ffff"]);
+    let unknown = murmuration.run(&["lab", "accuracy", "--labels", &labels, "--checkpoint", "ffff"]);
     assert_eq!(unknown.code, Some(2), "{}", unknown.stderr);
     assert!(
         unknown.stderr.contains("no checkpoint \"ffff\""),
@@ -192,7 +201,7 @@ fn what_is_no_embedder_is_refused() {
 fn a_library_that_does_not_load_is_named() {
     let set = Set::new();
     let output = Command::new(binary("murmuration"))
-        .args(["accuracy", "--checkpoint", SMALL, "--labels"])
+        .args(["lab", "accuracy", "--checkpoint", SMALL, "--labels"])
         .arg(set.labels())
         .env("ORT_DYLIB_PATH", set.labels())
         .output()

@@ -2,8 +2,8 @@
 
 use murmuration_judge::{frames, judge};
 use murmuration_proto::{CampaignSpec, Controller, Enumeration, Starts, Verdict, v1};
+use murmuration_sim::{replay::replay_frames, simulate::Start};
 use murmuration_tests::{Cluster, Murmuration};
-use murmuration_worker::{replay::replay_frames, simulate::Start};
 use std::{fs, path::Path};
 
 const SPEC: &str = "name = \"atlas\"\nmodel = \"single-sensor\"\nmethod = \"exhaustive\"\n[controllers]\nstep = 0.5\n\
@@ -86,7 +86,7 @@ fn an_atlas_that_is_killed_goes_on_to_the_same_digest_and_is_not_computed_again(
     let atlas = |murmuration: &Murmuration, name: &str| {
         let out = folder.path().join(name).display().to_string();
         murmuration
-            .run(&["atlas", &spec, "--out", &out, "--json"])
+            .run(&["lab", "atlas", &spec, "--out", &out, "--json"])
             .last_line()
     };
     let undisturbed = Murmuration::over(&folder.path().join("undisturbed"));
@@ -94,7 +94,7 @@ fn an_atlas_that_is_killed_goes_on_to_the_same_digest_and_is_not_computed_again(
     assert_eq!(whole["controllers"], 325);
 
     let killed = Murmuration::over(&folder.path().join("killed"));
-    let mut process = killed.start(&["atlas", &spec, "--workers", "1"]);
+    let mut process = killed.start(&["lab", "atlas", &spec, "--workers", "1"]);
     process.wait_for("generation");
     killed.latest_when(|latest| latest["generations_done"].as_u64() > Some(0));
     process.kill();
@@ -132,7 +132,7 @@ fn an_atlas_that_is_killed_goes_on_to_the_same_digest_and_is_not_computed_again(
     assert_eq!(rows.len(), 326);
     let coarse = folder.path().join("coarse").display().to_string();
     let coarser = killed
-        .run(&["atlas", &spec, "--values", "3", "--out", &coarse, "--json"])
+        .run(&["lab", "atlas", &spec, "--values", "3", "--out", &coarse, "--json"])
         .last_line();
     assert_eq!(coarser["controllers"], 45);
 }
@@ -151,19 +151,19 @@ fn what_no_atlas_can_be_made_of_is_said() {
         );
     };
     check(
-        &["atlas", "small-1"],
+        &["lab", "atlas", "small-1"],
         "campaign small-1 has no verdicts to make an atlas of",
     );
     let small = folder.path().join("small.toml").display().to_string();
-    check(&["atlas", &small], "has no verdicts to make an atlas of");
+    check(&["lab", "atlas", &small], "has no verdicts to make an atlas of");
     let spec = written(folder.path());
     check(
-        &["atlas", &spec, "--values", "4"],
+        &["lab", "atlas", &spec, "--values", "4"],
         "--values 4: must be an odd number from 3 on",
     );
     check(
-        &["atlas", "small-1", "--values", "5"],
+        &["lab", "atlas", "small-1", "--values", "5"],
         "--values: the campaign is there already",
     );
-    check(&["atlas", "nowhere.toml"], "nowhere.toml");
+    check(&["lab", "atlas", "nowhere.toml"], "nowhere.toml");
 }

@@ -1,9 +1,9 @@
 //! Campaigns of two species whose pictures have a channel for each.
 
 use murmuration_proto::{CampaignSpec, Controller, PictureShape, training::Architecture, v1};
+use murmuration_sim::{evaluate::evaluate, simulate::Start};
 use murmuration_tests::{Cluster, Finished, Murmuration};
-use murmuration_trainer::{network::Network, onnx};
-use murmuration_worker::{evaluate::evaluate, simulate::Start};
+use murmuration_train::{network::Network, onnx};
 use std::fs;
 
 const ROBOTS: &str = "ratios = [[3, 5], [1, 7]]\n\
@@ -60,7 +60,12 @@ async fn a_campaign_with_a_channel_each_trains_searches_and_learns_from_labels()
         assert_eq!((again.image().len(), individual.embedding.len()), (5000, 5));
     }
     let url = format!("{}/campaigns/{}/individuals/0", cluster.url(), last.id);
-    let picture = reqwest::get(url).await.unwrap().bytes().await.unwrap();
+    let picture = murmuration_tests::http::get(url)
+        .await
+        .unwrap()
+        .bytes()
+        .await
+        .unwrap();
     let reader = png::Decoder::new(std::io::Cursor::new(picture))
         .read_info()
         .unwrap();
@@ -135,7 +140,14 @@ fn labelled_behaviours_have_the_channels_of_the_embedder() {
     let measured = |channels: &str, model: &str| {
         fs::write(path("labels.csv"), label_file(channels)).unwrap();
         let (labels, model) = (path("labels.csv"), path(model));
-        Murmuration::over(folder.path()).run(&["accuracy", "--labels", &labels, "--checkpoint", &model])
+        Murmuration::over(folder.path()).run(&[
+            "lab",
+            "accuracy",
+            "--labels",
+            &labels,
+            "--checkpoint",
+            &model,
+        ])
     };
     for (channels, model) in [("species", "2.onnx"), ("one", "1.onnx"), ("", "1.onnx")] {
         let Finished { code, stderr, .. } = measured(channels, model);

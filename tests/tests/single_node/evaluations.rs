@@ -215,7 +215,7 @@ async fn motions_need_no_worker_and_what_has_none_is_refused() {
                 description: None,
                 ..good.clone()
             },
-            "campaign = nothing: must be",
+            "campaign is missing: must be",
         ),
         (
             v1::SimulateRequest {

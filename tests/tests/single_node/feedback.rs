@@ -212,7 +212,8 @@ async fn each_class_that_was_learned_has_a_medoid_where_the_specification_says_s
     table["taxonomy"]
         .as_table_mut()
         .unwrap()
-        .insert("by_class".into(), true.into());
+        .insert("choose".into(), "by-class".into());
+    table.insert("space".into(), "embedding".into());
     let spec = CampaignSpec::from_toml(&toml::to_string(&table).unwrap()).unwrap();
     let id = cluster.create(&spec).await;
     completed(&mut cluster, &id).await;
@@ -270,7 +271,10 @@ async fn the_judge_labels_when_asked_and_once_for_a_request() {
     completed(&mut cluster, &id).await;
     let refused = refine(&mut cluster, &id).await.unwrap_err();
     assert_eq!(refused.code(), Code::FailedPrecondition);
-    assert!(refused.message().contains("hand-crafted"), "{refused}");
+    assert!(
+        refused.message().contains("behaviour space is \"features\""),
+        "{refused}"
+    );
 
     let mut labels = labels(&cluster).await;
     let mut ask = async |request_id: &str, count| {
@@ -291,105 +295,19 @@ async fn the_judge_labels_when_asked_and_once_for_a_request() {
     // Nobody is asked twice: 40 of the 100 are left.
     assert_eq!(ask("b", 60).await.unwrap().len(), 40);
     assert!(ask("c", 60).await.unwrap().is_empty());
-    cluster.stop().await;
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn a_campaign_learns_from_comparisons_alone() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut cluster = Cluster::start(folder.path(), 2).await;
-    let id = cluster.create(&taught(0)).await;
-    let pretrained = completed(&mut cluster, &id).await;
-    let mut client = labels(&cluster).await;
-    let next = v1::NextComparisonRequest {
+    // The id of somebody else's request is refused.
+    let request = v1::AppendLabelsRequest {
         campaign: id.clone(),
-        annotator: "ana".to_owned(),
-    };
-    let question = |asked: v1::NextComparisonResponse| asked.triple.unwrap();
-    let mut asked = Vec::new();
-    for place in 0..8 {
-        let triple = question(client.next_comparison(next.clone()).await.unwrap().into_inner());
-        assert!(!asked.contains(&triple), "{triple:?} was asked before");
-        asked.push(triple);
-        let request = v1::AnswerComparisonRequest {
-            campaign: id.clone(),
-            request_id: format!("compare-{place}"),
-            annotator: "ana".to_owned(),
-            comparison: Some(v1::Comparison {
-                triple: Some(triple),
-                preference: v1::Preference::Left.into(),
-            }),
+        request_id: "ana's".to_owned(),
+        answers: vec![v1::Answer {
+            index: 0,
+            answer: "milling".to_owned(),
             time_ms: 1,
-        };
-        // A request that is made again adds nothing.
-        let [one, again] = [
-            client
-                .answer_comparison(request.clone())
-                .await
-                .unwrap()
-                .into_inner(),
-            client.answer_comparison(request).await.unwrap().into_inner(),
-        ];
-        assert_eq!(one, again);
-    }
-    let request = v1::WithdrawComparisonRequest {
-        campaign: id.clone(),
-        request_id: "withdraw".to_owned(),
-        annotator: "ana".to_owned(),
+            annotator: "ana".to_owned(),
+        }],
     };
-    let withdrawn = client.withdraw_comparison(request).await.unwrap().into_inner();
-    let last = asked[7];
-    assert_eq!(withdrawn.withdrawn.unwrap().triple, Some(last));
-    // What was withdrawn is asked again.
-    let again = client.next_comparison(next).await.unwrap().into_inner();
-    assert_eq!((again.triple, again.own), (Some(last), 7));
-    let request = v1::AnswerComparisonRequest {
-        campaign: id.clone(),
-        request_id: "wrong".to_owned(),
-        annotator: "ana".to_owned(),
-        comparison: Some(v1::Comparison {
-            triple: Some(v1::Triple {
-                reference: 1,
-                left: 1,
-                right: 2,
-            }),
-            preference: v1::Preference::Left.into(),
-        }),
-        time_ms: 0,
-    };
-    let refused = client.answer_comparison(request).await.unwrap_err();
-    assert_eq!(refused.code(), Code::InvalidArgument);
-    assert!(refused.message().contains("comparison.triple.left"), "{refused}");
-
-    refine(&mut cluster, &id).await.unwrap();
-    let learned = completed(&mut cluster, &id).await;
-    let tuned = checkpoint(&cluster, &learned.checkpoint).await;
-    assert_eq!(tuned.parent, pretrained.checkpoint);
-    assert_eq!(tuned.metrics["comparisons"], 7.0);
-    assert!(!tuned.metrics.contains_key("labels"));
-
-    let request = v1::AppendSyntheticComparisonsRequest {
-        campaign: id.clone(),
-        request_id: "judge".to_owned(),
-        count: 5,
-    };
-    let compared = client
-        .append_synthetic_comparisons(request.clone())
-        .await
-        .unwrap();
-    let compared = whole(compared.into_inner()).await.unwrap();
-    assert_eq!(compared.entries.len(), 5);
-    let again = client
-        .append_synthetic_comparisons(request.clone())
-        .await
-        .unwrap();
-    assert_eq!(whole(again.into_inner()).await.unwrap(), compared);
-    // The id of another request is refused.
-    let other = v1::AppendSyntheticComparisonsRequest {
-        request_id: "compare-0".to_owned(),
-        ..request
-    };
-    let refused = client.append_synthetic_comparisons(other).await.unwrap_err();
-    assert_eq!(refused.code(), Code::AlreadyExists);
+    let mut person = self::labels(&cluster).await;
+    person.append_labels(request).await.unwrap();
+    assert_eq!(ask("ana's", 60).await.unwrap_err().code(), Code::AlreadyExists);
     cluster.stop().await;
 }

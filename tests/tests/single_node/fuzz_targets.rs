@@ -1,6 +1,7 @@
 //! No parser of outside input panics: the targets of `make fuzz` on valid inputs and on mutations of them.
 
 use murmuration_tests::fuzz_targets::{EDGES, dice, mutated};
+use rand::RngExt as _;
 
 /// Changed inputs for each parser.
 const MUTATIONS: u64 = 20_000;
@@ -15,7 +16,7 @@ fn whatever_comes_in_is_taken_or_refused() {
         }
         let mut dice = dice(number);
         for _ in 0..MUTATIONS {
-            let seed = &seeds[dice.below(seeds.len() as u64) as usize];
+            let seed = &seeds[dice.random_range(0..seeds.len())];
             (edge.parse)(&mutated(seed, &mut dice));
         }
     }

@@ -5,7 +5,7 @@
 )]
 
 use murmuration_proto::{Controller, ImageFormat, Preset, World};
-use murmuration_worker::{case::Case, evaluate::Evaluator, simulate::Start};
+use murmuration_sim::{case::Case, evaluate::Evaluator, simulate::Start};
 use serde_json::Value;
 use std::{
     collections::BTreeMap,

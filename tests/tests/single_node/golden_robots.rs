@@ -9,7 +9,7 @@ use murmuration_proto::{
     Boundary, CapabilityModel, Controller, Drive, Robot, Seen, Sensor, SensorAngle, SensorDescription,
     Species, SpeciesName, World, v1,
 };
-use murmuration_worker::simulate::{Start, Swarm};
+use murmuration_sim::simulate::{Start, Swarm};
 use serde_json::Value;
 use std::fs;
 

@@ -2,6 +2,7 @@
 
 use murmuration_proto::{Purpose, RandomStream};
 use murmuration_tests::{Murmuration, longer_spec};
+use rand::RngExt as _;
 use serde_json::Value;
 use std::{fs, path::Path, thread, time::Duration};
 
@@ -33,7 +34,7 @@ fn killed_again_and_again_it_ends_the_same() {
         process.wait_for("generation");
         // Each time it comes further than before, and is killed at any instant after that.
         killed.latest_when(|latest| generations(latest) > done);
-        thread::sleep(Duration::from_millis(dice.below(150)));
+        thread::sleep(Duration::from_millis(dice.random_range(0..150)));
         process.kill();
         command = vec!["resume", "latest", "--workers", "1"];
         let now = generations(&killed.latest());

@@ -1,16 +1,16 @@
-//! The judge's agreement with people, on swarms that it was not tuned on.
+//! The judges' agreement with labels, on swarms that they were not tuned on.
 
 use murmuration_accuracy::{LabelledSet, Swarm};
 use murmuration_judge::{Measures, frames, judge};
 use murmuration_model::labels::ConfusionMatrix;
-use murmuration_proto::{CapabilityModel, Class, Controller, Pattern, Preset, World};
+use murmuration_proto::{CapabilityModel, Class, Controller, Pattern, Preset, Replay, World};
 use murmuration_report::atlas::agreed;
-use murmuration_study::JudgeErrors;
-use murmuration_tests::Murmuration;
-use murmuration_worker::{
+use murmuration_sim::{
     replay::{replay, replay_frames},
     simulate::Start,
 };
+use murmuration_study::{JudgeErrors, second_judge};
+use murmuration_tests::Murmuration;
 use serde_json::{Value, json};
 use std::{
     f64::consts::{FRAC_PI_3, FRAC_PI_6},
@@ -35,11 +35,28 @@ const CLASSES: [&str; 8] = [
     "random",
 ];
 
-/// A column of the table in docs/judge.md: for each class how often the judge says so too, of how many, if there are any; the same
+/// A judge with the heading in docs/judge.md above the table of its agreement.
+#[derive(Clone, Copy)]
+struct Judge {
+    heading: &'static str,
+    class_of: fn(&Replay, &World) -> Class,
+}
+
+const RULES: Judge = Judge {
+    heading: "## Agreement with the annotators",
+    class_of: |motion, world| judge(motion, world).class(),
+};
+const SECOND: Judge = Judge {
+    heading: "## The second judge",
+    class_of: second_judge,
+};
+
+/// A column of a judge's table in docs/judge.md: for each class how often the judge says so too, of how many, if there are any; the same
 /// for all; the same where both annotators were sure, and where one was not. Then kappa.
-fn documented(column: usize) -> (Vec<Option<[u32; 2]>>, String) {
+fn documented(heading: &str, column: usize) -> (Vec<Option<[u32; 2]>>, String) {
     let page = include_str!("../../../docs/judge.md");
-    let rows = page.lines().filter(|line| line.starts_with('|')).skip(2);
+    let (_, section) = page.split_once(&format!("\n{heading}\n")).unwrap();
+    let rows = section.lines().filter(|line| line.starts_with('|')).skip(2);
     let cell = |row: &str| {
         let cell = row.split('|').nth(column + 2).unwrap().replace('*', "");
         // Of the sum there is the share in percent, too.
@@ -70,16 +87,16 @@ fn counts(words: &str) -> Option<[u32; 2]> {
     Some([same.parse().ok()?, all.parse().ok()?])
 }
 
-/// The judge agrees with people on a set as often as docs/judge.md says, up to chance: motions that another rounding makes chaotic
-/// may be named otherwise, rules that became worse may not.
+/// A judge agrees with labels on a set as often as docs/judge.md says, up to chance: motions that another rounding makes chaotic
+/// may be named otherwise, a judge that became worse may not.
 #[track_caller]
-fn check(set: &str, column: usize) {
+fn check(by: Judge, set: &str, column: usize) {
     let labels = LabelledSet::read(file(set, "validation.csv")).unwrap();
     let swarms = labels.swarms(Some(&file(set, "starts.csv"))).unwrap();
     let judged = swarms.iter().map(|swarm| {
         let stride = NonZeroU32::new(4).unwrap();
         let motion = replay(&swarm.controller, &swarm.world, &swarm.start, stride).unwrap();
-        judge(&motion, &swarm.world).class().name()
+        (by.class_of)(&motion, &swarm.world).name()
     });
     let pairs: Vec<(&str, &str)> = labels.classes().zip(judged).collect();
     let agreement = column_of(set, "agreement");
@@ -98,7 +115,7 @@ fn check(set: &str, column: usize) {
         of(&|i| agreement[i] == "one unsure"),
     ];
     let measured: Vec<[u32; 2]> = classes.chain(rest).collect();
-    let (documented, kappa) = documented(column);
+    let (documented, kappa) = documented(by.heading, column);
     for ([same, all], documented) in measured.into_iter().zip(documented) {
         let Some([said, of]) = documented else {
             assert_eq!(all, 0, "{set}");
@@ -154,13 +171,24 @@ const EXAMPLES: [(Class, Preset, &[f64]); 8] = [
 /// anything else, and the judge has to see that.
 #[test]
 fn it_sees_the_behaviour_of_the_papers_examples_from_most_starts() {
+    check_examples(RULES);
+}
+
+/// Nor did the second judge learn from them.
+#[test]
+fn the_second_judge_sees_the_behaviour_of_the_papers_examples_from_most_starts() {
+    check_examples(SECOND);
+}
+
+#[track_caller]
+fn check_examples(by: Judge) {
     const STARTS: u64 = 32;
     let world = World::default();
     for (class, preset, genes) in EXAMPLES {
         let controller = Controller::new(preset, genes).unwrap();
         let judged = (1..=STARTS).map(|seed| {
             let motion = replay_frames(&controller, &world, &Start::seeded(seed), &frames(&world));
-            judge(&motion.unwrap(), &world).class()
+            (by.class_of)(&motion.unwrap(), &world)
         });
         let same = judged.filter(|judged| *judged == class).count();
         println!("{class}: {same} of {STARTS} starts");
@@ -228,17 +256,24 @@ fn it_says_the_same_of_the_end_of_a_motion_as_of_the_whole() {
 
 #[test]
 fn it_agrees_with_people_on_one_sensor_as_often_as_is_documented() {
-    check("single_sensor", 0);
+    check(RULES, "single_sensor", 0);
 }
 
 #[test]
 fn it_agrees_with_people_on_two_sensors_as_often_as_is_documented() {
-    check("two_sensor", 1);
+    check(RULES, "two_sensor", 1);
 }
 
 #[test]
 fn it_agrees_with_people_on_rare_classes_as_often_as_is_documented() {
-    check("rare", 2);
+    check(RULES, "rare", 2);
+}
+
+#[test]
+fn the_second_judge_agrees_with_people_as_often_as_is_documented() {
+    for (column, set) in ["single_sensor", "two_sensor", "rare"].into_iter().enumerate() {
+        check(SECOND, set, column);
+    }
 }
 
 #[test]
@@ -248,12 +283,12 @@ fn the_command_says_the_same_and_counts_patterns() {
     let files = sets.map(|set| file(set, "validation.csv").display().to_string());
     let [single, two, rare] = files.each_ref().map(String::as_str);
     let finished = murmuration.run(&[
-        "judge", "--labels", single, "--labels", two, "--labels", rare, "--json",
+        "lab", "judge", "--labels", single, "--labels", two, "--labels", rare, "--json",
     ]);
     assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     let said: Value = serde_json::from_str(&finished.stdout).unwrap();
 
-    let (mut agreed, mut patterns) = (0, Pattern::ALL.map(|pattern| (pattern, [0; 3])));
+    let (mut agreed, mut second, mut patterns) = (0, 0, Pattern::ALL.map(|pattern| (pattern, [0; 3])));
     for set in sets {
         let labels = LabelledSet::read(file(set, "validation.csv")).unwrap();
         let swarms = labels.swarms(Some(&file(set, "starts.csv"))).unwrap();
@@ -270,6 +305,7 @@ fn the_command_says_the_same_and_counts_patterns() {
             let motion = replay_frames(controller, world, start, &frames(world)).unwrap();
             let verdict = judge(&motion, world);
             agreed += u32::from(verdict.class().name() == class);
+            second += u32::from(second_judge(&motion, world).name() == class);
             for (pattern, [given, both, judged]) in &mut patterns {
                 let people = named.split('|').any(|named| named == pattern.name());
                 let judge = verdict.pattern() == Some(*pattern);
@@ -280,8 +316,12 @@ fn the_command_says_the_same_and_counts_patterns() {
         }
     }
     assert_eq!(
-        (&said["behaviours"], &said["agreed"]),
-        (&json!(441), &json!(agreed))
+        [
+            &said["behaviours"],
+            &said["agreed"],
+            &said["second_judge"]["agreed"],
+        ],
+        [&json!(441), &json!(agreed), &json!(second)]
     );
     for (pattern, [given, both, judged]) in patterns {
         let counted = json!({ "given": given, "agreed": both, "judged": judged });
@@ -293,7 +333,7 @@ fn the_command_says_the_same_and_counts_patterns() {
 fn the_command_names_a_file_of_starts_that_is_not_there() {
     let murmuration = Murmuration::over(&std::env::temp_dir());
     let labels = file("rare", "validation.csv").display().to_string();
-    let missing = murmuration.run(&["judge", "--labels", &labels, "--starts", "nowhere.csv"]);
+    let missing = murmuration.run(&["lab", "judge", "--labels", &labels, "--starts", "nowhere.csv"]);
     assert!(
         missing.code == Some(2) && missing.stderr.contains("nowhere.csv"),
         "{}",

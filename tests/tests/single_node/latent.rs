@@ -31,17 +31,15 @@ async fn the_checkpoint_and_the_archive_do_not_depend_on_the_cluster() {
 async fn every_individual_is_embedded_and_novelty_is_measured_there() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 2).await;
-    for (method, dimensions) in [("latent", 5), ("untrained", 5), ("concatenate", 5)] {
-        let spec = match method {
-            "untrained" => small_latent_spec("").to_toml(),
-            _ => small_latent_spec("")
-                .to_toml()
-                .replace("\"latent\"", &format!("\"{method}\"")),
-        };
-        let spec = match method {
-            "untrained" => untrained(&spec),
-            _ => CampaignSpec::from_toml(&spec).unwrap(),
-        };
+    let both = small_latent_spec("");
+    let changed = |from: &str, to: &str| CampaignSpec::from_toml(&both.to_toml().replace(from, to)).unwrap();
+    let specs = [
+        untrained(&both.to_toml()),
+        changed("\"both\"", "\"embedding\""),
+        changed("\"latent\"", "\"random\""),
+        both.clone(),
+    ];
+    for spec in specs {
         let (id, last, _) = run(&mut cluster, &spec).await;
         assert_eq!(last.checkpoint.len(), 64);
         let individuals = cluster.archive(&id).await;
@@ -49,12 +47,17 @@ async fn every_individual_is_embedded_and_novelty_is_measured_there() {
         assert!(
             individuals
                 .iter()
-                .all(|individual| individual.embedding.len() == dimensions)
+                .all(|individual| individual.embedding.len() == 5)
         );
         // The novelty of the last generation can be counted again from what the archive holds.
-        let behaviour = |individual: &v1::Individual| {
+        let parts = |individual: &v1::Individual| {
             let features = individual.features.as_slice().try_into().unwrap();
-            spec.method().behaviour(&features, &individual.embedding)
+            (features, individual.embedding.clone())
+        };
+        let scale = spec.scale(individuals.iter().map(parts));
+        let behaviour = |individual: &v1::Individual| {
+            let (features, embedding) = parts(individual);
+            scale.behaviour(&features, &embedding)
         };
         let behaviours: Vec<Vec<f64>> = individuals.iter().map(behaviour).collect();
         for individual in &individuals[80..] {
@@ -69,7 +72,7 @@ async fn every_individual_is_embedded_and_novelty_is_measured_there() {
             let mut distances: Vec<f64> = behaviours.iter().map(distance).collect();
             distances.sort_by(f64::total_cmp);
             let novelty = distances[1..16].iter().sum::<f64>() / 15.0;
-            assert!((novelty - individual.novelty).abs() < 1e-9, "{method}");
+            assert!((novelty - individual.novelty).abs() < 1e-9, "{}", spec.to_toml());
         }
     }
     cluster.stop().await;
@@ -158,7 +161,10 @@ async fn a_checkpoint_that_does_not_suit_is_refused_and_nothing_changes() {
     let (features, _, _) = run(&mut cluster, &murmuration_tests::small_spec("")).await;
     let refused = cluster.adopt(&features, &first.checkpoint).await.unwrap_err();
     assert_eq!(refused.code(), Code::FailedPrecondition, "{refused}");
-    assert!(refused.message().contains("hand-crafted"), "{refused}");
+    assert!(
+        refused.message().contains("behaviour space is \"features\""),
+        "{refused}"
+    );
     assert_eq!(cluster.digest(&id).await, digest);
     assert_eq!(cluster.status(&id).await.state(), v1::CampaignState::Completed);
     cluster.stop().await;

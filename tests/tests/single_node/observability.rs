@@ -19,7 +19,9 @@ use tokio_stream::wrappers::TcpListenerStream;
 use tonic::transport::Server;
 
 async fn get(url: &str, path: &str) -> reqwest::Response {
-    reqwest::get(format!("{url}{path}")).await.unwrap()
+    murmuration_tests::http::get(format!("{url}{path}"))
+        .await
+        .unwrap()
 }
 
 async fn text(url: &str, path: &str) -> (u16, String) {

@@ -2,8 +2,8 @@
 
 use murmuration_access::limits::MAX_PLAYED;
 use murmuration_proto::{Controller, Preset, World, v1};
-use murmuration_tests::{Cluster, small_latent_spec};
-use murmuration_worker::simulate::{Start, Swarm};
+use murmuration_sim::simulate::{Start, Swarm};
+use murmuration_tests::{Cluster, http, small_latent_spec};
 use reqwest::{
     Client, Response, StatusCode,
     header::{CACHE_CONTROL, CONTENT_TYPE, ORIGIN},
@@ -28,7 +28,7 @@ impl Playground {
         Self {
             cluster: Cluster::start(folder.path(), 0).await,
             _folder: folder,
-            client: Client::new(),
+            client: http::client().build().unwrap(),
         }
     }
 
@@ -213,7 +213,10 @@ async fn what_a_swarm_is_like_is_found_in_the_space_of_the_campaign() {
     assert_eq!(refused.code(), Code::InvalidArgument);
 
     let post = async |form: String| {
-        let request = Client::new().post(format!("{}/play/like", cluster.url()));
+        let request = http::client()
+            .build()
+            .unwrap()
+            .post(format!("{}/play/like", cluster.url()));
         let request = request.header(ORIGIN, cluster.url());
         let request = request.header(CONTENT_TYPE, "application/x-www-form-urlencoded");
         let answer = request.body(form).send().await.unwrap();
@@ -233,7 +236,7 @@ async fn what_a_swarm_is_like_is_found_in_the_space_of_the_campaign() {
         "{page}"
     );
     for (form, said) in [
-        (MILLING.to_owned(), "campaign = nothing"),
+        (MILLING.to_owned(), "campaign is missing"),
         (format!("{MILLING}&campaign=other-1"), "other-1"),
         (
             format!("campaign={id}&robot=model%3D%22turbopi%22%0A%5Bworld%5D%0Awidth%3D400"),

@@ -31,7 +31,9 @@ fn number(row: &BTreeMap<String, String>, column: &str) -> f64 {
 }
 
 fn run(murmuration: &Murmuration, file: &str) -> Value {
-    murmuration.run(&["study", "run", file, "--json"]).last_line()
+    murmuration
+        .run(&["lab", "study", "run", file, "--json"])
+        .last_line()
 }
 
 fn campaigns(murmuration: &Murmuration) -> usize {
@@ -96,7 +98,9 @@ fn recall_is_measured_by_an_atlas_that_the_study_runs_or_finds() {
     // Nothing is new, and the tables need no coordinator.
     assert_eq!(run(&murmuration, &file)["tables"], study["tables"]);
     assert_eq!(campaigns(&murmuration), 3);
-    let shown = murmuration.run(&["study", "show", "found", "--json"]).last_line();
+    let shown = murmuration
+        .run(&["lab", "study", "show", "found", "--json"])
+        .last_line();
     assert_eq!(shown["tables"], study["tables"]);
 
     // What the atlas holds is made again where its file is damaged, though every cell is measured.
@@ -144,7 +148,12 @@ fn maps_show_the_first_generation() {
     assert_eq!(indices, (0..20).collect::<Vec<u64>>());
     let maps = page.with_file_name("maps");
     let svg = fs::read_to_string(maps.join("1-mapped-behaviours.svg")).unwrap();
-    assert_eq!(svg.matches("h0").count(), 20, "a point for each");
+    // The dots of the legend are larger.
+    let paths = svg
+        .split("<path ")
+        .filter(|path| !path.contains("stroke-width=\"12\""));
+    let points: usize = paths.map(|path| path.matches("h0").count()).sum();
+    assert_eq!(points, 20, "a point for each");
     for file in ["1-mapped-behaviours.png", "1-mapped-controllers.png"] {
         assert!(
             fs::read(maps.join(file)).unwrap().starts_with(b"\x89PNG"),

@@ -2,6 +2,7 @@
 
 use murmuration_proto::{Purpose, RandomStream};
 use murmuration_tests::{Murmuration, small_latent_spec};
+use rand::RngExt as _;
 use serde_json::Value;
 use std::{fs, path::PathBuf};
 use tempfile::TempDir;
@@ -76,9 +77,9 @@ fn worse(film: &str) -> String {
     for row in film.lines().skip(1) {
         let cells: Vec<&str> = row.split(',').collect();
         let frame: u32 = cells[0].parse().unwrap();
-        let mut off = |cell: &str| cell.parse::<f64>().unwrap() + dice.between(-JITTER, JITTER);
+        let mut off = |cell: &str| cell.parse::<f64>().unwrap() + dice.random_range(-JITTER..JITTER);
         let [x, y] = [cells[2], cells[3]].map(&mut off);
-        if !frame.is_multiple_of(9) && !dice.chance(0.2) {
+        if !frame.is_multiple_of(9) && !dice.random_bool(0.2) {
             text += &format!("{frame},{},{x:.2},{y:.2}\n", cells[1]);
         }
     }

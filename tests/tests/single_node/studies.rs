@@ -2,8 +2,8 @@
 
 use murmuration_judge::{frames, judge};
 use murmuration_proto::{Class, Controller, Preset, World, v1};
+use murmuration_sim::{replay::replay_frames, simulate::Start};
 use murmuration_tests::{Murmuration, small_latent_spec};
-use murmuration_worker::{replay::replay_frames, simulate::Start};
 use serde_json::Value;
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -26,7 +26,9 @@ fn written(folder: &Path, text: &str) -> String {
 /// What `study run` prints.
 #[track_caller]
 fn run(murmuration: &Murmuration, file: &str) -> Value {
-    murmuration.run(&["study", "run", file, "--json"]).last_line()
+    murmuration
+        .run(&["lab", "study", "run", file, "--json"])
+        .last_line()
 }
 
 /// The ids of all campaigns.
@@ -83,7 +85,7 @@ fn cells_run_once_and_a_changed_study_runs_only_what_is_new() {
     assert_eq!(now.len(), 6);
     assert!(before.iter().all(|(cell, figures)| now[cell] == *figures));
 
-    let listed = murmuration.run(&["study", "list", "--json"]).lines();
+    let listed = murmuration.run(&["lab", "study", "list", "--json"]).lines();
     let names: Vec<&str> = listed.iter().filter_map(|line| line["study"].as_str()).collect();
     assert_eq!(names, ["other", "pair"]);
 }
@@ -95,7 +97,7 @@ fn a_study_that_is_run_twice_at_once_begins_each_cell_once() {
     let murmuration = Murmuration::over(&data);
     let file = written(folder.path(), STUDY);
     let (server, _) = murmuration.serve("127.0.0.1:0", &["--workers", "1"]);
-    let runs = [(); 2].map(|()| murmuration.start(&["study", "run", &file]));
+    let runs = [(); 2].map(|()| murmuration.start(&["lab", "study", "run", &file]));
     for run in runs {
         assert_eq!(run.wait(), Some(0));
     }
@@ -113,7 +115,7 @@ fn a_damaged_study_hides_no_other() {
     let damaged = data.join("studies/damaged");
     fs::create_dir(&damaged).unwrap();
     fs::write(damaged.join("study.toml"), "seeds = \"many\"").unwrap();
-    let listed = murmuration.run(&["study", "list", "--json"]).lines();
+    let listed = murmuration.run(&["lab", "study", "list", "--json"]).lines();
     assert_eq!(listed.len(), 2);
     assert!(
         listed[0]["problem"]
@@ -123,7 +125,7 @@ fn a_damaged_study_hides_no_other() {
         "{listed:?}"
     );
     assert_eq!(listed[1]["measured"], 4);
-    let table = murmuration.run(&["study", "list"]);
+    let table = murmuration.run(&["lab", "study", "list"]);
     assert_eq!(table.code, Some(0));
     assert!(
         table.stdout.contains("pair") && table.stderr.contains("damaged is damaged"),
@@ -173,16 +175,27 @@ fn tables_follow_from_the_files_of_the_report_and_those_from_the_campaigns() {
             .iter()
             .filter(|medoid| medoid["cell"] == cell["cell"])
             .collect();
-        let mut classes: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+        let [mut by_rules, mut by_second, mut by_both]: [BTreeSet<_>; 3] = Default::default();
+        let mut generations = BTreeSet::new();
         for medoid in &of_cell {
-            classes
-                .entry(&medoid["generation"])
-                .or_default()
-                .insert(&medoid["class"]);
+            let (generation, class, second) =
+                (&medoid["generation"], &medoid["class"], &medoid["second_class"]);
+            generations.insert(generation.as_str());
+            by_rules.insert((generation, class));
+            by_second.insert((generation, second));
+            if class == second {
+                by_both.insert((generation, class));
+            }
         }
-        assert_eq!(classes.keys().copied().collect::<Vec<_>>(), ["2", "3", "4"]);
-        let distinct: usize = classes.values().map(BTreeSet::len).sum();
-        assert_eq!(cell["distinct"].parse::<f64>().unwrap(), distinct as f64 / 3.0);
+        assert_eq!(generations.into_iter().collect::<Vec<_>>(), ["2", "3", "4"]);
+        for (figure, distinct) in [
+            ("distinct", by_rules),
+            ("distinct_by_second_judge", by_second),
+            ("distinct_by_both_judges", by_both),
+        ] {
+            let mean = distinct.len() as f64 / 3.0;
+            assert_eq!(cell[figure].parse::<f64>().unwrap(), mean, "{figure}");
+        }
         // The last taxonomy is the campaign's own.
         let last: BTreeSet<u64> = of_cell
             .iter()
@@ -214,12 +227,14 @@ fn killed_and_run_again_it_comes_to_the_same_figures() {
 
     let killed = Murmuration::over(&folder.path().join("killed"));
     for done in 0..2 {
-        let mut process = killed.start(&["study", "run", &file, "--workers", "1", "--at-once", "2"]);
+        let mut process = killed.start(&["lab", "study", "run", &file, "--workers", "1", "--at-once", "2"]);
         process.wait_for("campaign pair-");
         killed.campaign_when("pair-2", |cell| cell["generations_done"].as_u64() > Some(done));
         process.kill();
     }
-    let shown = killed.run(&["study", "show", "pair", "--json"]).last_line();
+    let shown = killed
+        .run(&["lab", "study", "show", "pair", "--json"])
+        .last_line();
     assert!(measured(&shown).len() < 4, "it was killed too late");
     let again = run(&killed, &file);
     assert_eq!(measured(&again), measured(&undisturbed));
@@ -347,7 +362,7 @@ fn shares_of_cells_that_nobody_judges_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let murmuration = Murmuration::over(&folder.path().join("data"));
     let file = written(folder.path(), &PHASE.replace("judge = true", "judge = false"));
-    let refused = murmuration.run(&["study", "run", &file]);
+    let refused = murmuration.run(&["lab", "study", "run", &file]);
     assert_eq!(refused.code, Some(2));
     let said = "the campaign with robots = 4, seed = 1: evaluation.judge = false: must be true";
     assert!(refused.stderr.contains(said), "{}", refused.stderr);

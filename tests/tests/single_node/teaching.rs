@@ -1,6 +1,6 @@
 //! What people do to classes and answers on the pages, over HTTP, and the tables that they download.
 
-use murmuration_tests::Murmuration;
+use murmuration_tests::{Murmuration, http};
 use reqwest::{Client, StatusCode};
 use serde_json::{Value, json};
 use std::fs;
@@ -63,7 +63,7 @@ async fn classes_are_changed_and_reverted_and_answers_withdrawn() {
     let murmuration = Murmuration::with_campaign(folder.path());
     let (coordinator, url) = murmuration.serve("127.0.0.1:0", &["--workers", "1"]);
     let page = Page {
-        client: Client::new(),
+        client: http::client().build().unwrap(),
         url,
     };
     page.answer("1", &[0, 1, 2], "wall following").await;
@@ -141,7 +141,7 @@ async fn tables_from_a_page_are_those_of_the_commands() {
     let murmuration = Murmuration::with_campaign(folder.path());
     let (coordinator, url) = murmuration.serve("127.0.0.1:0", &["--workers", "1"]);
     let page = Page {
-        client: Client::new(),
+        client: http::client().build().unwrap(),
         url,
     };
     page.answer("1", &[7, 1], "=HYPERLINK(\"http://evil.example\")")

@@ -1,8 +1,8 @@
 //! Individuals with several trials: what is measured of them is the mean, and robustness says how alike the trials are.
 
 use murmuration_proto::{CampaignSpec, Controller, mean_embedding, v1};
+use murmuration_sim::{evaluate::evaluate, simulate::Start};
 use murmuration_tests::{Cluster, small_latent_spec, small_spec};
-use murmuration_worker::{evaluate::evaluate, simulate::Start};
 
 /// The same campaign with three starts and some noise.
 fn three_starts(spec: &CampaignSpec) -> CampaignSpec {
@@ -35,9 +35,13 @@ fn nearest(behaviour: &[f64], medoids: &[Vec<f64>]) -> Vec<u32> {
 
 /// Counts robust trials again from what the coordinator tells.
 fn check_robustness(spec: &CampaignSpec, archive: &[v1::Individual], taxonomy: &v1::Taxonomy) {
-    let behaviour = |features: &[f64], embedding: &[f32]| {
-        spec.method().behaviour(&features.try_into().unwrap(), embedding)
+    let parts = |individual: &v1::Individual| {
+        let features = individual.features.as_slice().try_into().unwrap();
+        (features, individual.embedding.clone())
     };
+    let scale = spec.scale(archive.iter().map(parts));
+    let behaviour =
+        |features: &[f64], embedding: &[f32]| scale.behaviour(&features.try_into().unwrap(), embedding);
     let medoids: Vec<Vec<f64>> = taxonomy
         .medoids
         .iter()

@@ -7,7 +7,7 @@ use murmuration_proto::{
     parts::whole,
     v1::{self, label_service_client::LabelServiceClient},
 };
-use murmuration_tests::{Cluster, small_spec};
+use murmuration_tests::{Cluster, http, small_spec};
 use reqwest::{Client, Response, StatusCode, redirect};
 use serde_json::Value;
 use std::time::{Duration, Instant};
@@ -22,7 +22,7 @@ struct Browser {
 
 impl Browser {
     fn at(cluster: &Cluster) -> Self {
-        let client = Client::builder().redirect(redirect::Policy::none());
+        let client = http::client().redirect(redirect::Policy::none());
         Self {
             client: client.build().unwrap(),
             url: cluster.url(),

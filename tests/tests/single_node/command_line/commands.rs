@@ -1,6 +1,7 @@
 //! Commands that need no campaign.
 
-use crate::command_line::{Desk, json::Schemas};
+use crate::command_line::Desk;
+use murmuration_tests::schemas::check_documents;
 use std::fs;
 
 #[test]
@@ -128,9 +129,9 @@ fn trainings_are_measured() {
     let desk = Desk::new();
     let measured = desk
         .murmuration
-        .run(&["bench", "train", "--behaviours", "300", "--json"]);
+        .run(&["lab", "bench", "train", "--behaviours", "300", "--json"]);
     let figures = measured.lines();
-    Schemas::new(&desk).check("bench-train", &measured.stdout);
+    check_documents("bench-train", &measured.stdout);
     assert_eq!(figures.len(), 4);
     for figures in &figures {
         let figure = |name: &str| figures[name].as_f64().unwrap();
@@ -138,15 +139,15 @@ fn trainings_are_measured() {
             0.0 < figure("seconds_per_step") && figure("seconds_per_step") <= figure("seconds_per_epoch")
         );
     }
-    desk.check(&["bench", "train", "--behaviours", "3"], 2, "3 behaviours");
+    desk.check(&["lab", "bench", "train", "--behaviours", "3"], 2, "3 behaviours");
 }
 
 #[test]
 fn every_speed_is_measured_beside_its_peer() {
     let desk = Desk::new();
-    let arguments = ["bench", "all", "--seconds", "0.02", "--python", "missing"];
+    let arguments = ["lab", "bench", "all", "--seconds", "0.02", "--python", "missing"];
     let as_json = desk.murmuration.run(&[&arguments[..], &["--json"]].concat());
-    Schemas::new(&desk).check("bench-all", &as_json.stdout);
+    check_documents("bench-all", &as_json.stdout);
     let rows = as_json.lines();
     assert_eq!(rows.len(), 10);
     for row in &rows {
@@ -165,7 +166,7 @@ fn every_speed_is_measured_beside_its_peer() {
     let lines: Vec<&str> = table.stdout.lines().collect();
     assert_eq!(lines.len(), 12, "{}", table.stdout);
     assert!(lines[0].starts_with("ITEM ") && lines[11].starts_with("machine: "));
-    desk.check(&["bench", "all", "--seconds=-1"], 2, "--seconds");
+    desk.check(&["lab", "bench", "all", "--seconds=-1"], 2, "--seconds");
 }
 
 #[test]
@@ -176,7 +177,7 @@ fn the_manual_has_a_page_for_every_command() {
     for (page, says) in [
         ("murmuration.1", "murmuration\\-run(1)"),
         ("murmuration-export.1", "\\-\\-csv"),
-        ("murmuration-study-run.1", ".SH EXAMPLES"),
+        ("murmuration-lab-study-run.1", ".SH EXAMPLES"),
     ] {
         let text = std::fs::read_to_string(desk.folder.path().join("man").join(page)).unwrap();
         assert!(text.contains(says), "{page}:\n{text}");

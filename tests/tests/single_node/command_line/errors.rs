@@ -11,7 +11,7 @@ fn bad_input_is_named_with_exit_code_2() {
         ("model = [", "TOML parse error at line 1"),
         (
             "method = \"random\"",
-            "model = nothing: must be \"single-sensor\" or \"two-sensor\"",
+            "model is missing: must be \"single-sensor\" or \"two-sensor\"",
         ),
         (
             "model = \"three-sensor\"\nmethod = \"random\"",
@@ -123,13 +123,16 @@ fn a_file_that_never_ends_is_not_read_for_ever() {
             vec!["filter", "--file", endless],
             "a file of controllers has at most",
         ),
-        (vec!["judge", "--labels", endless], "a file of labels has at most"),
+        (
+            vec!["lab", "judge", "--labels", endless],
+            "a file of labels has at most",
+        ),
         (
             vec!["label", "latest", "--csv", endless],
             "a file of labels has at most",
         ),
         (
-            vec!["accuracy", "--features", "--labels", endless],
+            vec!["lab", "accuracy", "--features", "--labels", endless],
             "a file of labels has at most",
         ),
         (
@@ -291,6 +294,6 @@ fn what_fails_is_named_with_exit_code_1() {
     desk.check(
         &["list", "--data", &damaged.display().to_string()],
         1,
-        "is damaged (file is not a database): `murmuration doctor` says what can be saved",
+        "is damaged (file is not a database): `murmuration doctor` says what is damaged",
     );
 }

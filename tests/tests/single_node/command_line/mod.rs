@@ -3,11 +3,8 @@
 mod campaigns;
 mod commands;
 mod errors;
-mod json;
 mod output;
 mod serving;
-mod snapshots;
-mod transcripts;
 
 use murmuration_tests::{Finished, Murmuration, small_spec};
 use std::fs;

@@ -8,8 +8,9 @@ use murmuration_proto::{
     CampaignSpec, CapabilityModel, CheckpointDigest, Controller, Evaluation, ImageFormat, Purpose,
     RandomStream, World, onnx::EmbedderModel, v1,
 };
+use murmuration_sim::{evaluate::Evaluator, simulate::Start};
 use murmuration_tests::{Cluster, small_latent_spec};
-use murmuration_worker::{evaluate::Evaluator, simulate::Start};
+use rand::RngExt as _;
 use std::time::Duration;
 use tonic::{Code, service::interceptor::InterceptedService};
 
@@ -60,7 +61,7 @@ async fn what_a_machine_of_another_kind_embedded_is_not_found_wrong() {
     let mut other = connect(&cluster, LIAR).await.unwrap();
     let until = cluster.status(&campaign).await.generations_done + 2;
     let generation_of = |task: &v1::EvaluationTask| {
-        let seed_of = |index| RandomStream::derive(spec.seed(), Purpose::Start, index).bits();
+        let seed_of = |index| RandomStream::derive(spec.seed(), Purpose::Start, index).random::<u64>();
         (0..800).find(|&index| seed_of(index) == task.seed).unwrap() / 20
     };
     let mut answered = Vec::new();

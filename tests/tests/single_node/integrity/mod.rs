@@ -8,6 +8,7 @@ use murmuration_dispatch::{Options, Share};
 use murmuration_link::Credentials;
 use murmuration_proto::{CampaignSpec, Purpose, RandomStream, v1};
 use murmuration_tests::{Cluster, FakeWorker, Murmuration, quick_dispatch, small_latent_spec, small_spec};
+use rand::RngExt as _;
 use std::{net::Ipv4Addr, num::NonZeroUsize, path::Path, time::Duration};
 use tokio::{sync::watch, task::JoinHandle};
 use tonic::{Code, Status};
@@ -35,7 +36,7 @@ fn lie() -> v1::Evaluation {
 fn lie_about(seed: u64) -> v1::Evaluation {
     let mut noise = RandomStream::derive(seed, Purpose::Start, 0);
     v1::Evaluation {
-        image: (0..2500).map(|_| noise.bits() as u8).collect(),
+        image: (0..2500).map(|_| noise.random()).collect(),
         ..lie()
     }
 }

@@ -16,12 +16,12 @@ fn what_the_synthetic_annotator_answered_is_counted_apart() {
     let labels = folder.path().join("labels.csv").display().to_string();
     let written = murmuration.run(&["labels", "latest", "--csv", &labels]);
     assert_eq!(written.code, Some(0), "{}", written.stderr);
-    let said = "3 behaviours with a class given by a person\n\
-                skipped: 5 answers by the synthetic annotator, which is not a person\n";
+    let said = "3 behaviours with a class given by an annotator\n\
+                skipped: 5 answers by the synthetic annotator, which is the rule-based judge\n";
     for arguments in [
-        vec!["judge", "--labels", &labels],
-        vec!["accuracy", "--features", "--labels", &labels],
-        vec!["accuracy", "--untrained", "1", "--labels", &labels],
+        vec!["lab", "judge", "--labels", &labels],
+        vec!["lab", "accuracy", "--features", "--labels", &labels],
+        vec!["lab", "accuracy", "--untrained", "1", "--labels", &labels],
     ] {
         let told = murmuration.run(&arguments);
         assert!(

@@ -75,11 +75,11 @@ fn what_labels_writes_every_command_reads() {
 
     // Its answers are nobody's who could be compared with it, and nobody may give them again.
     for arguments in [
-        vec!["judge", "--labels", &file],
-        vec!["accuracy", "--features", "--labels", &file],
+        vec!["lab", "judge", "--labels", &file],
+        vec!["lab", "accuracy", "--features", "--labels", &file],
     ] {
         let refused = murmuration.run(&arguments);
-        let said = "no row has a class that a person gave: the synthetic annotator gave 12 classes";
+        let said = "no row has a class by an annotator other than `synthetic`, which gave 12 classes";
         assert!(
             refused.code == Some(2) && refused.stderr.contains(said),
             "{}",
@@ -98,14 +98,14 @@ fn what_labels_writes_every_command_reads() {
 
     // The judge says of the very motions what it said before.
     let judged = murmuration
-        .run(&["judge", "--labels", &file, "--json"])
+        .run(&["lab", "judge", "--labels", &file, "--json"])
         .last_line();
     assert_eq!(
         (&judged["behaviours"], &judged["agreed"]),
         (&12.into(), &12.into())
     );
     for embedding in [["--features"].as_slice(), &["--untrained", "1"]] {
-        let accuracy = [&["accuracy", "--labels", &file, "--json"], embedding].concat();
+        let accuracy = [&["lab", "accuracy", "--labels", &file, "--json"], embedding].concat();
         assert_eq!(murmuration.run(&accuracy).last_line()["behaviours"], 12);
     }
     // Another archive is not labelled with it by mistake.
@@ -132,8 +132,11 @@ fn a_column_that_a_command_needs_is_named_with_those_there_are() {
         "id,class,annotator\n3,ring,ana\n4,wall,ana\n",
     );
     for (arguments, column) in [
-        (vec!["judge", "--labels", &file], "left_0"),
-        (vec!["accuracy", "--features", "--labels", &file], "average_speed"),
+        (vec!["lab", "judge", "--labels", &file], "left_0"),
+        (
+            vec!["lab", "accuracy", "--features", "--labels", &file],
+            "average_speed",
+        ),
     ] {
         let refused = murmuration.run(&arguments);
         let said = format!(
@@ -283,7 +286,7 @@ fn a_file_with_a_bad_row_is_refused_whole_and_its_line_named() {
             "1,ring,ana,\n\n100,ring,ana,\n",
             "line 4: id = 100: must be the index of one of the 100",
         ),
-        ("1,ring,,\n", "line 2: annotator = nothing"),
+        ("1,ring,,\n", "line 2: annotator is missing"),
     ] {
         let file = write(
             folder.path(),
@@ -396,7 +399,7 @@ fn a_table_that_is_not_separated_by_commas_or_has_an_open_quote_is_refused() {
         let file = write(folder.path(), "bad.csv", text);
         for arguments in [
             vec!["label", "latest", "--csv", &file],
-            vec!["judge", "--labels", &file],
+            vec!["lab", "judge", "--labels", &file],
         ] {
             let refused = murmuration.run(&arguments);
             assert!(
@@ -418,7 +421,7 @@ fn a_link_that_leads_nowhere_is_not_taken_for_nothing() {
     );
     let unmounted = folder.path().join("unmounted");
     symlink(&unmounted, folder.path().join("images")).unwrap();
-    let refused = murmuration.run(&["accuracy", "--untrained", "1", "--labels", &file]);
+    let refused = murmuration.run(&["lab", "accuracy", "--untrained", "1", "--labels", &file]);
     let said = format!("is a link to {}, which is not there", unmounted.display());
     assert!(
         refused.code == Some(2) && refused.stderr.contains(&said),

@@ -90,7 +90,9 @@ async fn nobody_takes_an_id_of_the_coordinators_own_requests() {
             ("classes", r#""change":{"create":{"class":"wall"}}"#),
         ] {
             let comma = if body.is_empty() { "" } else { "," };
-            let posted = reqwest::Client::new()
+            let posted = murmuration_tests::http::client()
+                .build()
+                .unwrap()
                 .post(format!("{url}/campaigns/small-1/{page}"))
                 .header("origin", &url)
                 .header("content-type", "application/json")
@@ -145,7 +147,9 @@ async fn nobody_answers_as_the_synthetic_annotator() {
                 r#""session":"1","strategy":"random","count":1,"agreement":false,"again":[]"#,
             ),
         ] {
-            let posted = reqwest::Client::new()
+            let posted = murmuration_tests::http::client()
+                .build()
+                .unwrap()
                 .post(format!("{url}/campaigns/small-1/{page}"))
                 .header("origin", &url)
                 .header("content-type", "application/json")

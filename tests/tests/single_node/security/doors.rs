@@ -332,7 +332,7 @@ const SAID_OF_HEADERS: &str =
 /// What is asked, with this many more headers: status and body, over HTTP/1.1 or HTTP/2.
 async fn with_headers(at: SocketAddr, is_2: bool, headers: &[(String, String)]) -> (u16, String) {
     if is_2 {
-        let client = reqwest::Client::builder().http2_prior_knowledge();
+        let client = murmuration_tests::http::client().http2_prior_knowledge();
         let request = client.build().unwrap().get(format!("http://{at}/healthz"));
         let fill =
             |request: reqwest::RequestBuilder, (name, value): &(String, String)| request.header(name, value);

@@ -83,7 +83,9 @@ async fn what_pages_post() {
     let cluster = Cluster::start(folder.path(), 0).await;
     let url = cluster.url();
     for (over, expected) in [(0, 400), (1, 413)] {
-        let posted = reqwest::Client::new()
+        let posted = murmuration_tests::http::client()
+            .build()
+            .unwrap()
             .post(format!("{url}/campaigns/small-1/labels"))
             .header("origin", &url)
             .header("content-type", "application/json")

@@ -1,7 +1,7 @@
 //! The pages behind their log-in, over HTTP/2 and TLS as in browsers.
 
 use crate::security::Secrets;
-use murmuration_tests::{Cluster, small_spec};
+use murmuration_tests::{Cluster, http, small_spec};
 use reqwest::{
     Certificate, Client, RequestBuilder, Response, StatusCode, Version,
     header::{ACCEPT, CONTENT_TYPE, COOKIE, LOCATION, ORIGIN, SET_COOKIE},
@@ -19,7 +19,7 @@ struct Browser {
 impl Browser {
     fn at(secrets: &Secrets, cluster: &Cluster) -> Self {
         let ca = Certificate::from_pem(&fs::read(secrets.path("certs/ca.pem")).unwrap()).unwrap();
-        let client = Client::builder().tls_certs_only([ca]).redirect(Policy::none());
+        let client = http::client().tls_certs_only([ca]).redirect(Policy::none());
         Self {
             client: client.build().unwrap(),
             url: cluster.url(),

@@ -36,7 +36,7 @@ async fn the_report_of_large_pictures_can_be_had_by_any_client() {
     assert!(taxonomy.encoded_len() > LIMIT);
     assert_eq!((taxonomy.medoids.len(), taxonomy.clusters.len()), (20, 20));
     let page = format!("{}/campaigns/small-1/report", cluster.url());
-    let page = reqwest::get(page).await.unwrap();
+    let page = murmuration_tests::http::get(page).await.unwrap();
     assert_eq!(page.status(), 200);
     assert!(page.text().await.unwrap().contains("small-1"));
     let out = folder.path().join("report").display().to_string();

@@ -128,7 +128,10 @@ async fn an_id_that_was_typed_wrongly_leads_to_the_campaign_that_was_meant() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 1).await;
     cluster.run(&small_spec("")).await;
-    let request = reqwest::Client::new().get(format!("{}/campaigns/smal-1/map", cluster.url()));
+    let request = murmuration_tests::http::client()
+        .build()
+        .unwrap()
+        .get(format!("{}/campaigns/smal-1/map", cluster.url()));
     let answer = request.header("accept", "text/html").send().await.unwrap();
     assert_eq!(answer.status(), StatusCode::NOT_FOUND);
     let page = answer.text().await.unwrap();
