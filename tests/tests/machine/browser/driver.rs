@@ -9,11 +9,23 @@ use std::{
     process::{Child, Command, Stdio},
     time::{Duration, Instant},
 };
-use thirtyfour::{Capabilities, ChromiumLikeCapabilities as _, DesiredCapabilities, WebDriver, prelude::*};
+use thirtyfour::{
+    Capabilities, ChromiumLikeCapabilities as _, DesiredCapabilities, WebDriver,
+    error::{
+        WebDriverError,
+        WebDriverErrorInner::{
+            ElementClickIntercepted, ElementNotInteractable, NoSuchElement, StaleElementReference,
+        },
+        WebDriverResult,
+    },
+    prelude::*,
+};
 
 /// Long enough for a busy machine; nothing takes that long that works.
 const DRIVER_TIMEOUT: Duration = Duration::from_secs(60);
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
+/// Time between two looks at what the browser logs, while something is waited for.
+const LOOK_INTERVAL: Duration = Duration::from_secs(10);
 
 /// Notes, for as long as the window is open, what moves on its pages though nobody has just pressed or typed anything.
 const SHIFTS: &str = "new PerformanceObserver((list) => { \
@@ -90,6 +102,7 @@ impl Driver {
         ] {
             chrome.add_arg(argument).unwrap();
         }
+        murmuration_tests::http::choose_cryptography();
         let driver = WebDriver::new(&self.url, Capabilities::from(chrome))
             .await
             .unwrap();
@@ -121,10 +134,22 @@ impl Window {
 
     /// Waits until a script returns something true; panics with what the page shows if it never does. While one page replaces
     /// another, elements are missing and the script may fail: then it is not true yet.
+    ///
+    /// Containers that start beside the tests change the machine's networks, and Chromium gives up whatever it loads then: such a
+    /// page is loaded again.
     pub async fn until(&self, script: &str) {
-        let begun = Instant::now();
+        let mut begun = Instant::now();
+        let mut looked = begun;
         let script = format!("(() => {{ try {{ return Boolean({script}); }} catch {{ return false; }} }})()");
         while self.value(&script).await != json!(true) {
+            if looked.elapsed() > LOOK_INTERVAL {
+                looked = Instant::now();
+                let log = format!("{:?}", self.driver.browser_log().await);
+                if log.contains("ERR_NETWORK_CHANGED") {
+                    self.driver.refresh().await.unwrap();
+                    begun = looked;
+                }
+            }
             if begun.elapsed() > DRIVER_TIMEOUT {
                 let shown = self.value("document.body.innerText").await;
                 let log = self.driver.browser_log().await;
@@ -142,10 +167,39 @@ impl Window {
         chain.send_keys(keys).perform().await.unwrap();
     }
 
+    /// Clicks the first element of a selector, once it can be clicked: it is there, shown and enabled, and nothing covers it.
     pub async fn click(&self, selector: &str) {
-        let element = self.driver.find(By::Css(selector)).await.unwrap();
-        element.scroll_into_view().await.unwrap();
-        element.click().await.unwrap();
+        let begun = Instant::now();
+        loop {
+            // The driver has clicked nothing where it returns one of these: the page is still changing.
+            let why = match self.try_click(selector).await.map_err(WebDriverError::into_inner) {
+                Ok(true) => return,
+                Ok(false) => "it is hidden or disabled".to_owned(),
+                Err(
+                    error @ (ElementClickIntercepted(_)
+                    | ElementNotInteractable(_)
+                    | NoSuchElement(_)
+                    | StaleElementReference(_)),
+                ) => error.to_string(),
+                Err(error) => panic!("{selector}: {error}"),
+            };
+            assert!(
+                begun.elapsed() < DRIVER_TIMEOUT,
+                "{selector} cannot be clicked: {why}"
+            );
+            tokio::time::sleep(POLL_INTERVAL).await;
+        }
+    }
+
+    /// Returns whether the element could be clicked.
+    async fn try_click(&self, selector: &str) -> WebDriverResult<bool> {
+        let element = self.driver.find(By::Css(selector)).await?;
+        let clickable = element.is_clickable().await?;
+        if clickable {
+            element.scroll_into_view().await?;
+            element.click().await?;
+        }
+        Ok(clickable)
     }
 
     /// Gives an element the focus, as going there with keys does.

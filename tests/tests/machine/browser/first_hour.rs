@@ -257,10 +257,6 @@ impl Researcher {
         saved(window).await;
         self.look("taxonomy").await;
         for (page, ready) in [
-            (
-                "comparisons",
-                "document.querySelector('.triple .which').textContent",
-            ),
             ("sheet", "document.querySelectorAll('.card').length > 3"),
             ("answers", "document.querySelectorAll('.answer').length > 3"),
             ("classes", "document.querySelectorAll('.class-row').length >= 3"),

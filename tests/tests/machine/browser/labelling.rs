@@ -1,11 +1,18 @@
 //! Labelling one behaviour at a time, with the keyboard.
 
 use crate::browser::{
-    driver::Driver,
+    driver::{Driver, Window},
     scene::{LabelClient, Scene, answer, asked, introduce, name, saved},
 };
+use murmuration_proto::CampaignSpec;
 use murmuration_tests::Murmuration;
+use serde_json::json;
 use std::collections::BTreeSet;
+
+/// A world that is no square: a page that took its shape from a motion would move when the motion arrives.
+const WIDE: &str = "name = \"small\"\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\n\
+                    [world]\nhorizon = 200\nwidth = 800.0\nheight = 400.0\n\
+                    [search]\npopulation = 20\ngenerations = 5\n[taxonomy]\nmedoids = 4\n";
 
 pub async fn thirty_are_labelled_two_undone_and_a_refresh_loses_nothing() {
     let driver = Driver::start();
@@ -227,13 +234,13 @@ pub async fn who_begins_sees_what_others_answered_as_theirs_and_no_empty_frames_
     let open = (0..100).filter(|index| !judged.contains_key(index));
     let said = open.take(10).map(|index| (index, "milling".to_owned()));
     scene.labels.say("Ben", said).await;
-    for page in ["/label", "/comparisons", "/sheet"] {
+    for page in ["/label", "/sheet"] {
         let window = driver.open(&scene.url(page)).await;
         window.until("!document.getElementById('who').hidden").await;
         let frames = window
             .value("[...document.querySelectorAll('main img, main canvas, main button')].filter((part) => part.checkVisibility()).map((part) => part.textContent)")
             .await;
-        assert_eq!(frames, serde_json::json!(["Begin"]), "{page}");
+        assert_eq!(frames, json!(["Begin"]), "{page}");
         window.close().await;
     }
     let window = scene.visit(&driver, "/label", "Ana").await;
@@ -241,7 +248,7 @@ pub async fn who_begins_sees_what_others_answered_as_theirs_and_no_empty_frames_
     assert_eq!(window.text("#count").await, "0 of 30 answered by you");
     assert_eq!(
         window.text("#others").await,
-        "10 by other people, 60 by the rule-based judge only, 30 not answered yet"
+        "10 by other annotators, 60 by the rule-based judge only, 30 not answered yet"
     );
     answer(&window, "1").await;
     saved(&window).await;
@@ -282,6 +289,59 @@ pub async fn a_name_that_was_typed_wrongly_is_exchanged_with_a_button() {
         window.value("document.querySelectorAll('.class').length").await,
         3
     );
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
+pub async fn a_motion_in_an_oblong_world_moves_nothing_when_it_arrives() {
+    let driver = Driver::start();
+    let scene = Scene::of(&CampaignSpec::from_toml(WIDE).unwrap()).await;
+    let window = scene.visit(&driver, "/label", "Ana").await;
+    window.note_shifts().await;
+    for (width, height) in [(1280, 900), (390, 844)] {
+        // From an empty page, so that nothing is noted that moves because the screen became another one.
+        window.driver.goto("about:blank").await.unwrap();
+        window.resize(width, height, false).await;
+        window.driver.goto(scene.url("/label")).await.unwrap();
+        asked(&window).await;
+        window.until("document.querySelector('.scrub').value > 40").await;
+        window.picture(&format!("label-oblong-{width}")).await;
+        assert_eq!(window.shifts().await, json!([]), "at {width}");
+    }
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
+/// Gives a name on another page of the same browser.
+async fn rename_elsewhere(window: &Window, name: &str) {
+    let script = format!(
+        "const other = document.createElement('iframe'); document.body.append(other); \
+         other.contentWindow.localStorage.setItem('murmuration.annotator', '{name}'); other.remove()"
+    );
+    window.driver.execute(script, vec![]).await.unwrap();
+}
+
+pub async fn a_name_that_is_given_on_another_page_holds_here() {
+    let driver = Driver::start();
+    let scene = Scene::set().await;
+    let window = driver.open(&scene.url("/label")).await;
+    window.until("!document.getElementById('who').hidden").await;
+    // Who is known on another page is asked no more.
+    rename_elsewhere(&window, "Ana").await;
+    window.until("document.getElementById('who').hidden").await;
+    name(&window, "milling").await;
+    // Under a name that was changed there, nothing is answered here as somebody else.
+    rename_elsewhere(&window, "Ben").await;
+    window
+        .until("document.getElementById('annotator').value === 'Ben'")
+        .await;
+    window
+        .until("document.getElementById('others').textContent.startsWith('1 by other annotators')")
+        .await;
+    name(&window, "ring").await;
+    window
+        .until("document.getElementById('count').textContent.startsWith('1 of 99')")
+        .await;
     window.close().await;
     scene.cluster.stop().await;
 }

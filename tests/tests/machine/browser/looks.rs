@@ -126,14 +126,9 @@ const OUTSIDE: &str = "[...document.querySelectorAll('.transport > *')].filter((
     const [own, player] = [part, part.closest('.player')].map((one) => one.getBoundingClientRect()); \
     return part.checkVisibility() && (own.left < player.left - 1 || own.right > player.right + 1); }).map((part) => part.outerHTML)";
 
-/// Whether the three motions that are compared are drawn.
-pub const DRAWN: &str = "[...document.querySelectorAll('.triple canvas')].every((canvas) => \
-     canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.some((part) => part > 0))";
-
-const PAGES: [(&str, &str); 8] = [
+const PAGES: [(&str, &str); 7] = [
     ("", "document.querySelector('.behaviours img').complete"),
     ("/label", "document.querySelector('.scrub').value > 40"),
-    ("/comparisons", DRAWN),
     (
         "/sheet",
         "[...document.querySelectorAll('.card img')].some((image) => image.naturalWidth > 0)",

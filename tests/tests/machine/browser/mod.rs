@@ -4,7 +4,6 @@
 //! Screenshots of every page land in `target/screenshots`, for people to look at.
 
 mod axe;
-mod comparisons;
 mod driver;
 mod exploring;
 mod first_hour;
@@ -31,10 +30,6 @@ use murmuration_tests::{Requirement, Test, test};
 /// Every test of the pages.
 pub fn tests() -> Vec<Test> {
     let tests = [
-        test!(async comparisons::behaviours_are_compared_by_key_and_click_and_the_log_holds_what_the_page_counts),
-        test!(async comparisons::who_compares_sees_how_many_are_by_others_and_withdraws_none_of_theirs),
-        test!(async comparisons::several_comparisons_are_withdrawn_at_once_and_asked_again),
-        test!(async comparisons::without_a_coordinator_buttons_do_not_look_as_if_they_answered),
         test!(async first_hour::at_a_wide_screen),
         test!(async first_hour::at_a_phone),
         test!(async first_hour::at_200_percent),
@@ -50,9 +45,10 @@ pub fn tests() -> Vec<Test> {
         test!(async labelling::an_answer_whose_reply_is_cut_off_is_sent_again),
         test!(async labelling::who_goes_on_after_the_goal_is_told_so),
         test!(async labelling::who_begins_sees_what_others_answered_as_theirs_and_no_empty_frames_before),
+        test!(async labelling::a_motion_in_an_oblong_world_moves_nothing_when_it_arrives),
+        test!(async labelling::a_name_that_is_given_on_another_page_holds_here),
         test!(async labelling::a_name_that_was_typed_wrongly_is_exchanged_with_a_button),
         test!(async learning::what_was_said_is_learned_and_the_map_changes),
-        test!(async learning::who_only_compares_teaches_too),
         test!(async learning::where_there_is_nothing_to_learn_from_the_page_says_so),
         test!(async leaving::who_logs_in_labels_and_who_logs_out_is_out),
         test!(async leaving::a_page_that_was_left_listens_no_more_until_one_goes_back_to_it),

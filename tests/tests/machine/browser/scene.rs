@@ -4,7 +4,7 @@ use crate::browser::driver::{Driver, Window};
 use murmuration_proto::{
     CampaignSpec,
     parts::whole,
-    v1::{self, label_entry::Action, label_service_client::LabelServiceClient},
+    v1::{self, label_service_client::LabelServiceClient},
 };
 use murmuration_tests::{Cluster, small_spec};
 use std::collections::BTreeMap;
@@ -60,7 +60,7 @@ impl Scene {
 
     /// The report, saved as a file and opened from there.
     pub async fn report(&self, driver: &Driver) -> Window {
-        let text = reqwest::get(self.url("/report"))
+        let text = murmuration_tests::http::get(self.url("/report"))
             .await
             .unwrap()
             .text()
@@ -134,26 +134,6 @@ impl LabelClient {
     /// How many entries the log has.
     pub async fn entries(&mut self) -> usize {
         self.log().await.len()
-    }
-
-    /// The comparisons that stand, the oldest first, as the entries of the log say.
-    pub async fn compared(&mut self) -> Vec<v1::Comparison> {
-        let mut standing = BTreeMap::new();
-        for entry in self.log().await {
-            match entry.action {
-                Some(Action::Compare(comparison)) => {
-                    if let Some(former) = entry.supersedes {
-                        standing.remove(&former);
-                    }
-                    standing.insert(entry.number, comparison);
-                }
-                Some(Action::WithdrawComparison(withdrawn)) => {
-                    standing.remove(&withdrawn.entry);
-                }
-                _ => {}
-            }
-        }
-        standing.into_values().collect()
     }
 
     async fn log(&mut self) -> Vec<v1::LabelEntry> {

@@ -17,7 +17,6 @@ pub async fn a_page_without_scripts_says_what_it_needs_and_shows_what_it_has() {
     for (page, says) in [
         ("", "does not update"),
         ("/label", "needs JavaScript"),
-        ("/comparisons", "needs JavaScript"),
         ("/sheet", "needs JavaScript"),
         ("/map", "needs JavaScript"),
         ("/taxonomy", "cannot be named here"),

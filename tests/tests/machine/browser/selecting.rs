@@ -345,7 +345,7 @@ pub async fn medoids_are_named_and_the_report_is_taken_away() {
     window.close().await;
 
     let url = scene.url("/report");
-    let report = reqwest::get(url).await.unwrap();
+    let report = murmuration_tests::http::get(url).await.unwrap();
     assert_eq!(
         report.headers()["content-disposition"],
         "attachment; filename=\"small-1.html\""
@@ -359,7 +359,9 @@ pub async fn medoids_are_named_and_the_report_is_taken_away() {
     ] {
         assert!(report.contains(said), "{said}");
     }
-    let sheet = reqwest::get(scene.url("/contact-sheet.svg")).await.unwrap();
+    let sheet = murmuration_tests::http::get(scene.url("/contact-sheet.svg"))
+        .await
+        .unwrap();
     assert_eq!(sheet.headers()["content-type"], "image/svg+xml");
     let sheet = sheet.text().await.unwrap();
     assert_eq!(sheet.matches("viewBox").count(), 5);

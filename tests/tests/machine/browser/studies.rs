@@ -21,7 +21,7 @@ async fn run(data: &Path, text: &str) {
     std::fs::write(&file, text).unwrap();
     let murmuration = Murmuration::over(data);
     let file = file.display().to_string();
-    let run = tokio::task::spawn_blocking(move || murmuration.run(&["study", "run", &file]));
+    let run = tokio::task::spawn_blocking(move || murmuration.run(&["lab", "study", "run", &file]));
     let run = run.await.unwrap();
     assert_eq!(run.code, Some(0), "{}", run.stderr);
 }
@@ -97,7 +97,7 @@ pub async fn a_study_is_watched_while_it_runs_and_its_medoids_are_judged_again()
     assert!(row.ends_with(",nested_cycle,Ana"), "{kept}");
     // The tables on the command line say so too.
     let murmuration = Murmuration::over(folder.path());
-    let report = tokio::task::spawn_blocking(move || murmuration.run(&["study", "report", "pair"]));
+    let report = tokio::task::spawn_blocking(move || murmuration.run(&["lab", "study", "report", "pair"]));
     assert_eq!(report.await.unwrap().code, Some(0));
     let report = std::fs::read_to_string(folder.path().join("studies/pair/report.html")).unwrap();
     assert!(report.contains("medoids by Ana."));

@@ -7,6 +7,7 @@ use crate::browser::{
 };
 use murmuration_proto::CampaignSpec;
 use murmuration_tests::small_latent_spec;
+use serde_json::json;
 
 const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
 
@@ -14,6 +15,7 @@ const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\
 fn spec() -> CampaignSpec {
     let text = small_latent_spec(FEEDBACK).to_toml();
     let text = text.replace("medoids = 4", "medoids = 20");
+    let text = text.replace("\"coverage\"", "\"medoids\"");
     CampaignSpec::from_toml(&text.replace("population = 20", "population = 100")).unwrap()
 }
 
@@ -106,6 +108,16 @@ pub async fn behaviours_are_merged_tried_learned_from_and_compared() {
     window
         .until("!document.querySelector('dialog[open]') && document.activeElement.matches('.further')")
         .await;
+
+    // Twelve further behaviours, none of them shown above.
+    window.click("#more a.button").await;
+    window
+        .until("document.querySelectorAll('#more .medoid').length === 12 && location.search === '?more=12'")
+        .await;
+    let shown = "new Set([...document.querySelectorAll('.medoid')].map(({ dataset }) => dataset.index)).size \
+                 === document.querySelectorAll('.medoid').length";
+    assert_eq!(window.value(shown).await, json!(true));
+    look(&window, "taxonomy-more").await;
 
     // Five get names, the campaign learns, and says what became of them.
     for place in 1..=5 {

@@ -4,7 +4,8 @@ use murmuration_proto::{
     PictureShape, Purpose, RandomStream,
     training::{Architecture, ArchitectureError},
 };
-use murmuration_trainer::{network::Network, onnx};
+use murmuration_train::{network::Network, onnx};
+use rand::RngExt as _;
 use std::{fs, path::Path, process::Command};
 
 const PICTURES: usize = 300;
@@ -13,7 +14,7 @@ const PICTURES: usize = 300;
 fn pictures(shape: PictureShape) -> Vec<u8> {
     let mut stream = RandomStream::derive(1, Purpose::Augment, 0);
     let mut grey = |picture: usize| {
-        let bits = stream.bits();
+        let bits = stream.random::<u64>();
         match picture.is_multiple_of(2) || bits & 7 == 0 {
             true => (bits >> 8) as u8,
             false => 0,
