@@ -4,19 +4,32 @@
 //! Limits: a parser may refuse any input. An accepted input must be the same after it is written and read again.
 
 use murmuration_model::{
-    ExportedCampaign,
-    labels::{Labelled, Table, to_csv},
+    Weight,
+    labels::{Action, Annotator, Change, Labelled, Table, to_csv},
 };
 use murmuration_proto::{
     CampaignSpec, CheckpointDigest, Controller, Feedback, Invalid, Lineage, Preset, Purpose, RandomStream,
-    Replay, SIMULATOR_VERSION, Search, World, onnx::EmbedderModel, training::Configuration, v1,
+    Replay, Search, Verdict, World, onnx::EmbedderModel, training::Configuration, v1,
+};
+use murmuration_search::medoids::Clustering;
+use murmuration_sim::case::Case;
+use murmuration_store::{
+    ArchivedIndividual, ClusterMeasures, DataDirectory, GenerationRecord, Provenance, Store, Trial,
+    checkpoints::Checkpoints,
+    transfer::{ReceivedCampaign, Unsound, export},
 };
 use murmuration_study::{Corrections, Study};
 use murmuration_tracks::{Filmed, Tracks};
-use murmuration_worker::case::Case;
 use prost::Message;
+use rand::RngExt as _;
 use serde_json::Value;
-use std::{fmt::Debug, fs, io::Write as _, path::Path, str::from_utf8};
+use std::{
+    fmt::Debug,
+    fs,
+    io::{Read as _, Write as _},
+    path::Path,
+    str::from_utf8,
+};
 
 /// A parser and its name.
 #[derive(Debug, Clone, Copy)]
@@ -67,9 +80,9 @@ pub const EDGES: [Edge; 8] = [
         seeds: study_files,
     },
     Edge {
-        name: "export_tables",
-        parse: export_tables,
-        seeds: exported_tables,
+        name: "campaign_database",
+        parse: campaign_database,
+        seeds: || vec![exported()],
     },
 ];
 
@@ -95,7 +108,7 @@ pub fn messages(bytes: &[u8]) {
     let Some((kind, bytes)) = bytes.split_first() else {
         return;
     };
-    match kind % 8 {
+    match kind % 7 {
         0 => read_back(bytes, |spec: &CampaignSpec| v1::CampaignSpec::from(spec)),
         1 => read_back(bytes, |lineage: &Lineage| {
             lineage.describe(CheckpointDigest::of(b""), 0, 0)
@@ -104,9 +117,6 @@ pub fn messages(bytes: &[u8]) {
         3 => read_back(bytes, |world: &World| v1::World::from(world.clone())),
         4 => read_back(bytes, |feedback: &Feedback| v1::Feedback::from(feedback)),
         5 => read_back(bytes, |&search: &Search| v1::Search::from(search)),
-        7 => read_back(bytes, |campaign: &ExportedCampaign| {
-            v1::ExportedCampaign::from(campaign.clone())
-        }),
         _ => {
             let Some(individual) = decoded::<v1::Individual>(bytes) else {
                 return;
@@ -180,22 +190,19 @@ pub fn studies(bytes: &[u8]) {
     for quick in [false, true] {
         if let Ok(study) = Study::from_toml(text, Path::new("/"), quick) {
             let rows = study.rows();
-            assert_eq!(rows.len() * study.seeds().len(), study.cells().len());
+            assert_eq!(rows.len() * study.seeds.len(), study.cells.len());
         }
     }
     let _ = Corrections::parse(text);
 }
 
-/// A table of an export: the number of rows that its campaign says, in eight bytes, then the file.
-pub fn export_tables(bytes: &[u8]) {
-    let Some((rows, file)) = bytes.split_first_chunk() else {
-        return;
-    };
-    let mut table = tempfile::NamedTempFile::new().unwrap();
-    table.write_all(file).unwrap();
-    let rows = u64::from_le_bytes(*rows);
-    let spec = CampaignSpec::from_toml(EXPORTED).unwrap();
-    let _ = murmuration_export::read_any_table(table.path(), rows, &spec);
+/// The database of a campaign that comes from elsewhere.
+pub fn campaign_database(bytes: &[u8]) {
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    file.write_all(bytes).unwrap();
+    if let Ok(received) = ReceivedCampaign::open(file.path()) {
+        let _ = received.archive::<Unsound>(|_| Ok(()));
+    }
 }
 
 /// Tracks of robots.
@@ -233,12 +240,12 @@ pub fn mutated(seed: &[u8], dice: &mut RandomStream) -> Vec<u8> {
         b"=",
     ];
     let mut bytes = seed.to_vec();
-    for _ in 0..=dice.below(4) {
-        let at = dice.below(bytes.len() as u64 + 1) as usize;
-        let end = bytes.len().min(at + 1 + dice.below(16) as usize);
-        match dice.below(6) {
-            0 if at < bytes.len() => bytes[at] ^= 1 << dice.below(8),
-            1 if at < bytes.len() => bytes[at] = dice.bits() as u8,
+    for _ in 0..dice.random_range(1..=4) {
+        let at = dice.random_range(0..=bytes.len());
+        let end = bytes.len().min(at + dice.random_range(1..=16));
+        match dice.random_range(0..6) {
+            0 if at < bytes.len() => bytes[at] ^= 1 << dice.random_range(0..8),
+            1 if at < bytes.len() => bytes[at] = dice.random(),
             2 => drop(bytes.drain(at..end)),
             3 => bytes.truncate(at),
             4 => {
@@ -246,7 +253,7 @@ pub fn mutated(seed: &[u8], dice: &mut RandomStream) -> Vec<u8> {
                 drop(bytes.splice(at..at, again));
             }
             _ => {
-                let telling = TELLING[dice.below(TELLING.len() as u64) as usize];
+                let telling = TELLING[dice.random_range(0..TELLING.len())];
                 drop(bytes.splice(at..at, telling.iter().copied()));
             }
         }
@@ -271,19 +278,61 @@ fn files(folder: &str, extension: &str) -> Vec<Vec<u8>> {
     paths.iter().map(|path| fs::read(path).unwrap()).collect()
 }
 
-/// The specification of the campaign in `tests/exports`.
-const EXPORTED: &str = include_str!("../exports/spec.toml");
-
-/// The tables of an export of 12 individuals, 3 generations, 4 entries of a label log and 2 medoids.
-fn exported_tables() -> Vec<Vec<u8>> {
-    let tables = [12_u64, 3, 4, 2].into_iter();
-    let names = ["individuals", "generations", "labels", "taxonomy"];
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("exports");
-    let table = |(rows, name): (u64, &str)| {
-        let file = fs::read(folder.join(format!("{name}.parquet"))).unwrap();
-        [rows.to_le_bytes().to_vec(), file].concat()
+/// The database of a completed campaign of 12 individuals in 3 generations, with a label log.
+fn exported() -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
+    let spec = CampaignSpec::from_toml(include_str!("../exported.toml")).unwrap();
+    let id = store.create_campaign(&spec, Weight::default(), 0).unwrap();
+    for generation in 0..3 {
+        let individuals = (0..4).map(|place| individual(&spec, generation, place));
+        let individuals: Vec<_> = individuals.collect();
+        let record = GenerationRecord::of(generation, &[0.25; 4], 1);
+        let committed = store.commit_generation(&id, &record, &individuals, &Provenance::default());
+        committed.unwrap();
+    }
+    for (place, class) in ["ring", "clump", "not sure"].into_iter().enumerate() {
+        let answer = Change {
+            annotator: Annotator::known("ana").unwrap(),
+            time_ms: 5,
+            action: Action::Answer {
+                index: place as u64,
+                answer: class.parse().unwrap(),
+            },
+        };
+        let request = format!("request {place}").parse().unwrap();
+        store.add_labels(&id, &request, vec![answer]).unwrap();
+    }
+    let taxonomy = Clustering {
+        medoids: vec![0, 1],
+        clusters: (0..12).map(|index| index % 2).collect(),
+        loss: 1.0,
     };
-    tables.zip(names).map(table).collect()
+    let measures = [ClusterMeasures::default(); 2];
+    assert!(store.complete(&id, &taxonomy, &measures, &[1; 12], &[]).unwrap());
+    let checkpoints = Checkpoints::open(store.clone(), folder.path(), None).unwrap();
+    let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+    let file = runtime.block_on(export(&store, &checkpoints, folder.path(), &id));
+    let mut bytes = Vec::new();
+    file.unwrap().read_to_end(&mut bytes).unwrap();
+    bytes
+}
+
+fn individual(spec: &CampaignSpec, generation: u32, place: u64) -> ArchivedIndividual {
+    let index = u64::from(generation) * 4 + place;
+    let controller = Controller::new(spec.model(), &[0.5, -0.5, 1.0, 0.1 * place as f64]).unwrap();
+    let trial = Trial {
+        features: [0.5, 0.25, 0.0, 1.0, index as f64],
+        image: Some(vec![place as u8; spec.image().bytes()]),
+        verdict: Verdict::all().next(),
+        ..Trial::default()
+    };
+    ArchivedIndividual {
+        seed: RandomStream::derive(spec.seed(), Purpose::Start, index).random(),
+        trials: vec![trial; 2],
+        novelty: 0.25,
+        ..ArchivedIndividual::unmeasured(index, generation, controller)
+    }
 }
 
 /// The studies, and a table of classes.
@@ -334,24 +383,6 @@ fn encoded() -> Vec<Vec<u8>> {
         agents: 2,
     };
     seeds.push(of(2, replay.encode_to_vec()));
-    let campaign = v1::ExportedCampaign {
-        id: "small-7".to_owned(),
-        spec: Some(v1::CampaignSpec::from(
-            &CampaignSpec::from_toml(EXPORTED).unwrap(),
-        )),
-        state: v1::CampaignState::Completed.into(),
-        weight: 100,
-        simulator_version: SIMULATOR_VERSION.to_owned(),
-        rounds_done: 1,
-        last_label_cutoff: 3,
-        label_cutoff: Some(4),
-        generations: 3,
-        label_entries: 4,
-        digest: "0".repeat(64),
-        ..v1::ExportedCampaign::default()
-    };
-    assert!(ExportedCampaign::try_from(campaign.clone()).is_ok());
-    seeds.push(of(7, campaign.encode_to_vec()));
     for genes in [4, 9] {
         let individual = v1::Individual {
             controller: vec![0.5; genes],

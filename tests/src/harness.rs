@@ -1,12 +1,12 @@
 //! A test harness for targets whose tests need more than this repository: a browser, containers, Python packages, root.
 //!
-//! Where a machine lacks what a test needs, the test is ignored: the summary line counts it, and a line says why. Under
-//! `CI=true` it fails instead, unless the machine cannot have it. Such a target says `harness = false` in `Cargo.toml`,
+//! Where a machine lacks what a test needs, the test is ignored: a line says why, and `scripts/skipped` prints it again. Under
+//! `CI=true` the test fails instead, unless the machine cannot have it. Such a target says `harness = false` in `Cargo.toml`,
 //! because Rust's own harness cannot ignore a test at run time, and lists its tests in `main`: there `#[test]` does nothing.
 
 use crate::requirements::{Missing, Requirement};
 use libtest_mimic::{Arguments, Trial};
-use std::{collections::BTreeSet, process::ExitCode};
+use std::{collections::BTreeMap, fs, io, process::ExitCode};
 
 /// A test, and what it needs.
 pub struct Test {
@@ -93,9 +93,14 @@ pub fn run_one_by_one(tests: Vec<Test>) -> ExitCode {
     run_with(&arguments, tests)
 }
 
-fn run_with(arguments: &Arguments, tests: Vec<Test>) -> ExitCode {
+fn run_with(arguments: &Arguments, mut tests: Vec<Test>) -> ExitCode {
     let ci = std::env::var("CI").is_ok_and(|ci| ci == "true");
-    let mut reasons = BTreeSet::new();
+    // A runner that starts a process for each test names it exactly: the requirements of the others are not looked at.
+    let only = arguments.filter.clone().filter(|_| arguments.exact);
+    if let Some(name) = &only {
+        tests.retain(|test| test.name == *name);
+    }
+    let mut ignored = BTreeMap::<String, Vec<String>>::new();
     let trials = tests.into_iter().map(|Test { name, body, needs }| {
         let missing = needs.into_iter().find_map(Requirement::missing);
         match Fate::of(missing, ci) {
@@ -104,7 +109,7 @@ fn run_with(arguments: &Arguments, tests: Vec<Test>) -> ExitCode {
                 Ok(())
             }),
             Fate::Ignored(reason) => {
-                reasons.insert(reason.clone());
+                ignored.entry(reason.clone()).or_default().push(name.clone());
                 // Whoever asks for ignored tests is told why this one cannot run.
                 Trial::test(name, || Err(reason.into())).with_ignored_flag(true)
             }
@@ -112,17 +117,37 @@ fn run_with(arguments: &Arguments, tests: Vec<Test>) -> ExitCode {
         }
     });
     let trials = trials.collect();
+    if only.is_none() {
+        record_skipped(&ignored).unwrap();
+    }
     let conclusion = libtest_mimic::run(arguments, trials);
-    for reason in reasons {
+    for reason in ignored.keys() {
         eprintln!("ignored: {reason}");
     }
     conclusion.exit_code()
 }
 
+/// Writes which tests of this target are ignored, by reason, where `scripts/skipped` looks for it.
+fn record_skipped(ignored: &BTreeMap<String, Vec<String>>) -> io::Result<()> {
+    // target/PROFILE/deps/NAME-HASH
+    let program = std::env::current_exe()?;
+    let (Some(target), Some(name)) = (program.ancestors().nth(3), program.file_stem()) else {
+        return Ok(());
+    };
+    let name = name.to_string_lossy();
+    let name = name.rsplit_once('-').map_or(&*name, |(name, _hash)| name);
+    let folder = target.join("skipped");
+    fs::create_dir_all(&folder)?;
+    let lines = ignored
+        .iter()
+        .map(|(reason, tests)| format!("{} tests of `{name}`: {reason}\n", tests.len()));
+    fs::write(folder.join(name), lines.collect::<String>())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::{fs, path::Path};
+    use std::path::Path;
 
     fn missing(can_be_had: bool) -> Option<Missing> {
         Some(Missing {

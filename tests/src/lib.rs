@@ -1,6 +1,5 @@
 //! The test harness: a whole cluster in one process on ephemeral loopback ports, and the real binaries for tests that kill
 //! processes. Errors are panics.
-#![deny(missing_docs)]
 
 mod built;
 mod cluster;
@@ -8,11 +7,13 @@ mod fake_worker;
 mod faulty_libc;
 pub mod fuzz_targets;
 mod harness;
-mod http;
+pub mod http;
 mod murmuration;
+pub mod pages;
 mod process;
 mod process_cluster;
 pub mod requirements;
+pub mod schemas;
 mod small_disk;
 
 pub use built::binary;

@@ -159,7 +159,6 @@ impl ComposeCluster {
             .args(arguments)
             .env("BUILD_BASE", &self.bases.0)
             .env("RUNTIME_BASE", &self.bases.1)
-            .env("BUILD_PROFILE", "dev")
             .env("MURMURATION_IMAGE", "murmuration-tests/murmuration")
             .env("MURMURATION_PORT", self.port.to_string())
             .output()

@@ -1,7 +1,7 @@
 //! Every field of a campaign file is documented.
 
-use crate::pages::{page, prose};
 use murmuration_proto::spec_sections::sections;
+use murmuration_tests::pages::{page, prose};
 
 /// Sections that robots.md describes in words and drawings instead of a table of their own.
 const IN_WORDS: [&str; 5] = [

@@ -1,9 +1,7 @@
 //! The map in ARCHITECTURE.md.
 
-use crate::{
-    arrows::FLOORS,
-    pages::{page, root},
-};
+use crate::arrows::FLOORS;
+use murmuration_tests::pages::{page, root};
 use std::fs;
 
 /// Every crate stands on its floor, with its public modules; and no other.

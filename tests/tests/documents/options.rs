@@ -1,7 +1,6 @@
 //! Options as environment variables, as docs/security.md promises.
 
 use clap::Command;
-use murmuration_coordinator::cli;
 use std::process;
 
 /// Options that have no variable.
@@ -17,7 +16,7 @@ fn without_variable(command: &Command) -> Vec<String> {
 }
 
 pub fn what_starts_a_service_is_an_environment_variable_too() {
-    let command = cli::command();
+    let command = murmuration_program::command();
     // What all commands share; programs ask for JSON in so many words.
     assert_eq!(without_variable(&command), ["--json"]);
     let serve = command.find_subcommand("serve").unwrap();

@@ -1,8 +1,7 @@
 //! References of pages to other pages, files and commands.
 
-use crate::pages::{page, pages, prose, root};
 use clap::Command;
-use murmuration_coordinator::cli;
+use murmuration_tests::pages::{blocks, page, pages, prose, root};
 use std::{collections::BTreeSet, path::Path};
 
 /// Addresses of links and pictures: what is in `](...)`.
@@ -90,7 +89,7 @@ fn exists(place: &Path, path: &str) -> bool {
 
 /// Of `murmuration COMMAND ... --option ...`, the command and its options.
 fn check_mention(page: &str, span: &str) {
-    let mut command: &Command = &cli::command();
+    let mut command: &Command = &murmuration_program::command();
     let mut known = options(command);
     for word in span.split(' ').skip(1) {
         if let Some(option) = word.strip_prefix("--") {
@@ -130,4 +129,23 @@ pub fn commands_that_are_mentioned_exist() {
         }
     }
     assert!(mentioned > 10, "{mentioned}");
+}
+
+/// A command can hide from the tests of `command_line` only in a block that is not called `sh`.
+pub fn every_block_says_what_it_is() {
+    for (name, text) in pages() {
+        for (language, lines) in blocks(&text) {
+            let known = ["sh", "toml", "ini", "csv", "text", "python"].contains(&language.as_str());
+            assert!(known, "{name}: a block of {language:?}:\n{}", lines.join("\n"));
+        }
+        let mut above = "";
+        for line in prose(&text).lines() {
+            let is_block = line.starts_with("    ") && above.is_empty();
+            assert!(
+                !is_block || line.trim().is_empty(),
+                "{name}: an indented block:\n{line}"
+            );
+            above = if line.trim().is_empty() { "" } else { "text" };
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! The drawings of the page on robots.
 
-use crate::pages::{page, root};
 use murmuration_tests::binary;
+use murmuration_tests::pages::{page, root};
 use std::{fs, process::Command};
 
 /// Each drawing is what `murmuration robot` draws of the file above it.

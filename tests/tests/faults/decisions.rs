@@ -10,6 +10,7 @@ use murmuration_model::Weight;
 use murmuration_proto::{CampaignSpec, Controller, Purpose, RandomStream, parts::whole, v1};
 use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store, Trial};
 use murmuration_tests::{ProcessClient, ProcessCluster};
+use rand::RngExt as _;
 use std::{
     path::Path,
     sync::{
@@ -190,7 +191,8 @@ pub fn clustering(_: &Scale, _: &Undisturbed) -> Row {
 fn unclustered(data: &Path) -> String {
     let text = format!(
         "name = \"whole\"\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\n\
-         [search]\npopulation = {CLUSTERED}\ngenerations = 1\n[taxonomy]\nmedoids = {MEDOIDS}\n"
+         [search]\npopulation = {CLUSTERED}\ngenerations = 1\n[taxonomy]\nmedoids = {MEDOIDS}\n\
+         choose = \"medoids\"\n"
     );
     let spec = CampaignSpec::from_toml(&text).unwrap();
     let store = Store::open(&DataDirectory::hold(data).unwrap()).unwrap();
@@ -200,7 +202,7 @@ fn unclustered(data: &Path) -> String {
         .map(|index| ArchivedIndividual {
             seed: index,
             trials: vec![Trial {
-                features: std::array::from_fn(|_| dice.unit()),
+                features: dice.random(),
                 ..Trial::default()
             }],
             novelty: 0.5,
@@ -262,7 +264,7 @@ impl Watched {
                 assert_eq!(listed.unwrap().campaigns.len(), 1);
                 for page in ["/", "/metrics"] {
                     let got = timed(&mut slowest, || {
-                        runtime.block_on(reqwest::get(format!("{url}{page}")))
+                        runtime.block_on(murmuration_tests::http::get(format!("{url}{page}")))
                     });
                     assert_eq!(got.unwrap().status(), 200);
                 }

@@ -7,6 +7,7 @@ use super::{
 };
 use murmuration_proto::{Purpose, RandomStream};
 use murmuration_tests::{OVER_TOO_EARLY, ProcessCluster};
+use rand::RngExt as _;
 use std::{thread, time::Duration};
 
 fn dice(scale: &Scale, of: u64) -> RandomStream {
@@ -14,7 +15,7 @@ fn dice(scale: &Scale, of: u64) -> RandomStream {
 }
 
 fn pause(dice: &mut RandomStream, most_ms: u64) {
-    thread::sleep(Duration::from_millis(dice.below(most_ms)));
+    thread::sleep(Duration::from_millis(dice.random_range(0..most_ms)));
 }
 
 pub fn workers(scale: &Scale, undisturbed: &Undisturbed) -> Row {
@@ -29,7 +30,7 @@ pub fn workers(scale: &Scale, undisturbed: &Undisturbed) -> Row {
             status.workers == 3 && status.generations_done > 2 * kill
         });
         pause(&mut dice, 20);
-        let victim = dice.below(cluster.workers.len() as u64) as usize;
+        let victim = dice.random_range(0..cluster.workers.len());
         cluster.workers.swap_remove(victim).kill();
         cluster.check_running(&id);
         cluster.add_worker();

@@ -7,6 +7,7 @@ use super::{
 };
 use murmuration_proto::{Purpose, RandomStream};
 use murmuration_tests::ProcessCluster;
+use rand::RngExt as _;
 use std::{
     fs,
     time::{Duration, Instant},
@@ -49,7 +50,7 @@ pub fn soak(scale: &Scale, undisturbed: &Undisturbed) -> Row {
         let digest = cluster.finish(&id);
         undisturbed.check(&spec, &digest);
         campaigns += 1;
-        if dice.chance(0.3) {
+        if dice.random_bool(0.3) {
             cluster.workers.remove(0).kill();
             cluster.add_worker();
             replaced += 1;

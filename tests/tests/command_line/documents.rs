@@ -1,11 +1,12 @@
 //! Runs the commands of each page, with a reason for each that is not run.
 
-use crate::{
+use crate::script::{
+    Rule::{Before, NotRun, Stays},
+    Script, free_port,
+};
+use murmuration_tests::{
+    Test,
     pages::{blocks, pages},
-    script::{
-        Rule::{Before, NotRun, Stays},
-        Script, free_port,
-    },
 };
 
 const PAGES: [&str; 11] = [
@@ -32,9 +33,6 @@ const ANSWERS: &str = "printf 'id,class\\n0,ring\\n1,ring\\n2,clump\\n3,clump\\n
 pub const CONTROLLERS: &str =
     "printf 'left_0,right_0,left_1,right_1\\n-0.7,0.3,1,1\\n1,1,1,1\\n' >controllers.csv";
 
-/// Writes a world as the authors' simulator saves it.
-pub const SAVED_WORLD: &str = r#"echo '{"w": 500, "h": 500, "population_size": 24, "padding": 15, "agent_config": {"type": "DiffDriveAgentConfig", "dt": 1.0, "agent_radius": 5, "wheel_radius": 2.0, "controller": [-0.7, 0.3, 1.0, 1.0], "sensors": {"sensors": [{"type": "BinaryLOSSensor", "angle": 0}]}}, "collide_walls": true, "stop_at": null, "agent_init": null}' >cyclone.json"#;
-
 /// A line that makes a film.
 pub const FILM: &str = "murmuration simulate --controller=-0.7,0.3,1,1 --mp4";
 pub const NO_ENCODER: &str = "ffmpeg need not be there";
@@ -49,6 +47,7 @@ pub fn of_the_readme() {
             format!("murmuration serve --workers 0 --listen 127.0.0.1:{port}"),
         )
         .replace("127.0.0.1:7700", format!("127.0.0.1:{port}"))
+        .replace("my-robot.toml", "small.toml")
         .rule(
             "make ",
             NotRun("it builds and tests everything, which this test is a part of"),
@@ -115,7 +114,6 @@ pub fn of_the_page_on_commands() {
             "murmuration delete",
             NotRun("the campaign of that number is another one here"),
         )
-        .rule("murmuration world", Before(SAVED_WORLD))
         .rule(FILM, NotRun(NO_ENCODER))
         .rule(
             "murmuration label latest --csv",
@@ -123,7 +121,7 @@ pub fn of_the_page_on_commands() {
         )
         // What a person wrote is as it was.
         .rule(
-            "murmuration judge",
+            "murmuration lab judge",
             Before("test \"$(sed -n 2p my.csv)\" = 0,ring"),
         )
         .run();
@@ -169,7 +167,7 @@ pub fn of_the_page_on_security() {
             // What the page has people copy to the other machines.
             Before(
                 "mkdir other && cp certs/ca.pem certs/alpha*.pem certs/beta*.pem certs/trainer*.pem other && cp small.toml other/spec.toml && cd other\n\
-                 grep -o 'mur_[A-Za-z0-9_-]*' \"$DESK/said\" | head -n 1 >my-token",
+                 grep -o 'mur_[A-Za-z0-9_-]*' \"$DESK/output\" | head -n 1 >my-token",
             ),
         )
         .rule("murmuration-worker", Stays("connected"))
@@ -181,12 +179,19 @@ pub fn of_the_page_on_the_data_directory() {
     Script::of("docs/data-directory.md")
         .replace("CAMPAIGN", "small-1")
         .replace("/backups/", "backups/")
-        .rule("murmuration doctor --salvage", Before("test ! -e saved-data"))
         .rule(
             "murmuration doctor",
             Before("test -e murmuration-data || interrupted small.toml"),
         )
-        .rule("murmuration restore", Before("mv murmuration-data before"))
+        .rule(
+            "murmuration restore /backups/monday --data restored-data",
+            Before("murmuration backup backups/monday"),
+        )
+        .rule("murmuration backup", Before("rm -r backups"))
+        .rule(
+            "murmuration restore /backups/monday --data murmuration-data",
+            Before("mv murmuration-data before"),
+        )
         .run();
 }
 
@@ -199,21 +204,21 @@ pub fn of_the_page_on_exports() {
 pub fn of_the_page_on_results() {
     Script::of("docs/results.md")
         .rule(
-            "murmuration accuracy --labels $L/single_sensor/validation.csv --checkpoint",
+            "murmuration lab accuracy --labels $L/single_sensor/validation.csv --checkpoint",
             NotRun(LONG),
         )
         .rule(
-            "murmuration accuracy --labels $L/two_sensor/validation.csv --labels $L/rare/validation.csv --checkpoint",
+            "murmuration lab accuracy --labels $L/two_sensor/validation.csv --labels $L/rare/validation.csv --checkpoint",
             NotRun(LONG),
         )
         .rule("murmuration run", NotRun(LONG))
         .rule(
-            "murmuration study run",
+            "murmuration lab study run",
             NotRun("tests/tests/single_node/studies.rs runs smaller ones"),
         )
-        .rule("murmuration study report recall", NotRun("the study before it was not run"))
+        .rule("murmuration lab study report recall", NotRun("the study before it was not run"))
         .rule("murmuration checkpoints list", NotRun("it lists what the campaign before it trained"))
-        .rule("murmuration bench labels", NotRun(NO_TRAINING_LABELS))
+        .rule("murmuration lab bench labels", NotRun(NO_TRAINING_LABELS))
         .run();
 }
 
@@ -225,20 +230,24 @@ pub fn of_the_page_on_performance() {
         .run();
 }
 
-pub fn of_every_other_page() {
-    for (name, text) in pages() {
-        let has_commands = blocks(&text).iter().any(|(language, _)| language == "sh");
-        if !has_commands || PAGES.contains(&name.as_str()) {
-            continue;
-        }
-        let script = Script::of(&name);
-        let script = match text.contains("murmuration serve --data atlas-data") {
-            true => script.rule("murmuration serve", Stays("pages:")).replace(
-                "serve --data atlas-data",
-                "serve --data atlas-data --listen 127.0.0.1:0",
-            ),
-            false => script,
-        };
-        script.run();
-    }
+/// A test for each other page with commands.
+pub fn of_other_pages() -> Vec<Test> {
+    let pages = pages().into_iter();
+    let others = pages.filter(|(name, text)| {
+        !PAGES.contains(&name.as_str()) && blocks(text).iter().any(|(language, _)| language == "sh")
+    });
+    let test = |(name, text): (String, String)| {
+        Test::new(&format!("documents::of_{name}"), move || {
+            let script = Script::of(&name);
+            let script = match text.contains("murmuration serve --data atlas-data") {
+                true => script.rule("murmuration serve", Stays("pages:")).replace(
+                    "serve --data atlas-data",
+                    "serve --data atlas-data --listen 127.0.0.1:0",
+                ),
+                false => script,
+            };
+            script.run();
+        })
+    };
+    others.map(test).collect()
 }

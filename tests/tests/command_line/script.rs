@@ -1,8 +1,10 @@
-//! Runs the `sh` blocks of a page as one script; rules say which commands are not run, and why.
+//! Runs commands as one script, in a folder with the repository's files; rules say which commands are not run, and why.
 
-use crate::pages::{blocks, page, root};
-use murmuration_coordinator::cli;
-use murmuration_tests::{binary, small_latent_spec};
+use murmuration_tests::{
+    binary,
+    pages::{blocks, page, root},
+    small_latent_spec,
+};
 use std::{
     fmt::Write as _,
     fs,
@@ -11,25 +13,36 @@ use std::{
     path::Path,
     process::{Command, Stdio},
 };
+use tempfile::TempDir;
 
 /// What is done with the lines of a page that begin in a certain way; all others are run as they are.
 #[derive(Debug, Clone, Copy)]
 pub enum Rule {
-    /// It stays: it goes on beside the lines after it once it has said this, and is ended after the last.
+    /// Goes on beside the lines after it, once it has printed this, and is ended after the last.
     Stays(&'static str),
-    /// What must be so before the line: a piece of script.
+    /// A piece of script to run before the line.
     Before(&'static str),
-    /// It is not run, for this reason. Its words must be understood all the same: the options of `murmuration`, make's
+    /// Is not run, for this reason. Its words must be understood all the same: the options of `murmuration`, make's
     /// targets, files that `kubectl` is given.
     NotRun(&'static str),
 }
 
-/// A script made of a page.
+/// Commands that run one after the other.
 pub struct Script {
     name: String,
     commands: Vec<String>,
     rules: Vec<(&'static str, Rule)>,
     replaced: Vec<(&'static str, String)>,
+    small_campaign: String,
+    captures: bool,
+}
+
+/// The output of a command.
+pub struct Captured {
+    pub stdout: String,
+    pub stderr: String,
+    /// `None` of a command that stays.
+    pub code: Option<i32>,
 }
 
 /// What stands in for programs that are not run, and how what stays is waited for and ended.
@@ -93,7 +106,15 @@ impl Script {
             commands,
             rules: Vec::new(),
             replaced: Vec::new(),
+            small_campaign: small_latent_spec("").to_toml(),
+            captures: false,
         }
+    }
+
+    /// Takes another campaign file as `small.toml`.
+    pub fn small_campaign(mut self, toml: String) -> Self {
+        self.small_campaign = toml;
+        self
     }
 
     /// Has lines that begin like this be taken otherwise.
@@ -108,8 +129,33 @@ impl Script {
         self
     }
 
-    /// Runs it, in a folder with the repository's files.
+    /// Runs it. Panics with all of its output if a command fails.
     pub fn run(self) {
+        let (desk, succeeds) = self.run_at_a_desk();
+        let output = fs::read_to_string(desk.path().join("output")).unwrap();
+        assert!(succeeds, "{}:\n{output}", self.name);
+        check_understood(desk.path());
+    }
+
+    /// Runs it; the output of each command, whether or not it fails.
+    pub fn capture(mut self) -> Vec<Captured> {
+        self.captures = true;
+        let (desk, succeeds) = self.run_at_a_desk();
+        let output = fs::read_to_string(desk.path().join("output")).unwrap();
+        assert!(succeeds, "{}:\n{output}", self.name);
+        let captured = |number: usize| {
+            let read = |what: &str| fs::read_to_string(desk.path().join(format!("{number}.{what}")));
+            Captured {
+                stdout: read("log").unwrap(),
+                stderr: read("stderr").unwrap_or_default(),
+                code: read("code").ok().map(|code| code.trim().parse().unwrap()),
+            }
+        };
+        (0..self.commands.len()).map(captured).collect()
+    }
+
+    /// Runs it in a folder of its own, with the repository's files; whether it succeeds.
+    fn run_at_a_desk(&self) -> (TempDir, bool) {
         let desk = tempfile::tempdir().unwrap();
         let work = desk.path().join("work");
         fs::create_dir(&work).unwrap();
@@ -118,11 +164,10 @@ impl Script {
         ] {
             symlink(root().join(name), work.join(name)).unwrap();
         }
-        fs::write(work.join("small.toml"), small_latent_spec("").to_toml()).unwrap();
+        fs::write(work.join("small.toml"), &self.small_campaign).unwrap();
         fs::write(desk.path().join("understood"), "").unwrap();
-        let script = self.text();
-        fs::write(desk.path().join("script"), &script).unwrap();
-        let said = fs::File::create(desk.path().join("said")).unwrap();
+        fs::write(desk.path().join("script"), self.text()).unwrap();
+        let output = fs::File::create(desk.path().join("output")).unwrap();
         let folder = binary("murmuration").parent().unwrap().to_owned();
         let path = format!("{}:{}", folder.display(), std::env::var("PATH").unwrap());
         let mut bash = Command::new("bash");
@@ -133,15 +178,17 @@ impl Script {
         for (name, _) in std::env::vars().filter(|(name, _)| name.starts_with("MURMURATION_")) {
             bash.env_remove(name);
         }
+        // A document's `make` is none of the one that runs this test, whose job server it would wait for.
+        for name in ["MAKEFLAGS", "MFLAGS", "MAKELEVEL"] {
+            bash.env_remove(name);
+        }
         let status = bash
             .stdin(Stdio::null())
-            .stdout(said.try_clone().unwrap())
-            .stderr(said)
+            .stdout(output.try_clone().unwrap())
+            .stderr(output)
             .status()
             .unwrap();
-        let said = fs::read_to_string(desk.path().join("said")).unwrap();
-        assert!(status.success(), "{}:\n{said}", self.name);
-        check_understood(desk.path());
+        (desk, status.success())
     }
 
     fn text(&self) -> String {
@@ -160,13 +207,21 @@ impl Script {
                 })
                 .collect();
             let line = self.filled_in(command);
-            writeln!(script, "echo {} >&2", quoted(&format!("$ {line}"))).unwrap();
+            // With the seconds since its beginning.
+            writeln!(
+                script,
+                "echo \"[$SECONDS s]\" {} >&2",
+                quoted(&format!("$ {line}"))
+            )
+            .unwrap();
             let mut run = true;
             for rule in rules {
                 match rule {
                     Rule::Before(piece) => writeln!(script, "{}", self.filled_in(piece)).unwrap(),
                     Rule::Stays(sign) => {
                         run = false;
+                        // A comment would hide what follows it.
+                        let line = line.split("  # ").next().unwrap_or_default();
                         writeln!(
                             script,
                             "{line} >\"$DESK/{number}.log\" 2>&1 &\nstay {number}.log {}",
@@ -180,7 +235,14 @@ impl Script {
                     }
                 }
             }
-            if run {
+            if run && self.captures {
+                writeln!(
+                    script,
+                    "code=0\n{{\n{line}\n}} >\"$DESK/{number}.log\" 2>\"$DESK/{number}.stderr\" || code=$?\n\
+                     echo $code >\"$DESK/{number}.code\""
+                )
+                .unwrap();
+            } else if run {
                 writeln!(script, "{line}").unwrap();
             }
         }
@@ -231,7 +293,7 @@ fn check_understood(desk: &Path) {
     let commands = recorded.split_terminator("\u{1e}\0");
     for command in commands {
         let words: Vec<&str> = command.split_terminator('\0').collect();
-        if let Err(error) = cli::command().try_get_matches_from(&words) {
+        if let Err(error) = murmuration_program::command().try_get_matches_from(&words) {
             panic!("{words:?}: {error}");
         }
     }

@@ -64,22 +64,3 @@ pub fn prose(text: &str) -> String {
     });
     lines.collect::<Vec<_>>().join("\n")
 }
-
-/// A command can hide from [`crate::commands`] only in a block that is not called `sh`.
-pub fn every_block_says_what_it_is() {
-    for (name, text) in pages() {
-        for (language, lines) in blocks(&text) {
-            let known = ["sh", "toml", "ini", "csv", "text", "python"].contains(&language.as_str());
-            assert!(known, "{name}: a block of {language:?}:\n{}", lines.join("\n"));
-        }
-        let mut above = "";
-        for line in prose(&text).lines() {
-            let is_block = line.starts_with("    ") && above.is_empty();
-            assert!(
-                !is_block || line.trim().is_empty(),
-                "{name}: an indented block:\n{line}"
-            );
-            above = if line.trim().is_empty() { "" } else { "text" };
-        }
-    }
-}
