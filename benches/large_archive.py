@@ -6,7 +6,7 @@
 
 It fills a data directory with made-up individuals (`coordinator/store/examples/fill.rs`), all but the last generation; with
 --evaluated a campaign of null evaluations runs instead, over gRPC and from its first generation to its last, in generations of
-1,000 (`murmuration bench cluster --keep`). It prints a table. Each item is a fresh process. `serve` finishes the campaign: it is
+1,000 (`murmuration lab bench cluster --keep`). It prints a table. Each item is a fresh process. `serve` finishes the campaign: it is
 killed with SIGKILL once it answers, and started again. The page is asked for ten times a second while the map is made: the
 longest wait says who holds up whom.
 """
@@ -122,7 +122,7 @@ def measure(programs, count, folder, evaluated):
     print(f"\n{count:,} individuals\n\n| item | s | CPU, s | MiB | |\n|---|--:|--:|--:|---|")
     campaign = EVALUATED if evaluated else MADE_UP
     if evaluated:
-        command = ["bench", "cluster", "--generations", 1, "--rounds", 1, "--null-generations", count // 1000, "--keep", data]
+        command = ["lab", "bench", "cluster", "--generations", 1, "--rounds", 1, "--null-generations", count // 1000, "--keep", data]
         run("null evaluations", programs / "murmuration", *command)
     else:
         run("fill", programs / "examples/fill", data, count)

@@ -98,7 +98,7 @@ def ray_tasks(generations):
 
 
 def murmuration(binary, generations):
-    command = [binary, "bench", "cluster", "--json", "--rounds", "1", "--generations", "1"]
+    command = [binary, "lab", "bench", "cluster", "--json", "--rounds", "1", "--generations", "1"]
     command += ["--null-generations", str(generations)]
     lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
     figures = next(row for row in map(json.loads, lines) if row["what"] == "null evaluations")

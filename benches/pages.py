@@ -105,11 +105,6 @@ class Interactions:
         said = [{"index": next(self.fresh), "answer": ["milling", "dispersal", "random"][number % 3]}]
         return {"request_id": f"bench-{secrets.token_hex(8)}", "annotator": "Ana", "answers": said}
 
-    def comparison(self, number):
-        reference, left, right = (next(self.fresh) for _ in range(3))
-        said = {"reference": reference, "left": left, "right": right, "preference": ["left", "right"][number % 2]}
-        return {"request_id": f"bench-{secrets.token_hex(8)}", "annotator": "Ana", **said}
-
     def change(self, **change):
         return {"request_id": f"bench-{secrets.token_hex(8)}", "annotator": "Ana", "change": change}
 
@@ -123,7 +118,7 @@ class Interactions:
 
     def all(self):
         """By name."""
-        names = ["", "/map", "/label", "/sheet", "/comparisons", "/answers", "/classes", "/taxonomy", "/taxonomy/changes"]
+        names = ["", "/map", "/label", "/sheet", "/answers", "/classes", "/taxonomy", "/taxonomy/changes"]
         pages = {f"the page {name or '/'}": self.get(CAMPAIGN + name) for name in names}
         return {
             "the list of campaigns": self.get("/"),
@@ -136,8 +131,6 @@ class Interactions:
             f"a lasso: {GALLERY} pictures, {CONNECTIONS} at a time": self.gallery,
             "the next questions": self.post("/questions", self.question),
             "an answer": self.post("/labels", self.answer),
-            "the next three to compare": self.post("/comparisons/question", lambda _: {"annotator": "Ana"}),
-            "a comparison": self.post("/comparisons", self.comparison),
             "the labels that stand": self.get(CAMPAIGN + "/labels"),
             "the answers that stand, with who and when": self.get(CAMPAIGN + "/answers/standing"),
             "the classes and their pictures": self.get(CAMPAIGN + "/classes/details"),

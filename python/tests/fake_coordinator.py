@@ -62,7 +62,6 @@ def honest() -> Told:
     robust = [2, 1, 0, 2]
     taxonomy = v1.Taxonomy(medoids=[_medoid(0), _medoid(3)], clusters=[0, 0, 1, 1], loss=0.5, robust_trials=robust)
     answer = labels.Answer(index=1, answer="milling", annotator="ana", time_ms=1)
-    triple = labels.Comparison(triple=labels.Triple(reference=0, left=1, right=2), preference=labels.PREFERENCE_LEFT)
     result = evaluation.EvaluateResult(trials=[_trial(), _trial()])
     poses = [0.5] * (HORIZON + 1) * ROBOTS * 3
     return {
@@ -81,9 +80,6 @@ def honest() -> Told:
         ],
         "CampaignService/GetReplay": [v1.Replay(steps=[0, 1, HORIZON], poses=poses, agents=ROBOTS)],
         "LabelService/ListLabels": [labels.ListLabelsResponse(labels=[labels.Label(entry=0, answer=answer)])],
-        "LabelService/ListLabelEntries": [
-            labels.ListLabelEntriesResponse(entries=[labels.LabelEntry(number=1, annotator="ana", compare=triple)])
-        ],
         "EvaluationService/Evaluate": [evaluation.EvaluateResponse(results=[result, result], side=SIDE)],
         "EvaluationService/Simulate": [
             evaluation.Motion(agents=ROBOTS, poses=[0.5] * ROBOTS * 3) for _ in range(HORIZON + 1)

@@ -22,7 +22,6 @@ TWO = [GENES, GENES]
 ARCHIVE = "CampaignService/GetArchive"
 CAMPAIGN = "CampaignService/GetCampaign"
 CAMPAIGNS = "CampaignService/ListCampaigns"
-COMPARISONS = "LabelService/ListLabelEntries"
 DIGEST = "CampaignService/GetDigest"
 EVALUATE = "EvaluationService/Evaluate"
 GENERATIONS = "CampaignService/ListGenerations"
@@ -38,7 +37,6 @@ CALLS: dict[str, Call] = {
     "archive": lambda client: client.campaign(ID).archive(),
     "campaign": lambda client: client.campaign(ID).state,
     "campaigns": lambda client: client.campaigns(),
-    "comparisons": lambda client: client.campaign(ID).comparisons().to_pylist(),
     "digest": lambda client: client.campaign(ID).digest(),
     "embedder": lambda client: client.campaign(ID).embedder("never.onnx"),
     "evaluate": lambda client: client.evaluate(ROBOT, TWO, pictures=True),
@@ -74,7 +72,6 @@ LIES: list[tuple[str, str, Callable[[Any], object], str]] = [
     ("campaign", CAMPAIGN, lambda it: it.MergeFrom(v1.Campaign(id="other-2")), "asked for campaign told-1, and"),
     ("campaign", CAMPAIGN, lambda it: it.ClearField("id"), "has the id '', which is not NAME-N"),
     ("campaigns", CAMPAIGNS, lambda it: it[0].campaigns.add(id="--data=x-1"), "the id '--data"),
-    ("comparisons", COMPARISONS, lambda it: it[0].entries[0].MergeFrom(labels.LabelEntry(time_ms=1 << 63)), "a time"),
     ("digest", DIGEST, lambda it: it.ClearField("digest"), "the digest of told-1 is '', and"),
     ("embedder", CAMPAIGN, lambda it: it.MergeFrom(v1.Campaign(checkpoint="--help")), "the checkpoint of told-1"),
     ("evaluate", EVALUATE, lambda it: it.append(it[0]), "more than 2 results came for 2 controllers"),
@@ -177,11 +174,8 @@ def test_states_and_stages_of_a_newer_coordinator_are_unknown(client: mm.Client,
     assert raised.value.state == "unknown"
 
 
-def test_preferences_and_verdicts_of_a_newer_coordinator_are_unknown(client: mm.Client, told: Told) -> None:
-    comparison = labels.Comparison(preference=99)  # type: ignore[arg-type]
-    told[COMPARISONS][0].entries[0].compare.MergeFrom(comparison)
+def test_verdicts_of_a_newer_coordinator_are_left_out(client: mm.Client, told: Told) -> None:
     first(told[ARCHIVE]).MergeFrom(v1.Individual(verdicts=[99]))  # type: ignore[list-item]
-    assert client.campaign(ID).comparisons()["answer"].to_pylist() == ["unknown"]
     assert client.campaign(ID).archive().num_rows == 4
 
 

@@ -3,7 +3,6 @@
 import json
 import threading
 import time
-import uuid
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ from conftest import SPEC
 from murmuration import _programs as programs
 from murmuration._progress import step_of
 from murmuration.v1 import campaign_pb2 as v1
-from murmuration.v1 import label_pb2 as labels
 
 
 def test_a_file_and_a_dict_and_the_specification_filled_in_are_the_same_campaign(
@@ -225,35 +223,6 @@ def test_trials_and_species_have_columns_and_channels(client: mm.Client) -> None
     assert taxonomy.robustness is not None
     assert set(np.round(taxonomy.robustness * 3, 6)) <= {0.0, 1.0, 2.0, 3.0}
     assert "<img" in taxonomy._repr_html_()
-
-
-def test_comparisons_stand_until_they_are_replaced_or_withdrawn(client: mm.Client) -> None:
-    spec = SPEC | {"search": {"population": 10, "generations": 1}, "taxonomy": {"medoids": 2}}
-    campaign = client.run(spec)
-    assert campaign.comparisons().num_rows == 0
-
-    def compare(triple: tuple[int, int, int], preference: labels.Preference) -> None:
-        reference, left, right = triple
-        asked = labels.Triple(reference=reference, left=left, right=right)
-        request = labels.AnswerComparisonRequest(
-            campaign=campaign.id,
-            request_id=str(uuid.uuid4()),
-            annotator="ana",
-            comparison=labels.Comparison(triple=asked, preference=preference),
-        )
-        client.rpc.call("LabelService/AnswerComparison", request, labels.AnswerComparisonResponse)
-
-    compare((0, 1, 2), labels.PREFERENCE_LEFT)
-    compare((3, 4, 5), labels.PREFERENCE_NEITHER)
-    # The same question with its sides exchanged, and one that is withdrawn.
-    compare((0, 2, 1), labels.PREFERENCE_LEFT)
-    compare((6, 7, 8), labels.PREFERENCE_RIGHT)
-    request = labels.WithdrawComparisonRequest(campaign=campaign.id, request_id=str(uuid.uuid4()), annotator="ana")
-    client.rpc.call("LabelService/WithdrawComparison", request, labels.WithdrawComparisonResponse)
-    # A label is not a comparison.
-    campaign.label({3: "milling"}, annotator="ana")
-    standing = campaign.comparisons().select(["reference", "left", "right", "answer", "annotator"]).to_pylist()
-    assert [tuple(row.values()) for row in standing] == [(3, 4, 5, "neither", "ana"), (0, 2, 1, "left", "ana")]
 
 
 def test_the_last_class_that_was_given_counts(client: mm.Client) -> None:

@@ -289,21 +289,6 @@ class Campaign:
         """
         return tables.answers(self._standing())
 
-    def comparisons(self) -> pa.Table:
-        """The standing comparisons of all annotators, by entry: which of two individuals is more like a third.
-
-        Returns:
-            A table: `reference`, `left` and `right`, indices of individuals; `answer`, `left`, `right` or `neither`;
-            `annotator`; `time`; `entry`, its place in the label log.
-
-        Example:
-            >>> campaign.comparisons().column_names
-            ['reference', 'left', 'right', 'answer', 'annotator', 'time', 'entry']
-        """
-        request = label_v1.ListLabelEntriesRequest(campaign=self.id)
-        log = self._client.rpc.whole("LabelService/ListLabelEntries", request, label_v1.ListLabelEntriesResponse)
-        return tables.comparisons(log.entries)
-
     def label(self, answers: Mapping[int, str], *, annotator: str) -> None:
         """Adds answers about individuals: all of them, or none if one is refused.
 
@@ -370,10 +355,11 @@ class Campaign:
         return Path(written)
 
     def export(self, folder: str | os.PathLike[str], *, csv: bool = False, force: bool = False) -> Path:
-        """Writes everything of the campaign to a folder of open formats, also while it runs, and returns the folder.
+        """Writes everything of the campaign to a folder, also while it runs, and returns the folder.
 
-        It has the tables of individuals, labels and generations as Parquet, the pictures as NPZ, the embedders as ONNX,
-        the specification, a README about every column, and a datasheet. `Client.import_campaign` takes it back.
+        It has the campaign as one SQLite database, which `Client.import_campaign` takes back. The other files are to be
+        read elsewhere: individuals, labels and generations as Parquet, pictures as NPZ, embedders as ONNX, the
+        specification, a README about every column, and a datasheet.
 
         Args:
             folder: A new folder.
@@ -424,8 +410,7 @@ class Campaign:
         Follow it with `wait`.
 
         Raises:
-            RefusedError: If the campaign has no embedder, or its labels name fewer than two classes and no comparison
-                says anything.
+            RefusedError: If the campaign has no embedder, or its labels name fewer than two classes.
         """
         self._client.rpc.call("CampaignService/RefineCampaign", v1.RefineCampaignRequest(campaign=self.id), v1.Campaign)
 

@@ -362,7 +362,7 @@ def connect(
     """
     url = text("url", url)
     if url.lower().startswith("https://") and ca is None:
-        raise InvalidError("ca = nothing: must be the file of a certificate, where the URL begins with https://")
+        raise InvalidError("ca is missing: must be the file of a certificate, where the URL begins with https://")
     client = Client(url, ca=Path(path("ca", ca)).absolute() if ca is not None else None, token=token, programs=programs)
     try:
         client._found("latest", _SECONDS_TO_ANSWER)

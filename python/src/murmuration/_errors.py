@@ -7,6 +7,7 @@ import re
 import grpc
 
 _VALUE = re.compile(r"(?P<field>[\w.\[\]-]+) = (?P<value>.*): must be (?P<limit>.*)", re.DOTALL)
+_MISSING = re.compile(r"(?P<field>[\w.\[\]-]+) is missing: must be (?P<limit>.*)", re.DOTALL)
 _TYPE = re.compile(r"(?P<field>[\w.\[\]-]+) must be (?P<limit>.*), not (?P<value>.*)", re.DOTALL)
 _UNKNOWN = re.compile(r"unknown field `(?P<name>[^`]*)`(?: in \[(?P<section>[^]]*)\])?(?P<limit>.*)", re.DOTALL)
 
@@ -20,7 +21,7 @@ class InvalidError(MurmurationError, ValueError):
 
     Attributes:
         field: The field, as in a campaign file (`search.population`); None where the coordinator does not name one.
-        value: The value, as text; None where the coordinator does not repeat it.
+        value: The value, as text; None where it is missing or the coordinator does not repeat it.
         limit: What is allowed, such as `a whole number from 1 to 100000`; None where the coordinator does not say it.
 
     Example:
@@ -40,6 +41,8 @@ class InvalidError(MurmurationError, ValueError):
         sentence = said.rsplit("\n", 1)[-1]
         if found := _VALUE.search(sentence) or _TYPE.search(sentence):
             self.field, self.value, self.limit = found["field"], found["value"], found["limit"]
+        elif found := _MISSING.search(sentence):
+            self.field, self.limit = found["field"], found["limit"]
         elif found := _UNKNOWN.search(sentence):
             section = found["section"]
             self.field = f"{section}.{found['name']}" if section else found["name"]

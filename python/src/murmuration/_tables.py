@@ -191,32 +191,6 @@ def answers(standing: Sequence[labels.Label]) -> pa.Table:
     )
 
 
-def comparisons(log: Sequence[labels.LabelEntry]) -> pa.Table:
-    """The table of standing comparisons of a label log, in its order."""
-    # What a later comparison replaced, or a person withdrew.
-    past = {entry.supersedes for entry in log if entry.HasField("supersedes")}
-    standing = [entry for entry in log if entry.HasField("compare") and entry.number not in past]
-    asked = [entry.compare.triple for entry in standing]
-    preferences = (entry.compare.preference for entry in standing)
-    times = (answers_.time(entry.time_ms) for entry in standing)
-    return _table(
-        [
-            _column("reference", pa.uint64(), (one.reference for one in asked), about="place in the archive"),
-            _column("left", pa.uint64(), (one.left for one in asked), about="place in the archive"),
-            _column("right", pa.uint64(), (one.right for one in asked), about="place in the archive"),
-            _column(
-                "answer",
-                pa.string(),
-                (answers_.word(labels.Preference.Name, one, "PREFERENCE_") for one in preferences),
-                about="which is more like the reference: `left`, `right` or `neither`",
-            ),
-            _column("annotator", pa.string(), (entry.annotator for entry in standing)),
-            _column("time", pa.timestamp("ms", tz="UTC"), times),
-            _column("entry", pa.uint64(), (entry.number for entry in standing), about="place in the label log, from 0"),
-        ]
-    )
-
-
 def generations(summaries: Sequence[v1.GenerationSummary]) -> pa.Table:
     """The table of generations."""
     return _table(
