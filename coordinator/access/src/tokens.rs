@@ -1,7 +1,8 @@
 //! The tokens file: the holders of tokens, their roles, and the digests of the tokens, never the tokens themselves.
 
 use super::Role;
-use murmuration_link::{InputKind, TokenDigest, read_text};
+use murmuration_files::{InputKind, read_text};
+use murmuration_link::TokenDigest;
 use murmuration_proto::{Invalid, grouped, text};
 use serde::{Deserialize, Serialize};
 use std::{

@@ -1,6 +1,6 @@
 //! Reads grey images for embedders from PNG files.
 
-use murmuration_link::{InputKind, read_bytes};
+use murmuration_files::{InputKind, read_bytes};
 use murmuration_proto::onnx::ImageShape;
 use std::{io::Cursor, path::Path};
 

@@ -1,7 +1,7 @@
 //! Labelled sets: a label file with pictures beside it, or with the data to simulate them again.
 
 use super::grey_image::pixels;
-use murmuration_link::{InputKind, read_bytes};
+use murmuration_files::{InputKind, read_bytes};
 use murmuration_model::labels::{Answer, ClassKey, LabelFile, LabelFileError, Row};
 use murmuration_proto::{Class, Features, ImageFormat, Invalid, onnx::ImageShape};
 use murmuration_sim::evaluate::Evaluator;

@@ -1,21 +1,18 @@
 //! `BLAKE3SUMS`: the digest of every file of an export, a line each, as `b3sum --check` reads them.
 
 use crate::{CAMPAIGN, DATABASE, ExportError, SPEC};
-use murmuration_proto::text;
+use murmuration_files::{digest_of, listed_file};
 use std::{
     collections::BTreeMap,
     fs::{self, File},
     io,
-    path::{Component, Path},
+    path::Path,
 };
 
 /// The name of the list.
 pub(crate) const FILE: &str = "BLAKE3SUMS";
 /// Most bytes of the list: some 1,000 checkpoints with their descriptions.
 const MAX_BYTES: u64 = 1 << 20;
-
-/// Most characters of a path in the list.
-const MAX_NAME_CHARS: usize = 200;
 
 /// The digests of the files of a folder, by path within it.
 #[derive(Debug, Default)]
@@ -62,7 +59,7 @@ impl Digests {
         let text = fs::read_to_string(&path).map_err(ExportError::file("read", &path))?;
         let mut digests = BTreeMap::new();
         for line in text.lines() {
-            let (digest, name) = entry(line)
+            let (digest, name) = listed_file(line)
                 .ok_or_else(|| ExportError::damaged(&path, "a line of it is no digest and name of a file"))?;
             if digests.insert(name.to_owned(), digest).is_some() {
                 return Err(ExportError::damaged(&path, format!("{name} is listed twice")));
@@ -104,7 +101,7 @@ pub(crate) fn is_alone(folder: &Path) -> io::Result<bool> {
     let text = String::from_utf8_lossy(&fs::read(&list)?).into_owned();
     let listed: BTreeMap<&str, blake3::Hash> = text
         .lines()
-        .filter_map(entry)
+        .filter_map(listed_file)
         .map(|(digest, name)| (name, digest))
         .collect();
     let is_listed = |name| listed.contains_key(name);
@@ -137,16 +134,6 @@ pub(crate) fn is_alone(folder: &Path) -> io::Result<bool> {
     Ok(true)
 }
 
-/// A line of the list; a path must stay within the folder, and have nothing that cannot be seen.
-fn entry(line: &str) -> Option<(blake3::Hash, &str)> {
-    let (digest, name) = line.split_once("  ")?;
-    let mut parts = Path::new(name).components();
-    let is_within = !name.is_empty() && parts.all(|part| matches!(part, Component::Normal(_)));
-    let can_be_seen = text::name("name", name, MAX_NAME_CHARS).is_ok_and(|shown| shown == name);
-    let digest = blake3::Hash::from_hex(digest).ok()?;
-    (is_within && can_be_seen).then_some((digest, name))
-}
-
 /// Opens a file of an export: neither a link, nor a folder, nor a device.
 pub(crate) fn open(path: &Path) -> Result<File, ExportError> {
     let found = fs::symlink_metadata(path).map_err(ExportError::file("read", path))?;
@@ -157,37 +144,12 @@ pub(crate) fn open(path: &Path) -> Result<File, ExportError> {
 }
 
 fn digest(path: &Path) -> Result<blake3::Hash, ExportError> {
-    let file = open(path)?;
-    let mut hasher = blake3::Hasher::new();
-    hasher
-        .update_reader(file)
-        .map_err(ExportError::file("read", path))?;
-    Ok(hasher.finalize())
+    digest_of(open(path)?).map_err(ExportError::file("read", path))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_path_stays_within_the_folder() {
-        let digest = blake3::hash(b"").to_hex();
-        for name in ["README.md", "checkpoints/a.onnx"] {
-            assert_eq!(entry(&format!("{digest}  {name}")).unwrap().1, name);
-        }
-        for name in [
-            "",
-            "/etc/passwd",
-            "../secret",
-            "checkpoints/../../secret",
-            "./README.md",
-            "a\u{1b}[2Jb",
-            "a\u{202e}b",
-        ] {
-            assert!(entry(&format!("{digest}  {name}")).is_none(), "{name}");
-        }
-        assert!(entry("no digest  README.md").is_none() && entry("README.md").is_none());
-    }
 
     #[test]
     fn an_export_with_anything_else_beside_it_is_not_alone() {

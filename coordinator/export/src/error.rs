@@ -78,7 +78,14 @@ impl ExportError {
         move |error| Self::File {
             doing: "write",
             path: path.clone(),
-            source: io::Error::other(error),
+            source: match error {
+                // The library's own words show the system's error as a Rust value.
+                ParquetError::External(error) => match error.downcast::<io::Error>() {
+                    Ok(error) => *error,
+                    Err(error) => io::Error::other(error),
+                },
+                error => io::Error::other(error),
+            },
         }
     }
 
@@ -94,7 +101,10 @@ impl ExportError {
         move |error| Self::File {
             doing: "write",
             path: path.clone(),
-            source: io::Error::other(error),
+            source: match error {
+                ZipError::Io(error) => error,
+                error => io::Error::other(error),
+            },
         }
     }
 }

@@ -1,34 +1,20 @@
 //! Where the folder of an export is filled, and how it gets its name: whole, or not at all.
 
 use crate::{CHECKPOINTS, ExportError, digests};
+use murmuration_files::{UnfinishedFolder, remove_leftovers};
 use murmuration_store::files::is_empty;
 use std::{
     env,
-    fs::{self, File, Permissions, TryLockError},
+    fs::{self, File, Permissions},
     io,
     os::unix::fs::PermissionsExt as _,
     path::{Path, PathBuf},
 };
-use tempfile::TempDir;
 
 /// What the name of a folder begins with that is being filled.
 const PREFIX: &str = ".murmuration-export-";
-/// How often a folder is made that disappears.
-const ATTEMPTS: u32 = 8;
-/// A former export on its way out, beside the new one.
+/// Extension of a former export on its way out, beside the new one: nobody knows whether the new one got its name.
 const REPLACED: &str = "replaced";
-
-/// A folder that is being filled. The lock on it says that its process lives.
-pub(crate) struct Filled {
-    folder: TempDir,
-    _lock: File,
-}
-
-impl Filled {
-    pub(crate) fn path(&self) -> &Path {
-        self.folder.path()
-    }
-}
 
 /// The place for an export, from the root on and without links: it must be empty or not exist, unless an export in it is to be
 /// replaced.
@@ -47,7 +33,7 @@ fn target_seen_from(current: &Path, target: &Path, replaces: bool) -> Result<Pat
     if whole.is_file() {
         return Err(failed(io::Error::other("it is a file: name a new folder")));
     }
-    remove_leftovers(&whole);
+    remove_leftovers(&whole, PREFIX);
     if is_empty(&whole).map_err(failed)? {
         return Ok(whole);
     }
@@ -65,29 +51,14 @@ fn target_seen_from(current: &Path, target: &Path, replaces: bool) -> Result<Pat
 
 /// A new folder in the empty folder `target`, or else beside the place that it will have. Those that processes left there which
 /// have ended are removed.
-pub(crate) fn new_folder(target: &Path) -> Result<Filled, ExportError> {
+pub(crate) fn new_folder(target: &Path) -> Result<UnfinishedFolder, ExportError> {
     let folder_of_it =
         match is_empty(target).map_err(ExportError::file("look into", target))? && target.is_dir() {
             true => target,
             false => parent(target),
         };
     fs::create_dir_all(folder_of_it).map_err(ExportError::file("make", folder_of_it))?;
-    remove_leftovers(folder_of_it);
-    for _ in 0..ATTEMPTS {
-        let folder = tempfile::Builder::new()
-            .prefix(PREFIX)
-            .permissions(Permissions::from_mode(0o755))
-            .tempdir_in(folder_of_it)
-            .map_err(ExportError::file("make a folder in", folder_of_it))?;
-        // Another process may have taken it for one that was left, and may have removed it.
-        let lock = File::open(folder.path()).and_then(|lock| Ok(lock.try_lock().map(|()| lock)?));
-        match lock {
-            Ok(lock) if folder.path().exists() => return Ok(Filled { folder, _lock: lock }),
-            _ => {}
-        }
-    }
-    let error = io::Error::other("its file system knows no locks, or it is removed again and again");
-    Err(ExportError::file("make a folder in", folder_of_it)(error))
+    UnfinishedFolder::new(folder_of_it, PREFIX).map_err(ExportError::file("make a folder in", folder_of_it))
 }
 
 fn parent(target: &Path) -> &Path {
@@ -97,32 +68,8 @@ fn parent(target: &Path) -> &Path {
     }
 }
 
-/// Removes the folders in `parent` that were being filled by processes which have ended. A former export that was to be replaced
-/// stays: nobody knows whether the new one got its name.
-fn remove_leftovers(parent: &Path) {
-    let entries = fs::read_dir(parent).into_iter().flatten().flatten();
-    for entry in entries {
-        let (name, path) = (entry.file_name(), entry.path());
-        let name = name.to_string_lossy();
-        if !name.starts_with(PREFIX)
-            || name.ends_with(REPLACED)
-            || !entry.file_type().is_ok_and(|kind| kind.is_dir())
-        {
-            continue;
-        }
-        let held = File::open(&path).map(|folder| match folder.try_lock() {
-            Ok(()) => Some(folder),
-            Err(TryLockError::WouldBlock | TryLockError::Error(_)) => None,
-        });
-        if let Ok(Some(_held)) = held {
-            // What cannot be removed is in nobody's way.
-            let _ = fs::remove_dir_all(&path);
-        }
-    }
-}
-
 /// Gives a whole folder its name; what had the name before is removed then.
-pub(crate) fn place(folder: Filled, target: &Path) -> Result<(), ExportError> {
+pub(crate) fn place(folder: UnfinishedFolder, target: &Path) -> Result<(), ExportError> {
     let checkpoints = folder.path().join(CHECKPOINTS);
     if checkpoints.is_dir() {
         sync(&checkpoints)?;
@@ -131,8 +78,7 @@ pub(crate) fn place(folder: Filled, target: &Path) -> Result<(), ExportError> {
     if folder.path().parent() == Some(target) {
         return move_up(folder.path(), target);
     }
-    let Filled { folder, _lock } = folder;
-    let folder = folder.keep();
+    let (folder, _lock) = folder.keep();
     let placed = rename(&folder, target);
     if placed.is_err() {
         // What is half there is in the way of the next try; what cannot be removed is said then.
@@ -289,20 +235,5 @@ mod tests {
         assert!(matches!(failed, ExportError::File { .. }), "{failed}");
         assert_eq!(fs::read_to_string(target.join("README.md")).unwrap(), "old");
         assert_eq!(names(folder.path()), ["export"]);
-    }
-
-    #[test]
-    fn folders_of_processes_that_have_ended_are_removed() {
-        let folder = tempfile::tempdir().unwrap();
-        let target = folder.path().join("export");
-        let left = folder.path().join(format!("{PREFIX}left"));
-        fs::create_dir(&left).unwrap();
-        fs::write(left.join("individuals.parquet"), "half").unwrap();
-        let other = new_folder(&target).unwrap();
-        assert!(!left.exists());
-        let own = new_folder(&target).unwrap();
-        assert!(other.path().exists(), "its process lives");
-        drop((own, other));
-        assert_eq!(names(folder.path()), Vec::<String>::new());
     }
 }

@@ -10,9 +10,10 @@ use crate::{
     digests::{self, Digests},
     individuals, labels,
     pictures::PictureWriter,
-    placing::{self, Filled, place},
+    placing::{self, place},
     small_tables,
 };
+use murmuration_files::UnfinishedFolder;
 use murmuration_model::ExportedCampaign;
 use murmuration_store::transfer::ReceivedCampaign;
 use std::{
@@ -34,7 +35,7 @@ pub struct Exported {
 /// A folder that is being filled, beside the place that it will have.
 pub struct NewFolder {
     target: PathBuf,
-    folder: Filled,
+    folder: UnfinishedFolder,
     database: File,
     with_csv: bool,
 }

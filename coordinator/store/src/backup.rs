@@ -13,7 +13,7 @@ use crate::{
     files::{self, is_empty, is_there, without_links},
 };
 use bytes::Bytes;
-use murmuration_link::{InputKind, read_bytes};
+use murmuration_files::{InputKind, read_bytes};
 use murmuration_model::study_files::STUDIES;
 use murmuration_proto::CheckpointDigest;
 use serde::{Deserialize, Serialize};

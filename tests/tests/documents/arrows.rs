@@ -13,8 +13,9 @@ use std::{collections::BTreeMap, fs};
 pub const FLOORS: &[(&str, u8)] = &[
     ("proto", 0),
     ("worker/embed", 1),
-    ("worker/link", 1),
+    ("worker/files", 1),
     ("worker/judge", 1),
+    ("worker/link", 2),
     ("worker/sim", 2),
     ("trainer/train", 2),
     ("coordinator/search", 2),

@@ -1,6 +1,7 @@
 //! The credentials of a process towards a coordinator, and its trust in one: certificates and a token, from files.
 
-use crate::{InputKind, Token, TokenError, read_text};
+use crate::{Token, TokenError};
+use murmuration_files::{InputKind, read_text};
 use murmuration_proto::text::masked_url;
 use std::{
     env, io,

@@ -8,7 +8,6 @@ mod backoff;
 mod checkpoints;
 mod credentials;
 mod health;
-mod input;
 mod link;
 mod output;
 mod process;
@@ -23,7 +22,7 @@ pub use credentials::{
     root_cause,
 };
 pub use health::{Health, READY};
-pub use input::{InputKind, TooLong, read_bytes, read_text, text_of};
+pub use murmuration_files::{InputKind, TooLong, read_bytes, read_text, text_of};
 pub use link::{Broken, Link};
 pub use output::{OutputError, parse_arguments, print, say};
 pub use process::{PeerArguments, Post, run_peer};

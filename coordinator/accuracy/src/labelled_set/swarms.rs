@@ -1,7 +1,7 @@
 //! Labelled swarms, to simulate them again.
 
 use super::{Behaviour, LabelledSet, Row};
-use murmuration_link::{InputKind, read_bytes};
+use murmuration_files::{InputKind, read_bytes};
 use murmuration_model::labels::{LabelFile, LabelFileError};
 use murmuration_proto::{Controller, World};
 use murmuration_sim::simulate::Start;

@@ -1,0 +1,450 @@
+//! A folder of files that one command writes, such as a report, and the list of them by which a later command knows its own.
+
+use crate::{listed::digest_of, listed::listed_file, new_file::write_file, unfinished::UnfinishedFolder};
+use murmuration_proto::counted;
+use std::{
+    collections::BTreeMap,
+    fmt,
+    fs::{self, File},
+    io::{self, BufWriter, Write},
+    path::{Path, PathBuf},
+};
+
+/// The list of the files that commands wrote into a folder.
+const LIST: &str = ".murmuration-files";
+/// Its first line.
+const EXPLANATION: &str = "# Files that murmuration wrote into this folder, each with its BLAKE3 digest. It replaces and removes no others.";
+/// Most bytes of the list that are read: some 100,000 files.
+const MAX_LIST_BYTES: u64 = 16 << 20;
+/// What the name of a folder begins with that is being filled.
+const UNFINISHED: &str = ".murmuration-unfinished-";
+/// Most files that an error names.
+const NAMED: usize = 8;
+
+/// A folder being filled. Its files lie in a hidden folder within it until [`Folder::finish`] gives them their names.
+///
+/// The folder may hold files of its owner. `finish` replaces a file, or removes one that this command did not write again, only if the
+/// folder's list names it and its bytes are those that were written; otherwise nothing changes. So the files of an earlier report go,
+/// and nothing else does.
+#[derive(Debug)]
+pub struct Folder {
+    path: PathBuf,
+    unfinished: UnfinishedFolder,
+    /// The files of this folder that were written, the last one last.
+    files: Vec<(String, blake3::Hash)>,
+    /// Whether files of ours are replaced that somebody changed.
+    replaces_changed: bool,
+}
+
+/// Why a folder was not filled.
+#[derive(Debug, thiserror::Error)]
+pub enum FolderError {
+    #[error("cannot write {}: {source}", path.display())]
+    Write { path: PathBuf, source: io::Error },
+    /// Files of its owner have the names of new ones.
+    #[error(
+        "cannot write into {}: murmuration did not write {}, which {} in the way: name another folder, or move what is there",
+        folder.display(),
+        Names(names),
+        if names.len() == 1 { "is" } else { "are" }
+    )]
+    Foreign { folder: PathBuf, names: Vec<String> },
+    /// Somebody changed files that an earlier command wrote.
+    #[error(
+        "cannot write into {}: {} changed since murmuration wrote {}: name another folder, or replace {} with --force",
+        folder.display(),
+        Names(names),
+        if names.len() == 1 { "it" } else { "them" },
+        if names.len() == 1 { "it" } else { "them" }
+    )]
+    Changed { folder: PathBuf, names: Vec<String> },
+}
+
+/// The first of some names, and the number of the others.
+struct Names<'a>(&'a [String]);
+
+impl fmt::Display for Names<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (named, others) = self.0.split_at(self.0.len().min(NAMED));
+        f.write_str(&named.join(", "))?;
+        match others.len() {
+            0 => Ok(()),
+            more => write!(f, " and {}", counted(more as u64, "other file")),
+        }
+    }
+}
+
+/// Files by path within a folder, each with the digests that it may have.
+type Listed = BTreeMap<String, Vec<blake3::Hash>>;
+
+impl Folder {
+    /// Begins to fill `path`, which is made if it does not exist. With `replaces_changed`, files of an earlier command are replaced
+    /// although somebody changed them.
+    ///
+    /// # Errors
+    /// [`FolderError::Write`] if nothing can be written there.
+    pub fn create(path: &Path, replaces_changed: bool) -> Result<Self, FolderError> {
+        let begun = fs::create_dir_all(path).and_then(|()| UnfinishedFolder::new(path, UNFINISHED));
+        Ok(Self {
+            unfinished: begun.map_err(failed(path))?,
+            path: path.to_owned(),
+            files: Vec::new(),
+            replaces_changed,
+        })
+    }
+
+    /// Writes a file of text; `name` is its path within the folder.
+    ///
+    /// # Errors
+    /// [`FolderError::Write`].
+    pub fn text(&mut self, name: &str, text: &str) -> Result<(), FolderError> {
+        self.bytes(name, text.as_bytes())
+    }
+
+    /// Writes a file.
+    ///
+    /// # Errors
+    /// [`FolderError::Write`].
+    pub fn bytes(&mut self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
+        self.write(name, |file| file.write_all(bytes))
+    }
+
+    /// Writes a file, which `fill` gives its bytes.
+    ///
+    /// # Errors
+    /// [`FolderError::Write`].
+    pub fn write(
+        &mut self,
+        name: &str,
+        fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> Result<(), FolderError> {
+        let path = self.unfinished.path().join(name);
+        let digest = written(&path, fill).map_err(failed(&self.path.join(name)))?;
+        self.files.retain(|(other, _)| other != name);
+        self.files.push((name.to_owned(), digest));
+        Ok(())
+    }
+
+    /// Checks that these files can be written, before the work of making them.
+    ///
+    /// # Errors
+    /// As [`Folder::finish`].
+    pub fn check_names<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<(), FolderError> {
+        let listed = self.listed()?;
+        let mut in_way: Vec<String> = names
+            .into_iter()
+            .filter_map(|name| match self.state_of(name, &listed) {
+                State::Foreign(found) => Some(found),
+                _ => None,
+            })
+            .collect();
+        in_way.dedup();
+        match in_way.is_empty() {
+            true => Ok(()),
+            false => Err(FolderError::Foreign {
+                folder: self.path.clone(),
+                names: in_way,
+            }),
+        }
+    }
+
+    /// Gives the files their names, the one that was written last at the end. Then removes files that an earlier command wrote here,
+    /// that are as it wrote them, and that this one did not write. Returns the paths of the new files in the order of writing.
+    ///
+    /// # Errors
+    /// [`FolderError::Foreign`] or [`FolderError::Changed`] names the files that are in the way; then the folder is as before.
+    pub fn finish(self) -> Result<Vec<PathBuf>, FolderError> {
+        let mut listed = self.listed()?;
+        let names = || self.files.iter().map(|(name, _)| name.as_str());
+        self.check_names(names())?;
+        if !self.replaces_changed {
+            let changed = names().filter(|name| self.state_of(name, &listed) == State::Changed);
+            let changed: Vec<String> = changed.map(str::to_owned).collect();
+            if !changed.is_empty() {
+                return Err(FolderError::Changed {
+                    folder: self.path,
+                    names: changed,
+                });
+            }
+        }
+        let stale: Vec<String> = listed
+            .keys()
+            .filter(|name| !names().any(|new| new == *name))
+            .cloned()
+            .collect();
+        // Old and new: a command that is killed from here on leaves no file that the next one does not know.
+        for (name, digest) in &self.files {
+            listed.entry(name.clone()).or_default().push(*digest);
+        }
+        self.keep_list(&listed)?;
+        for name in names() {
+            let target = self.path.join(name);
+            let moved = match target.parent() {
+                Some(folder) => fs::create_dir_all(folder),
+                None => Ok(()),
+            };
+            let moved = moved.and_then(|()| fs::rename(self.unfinished.path().join(name), &target));
+            moved.map_err(failed(&target))?;
+        }
+        for name in stale {
+            if self.state_of(&name, &listed) == State::Ours {
+                let path = self.path.join(&name);
+                fs::remove_file(&path).map_err(failed(&path))?;
+                // The folder of the file goes with its last file.
+                let _ = path.parent().map(fs::remove_dir);
+            }
+        }
+        let new = self
+            .files
+            .iter()
+            .map(|(name, digest)| (name.clone(), vec![*digest]));
+        self.keep_list(&new.collect())?;
+        Ok(names().map(|name| self.path.join(name)).collect())
+    }
+
+    /// The folder's list; empty if it has none, or something else of that name.
+    fn listed(&self) -> Result<Listed, FolderError> {
+        let path = self.path.join(LIST);
+        let is_list =
+            fs::symlink_metadata(&path).is_ok_and(|found| found.is_file() && found.len() <= MAX_LIST_BYTES);
+        if !is_list {
+            return Ok(Listed::new());
+        }
+        let text = fs::read(&path).map_err(failed(&path))?;
+        let mut listed = Listed::new();
+        for (digest, name) in String::from_utf8_lossy(&text).lines().filter_map(listed_file) {
+            listed.entry(name.to_owned()).or_default().push(digest);
+        }
+        Ok(listed)
+    }
+
+    fn keep_list(&self, listed: &Listed) -> Result<(), FolderError> {
+        let mut text = format!("{EXPLANATION}\n");
+        for (name, digests) in listed {
+            for digest in digests {
+                text += &format!("{}  {name}\n", digest.to_hex());
+            }
+        }
+        let path = self.path.join(LIST);
+        write_file(&path, text).map(drop).map_err(failed(&path))
+    }
+
+    /// What is there under the name of a file.
+    fn state_of(&self, name: &str, listed: &Listed) -> State {
+        let path = self.path.join(name);
+        let above = Path::new(name).ancestors().skip(1);
+        for folder in above.filter(|folder| *folder != Path::new("")) {
+            match fs::symlink_metadata(self.path.join(folder)) {
+                Ok(found) if found.is_dir() => {}
+                Ok(_) => return State::Foreign(folder.display().to_string()),
+                Err(_) => return State::Absent,
+            }
+        }
+        match (fs::symlink_metadata(&path), listed.get(name)) {
+            (Err(error), _) if error.kind() == io::ErrorKind::NotFound => State::Absent,
+            (Ok(found), Some(digests)) if found.is_file() => match File::open(&path).and_then(digest_of) {
+                Ok(digest) if digests.contains(&digest) => State::Ours,
+                _ => State::Changed,
+            },
+            _ => State::Foreign(name.to_owned()),
+        }
+    }
+}
+
+/// What is in the place of a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum State {
+    Absent,
+    /// A file as a command wrote it.
+    Ours,
+    /// A file that a command wrote and somebody changed.
+    Changed,
+    /// Something that no command wrote: the file itself, or what is in place of a folder above it.
+    Foreign(String),
+}
+
+/// Writes a new file, waits until it is on disk, and returns its digest.
+fn written(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<blake3::Hash> {
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder)?;
+    }
+    let mut file = BufWriter::new(File::create(path)?);
+    fill(&mut file)?;
+    file.into_inner()
+        .map_err(io::IntoInnerError::into_error)?
+        .sync_all()?;
+    digest_of(File::open(path)?)
+}
+
+fn failed(path: &Path) -> impl FnOnce(io::Error) -> FolderError {
+    let path = path.to_owned();
+    move |source| FolderError::Write { path, source }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::os::unix::fs::symlink;
+
+    fn fill(path: &Path, files: &[(&str, &str)], force: bool) -> Result<Vec<PathBuf>, FolderError> {
+        let mut folder = Folder::create(path, force)?;
+        for (name, text) in files {
+            folder.text(name, text)?;
+        }
+        folder.finish()
+    }
+
+    /// Every file of a folder but for the list, with its text.
+    fn contents(path: &Path) -> BTreeMap<String, String> {
+        let mut found = BTreeMap::new();
+        let mut folders = vec![path.to_owned()];
+        while let Some(folder) = folders.pop() {
+            for entry in fs::read_dir(folder).unwrap() {
+                let file = entry.unwrap().path();
+                let name = file.strip_prefix(path).unwrap().to_str().unwrap().to_owned();
+                match file.is_dir() {
+                    true => folders.push(file),
+                    false if name == LIST => {}
+                    false => drop(found.insert(name, fs::read_to_string(&file).unwrap())),
+                }
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn a_later_command_replaces_what_an_earlier_one_wrote_and_nothing_else() {
+        let place = tempfile::tempdir().unwrap();
+        let at = |name: &str| place.path().join(name);
+        fs::write(at("recall.csv"), "mine").unwrap();
+        fill(
+            place.path(),
+            &[("a.csv", "1"), ("maps/a.svg", "1"), ("page", "1")],
+            false,
+        )
+        .unwrap();
+        let written = fill(place.path(), &[("b.csv", "2"), ("page", "2")], false).unwrap();
+        assert_eq!(written, [at("b.csv"), at("page")]);
+        let left = contents(place.path());
+        let left: Vec<_> = left
+            .iter()
+            .map(|(name, text)| (name.as_str(), text.as_str()))
+            .collect();
+        assert_eq!(left, [("b.csv", "2"), ("page", "2"), ("recall.csv", "mine")]);
+        assert!(!at("maps").exists());
+    }
+
+    #[test]
+    fn files_of_others_are_named_and_stay() {
+        let place = tempfile::tempdir().unwrap();
+        let at = |name: &str| place.path().join(name);
+        fs::write(at("spec.toml"), "mine").unwrap();
+        fs::create_dir(at("page")).unwrap();
+        let elsewhere = tempfile::tempdir().unwrap();
+        symlink(elsewhere.path(), at("medoids")).unwrap();
+        for force in [false, true] {
+            let new = [
+                ("spec.toml", "new"),
+                ("medoids/1.png", "new"),
+                ("page", "new"),
+                ("x", "new"),
+            ];
+            let refused = fill(place.path(), &new, force).unwrap_err().to_string();
+            assert!(
+                refused.contains("did not write spec.toml, medoids, page, which are in the way"),
+                "{refused}"
+            );
+        }
+        assert_eq!(fs::read_to_string(at("spec.toml")).unwrap(), "mine");
+        assert_eq!(fs::read_dir(elsewhere.path()).unwrap().count(), 0);
+        assert_eq!(fs::read_dir(place.path()).unwrap().count(), 3);
+    }
+
+    #[test]
+    fn a_changed_file_is_replaced_by_force_alone() {
+        let place = tempfile::tempdir().unwrap();
+        let at = |name: &str| place.path().join(name);
+        fill(place.path(), &[("page", "1"), ("table", "1")], false).unwrap();
+        for name in ["page", "table"] {
+            fs::write(at(name), "notes").unwrap();
+        }
+        let refused = fill(place.path(), &[("page", "2")], false).unwrap_err();
+        assert!(
+            matches!(&refused, FolderError::Changed { names, .. } if names == &["page"]),
+            "{refused}"
+        );
+        fill(place.path(), &[("page", "2")], true).unwrap();
+        assert_eq!(fs::read_to_string(at("page")).unwrap(), "2");
+        assert_eq!(
+            fs::read_to_string(at("table")).unwrap(),
+            "notes",
+            "it is no longer ours"
+        );
+        let refused = fill(place.path(), &[("table", "3")], true).unwrap_err();
+        assert!(matches!(refused, FolderError::Foreign { .. }), "{refused}");
+    }
+
+    #[test]
+    fn a_folder_that_is_not_finished_stays_as_it_was() {
+        let place = tempfile::tempdir().unwrap();
+        fill(place.path(), &[("page", "1")], false).unwrap();
+        let mut folder = Folder::create(place.path(), false).unwrap();
+        folder.text("page", "2").unwrap();
+        let full = folder.write("table", |file| {
+            file.write_all(b"half")?;
+            Err(io::ErrorKind::StorageFull.into())
+        });
+        let full = full.unwrap_err().to_string();
+        assert!(
+            full.starts_with(&format!("cannot write {}", place.path().join("table").display())),
+            "{full}"
+        );
+        drop(folder);
+        assert_eq!(
+            contents(place.path()),
+            BTreeMap::from([("page".to_owned(), "1".to_owned())])
+        );
+    }
+
+    #[test]
+    fn a_list_that_somebody_wrote_reaches_nothing_outside() {
+        let place = tempfile::tempdir().unwrap();
+        let outside = place.path().join("outside");
+        fs::write(&outside, "mine").unwrap();
+        let folder = place.path().join("folder");
+        fs::create_dir(&folder).unwrap();
+        let digest = blake3::hash(b"mine").to_hex();
+        let lines = format!("{digest}  ../outside\n{digest}  {}\n", outside.display());
+        fs::write(folder.join(LIST), lines).unwrap();
+        fill(&folder, &[("page", "1")], true).unwrap();
+        assert_eq!(fs::read_to_string(outside).unwrap(), "mine");
+    }
+
+    proptest! {
+        /// Whatever commands write into a folder one after the other, files of its owner stay as they are.
+        #[test]
+        fn files_of_the_owner_stay(
+            owned in prop::collection::btree_map("[a-f]", "[x-z]{0,3}", 0..4),
+            commands in prop::collection::vec((prop::collection::btree_map("[a-h]", "[0-9]{1,3}", 1..5), any::<bool>()), 1..5),
+        ) {
+            let place = tempfile::tempdir().unwrap();
+            for (name, text) in &owned {
+                fs::write(place.path().join(name), text).unwrap();
+            }
+            let mut ours = BTreeMap::new();
+            for (files, force) in commands {
+                let named: Vec<_> = files.iter().map(|(name, text)| (name.as_str(), text.as_str())).collect();
+                let is_free = files.keys().all(|name| !owned.contains_key(name));
+                let filled = fill(place.path(), &named, force);
+                prop_assert_eq!(filled.is_ok(), is_free);
+                if is_free {
+                    ours = files;
+                }
+                let mut expected = owned.clone();
+                expected.extend(ours.clone());
+                prop_assert_eq!(contents(place.path()), expected);
+            }
+        }
+    }
+}

@@ -1,0 +1,232 @@
+//! A file that is written beside its place, and moved there once it is whole and on disk.
+
+use std::{
+    fmt,
+    fs::{self, File, Permissions},
+    io::{self, BufWriter, Write},
+    os::unix::fs::{MetadataExt as _, PermissionsExt as _, fchown},
+    path::{Path, PathBuf},
+};
+use tempfile::NamedTempFile;
+
+/// A file being written. The file that has its name is replaced by [`NewFile::finish`], and stays if that is never called.
+///
+/// A link is followed, and what it leads to is replaced. A device or pipe is written to directly: it has no content to lose. The new
+/// file has the permissions and, where the system allows that, the owner of the file that it replaces.
+#[derive(Debug)]
+pub struct NewFile(Place);
+
+#[derive(Debug)]
+enum Place {
+    Beside {
+        file: BufWriter<NamedTempFile>,
+        target: PathBuf,
+        former: Option<Former>,
+    },
+    Itself {
+        file: BufWriter<File>,
+        path: PathBuf,
+    },
+}
+
+/// What the new file has of the one that it replaces.
+#[derive(Debug)]
+struct Former {
+    user: u32,
+    group: u32,
+    permissions: Permissions,
+}
+
+/// What became of a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Written {
+    New,
+    Replaced,
+}
+
+impl fmt::Display for Written {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::New => "wrote",
+            Self::Replaced => "replaced",
+        })
+    }
+}
+
+impl NewFile {
+    /// Begins the file `path`. Makes the folders above it where they do not exist.
+    ///
+    /// # Errors
+    /// The system's error, or that `path` is a folder.
+    pub fn create(path: &Path) -> io::Result<Self> {
+        let target = match fs::canonicalize(path) {
+            Ok(target) => target,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => path.to_owned(),
+            Err(error) => return Err(error),
+        };
+        let former = match fs::symlink_metadata(&target) {
+            Ok(found) if found.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
+            Ok(found) if found.is_file() => Some(Former {
+                user: found.uid(),
+                group: found.gid(),
+                permissions: found.permissions(),
+            }),
+            // A device, a pipe, or a link to a file that does not exist yet.
+            Ok(_) => {
+                let file = BufWriter::new(File::create(&target)?);
+                return Ok(Self(Place::Itself { file, path: target }));
+            }
+            Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+            Err(error) => return Err(error),
+        };
+        let folder = folder_of(&target);
+        fs::create_dir_all(folder)?;
+        // Temporary files are for their owner's eyes alone; this one becomes a file like any other.
+        let file = tempfile::Builder::new()
+            .permissions(Permissions::from_mode(0o666))
+            .tempfile_in(folder)?;
+        Ok(Self(Place::Beside {
+            file: BufWriter::new(file),
+            target,
+            former,
+        }))
+    }
+
+    /// Where the bytes go until [`NewFile::finish`]: for a program that writes the file itself.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        match &self.0 {
+            Place::Beside { file, .. } => file.get_ref().path(),
+            Place::Itself { path, .. } => path,
+        }
+    }
+
+    /// Waits until the file is on disk, and gives it its name.
+    ///
+    /// # Errors
+    /// The system's error. Then the former file is still there.
+    pub fn finish(self) -> io::Result<Written> {
+        let (file, target, former) = match self.0 {
+            Place::Beside { file, target, former } => (file, target, former),
+            Place::Itself { mut file, .. } => return file.flush().map(|()| Written::New),
+        };
+        let file = file.into_inner().map_err(io::IntoInnerError::into_error)?;
+        let written = match &former {
+            Some(_) => Written::Replaced,
+            None => Written::New,
+        };
+        if let Some(Former {
+            user,
+            group,
+            permissions,
+        }) = former
+        {
+            // Only root may give a file away; whoever may not keeps it.
+            let _ = fchown(file.as_file(), Some(user), Some(group));
+            file.as_file().set_permissions(permissions)?;
+        }
+        file.as_file().sync_all()?;
+        file.persist(&target)?;
+        File::open(folder_of(&target))?.sync_all()?;
+        Ok(written)
+    }
+}
+
+impl Write for NewFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match &mut self.0 {
+            Place::Beside { file, .. } => file.write(bytes),
+            Place::Itself { file, .. } => file.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match &mut self.0 {
+            Place::Beside { file, .. } => file.flush(),
+            Place::Itself { file, .. } => file.flush(),
+        }
+    }
+}
+
+/// Writes a file whole.
+///
+/// # Errors
+/// As [`NewFile::create`] and [`NewFile::finish`]; then the former file is still there.
+pub fn write_file(path: &Path, bytes: impl AsRef<[u8]>) -> io::Result<Written> {
+    let mut file = NewFile::create(path)?;
+    file.write_all(bytes.as_ref())?;
+    file.finish()
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
+        let mut names: Vec<_> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_file_that_is_not_finished_leaves_the_former_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.csv");
+        write_file(&path, "old").unwrap();
+        let mut file = NewFile::create(&path).unwrap();
+        file.write_all(&[b'x'; 100_000]).unwrap();
+        drop(file);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(names(folder.path()), ["table.csv"]);
+        assert_eq!(write_file(&path, "new").unwrap(), Written::Replaced);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "new");
+        assert_eq!(names(folder.path()), ["table.csv"]);
+    }
+
+    #[test]
+    fn a_link_stays_and_its_file_is_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        write_file(&at("file"), "old").unwrap();
+        for (link, target) in [("link", "file"), ("dangling", "later")] {
+            symlink(at(target), at(link)).unwrap();
+            write_file(&at(link), "new").unwrap();
+            assert!(at(link).is_symlink());
+            assert_eq!(fs::read_to_string(at(target)).unwrap(), "new");
+        }
+    }
+
+    #[test]
+    fn permissions_are_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("labels.csv");
+        write_file(&path, "old").unwrap();
+        fs::set_permissions(&path, Permissions::from_mode(0o640)).unwrap();
+        write_file(&path, "new").unwrap();
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o640);
+    }
+
+    #[test]
+    fn devices_are_written_to_and_folders_are_refused() {
+        assert_eq!(write_file(Path::new("/dev/null"), "lost").unwrap(), Written::New);
+        let full = write_file(Path::new("/dev/full"), "lost").unwrap_err();
+        assert_eq!(full.kind(), io::ErrorKind::StorageFull);
+        assert!(!fs::metadata("/dev/null").unwrap().is_file());
+        let folder = tempfile::tempdir().unwrap();
+        let refused = write_file(folder.path(), "lost").unwrap_err();
+        assert_eq!(refused.kind(), io::ErrorKind::IsADirectory);
+        let within = folder.path().join("new/folders/file");
+        assert_eq!(write_file(&within, "there").unwrap(), Written::New);
+    }
+}

@@ -1,0 +1,97 @@
+//! Folders that are being filled, and those that processes left behind which were killed meanwhile.
+
+use std::{
+    fs::{self, File, Permissions, TryLockError},
+    io,
+    os::unix::fs::PermissionsExt as _,
+    path::{Path, PathBuf},
+};
+use tempfile::TempDir;
+
+/// How often a folder is made that disappears.
+const ATTEMPTS: u32 = 8;
+
+/// A folder that is being filled. A lock on it says that its process lives. It is removed when it is dropped.
+#[derive(Debug)]
+pub struct UnfinishedFolder {
+    folder: TempDir,
+    lock: File,
+}
+
+impl UnfinishedFolder {
+    /// A new folder in `parent`, which exists, whose name begins with `prefix`. Removes leftovers there first.
+    ///
+    /// # Errors
+    /// The system's error, or that the file system has no locks.
+    pub fn new(parent: &Path, prefix: &str) -> io::Result<Self> {
+        remove_leftovers(parent, prefix);
+        for _ in 0..ATTEMPTS {
+            let folder = tempfile::Builder::new()
+                .prefix(prefix)
+                .permissions(Permissions::from_mode(0o755))
+                .tempdir_in(parent)?;
+            // Another process may have taken it for a leftover, and may have removed it.
+            let lock = File::open(folder.path()).and_then(|lock| Ok(lock.try_lock().map(|()| lock)?));
+            match lock {
+                Ok(lock) if folder.path().exists() => return Ok(Self { folder, lock }),
+                _ => {}
+            }
+        }
+        Err(io::Error::other(
+            "its file system knows no locks, or a new folder in it is removed again and again",
+        ))
+    }
+
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// The folder, which is no longer removed by itself, and its lock. Without the lock it is a leftover until it has another name.
+    #[must_use]
+    pub fn keep(self) -> (PathBuf, File) {
+        (self.folder.keep(), self.lock)
+    }
+}
+
+/// Removes the folders in `parent` whose names begin with `prefix` if the processes that filled them have ended. A name with an
+/// extension stays.
+pub fn remove_leftovers(parent: &Path, prefix: &str) {
+    let entries = fs::read_dir(parent).into_iter().flatten().flatten();
+    for entry in entries {
+        let (name, path) = (entry.file_name(), entry.path());
+        let is_one = name.to_string_lossy().starts_with(prefix) && path.extension().is_none();
+        if !is_one || !entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            continue;
+        }
+        let held = File::open(&path).map(|folder| match folder.try_lock() {
+            Ok(()) => Some(folder),
+            Err(TryLockError::WouldBlock | TryLockError::Error(_)) => None,
+        });
+        if let Ok(Some(_held)) = held {
+            // A folder that cannot be removed is in nobody's way.
+            let _ = fs::remove_dir_all(&path);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folders_of_processes_that_have_ended_are_removed() {
+        let parent = tempfile::tempdir().unwrap();
+        let at = |name: &str| parent.path().join(name);
+        for name in [".new-left", ".new-kept.replaced", "new-other"] {
+            fs::create_dir(at(name)).unwrap();
+        }
+        let living = UnfinishedFolder::new(parent.path(), ".new-").unwrap();
+        let other = UnfinishedFolder::new(parent.path(), ".new-").unwrap();
+        assert!(!at(".new-left").exists());
+        assert!(at(".new-kept.replaced").exists() && at("new-other").exists());
+        assert!(living.path().exists() && other.path().exists());
+        drop((living, other));
+        assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 2);
+    }
+}
