@@ -6,7 +6,8 @@ use super::{
     json,
 };
 use murmuration_access::MachineKind;
-use murmuration_link::{InputKind, errln};
+use murmuration_files::InputKind;
+use murmuration_link::errln;
 use murmuration_proto::Invalid;
 use rcgen::{
     BasicConstraints, CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair,
@@ -16,7 +17,7 @@ use rustls_pki_types::{CertificateDer, ServerName, pem::PemObject as _};
 use std::{
     collections::BTreeSet,
     fs,
-    io::Write as _,
+    io::{self, Write as _},
     net::IpAddr,
     path::{Path, PathBuf},
     str::FromStr,
@@ -348,10 +349,14 @@ fn write(path: &Path, text: &str, mode: u32) -> Result<(), CliError> {
     options.write(true).create_new(true);
     #[cfg(unix)]
     std::os::unix::fs::OpenOptionsExt::mode(&mut options, mode);
-    let written = options
-        .open(path)
-        .and_then(|mut file| file.write_all(text.as_bytes()));
-    written.map_err(|error| CliError::unwritable(path, &error))
+    let unwritable = |error: io::Error| CliError::unwritable(path, &error);
+    let mut file = options.open(path).map_err(unwritable)?;
+    let written = file.write_all(text.as_bytes()).and_then(|()| file.sync_all());
+    written.map_err(|error| {
+        // Half a key would be in the way of the next try.
+        let _ = fs::remove_file(path);
+        unwritable(error)
+    })
 }
 
 #[cfg(test)]

@@ -9,7 +9,8 @@ use super::{
     table::{Table, left, right},
 };
 use murmuration_coordinator::local::InProcess;
-use murmuration_link::{InputKind, OutputError, outln, print};
+use murmuration_files::InputKind;
+use murmuration_link::{OutputError, outln, print};
 use murmuration_proto::{
     CheckpointDigest, Lineage, counted, grouped, onnx::MAX_MODEL_BYTES, parts::whole, v1,
 };

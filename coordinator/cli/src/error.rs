@@ -4,6 +4,7 @@ use murmuration_access::{ListenConfigError, TokensError};
 use murmuration_coordinator::server::ServerError;
 use murmuration_embed::{EmbedError, RuntimeError};
 use murmuration_export::ExportError;
+use murmuration_files::FolderError;
 use murmuration_link::{CredentialsError, OutputError, root_cause};
 use murmuration_model::{CampaignId, labels::LabelFileError};
 use murmuration_proto::{Invalid, SpecFileError, Text, text::masked_url};
@@ -137,7 +138,19 @@ impl From<PictureError> for CliError {
 
 impl From<ReportError> for CliError {
     fn from(error: ReportError) -> Self {
-        Self::Failed(error.to_string())
+        match error {
+            ReportError::Folder(error) => error.into(),
+            error => Self::Failed(error.to_string()),
+        }
+    }
+}
+
+impl From<FolderError> for CliError {
+    fn from(error: FolderError) -> Self {
+        match error {
+            FolderError::Write { .. } => Self::Failed(error.to_string()),
+            FolderError::Foreign { .. } | FolderError::Changed { .. } => Self::Input(error.to_string()),
+        }
     }
 }
 

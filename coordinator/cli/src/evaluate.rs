@@ -3,14 +3,15 @@
 use super::{
     CliError, Global,
     connection::{self, Connection},
-    files::{Written, is_there, read, read_words},
+    files::{FileType, begin, finish, is_there, read, read_words},
     follow::Count,
     genomes, json,
     run::InProcessArgs,
 };
 use csv::Writer;
 use murmuration_coordinator::local::InProcess;
-use murmuration_link::{InputKind, OutputError, errln, termination};
+use murmuration_files::InputKind;
+use murmuration_link::{OutputError, errln, termination};
 use murmuration_model::labels::{LabelFile, LabelFileError, Row};
 use murmuration_proto::{
     CampaignSpec, Controller, FEATURE_NAMES, Purpose, RandomStream, Text, counted,
@@ -19,10 +20,9 @@ use murmuration_proto::{
 use murmuration_store::DataDirectory;
 use rand::RngExt as _;
 use std::{
-    fs::{self, File, Permissions},
+    fs,
     io::{self, Write},
     iter, mem,
-    os::unix::fs::PermissionsExt as _,
     path::{Path, PathBuf},
 };
 use tokio_stream::StreamExt as _;
@@ -64,7 +64,7 @@ type Tasks = Vec<(Controller, u64)>;
 impl Evaluate {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         if let Some(path) = &self.out {
-            Written::Csv.check("--out", path)?;
+            FileType::Csv.check("--out", path)?;
             let is_input = |input: &PathBuf| {
                 fs::canonicalize(path)
                     .is_ok_and(|out| fs::canonicalize(input).is_ok_and(|input| input == out))
@@ -81,26 +81,13 @@ impl Evaluate {
             .map_err(|error| CliError::Input(format!("{}: {error}", self.spec.display())))?;
         let tasks = self.tasks(&spec)?;
         let Some(path) = &self.out else {
-            let table = (!global.json).then(|| Writer::from_writer(io::stdout().lock()));
+            let table = (!global.json).then(|| Table::of(io::stdout().lock(), None));
             return all_evaluated(self.write_results(table, global, (&spec, &tasks)).await?);
         };
-        let unwritable = |error: io::Error| CliError::unwritable(path, &error);
-        if fs::symlink_metadata(path).is_ok_and(|there| !there.is_file()) {
-            // A device or a link is written to, not replaced.
-            let table = Some(Writer::from_writer(File::create(path).map_err(unwritable)?));
-            return all_evaluated(self.write_results(table, global, (&spec, &tasks)).await?);
-        }
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        // A table is there once it is whole.
-        let file = tempfile::Builder::new()
-            .permissions(Permissions::from_mode(0o666))
-            .tempfile_in(folder.unwrap_or(Path::new(".")))
-            .map_err(unwritable)?;
-        let table = Some(Writer::from_writer(file.as_file()));
+        let mut file = begin(path)?;
+        let table = Some(Table::of(&mut file, Some(path)));
         let failed = self.write_results(table, global, (&spec, &tasks)).await?;
-        let what = if path.is_file() { "replaced" } else { "wrote" };
-        file.persist(path).map_err(|error| unwritable(error.error))?;
-        errln!("{what} {}", path.display());
+        finish(file, path)?;
         all_evaluated(failed)
     }
 
@@ -159,7 +146,7 @@ impl Evaluate {
     /// controllers that could not be evaluated, which are left out.
     async fn write_results(
         &self,
-        table: Option<Writer<impl Write>>,
+        table: Option<Table<'_, impl Write>>,
         global: &Global,
         (spec, tasks): (&CampaignSpec, &Tasks),
     ) -> Result<u64, CliError> {
@@ -183,6 +170,36 @@ impl Evaluate {
     }
 }
 
+/// The table of the results, in a file or on standard output.
+struct Table<'a, W: Write> {
+    writer: Writer<W>,
+    path: Option<&'a Path>,
+}
+
+impl<'a, W: Write> Table<'a, W> {
+    fn of(to: W, path: Option<&'a Path>) -> Self {
+        let writer = Writer::from_writer(to);
+        Self { writer, path }
+    }
+
+    fn row(&mut self, cells: impl IntoIterator<Item = String>) -> Result<(), CliError> {
+        let written = self.writer.write_record(cells);
+        written.map_err(|error| self.unwritten(error.into()))
+    }
+
+    fn flush(mut self) -> Result<(), CliError> {
+        let flushed = self.writer.flush();
+        flushed.map_err(|error| self.unwritten(error))
+    }
+
+    fn unwritten(&self, error: io::Error) -> CliError {
+        match self.path {
+            Some(path) => CliError::unwritable(path, &error),
+            None => OutputError::from(error).into(),
+        }
+    }
+}
+
 fn all_evaluated(failed: u64) -> Result<(), CliError> {
     match failed {
         0 => Ok(()),
@@ -198,7 +215,7 @@ async fn evaluated(
     connection: &mut Connection,
     spec: &CampaignSpec,
     tasks: &Tasks,
-    mut table: Option<Writer<impl Write>>,
+    mut table: Option<Table<'_, impl Write>>,
 ) -> Result<u64, CliError> {
     let client = connection.evaluations.clone();
     let mut client = client.max_decoding_message_size(MAX_RESPONSE);
@@ -226,16 +243,14 @@ async fn evaluated(
                 continue;
             };
             if !mem::replace(&mut has_header, true) {
-                table
-                    .write_record(header(controller, &evaluated))
-                    .map_err(unwritten)?;
+                table.row(header(controller, &evaluated))?;
             }
-            table.write_record(row(&evaluated)).map_err(unwritten)?;
+            table.row(row(&evaluated))?;
         }
     }
     count.end();
-    if let Some(mut table) = table {
-        table.flush().map_err(OutputError::from)?;
+    if let Some(table) = table {
+        table.flush()?;
     }
     match rows.len() {
         0 => Ok(failed),
@@ -280,11 +295,4 @@ fn row(evaluated: &json::Evaluated) -> impl Iterator<Item = String> {
     let genes = evaluated.controller.iter().map(f64::to_string);
     let embedding = evaluated.embedding.iter().map(f32::to_string);
     own.into_iter().chain(features).chain(genes).chain(embedding)
-}
-
-fn unwritten(error: csv::Error) -> CliError {
-    match error.into_kind() {
-        csv::ErrorKind::Io(error) => OutputError::from(error).into(),
-        other => CliError::Failed(format!("the table cannot be written: {other:?}")),
-    }
 }

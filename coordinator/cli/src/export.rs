@@ -4,7 +4,7 @@ use super::{
     CliError, Global,
     connection::{self, Connection},
     controller,
-    files::{Written, write},
+    files::{FileType, write},
     heard::get_campaign,
     json,
     robots::RobotArgs,
@@ -60,7 +60,7 @@ impl ControllerCommand {
 impl Export {
     async fn execute(self, global: &Global) -> Result<(), CliError> {
         if let Some(path) = &self.header {
-            Written::Header.check("--header", path)?;
+            FileType::Header.check("--header", path)?;
         }
         let controller = match (&self.controller, &self.campaign, self.index) {
             (Some(text), ..) => controller::parse(text, self.robots.read()?.0.as_ref())?,

@@ -1,9 +1,10 @@
 //! Files that a command reads and writes where a person says.
 
 use super::CliError;
-use murmuration_link::{InputKind, errln, read_bytes, read_text};
+use murmuration_files::{InputKind, NewFile, read_bytes, read_text};
+use murmuration_link::errln;
 use murmuration_store::files;
-use std::{fs, path::Path};
+use std::{io::Write as _, path::Path};
 
 pub fn read(path: &Path, kind: InputKind) -> Result<Vec<u8>, CliError> {
     read_bytes(path, kind).map_err(|error| CliError::unreadable(path, &error))
@@ -17,20 +18,31 @@ pub fn is_there(path: &Path) -> Result<bool, CliError> {
     files::is_there(path).map_err(|error| CliError::unreadable(path, &error))
 }
 
-/// Writes a file, with the folders above it where they do not exist, and says so.
+/// Writes a file whole, with the folders above it where they do not exist, and says so.
 pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), CliError> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let what = if path.is_file() { "replaced" } else { "wrote" };
-    fs::create_dir_all(folder)
-        .and_then(|()| fs::write(path, bytes))
+    let mut file = begin(path)?;
+    let written = file.write_all(bytes.as_ref());
+    written.map_err(|error| CliError::unwritable(path, &error))?;
+    finish(file, path)
+}
+
+/// Begins a file that [`finish`] gives its name.
+pub fn begin(path: &Path) -> Result<NewFile, CliError> {
+    NewFile::create(path).map_err(|error| CliError::unwritable(path, &error))
+}
+
+/// Gives a whole file the name `path`, and says so.
+pub fn finish(file: NewFile, path: &Path) -> Result<(), CliError> {
+    let written = file
+        .finish()
         .map_err(|error| CliError::unwritable(path, &error))?;
-    errln!("{what} {}", path.display());
+    errln!("{written} {}", path.display());
     Ok(())
 }
 
 /// A file that a command writes where an option says.
 #[derive(Debug, Clone, Copy)]
-pub enum Written {
+pub enum FileType {
     Gif,
     Png,
     Svg,
@@ -39,7 +51,7 @@ pub enum Written {
     Csv,
 }
 
-impl Written {
+impl FileType {
     /// Refuses a name that ends as those of other files do; one without an ending says nothing else.
     pub fn check(self, option: &str, path: &Path) -> Result<(), CliError> {
         let (what, ending) = match self {

@@ -1,8 +1,10 @@
 //! Films of swarms: pictures go to ffmpeg, which encodes them.
 
-use super::CliError;
-use murmuration_link::errln;
-use murmuration_report::{picture::Film, temporary_for};
+use super::{
+    CliError,
+    files::{begin, finish},
+};
+use murmuration_report::picture::Film;
 use std::{
     ffi::OsString,
     fs,
@@ -32,27 +34,13 @@ fn encode_by(
     fps: u32,
     path: &Path,
 ) -> Result<(), CliError> {
-    let unwritable = |error: io::Error| CliError::unwritable(path, &error);
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let folder = folder.unwrap_or(Path::new("."));
-    fs::create_dir_all(folder).map_err(unwritable)?;
-    let there = fs::symlink_metadata(path);
-    let what = if path.is_file() { "replaced" } else { "wrote" };
-    if there.is_ok_and(|there| !there.is_file()) {
-        // A device or a link is written to, not replaced.
-        run(encoder, film, fps, path, path)?;
-    } else {
-        // A film is there once it is whole.
-        let file = temporary_for(path).map_err(unwritable)?;
-        run(encoder, film, fps, file.path(), path)?;
-        if fs::metadata(file.path()).map_or(0, |film| film.len()) == 0 {
-            let reason = format!("{ENCODER} ended well, and wrote nothing to {}", path.display());
-            return Err(CliError::Failed(reason));
-        }
-        file.persist(path).map_err(|error| unwritable(error.error))?;
+    let file = begin(path)?;
+    run(encoder, film, fps, file.path(), path)?;
+    if fs::metadata(file.path()).is_ok_and(|film| film.is_file() && film.len() == 0) {
+        let reason = format!("{ENCODER} ended well, and wrote nothing to {}", path.display());
+        return Err(CliError::Failed(reason));
     }
-    errln!("{what} {}", path.display());
-    Ok(())
+    finish(file, path)
 }
 
 /// Runs the encoder, which writes the film to `file`, which becomes `path`.

@@ -5,7 +5,8 @@ use super::{
     robots::RobotArgs,
     table::{Table, left, right},
 };
-use murmuration_link::{InputKind, OutputError, errln, read_text, text_of};
+use murmuration_files::{InputKind, read_text, text_of};
+use murmuration_link::{OutputError, errln};
 use murmuration_proto::Controller;
 use murmuration_search::filter::{CUTOFF, METRICS, Score};
 use std::{

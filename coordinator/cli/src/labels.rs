@@ -10,7 +10,8 @@ use super::{
     table::{Table, left, right},
 };
 use murmuration_coordinator::local::InProcess;
-use murmuration_link::{InputKind, OutputError, errln, outln};
+use murmuration_files::InputKind;
+use murmuration_link::{OutputError, errln, outln};
 use murmuration_model::labels::{self, Annotator, Answer, Labelled, to_csv};
 use murmuration_proto::{CampaignSpec, Strategy, Text, counted, grouped, parts::whole, v1};
 use std::{

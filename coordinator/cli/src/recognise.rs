@@ -7,14 +7,14 @@ use super::{
     CliError, Global, checkpoints,
     connection::{self, Connection},
     controller,
-    files::{Written, read, write},
+    files::{FileType, read, write},
     heard::{get_campaign, heard},
     robots::described,
 };
 use assumed::{Arena, Assumed};
 use murmuration_coordinator::local::InProcess;
 use murmuration_embed::{Embedder, Runtime};
-use murmuration_link::InputKind;
+use murmuration_files::InputKind;
 use murmuration_proto::{
     CampaignSpec, Controller, Evaluation, Invalid, PictureShape, World, counted, onnx::EmbedderModel,
     text::quoted, v1,
@@ -81,7 +81,7 @@ struct Recognised {
 impl Recognise {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         if let Some(path) = &self.png {
-            Written::Png.check("--png", path)?;
+            FileType::Png.check("--png", path)?;
         }
         let tracks = Tracks::parse(&self.tracks, read(&self.tracks, InputKind::Tracks)?)?;
         let find = async |connection: &mut Connection| self.find(connection, &tracks).await;

@@ -8,6 +8,7 @@ use super::{
     json,
 };
 use murmuration_coordinator::local::InProcess;
+use murmuration_files::Folder;
 use murmuration_link::{errln, outln};
 use murmuration_model::CampaignId;
 use murmuration_proto::v1;
@@ -22,6 +23,9 @@ pub struct ReportCommand {
     /// Folder for the report [default: reports/CAMPAIGN in the data directory]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace files of a former report in the folder although they were changed since
+    #[arg(long)]
+    force: bool,
 }
 
 impl ReportCommand {
@@ -54,21 +58,27 @@ impl ReportCommand {
             .out
             .clone()
             .unwrap_or_else(|| report_folder(&global.data, &id));
-        write_report(connection, &id, &folder).await
+        write_report(connection, &id, &folder, self.force).await
     }
 }
 
-/// Writes the report of a completed campaign into `folder`; the path of its page.
+/// Writes the report of a completed campaign into `folder`; the path of its page. With `replaces_changed`, files of a former report
+/// are replaced although somebody changed them.
 pub(super) async fn write_report(
     connection: &mut Connection,
     campaign: &CampaignId,
     folder: &Path,
+    replaces_changed: bool,
 ) -> Result<PathBuf, CliError> {
     let names = report_data::names(&mut connection.labels, campaign.as_str()).await?;
     let client = &mut connection.client;
     let report = report_data::report(client, campaign.as_str(), names, PicturesOf::Individuals).await?;
     let folder = folder.to_owned();
-    let written = tokio::task::spawn_blocking(move || report::write(&report, &folder)).await;
+    let write = move || {
+        let folder = Folder::create(&folder, replaces_changed)?;
+        report::write(&report, folder)
+    };
+    let written = tokio::task::spawn_blocking(write).await;
     match written {
         Ok(files) => Ok(files?.page),
         Err(_) => Err(CliError::Failed(

@@ -2,11 +2,12 @@
 
 use super::{
     CliError,
-    files::{Written, read_words, write},
+    files::{FileType, read_words, write},
     json,
     run::read_spec,
 };
-use murmuration_link::{InputKind, OutputError, outln};
+use murmuration_files::InputKind;
+use murmuration_link::{OutputError, outln};
 use murmuration_proto::{
     CampaignSpec, CapabilityModel, DriveKind, ImageFormat, Preset, Robot, SensorAngle, Species, World,
     counted,
@@ -79,7 +80,7 @@ pub struct ShowRobot {
 impl ShowRobot {
     pub(super) fn execute(self, as_json: bool) -> Result<(), CliError> {
         if let Some(path) = &self.svg {
-            Written::Svg.check("--svg", path)?;
+            FileType::Svg.check("--svg", path)?;
         }
         let model = match (&self.file, self.model) {
             (Some(path), _) => described(path)?.0,

@@ -11,7 +11,8 @@ use super::{
 };
 use murmuration_coordinator::local::InProcess;
 use murmuration_embed::Runtime;
-use murmuration_link::{InputKind, OutputError, errln, outln, termination};
+use murmuration_files::InputKind;
+use murmuration_link::{OutputError, errln, outln, termination};
 use murmuration_proto::{CampaignSpec, counted, text::masked_url, v1};
 use murmuration_store::{DataDirectory, StoreError};
 use std::{
@@ -272,6 +273,13 @@ async fn finish(
     }
     let id = heard::id(&last)?;
     let folder = super::error::report_folder(&global.data, &id);
-    let report = write_report(connection, &id, &folder).await?;
+    let report = write_report(connection, &id, &folder, false).await;
+    let report = report.map_err(|error| match error {
+        CliError::Input(said) => {
+            let again = global.next(&format!("report {id} --force"));
+            CliError::Input(format!("{said}: `{again}`"))
+        }
+        error => error,
+    })?;
     Ok((get_digest(&mut connection.client, last.id).await?, report))
 }

@@ -2,11 +2,12 @@
 
 use super::{
     CliError, controller,
-    files::{Written, read_words, write},
+    files::{FileType, read_words, write},
     film, json,
     robots::RobotArgs,
 };
-use murmuration_link::{InputKind, outln};
+use murmuration_files::InputKind;
+use murmuration_link::outln;
 use murmuration_proto::{Controller, FEATURE_NAMES, ImageFormat, Invalid, Replay, World};
 use murmuration_report::picture::{self, Animation, Bodies, Colouring, Paper};
 use murmuration_sim::{
@@ -85,12 +86,12 @@ impl Simulate {
 
     fn check_files(&self) -> Result<(), CliError> {
         let named = [
-            (Written::Gif, "--gif", &self.gif),
-            (Written::Png, "--png", &self.png),
-            (Written::Svg, "--svg", &self.svg),
-            (Written::Film, "--mp4", &self.mp4),
-            (Written::Png, "--image", &self.image),
-            (Written::Csv, "--tracks", &self.tracks),
+            (FileType::Gif, "--gif", &self.gif),
+            (FileType::Png, "--png", &self.png),
+            (FileType::Svg, "--svg", &self.svg),
+            (FileType::Film, "--mp4", &self.mp4),
+            (FileType::Png, "--image", &self.image),
+            (FileType::Csv, "--tracks", &self.tracks),
         ];
         let mut named = named
             .into_iter()

@@ -11,7 +11,8 @@ use murmuration_cli::{
 };
 use murmuration_coordinator::local::InProcess;
 use murmuration_embed::{Embedder, Runtime};
-use murmuration_link::{InputKind, OutputError, errln};
+use murmuration_files::InputKind;
+use murmuration_link::{OutputError, errln};
 use murmuration_proto::{
     CheckpointDigest, PictureShape, SeenPictures, counted, grouped,
     onnx::{EmbedderModel, ImageShape},

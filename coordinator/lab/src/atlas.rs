@@ -11,19 +11,14 @@ use murmuration_cli::{
     heard::{self, get_campaign, get_digest},
     next_step, read_spec,
 };
+use murmuration_files::Folder;
 use murmuration_link::{errln, outln, termination};
 use murmuration_model::CampaignId;
 use murmuration_proto::{CampaignSpec, Controller, Enumeration, Invalid, counted, v1};
-use murmuration_report::{
-    ReportError,
-    atlas::{self, Atlas, AtlasEntry, Layout, Tiles},
-};
+use murmuration_report::atlas::{self, Atlas, AtlasEntry, Layout, Tiles};
 use murmuration_search::filter::Score;
 use murmuration_service::report_data;
-use std::{
-    fs, io,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -41,6 +36,9 @@ pub struct AtlasCommand {
     /// Folder for the atlas [default: atlases/CAMPAIGN in the data directory]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace files of a former atlas in the folder although they were changed since
+    #[arg(long)]
+    force: bool,
     /// Number of values of each speed, used instead of the file's step: an odd number from 3 on
     #[arg(long, value_name = "N")]
     values: Option<u32>,
@@ -131,28 +129,18 @@ impl AtlasCommand {
             .out
             .clone()
             .unwrap_or_else(|| atlas_folder(&global.data, &id));
-        // An atlas that was there before stays until the new one is whole.
-        let unwritable = |error: io::Error| CliError::unwritable(&folder, &error);
-        fs::create_dir_all(&folder).map_err(unwritable)?;
-        let fresh = tempfile::Builder::new()
-            .prefix(".atlas-")
-            .tempdir_in(&folder)
-            .map_err(unwritable)?;
-        let atlas = gather(connection, campaign, fresh.path()).await?;
+        let mut folder = atlas::folder(&folder, self.force)?;
+        let atlas = gather(connection, campaign, &mut folder).await?;
         let (digest, controllers) = (atlas.digest.clone(), atlas.entries.len() as u64);
-        let write = move || {
-            let page = atlas::write(&atlas, fresh.path())?.page;
-            atlas::replace(fresh.path(), &folder)?;
-            Ok::<_, ReportError>(folder.join(page.file_name().unwrap_or_default()))
-        };
-        let Ok(page) = tokio::task::spawn_blocking(write).await else {
+        let write = move || atlas::write(&atlas, folder);
+        let Ok(files) = tokio::task::spawn_blocking(write).await else {
             let said = "the atlas could not be written because of a bug";
             return Err(CliError::Failed(said.to_owned()));
         };
         Ok(json::Atlas {
             campaign: campaign.id.clone(),
             digest,
-            atlas: page?.display().to_string(),
+            atlas: files?.page.display().to_string(),
             controllers,
         })
     }
@@ -220,7 +208,7 @@ async fn finish(
 async fn gather(
     connection: &mut Connection,
     campaign: &v1::Campaign,
-    folder: &Path,
+    folder: &mut Folder,
 ) -> Result<Atlas, CliError> {
     let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
     let digest = get_digest(&mut connection.client, &campaign.id).await?.digest;
@@ -230,9 +218,7 @@ async fn gather(
         images: layout.is_some(),
     };
     let mut chunks = connection.client.get_archive(request).await?.into_inner();
-    let mut tiles = layout
-        .map(|layout| Tiles::create(folder, layout, spec.image().shape()))
-        .transpose()?;
+    let mut tiles = layout.map(|layout| Tiles::new(layout, spec.image().shape()));
     let listed = Enumeration::of(spec.controllers(), spec.world());
     let mut entries = Vec::new();
     while let Some(chunk) = chunks.message().await? {
@@ -243,12 +229,14 @@ async fn gather(
                 individual.index < all.len() && all.controller(individual.index) == entry.controller
             });
             if let (Some(tiles), Some(image), true) = (&mut tiles, &individual.image, is_listed) {
-                tiles.add(&entry.controller, image)?;
+                tiles.add(folder, &entry.controller, image)?;
             }
             entries.push(entry);
         }
     }
-    tiles.map(Tiles::finish).transpose()?;
+    if let Some(tiles) = tiles {
+        tiles.finish(folder)?;
+    }
     Ok(Atlas {
         campaign: campaign.id.clone(),
         digest,

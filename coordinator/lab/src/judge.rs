@@ -8,7 +8,7 @@ use csv::Writer;
 use murmuration_accuracy::{LabelledSet, Swarm};
 use murmuration_cli::{
     CliError, Global,
-    files::{Written, is_there, write},
+    files::{FileType, is_there, write},
     table::{Table, left, right},
 };
 use murmuration_judge as judge;
@@ -47,7 +47,7 @@ impl JudgeCommand {
     pub(super) fn execute(&self, global: &Global) -> Result<(), CliError> {
         self.check_starts()?;
         if let Some(table) = &self.measures {
-            Written::Csv.check("--measures", table)?;
+            FileType::Csv.check("--measures", table)?;
         }
         let sets = self.labels.iter().map(LabelledSet::read);
         let sets = sets.collect::<Result<Vec<_>, _>>()?;

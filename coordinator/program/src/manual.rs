@@ -7,6 +7,7 @@ use clap_mangen::{
     Man,
     roff::{Roff, roman},
 };
+use murmuration_files::write_file;
 use std::{fs, io, path::Path};
 
 /// Writes `murmuration.1`, which lists the commands by `groups`, and `murmuration-COMMAND.1` for each command, into a folder that
@@ -23,7 +24,7 @@ fn write_with_those_within(command: Command, groups: &[Command], folder: &Path) 
         write_with_those_within(within.clone(), &[], folder)?;
     }
     let (name, text) = page(command, groups)?;
-    fs::write(folder.join(name), text)
+    write_file(&folder.join(name), text).map(drop)
 }
 
 /// A page and the name of its file. The page of a command without groups lists the commands within it in one section.

@@ -10,7 +10,6 @@ pub mod class_map;
 mod contact_sheet;
 mod document;
 mod figure;
-mod files;
 mod judged;
 mod names;
 mod numbers;
@@ -28,20 +27,17 @@ mod tables;
 mod sample;
 
 pub use document::Document;
-pub use files::{Folder, temporary_for};
 pub use judged::{Judged, Shown, found};
 pub use names::{CarriedName, Names};
 pub use pictured::{PictureSheets, Pictured};
 pub use plots::condensed;
 
 use crate::picture::{Bodies, Paper, PictureError};
+use murmuration_files::{Folder, FolderError};
 use murmuration_model::Repetition;
 use murmuration_proto::{CampaignSpec, Controller, Features, Replay, Starts};
 use rayon::prelude::*;
-use std::{
-    io,
-    path::{Path, PathBuf},
-};
+use std::path::PathBuf;
 
 /// Everything that a report shows of one campaign.
 #[derive(Debug, Clone)]
@@ -218,6 +214,17 @@ pub struct ReportFiles {
     pub others: Vec<PathBuf>,
 }
 
+impl ReportFiles {
+    /// Of files whose last one is the page.
+    fn of(mut written: Vec<PathBuf>) -> Self {
+        let page = written.pop().unwrap_or_default();
+        Self {
+            page,
+            others: written,
+        }
+    }
+}
+
 /// Why a report cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
@@ -235,27 +242,27 @@ pub enum ReportError {
         file: &'static str,
         source: PictureError,
     },
-    #[error("cannot write {}: {source}", path.display())]
-    Write { path: PathBuf, source: io::Error },
+    #[error(transparent)]
+    Folder(#[from] FolderError),
 }
 
-/// Writes a report into `folder`, which is made if it does not exist.
+/// Writes a report into `folder`, whose former report it replaces.
 ///
 /// `report.html` needs no other file and no network. Beside it stand `spec.toml`, `archive.csv`, `taxonomy.csv`,
 /// `trials.csv` (where individuals have several trials), `classes.csv`, `generations.csv`, `map.svg`, `novelty.svg`,
 /// `contact-sheet.svg` and `medoids/NN-image.png`, `medoids/NN-trajectory.png`, `medoids/NN-trajectory.svg` (NN is the place
-/// in the taxonomy, from 01). Every file is complete or absent; the page is written last.
+/// in the taxonomy, from 01).
 ///
 /// # Errors
-/// [`ReportError::Inconsistent`] before anything is written; [`ReportError::Write`] names the path.
-pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError> {
+/// [`ReportError::Inconsistent`], [`ReportError::Picture`] or [`ReportError::Drawing`] before anything is written;
+/// [`ReportError::Folder`] as [`Folder::finish`].
+pub fn write(report: &Report, mut files: Folder) -> Result<ReportFiles, ReportError> {
     check(report)?;
     let pictures = draw_medoids(report)?;
     let novelty = plots::novelty(&report.generations, plots::WIDE).svg;
     let map = plots::map(report);
     let page = page::render(report, &pictures, Files::Beside);
 
-    let mut files = Folder::create(folder)?;
     files.text("spec.toml", &again::specification(report))?;
     files.write("archive.csv", |file| tables::archive(report, file))?;
     files.write("taxonomy.csv", |file| tables::taxonomy(report, file))?;
@@ -267,7 +274,6 @@ pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError>
     files.text("novelty.svg", &novelty)?;
     files.text("map.svg", &map)?;
     files.text("contact-sheet.svg", &contact_sheet::svg(report))?;
-    files.folder("medoids")?;
     for (place, picture) in pictures.iter().enumerate() {
         let number = place + 1;
         files.bytes(&format!("medoids/{number:02}-image.png"), &picture.image_large)?;
@@ -278,9 +284,8 @@ pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError>
         let paths = contact_sheet::paths(report, &report.medoids[place]);
         files.text(&format!("medoids/{number:02}-trajectory.svg"), &paths)?;
     }
-    let others = files.written().to_vec();
-    let page = files.text("report.html", &page)?;
-    Ok(ReportFiles { page, others })
+    files.text("report.html", &page)?;
+    Ok(ReportFiles::of(files.finish()?))
 }
 
 /// The page of a report alone. The page of [`write()`] differs where it names the files beside it.

@@ -4,9 +4,9 @@ use crate::{
     corrections::Corrections, file::StudyError, identity::cell_digest, maps::Maps, measured::Measured,
     outcome::Outcome, reference::Reference, study::Study,
 };
+use murmuration_files::write_file;
 use murmuration_model::study_files::{STUDIES, STUDY_CLASSES, STUDY_EMBEDDERS, STUDY_FILE, STUDY_ORIGIN};
 use murmuration_proto::{CheckpointDigest, Invalid};
-use murmuration_report::{Folder, ReportError};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::{
     collections::BTreeMap,
@@ -32,8 +32,8 @@ pub enum FolderError {
     NoStudy { name: String, data: PathBuf },
     #[error("cannot read {}: {reason}", path.display())]
     Unreadable { path: PathBuf, reason: String },
-    #[error("{0}")]
-    Write(#[from] ReportError),
+    #[error("cannot write {}: {source}", path.display())]
+    Write { path: PathBuf, source: io::Error },
     #[error("{}: {error}", path.display())]
     Study { path: PathBuf, error: StudyError },
     #[error("{0}")]
@@ -148,6 +148,15 @@ impl StudyFolder {
         &self.path
     }
 
+    /// Writes a file of it whole.
+    fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
+        let path = self.path.join(name);
+        match write_file(&path, bytes) {
+            Ok(_) => Ok(()),
+            Err(source) => Err(FolderError::Write { path, source }),
+        }
+    }
+
     /// Keeps the study file and how its cells are measured. `folder` is the file's, made absolute.
     pub fn keep_study(
         &self,
@@ -160,10 +169,8 @@ impl StudyFolder {
             folder: folder.to_owned(),
             measures: measures.to_owned(),
         };
-        let mut files = Folder::create(&self.path)?;
-        files.bytes(STUDY_ORIGIN, &json_bytes(&origin))?;
-        files.text(STUDY_FILE, text)?;
-        Ok(())
+        self.write(STUDY_ORIGIN, &json_bytes(&origin))?;
+        self.write(STUDY_FILE, text.as_bytes())
     }
 
     /// The checkpoints that cells share, by the digest of the campaign that trains each.
@@ -179,14 +186,12 @@ impl StudyFolder {
             .iter()
             .map(|(cell, digest)| (cell, digest.to_string()))
             .collect();
-        Folder::create(&self.path)?.bytes(STUDY_EMBEDDERS, &json_bytes(&kept))?;
-        Ok(())
+        self.write(STUDY_EMBEDDERS, &json_bytes(&kept))
     }
 
     /// Keeps what the atlas of the study holds.
     pub fn keep_reference(&self, reference: &Reference) -> Result<(), FolderError> {
-        Folder::create(&self.path)?.bytes(REFERENCE, &json_bytes(reference))?;
-        Ok(())
+        self.write(REFERENCE, &json_bytes(reference))
     }
 
     /// What the atlas of the study holds, made for cells that are measured in this way; `None` if there is none, or one made in
@@ -215,16 +220,12 @@ impl StudyFolder {
 
     /// Keeps the classes that people gave.
     pub fn keep_classes(&self, classes: &Corrections) -> Result<(), FolderError> {
-        Folder::create(&self.path)?.text(STUDY_CLASSES, &classes.to_csv())?;
-        Ok(())
+        self.write(STUDY_CLASSES, classes.to_csv().as_bytes())
     }
 
     /// Keeps what was measured of a cell.
     pub fn keep(&self, measured: &Measured) -> Result<(), FolderError> {
-        let mut files = Folder::create(&self.path)?;
-        files.folder("cells")?;
-        files.bytes(&of_cell(&measured.cell), &json_bytes(measured))?;
-        Ok(())
+        self.write(&of_cell(&measured.cell), &json_bytes(measured))
     }
 
     /// What was measured of the cell with this digest in this way; `None` if nothing was, or in another way, or if the file is

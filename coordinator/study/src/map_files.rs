@@ -9,14 +9,11 @@ use crate::{
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use csv::Writer;
 use maud::{Markup, html};
+use murmuration_files::Folder;
 use murmuration_proto::Class;
-use murmuration_report::{Folder, class_map, class_map::ClassPoint, score_histogram};
+use murmuration_report::{class_map, class_map::ClassPoint, score_histogram};
 use murmuration_search::filter::CUTOFF;
-use std::{
-    fs,
-    io::{self, Write},
-    path::Path,
-};
+use std::io::{self, Write};
 
 /// The folder of the files.
 const FOLDER: &str = "maps";
@@ -101,28 +98,8 @@ fn file_name(words: &str) -> String {
     parts.join("-").chars().take(NAME_CHARS).collect()
 }
 
-/// The ends of the names of files of maps.
-const ENDS: [&str; 5] = [
-    "-behaviours.svg",
-    "-behaviours.png",
-    "-controllers.svg",
-    "-controllers.png",
-    "-scores.svg",
-];
-
-/// The maps in the folder of a report, by their names in it; none if it has none.
-pub(crate) fn earlier(folder: &Path) -> Vec<String> {
-    let Ok(entries) = fs::read_dir(folder.join(FOLDER)) else {
-        return Vec::new();
-    };
-    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
-    let maps = names.filter(|name| ENDS.iter().any(|end| name.ends_with(end)));
-    maps.map(|name| format!("{FOLDER}/{name}")).collect()
-}
-
 /// Writes the pictures and `maps.csv` into the folder of the report.
 pub(crate) fn write(outcome: &Outcome, rows: &[RowMaps], files: &mut Folder) -> Result<(), ReportError> {
-    files.folder(FOLDER)?;
     for row in rows {
         let name = |what: &str| format!("{FOLDER}/{}-{what}", row.stem);
         for (what, picture) in [("behaviours", &row.behaviours), ("controllers", &row.controllers)] {

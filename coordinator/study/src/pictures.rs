@@ -12,8 +12,8 @@ const PICTURE: u32 = 180;
 /// Why a report cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
-    #[error("{0}")]
-    Write(#[from] murmuration_report::ReportError),
+    #[error(transparent)]
+    Folder(#[from] murmuration_files::FolderError),
     #[error("cannot draw the map \"{title}\": {reason}")]
     Map { title: String, reason: String },
     #[error("cannot draw individual {index} of campaign {campaign}: {reason}")]

@@ -9,28 +9,19 @@ use crate::{
     pictures::{self, MedoidPictures, ReportError},
     recall_curve, written,
 };
-use murmuration_report::Folder;
+use murmuration_files::Folder;
 use rayon::prelude::*;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-/// Files that not every report has.
-const OPTIONAL: [&str; 6] = [
-    "phase.svg",
-    "recall.svg",
-    "recall.csv",
-    "richness.csv",
-    "niches.csv",
-    "maps.csv",
-];
-
-/// Writes `report.html`, `cells.csv` and `medoids.csv` into `folder`, which is made if it does not exist; for a study with phase
+/// Writes `report.html`, `cells.csv` and `medoids.csv` into a folder, whose former report it replaces; for a study with phase
 /// diagrams, also `phase.svg`; where recall was measured, also `recall.svg` and `recall.csv`; where richness was, `richness.csv`;
-/// with either, `niches.csv`; where maps were made, also `maps.csv` and the folder `maps`. Every file is complete or absent; the page,
-/// whose path is returned, is written last, and then such files of an earlier report are removed that this one does not have.
-pub fn write_report(outcome: &Outcome, folder: &Path) -> Result<PathBuf, ReportError> {
+/// with either, `niches.csv`; where maps were made, also `maps.csv` and the folder `maps`. Returns the path of the page.
+///
+/// # Errors
+/// If a picture cannot be drawn, or as [`Folder::finish`].
+pub fn write_report(outcome: &Outcome, mut files: Folder) -> Result<PathBuf, ReportError> {
     let pictures = draw(outcome)?;
     let page = page::render(outcome, &pictures, true);
-    let mut files = Folder::create(folder)?;
     if outcome.reference().is_some() {
         write_recall(outcome, &mut files)?;
     }
@@ -42,15 +33,8 @@ pub fn write_report(outcome: &Outcome, folder: &Path) -> Result<PathBuf, ReportE
     if let Some(picture) = &pictures.phase {
         files.text("phase.svg", picture)?;
     }
-    let page = files.text("report.html", &page)?;
-    // What an earlier report of other measures or rows left here is not this one's.
-    files.remove_unless_written(
-        OPTIONAL
-            .map(str::to_owned)
-            .into_iter()
-            .chain(map_files::earlier(folder)),
-    )?;
-    Ok(page)
+    files.text("report.html", &page)?;
+    Ok(files.finish()?.pop().unwrap_or_default())
 }
 
 /// The page of [`write_report`] alone, which names no file beside it.
@@ -105,7 +89,7 @@ mod tests {
         assert!(!alone.contains("cells.csv has"));
         assert!(!tables_and_plots(&outcome).into_string().contains(".csv"));
         let folder = tempfile::tempdir().unwrap();
-        let beside = write_report(&outcome, folder.path()).unwrap();
+        let beside = write_report(&outcome, Folder::create(folder.path(), false).unwrap()).unwrap();
         assert!(std::fs::read_to_string(beside).unwrap().contains("cells.csv has"));
     }
 }

@@ -3,11 +3,17 @@
 
 mod browser;
 mod data_directory;
+mod outputs;
 mod python;
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let tests = [browser::tests(), data_directory::tests(), python::tests()];
+    let tests = [
+        browser::tests(),
+        data_directory::tests(),
+        outputs::tests(),
+        python::tests(),
+    ];
     murmuration_tests::run(tests.into_iter().flatten().collect())
 }

@@ -22,7 +22,6 @@ pub use credentials::{
     root_cause,
 };
 pub use health::{Health, READY};
-pub use murmuration_files::{InputKind, TooLong, read_bytes, read_text, text_of};
 pub use link::{Broken, Link};
 pub use output::{OutputError, parse_arguments, print, say};
 pub use process::{PeerArguments, Post, run_peer};

@@ -13,7 +13,8 @@ use murmuration_cli::{
     table::{Table, left, right},
 };
 use murmuration_coordinator::local::InProcess;
-use murmuration_link::{InputKind, OutputError, errln};
+use murmuration_files::InputKind;
+use murmuration_link::{OutputError, errln};
 use murmuration_proto::{CampaignSpec, CheckpointDigest, grouped};
 use null_worker::NullWorker;
 pub(super) use plain_loop::PlainLoop;

@@ -7,7 +7,7 @@ use crate::{
 use murmuration_accuracy::{LabelledSet, Summary};
 use murmuration_cli::{
     CliError,
-    files::{Written, write},
+    files::{FileType, write},
     read_spec,
     table::{Table, left, right},
 };
@@ -51,7 +51,7 @@ pub struct LabelsBench {
 impl LabelsBench {
     pub(super) fn execute(mut self, as_json: bool) -> Result<(), CliError> {
         if let Some(file) = &self.plot {
-            Written::Svg.check("--plot", file)?;
+            FileType::Svg.check("--plot", file)?;
         }
         self.labels.sort_unstable();
         self.labels.dedup();

@@ -4,7 +4,7 @@ use crate::accuracy;
 use murmuration_accuracy::{Accuracy, LabelledSet};
 use murmuration_cli::{CliError, files::read};
 use murmuration_embed::{Embedder, Runtime};
-use murmuration_link::InputKind;
+use murmuration_files::InputKind;
 use murmuration_proto::{
     CampaignSpec, SeenPictures,
     onnx::{EmbedderModel, ImageShape},

@@ -12,8 +12,9 @@ use murmuration_cli::{
     files::read_words,
     table::{Table, left, right},
 };
-use murmuration_link::{InputKind, errln, outln};
-use murmuration_study::{Corrections, FolderError, Outcome, StudyFolder, studies, write_report};
+use murmuration_files::{Folder, InputKind};
+use murmuration_link::{errln, outln};
+use murmuration_study::{Corrections, FolderError, Outcome, ReportError, StudyFolder, studies, write_report};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Subcommand)]
@@ -47,6 +48,9 @@ pub struct ReportStudy {
     /// Folder for the report [default: the folder of the study in the data directory]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace files of a former report in the folder although they were changed since
+    #[arg(long)]
+    force: bool,
 }
 
 impl StudyCommand {
@@ -73,12 +77,19 @@ impl ReportStudy {
             None => Corrections::default(),
         };
         let (folder, outcome) = kept(&global.data, &self.study, corrections)?;
-        let page = write_report(&outcome, self.out.as_deref().unwrap_or(folder.path()));
-        let page = page.map_err(CliError::failed)?;
+        let folder = Folder::create(self.out.as_deref().unwrap_or(folder.path()), self.force);
+        let page = write_report(&outcome, folder?).map_err(report_error)?;
         match global.json {
             true => shown::show(&outcome, Some(&page), true),
             false => Ok(outln!("{}", page.display())?),
         }
+    }
+}
+
+fn report_error(error: ReportError) -> CliError {
+    match error {
+        ReportError::Folder(error) => error.into(),
+        error => CliError::failed(error),
     }
 }
 

@@ -5,7 +5,7 @@ use super::{
     labelled::Labelled,
     measuring::{Clients, Measuring},
     progress::{CellProgress, Progress},
-    shown,
+    report_error, shown,
 };
 use crate::known_campaigns::{KnownCampaigns, begin, to_end};
 use murmuration_cli::{
@@ -15,7 +15,8 @@ use murmuration_cli::{
     quoted,
 };
 use murmuration_embed::Runtime;
-use murmuration_link::{InputKind, errln, termination};
+use murmuration_files::{Folder, InputKind};
+use murmuration_link::{errln, termination};
 use murmuration_proto::{CampaignSpec, CheckpointDigest, counted, v1};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_study::{
@@ -89,7 +90,7 @@ impl RunStudy {
         };
         connection::with_new(global, crew, run).await?;
         let (folder, outcome) = kept(&global.data, study.name.as_str(), Corrections::default())?;
-        let page = write_report(&outcome, folder.path()).map_err(CliError::failed)?;
+        let page = write_report(&outcome, Folder::create(folder.path(), false)?).map_err(report_error)?;
         shown::show(&outcome, Some(&page), global.json)?;
         let seconds = begun.elapsed().as_secs_f64();
         errln!("{seconds:.1} s; open the report in a browser");

@@ -18,14 +18,12 @@ pub use page::{HOW, canvas, explained};
 pub use tally::{Tally, agreed, precision};
 pub use tiles::Tiles;
 
-use super::{ReportError, ReportFiles, files::Folder};
+use super::{ReportError, ReportFiles};
 use crate::picture::{PictureError, encoded};
+use murmuration_files::Folder;
 use murmuration_model::colours::Rgb;
 use murmuration_proto::{CampaignSpec, Controller, Features, Verdict};
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::path::Path;
 
 /// The map of an exhaustive campaign.
 #[derive(Debug, Clone)]
@@ -53,37 +51,45 @@ pub struct AtlasEntry {
     pub score: f64,
 }
 
-/// The table, by which the folder of an atlas is known.
-const TABLE: &str = "atlas.csv";
-/// The other files of an atlas, but for the pictures of swarms.
-const FILES: [&str; 6] = [
+/// The files of an atlas, but for the pictures of swarms.
+const FILES: [&str; 7] = [
     "README.md",
     "spec.toml",
+    "atlas.csv",
     "atlas.png",
     "atlas-poster.svg",
     "atlas-poster.png",
     "atlas.html",
 ];
 
-/// Writes `atlas.csv`, its `README.md` and `spec.toml` into `folder`, which is made if it does not exist; where all
+/// Begins to fill the folder of an atlas, whose former atlas it replaces.
+///
+/// # Errors
+/// As [`Folder::finish`], before any work is done.
+pub fn folder(path: &Path, replaces_changed: bool) -> Result<Folder, ReportError> {
+    let folder = Folder::create(path, replaces_changed)?;
+    folder.check_names(FILES)?;
+    Ok(folder)
+}
+
+/// Writes `atlas.csv`, its `README.md` and `spec.toml`; where all
 /// controllers of four speeds were evaluated, also `atlas.png`, `atlas-poster.svg`, `atlas-poster.png` and, last, `atlas.html`,
 /// the page of the answer; otherwise the page is the table. The page shows pictures of swarms if [`Tiles`] wrote them into the same
 /// folder.
-pub fn write(atlas: &Atlas, folder: &Path) -> Result<ReportFiles, ReportError> {
+///
+/// # Errors
+/// As [`Folder::finish`], or [`ReportError::Drawing`].
+pub fn write(atlas: &Atlas, mut files: Folder) -> Result<ReportFiles, ReportError> {
     let tallies: Vec<Tally> = atlas
         .entries
         .iter()
         .map(|entry| Tally::of(&entry.verdicts))
         .collect();
-    let mut files = Folder::create(folder)?;
     files.text("README.md", &table::readme(atlas))?;
     files.text("spec.toml", &atlas.spec.to_toml())?;
-    let csv = files.write(TABLE, |file| table::write(atlas, &tallies, file))?;
+    files.write("atlas.csv", |file| table::write(atlas, &tallies, file))?;
     let Some(layout) = Layout::of(&atlas.spec) else {
-        return Ok(ReportFiles {
-            page: csv,
-            others: files.written()[..2].to_vec(),
-        });
+        return Ok(ReportFiles::of(files.finish()?));
     };
     let places = layout.places(atlas);
     let pixels = tally::pixels(&places, &tallies);
@@ -99,51 +105,8 @@ pub fn write(atlas: &Atlas, folder: &Path) -> Result<ReportFiles, ReportError> {
         .png(poster::PNG_SCALE)
         .map_err(undrawn("atlas-poster.png"))?;
     files.bytes("atlas-poster.png", &print)?;
-    let others = files.written().to_vec();
-    let page = files.text("atlas.html", &page::render(atlas, &layout, &places, &map))?;
-    Ok(ReportFiles { page, others })
-}
-
-/// Moves an atlas that [`write()`] and [`Tiles`] put into `fresh`, a folder on the same disk, to `folder`, which exists. Then what
-/// an atlas that was there before left is removed: files that the new one has not would be taken for its own. Everything else
-/// in `folder` stays, and so does the former atlas where nothing can be moved.
-///
-/// # Errors
-/// [`ReportError::Write`] names what cannot be moved or removed.
-pub fn replace(fresh: &Path, folder: &Path) -> Result<(), ReportError> {
-    // A folder that merely has a file of such a name is none of ours. The table is moved last, and never removed, so that an atlas
-    // that was moved in part is still known as one.
-    let was_atlas = folder.join(TABLE).is_file();
-    let new = files_in(fresh);
-    let failed = |path: &Path| {
-        let path = path.to_owned();
-        move |source| ReportError::Write { path, source }
-    };
-    for name in &new {
-        let place = folder.join(name);
-        if let Some(above) = place.parent() {
-            fs::create_dir_all(above).map_err(failed(above))?;
-        }
-        fs::rename(fresh.join(name), &place).map_err(failed(&place))?;
-    }
-    if was_atlas {
-        for name in files_in(folder).iter().filter(|name| !new.contains(name)) {
-            let path = folder.join(name);
-            fs::remove_file(&path).map_err(failed(&path))?;
-        }
-    }
-    Ok(())
-}
-
-/// The files of an atlas that are in a folder, by their names in it.
-fn files_in(folder: &Path) -> Vec<PathBuf> {
-    let tiles = fs::read_dir(folder.join(tiles::FOLDER)).into_iter().flatten();
-    let tiles = tiles.filter_map(|tile| tile.ok()?.file_name().into_string().ok());
-    let tiles = tiles.filter(|name| name.starts_with("tile-") && name.ends_with(".png"));
-    let tiles = tiles.map(|name| Path::new(tiles::FOLDER).join(name));
-    let files = FILES.iter().chain([&TABLE]).map(PathBuf::from);
-    let files = files.filter(|name| folder.join(name).is_file());
-    tiles.chain(files).collect()
+    files.text("atlas.html", &page::render(atlas, &layout, &places, &map))?;
+    Ok(ReportFiles::of(files.finish()?))
 }
 
 /// What the script of an atlas's page draws from, as JSON, and the picture as a PNG, a pixel a controller: for a page that a

@@ -34,7 +34,7 @@ fn atlas() -> Atlas {
 
 fn written(atlas: &Atlas) -> (tempfile::TempDir, ReportFiles) {
     let place = tempfile::tempdir().unwrap();
-    let files = write(atlas, &place.path().join("atlas")).unwrap();
+    let files = write(atlas, folder(&place.path().join("atlas"), false).unwrap()).unwrap();
     (place, files)
 }
 
@@ -183,13 +183,21 @@ fn a_tile_has_the_pictures_of_its_controllers_where_the_map_has_their_pixels() {
     let atlas = atlas();
     let layout = Layout::of(&atlas.spec).unwrap();
     let place = tempfile::tempdir().unwrap();
-    let mut tiles = Tiles::create(place.path(), layout.clone(), PictureShape::new(1, 2).unwrap()).unwrap();
+    let mut files = folder(place.path(), false).unwrap();
+    let mut tiles = Tiles::new(layout.clone(), PictureShape::new(1, 2).unwrap());
     for (index, entry) in atlas.entries.iter().enumerate() {
         // x = 0: index above 1; x = 1: 2 above 3.
-        tiles.add(&entry.controller, &[index as u8, 1, 2, 3]).unwrap();
+        tiles
+            .add(&mut files, &entry.controller, &[index as u8, 1, 2, 3])
+            .unwrap();
     }
-    assert!(tiles.add(&atlas.entries[0].controller, &[0; 5]).is_err());
-    tiles.finish().unwrap();
+    assert!(
+        tiles
+            .add(&mut files, &atlas.entries[0].controller, &[0; 5])
+            .is_err()
+    );
+    tiles.finish(&mut files).unwrap();
+    write(&atlas, files).unwrap();
     let entry = &atlas.entries[200];
     let [x, y] = layout.pixel(&entry.controller).unwrap();
     let tile = format!("pictures/tile-{}-{}.png", x / 5, y / 5);
@@ -250,37 +258,21 @@ fn the_poster_as_png_has_the_map_and_the_legend() {
 }
 
 #[test]
-fn an_atlas_has_no_files_of_one_that_was_in_its_folder_before() {
-    let (_place, files) = written(&atlas());
-    let folder = files.page.parent().unwrap();
-    fs::create_dir(folder.join("pictures")).unwrap();
-    for name in ["pictures/tile-0-0.png", "pictures/mine.png", "notes.txt"] {
-        fs::write(folder.join(name), "").unwrap();
-    }
-    // Another atlas, with another tile, takes its place.
-    let fresh = folder.join(".fresh");
-    fs::create_dir_all(fresh.join("pictures")).unwrap();
-    for name in ["atlas.csv", "pictures/tile-1-0.png"] {
-        fs::write(fresh.join(name), "new").unwrap();
-    }
-    replace(&fresh, folder).unwrap();
-    fs::remove_dir_all(&fresh).unwrap();
-    assert_eq!(fs::read_to_string(folder.join("atlas.csv")).unwrap(), "new");
-    let mut left: Vec<_> = fs::read_dir(folder)
-        .unwrap()
-        .chain(fs::read_dir(folder.join("pictures")).unwrap())
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect();
-    left.sort();
-    assert_eq!(
-        left,
-        ["atlas.csv", "mine.png", "notes.txt", "pictures", "tile-1-0.png"]
-    );
-    // Of a folder without an atlas nothing is removed, whatever its files are called.
-    fs::remove_file(folder.join("atlas.csv")).unwrap();
-    fs::write(folder.join("README.md"), "mine").unwrap();
-    fs::create_dir(&fresh).unwrap();
-    fs::write(fresh.join("atlas.csv"), "newer").unwrap();
-    replace(&fresh, folder).unwrap();
-    assert!(folder.join("README.md").is_file());
+fn an_atlas_replaces_the_former_one_and_no_file_of_its_owner() {
+    let (place, _) = written(&atlas());
+    let path = place.path().join("atlas");
+    let few = Atlas {
+        spec: CampaignSpec::from_toml(
+            "model = \"single-sensor\"\nmethod = \"random\"\n[evaluation]\njudge = true",
+        )
+        .unwrap(),
+        entries: atlas().entries[..10].to_vec(),
+        ..atlas()
+    };
+    write(&few, folder(&path, false).unwrap()).unwrap();
+    assert!(path.join("atlas.csv").is_file() && !path.join("atlas.html").exists());
+    // Files of these names in another folder are not an atlas's.
+    fs::write(place.path().join("README.md"), "mine").unwrap();
+    let refused = folder(place.path(), true).unwrap_err().to_string();
+    assert!(refused.contains("did not write README.md"), "{refused}");
 }

@@ -3,20 +3,17 @@
 use super::Layout;
 use crate::{
     ReportError,
-    files::Folder,
     picture::{PictureError, encoded},
 };
+use murmuration_files::Folder;
 use murmuration_proto::{Controller, PictureShape};
-use std::path::Path;
 
 /// The folder of the pictures in that of an atlas.
 pub(super) const FOLDER: &str = "pictures";
 
-/// Writes the pictures of the controllers of an atlas, which come in the order of its archive, into the folder
-/// `pictures`.
+/// Draws the pictures of the controllers of an atlas, which come in the order of its archive.
 #[derive(Debug)]
 pub struct Tiles {
-    folder: Folder,
     layout: Layout,
     shape: PictureShape,
     /// Column and row of the tile that is being filled, and its pixels, row by row.
@@ -24,30 +21,34 @@ pub struct Tiles {
 }
 
 impl Tiles {
-    /// Into `folder`/pictures, which is made if it does not exist.
-    pub fn create(folder: &Path, layout: Layout, shape: PictureShape) -> Result<Self, ReportError> {
-        let folder = Folder::create(&folder.join(FOLDER))?;
-        Ok(Self {
-            folder,
+    #[must_use]
+    pub const fn new(layout: Layout, shape: PictureShape) -> Self {
+        Self {
             layout,
             shape,
             current: None,
-        })
+        }
     }
 
     /// Adds the picture of a controller: the bytes of an image of one channel. The controllers of a tile come one after
-    /// the other; those that the picture of the atlas does not show are left out.
+    /// the other; those that the picture of the atlas does not show are left out. A tile that is full is written into the atlas's
+    /// `folder`.
     ///
     /// # Errors
     /// If a tile cannot be written, or the image is of another size.
-    pub fn add(&mut self, controller: &Controller, image: &[u8]) -> Result<(), ReportError> {
+    pub fn add(
+        &mut self,
+        folder: &mut Folder,
+        controller: &Controller,
+        image: &[u8],
+    ) -> Result<(), ReportError> {
         let Some([x, y]) = self.layout.pixel(controller) else {
             return Ok(());
         };
         let (values, side) = (self.layout.values(), self.shape.side());
         let tile = [x / values, y / values];
         if self.current.as_ref().is_none_or(|(current, _)| *current != tile) {
-            self.flush()?;
+            self.flush(folder)?;
         }
         if image.len() != self.shape.bytes() {
             let (shape, bytes) = (self.shape, image.len());
@@ -65,18 +66,20 @@ impl Tiles {
     }
 
     /// Writes the last tile.
-    pub fn finish(mut self) -> Result<(), ReportError> {
-        self.flush()
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn finish(mut self, folder: &mut Folder) -> Result<(), ReportError> {
+        self.flush(folder)
     }
 
-    fn flush(&mut self) -> Result<(), ReportError> {
+    fn flush(&mut self, folder: &mut Folder) -> Result<(), ReportError> {
         let Some(([column, row], pixels)) = self.current.take() else {
             return Ok(());
         };
         let width = self.layout.values() * self.shape.side();
         let png = encoded(&pixels, [width; 2], png::ColorType::Grayscale).map_err(undrawn)?;
-        self.folder.bytes(&format!("tile-{column}-{row}.png"), &png)?;
-        Ok(())
+        Ok(folder.bytes(&format!("{FOLDER}/tile-{column}-{row}.png"), &png)?)
     }
 }
 

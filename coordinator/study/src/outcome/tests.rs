@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::{corrections::Corrections, report::write_report, sample};
+use murmuration_files::Folder;
 use std::collections::BTreeMap;
 
 const MILLING: &str = "milling";
@@ -192,13 +193,13 @@ fn a_bad_file_of_classes_names_the_line() {
 fn every_table_follows_from_the_files_of_the_report() {
     let outcome = outcome(Corrections::default());
     let folder = tempfile::tempdir().unwrap();
-    let stale = ["phase.svg", "recall.csv", "maps/1-x-scores.svg"].map(|name| folder.path().join(name));
-    std::fs::create_dir(folder.path().join("maps")).unwrap();
-    for path in &stale {
-        std::fs::write(path, "of another study").unwrap();
-    }
-    let page = write_report(&outcome, folder.path()).unwrap();
-    assert!(stale.iter().all(|path| !path.exists()));
+    let mut former = Folder::create(folder.path(), false).unwrap();
+    former.text("maps/1-x-scores.svg", "of another study").unwrap();
+    former.finish().unwrap();
+    std::fs::write(folder.path().join("recall.csv"), "mine").unwrap();
+    let page = write_report(&outcome, Folder::create(folder.path(), false).unwrap()).unwrap();
+    assert!(!folder.path().join("maps").exists());
+    assert!(folder.path().join("recall.csv").is_file());
     let mut distinct: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     let mut cells = csv::Reader::from_path(folder.path().join("cells.csv")).unwrap();
     for row in cells.deserialize::<BTreeMap<String, String>>() {

@@ -7,6 +7,8 @@ mod disk;
 mod doctor;
 mod unmounted;
 
+pub use backup::MODEL;
+
 use murmuration_tests::{Murmuration, Requirement, Test, longer_spec, test};
 use serde_json::Value;
 use std::path::Path;

@@ -1,0 +1,209 @@
+//! Files that commands write where their user says: on a full disk, in a folder that may not be written, in the place of other files.
+
+use crate::data_directory::MODEL;
+use murmuration_tests::{Finished, Murmuration, Requirement, SmallDisk, Test, small_spec, test};
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+};
+
+pub fn tests() -> Vec<Test> {
+    vec![
+        test!(on_a_full_disk_the_former_file_stays).needs(Requirement::Mount),
+        test!(on_a_full_disk_a_folder_stays_as_it_was).needs(Requirement::Mount),
+        test!(what_cannot_be_written_is_named),
+        test!(a_folder_keeps_the_files_of_its_owner),
+    ]
+}
+
+const CONTROLLER: &str = "--controller=0.2,0.7,-0.5,-0.1";
+/// The commands that write one file, without its name, and the ending of that.
+const FILES: [(&[&str], &str); 10] = [
+    (&["simulate", CONTROLLER, "--gif"], "gif"),
+    (&["simulate", CONTROLLER, "--png"], "png"),
+    (&["simulate", CONTROLLER, "--svg"], "svg"),
+    (&["simulate", CONTROLLER, "--image"], "png"),
+    (&["simulate", CONTROLLER, "--tracks"], "csv"),
+    (&["controller", "export", CONTROLLER, "--header"], "h"),
+    (&["robot", "--model", "single-sensor", "--svg"], "svg"),
+    (&["labels", "latest", "--force", "--csv"], "csv"),
+    (&["checkpoints", "export", "CHECKPOINT"], "onnx"),
+    (&["evaluate", "SPEC", "CONTROLLERS", "--out"], "csv"),
+];
+/// The commands that write a folder, without its name, and a file of it.
+const FOLDERS: [(&[&str], &str); 3] = [
+    (&["report", "latest", "--out"], "report.html"),
+    (&["lab", "atlas", "ATLAS", "--out"], "atlas.csv"),
+    (&["export", "latest"], "README.md"),
+];
+
+/// A campaign, a checkpoint, and the files that commands read.
+struct Given {
+    murmuration: Murmuration,
+    spec: String,
+    atlas: String,
+    controllers: String,
+    checkpoint: String,
+}
+
+impl Given {
+    fn in_folder(folder: &Path) -> Self {
+        let write = |name: &str, text: &str| {
+            let path = folder.join(name);
+            fs::write(&path, text).unwrap();
+            path.display().to_string()
+        };
+        let murmuration = Murmuration::with_campaign(folder);
+        let imported = murmuration.run(&["checkpoints", "import", MODEL, "--json"]);
+        let atlas = "model = \"single-sensor\"\nmethod = \"exhaustive\"\nworld = { horizon = 200 }\ncontrollers = { step = 1.0 }\n";
+        Self {
+            spec: folder.join("small.toml").display().to_string(),
+            atlas: write("atlas.toml", atlas),
+            controllers: write("controllers.csv", &"0.2,0.7,-0.5,-0.1\n".repeat(300)),
+            checkpoint: imported.last_line()["checkpoint"].as_str().unwrap().to_owned(),
+            murmuration,
+        }
+    }
+
+    fn run(&self, command: &[&str], path: &Path) -> Finished {
+        let path = path.display().to_string();
+        let argument = |argument: &&str| match *argument {
+            "SPEC" => self.spec.clone(),
+            "ATLAS" => self.atlas.clone(),
+            "CONTROLLERS" => self.controllers.clone(),
+            "CHECKPOINT" => self.checkpoint.clone(),
+            other => other.to_owned(),
+        };
+        let arguments: Vec<String> = command.iter().map(argument).chain([path]).collect();
+        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        self.murmuration.run(&arguments)
+    }
+}
+
+/// The names in a folder and the texts of its files, of folders only their names.
+fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let content = |path: PathBuf| {
+        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+        (name, fs::read(&path).unwrap_or_default())
+    };
+    entries.map(content).collect()
+}
+
+#[track_caller]
+fn names_file(failed: &Finished, command: &[&str], path: &Path) {
+    let said = &failed.stderr;
+    assert!(matches!(failed.code, Some(1 | 2)), "{command:?}: {said}");
+    assert!(said.contains(&path.display().to_string()), "{command:?}: {said}");
+    assert!(
+        !said.contains("Os {") && !said.contains("panicked"),
+        "{command:?}: {said}"
+    );
+}
+
+fn on_a_full_disk_the_former_file_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let given = Given::in_folder(folder.path());
+    let at = folder.path().join("disk");
+    let disk = SmallDisk::new(&at, "64k");
+    for (_, ending) in FILES {
+        fs::write(at.join("file").with_extension(ending), "former").unwrap();
+    }
+    let _filler = disk.fill();
+    let before = contents(&at);
+    for (command, ending) in FILES {
+        let path = at.join("file").with_extension(ending);
+        let failed = given.run(command, &path);
+        names_file(&failed, command, &path);
+        assert!(failed.stderr.contains("No space left"), "{}", failed.stderr);
+        assert!(contents(&at) == before, "{command:?} changed the folder");
+    }
+}
+
+fn on_a_full_disk_a_folder_stays_as_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let given = Given::in_folder(folder.path());
+    let at = folder.path().join("disk");
+    for (command, _) in FOLDERS {
+        let disk = SmallDisk::new(&at, "96k");
+        let path = at.join("folder");
+        fs::create_dir(&path).unwrap();
+        let failed = given.run(command, &path);
+        names_file(&failed, command, &path);
+        assert!(failed.stderr.contains("No space left"), "{}", failed.stderr);
+        assert!(contents(&path).is_empty(), "{command:?} left files");
+        drop(disk);
+    }
+}
+
+fn what_cannot_be_written_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let given = Given::in_folder(folder.path());
+    let file = folder.path().join("file");
+    fs::write(&file, "mine").unwrap();
+    for (command, ending) in FILES {
+        // A folder in place of the file, and a file in place of its folder.
+        let taken = folder.path().join("taken").with_extension(ending);
+        fs::create_dir_all(&taken).unwrap();
+        names_file(&given.run(command, &taken), command, &taken);
+        let within = file.join("new").with_extension(ending);
+        names_file(&given.run(command, &within), command, &within);
+    }
+    for (command, _) in FOLDERS {
+        let failed = given.run(command, &file);
+        assert_ne!(failed.code, Some(0));
+        assert!(
+            failed.stderr.contains(&file.display().to_string()),
+            "{}",
+            failed.stderr
+        );
+    }
+    assert_eq!(fs::read_to_string(&file).unwrap(), "mine");
+}
+
+fn a_folder_keeps_the_files_of_its_owner() {
+    let folder = tempfile::tempdir().unwrap();
+    let given = Given::in_folder(folder.path());
+    for (command, name) in FOLDERS {
+        let path = folder.path().join("notes");
+        fs::create_dir(&path).unwrap();
+        for (name, text) in [(name, "mine"), ("recall.csv", "mine"), ("richness.csv", "mine")] {
+            fs::write(path.join(name), text).unwrap();
+        }
+        let before = contents(&path);
+        let failed = given.run(command, &path);
+        names_file(&failed, command, &path);
+        assert!(contents(&path) == before, "{command:?} changed the folder");
+        fs::remove_dir_all(&path).unwrap();
+    }
+    // A report that its owner changed is replaced only when asked to.
+    let path = folder.path().join("report");
+    let report = |force: &[&str]| given.run(&[&["report", "latest"], force, &["--out"]].concat(), &path);
+    assert_eq!(report(&[]).code, Some(0));
+    assert_eq!(report(&[]).code, Some(0));
+    fs::write(path.join("report.html"), "notes").unwrap();
+    fs::write(path.join("recall.csv"), "mine").unwrap();
+    let refused = report(&[]);
+    assert!(
+        refused.stderr.contains("report.html changed since"),
+        "{}",
+        refused.stderr
+    );
+    assert_eq!(fs::read_to_string(path.join("report.html")).unwrap(), "notes");
+    assert_eq!(report(&["--force"]).code, Some(0));
+    assert_eq!(fs::read_to_string(path.join("recall.csv")).unwrap(), "mine");
+    // Another campaign's report takes the place of the first one whole.
+    let spec = folder.path().join("trials.toml");
+    fs::write(&spec, small_spec("[evaluation]\nstarts = 2").to_toml()).unwrap();
+    assert_eq!(
+        given.murmuration.run(&["run", &spec.display().to_string()]).code,
+        Some(0)
+    );
+    assert_eq!(report(&[]).code, Some(0));
+    assert!(path.join("trials.csv").is_file());
+    let first = given.run(&["report", "small-1", "--out"], &path);
+    assert_eq!(first.code, Some(0), "{}", first.stderr);
+    assert!(!path.join("trials.csv").exists());
+    assert_eq!(fs::read_to_string(path.join("recall.csv")).unwrap(), "mine");
+}
