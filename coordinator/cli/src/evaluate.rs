@@ -3,7 +3,7 @@
 use super::{
     CliError, Global,
     connection::{self, Connection},
-    files::{FileType, begin, finish, is_there, read, read_words},
+    files::{FileType, begin, check_distinct, finish, is_there, read, read_words},
     follow::Count,
     genomes, json,
     run::InProcessArgs,
@@ -20,7 +20,6 @@ use murmuration_proto::{
 use murmuration_store::DataDirectory;
 use rand::RngExt as _;
 use std::{
-    fs,
     io::{self, Write},
     iter, mem,
     path::{Path, PathBuf},
@@ -65,17 +64,7 @@ impl Evaluate {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         if let Some(path) = &self.out {
             FileType::Csv.check("--out", path)?;
-            let is_input = |input: &PathBuf| {
-                fs::canonicalize(path)
-                    .is_ok_and(|out| fs::canonicalize(input).is_ok_and(|input| input == out))
-            };
-            if [&self.spec, &self.controllers].into_iter().any(is_input) {
-                let said = format!(
-                    "--out {} is a file that is read: name another one",
-                    path.display()
-                );
-                return Err(CliError::Input(said));
-            }
+            check_distinct([("--out", path)], [&self.spec, &self.controllers])?;
         }
         let spec = CampaignSpec::from_toml(&read_words(&self.spec, InputKind::Campaign)?)
             .map_err(|error| CliError::Input(format!("{}: {error}", self.spec.display())))?;

@@ -4,7 +4,7 @@ use super::{
     CliError, Global,
     connection::{self, Connection},
     controller,
-    files::{FileType, write},
+    files::{FileType, check_distinct, write},
     heard::get_campaign,
     json,
     robots::RobotArgs,
@@ -61,6 +61,7 @@ impl Export {
     async fn execute(self, global: &Global) -> Result<(), CliError> {
         if let Some(path) = &self.header {
             FileType::Header.check("--header", path)?;
+            check_distinct([("--header", path)], self.robots.files())?;
         }
         let controller = match (&self.controller, &self.campaign, self.index) {
             (Some(text), ..) => controller::parse(text, self.robots.read()?.0.as_ref())?,

@@ -1,10 +1,14 @@
 //! Files that a command reads and writes where a person says.
 
 use super::CliError;
-use murmuration_files::{InputKind, NewFile, read_bytes, read_text};
+use murmuration_files::{InputKind, NewFile, Replaces, read_bytes, read_text};
 use murmuration_link::errln;
 use murmuration_store::files;
-use std::{io::Write as _, path::Path};
+use std::{
+    fs,
+    io::Write as _,
+    path::{Path, PathBuf},
+};
 
 pub fn read(path: &Path, kind: InputKind) -> Result<Vec<u8>, CliError> {
     read_bytes(path, kind).map_err(|error| CliError::unreadable(path, &error))
@@ -16,6 +20,43 @@ pub fn read_words(path: &Path, kind: InputKind) -> Result<String, CliError> {
 
 pub fn is_there(path: &Path) -> Result<bool, CliError> {
     files::is_there(path).map_err(|error| CliError::unreadable(path, &error))
+}
+
+/// What `--force` lets a command replace in a folder that somebody names.
+pub const fn replaces(force: bool) -> Replaces {
+    match force {
+        true => Replaces::Changed,
+        false => Replaces::Unchanged,
+    }
+}
+
+/// Refuses to write a file that the command reads, or that another of its options writes.
+pub fn check_distinct<'a>(
+    outputs: impl IntoIterator<Item = (&'a str, &'a PathBuf)>,
+    inputs: impl IntoIterator<Item = &'a PathBuf>,
+) -> Result<(), CliError> {
+    let whole = |path: &Path| fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let mut taken: Vec<PathBuf> = inputs.into_iter().map(|path| whole(path)).collect();
+    let read = taken.len();
+    for (option, path) in outputs {
+        let file = whole(path);
+        let is_device = file.starts_with("/dev") || file.starts_with("/proc");
+        match taken.iter().position(|other| *other == file) {
+            Some(place) if !is_device => {
+                let what = if place < read {
+                    "a file that is read"
+                } else {
+                    "the file of another option"
+                };
+                let path = path.display();
+                return Err(CliError::Input(format!(
+                    "{option} {path} is {what}: name another one"
+                )));
+            }
+            _ => taken.push(file),
+        }
+    }
+    Ok(())
 }
 
 /// Writes a file whole, with the folders above it where they do not exist, and says so.

@@ -7,7 +7,7 @@ use super::{
     CliError, Global, checkpoints,
     connection::{self, Connection},
     controller,
-    files::{FileType, read, write},
+    files::{FileType, check_distinct, read, write},
     heard::{get_campaign, heard},
     robots::described,
 };
@@ -82,6 +82,7 @@ impl Recognise {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         if let Some(path) = &self.png {
             FileType::Png.check("--png", path)?;
+            check_distinct([("--png", path)], self.robot.iter().chain([&self.tracks]))?;
         }
         let tracks = Tracks::parse(&self.tracks, read(&self.tracks, InputKind::Tracks)?)?;
         let find = async |connection: &mut Connection| self.find(connection, &tracks).await;

@@ -4,11 +4,12 @@ use super::{
     CliError, Global,
     connection::{self, Connection},
     error::report_folder,
+    files::replaces,
     heard::{self, get_campaign},
     json,
 };
 use murmuration_coordinator::local::InProcess;
-use murmuration_files::Folder;
+use murmuration_files::{Folder, Replaces};
 use murmuration_link::{errln, outln};
 use murmuration_model::CampaignId;
 use murmuration_proto::v1;
@@ -54,28 +55,29 @@ impl ReportCommand {
             );
         }
         let id = heard::id(&campaign)?;
-        let folder = self
-            .out
-            .clone()
-            .unwrap_or_else(|| report_folder(&global.data, &id));
-        write_report(connection, &id, &folder, self.force).await
+        match &self.out {
+            Some(folder) => write_report(connection, &id, folder, replaces(self.force)).await,
+            None => {
+                let folder = report_folder(&global.data, &id);
+                write_report(connection, &id, &folder, Replaces::All).await
+            }
+        }
     }
 }
 
-/// Writes the report of a completed campaign into `folder`; the path of its page. With `replaces_changed`, files of a former report
-/// are replaced although somebody changed them.
+/// Writes the report of a completed campaign into `folder`; the path of its page.
 pub(super) async fn write_report(
     connection: &mut Connection,
     campaign: &CampaignId,
     folder: &Path,
-    replaces_changed: bool,
+    replaces: Replaces,
 ) -> Result<PathBuf, CliError> {
     let names = report_data::names(&mut connection.labels, campaign.as_str()).await?;
     let client = &mut connection.client;
     let report = report_data::report(client, campaign.as_str(), names, PicturesOf::Individuals).await?;
     let folder = folder.to_owned();
     let write = move || {
-        let folder = Folder::create(&folder, replaces_changed)?;
+        let folder = Folder::create(&folder, replaces)?;
         report::write(&report, folder)
     };
     let written = tokio::task::spawn_blocking(write).await;

@@ -2,7 +2,7 @@
 
 use super::{
     CliError,
-    files::{FileType, read_words, write},
+    files::{FileType, check_distinct, read_words, write},
     json,
     run::read_spec,
 };
@@ -29,6 +29,11 @@ pub struct RobotArgs {
 }
 
 impl RobotArgs {
+    /// The files that are read.
+    pub(super) fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.robot.iter().chain(&self.spec)
+    }
+
     /// The robots if any are named or described, their world, and the format of their picture.
     pub(super) fn read(&self) -> Result<(Option<CapabilityModel>, World, ImageFormat), CliError> {
         if let Some(path) = &self.spec {
@@ -81,6 +86,7 @@ impl ShowRobot {
     pub(super) fn execute(self, as_json: bool) -> Result<(), CliError> {
         if let Some(path) = &self.svg {
             FileType::Svg.check("--svg", path)?;
+            check_distinct([("--svg", path)], &self.file)?;
         }
         let model = match (&self.file, self.model) {
             (Some(path), _) => described(path)?.0,

@@ -11,7 +11,7 @@ use super::{
 };
 use murmuration_coordinator::local::InProcess;
 use murmuration_embed::Runtime;
-use murmuration_files::InputKind;
+use murmuration_files::{InputKind, Replaces};
 use murmuration_link::{OutputError, errln, outln, termination};
 use murmuration_proto::{CampaignSpec, counted, text::masked_url, v1};
 use murmuration_store::{DataDirectory, StoreError};
@@ -273,13 +273,6 @@ async fn finish(
     }
     let id = heard::id(&last)?;
     let folder = super::error::report_folder(&global.data, &id);
-    let report = write_report(connection, &id, &folder, false).await;
-    let report = report.map_err(|error| match error {
-        CliError::Input(said) => {
-            let again = global.next(&format!("report {id} --force"));
-            CliError::Input(format!("{said}: `{again}`"))
-        }
-        error => error,
-    })?;
+    let report = write_report(connection, &id, &folder, Replaces::All).await?;
     Ok((get_digest(&mut connection.client, last.id).await?, report))
 }

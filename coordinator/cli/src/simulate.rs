@@ -2,7 +2,7 @@
 
 use super::{
     CliError, controller,
-    files::{FileType, read_words, write},
+    files::{FileType, check_distinct, read_words, write},
     film, json,
     robots::RobotArgs,
 };
@@ -93,10 +93,14 @@ impl Simulate {
             (FileType::Png, "--image", &self.image),
             (FileType::Csv, "--tracks", &self.tracks),
         ];
-        let mut named = named
+        let named = named
             .into_iter()
             .filter_map(|(kind, option, path)| Some((kind, option, path.as_ref()?)));
-        named.try_for_each(|(kind, option, path)| kind.check(option, path))
+        for (kind, option, path) in named.clone() {
+            kind.check(option, path)?;
+        }
+        let outputs = named.map(|(_, option, path)| (option, path));
+        check_distinct(outputs, self.robots.files().chain(&self.case))
     }
 
     fn simulate_controller(&self, genes: &str, as_json: bool) -> Result<(), CliError> {

@@ -7,11 +7,12 @@ use crate::{
 use murmuration_cli::{
     CliError, Global, InProcessArgs,
     connection::{self, Connection},
+    files::replaces,
     follow::{Show, View},
     heard::{self, get_campaign, get_digest},
     next_step, read_spec,
 };
-use murmuration_files::Folder;
+use murmuration_files::{Folder, Replaces};
 use murmuration_link::{errln, outln, termination};
 use murmuration_model::CampaignId;
 use murmuration_proto::{CampaignSpec, Controller, Enumeration, Invalid, counted, v1};
@@ -125,11 +126,11 @@ impl AtlasCommand {
         campaign: &v1::Campaign,
     ) -> Result<json::Atlas, CliError> {
         let id = heard::id(campaign)?;
-        let folder = self
-            .out
-            .clone()
-            .unwrap_or_else(|| atlas_folder(&global.data, &id));
-        let mut folder = atlas::folder(&folder, self.force)?;
+        let (folder, replaces) = match &self.out {
+            Some(folder) => (folder.clone(), replaces(self.force)),
+            None => (atlas_folder(&global.data, &id), Replaces::All),
+        };
+        let mut folder = atlas::folder(&folder, replaces)?;
         let atlas = gather(connection, campaign, &mut folder).await?;
         let (digest, controllers) = (atlas.digest.clone(), atlas.entries.len() as u64);
         let write = move || atlas::write(&atlas, folder);

@@ -8,7 +8,7 @@ use csv::Writer;
 use murmuration_accuracy::{LabelledSet, Swarm};
 use murmuration_cli::{
     CliError, Global,
-    files::{FileType, is_there, write},
+    files::{FileType, check_distinct, is_there, write},
     table::{Table, left, right},
 };
 use murmuration_judge as judge;
@@ -48,6 +48,7 @@ impl JudgeCommand {
         self.check_starts()?;
         if let Some(table) = &self.measures {
             FileType::Csv.check("--measures", table)?;
+            check_distinct([("--measures", table)], self.labels.iter().chain(&self.starts))?;
         }
         let sets = self.labels.iter().map(LabelledSet::read);
         let sets = sets.collect::<Result<Vec<_>, _>>()?;

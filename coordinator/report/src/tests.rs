@@ -15,7 +15,7 @@ use murmuration_proto::{Class, Preset, Verdict};
 use std::fs;
 
 fn folder_of(path: &std::path::Path) -> Folder {
-    Folder::create(path, false).unwrap()
+    Folder::create(path, murmuration_files::Replaces::Unchanged).unwrap()
 }
 
 fn written(report: &Report) -> (tempfile::TempDir, ReportFiles) {

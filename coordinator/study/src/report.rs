@@ -89,7 +89,11 @@ mod tests {
         assert!(!alone.contains("cells.csv has"));
         assert!(!tables_and_plots(&outcome).into_string().contains(".csv"));
         let folder = tempfile::tempdir().unwrap();
-        let beside = write_report(&outcome, Folder::create(folder.path(), false).unwrap()).unwrap();
+        let beside = write_report(
+            &outcome,
+            Folder::create(folder.path(), murmuration_files::Replaces::Unchanged).unwrap(),
+        )
+        .unwrap();
         assert!(std::fs::read_to_string(beside).unwrap().contains("cells.csv has"));
     }
 }

@@ -14,6 +14,7 @@ pub fn tests() -> Vec<Test> {
         test!(on_a_full_disk_a_folder_stays_as_it_was).needs(Requirement::Mount),
         test!(what_cannot_be_written_is_named),
         test!(a_folder_keeps_the_files_of_its_owner),
+        test!(what_is_read_is_not_written),
     ]
 }
 
@@ -206,4 +207,51 @@ fn a_folder_keeps_the_files_of_its_owner() {
     assert_eq!(first.code, Some(0), "{}", first.stderr);
     assert!(!path.join("trials.csv").exists());
     assert_eq!(fs::read_to_string(path.join("recall.csv")).unwrap(), "mine");
+}
+
+fn what_is_read_is_not_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let given = Given::in_folder(folder.path());
+    let spec = folder.path().join("spec");
+    fs::copy(&given.spec, &spec).unwrap();
+    let before = fs::read(&spec).unwrap();
+    let named = spec.display().to_string();
+    for command in [
+        &["simulate", CONTROLLER, "--spec", &named, "--png"][..],
+        &["controller", "export", CONTROLLER, "--spec", &named, "--header"],
+        &["robot", &named, "--svg"],
+        &["evaluate", &named, "CONTROLLERS", "--out"],
+        &["lab", "judge", "--labels", &named, "--measures"],
+    ] {
+        let refused = given.run(command, &spec);
+        assert_eq!(refused.code, Some(2), "{command:?}: {}", refused.stderr);
+        assert!(
+            refused.stderr.contains("is a file that is read"),
+            "{}",
+            refused.stderr
+        );
+        assert!(
+            fs::read(&spec).unwrap() == before,
+            "{command:?} changed its input"
+        );
+    }
+    let twice = folder.path().join("twice");
+    let png = twice.display().to_string();
+    let refused = given.run(&["simulate", CONTROLLER, "--png", &png, "--gif"], &twice);
+    assert!(
+        refused.stderr.contains("is the file of another option"),
+        "{}",
+        refused.stderr
+    );
+    // Standard output may be a file that others write to, too.
+    let shared = folder.path().join("shared");
+    let program = murmuration_tests::binary("murmuration").display().to_string();
+    let script = format!(
+        "echo first >{0}; {program} simulate {CONTROLLER} --tracks /dev/stdout >>{0}; echo last >>{0}",
+        shared.display()
+    );
+    let status = std::process::Command::new("sh").args(["-c", &script]).status();
+    assert!(status.unwrap().success());
+    let text = fs::read_to_string(&shared).unwrap();
+    assert!(text.starts_with("first\n") && text.ends_with("last\n"), "{text}");
 }

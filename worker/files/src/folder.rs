@@ -18,6 +18,8 @@ const EXPLANATION: &str = "# Files that murmuration wrote into this folder, each
 const MAX_LIST_BYTES: u64 = 16 << 20;
 /// What the name of a folder begins with that is being filled.
 const UNFINISHED: &str = ".murmuration-unfinished-";
+/// The folder of the files that are replaced, within that.
+const FORMER: &str = ".former";
 /// Most files that an error names.
 const NAMED: usize = 8;
 
@@ -32,8 +34,18 @@ pub struct Folder {
     unfinished: UnfinishedFolder,
     /// The files of this folder that were written, the last one last.
     files: Vec<(String, blake3::Hash)>,
-    /// Whether files of ours are replaced that somebody changed.
-    replaces_changed: bool,
+    replaces: Replaces,
+}
+
+/// The files that a new one of the same name may replace.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Replaces {
+    /// Files that a command wrote and nobody changed.
+    Unchanged,
+    /// Files that a command wrote, changed or not.
+    Changed,
+    /// Every file: for the folders of a data directory, where nobody else writes.
+    All,
 }
 
 /// Why a folder was not filled.
@@ -78,18 +90,17 @@ impl fmt::Display for Names<'_> {
 type Listed = BTreeMap<String, Vec<blake3::Hash>>;
 
 impl Folder {
-    /// Begins to fill `path`, which is made if it does not exist. With `replaces_changed`, files of an earlier command are replaced
-    /// although somebody changed them.
+    /// Begins to fill `path`, which is made if it does not exist.
     ///
     /// # Errors
     /// [`FolderError::Write`] if nothing can be written there.
-    pub fn create(path: &Path, replaces_changed: bool) -> Result<Self, FolderError> {
+    pub fn create(path: &Path, replaces: Replaces) -> Result<Self, FolderError> {
         let begun = fs::create_dir_all(path).and_then(|()| UnfinishedFolder::new(path, UNFINISHED));
         Ok(Self {
             unfinished: begun.map_err(failed(path))?,
             path: path.to_owned(),
             files: Vec::new(),
-            replaces_changed,
+            replaces,
         })
     }
 
@@ -134,6 +145,7 @@ impl Folder {
         let mut in_way: Vec<String> = names
             .into_iter()
             .filter_map(|name| match self.state_of(name, &listed) {
+                State::Unlisted if self.replaces < Replaces::All => Some(name.to_owned()),
                 State::Foreign(found) => Some(found),
                 _ => None,
             })
@@ -154,10 +166,13 @@ impl Folder {
     /// # Errors
     /// [`FolderError::Foreign`] or [`FolderError::Changed`] names the files that are in the way; then the folder is as before.
     pub fn finish(self) -> Result<Vec<PathBuf>, FolderError> {
+        // Another command waits until this one has written its list.
+        let locked = File::open(&self.path).and_then(|folder| folder.lock().map(|()| folder));
+        let _lock = locked.map_err(failed(&self.path))?;
         let mut listed = self.listed()?;
         let names = || self.files.iter().map(|(name, _)| name.as_str());
         self.check_names(names())?;
-        if !self.replaces_changed {
+        if self.replaces == Replaces::Unchanged {
             let changed = names().filter(|name| self.state_of(name, &listed) == State::Changed);
             let changed: Vec<String> = changed.map(str::to_owned).collect();
             if !changed.is_empty() {
@@ -177,15 +192,7 @@ impl Folder {
             listed.entry(name.clone()).or_default().push(*digest);
         }
         self.keep_list(&listed)?;
-        for name in names() {
-            let target = self.path.join(name);
-            let moved = match target.parent() {
-                Some(folder) => fs::create_dir_all(folder),
-                None => Ok(()),
-            };
-            let moved = moved.and_then(|()| fs::rename(self.unfinished.path().join(name), &target));
-            moved.map_err(failed(&target))?;
-        }
+        self.place_all()?;
         for name in stale {
             if self.state_of(&name, &listed) == State::Ours {
                 let path = self.path.join(&name);
@@ -202,17 +209,63 @@ impl Folder {
         Ok(names().map(|name| self.path.join(name)).collect())
     }
 
-    /// The folder's list; empty if it has none, or something else of that name.
+    /// Moves every file to its place. Where one cannot be moved, those that were replaced come back.
+    fn place_all(&self) -> Result<(), FolderError> {
+        let former = self.unfinished.path().join(FORMER);
+        fs::create_dir(&former).map_err(failed(&self.path))?;
+        for (name, _) in &self.files {
+            if let Some(folder) = self.path.join(name).parent() {
+                fs::create_dir_all(folder).map_err(failed(folder))?;
+            }
+        }
+        for (place, (name, _)) in self.files.iter().enumerate() {
+            let target = self.path.join(name);
+            // A second name, so that the file is there at every moment. Not all file systems have them.
+            let _ = fs::hard_link(&target, former.join(place.to_string()));
+            if let Err(error) = fs::rename(self.unfinished.path().join(name), &target) {
+                self.put_back(&former, place);
+                return Err(failed(&target)(error));
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts the first `count` files back that were replaced, and removes those that were not there before. A file that cannot be put
+    /// back stays, and the list names it.
+    fn put_back(&self, former: &Path, count: usize) {
+        for (place, (name, _)) in self.files.iter().take(count).enumerate() {
+            let target = self.path.join(name);
+            if let Err(error) = fs::rename(former.join(place.to_string()), &target)
+                && error.kind() == io::ErrorKind::NotFound
+            {
+                let _ = fs::remove_file(&target);
+            }
+        }
+    }
+
+    /// The folder's list; empty if it has none.
+    ///
+    /// # Errors
+    /// [`FolderError::Foreign`] if something else has its name.
     fn listed(&self) -> Result<Listed, FolderError> {
         let path = self.path.join(LIST);
-        let is_list =
-            fs::symlink_metadata(&path).is_ok_and(|found| found.is_file() && found.len() <= MAX_LIST_BYTES);
-        if !is_list {
-            return Ok(Listed::new());
+        let foreign = || FolderError::Foreign {
+            folder: self.path.clone(),
+            names: vec![LIST.to_owned()],
+        };
+        match fs::symlink_metadata(&path) {
+            Ok(found) if found.is_file() && found.len() <= MAX_LIST_BYTES => {}
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Listed::new()),
+            Ok(_) => return Err(foreign()),
+            Err(error) => return Err(failed(&path)(error)),
         }
         let text = fs::read(&path).map_err(failed(&path))?;
+        let text = String::from_utf8_lossy(&text);
+        if text.lines().next() != Some(EXPLANATION) {
+            return Err(foreign());
+        }
         let mut listed = Listed::new();
-        for (digest, name) in String::from_utf8_lossy(&text).lines().filter_map(listed_file) {
+        for (digest, name) in text.lines().filter_map(listed_file) {
             listed.entry(name.to_owned()).or_default().push(digest);
         }
         Ok(listed)
@@ -242,6 +295,7 @@ impl Folder {
         }
         match (fs::symlink_metadata(&path), listed.get(name)) {
             (Err(error), _) if error.kind() == io::ErrorKind::NotFound => State::Absent,
+            (Ok(found), None) if found.is_file() => State::Unlisted,
             (Ok(found), Some(digests)) if found.is_file() => match File::open(&path).and_then(digest_of) {
                 Ok(digest) if digests.contains(&digest) => State::Ours,
                 _ => State::Changed,
@@ -259,7 +313,9 @@ enum State {
     Ours,
     /// A file that a command wrote and somebody changed.
     Changed,
-    /// Something that no command wrote: the file itself, or what is in place of a folder above it.
+    /// A file that no command wrote.
+    Unlisted,
+    /// No file, but something else: in its own place, or what is in place of a folder above it.
     Foreign(String),
 }
 
@@ -288,7 +344,16 @@ mod tests {
     use std::os::unix::fs::symlink;
 
     fn fill(path: &Path, files: &[(&str, &str)], force: bool) -> Result<Vec<PathBuf>, FolderError> {
-        let mut folder = Folder::create(path, force)?;
+        let replaces = if force {
+            Replaces::Changed
+        } else {
+            Replaces::Unchanged
+        };
+        fill_by(replaces, path, files)
+    }
+
+    fn fill_by(replaces: Replaces, path: &Path, files: &[(&str, &str)]) -> Result<Vec<PathBuf>, FolderError> {
+        let mut folder = Folder::create(path, replaces)?;
         for (name, text) in files {
             folder.text(name, text)?;
         }
@@ -389,7 +454,7 @@ mod tests {
     fn a_folder_that_is_not_finished_stays_as_it_was() {
         let place = tempfile::tempdir().unwrap();
         fill(place.path(), &[("page", "1")], false).unwrap();
-        let mut folder = Folder::create(place.path(), false).unwrap();
+        let mut folder = Folder::create(place.path(), Replaces::Unchanged).unwrap();
         folder.text("page", "2").unwrap();
         let full = folder.write("table", |file| {
             file.write_all(b"half")?;
@@ -415,10 +480,52 @@ mod tests {
         let folder = place.path().join("folder");
         fs::create_dir(&folder).unwrap();
         let digest = blake3::hash(b"mine").to_hex();
-        let lines = format!("{digest}  ../outside\n{digest}  {}\n", outside.display());
+        let lines = format!(
+            "{EXPLANATION}\n{digest}  ../outside\n{digest}  {}\n",
+            outside.display()
+        );
         fs::write(folder.join(LIST), lines).unwrap();
         fill(&folder, &[("page", "1")], true).unwrap();
-        assert_eq!(fs::read_to_string(outside).unwrap(), "mine");
+        assert_eq!(fs::read_to_string(&outside).unwrap(), "mine");
+        // The list may be a link, or something else of that name.
+        fs::remove_file(folder.join(LIST)).unwrap();
+        symlink(&outside, folder.join(LIST)).unwrap();
+        fill(&folder, &[("page", "2")], true).unwrap_err();
+        assert_eq!(fs::read_to_string(&outside).unwrap(), "mine");
+        fs::remove_file(folder.join(LIST)).unwrap();
+        fs::write(folder.join(LIST), "my notes").unwrap();
+        let refused = fill(&folder, &[("page", "2")], true).unwrap_err().to_string();
+        assert!(refused.contains("did not write .murmuration-files"), "{refused}");
+        assert_eq!(fs::read_to_string(folder.join(LIST)).unwrap(), "my notes");
+    }
+
+    #[test]
+    fn where_one_file_cannot_be_placed_all_stay_as_they_were() {
+        let place = tempfile::tempdir().unwrap();
+        let at = |name: &str| place.path().join(name);
+        fill(place.path(), &[("a", "1"), ("b", "1")], false).unwrap();
+        let mut folder = Folder::create(place.path(), Replaces::Unchanged).unwrap();
+        for name in ["a", "c", "b"] {
+            folder.text(name, "2").unwrap();
+        }
+        // It is no longer there to be moved.
+        fs::remove_file(folder.unfinished.path().join("b")).unwrap();
+        folder.finish().unwrap_err();
+        for name in ["a", "b"] {
+            assert_eq!(fs::read_to_string(at(name)).unwrap(), "1");
+        }
+        assert!(!at("c").exists());
+        fill(place.path(), &[("a", "3"), ("b", "3"), ("c", "3")], false).unwrap();
+    }
+
+    #[test]
+    fn in_a_folder_of_ours_every_file_is_replaced() {
+        let place = tempfile::tempdir().unwrap();
+        fs::write(place.path().join("page"), "of a version without lists").unwrap();
+        fill_by(Replaces::All, place.path(), &[("page", "2")]).unwrap();
+        assert_eq!(fs::read_to_string(place.path().join("page")).unwrap(), "2");
+        fs::write(place.path().join("page"), "changed").unwrap();
+        fill_by(Replaces::All, place.path(), &[("page", "3")]).unwrap();
     }
 
     proptest! {

@@ -9,7 +9,7 @@ mod listed;
 mod new_file;
 mod unfinished;
 
-pub use folder::{Folder, FolderError};
+pub use folder::{Folder, FolderError, Replaces};
 pub use input::{InputKind, TooLong, read_bytes, read_text, text_of};
 pub use listed::{digest_of, listed_file};
 pub use new_file::{NewFile, Written, write_file};

@@ -9,6 +9,9 @@ use std::{
 };
 use tempfile::NamedTempFile;
 
+/// Most links that are followed.
+const MAX_LINKS: u32 = 40;
+
 /// A file being written. The file that has its name is replaced by [`NewFile::finish`], and stays if that is never called.
 ///
 /// A link is followed, and what it leads to is replaced. A device or pipe is written to directly: it has no content to lose. The new
@@ -59,11 +62,11 @@ impl NewFile {
     /// # Errors
     /// The system's error, or that `path` is a folder.
     pub fn create(path: &Path) -> io::Result<Self> {
-        let target = match fs::canonicalize(path) {
-            Ok(target) => target,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => path.to_owned(),
-            Err(error) => return Err(error),
-        };
+        // `/dev/stdout` leads to the file that standard output goes to, which other output shares.
+        if ["/dev", "/proc"].iter().any(|devices| path.starts_with(devices)) {
+            return Self::directly(path);
+        }
+        let target = without_links(path)?;
         let former = match fs::symlink_metadata(&target) {
             Ok(found) if found.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
             Ok(found) if found.is_file() => Some(Former {
@@ -71,14 +74,14 @@ impl NewFile {
                 group: found.gid(),
                 permissions: found.permissions(),
             }),
-            // A device, a pipe, or a link to a file that does not exist yet.
-            Ok(_) => {
-                let file = BufWriter::new(File::create(&target)?);
-                return Ok(Self(Place::Itself { file, path: target }));
-            }
+            Ok(_) => return Self::directly(&target),
             Err(error) if error.kind() == io::ErrorKind::NotFound => None,
             Err(error) => return Err(error),
         };
+        if former.is_some() {
+            // Replacing needs permission for the folder alone. A file that is protected from writing keeps its content.
+            File::options().write(true).open(&target)?;
+        }
         let folder = folder_of(&target);
         fs::create_dir_all(folder)?;
         // Temporary files are for their owner's eyes alone; this one becomes a file like any other.
@@ -89,6 +92,15 @@ impl NewFile {
             file: BufWriter::new(file),
             target,
             former,
+        }))
+    }
+
+    /// Writes to a device or a pipe.
+    fn directly(path: &Path) -> io::Result<Self> {
+        let file = BufWriter::new(File::options().append(true).open(path)?);
+        Ok(Self(Place::Itself {
+            file,
+            path: path.to_owned(),
         }))
     }
 
@@ -121,8 +133,9 @@ impl NewFile {
             permissions,
         }) = former
         {
-            // Only root may give a file away; whoever may not keeps it.
-            let _ = fchown(file.as_file(), Some(user), Some(group));
+            // Only root may give a file away. Others may give it to a group of theirs.
+            let _ = fchown(file.as_file(), Some(user), Some(group))
+                .or_else(|_| fchown(file.as_file(), None, Some(group)));
             file.as_file().set_permissions(permissions)?;
         }
         file.as_file().sync_all()?;
@@ -156,6 +169,19 @@ pub fn write_file(path: &Path, bytes: impl AsRef<[u8]>) -> io::Result<Written> {
     let mut file = NewFile::create(path)?;
     file.write_all(bytes.as_ref())?;
     file.finish()
+}
+
+/// The path that links lead to, whether there is a file or not.
+fn without_links(path: &Path) -> io::Result<PathBuf> {
+    let mut path = path.to_owned();
+    for _ in 0..MAX_LINKS {
+        match fs::symlink_metadata(&path) {
+            Ok(found) if found.is_symlink() => path = folder_of(&path).join(fs::read_link(&path)?),
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+            _ => return Ok(path),
+        }
+    }
+    Err(io::Error::other("too many links lead to one another"))
 }
 
 fn folder_of(path: &Path) -> &Path {
@@ -205,6 +231,14 @@ mod tests {
             assert!(at(link).is_symlink());
             assert_eq!(fs::read_to_string(at(target)).unwrap(), "new");
         }
+    }
+
+    #[test]
+    fn a_link_to_itself_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("loop");
+        symlink(&path, &path).unwrap();
+        assert!(write_file(&path, "lost").is_err());
     }
 
     #[test]

@@ -9,10 +9,10 @@ mod shown;
 use crate::json;
 use murmuration_cli::{
     CliError, Global,
-    files::read_words,
+    files::{read_words, replaces},
     table::{Table, left, right},
 };
-use murmuration_files::{Folder, InputKind};
+use murmuration_files::{Folder, InputKind, Replaces};
 use murmuration_link::{errln, outln};
 use murmuration_study::{Corrections, FolderError, Outcome, ReportError, StudyFolder, studies, write_report};
 use std::path::{Path, PathBuf};
@@ -77,7 +77,10 @@ impl ReportStudy {
             None => Corrections::default(),
         };
         let (folder, outcome) = kept(&global.data, &self.study, corrections)?;
-        let folder = Folder::create(self.out.as_deref().unwrap_or(folder.path()), self.force);
+        let folder = match &self.out {
+            Some(out) => Folder::create(out, replaces(self.force)),
+            None => Folder::create(folder.path(), Replaces::All),
+        };
         let page = write_report(&outcome, folder?).map_err(report_error)?;
         match global.json {
             true => shown::show(&outcome, Some(&page), true),

@@ -15,7 +15,7 @@ use murmuration_cli::{
     quoted,
 };
 use murmuration_embed::Runtime;
-use murmuration_files::{Folder, InputKind};
+use murmuration_files::{Folder, InputKind, Replaces};
 use murmuration_link::{errln, termination};
 use murmuration_proto::{CampaignSpec, CheckpointDigest, counted, v1};
 use murmuration_search::interrupt::Interrupt;
@@ -90,7 +90,8 @@ impl RunStudy {
         };
         connection::with_new(global, crew, run).await?;
         let (folder, outcome) = kept(&global.data, study.name.as_str(), Corrections::default())?;
-        let page = write_report(&outcome, Folder::create(folder.path(), false)?).map_err(report_error)?;
+        let page =
+            write_report(&outcome, Folder::create(folder.path(), Replaces::All)?).map_err(report_error)?;
         shown::show(&outcome, Some(&page), global.json)?;
         let seconds = begun.elapsed().as_secs_f64();
         errln!("{seconds:.1} s; open the report in a browser");

@@ -20,7 +20,7 @@ pub use tiles::Tiles;
 
 use super::{ReportError, ReportFiles};
 use crate::picture::{PictureError, encoded};
-use murmuration_files::Folder;
+use murmuration_files::{Folder, Replaces};
 use murmuration_model::colours::Rgb;
 use murmuration_proto::{CampaignSpec, Controller, Features, Verdict};
 use std::path::Path;
@@ -66,8 +66,8 @@ const FILES: [&str; 7] = [
 ///
 /// # Errors
 /// As [`Folder::finish`], before any work is done.
-pub fn folder(path: &Path, replaces_changed: bool) -> Result<Folder, ReportError> {
-    let folder = Folder::create(path, replaces_changed)?;
+pub fn folder(path: &Path, replaces: Replaces) -> Result<Folder, ReportError> {
+    let folder = Folder::create(path, replaces)?;
     folder.check_names(FILES)?;
     Ok(folder)
 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::picture::sample::decode_png;
+use murmuration_files::Replaces;
 use murmuration_model::colours;
 use murmuration_proto::{Class, Enumeration, PictureShape};
 use std::fs;
@@ -34,7 +35,11 @@ fn atlas() -> Atlas {
 
 fn written(atlas: &Atlas) -> (tempfile::TempDir, ReportFiles) {
     let place = tempfile::tempdir().unwrap();
-    let files = write(atlas, folder(&place.path().join("atlas"), false).unwrap()).unwrap();
+    let files = write(
+        atlas,
+        folder(&place.path().join("atlas"), Replaces::Unchanged).unwrap(),
+    )
+    .unwrap();
     (place, files)
 }
 
@@ -183,7 +188,7 @@ fn a_tile_has_the_pictures_of_its_controllers_where_the_map_has_their_pixels() {
     let atlas = atlas();
     let layout = Layout::of(&atlas.spec).unwrap();
     let place = tempfile::tempdir().unwrap();
-    let mut files = folder(place.path(), false).unwrap();
+    let mut files = folder(place.path(), Replaces::Unchanged).unwrap();
     let mut tiles = Tiles::new(layout.clone(), PictureShape::new(1, 2).unwrap());
     for (index, entry) in atlas.entries.iter().enumerate() {
         // x = 0: index above 1; x = 1: 2 above 3.
@@ -269,10 +274,10 @@ fn an_atlas_replaces_the_former_one_and_no_file_of_its_owner() {
         entries: atlas().entries[..10].to_vec(),
         ..atlas()
     };
-    write(&few, folder(&path, false).unwrap()).unwrap();
+    write(&few, folder(&path, Replaces::Unchanged).unwrap()).unwrap();
     assert!(path.join("atlas.csv").is_file() && !path.join("atlas.html").exists());
     // Files of these names in another folder are not an atlas's.
     fs::write(place.path().join("README.md"), "mine").unwrap();
-    let refused = folder(place.path(), true).unwrap_err().to_string();
+    let refused = folder(place.path(), Replaces::Changed).unwrap_err().to_string();
     assert!(refused.contains("did not write README.md"), "{refused}");
 }

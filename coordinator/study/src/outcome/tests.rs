@@ -193,11 +193,15 @@ fn a_bad_file_of_classes_names_the_line() {
 fn every_table_follows_from_the_files_of_the_report() {
     let outcome = outcome(Corrections::default());
     let folder = tempfile::tempdir().unwrap();
-    let mut former = Folder::create(folder.path(), false).unwrap();
+    let mut former = Folder::create(folder.path(), murmuration_files::Replaces::Unchanged).unwrap();
     former.text("maps/1-x-scores.svg", "of another study").unwrap();
     former.finish().unwrap();
     std::fs::write(folder.path().join("recall.csv"), "mine").unwrap();
-    let page = write_report(&outcome, Folder::create(folder.path(), false).unwrap()).unwrap();
+    let page = write_report(
+        &outcome,
+        Folder::create(folder.path(), murmuration_files::Replaces::Unchanged).unwrap(),
+    )
+    .unwrap();
     assert!(!folder.path().join("maps").exists());
     assert!(folder.path().join("recall.csv").is_file());
     let mut distinct: BTreeMap<String, Vec<f64>> = BTreeMap::new();
