@@ -93,7 +93,7 @@ pub const SIMULATOR_VERSION: &str = "1";
 /// Version of the function (pictures, training configuration) -> checkpoint.
 ///
 /// It changes whenever a bit of any checkpoint changes. Coordinator and trainers must have the same version.
-pub const TRAINER_VERSION: &str = "6";
+pub const TRAINER_VERSION: &str = "7";
 
 /// The header with a request's id, in requests and answers, in gRPC and plain HTTP.
 ///

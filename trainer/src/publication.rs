@@ -181,7 +181,7 @@ mod tests {
         let pictures = Arc::new(bars(shape));
         for network in ["name = \"compact\"", "layers = [{ dense = { units = 3 } }]"] {
             let text = format!(
-                "[network]\n{network}\n[recipe.in-batch]\nbatch = 20\nepochs = 3\nlearning_rate = 0.001"
+                "[network]\n{network}\n[recipe.in-batch]\nbatch = 20\nepochs = 3\nlearning_rate = 0.001\nflattening = 0"
             );
             let configuration = Configuration::from_toml(&text).unwrap();
             let mut training = Training::new(&configuration, Arc::clone(&pictures)).unwrap();

@@ -18,6 +18,8 @@ const SIDE: usize = 9;
 const VIEWS: usize = 2;
 const BEHAVIOURS: usize = 40;
 const SHORT: &str = "[recipe.in-batch]\nbatch = 12\nepochs = 6\n";
+/// Shows every behaviour equally often, for which it needs no features.
+const EQUALLY: &str = "[recipe.in-batch]\nbatch = 12\nepochs = 6\nflattening = 0\n";
 /// Longer than any test.
 const LONG: &str = "[recipe.in-batch]\nbatch = 12\nepochs = 100000\npatience = 100000\n";
 
@@ -35,8 +37,14 @@ fn bars() -> Vec<u8> {
     bars.flat_map(|(behaviour, view)| bar(behaviour, view)).collect()
 }
 
+fn features() -> Vec<[f64; 5]> {
+    let features = |behaviour: usize| [behaviour as f64, (behaviour % 5) as f64, 0.0, 0.0, 0.0];
+    (0..BEHAVIOURS).map(features).collect()
+}
+
 fn pictures() -> Arc<Pictures> {
-    Arc::new(Pictures::new(PictureShape::new(1, SIDE).unwrap(), VIEWS, bars()).unwrap())
+    let pictures = Pictures::new(PictureShape::new(1, SIDE).unwrap(), VIEWS, bars()).unwrap();
+    Arc::new(pictures.with_features(features()).unwrap())
 }
 
 fn task(configuration: &str) -> v1::TrainingTask {
@@ -79,7 +87,7 @@ fn check_failure(outcome: Outcome, class: v1::FailureClass, said: &str) {
 
 #[tokio::test]
 async fn a_training_is_reported_and_published() {
-    let mut fake = Fake::start(bars()).await;
+    let mut fake = Fake::start(bars(), features().concat()).await;
     let mut session = fake.welcome().await;
     session.lease(1, task(SHORT)).await;
     let begun = session.report(1).await;
@@ -116,7 +124,7 @@ async fn a_training_is_reported_and_published() {
 async fn an_untrained_network_is_published_as_it_is() {
     for network in ["compact", "paper"] {
         let configuration = format!("seed = 2\nrecipe = \"untrained\"\n[network]\nname = \"{network}\"\n");
-        let mut fake = Fake::start(bars()).await;
+        let mut fake = Fake::start(bars(), Vec::new()).await;
         let mut session = fake.welcome().await;
         session.lease(1, task(&configuration)).await;
         assert_eq!(
@@ -128,7 +136,7 @@ async fn an_untrained_network_is_published_as_it_is() {
 
 #[tokio::test]
 async fn a_training_that_is_cut_off_goes_on_from_its_snapshot_to_the_same_checkpoint() {
-    let mut fake = Fake::start(bars()).await;
+    let mut fake = Fake::start(bars(), features().concat()).await;
     let mut session = fake.welcome().await;
     session.lease(1, task(SHORT)).await;
     let (epoch, saved) = session.snapshot(1).await;
@@ -145,7 +153,7 @@ async fn a_training_that_is_cut_off_goes_on_from_its_snapshot_to_the_same_checkp
 
 #[tokio::test]
 async fn a_snapshot_that_is_damaged_or_of_another_training_is_left() {
-    let mut fake = Fake::start(bars()).await;
+    let mut fake = Fake::start(bars(), features().concat()).await;
     let mut session = fake.welcome().await;
     let other = Configuration::from_toml(LONG).unwrap();
     let other = Training::new(&other, pictures()).unwrap().save();
@@ -159,7 +167,7 @@ async fn a_snapshot_that_is_damaged_or_of_another_training_is_left() {
 
 #[tokio::test]
 async fn a_training_that_is_withdrawn_stops_and_makes_room() {
-    let mut fake = Fake::start(bars()).await;
+    let mut fake = Fake::start(bars(), features().concat()).await;
     let mut session = fake.welcome().await;
     session.lease(1, task(LONG)).await;
     while session.report(1).await.epoch < 2 {}
@@ -174,7 +182,7 @@ async fn a_training_that_is_withdrawn_stops_and_makes_room() {
 
 #[tokio::test]
 async fn a_trainer_that_leaves_hands_its_training_back() {
-    let mut fake = Fake::start(bars()).await;
+    let mut fake = Fake::start(bars(), features().concat()).await;
     let mut session = fake.welcome().await;
     session.lease(1, task(LONG)).await;
     while session.report(1).await.epoch < 3 {}
@@ -202,7 +210,7 @@ async fn a_trainer_that_leaves_hands_its_training_back() {
 
 #[tokio::test]
 async fn a_trainer_without_work_leaves_at_once() {
-    let mut fake = Fake::start(bars()).await;
+    let mut fake = Fake::start(bars(), features().concat()).await;
     let mut session = fake.welcome().await;
     assert!(matches!(session.hear().await, Message::Credits(_)));
     fake.stop();
@@ -213,10 +221,10 @@ async fn a_trainer_without_work_leaves_at_once() {
 
 #[tokio::test]
 async fn what_cannot_be_trained_fails_for_good() {
-    let mut fake = Fake::start(vec![0; bars().len()]).await;
+    let mut fake = Fake::start(vec![0; bars().len()], Vec::new()).await;
     let mut session = fake.welcome().await;
     let fatal = v1::FailureClass::Fatal;
-    session.lease(1, task(SHORT)).await;
+    session.lease(1, task(EQUALLY)).await;
     check_failure(session.result(1).await.0, fatal, "the embedding collapsed");
     session.lease(2, task("sed = 1")).await;
     check_failure(session.result(2).await.0, fatal, "unknown field `sed`");
@@ -225,7 +233,7 @@ async fn what_cannot_be_trained_fails_for_good() {
             3,
             v1::TrainingTask {
                 behaviours: 41,
-                ..task(SHORT)
+                ..task(EQUALLY)
             },
         )
         .await;
@@ -236,7 +244,7 @@ async fn what_cannot_be_trained_fails_for_good() {
             v1::TrainingTask {
                 side: 3,
                 behaviours: 360,
-                ..task(SHORT)
+                ..task(EQUALLY)
             },
         )
         .await;

@@ -8,7 +8,7 @@ use crate::status::{IntoStatus as _, OrStatus as _};
 use murmuration_dispatch::Trainers;
 use murmuration_engine::blocking::blocking;
 use murmuration_model::{CampaignRecord, NextTraining, TrainingPictures};
-use murmuration_proto::{Invalid, PART_BYTES, TRAINER_VERSION, Text, v1};
+use murmuration_proto::{EmbedderSource, FEATURE_NAMES, Invalid, PART_BYTES, TRAINER_VERSION, Text, v1};
 use murmuration_store::{RoundPictures, Store, StoreError};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -100,6 +100,21 @@ fn send(
         let images = store.training_images(record, place..place + each as u64)?;
         if !send(Part::Pictures(images)) {
             return Ok(());
+        }
+    }
+    if let Some(EmbedderSource::Trained { dataset, training }) = record.spec.embedder()
+        && training.recipe().flattening() > 0
+        && NextTraining::of(record) == Some(NextTraining::Pretraining)
+    {
+        let all = u64::from(dataset.controllers());
+        let each = PART_BYTES / (FEATURE_NAMES.len() * size_of::<f64>());
+        for first in (0..all).step_by(each) {
+            let range = first..all.min(first + each as u64);
+            let features = store.dataset_features(&record.id, dataset.starts().into(), range)?;
+            let features = features.into_iter().flatten().collect();
+            if !send(Part::Features(v1::FeaturesPart { features })) {
+                return Ok(());
+            }
         }
     }
     let round = match NextTraining::of(record) {

@@ -8,7 +8,7 @@ use super::{
     provenance::{ResultKind, add_provenance},
 };
 use murmuration_model::{CampaignId, SavedTraining};
-use murmuration_proto::{CapabilityModel, Controller};
+use murmuration_proto::{CapabilityModel, Controller, Features};
 use rusqlite::{OptionalExtension as _, params};
 use std::ops::Range;
 
@@ -18,6 +18,8 @@ pub struct Picture {
     pub seed: u64,
     /// Grey values, as in an evaluation.
     pub image: Vec<u8>,
+    /// `None` for a picture that was simulated before features were kept.
+    pub features: Option<Features>,
 }
 
 impl Store {
@@ -39,7 +41,8 @@ impl Store {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
             let mut statement = transaction.prepare(
-                "INSERT INTO pictures (campaign, place, controller, seed, image) VALUES (?1, ?2, ?3, ?4, ?5)",
+                "INSERT INTO pictures (campaign, place, controller, seed, image, features)
+                     VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
             )?;
             for (place, (picture, image)) in (place..).zip(pictures.iter().zip(&images)) {
                 statement.execute(params![
@@ -48,6 +51,7 @@ impl Store {
                     floats_to_blob(picture.controller.genes()),
                     picture.seed.cast_signed(),
                     image,
+                    floats_to_blob(picture.features.as_ref().map_or(&[], |features| &features[..])),
                 ])?;
             }
             add_provenance(transaction, number, (ResultKind::Picture, place), provenance)
@@ -67,14 +71,15 @@ impl Store {
             let damaged = |what: &dyn std::fmt::Display| {
                 StoreError::damaged(format!("picture {place} of {campaign}: {what}"))
             };
-            let (genes, seed, column) = connection.query_row(
-                "SELECT controller, seed, image FROM pictures WHERE campaign = ?1 AND place = ?2",
+            let (genes, seed, column, features) = connection.query_row(
+                "SELECT controller, seed, image, features FROM pictures WHERE campaign = ?1 AND place = ?2",
                 params![number, clamped(place)],
                 |row| {
                     Ok((
                         row.get::<_, Vec<u8>>(0)?,
                         row.get::<_, i64>(1)?,
                         row.get::<_, Vec<u8>>(2)?,
+                        row.get::<_, Vec<u8>>(3)?,
                     ))
                 },
             )?;
@@ -85,7 +90,47 @@ impl Store {
                 image: images
                     .decompress(&column)
                     .map_err(|error| damaged(&format_args!("it is {error}")))?,
+                features: match features.as_slice() {
+                    [] => None,
+                    features => Some(
+                        features_of(features)
+                            .ok_or_else(|| damaged(&"its features are not five finite numbers"))?,
+                    ),
+                },
             })
+        })
+    }
+
+    /// The features of a dataset's controllers in their first starts, those of the controllers in `range`, as far as there are any.
+    ///
+    /// # Errors
+    /// If they cannot be read, or are damaged.
+    pub fn dataset_features(
+        &self,
+        campaign: &CampaignId,
+        starts: u64,
+        range: Range<u64>,
+    ) -> Result<Vec<Features>, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let mut statement = connection.prepare_cached(
+                "SELECT place, features FROM pictures
+                 WHERE campaign = ?1 AND place >= ?2 AND place < ?3 AND place % ?4 = 0 ORDER BY place",
+            )?;
+            let [first, end] = [range.start, range.end].map(|place| clamped(place.saturating_mul(starts)));
+            let mut rows = statement.query(params![number, first, end, clamped(starts.max(1))])?;
+            let mut all = Vec::new();
+            while let Some(row) = rows.next()? {
+                let features = row.get_ref(1)?.as_blob().map_err(rusqlite::Error::from)?;
+                let features = features_of(features).ok_or_else(|| {
+                    let place = row.get::<_, i64>(0).unwrap_or_default();
+                    StoreError::damaged(format!(
+                        "picture {place} of {campaign}: its features are not five finite numbers"
+                    ))
+                })?;
+                all.push(features);
+            }
+            Ok(all)
         })
     }
 
@@ -146,4 +191,9 @@ impl Store {
             Ok(found.optional()?)
         })
     }
+}
+
+fn features_of(blob: &[u8]) -> Option<Features> {
+    let features = Features::try_from(blob_to_floats(blob)).ok()?;
+    features.iter().all(|value| value.is_finite()).then_some(features)
 }

@@ -172,6 +172,16 @@ const MIGRATIONS: &[&str] = &[
             || iif(spec LIKE '%by_class = true%', 'by-class', 'medoids') || '"' || char(10)
     ) WHERE spec NOT LIKE '%space = "%';
     "#,
+    // Pictures to train on have features, by which the in-batch recipe shows rare behaviours more often. Earlier campaigns showed all
+    // equally often.
+    "
+    ALTER TABLE pictures ADD COLUMN features BLOB NOT NULL DEFAULT x'';
+    UPDATE campaigns SET spec = replace(
+        spec,
+        '[training.recipe.in-batch]' || char(10),
+        '[training.recipe.in-batch]' || char(10) || 'flattening = 0' || char(10)
+    ) WHERE spec NOT LIKE '%flattening = %';
+    ",
 ];
 
 /// The newest version.
@@ -293,6 +303,28 @@ mod tests {
         assert_eq!(
             before("latent", "by_class = true\n[feedback]\nrounds = 1\n"),
             (BehaviourSpace::Embedding, Choice::ByClass, 5)
+        );
+    }
+
+    #[test]
+    fn campaigns_of_version_2_show_their_network_every_behaviour_equally_often() {
+        let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"latent\"").unwrap();
+        let now = spec.to_toml();
+        let before = now.replace("flattening = 2\n", "");
+        assert_ne!(now, before);
+        let mut connection = Connection::open_in_memory().unwrap();
+        step(&mut connection, TABLES, 1).unwrap();
+        step(&mut connection, MIGRATIONS[0], 2).unwrap();
+        let add = "INSERT INTO campaigns (number, id, spec, simulator_version, state, error, created_ms)
+                       VALUES (1, 'old-1', ?1, '1', 'paused', '', 5)";
+        connection.execute(add, [before]).unwrap();
+        migrate(&mut connection, 2).unwrap();
+        let row = connection.query_row("SELECT spec FROM campaigns", [], |row| row.get(0));
+        let text: String = row.unwrap();
+        let equally = now.replace("flattening = 2\n", "flattening = 0\n");
+        assert_eq!(
+            CampaignSpec::from_toml(&text).unwrap(),
+            CampaignSpec::from_toml(&equally).unwrap()
         );
     }
 

@@ -418,6 +418,7 @@ fn a_dataset_and_its_training_read_back() {
     let (_folder, store) = open();
     let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
     let picture = |index: u64| Picture {
+        features: Some([index as f64, 0.0, 0.0, 0.0, -1.0]),
         controller: individual(0).controller,
         seed: u64::MAX - index,
         image: vec![index as u8; 2500],
@@ -436,6 +437,13 @@ fn a_dataset_and_its_training_read_back() {
     assert_eq!(store.campaign(id.as_str()).unwrap().pictures_done, 3);
     let images = [vec![1; 2500], vec![2; 2500]].concat();
     assert_eq!(store.dataset_images(&id, 1..9).unwrap(), images);
+    assert_eq!(store.picture(&id, spec().model(), 1).unwrap(), picture(1));
+    // Of two starts each, the first one counts.
+    let features = store.dataset_features(&id, 2, 0..5).unwrap();
+    assert_eq!(
+        features,
+        [picture(0), picture(2)].map(|picture| picture.features.unwrap())
+    );
 
     assert_eq!(store.saved_training(&id).unwrap(), None);
     let training = |epoch: u64| SavedTraining {

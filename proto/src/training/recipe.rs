@@ -60,6 +60,15 @@ impl Recipe {
         matches!(self, Self::Labelled(_) | Self::PaperLabelled(_))
     }
 
+    /// The in-batch recipe's flattening, for which it needs the features of what it is trained on; 0 for other recipes.
+    #[must_use]
+    pub const fn flattening(&self) -> u32 {
+        match self {
+            Self::InBatch(recipe) => recipe.flattening,
+            Self::Paper(_) | Self::Labelled(_) | Self::PaperLabelled(_) | Self::Untrained => 0,
+        }
+    }
+
     /// Smallest and largest share of width and height that a random crop of a picture without a class keeps; over 1 the picture
     /// shrinks, on black. Embedders are judged by such pictures, too.
     #[must_use]

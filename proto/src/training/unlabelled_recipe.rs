@@ -82,7 +82,10 @@ pub struct InBatch {
     pub learning_rate: f64,
     /// Share of the weights that is added to the gradient, 0 to 1.
     pub weight_decay: f64,
-    /// Maximum number of epochs, 1 to 100,000. An epoch shows every behaviour that is not held out once.
+    /// How much more often rare behaviours are shown than common ones, 0 to 8: each is drawn by the distance to its 15th neighbour
+    /// in the features, to this power. With 0 an epoch shows each once.
+    pub flattening: u32,
+    /// Maximum number of epochs, 1 to 100,000. An epoch shows as many behaviours as are not held out.
     pub epochs: u64,
     /// Consecutive epochs without a better accuracy on held-out triplets after which training stops, 1 to 100,000.
     pub patience: u64,
@@ -98,6 +101,7 @@ impl Default for InBatch {
             batch: 256,
             learning_rate: 3e-3,
             weight_decay: 1e-6,
+            flattening: 2,
             epochs: 16,
             patience: 8,
             crop: [0.7, 1.3],
@@ -111,6 +115,7 @@ impl InBatch {
         whole("batch", self.batch, 2..=65_536)?;
         positive("learning_rate", self.learning_rate, 1.0)?;
         real("weight_decay", self.weight_decay, 0.0..=1.0)?;
+        whole("flattening", self.flattening, 0..=8)?;
         whole("epochs", self.epochs, 1..=100_000)?;
         whole("patience", self.patience, 1..=100_000)?;
         check_crop("crop", self.crop)

@@ -31,6 +31,7 @@ pub(super) struct TrainingInputs {
 #[derive(Default)]
 struct Parts {
     pictures: Vec<u8>,
+    features: Vec<f64>,
     labelled: Vec<u8>,
     classes: Vec<u32>,
     saved: Vec<u8>,
@@ -43,6 +44,12 @@ pub(super) async fn fetch(task: &Task, coordinator: &Coordinator) -> Result<Trai
         .map_err(|status| Undone::call("the training's dataset cannot be fetched", &status))?;
     let pictures = Pictures::new(task.pictures, task.views, std::mem::take(&mut parts.pictures))
         .map_err(Undone::fatal)?;
+    let pictures = match task.features() {
+        0 => pictures,
+        _ => pictures
+            .with_features(parts.features.as_chunks().0.to_vec())
+            .map_err(Undone::fatal)?,
+    };
     let fine_tuning = match &task.fine_tuning {
         None => None,
         Some(fine_tuning) => Some(FineTuning {
@@ -99,6 +106,7 @@ async fn receive(task: &Task, coordinator: Coordinator) -> Result<Parts, Status>
         .fine_tuning
         .as_ref()
         .map_or(0, |fine_tuning| fine_tuning.bytes);
+    let features = task.features();
     let mut messages = TrainerServiceClient::new(coordinator)
         .fetch_training(for_lease(request, task.lease))
         .await?
@@ -111,6 +119,9 @@ async fn receive(task: &Task, coordinator: Coordinator) -> Result<Parts, Status>
     while let Some(message) = messages.message().await? {
         match message.part {
             Some(Part::Pictures(bytes)) => append(&mut parts.pictures, &bytes, "pictures", task.bytes)?,
+            Some(Part::Features(part)) => {
+                append(&mut parts.features, &part.features, "features", features)?;
+            }
             Some(Part::Labelled(labelled)) => {
                 append(
                     &mut parts.labelled,
@@ -127,6 +138,10 @@ async fn receive(task: &Task, coordinator: Coordinator) -> Result<Parts, Status>
         }
     }
     check_whole(&parts.pictures, "pictures", task.bytes)?;
+    if parts.features.len() != features {
+        let came = parts.features.len();
+        return Err(Status::data_loss(format!("{came} features came, not {features}")));
+    }
     check_whole(&parts.labelled, "labelled pictures", labelled_bytes)?;
     Ok(parts)
 }

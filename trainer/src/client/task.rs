@@ -1,7 +1,9 @@
 //! A validated training task.
 
 use super::event::Undone;
-use murmuration_proto::{CheckpointDigest, Dataset, Invalid, PictureShape, training::Configuration, v1};
+use murmuration_proto::{
+    CheckpointDigest, Dataset, FEATURE_NAMES, Invalid, PictureShape, training::Configuration, v1,
+};
 
 #[derive(Debug)]
 pub(super) struct Task {
@@ -16,6 +18,19 @@ pub(super) struct Task {
     pub(super) bytes: usize,
     /// The checkpoint and labelled pictures, if it learns from labels.
     pub(super) fine_tuning: Option<FineTuningTask>,
+}
+
+impl Task {
+    /// Number of features that come with the pictures: five of each behaviour if its recipe flattens, otherwise none.
+    pub(super) fn features(&self) -> usize {
+        match (
+            self.fine_tuning.is_none(),
+            self.configuration.recipe().flattening(),
+        ) {
+            (true, 1..) => self.bytes / (self.pictures.bytes() * self.views.max(1)) * FEATURE_NAMES.len(),
+            _ => 0,
+        }
+    }
 }
 
 /// The labelled pictures to learn from.

@@ -31,6 +31,7 @@ pub struct Fake {
 struct State {
     refuses: bool,
     pictures: Vec<u8>,
+    features: Vec<f64>,
     saved: Mutex<Vec<u8>>,
     published: Mutex<Vec<(v1::Checkpoint, Vec<u8>)>>,
 }
@@ -42,10 +43,11 @@ pub struct Session {
 }
 
 impl Fake {
-    /// A coordinator with these pictures.
-    pub async fn start(pictures: Vec<u8>) -> Self {
+    /// A coordinator with these pictures, and the features of their behaviours one after the other.
+    pub async fn start(pictures: Vec<u8>, features: Vec<f64>) -> Self {
         Self::with(State {
             pictures,
+            features,
             ..State::default()
         })
         .await
@@ -273,7 +275,12 @@ impl training::TrainerService for Api {
             .chunks(1000)
             .map(|part| Part::Pictures(part.to_vec()));
         let saved = saved.chunks(1000).map(|part| Part::Saved(part.to_vec()));
+        let features = self.state.features.chunks(15).map(|part| {
+            let features = part.to_vec();
+            Part::Features(v1::FeaturesPart { features })
+        });
         let parts: Vec<_> = pictures
+            .chain(features)
             .chain(saved)
             .map(|part| Ok(v1::TrainingPart { part: Some(part) }))
             .collect();

@@ -136,7 +136,9 @@ fn made_up(behaviours: usize) -> Result<Pictures, PicturesError> {
             picture[start..start + 6].fill(255);
         }
     }
-    Pictures::new(shape, 1, bytes)
+    let features = (0..behaviours).map(|_| std::array::from_fn(|_| stream.random::<f64>()));
+    let features = features.collect();
+    Pictures::new(shape, 1, bytes)?.with_features(features)
 }
 
 /// The peak memory of this process, as reported by Linux.

@@ -1,14 +1,16 @@
 //! The pictures to train on, one or more per behaviour.
 
-use murmuration_proto::PictureShape;
+use murmuration_proto::{Features, PictureShape};
 
 /// Pictures of one shape. Several pictures of one behaviour (its views, such as the same controller from other starts)
 /// belong together without labels.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Pictures {
     shape: PictureShape,
     views: usize,
     bytes: Vec<u8>,
+    /// Those of the first view of each behaviour; empty if they are not known.
+    features: Vec<Features>,
 }
 
 /// Why bytes are not pictures to train on.
@@ -27,6 +29,8 @@ pub enum PicturesError {
     },
     #[error("{0} behaviours: at least 4 are needed, two to train on and two to hold out")]
     TooFew(usize),
+    #[error("features of {came} behaviours: must be of {behaviours}, and finite")]
+    Features { came: usize, behaviours: usize },
 }
 
 impl Pictures {
@@ -45,8 +49,34 @@ impl Pictures {
         }
         match bytes.len() / each {
             few @ 0..4 => Err(PicturesError::TooFew(few)),
-            _ => Ok(Self { shape, views, bytes }),
+            _ => Ok(Self {
+                shape,
+                views,
+                bytes,
+                features: Vec::new(),
+            }),
         }
+    }
+
+    /// The same pictures, with the features of each behaviour in its first view.
+    ///
+    /// # Errors
+    /// [`PicturesError::Features`] if there are more or fewer than behaviours, or one is not finite.
+    pub fn with_features(self, features: Vec<Features>) -> Result<Self, PicturesError> {
+        let is_finite = features.iter().flatten().all(|value| value.is_finite());
+        match features.len() == self.behaviours() && is_finite {
+            true => Ok(Self { features, ..self }),
+            false => Err(PicturesError::Features {
+                came: features.len(),
+                behaviours: self.behaviours(),
+            }),
+        }
+    }
+
+    /// The features of each behaviour, if they are known.
+    #[must_use]
+    pub fn features(&self) -> Option<&[Features]> {
+        (!self.features.is_empty()).then_some(&self.features)
     }
 
     #[must_use]
@@ -72,12 +102,19 @@ impl Pictures {
         &self.bytes[(behaviour * self.views + view) * bytes..][..bytes]
     }
 
-    /// BLAKE3 over shape, views and every byte, as 64 hexadecimal digits: a checkpoint's `data_digest`.
+    /// BLAKE3 over shape, views, every byte and the features, as 64 hexadecimal digits: a checkpoint's `data_digest`.
     #[must_use]
     pub fn digest(&self) -> String {
-        let mut hasher = hasher_of("murmuration training pictures v1", self.shape);
+        let context = match self.features() {
+            Some(_) => "murmuration training pictures with features v1",
+            None => "murmuration training pictures v1",
+        };
+        let mut hasher = hasher_of(context, self.shape);
         hasher.update(&(self.views as u64).to_le_bytes());
         hasher.update(&self.bytes);
+        for value in self.features.iter().flatten() {
+            hasher.update(&value.to_le_bytes());
+        }
         hasher.finalize().to_hex().to_string()
     }
 }
@@ -119,6 +156,19 @@ pub(crate) mod tests {
         assert_eq!(refusal(1, 0, 0), PicturesError::Views(0));
         assert_eq!(refusal(2, 1, 18), PicturesError::Remainder { bytes: 18, each: 4 });
         assert_eq!(refusal(2, 2, 24), PicturesError::TooFew(3));
+    }
+
+    #[test]
+    fn features_are_of_every_behaviour_and_change_the_digest() {
+        let pictures = Pictures::new(grey(2), 2, (0..32).collect()).unwrap();
+        assert_eq!(pictures.features(), None);
+        let with = |features| pictures.clone().with_features(features);
+        let known = with(vec![[0.5; 5]; 4]).unwrap();
+        assert_eq!(known.features().unwrap().len(), 4);
+        assert_ne!(known.digest(), pictures.digest());
+        assert_ne!(known.digest(), with(vec![[0.25; 5]; 4]).unwrap().digest());
+        with(vec![[0.5; 5]; 3]).unwrap_err();
+        with(vec![[f64::NAN; 5]; 4]).unwrap_err();
     }
 
     #[test]

@@ -31,6 +31,7 @@ impl Done {
         let picture = |((controller, seed), evaluation): ((Controller, u64), Evaluation)| Picture {
             controller,
             seed,
+            features: Some(*evaluation.features()),
             image: evaluation.into_image(),
         };
         let notices = self.poisoned.iter().map(|(place, reason)| notice(*place, reason));

@@ -126,7 +126,10 @@ async fn wrong_picture(
     };
     let new = again.evaluations.iter().flatten();
     let mut both = suspects.iter().zip(pictures.iter().zip(new));
-    let differs = both.find(|(_, (old, new))| old.image != new.image());
+    let differs = both.find(|(_, (old, new))| {
+        let features = old.features.as_ref();
+        old.image != new.image() || features.is_some_and(|features| features != new.features())
+    });
     Ok(Some(differs.map(|(suspect, _)| Wrong::Picture(suspect.place))))
 }
 

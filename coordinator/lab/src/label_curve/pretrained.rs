@@ -32,13 +32,18 @@ impl Pretrained {
         let tasks = dataset_tasks(spec, dataset, 0..u64::from(dataset.controllers()))?;
         let images = tasks.par_iter().map(|(controller, seed)| {
             let mut evaluator = Evaluator::new(spec.world(), spec.image())?;
-            Ok(evaluator
-                .evaluate(controller, &Start::seeded(*seed))?
-                .into_image())
+            let evaluation = evaluator.evaluate(controller, &Start::seeded(*seed))?;
+            Ok((*evaluation.features(), evaluation.into_image()))
         });
-        let images = images.collect::<Result<Vec<_>, Invalid>>()?.concat();
-        let shape = spec.image().shape();
-        let pictures = Arc::new(Pictures::new(shape, dataset.starts() as usize, images)?);
+        let evaluated = images.collect::<Result<Vec<_>, Invalid>>()?;
+        let (features, images): (Vec<_>, Vec<_>) = evaluated.into_iter().unzip();
+        let starts = dataset.starts() as usize;
+        let pictures = Pictures::new(spec.image().shape(), starts, images.concat())?;
+        let first = features.into_iter().step_by(starts).collect();
+        let pictures = Arc::new(match training.recipe().flattening() {
+            0 => pictures,
+            _ => pictures.with_features(first)?,
+        });
         let mut training_to_do = Training::new(training, Arc::clone(&pictures))?;
         while training_to_do.step().is_some() {}
         Ok(Self {

@@ -151,6 +151,7 @@ async fn a_damaged_picture_of_a_dataset_is_named() {
         .create_campaign(&CampaignSpec::from_toml(text).unwrap(), Weight::default(), 0)
         .unwrap();
     let pictures = [1, 2, 3, 4].map(|grey| Picture {
+        features: None,
         controller: ArchivedIndividual::still(0, 0).controller,
         seed: 0,
         image: vec![grey; 2500],

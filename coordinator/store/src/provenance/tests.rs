@@ -22,6 +22,7 @@ pub(crate) fn open() -> (tempfile::TempDir, Store, CampaignId) {
         notices,
     };
     let picture = |seed| Picture {
+        features: None,
         controller: Controller::new(Preset::SingleSensor, &[0.5; 4]).unwrap(),
         seed,
         image: vec![seed as u8; 2500],

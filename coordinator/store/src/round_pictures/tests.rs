@@ -49,6 +49,7 @@ fn add(store: &Store, id: &CampaignId, first: u64, starts: &[FurtherStart]) {
         .iter()
         .zip(first..)
         .map(|(start, place)| Picture {
+            features: None,
             controller: start.controller.clone(),
             seed: start.seed,
             image: vec![100 + place as u8; 2500],

@@ -51,6 +51,7 @@ const COMMITS: [(&str, Commit); 12] = [
     }),
     ("pictures", |store, id| {
         let picture = Picture {
+            features: None,
             controller: Controller::new(Preset::SingleSensor, &[0.0; 4]).unwrap(),
             seed: 1,
             image: vec![0; 2500],

@@ -1,4 +1,4 @@
-//! An epoch of the in-batch recipe: every behaviour once, in random order, a batch at a time.
+//! An epoch of the in-batch recipe: every behaviour once in random order, or as many, the rare ones more often; a batch at a time.
 
 use super::{EpochLoss, Training};
 use crate::{augment::Augmentation, loss::in_batch};
@@ -13,8 +13,14 @@ use rayon::prelude::*;
 pub(super) const CHUNK: usize = 16;
 
 pub(super) fn epoch(training: &mut Training, recipe: &InBatch, stream: &mut RandomStream) -> EpochLoss {
-    let mut behaviours = training.held_out.trained_on().to_vec();
-    stream.shuffle(&mut behaviours);
+    let behaviours = match &training.weights {
+        Some(weights) => drawn(training.held_out.trained_on(), weights, stream),
+        None => {
+            let mut behaviours = training.held_out.trained_on().to_vec();
+            stream.shuffle(&mut behaviours);
+            behaviours
+        }
+    };
     let batch = recipe.batch.min(behaviours.len());
     let steps = behaviours.len() / batch;
     let mut total = 0.0;
@@ -28,6 +34,25 @@ pub(super) fn epoch(training: &mut Training, recipe: &InBatch, stream: &mut Rand
         mean: total / steps as f64,
         triplets: (steps * batch * (batch - 1)) as u64,
     }
+}
+
+/// As many of these behaviours as there are, each drawn by its weight.
+fn drawn(behaviours: &[usize], weights: &[f64], stream: &mut RandomStream) -> Vec<usize> {
+    let mut total = 0.0;
+    let sums: Vec<f64> = behaviours
+        .iter()
+        .map(|&behaviour| {
+            total += weights[behaviour];
+            total
+        })
+        .collect();
+    let last = behaviours.len() - 1;
+    (0..behaviours.len())
+        .map(|_| {
+            let at = stream.random::<f64>() * total;
+            behaviours[sums.partition_point(|sum| *sum <= at).min(last)]
+        })
+        .collect()
 }
 
 impl Training {

@@ -1,6 +1,7 @@
 //! A training, run one epoch at a time. It can be saved after any epoch, and resumed.
 
 mod fine_tuning;
+mod flattening;
 mod held_out;
 mod in_batch;
 mod labelled;
@@ -80,6 +81,8 @@ pub struct Training {
     fine_tuned: Option<FineTuned>,
     shards: Shards<f32>,
     gradient: Vec<f32>,
+    /// How often the in-batch recipe draws each behaviour, relative to the others; `None` where it shows all equally often.
+    weights: Option<Vec<f64>>,
     state: State,
 }
 
@@ -122,6 +125,9 @@ pub enum TrainingError {
     /// The recipe learns from labels, and there are none.
     #[error("the recipe \"{0}\" needs labels")]
     NoLabels(&'static str),
+    /// The recipe draws rare behaviours more often, and the features of the pictures are missing.
+    #[error("the recipe \"{0}\" needs the features of every behaviour unless its flattening is 0")]
+    NoFeatures(&'static str),
     /// The recipe learns without labels, and there are some.
     #[error("the recipe \"{0}\" has no use for labels")]
     NoUseForLabels(&'static str),
@@ -152,14 +158,23 @@ impl Training {
     /// A training without labels before its first epoch.
     ///
     /// # Errors
-    /// If the network does not fit the pictures, or the recipe learns from labels.
+    /// If the network does not fit the pictures, or the recipe learns from labels or needs features that the pictures lack.
     pub fn new(configuration: &Configuration, pictures: Arc<Pictures>) -> Result<Self, TrainingError> {
         if configuration.recipe().is_labelled() {
             return Err(TrainingError::NoLabels(configuration.recipe().name()));
         }
         let architecture = Self::architecture(configuration, &pictures)?;
         let network = Network::initialise(architecture, configuration.seed());
-        Ok(Self::starting_with(network, configuration, pictures, None))
+        let recipe = configuration.recipe();
+        let weights = match (recipe.flattening(), pictures.features()) {
+            (0, _) => None,
+            (flattening, Some(features)) => Some(flattening::weights(features, flattening)),
+            (_, None) => return Err(TrainingError::NoFeatures(recipe.name())),
+        };
+        Ok(Self {
+            weights,
+            ..Self::starting_with(network, configuration, pictures, None)
+        })
     }
 
     fn architecture(
@@ -183,6 +198,7 @@ impl Training {
             fine_tuned,
             shards: Shards::new(&network),
             gradient: vec![0.0; weights],
+            weights: None,
             state: State {
                 adam: Adam::new(weights),
                 schedule: Schedule::new(configuration.recipe()),

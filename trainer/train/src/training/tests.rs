@@ -33,7 +33,9 @@ pub(super) fn bars() -> Arc<Pictures> {
             }));
         }
     }
-    Arc::new(Pictures::new(grey(12), 2, bytes).unwrap())
+    let features = (0..60).map(|behaviour| [f64::from(behaviour % 6), f64::from(behaviour), 0.0, 0.0, 0.0]);
+    let pictures = Pictures::new(grey(12), 2, bytes).unwrap();
+    Arc::new(pictures.with_features(features.collect()).unwrap())
 }
 
 fn training(text: &str) -> Training {
@@ -206,7 +208,10 @@ fn what_was_saved_of_another_training_is_refused() {
     let middle = flipped.len() / 2;
     flipped[middle] ^= 1;
     assert!(refusal(IN_BATCH, &flipped).contains("bytes have changed"));
-    let other = Arc::new(Pictures::new(grey(12), 1, vec![3; 144 * 8]).unwrap());
+    let other = Pictures::new(grey(12), 1, vec![3; 144 * 8]).unwrap();
+    let error = Training::new(&configuration(IN_BATCH), Arc::new(other.clone())).unwrap_err();
+    assert!(matches!(error, TrainingError::NoFeatures("in-batch")), "{error}");
+    let other = Arc::new(other.with_features(vec![[0.0; 5]; 8]).unwrap());
     let other = Training::new(&configuration(IN_BATCH), other).unwrap();
     let error = other.taken_up(&saved).unwrap_err();
     assert!(matches!(error, TrainingError::Other("set of pictures")));

@@ -1,6 +1,7 @@
 //! Files that no export wrote: each is refused with its reason, and the store that it came to is as it was.
 
 use super::{super::untrusted::read_schema, *};
+use crate::schema;
 use murmuration_proto::{Purpose, RandomStream};
 use rand::RngExt as _;
 use rusqlite::{Connection, config::DbConfig};
@@ -172,9 +173,10 @@ fn another_schema_is_refused() {
     ] {
         assert_refused(statements, reason);
     }
+    let newer = schema::VERSION + 1;
     assert_refused(
-        "PRAGMA user_version = 3",
-        "it has schema version 3, and this murmuration",
+        &format!("PRAGMA user_version = {newer}"),
+        &format!("it has schema version {newer}, and this murmuration"),
     );
     assert_refused("PRAGMA user_version = 0", "it has schema version 0");
     assert_refused("PRAGMA application_id = 0", "it is a database of another program");
