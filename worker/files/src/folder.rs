@@ -218,28 +218,30 @@ impl Folder {
                 fs::create_dir_all(folder).map_err(failed(folder))?;
             }
         }
-        for (place, (name, _)) in self.files.iter().enumerate() {
+        let mut was_there = Vec::new();
+        for (name, _) in &self.files {
             let target = self.path.join(name);
             // A second name, so that the file is there at every moment. Not all file systems have them.
-            let _ = fs::hard_link(&target, former.join(place.to_string()));
+            let _ = fs::hard_link(&target, former.join(was_there.len().to_string()));
+            let found = fs::symlink_metadata(&target).is_ok();
             if let Err(error) = fs::rename(self.unfinished.path().join(name), &target) {
-                self.put_back(&former, place);
+                self.put_back(&former, &was_there);
                 return Err(failed(&target)(error));
             }
+            was_there.push(found);
         }
         Ok(())
     }
 
-    /// Puts the first `count` files back that were replaced, and removes those that were not there before. A file that cannot be put
-    /// back stays, and the list names it.
-    fn put_back(&self, former: &Path, count: usize) {
-        for (place, (name, _)) in self.files.iter().take(count).enumerate() {
+    /// Puts the first files back that were replaced, and removes those that were not there before. Where a former file has no second
+    /// name, the new one stays, and the list names it.
+    fn put_back(&self, former: &Path, was_there: &[bool]) {
+        for (place, (was_there, (name, _))) in was_there.iter().zip(&self.files).enumerate() {
             let target = self.path.join(name);
-            if let Err(error) = fs::rename(former.join(place.to_string()), &target)
-                && error.kind() == io::ErrorKind::NotFound
-            {
-                let _ = fs::remove_file(&target);
-            }
+            let _ = match was_there {
+                true => fs::rename(former.join(place.to_string()), &target),
+                false => fs::remove_file(&target),
+            };
         }
     }
 
