@@ -5,6 +5,7 @@
 use hashlink::LruCache;
 use murmuration_model::CampaignId;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use tokio::sync;
 
 /// Bytes of an entry besides its value: its id, its place, its lock.
 pub const ENTRY_BYTES: usize = 256;
@@ -31,6 +32,52 @@ struct Entries<V> {
 struct Entry<V> {
     value: Arc<V>,
     bytes: usize,
+}
+
+/// The latest answer to one question about each campaign, within a bound of bytes; cheap to clone. `State` says what of the
+/// campaign the answer follows from.
+#[derive(Debug)]
+pub struct LatestAnswers<State, Answer>(Arc<Kept<LatestAnswer<State, Answer>>>);
+
+type LatestAnswer<State, Answer> = sync::Mutex<Option<(State, Answer)>>;
+
+impl<State, Answer> Clone for LatestAnswers<State, Answer> {
+    fn clone(&self) -> Self {
+        Self(Arc::clone(&self.0))
+    }
+}
+
+impl<State: PartialEq, Answer: Clone> LatestAnswers<State, Answer> {
+    /// None yet; `most_bytes` is the bound.
+    #[must_use]
+    pub fn within(most_bytes: usize) -> Self {
+        Self(Arc::new(Kept::within(most_bytes)))
+    }
+
+    /// The answer about a campaign as it is now. One who asks has it made, and all who ask meanwhile wait for it; if that one
+    /// goes away, the next has it made. `bytes` is what an answer weighs.
+    ///
+    /// # Errors
+    /// Those of `make`; they are told to whoever had it made.
+    pub async fn of<E>(
+        &self,
+        campaign: &CampaignId,
+        state: State,
+        bytes: impl FnOnce(&Answer) -> usize,
+        make: impl Future<Output = Result<Answer, E>>,
+    ) -> Result<Answer, E> {
+        let slot = self.0.of(campaign);
+        let mut latest = slot.lock().await;
+        if let Some((of, answer)) = latest.as_ref()
+            && *of == state
+        {
+            return Ok(answer.clone());
+        }
+        let answer = make.await?;
+        self.0.weigh(campaign, bytes(&answer));
+        *latest = Some((state, answer.clone()));
+        Ok(answer)
+    }
 }
 
 impl<V: Default> Kept<V> {
@@ -127,6 +174,39 @@ mod tests {
 
     fn has(kept: &Kept<Mutex<usize>>, number: usize) -> bool {
         kept.lock().by_campaign.contains_key(&id(number))
+    }
+
+    #[tokio::test]
+    async fn an_answer_is_made_once_and_again_when_the_campaign_changes_or_its_maker_goes() {
+        let answers = LatestAnswers::within(10_000);
+        let made = Mutex::new(0);
+        let ask = |state: u64| {
+            let (answers, made) = (answers.clone(), &made);
+            async move {
+                let make = async {
+                    tokio::task::yield_now().await;
+                    *made.lock().unwrap() += 1;
+                    Ok::<_, ()>(state * 10)
+                };
+                answers.of(&id(1), state, |_| 100, make).await
+            }
+        };
+        let (one, other, third) = tokio::join!(ask(1), ask(1), ask(1));
+        assert_eq!([one, other, third], [Ok(10); 3]);
+        assert_eq!(*made.lock().unwrap(), 1);
+        assert_eq!(ask(2).await, Ok(20));
+        assert_eq!(*made.lock().unwrap(), 2);
+        // Who has it made goes away.
+        tokio::select! {
+            biased;
+            _ = ask(3) => unreachable!(),
+            () = std::future::ready(()) => {}
+        }
+        assert_eq!(ask(3).await, Ok(30));
+        assert_eq!(*made.lock().unwrap(), 3);
+        let failing = answers.of(&id(1), 4, |_| 100, async { Err("no") }).await;
+        assert_eq!(failing, Err("no"));
+        assert_eq!(ask(3).await, Ok(30), "the former answer is kept");
     }
 
     #[test]

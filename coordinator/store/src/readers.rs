@@ -1,9 +1,10 @@
 //! Connections that only read, beside the one that writes: reading waits neither for a change nor for other reading.
 //!
 //! Each reading sees the database as it was at one instant, without what is not committed or was refused by the disk.
-//! Limits: at most [`MOST`] read at once, the others wait for one of them; nobody reads while the log is emptied.
+//! Limits: at most [`MOST`] read at once, the others wait for one of them, and of those in the background
+//! [`MOST_IN_BACKGROUND`], so that a decision finds a connection; nobody reads while the log is emptied.
 
-use super::{StoreError, open};
+use super::{StoreError, blocking::is_in_background, open};
 use rusqlite::Connection;
 use std::{
     path::Path,
@@ -12,6 +13,8 @@ use std::{
 
 /// Connections: more would only compete for the disk.
 const MOST: usize = 4;
+/// Connections that threads of low priority have at most.
+const MOST_IN_BACKGROUND: usize = 2;
 
 /// Connections to one database.
 #[derive(Debug)]
@@ -26,11 +29,16 @@ pub(super) struct Readers {
 #[derive(Debug, Default)]
 struct Turns {
     reading: usize,
+    /// Those of `reading` that are in the background.
+    in_background: usize,
     kept_away: bool,
 }
 
 /// Somebody reads until this is dropped.
-struct Turn<'a>(&'a Readers);
+struct Turn<'a> {
+    readers: &'a Readers,
+    in_background: bool,
+}
 
 /// Nobody reads until this is dropped.
 pub(super) struct KeptAway<'a>(&'a Readers);
@@ -69,12 +77,20 @@ impl Readers {
     }
 
     fn turn(&self) -> Turn<'_> {
+        let in_background = is_in_background();
         let mut turns = lock(&self.turns);
-        while turns.kept_away || turns.reading == MOST {
+        while turns.kept_away
+            || turns.reading == MOST
+            || in_background && turns.in_background == MOST_IN_BACKGROUND
+        {
             turns = self.wait(turns);
         }
         turns.reading += 1;
-        Turn(self)
+        turns.in_background += usize::from(in_background);
+        Turn {
+            readers: self,
+            in_background,
+        }
     }
 
     /// A connection that nobody reads with: there is one for each turn.
@@ -99,7 +115,10 @@ impl Readers {
 
 impl Drop for Turn<'_> {
     fn drop(&mut self) {
-        self.0.change(|turns| turns.reading -= 1);
+        self.readers.change(|turns| {
+            turns.reading -= 1;
+            turns.in_background -= usize::from(self.in_background);
+        });
     }
 }
 
