@@ -18,6 +18,7 @@ mod origin;
 pub mod requests;
 mod requirement;
 mod router;
+mod seats;
 mod sessions;
 mod tokens;
 
@@ -28,6 +29,7 @@ pub use machine::{MachineKind, origin};
 pub use origin::Hosts;
 pub use requirement::{MethodRequirements, Requirement, Requirements, Role};
 pub use router::GuardedRouter;
+pub use seats::{ClassSeats, CostClass, NoClassSeats, NoSeat, SeatCounts, SeatLimits, Seats};
 pub use sessions::Sessions;
 pub use tokens::{HolderName, Tokens, TokensError, file_entry};
 

@@ -60,3 +60,10 @@ pub const MAX_IMPORTS: usize = 4;
 pub const MAX_PLAYED: usize = 4;
 /// Parts of motions that the coordinator itself simulates at once, for clients. Each has at most 1 MiB of poses.
 pub const MAX_SIMULATIONS: usize = 4;
+/// Requests of a class that wait for a seat, of one principal ([`Seats`](crate::Seats)).
+pub(crate) const MAX_WAITING_PER_PRINCIPAL: usize = 512;
+/// Time that the request of a page or probe waits for a seat. A gRPC client waits for as long as it likes.
+pub(crate) const SEAT_LIMIT: Duration = Duration::from_secs(30);
+/// Time that a client has to take the next part of an answer, or to send the next part of an import. Who takes none has its
+/// connection closed.
+pub const PART_LIMIT: Duration = Duration::from_secs(60);

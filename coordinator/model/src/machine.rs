@@ -5,7 +5,7 @@ use std::{fmt, net::IpAddr, str::FromStr};
 
 /// A machine that runs workers: what has one vote. The coordinator derives it from what a connection shows
 /// (`access::origin`), never from what a worker says of itself.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct MachineId(pub u64);
 
 impl fmt::Display for MachineId {

@@ -15,7 +15,7 @@ const BYTES: usize = 32;
 pub struct Token(String);
 
 /// The BLAKE3 digest of a token, as 64 hexadecimal digits. Comparison takes constant time.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct TokenDigest(blake3::Hash);
 
 /// Why a text is not a token or not a token's digest. The error never quotes the text, which may be secret.

@@ -1,0 +1,415 @@
+//! Fair shares: how many requests are answered at once, by cost class, in all and for one principal.
+//!
+//! A request takes a seat of its class before a handler sees it, and gives it back once its response has been sent or given
+//! up. A principal (the holder of a token, a certificate, an address) never has more seats of a class than its share. Who
+//! finds no seat waits: the next free one goes to the principal that has fewest. Streams last, so a stream that finds no seat
+//! is refused at once. Decisions have seats of their own, which nobody who reads or computes can take.
+
+use crate::limits::MAX_WAITING_PER_PRINCIPAL;
+use murmuration_link::TokenDigest;
+use murmuration_model::MachineId;
+use std::{
+    collections::{HashMap, VecDeque},
+    fmt,
+    net::{IpAddr, Ipv6Addr},
+    num::NonZeroUsize,
+    str::FromStr,
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicU64, Ordering},
+    },
+    time::Duration,
+};
+use tokio::sync::{oneshot, watch};
+
+/// What answering a request costs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum CostClass {
+    /// Changes something, and must be acknowledged whatever else goes on: pausing, labelling, submitting.
+    Decision,
+    /// Reads a few rows.
+    Light,
+    /// Reads as much as an archive or a label log has.
+    Reading,
+    /// Simulates, draws or compares.
+    Computing,
+    /// Follows something for as long as the client wants.
+    Streaming,
+    /// The stream of a worker or trainer: leases and credits limit it, no seats.
+    Machine,
+}
+
+/// The seats of a class.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SeatLimits {
+    /// In all.
+    pub total: NonZeroUsize,
+    /// For one principal.
+    pub share: NonZeroUsize,
+}
+
+/// A class and its seats, as an option has them: `CLASS=TOTAL/SHARE`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ClassSeats(CostClass, SeatLimits);
+
+/// Why a text is not a class and its seats.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "must be CLASS=TOTAL/SHARE, such as reading=16/4: decision, light, reading, computing or streaming, and two whole numbers \
+     from 1 to {MAX_SEATS}, the share at most the total"
+)]
+pub struct NoClassSeats;
+
+/// Most seats of a class.
+const MAX_SEATS: usize = 65_536;
+
+/// For whom a request is answered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) enum Principal {
+    /// The holder of a token that was accepted.
+    Token(TokenDigest),
+    /// The machine with a certificate.
+    Machine(MachineId),
+    /// Whoever asks from an address. Of IPv6 a network of 64 bits, which one machine may have to itself.
+    Address(IpAddr),
+    /// A request without a connection, as tests make it.
+    Unknown,
+}
+
+/// Why a request has no seat.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum NoSeat {
+    #[error(
+        "too many requests at once from this token, certificate or address ({0}): try again when others have been answered"
+    )]
+    Busy(CostClass),
+    #[error("the coordinator is shutting down: try again once it serves again")]
+    Closing,
+}
+
+/// How many requests of a class are answered and wait now, and were refused so far.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SeatCounts {
+    pub answered: usize,
+    pub waiting: usize,
+    pub refused: u64,
+}
+
+/// The seats of a coordinator, for all its doors; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Seats {
+    lanes: Arc<[Lane; CostClass::LIMITED.len()]>,
+    closing: Arc<watch::Sender<bool>>,
+}
+
+/// The seats of one class.
+#[derive(Debug)]
+struct Lane {
+    limits: SeatLimits,
+    room: Mutex<Room>,
+    refused: AtomicU64,
+}
+
+#[derive(Debug, Default)]
+struct Room {
+    /// Seats by principal; those of a principal without one are not in it.
+    held: HashMap<Principal, usize>,
+    /// Sum of `held`.
+    taken: usize,
+    waiting: VecDeque<Waiter>,
+}
+
+#[derive(Debug)]
+struct Waiter {
+    principal: Principal,
+    seat: oneshot::Sender<Seat>,
+}
+
+/// A seat, until it is dropped.
+#[derive(Debug)]
+pub(crate) struct Seat {
+    seats: Seats,
+    lane: usize,
+    principal: Principal,
+}
+
+impl CostClass {
+    /// The classes that have seats.
+    pub const LIMITED: [Self; 5] = [
+        Self::Decision,
+        Self::Light,
+        Self::Reading,
+        Self::Computing,
+        Self::Streaming,
+    ];
+
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Decision => "decision",
+            Self::Light => "light",
+            Self::Reading => "reading",
+            Self::Computing => "computing",
+            Self::Streaming => "streaming",
+            Self::Machine => "machine",
+        }
+    }
+
+    /// Its place among the lanes.
+    fn lane(self) -> Option<usize> {
+        Self::LIMITED.iter().position(|&class| class == self)
+    }
+
+    /// Whether a request of this class ends at once when the coordinator shuts down.
+    pub(crate) const fn ends_at_shutdown(self) -> bool {
+        matches!(self, Self::Reading | Self::Computing | Self::Streaming)
+    }
+
+    /// The seats of a coordinator that nobody has set otherwise.
+    #[must_use]
+    pub const fn limits(self) -> SeatLimits {
+        match self {
+            Self::Decision => SeatLimits::of(64, 16),
+            Self::Light => SeatLimits::of(256, 64),
+            Self::Reading | Self::Computing => SeatLimits::of(16, 4),
+            Self::Streaming | Self::Machine => SeatLimits::of(1024, 128),
+        }
+    }
+}
+
+impl fmt::Display for CostClass {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl SeatLimits {
+    /// At least one of each.
+    const fn of(total: usize, share: usize) -> Self {
+        Self {
+            total: NonZeroUsize::MIN.saturating_add(total.saturating_sub(1)),
+            share: NonZeroUsize::MIN.saturating_add(share.saturating_sub(1)),
+        }
+    }
+}
+
+impl FromStr for ClassSeats {
+    type Err = NoClassSeats;
+
+    fn from_str(text: &str) -> Result<Self, NoClassSeats> {
+        let (name, numbers) = text.split_once('=').ok_or(NoClassSeats)?;
+        let (total, share) = numbers.split_once('/').ok_or(NoClassSeats)?;
+        let class = CostClass::LIMITED.into_iter().find(|class| class.name() == name);
+        let count = |text: &str| {
+            let count = text.parse::<NonZeroUsize>().ok();
+            count.filter(|count| count.get() <= MAX_SEATS).ok_or(NoClassSeats)
+        };
+        let limits = SeatLimits {
+            total: count(total)?,
+            share: count(share)?,
+        };
+        match class {
+            Some(class) if limits.share <= limits.total => Ok(Self(class, limits)),
+            _ => Err(NoClassSeats),
+        }
+    }
+}
+
+impl Principal {
+    pub(crate) fn at(address: IpAddr) -> Self {
+        let network = |address: Ipv6Addr| Ipv6Addr::from_bits(address.to_bits() >> 64 << 64);
+        Self::Address(match address {
+            IpAddr::V6(address) => network(address).into(),
+            v4 @ IpAddr::V4(_) => v4,
+        })
+    }
+}
+
+impl Seats {
+    /// The default seats, but for the classes that are named; of a class that is named twice, the last counts.
+    #[must_use]
+    pub fn new(changed: &[ClassSeats]) -> Self {
+        let lanes = CostClass::LIMITED.map(|class| {
+            let newest = changed.iter().rev().find(|ClassSeats(of, _)| *of == class);
+            Lane {
+                limits: newest.map_or(class.limits(), |ClassSeats(_, limits)| *limits),
+                room: Mutex::default(),
+                refused: AtomicU64::new(0),
+            }
+        });
+        Self {
+            lanes: Arc::new(lanes),
+            closing: Arc::new(watch::Sender::new(false)),
+        }
+    }
+
+    /// A seat of `class`; none where that class needs none. Waits at most for `patience` where it is given.
+    ///
+    /// # Errors
+    /// See [`NoSeat`].
+    pub(crate) async fn take(
+        &self,
+        class: CostClass,
+        principal: Principal,
+        patience: Option<Duration>,
+    ) -> Result<Option<Seat>, NoSeat> {
+        let Some(place) = class.lane() else {
+            return Ok(None);
+        };
+        let refused = |refusal| {
+            self.lanes[place].refused.fetch_add(1, Ordering::Relaxed);
+            Err(refusal)
+        };
+        let coming = match self.take_or_wait(class, place, principal) {
+            Ok(coming) => coming,
+            Err(refusal) => return refused(refusal),
+        };
+        let waited = async {
+            match patience {
+                Some(patience) => tokio::time::sleep(patience).await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            biased;
+            seat = coming => seat.map(Some).or(Err(NoSeat::Closing)),
+            () = self.closed() => refused(NoSeat::Closing),
+            () = waited => refused(NoSeat::Busy(class)),
+        }
+    }
+
+    /// A seat that is there or comes.
+    fn take_or_wait(
+        &self,
+        class: CostClass,
+        place: usize,
+        principal: Principal,
+    ) -> Result<oneshot::Receiver<Seat>, NoSeat> {
+        let (seat, coming) = oneshot::channel();
+        let mut room = self.lanes[place].room();
+        if *self.closing.borrow() && class.ends_at_shutdown() {
+            return Err(NoSeat::Closing);
+        }
+        if room.has_seat(self.lanes[place].limits, principal) {
+            room.seat(principal);
+            drop(room);
+            // The receiver is here.
+            let _ = seat.send(self.seat(place, principal));
+            return Ok(coming);
+        }
+        room.waiting.retain(|waiter| !waiter.seat.is_closed());
+        let of_principal = room.waiting.iter().filter(|waiter| waiter.principal == principal);
+        if class == CostClass::Streaming || of_principal.count() >= MAX_WAITING_PER_PRINCIPAL {
+            return Err(NoSeat::Busy(class));
+        }
+        room.waiting.push_back(Waiter { principal, seat });
+        Ok(coming)
+    }
+
+    fn seat(&self, lane: usize, principal: Principal) -> Seat {
+        Seat {
+            seats: self.clone(),
+            lane,
+            principal,
+        }
+    }
+
+    /// Lets nobody read, compute or follow any more: whoever waits to is refused, and whoever does is told by
+    /// [`Self::closed`].
+    pub fn close(&self) {
+        self.closing.send_replace(true);
+    }
+
+    /// Returns once the seats are closed.
+    pub(crate) async fn closed(&self) {
+        // The sender is this.
+        let _ = self.closing.subscribe().wait_for(|&closing| closing).await;
+    }
+
+    /// The counts of each class.
+    pub fn counts(&self) -> impl Iterator<Item = (CostClass, SeatCounts)> {
+        CostClass::LIMITED
+            .into_iter()
+            .zip(self.lanes.iter())
+            .map(|(class, lane)| {
+                let room = lane.room();
+                let waiting = room.waiting.iter().filter(|waiter| !waiter.seat.is_closed());
+                let counts = SeatCounts {
+                    answered: room.taken,
+                    waiting: waiting.count(),
+                    refused: lane.refused.load(Ordering::Relaxed),
+                };
+                (class, counts)
+            })
+    }
+}
+
+impl Lane {
+    fn room(&self) -> MutexGuard<'_, Room> {
+        self.room.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Room {
+    fn of(&self, principal: Principal) -> usize {
+        self.held.get(&principal).copied().unwrap_or_default()
+    }
+
+    fn has_seat(&self, limits: SeatLimits, principal: Principal) -> bool {
+        self.taken < limits.total.get() && self.of(principal) < limits.share.get()
+    }
+
+    fn seat(&mut self, principal: Principal) {
+        self.taken += 1;
+        *self.held.entry(principal).or_default() += 1;
+    }
+
+    fn free(&mut self, principal: Principal) {
+        self.taken -= 1;
+        match self.held.get_mut(&principal) {
+            Some(held) if *held > 1 => *held -= 1,
+            _ => drop(self.held.remove(&principal)),
+        }
+    }
+
+    /// Whoever gets the next seat: of the principals that have fewest, the one that has waited longest.
+    fn next(&mut self, limits: SeatLimits) -> Option<Waiter> {
+        if self.taken >= limits.total.get() {
+            return None;
+        }
+        self.waiting.retain(|waiter| !waiter.seat.is_closed());
+        let held = |waiter: &Waiter| self.of(waiter.principal);
+        let may = self
+            .waiting
+            .iter()
+            .enumerate()
+            .filter(|(_, waiter)| held(waiter) < limits.share.get());
+        let (place, _) = may.min_by_key(|(place, waiter)| (held(waiter), *place))?;
+        let waiter = self.waiting.remove(place)?;
+        self.seat(waiter.principal);
+        Some(waiter)
+    }
+}
+
+impl Seat {
+    pub(crate) fn class(&self) -> CostClass {
+        CostClass::LIMITED[self.lane]
+    }
+}
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        let lane = &self.seats.lanes[self.lane];
+        let mut room = lane.room();
+        room.free(self.principal);
+        let next = room.next(lane.limits);
+        drop(room);
+        if let Some(Waiter { principal, seat }) = next {
+            // Who is gone gives it back.
+            let _ = seat.send(self.seats.seat(self.lane, principal));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
