@@ -20,7 +20,7 @@ use std::{
 use tokio::{
     io::{AsyncRead, AsyncWrite, ReadBuf},
     net::{TcpListener, TcpStream},
-    sync::mpsc,
+    sync::{mpsc, oneshot},
     time::{Instant, Sleep},
 };
 use tokio_stream::wrappers::ReceiverStream;
@@ -135,6 +135,8 @@ pub struct Connection {
     active: Instant,
     silence_limit: Duration,
     alarm: Pin<Box<Sleep>>,
+    /// Comes when the connection is to be closed; `None` once it has.
+    close: Option<oneshot::Receiver<()>>,
     _permit: ConnectionPermit,
 }
 
@@ -143,14 +145,25 @@ pub struct Connection {
 pub struct Visit {
     peer: IpAddr,
     pace: Arc<DefaultDirectRateLimiter>,
+    close: Arc<Mutex<Option<oneshot::Sender<()>>>>,
 }
 
 impl Visit {
-    fn new(peer: IpAddr) -> Self {
+    fn new(peer: IpAddr, close: oneshot::Sender<()>) -> Self {
         let quota = Quota::per_second(REQUESTS_PER_SECOND).allow_burst(REQUEST_BURST);
         Self {
             peer,
             pace: Arc::new(RateLimiter::direct(quota)),
+            close: Arc::new(Mutex::new(Some(close))),
+        }
+    }
+
+    /// Closes the connection.
+    pub(crate) fn close(&self) {
+        let close = self.close.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(close) = close {
+            // It may be closed already.
+            let _ = close.send(());
         }
     }
 
@@ -170,12 +183,14 @@ impl Connection {
         if let Err(error) = stream.set_nodelay(true) {
             tracing::debug!(%peer, %error, "answers may be delayed");
         }
+        let (close, told) = oneshot::channel();
         Self {
             stream,
-            visit: Visit::new(peer.ip().to_canonical()),
+            visit: Visit::new(peer.ip().to_canonical(), close),
             active: Instant::now(),
             silence_limit: HANDSHAKE_LIMIT,
             alarm: Box::pin(tokio::time::sleep(HANDSHAKE_LIMIT)),
+            close: Some(told),
             _permit: permit,
         }
     }
@@ -183,6 +198,16 @@ impl Connection {
     fn passed(&mut self) {
         self.active = Instant::now();
         self.silence_limit = IDLE_LIMIT;
+    }
+
+    /// Whether it is to be closed.
+    fn is_closed(&mut self, context: &mut Context<'_>) -> bool {
+        if let Some(close) = &mut self.close
+            && Pin::new(close).poll(context).is_ready()
+        {
+            self.close = None;
+        }
+        self.close.is_none()
     }
 
     /// Ready once it has been silent for too long. The alarm is set anew only when it rings, not for every byte.
@@ -212,6 +237,9 @@ impl AsyncRead for Connection {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
+        if self.is_closed(context) {
+            return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
+        }
         match Pin::new(&mut self.stream).poll_read(context, buffer) {
             Poll::Ready(read) => {
                 self.passed();

@@ -17,6 +17,7 @@ mod machine;
 mod origin;
 pub mod requests;
 mod requirement;
+mod response_body;
 mod router;
 mod seats;
 mod sessions;

@@ -52,7 +52,7 @@ fn a_process_has_room_for_many() {
 
 #[test]
 fn requests_come_in_bursts_and_then_at_a_pace() {
-    let visit = Visit::new([127, 0, 0, 1].into());
+    let visit = Visit::new([127, 0, 0, 1].into(), oneshot::channel().0);
     let burst = REQUEST_BURST.get();
     assert!((0..burst).all(|_| visit.may_ask()));
     // Some time may have passed, and made room for a few.
@@ -77,4 +77,21 @@ async fn who_says_nothing_is_let_go() {
     let begun = Instant::now();
     assert!(connection.read_u8().await.is_err());
     assert!(begun.elapsed() >= IDLE_LIMIT);
+}
+
+#[tokio::test]
+async fn a_visit_closes_its_connection_while_it_waits_and_later() {
+    let (address, mut taken) = listen(ConnectionPermits::new(4, 4)).await;
+    let mut client = TcpStream::connect(address).await.unwrap();
+    let mut connection = taken.next().await.unwrap().unwrap();
+    let visit = connection.connect_info();
+    let closing = async {
+        tokio::task::yield_now().await;
+        visit.close();
+        visit.close();
+    };
+    let (read, ()) = tokio::join!(connection.read_u8(), closing);
+    assert_eq!(read.unwrap_err().kind(), io::ErrorKind::TimedOut);
+    client.write_all(b"a").await.unwrap();
+    assert!(connection.read_u8().await.is_err());
 }
