@@ -9,7 +9,7 @@ use axum::{
     http::{StatusCode, header},
     response::{IntoResponse as _, Response},
 };
-use murmuration_access::{GuardedRouter, Requirement};
+use murmuration_access::{CostClass, GuardedRouter, Requirement, Seats};
 use murmuration_engine::{blocking::blocking, campaign::Campaigns};
 use murmuration_link::Health;
 use murmuration_store::Store;
@@ -49,15 +49,21 @@ pub(crate) struct Probes {
     pub(crate) metrics: Metrics,
     pub(crate) campaigns: Campaigns,
     pub(crate) store: Store,
+    pub(crate) seats: Seats,
 }
 
 impl Probes {
     /// The three routes.
     pub(crate) fn routes(self) -> GuardedRouter {
         GuardedRouter::default()
-            .get("/healthz", Requirement::Nothing, async || "alive\n")
-            .get("/readyz", Requirement::Nothing, ready)
-            .get("/metrics", Requirement::VIEWER, metrics)
+            .get(
+                "/healthz",
+                Requirement::Nothing,
+                CostClass::Light,
+                async || "alive\n",
+            )
+            .get("/readyz", Requirement::Nothing, CostClass::Light, ready)
+            .get("/metrics", Requirement::VIEWER, CostClass::Light, metrics)
             .with_state(self)
     }
 }
@@ -80,7 +86,11 @@ fn not_ready(why: &str) -> Response {
 }
 
 async fn metrics(State(probes): State<Probes>) -> Response {
-    match probes.metrics.render(&probes.campaigns, &probes.store).await {
+    match probes
+        .metrics
+        .render(&probes.campaigns, &probes.store, &probes.seats)
+        .await
+    {
         Ok(text) => ([(header::CONTENT_TYPE, CONTENT_TYPE)], text).into_response(),
         Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
     }

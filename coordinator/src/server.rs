@@ -10,7 +10,7 @@ use crate::{
     probes::{Probes, Readiness},
 };
 use doors::{Served, Serving, listen, url};
-use murmuration_access::{ListenConfig, Requirements, connections::ConnectionPermits};
+use murmuration_access::{ListenConfig, Requirements, Seats, connections::ConnectionPermits};
 use murmuration_dispatch as dispatch;
 use murmuration_dispatch::{Dispatch, PeerKind, Trainers};
 use murmuration_engine::{
@@ -31,20 +31,23 @@ use murmuration_proto::{
 };
 use murmuration_search::interrupt::Interrupt;
 use murmuration_service::{
-    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, Permits, TrainerApi, TransferApi, WorkerApi,
+    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, TrainerApi, TransferApi, WorkerApi,
 };
 use murmuration_store::{
     DataDirectory, Store, StoreError,
     checkpoints::{CheckpointError, Checkpoints},
+    kept::LatestAnswers,
 };
-use murmuration_web::{DrawnAtlas, Judged, Playground, Studies, Web};
+use murmuration_web::{DrawnAtlas, Judged, Playground, Reports, Studies, Web};
 use services::Services;
 use std::{io, net::SocketAddr, time::Duration};
 use tokio::sync::watch;
 use tonic::server::NamedService as _;
 
 /// How long a clean end may wait for open streams.
-const SHUTDOWN_LIMIT: Duration = Duration::from_secs(5);
+const SHUTDOWN_LIMIT: Duration = Duration::from_secs(3);
+/// Most bytes of the digests of archives that are kept.
+const KEPT_DIGEST_BYTES: usize = 1 << 20;
 
 /// What a coordinator needs to know.
 #[derive(Debug)]
@@ -105,8 +108,8 @@ pub struct Coordinator {
     readiness: Readiness,
     /// Ends everything that is computed here.
     interrupt: Interrupt,
-    /// Ends the streams of pages.
-    permits: Permits,
+    /// Ends what is read, computed or followed.
+    seats: Seats,
     stop: watch::Sender<bool>,
     servers: Vec<Serving>,
     /// Held for as long as the server runs.
@@ -157,13 +160,13 @@ impl Coordinator {
             .register_encoded_file_descriptor_set(FILE_DESCRIPTORS)
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
             .build_v1()?;
-        let permits = Permits::default();
+        let seats = options.listen.seats().clone();
         let campaign_api = CampaignApi {
             campaigns: campaigns.clone(),
             store: store.clone(),
             dispatch: dispatch.clone(),
             queries: queries.clone(),
-            permits: permits.clone(),
+            digests: LatestAnswers::within(KEPT_DIGEST_BYTES),
         };
         // One for gRPC and pages: no two windows are asked the same, whichever they are of.
         let label_api = LabelApi {
@@ -179,6 +182,7 @@ impl Coordinator {
             labels: label_api.clone(),
             play: Playground::default(),
             studies: Studies::of(options.data.path()),
+            reports: Reports::default(),
             atlas: DrawnAtlas::default(),
             judged: Judged::default(),
         };
@@ -198,6 +202,7 @@ impl Coordinator {
             metrics,
             campaigns: campaigns.clone(),
             store: store.clone(),
+            seats: seats.clone(),
         };
         let services = Services {
             campaigns: campaign_api,
@@ -206,12 +211,10 @@ impl Coordinator {
                 store: store.clone(),
                 checkpoints: checkpoints.clone(),
                 data: options.data.path().into(),
-                permits: permits.clone(),
             },
             evaluations: EvaluationApi {
                 dispatch: dispatch.clone(),
                 checkpoints: checkpoints.clone(),
-                permits: permits.clone(),
             },
             checkpoints: CheckpointApi { checkpoints },
             labels: label_api,
@@ -233,6 +236,7 @@ impl Coordinator {
         let served = Served {
             routes,
             permits: ConnectionPermits::of_this_process(),
+            seats: seats.clone(),
             stopped,
         };
         let (local, servers) = served.open(listener, &options).await?;
@@ -259,7 +263,7 @@ impl Coordinator {
             trainers,
             readiness,
             interrupt,
-            permits,
+            seats,
             stop,
             servers,
             _data: options.data,
@@ -305,7 +309,7 @@ impl Coordinator {
         self.stop_searches().await;
         self.dispatch.stop().await;
         self.trainers.stop().await;
-        self.permits.end_watches();
+        self.seats.close();
         self.stop.send_replace(true);
         let end = tokio::time::Instant::now() + SHUTDOWN_LIMIT;
         for server in &mut self.servers {

@@ -3,20 +3,22 @@
 
 use super::{
     Access, PresentedCredentials, Refusal, Sessions,
-    machine::Certificate,
+    machine::{self, Certificate},
     origin::{self, Asked, Hosts},
     requirement::{Requirement, Requirements},
+    response_body::Bodies,
+    seats::{CostClass, NoSeat, Principal, Seats},
     sessions::Session,
 };
 use crate::{
     connections::Visit,
-    limits::{MAX_HEADER_BYTES, MAX_HEADERS},
+    limits::{MAX_HEADER_BYTES, MAX_HEADERS, SEAT_LIMIT},
 };
 use axum::{
     body::{Body, BodyDataStream},
     extract::{MatchedPath, Request, State},
     http::{
-        HeaderMap, HeaderValue,
+        HeaderMap, HeaderValue, Method, Uri,
         header::{AUTHORIZATION, CONTENT_TYPE, HOST},
     },
     middleware::Next,
@@ -27,7 +29,7 @@ use std::{
     pin::Pin,
     sync::Arc,
     task::{Context, Poll},
-    time::SystemTime,
+    time::{Duration, SystemTime},
 };
 use tokio_stream::Stream;
 use tonic::{Status, transport::server::TlsConnectInfo};
@@ -50,13 +52,23 @@ pub struct Door {
 }
 
 /// Renders a refusal of this request for the client that sent it.
-pub(crate) type ShowRefusal = fn(Refusal, &Request) -> Response;
+pub(crate) type ShowRefusal = fn(Refusal, &RequestHead) -> Response;
+
+/// What a refusal of a request is written from.
+#[derive(Debug, Clone)]
+pub struct RequestHead {
+    pub method: Method,
+    pub uri: Uri,
+    pub headers: HeaderMap,
+}
 
 /// A door, and what the routes behind it require.
 #[derive(Debug, Clone)]
 pub(super) struct Gate {
     pub(super) door: Arc<Door>,
     pub(super) requirements: Arc<Requirements>,
+    pub(super) seats: Seats,
+    pub(super) bodies: Bodies,
 }
 
 /// Refuses what may not come in, in the form that the client reads: a gRPC status, a page, or a line of text.
@@ -64,16 +76,23 @@ pub(super) struct Gate {
 /// Handlers behind it find the [`Door`] among the extensions of the request; layers in front of it find the
 /// [`Requirement`] among those of the response.
 pub(super) async fn admit(State(gate): State<Gate>, mut request: Request, next: Next) -> Response {
-    let requirement = gate.requirements.of(&request);
+    let (requirement, class) = gate.requirements.of(&request);
     request.extensions_mut().insert(gate.door.clone());
-    let mut response = gate.answer(requirement, request, next).await;
+    let mut response = gate.answer((requirement, class), request, next).await;
     response.extensions_mut().insert(requirement);
     response
 }
 
 impl Gate {
-    async fn answer(&self, requirement: Requirement, request: Request, next: Next) -> Response {
-        let Self { door, requirements } = self;
+    async fn answer(
+        &self,
+        (requirement, class): (Requirement, CostClass),
+        request: Request,
+        next: Next,
+    ) -> Response {
+        let Self {
+            door, requirements, ..
+        } = self;
         let asked = Asked::of(&request, requirements);
         let speaks_grpc = asked != Asked::Page && origin::is_grpc(request.headers());
         // Only pages accept a cookie: a browser sends it with a request of any site.
@@ -81,15 +100,58 @@ impl Gate {
             (Asked::Page, None) => door.sessions.of(request.headers(), SystemTime::now()),
             _ => None,
         };
-        match door.allows(asked, requirement, session.as_ref(), &request) {
-            Ok(()) => while_it_lasts(session, next.run(request).await),
+        let head = RequestHead::of(&request);
+        let answered = match door.allows(asked, requirement, session.as_ref(), &request) {
+            Ok(principal) => {
+                let patience = (!speaks_grpc).then_some(SEAT_LIMIT);
+                self.seated(class, principal, patience, request, next).await
+            }
+            Err(refusal) => Err(refusal),
+        };
+        match answered {
+            Ok(response) => while_it_lasts(session, response),
             Err(refusal) => {
-                tracing::debug!(path = request.uri().path(), %refusal, "request refused");
+                tracing::debug!(path = head.uri.path(), %refusal, "request refused");
                 match speaks_grpc {
                     true => Status::from(refusal).into_http(),
-                    false => (door.show_refusal)(refusal, &request),
+                    false => (door.show_refusal)(refusal, &head),
                 }
             }
+        }
+    }
+
+    /// The response of the handler, once there is a seat for the request.
+    async fn seated(
+        &self,
+        class: CostClass,
+        principal: Principal,
+        patience: Option<Duration>,
+        request: Request,
+        next: Next,
+    ) -> Result<Response, Refusal> {
+        let visit = request.extensions().get::<Visit>().cloned();
+        let Some(seat) = self.seats.take(class, principal, patience).await? else {
+            return Ok(next.run(request).await);
+        };
+        let closed = async {
+            match class.ends_at_shutdown() {
+                true => self.seats.closed().await,
+                false => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            response = next.run(request) => Ok(self.bodies.seated(seat, visit, response)),
+            () = closed => Err(NoSeat::Closing.into()),
+        }
+    }
+}
+
+impl RequestHead {
+    fn of(request: &Request) -> Self {
+        Self {
+            method: request.method().clone(),
+            uri: request.uri().clone(),
+            headers: request.headers().clone(),
         }
     }
 }
@@ -114,7 +176,7 @@ impl Door {
         requirement: Requirement,
         session: Option<&Session>,
         request: &Request,
-    ) -> Result<(), Refusal> {
+    ) -> Result<Principal, Refusal> {
         let visit = request.extensions().get::<Visit>();
         if visit.is_some_and(|visit| !visit.may_ask()) {
             return Err(Refusal::Rate);
@@ -131,7 +193,21 @@ impl Door {
                 .or(session.map(|session| session.token)),
             certificate: chain.and_then(|chain| chain.first().map(Certificate::read)),
         };
-        self.access.admits(requirement, &presented)
+        self.access.admits(requirement, &presented)?;
+        Ok(self.principal(&presented, request))
+    }
+
+    /// For whom a request is answered. A token counts only where it is known: anybody can make up others.
+    fn principal(&self, presented: &PresentedCredentials, request: &Request) -> Principal {
+        let known = presented
+            .token
+            .filter(|&token| self.access.whose(token).is_some());
+        match (known, machine::origin(request.extensions())) {
+            (Some(token), _) => Principal::Token(token),
+            (None, Some(origin)) if presented.certificate.is_some() => Principal::Machine(origin.machine),
+            (None, Some(origin)) => Principal::at(origin.address),
+            (None, None) => Principal::Unknown,
+        }
     }
 
     /// The token of the session of a browser.
@@ -203,7 +279,10 @@ impl From<Refusal> for Status {
             Refusal::Role { .. } | Refusal::WrongCertificate(_) | Refusal::Host | Refusal::Origin => {
                 Self::permission_denied(said)
             }
-            Refusal::Rate | Refusal::Headers => Self::resource_exhausted(said),
+            Refusal::Rate | Refusal::Headers | Refusal::NoSeat(NoSeat::Busy(_)) => {
+                Self::resource_exhausted(said)
+            }
+            Refusal::NoSeat(NoSeat::Closing) => Self::unavailable(said),
             Refusal::ContentType => Self::invalid_argument(said),
         }
     }

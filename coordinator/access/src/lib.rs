@@ -2,7 +2,8 @@
 //!
 //! A page or service is registered with a `GuardedRouter`, which takes the `Requirement` with the route. `admit` reads the
 //! requirement before anything reads the request's body, and `origin` checks whether another site's page may have sent the
-//! request. Machines show certificates, people tokens, and browsers a cookie that was given for a token. The handlers of
+//! request. Machines show certificates, people tokens, and browsers a cookie that was given for a token. Then the request
+//! takes one of the `seats` of its cost class, which its `response_body` holds until it has been sent. The handlers of
 //! services and pages check nothing of this themselves.
 //!
 //! The crate also holds the `connections` of a listener, every limit on what comes over the network, and the ids of
@@ -23,7 +24,7 @@ mod seats;
 mod sessions;
 mod tokens;
 
-pub use admit::Door;
+pub use admit::{Door, RequestHead};
 pub use listen_config::{ListenConfig, ListenConfigError, Tls};
 pub use local::{LocalToken, local_token};
 pub use machine::{MachineKind, origin};
@@ -104,6 +105,9 @@ pub enum Refusal {
     /// Its content type is not one of gRPC.
     #[error("gRPC methods accept only requests of the content type application/grpc")]
     ContentType,
+    /// Too many of its cost class are answered.
+    #[error(transparent)]
+    NoSeat(#[from] NoSeat),
 }
 
 impl Access {

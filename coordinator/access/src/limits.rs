@@ -46,20 +46,6 @@ pub const MAX_LABEL_MESSAGE: usize = 32 << 20;
 pub const MAX_POST: usize = 2 << 20;
 /// Browsers that are logged in with one token, at once: one more ends the oldest session.
 pub(crate) const MAX_SESSIONS_PER_TOKEN: usize = 32;
-/// Clients and pages that watch something, at once.
-pub const MAX_WATCHES: usize = 1024;
-/// Replays that are simulated or wait to be, at once.
-pub const MAX_REPLAYS: usize = 256;
-/// Searches elsewhere that have controllers evaluated, at once.
-pub const MAX_EVALUATION_STREAMS: usize = 64;
-/// Campaigns that are exported, at once.
-pub const MAX_EXPORTS: usize = 8;
-/// Campaigns that are imported, at once.
-pub const MAX_IMPORTS: usize = 4;
-/// Swarms that the coordinator itself simulates at once, for people who play. Each for two seconds at most.
-pub const MAX_PLAYED: usize = 4;
-/// Parts of motions that the coordinator itself simulates at once, for clients. Each has at most 1 MiB of poses.
-pub const MAX_SIMULATIONS: usize = 4;
 /// Requests of a class that wait for a seat, of one principal ([`Seats`](crate::Seats)).
 pub(crate) const MAX_WAITING_PER_PRINCIPAL: usize = 512;
 /// Time that the request of a page or probe waits for a seat. A gRPC client waits for as long as it likes.

@@ -1,6 +1,6 @@
 //! The address at which a coordinator listens, its encryption, and its access rules; unsafe combinations are refused.
 
-use super::{Access, Hosts, Tokens};
+use super::{Access, ClassSeats, Hosts, Seats, Tokens};
 use crate::limits::HANDSHAKE_LIMIT;
 use murmuration_link::{CredentialsError, read_pem, root_cause};
 use std::{
@@ -16,6 +16,7 @@ pub struct ListenConfig {
     address: SocketAddr,
     tls: Option<Tls>,
     tokens: Option<Arc<Tokens>>,
+    seats: Seats,
 }
 
 /// The certificate of the coordinator, and the authority that signs those of machines.
@@ -91,6 +92,7 @@ impl ListenConfig {
             address: (Ipv4Addr::LOCALHOST, port).into(),
             tls: None,
             tokens: None,
+            seats: Seats::new(&[]),
         }
     }
 
@@ -113,8 +115,21 @@ impl ListenConfig {
                 address,
                 tls,
                 tokens: tokens.map(Arc::new),
+                seats: Seats::new(&[]),
             }),
         }
+    }
+
+    /// With these seats in the place of the default ones.
+    #[must_use]
+    pub fn with_seats(mut self, changed: &[ClassSeats]) -> Self {
+        self.seats = Seats::new(changed);
+        self
+    }
+
+    /// The seats of all doors.
+    pub const fn seats(&self) -> &Seats {
+        &self.seats
     }
 
     /// Where to listen.

@@ -1,9 +1,9 @@
-//! What a request must show, and the table of what every page and gRPC method requires.
+//! What a request must show, and the table of what every page and gRPC method requires and costs.
 //!
 //! [`GuardedRouter`](crate::GuardedRouter) fills the table as routes are registered. A method or page that the table does
 //! not know is for operators alone.
 
-use super::MachineKind;
+use super::{CostClass, MachineKind};
 use axum::{
     extract::{MatchedPath, Request},
     http::Method,
@@ -55,13 +55,13 @@ impl Requirement {
     pub const OPERATOR: Self = Self::Person(Role::Operator);
 }
 
-/// The methods of a gRPC service, by name, each with its requirement.
-pub type MethodRequirements = &'static [(&'static str, Requirement)];
+/// The methods of a gRPC service, by name, each with its requirement and cost.
+pub type MethodRequirements = &'static [(&'static str, Requirement, CostClass)];
 
-/// What every page and gRPC method that is served requires.
+/// What every page and gRPC method that is served requires and costs.
 #[derive(Debug, Clone, Default)]
 pub struct Requirements {
-    pages: Vec<(Method, &'static str, Requirement)>,
+    pages: Vec<(Method, &'static str, (Requirement, CostClass))>,
     services: Vec<(&'static str, MethodRequirements)>,
 }
 
@@ -70,7 +70,7 @@ impl Requirements {
     pub fn pages(&self) -> impl Iterator<Item = (&Method, &'static str, Requirement)> {
         self.pages
             .iter()
-            .map(|(method, route, requirement)| (method, *route, *requirement))
+            .map(|(method, route, (requirement, _))| (method, *route, *requirement))
     }
 
     /// Every gRPC method, as `/SERVICE/METHOD`, and its requirement.
@@ -78,12 +78,12 @@ impl Requirements {
         self.services.iter().flat_map(|(service, methods)| {
             methods
                 .iter()
-                .map(move |(method, requirement)| (format!("/{service}/{method}"), *requirement))
+                .map(move |(method, requirement, _)| (format!("/{service}/{method}"), *requirement))
         })
     }
 
-    pub(crate) fn add_page(&mut self, method: Method, route: &'static str, requirement: Requirement) {
-        self.pages.push((method, route, requirement));
+    pub(crate) fn add_page(&mut self, method: Method, route: &'static str, rule: (Requirement, CostClass)) {
+        self.pages.push((method, route, rule));
     }
 
     pub(crate) fn add_service(&mut self, name: &'static str, methods: MethodRequirements) {
@@ -95,26 +95,26 @@ impl Requirements {
         self.services.append(&mut other.services);
     }
 
-    /// What this request must show, once it has been routed.
-    pub(crate) fn of(&self, request: &Request) -> Requirement {
+    /// What this request must show and what it costs, once it has been routed.
+    pub(crate) fn of(&self, request: &Request) -> (Requirement, CostClass) {
         self.of_method(request.uri().path()).unwrap_or_else(|| {
             let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
             self.of_page(request.method(), route)
         })
     }
 
-    /// The requirement of the gRPC method of this path (`/SERVICE/METHOD`); `None` where the service is not served.
-    pub(crate) fn of_method(&self, path: &str) -> Option<Requirement> {
+    /// Those of the gRPC method of this path (`/SERVICE/METHOD`); `None` where the service is not served.
+    pub(crate) fn of_method(&self, path: &str) -> Option<(Requirement, CostClass)> {
         let (service, method) = path.strip_prefix('/')?.split_once('/')?;
         let (_, methods) = self.services.iter().find(|(known, _)| *known == service)?;
-        let known = methods.iter().find(|(known, _)| *known == method);
-        Some(known.map_or(Requirement::OPERATOR, |(_, requirement)| *requirement))
+        let known = methods.iter().find(|(known, ..)| *known == method);
+        Some(known.map_or(UNKNOWN, |(_, requirement, class)| (*requirement, *class)))
     }
 
-    /// The requirement of a page, by its route; without a route, that of an address that leads nowhere.
-    fn of_page(&self, method: &Method, route: Option<&str>) -> Requirement {
+    /// Those of a page, by its route; without a route, of an address that leads nowhere.
+    fn of_page(&self, method: &Method, route: Option<&str>) -> (Requirement, CostClass) {
         let Some(route) = route else {
-            return Requirement::VIEWER;
+            return (Requirement::VIEWER, CostClass::Light);
         };
         // Whatever answers GET answers HEAD.
         let method = if *method == Method::HEAD {
@@ -122,12 +122,14 @@ impl Requirements {
         } else {
             method
         };
-        let known = self
-            .pages()
-            .find(|(registered, path, _)| *registered == method && *path == route);
-        known.map_or(Requirement::OPERATOR, |(_, _, requirement)| requirement)
+        let mut pages = self.pages.iter();
+        let known = pages.find(|(registered, path, _)| registered == method && *path == route);
+        known.map_or(UNKNOWN, |(_, _, rule)| *rule)
     }
 }
+
+/// What the table does not know.
+const UNKNOWN: (Requirement, CostClass) = (Requirement::OPERATOR, CostClass::Light);
 
 #[cfg(test)]
 mod tests {
@@ -136,27 +138,44 @@ mod tests {
     #[test]
     fn what_the_table_does_not_know_is_for_operators() {
         let mut table = Requirements::default();
-        table.add_page(Method::GET, "/events", Requirement::VIEWER);
-        table.add_page(Method::POST, "/login", Requirement::Nothing);
-        table.add_service("swarm.v1.Swarm", &[("Look", Requirement::VIEWER)]);
-
-        assert_eq!(table.of_method("/swarm.v1.Swarm/Look"), Some(Requirement::VIEWER));
-        assert_eq!(
-            table.of_method("/swarm.v1.Swarm/Explode"),
-            Some(Requirement::OPERATOR)
+        table.add_page(
+            Method::GET,
+            "/events",
+            (Requirement::VIEWER, CostClass::Streaming),
         );
+        table.add_page(
+            Method::POST,
+            "/login",
+            (Requirement::Nothing, CostClass::Decision),
+        );
+        table.add_service(
+            "swarm.v1.Swarm",
+            &[("Look", Requirement::VIEWER, CostClass::Reading)],
+        );
+
+        assert_eq!(
+            table.of_method("/swarm.v1.Swarm/Look"),
+            Some((Requirement::VIEWER, CostClass::Reading))
+        );
+        assert_eq!(table.of_method("/swarm.v1.Swarm/Explode"), Some(UNKNOWN));
         assert_eq!(table.of_method("/campaigns/small-1"), None);
+        let events = (Requirement::VIEWER, CostClass::Streaming);
         for (method, route, expected) in [
-            (Method::GET, "/events", Requirement::VIEWER),
-            (Method::HEAD, "/events", Requirement::VIEWER),
-            (Method::POST, "/events", Requirement::OPERATOR),
-            (Method::DELETE, "/events", Requirement::OPERATOR),
-            (Method::POST, "/login", Requirement::Nothing),
-            (Method::GET, "/login", Requirement::OPERATOR),
-            (Method::GET, "/secret", Requirement::OPERATOR),
+            (Method::GET, "/events", events),
+            (Method::HEAD, "/events", events),
+            (Method::POST, "/events", UNKNOWN),
+            (Method::DELETE, "/events", UNKNOWN),
+            (
+                Method::POST,
+                "/login",
+                (Requirement::Nothing, CostClass::Decision),
+            ),
+            (Method::GET, "/login", UNKNOWN),
+            (Method::GET, "/secret", UNKNOWN),
         ] {
             assert_eq!(table.of_page(&method, Some(route)), expected, "{method} {route}");
         }
-        assert_eq!(table.of_page(&Method::GET, None), Requirement::VIEWER);
+        let nowhere = (Requirement::VIEWER, CostClass::Light);
+        assert_eq!(table.of_page(&Method::GET, None), nowhere);
     }
 }

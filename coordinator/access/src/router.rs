@@ -1,10 +1,12 @@
-//! Routes that cannot be registered without what a request must show for them, and that cannot be served without a door.
+//! Routes that cannot be registered without what a request must show for them and what it costs, and that cannot be served
+//! without a door.
 
 use super::{
-    Door, Requirement, Requirements,
+    CostClass, Door, Requirement, Requirements, Seats,
     admit::{Gate, admit},
     limits::MAX_POST,
     requirement::MethodRequirements,
+    response_body::Bodies,
 };
 use axum::{
     Router,
@@ -18,7 +20,7 @@ use axum::{
 use std::{convert::Infallible, sync::Arc};
 use tonic::{body::Body, codegen::Service, server::NamedService, service::Routes};
 
-/// Pages and gRPC services, each with its [`Requirement`]. [`GuardedRouter::behind`] is the only way to serve them.
+/// Pages and gRPC services, each with its [`Requirement`] and [`CostClass`]. [`GuardedRouter::behind`] is the only way to serve them.
 #[derive(Debug, Clone)]
 pub struct GuardedRouter<S = ()> {
     router: Router<S>,
@@ -41,9 +43,11 @@ impl<S: Clone + Send + Sync + 'static> GuardedRouter<S> {
         mut self,
         route: &'static str,
         requirement: Requirement,
+        class: CostClass,
         handler: H,
     ) -> Self {
-        self.requirements.add_page(Method::GET, route, requirement);
+        self.requirements
+            .add_page(Method::GET, route, (requirement, class));
         self.router = self.router.route(route, routing::get(handler));
         self
     }
@@ -54,9 +58,11 @@ impl<S: Clone + Send + Sync + 'static> GuardedRouter<S> {
         mut self,
         route: &'static str,
         requirement: Requirement,
+        class: CostClass,
         handler: H,
     ) -> Self {
-        self.requirements.add_page(Method::POST, route, requirement);
+        self.requirements
+            .add_page(Method::POST, route, (requirement, class));
         let handler = routing::post(handler).layer(DefaultBodyLimit::max(MAX_POST));
         self.router = self.router.route(route, handler);
         self
@@ -117,11 +123,13 @@ impl GuardedRouter {
     }
 
     /// Everything behind a door: `admit` meets a request before anything else reads it, and lets it through only if it
-    /// shows what its route requires. `nowhere` answers requests for an address without a route.
-    pub fn behind<H: Handler<T, ()>, T: 'static>(self, door: Arc<Door>, nowhere: H) -> Router {
+    /// shows what its route requires and there is a seat for it. `nowhere` answers requests for an address without a route.
+    pub fn behind<H: Handler<T, ()>, T: 'static>(self, door: Arc<Door>, seats: Seats, nowhere: H) -> Router {
         let gate = Gate {
             door,
             requirements: Arc::new(self.requirements),
+            bodies: Bodies::of(&seats),
+            seats,
         };
         self.router
             .fallback(nowhere)

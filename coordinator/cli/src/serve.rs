@@ -2,7 +2,7 @@
 
 use super::{CliError, Global, run::InProcessArgs};
 use clap::builder::BoolishValueParser;
-use murmuration_access::{ListenConfig, Tls, Tokens};
+use murmuration_access::{ClassSeats, ListenConfig, Tls, Tokens};
 use murmuration_coordinator::{local::LocalCluster, server::Options};
 use murmuration_dispatch as dispatch;
 use murmuration_dispatch::Share;
@@ -54,6 +54,10 @@ pub struct Serve {
         value_parser = BoolishValueParser::new()
     )]
     insecure_listen: bool,
+    /// Requests of a cost class that are answered at once, in all and for one token, certificate or address; the option may be
+    /// repeated. Classes: decision, light, reading, computing, streaming
+    #[arg(long, value_name = "CLASS=TOTAL/SHARE")]
+    seats: Vec<ClassSeats>,
     /// Share of the evaluations that a second machine repeats, to find machines that compute wrong results
     #[arg(long, env = "MURMURATION_AUDIT", default_value_t = Share::default(), value_name = "0..1")]
     audit: Share,
@@ -93,7 +97,8 @@ impl Serve {
             _ => None,
         };
         let tokens = self.tokens.as_deref().map(Tokens::read).transpose()?;
-        Ok(ListenConfig::new(self.listen, tls, tokens, self.insecure_listen)?)
+        let listen = ListenConfig::new(self.listen, tls, tokens, self.insecure_listen)?;
+        Ok(listen.with_seats(&self.seats))
     }
 
     fn say_how_to_reach(&self, url: &str) {

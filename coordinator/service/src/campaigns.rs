@@ -1,17 +1,22 @@
 //! The service for clients: campaigns, archives, taxonomies, replays.
 
-use super::{Permits, Streamed, in_parts};
+use super::{Streamed, in_parts};
 use crate::status::OrStatus as _;
 use murmuration_dispatch::{Dispatch, ReplayJob};
 use murmuration_engine::{
-    blocking::blocking,
+    blocking::{blocking, in_background},
     campaign::Campaigns,
     queries::Queries,
     taxonomy::{Names, Taxonomy},
 };
-use murmuration_model::{CampaignId, CampaignRecord, NewCampaign, study_name};
+use murmuration_model::{ArchiveVersion, CampaignId, CampaignRecord, NewCampaign, study_name};
 use murmuration_proto::{Frames, PART_BYTES, parts::parts, v1};
-use murmuration_store::{Store, StoreError, digest::digest};
+use murmuration_search::interrupt::Interrupt;
+use murmuration_store::{
+    Store, StoreError,
+    digest::{ArchiveDigest, digest},
+    kept::LatestAnswers,
+};
 use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -19,6 +24,9 @@ use tonic::{Request, Response, Status};
 
 /// Least time between two messages to one watcher.
 const WATCH_INTERVAL: Duration = Duration::from_millis(100);
+
+/// Bytes of a digest that is kept.
+const DIGEST_BYTES: usize = 64;
 
 /// Implements `murmuration.v1.CampaignService`.
 #[derive(Debug, Clone)]
@@ -29,8 +37,8 @@ pub struct CampaignApi {
     pub dispatch: Dispatch,
     /// Where the clusters of archives are known.
     pub queries: Queries,
-    /// How many may watch, and ask for replays, at once.
-    pub permits: Permits,
+    /// Digests of archives, by their version and number of individuals.
+    pub digests: LatestAnswers<(ArchiveVersion, u64), ArchiveDigest>,
 }
 
 type Answer<T> = Result<Response<T>, Status>;
@@ -40,12 +48,23 @@ impl CampaignApi {
         Ok(self.campaigns.status(id).await.or_status()?.record)
     }
 
+    /// A moment's reading.
     async fn read<T: Send + 'static>(
         &self,
         query: impl FnOnce(&Store) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, Status> {
         let store = self.store.clone();
         blocking(move || query(&store)).await.or_status()?.or_status()
+    }
+
+    /// What takes longer the larger the archive is.
+    async fn read_archive<T: Send + 'static>(
+        &self,
+        query: impl FnOnce(&Store, &Interrupt) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, Status> {
+        let store = self.store.clone();
+        let read = in_background(move |interrupt| query(&store, interrupt));
+        read.await.or_status()?.or_status()
     }
 }
 
@@ -92,10 +111,8 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
     ) -> Answer<Self::WatchCampaignStream> {
         let campaigns = self.campaigns.clone();
         let id = self.record(&request.get_ref().campaign).await?.id;
-        let seat = self.permits.watch()?;
         let (messages, stream) = mpsc::channel(1);
         tokio::spawn(async move {
-            let _seat = seat;
             loop {
                 let status = campaigns.status(id.as_str()).await;
                 let goes_on = status.as_ref().is_ok_and(|status| status.active);
@@ -213,7 +230,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
             loop {
                 let (id, model) = (record.id.clone(), record.spec.model().clone());
                 let read = api
-                    .read(move |store| store.individuals(&id, &model, next..next + chunk, images))
+                    .read_archive(move |store, _| store.individuals(&id, &model, next..next + chunk, images))
                     .await;
                 let last = read
                     .as_ref()
@@ -232,11 +249,14 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
 
     async fn get_digest(&self, request: Request<v1::GetDigestRequest>) -> Answer<v1::GetDigestResponse> {
         let record = self.record(&request.get_ref().campaign).await?;
-        let read = move |store: &Store| {
-            let digest = digest(store, &record.id, record.spec.model())?;
-            Ok((digest, store.repetition(&record)?))
-        };
-        let (found, repetition) = self.read(read).await?;
+        let (id, state) = (
+            record.id.clone(),
+            (record.archive_version(), record.individuals()),
+        );
+        let (of, model) = (id.clone(), record.spec.model().clone());
+        let made = self.read_archive(move |store, interrupt| digest(store, &of, &model, interrupt));
+        let found = self.digests.of(&id, state, |_| DIGEST_BYTES, made).await?;
+        let repetition = self.read(move |store| store.repetition(&record)).await?;
         Ok(Response::new(v1::GetDigestResponse {
             digest: found.digest,
             evaluations: found.evaluations,
@@ -291,7 +311,6 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         let found = self
             .read(move |store| store.individual(&id, record.spec.model(), index))
             .await?;
-        let _seat = self.permits.replay()?;
         let job = ReplayJob {
             campaign: record.id,
             controller: found.controller,

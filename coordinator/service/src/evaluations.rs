@@ -1,6 +1,6 @@
 //! Evaluations for searches that run elsewhere: the work of campaigns, without a campaign.
 
-use super::{Permits, Streamed};
+use super::Streamed;
 use crate::{
     simulations::{Simulation, send_motion, spec_of},
     status::{IntoStatus as _, OrStatus as _},
@@ -46,8 +46,6 @@ pub struct EvaluationApi {
     pub dispatch: Dispatch,
     /// Where embedders are.
     pub checkpoints: Checkpoints,
-    /// How many streams there may be at once.
-    pub permits: Permits,
 }
 
 /// How the controllers of a stream are evaluated.
@@ -66,7 +64,6 @@ impl v1::evaluation_service_server::EvaluationService for EvaluationApi {
         &self,
         request: Request<Streaming<v1::EvaluateRequest>>,
     ) -> Result<Response<Self::EvaluateStream>, Status> {
-        let permit = self.permits.evaluations()?;
         let mut requests = request.into_inner();
         let first = tokio::time::timeout(DESCRIPTION_LIMIT, requests.message())
             .await
@@ -110,7 +107,6 @@ impl v1::evaluation_service_server::EvaluationService for EvaluationApi {
         let (sender, receiver) = mpsc::channel(2);
         let (late, said) = oneshot::channel();
         tokio::spawn(async move {
-            let _held = permit;
             if let Err(status) = forward(results, &sender, || taken.touch()).await {
                 // The client may be gone.
                 let _ = late.send(status);
@@ -127,10 +123,8 @@ impl v1::evaluation_service_server::EvaluationService for EvaluationApi {
         request: Request<v1::SimulateRequest>,
     ) -> Result<Response<Self::SimulateStream>, Status> {
         let simulation = Simulation::try_from(request.into_inner())?;
-        let seat = self.permits.replay()?;
-        let permits = self.permits.clone();
         let (parts, stream) = mpsc::channel(1);
-        tokio::spawn(async move { send_motion(simulation, seat, &permits, &parts).await });
+        tokio::spawn(async move { send_motion(simulation, &parts).await });
         Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
     }
 }

@@ -5,7 +5,7 @@ mod messages;
 use super::{Streamed, in_parts};
 use crate::status::{IntoStatus, OrStatus as _};
 use murmuration_engine::{
-    blocking::blocking,
+    blocking::{blocking, in_background},
     campaign::CampaignError,
     queries::{Queries, QueryRequest},
     synthetic::SyntheticAnnotator,
@@ -199,12 +199,9 @@ impl v1::label_service_server::LabelService for LabelApi {
         &self,
         request: Request<v1::ListLabelEntriesRequest>,
     ) -> Answered<Self::ListLabelEntriesStream> {
-        let campaign = request.into_inner().campaign;
-        let log = self
-            .with(move |store| -> std::result::Result<_, StoreError> {
-                store.label_log(&store.campaign(&campaign)?.id)
-            })
-            .await?;
+        let (store, campaign) = (self.store.clone(), request.into_inner().campaign);
+        let read = in_background(move |_| store.label_log(&store.campaign(&campaign)?.id));
+        let log = read.await.or_status()?.or_status()?;
         let entries = log.into_iter().map(v1::LabelEntry::from);
         let part = |entries| v1::ListLabelEntriesResponse { entries };
         Ok(in_parts(parts(entries, part)))

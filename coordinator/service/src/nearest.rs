@@ -3,11 +3,12 @@
 use super::CampaignApi;
 use crate::status::{IntoStatus, OrStatus as _};
 use murmuration_engine::{
-    blocking::blocking,
+    blocking::in_background,
     nearest::{Nearest, NearestError},
 };
 use murmuration_model::CampaignRecord;
 use murmuration_proto::{CheckpointDigest, Evaluation, FEATURE_NAMES, Features, Invalid, counted, v1};
+use murmuration_search::interrupt::Interrupt;
 use tonic::Status;
 
 /// Individuals that an answer has where the request does not say how many.
@@ -47,7 +48,7 @@ impl CampaignApi {
         count: usize,
     ) -> Result<Nearest, Status> {
         let (api, record) = (self.clone(), record.clone());
-        let find = move || {
+        let find = move |_: &Interrupt| {
             let clustered = api.queries.clusters(&record).or_status()?;
             let OtherBehaviour { features, embedding } = behaviour;
             let (given, embedding) = embedding.unzip();
@@ -60,7 +61,7 @@ impl CampaignApi {
             let vector = scale.behaviour(&features, &embedding.unwrap_or_default());
             Nearest::find(&clustered, &classes, &vector, count).or_status()
         };
-        blocking(find).await.or_status()?
+        in_background(find).await.or_status()?
     }
 
     /// Answers a `FindNearest`.

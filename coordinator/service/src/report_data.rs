@@ -2,7 +2,7 @@
 
 use crate::spread::{Place, spreads};
 use bytes::Bytes;
-use murmuration_engine::blocking::{Broken, blocking};
+use murmuration_engine::blocking::{Broken, in_background};
 use murmuration_model::{
     Repetition,
     labels::{Annotator, Class, Label, given_classes},
@@ -155,7 +155,6 @@ where
     for (entry, &robust) in individuals.iter_mut().zip(&taxonomy.robust_trials) {
         entry.robustness = Some(f64::from(robust) / starts);
     }
-    let behaviours = behaviours(&individuals, &spec)?;
     let centres = taxonomy.medoids.iter();
     let centres: Vec<_> = centres
         .map(|medoid| {
@@ -165,7 +164,13 @@ where
                 .map_or(0, |individual| individual.index) as usize
         })
         .collect();
-    let spreads = spreads(&behaviours, &centres, &taxonomy.clusters);
+    let (of, medoids_at, clusters) = (spec.clone(), centres.clone(), taxonomy.clusters);
+    let measured = in_background(move |interrupt| -> Result<_, ReportDataError> {
+        let behaviours = behaviours(&individuals, &of)?;
+        let spreads = spreads(&behaviours, &medoids_at, &clusters);
+        Ok((spreads, map(&behaviours, interrupt)?, individuals, clusters))
+    });
+    let (spreads, map, individuals, clusters) = measured.await??;
     let stride = Frames::to_watch(spec.world()).stride().get();
     let mut medoids = Vec::with_capacity(taxonomy.medoids.len());
     for (place, medoid) in taxonomy.medoids.into_iter().enumerate() {
@@ -199,7 +204,7 @@ where
     let (judged, individuals) = match pictures {
         PicturesOf::Medoids => (Ok(Judged::default()), individuals),
         PicturesOf::Individuals => {
-            blocking(move || (Judged::of(&judged_spec, &individuals, &shown), individuals)).await?
+            in_background(move |_| (Judged::of(&judged_spec, &individuals, &shown), individuals)).await?
         }
     };
     Ok(Report {
@@ -211,11 +216,11 @@ where
         created_ms: status.created_ms,
         simulator_version: SIMULATOR_VERSION.to_owned(),
         generations: generations.generations.into_iter().map(generation).collect(),
-        map: map(&behaviours)?,
-        pictured: blocking(move || sheets.finish()).await??,
+        map,
+        pictured: in_background(move |_| sheets.finish()).await??,
         individuals,
         medoids,
-        clusters: taxonomy.clusters,
+        clusters,
         loss: taxonomy.loss,
         names,
         spec,
@@ -434,8 +439,8 @@ fn behaviours(individuals: &[Entry], spec: &CampaignSpec) -> Result<Behaviours, 
 }
 
 /// The behaviour space along its two principal axes.
-fn map(behaviours: &Behaviours) -> Result<Map, ReportDataError> {
-    let projection = projection::principal_axes(behaviours, &Interrupt::default())?;
+fn map(behaviours: &Behaviours, interrupt: &Interrupt) -> Result<Map, ReportDataError> {
+    let projection = projection::principal_axes(behaviours, interrupt)?;
     let title = |axis: usize| {
         let share = 100.0 * projection.shares[axis];
         format!("principal axis {} ({share:.0} % of the variance)", axis + 1)

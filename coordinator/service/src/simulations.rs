@@ -1,22 +1,18 @@
 //! Motions of controllers that need not be of a campaign. The coordinator itself simulates them: no worker is needed.
 //!
-//! A motion is bounded in poses before anything is computed. It is simulated a part at a time, while its client takes the parts:
-//! only a few parts at once, of whichever motions.
+//! A motion is bounded in poses before anything is computed. It is simulated a part at a time, while its client takes the parts.
 
-use super::{Permit, Permits};
 use crate::status::OrStatus as _;
-use murmuration_engine::blocking::blocking;
+use murmuration_engine::blocking::in_background;
 use murmuration_proto::{
     CampaignSpec, Controller, Frames, Invalid, PART_BYTES, World,
     v1::{self, evaluation_description::Campaign},
 };
 use murmuration_sim::{replay::motion, simulate::Start};
-use std::{iter, time::Duration};
+use std::iter;
 use tokio::sync::mpsc;
 use tonic::Status;
 
-/// Time that a client has to take the next part.
-const PART_LIMIT: Duration = Duration::from_secs(60);
 /// Poses of a part: more than there can be robots.
 const PART_POSES: usize = PART_BYTES / size_of::<Pose>();
 
@@ -85,51 +81,34 @@ pub(super) fn spec_of(campaign: Option<Campaign>) -> Result<CampaignSpec, Status
     }
 }
 
-/// Sends the motion of a swarm, or why it has none, for as long as the client takes the parts. It has its `seat` among the clients
-/// until then.
-pub(super) async fn send_motion(
-    simulation: Simulation,
-    seat: Permit,
-    permits: &Permits,
-    parts: &mpsc::Sender<Result<v1::Motion, Status>>,
-) {
-    let sent = simulated(simulation, permits, parts).await;
-    drop(seat);
-    if let Err(status) = sent {
-        // The client is gone, or gets the status; one that takes nothing is not waited for.
-        let _ = tokio::time::timeout(PART_LIMIT, parts.send(Err(status))).await;
+/// Sends the motion of a swarm, or why it has none, for as long as the client takes the parts.
+pub(super) async fn send_motion(simulation: Simulation, parts: &mpsc::Sender<Result<v1::Motion, Status>>) {
+    if let Err(status) = simulated(simulation, parts).await {
+        // The client may be gone.
+        let _ = parts.send(Err(status)).await;
     }
 }
 
 async fn simulated(
     simulation: Simulation,
-    permits: &Permits,
     parts: &mpsc::Sender<Result<v1::Motion, Status>>,
 ) -> Result<(), Status> {
     let mut frames = simulation.frames()?;
     loop {
-        // Nobody holds room while a client reads.
-        let room = tokio::select! {
-            () = parts.closed() => return Ok(()),
-            room = permits.simulation() => room?,
+        // It is simulated once there is room for it.
+        let Ok(room) = parts.reserve().await else {
+            return Ok(());
         };
-        let (rest, part) = blocking(move || {
-            let _room = room;
+        let (rest, part) = in_background(move |_| {
             let part = next_part(&mut frames);
             (frames, part)
         })
         .await
         .or_status()?;
         frames = rest;
-        let Some(part) = part? else { return Ok(()) };
-        match tokio::time::timeout(PART_LIMIT, parts.send(Ok(part))).await {
-            Ok(Ok(())) => {}
-            Ok(Err(_)) => return Ok(()),
-            Err(_) => {
-                let seconds = PART_LIMIT.as_secs();
-                let said = format!("the client took no part of the motion for {seconds} seconds: ask again");
-                return Err(Status::deadline_exceeded(said));
-            }
+        match part? {
+            Some(part) => room.send(Ok(part)),
+            None => return Ok(()),
         }
     }
 }
@@ -155,7 +134,6 @@ fn next_part(frames: &mut impl Iterator<Item = Vec<Pose>>) -> Result<Option<v1::
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_access::limits::MAX_SIMULATIONS;
     use murmuration_sim::replay::poses;
     use tonic::Code;
 
@@ -198,17 +176,12 @@ mod tests {
         );
     }
 
-    fn seat() -> Permit {
-        Permits::default().replay().unwrap()
-    }
-
     #[tokio::test]
     async fn parts_are_the_motion_that_the_simulator_makes() {
         let asked = simulation(24, None);
         let expected = poses(&asked.controller, &asked.world, &Start::seeded(3)).unwrap();
         let (parts, mut received) = mpsc::channel(1);
-        let sending =
-            tokio::spawn(async move { send_motion(asked, seat(), &Permits::default(), &parts).await });
+        let sending = tokio::spawn(async move { send_motion(asked, &parts).await });
         let mut got = Vec::new();
         let mut count = 0;
         while let Some(part) = received.recv().await {
@@ -225,18 +198,11 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn what_nobody_reads_is_not_simulated_and_holds_no_room() {
-        let permits = Permits::default();
-        let (parts, received) = mpsc::channel(1);
-        let (asked, shared) = (simulation(24, None), permits.clone());
-        let sending = tokio::spawn(async move { send_motion(asked, seat(), &shared, &parts).await });
-        // It waits for its client. All the room is there meanwhile, for others.
-        let mut room = Vec::new();
-        for _ in 0..MAX_SIMULATIONS {
-            room.push(permits.simulation().await.unwrap());
-        }
-        assert!(!sending.is_finished());
-        // Without a client it ends, also where there is no room.
+    async fn a_motion_whose_client_is_gone_ends() {
+        let (parts, mut received) = mpsc::channel(1);
+        let asked = simulation(24, None);
+        let sending = tokio::spawn(async move { send_motion(asked, &parts).await });
+        received.recv().await.unwrap().unwrap();
         drop(received);
         sending.await.unwrap();
     }

@@ -40,6 +40,7 @@ impl IntoStatus for StoreError {
                 Status::resource_exhausted(said)
             }
             StoreError::OtherRequest { .. } => Status::already_exists(said),
+            StoreError::Interrupted(_) => Status::unavailable(said),
             StoreError::Damaged { .. } => Status::data_loss(said),
             StoreError::InUse { .. }
             | StoreError::NoDirectory(_)

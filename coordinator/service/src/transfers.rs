@@ -1,8 +1,12 @@
 //! Whole campaigns, to a client that exports one, and from a client that imports one.
 
-use super::{Permits, Streamed};
+use super::Streamed;
 use crate::status::{IntoStatus, OrStatus as _};
-use murmuration_engine::{blocking::blocking, campaign::Campaigns};
+use murmuration_access::limits::PART_LIMIT;
+use murmuration_engine::{
+    blocking::{blocking, in_background},
+    campaign::Campaigns,
+};
 use murmuration_model::CampaignId;
 use murmuration_proto::{Invalid, PART_BYTES, counted, v1};
 use murmuration_store::{
@@ -10,13 +14,10 @@ use murmuration_store::{
     checkpoints::Checkpoints,
     transfer::{Arriving, ImportError, Unsound, export},
 };
-use std::{io::Read as _, path::Path, sync::Arc, time::Duration};
+use std::{io::Read as _, path::Path, sync::Arc};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
-
-/// Time that a client has to send, or to take, the next part.
-const PART_LIMIT: Duration = Duration::from_secs(60);
 
 /// Implements `murmuration.v1.TransferService`.
 #[derive(Debug, Clone)]
@@ -27,8 +28,6 @@ pub struct TransferApi {
     pub checkpoints: Checkpoints,
     /// The data directory, in which the databases of campaigns are put together.
     pub data: Arc<Path>,
-    /// How many may export or import at once.
-    pub permits: Permits,
 }
 
 #[tonic::async_trait]
@@ -39,7 +38,6 @@ impl v1::transfer_service_server::TransferService for TransferApi {
         &self,
         request: Request<v1::ExportCampaignRequest>,
     ) -> Result<Response<Self::ExportCampaignStream>, Status> {
-        let permit = self.permits.export()?;
         let (store, id) = (self.store.clone(), request.into_inner().campaign);
         let record = blocking(move || store.campaign(&id))
             .await
@@ -48,10 +46,9 @@ impl v1::transfer_service_server::TransferService for TransferApi {
         let (parts, stream) = mpsc::channel(2);
         let api = self.clone();
         tokio::spawn(async move {
-            let _held = permit;
             if let Err(status) = api.send(record.id, &parts).await {
-                // The receiver is gone, or gets the status; one that takes nothing is not waited for.
-                let _ = tokio::time::timeout(PART_LIMIT, parts.send(Err(status))).await;
+                // The client may be gone.
+                let _ = parts.send(Err(status)).await;
             }
         });
         Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
@@ -61,7 +58,6 @@ impl v1::transfer_service_server::TransferService for TransferApi {
         &self,
         request: Request<Streaming<v1::CampaignPart>>,
     ) -> Result<Response<v1::Campaign>, Status> {
-        let _permit = self.permits.import()?;
         let mut parts = request.into_inner();
         let first = next(&mut parts).await?.unwrap_or_default();
         let campaign: CampaignId = first.campaign.parse()?;
@@ -89,7 +85,7 @@ impl TransferApi {
         let mut campaign = campaign.to_string();
         loop {
             let read;
-            (file, read) = blocking(move || {
+            (file, read) = in_background(move |_| {
                 let mut data = Vec::new();
                 let read = (&mut file).take(PART_BYTES as u64).read_to_end(&mut data);
                 (file, read.map(|_| data))
@@ -101,22 +97,10 @@ impl TransferApi {
                 return Ok(());
             }
             let campaign = std::mem::take(&mut campaign);
-            send_part(parts, v1::CampaignPart { campaign, data }).await?;
+            if parts.send(Ok(v1::CampaignPart { campaign, data })).await.is_err() {
+                return Ok(());
+            }
         }
-    }
-}
-
-/// Sends a part to a client that takes it in time.
-async fn send_part(
-    parts: &mpsc::Sender<Result<v1::CampaignPart, Status>>,
-    part: v1::CampaignPart,
-) -> Result<(), Status> {
-    match tokio::time::timeout(PART_LIMIT, parts.send(Ok(part))).await {
-        Ok(Ok(())) => Ok(()),
-        Ok(Err(_)) => Err(Status::cancelled("the client is gone")),
-        Err(_) => Err(Status::deadline_exceeded(
-            "the client did not take the next part of the campaign within 60 seconds",
-        )),
     }
 }
 
@@ -143,25 +127,5 @@ impl IntoStatus for ImportError {
             Self::Unsound(Unsound::Digest { .. }) => Status::data_loss(said),
             Self::Unsound(_) => Status::invalid_argument(said),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use tonic::Code;
-
-    #[tokio::test(start_paused = true)]
-    async fn a_client_that_takes_no_part_is_not_waited_for() {
-        let (parts, mut stream) = mpsc::channel(1);
-        let part = v1::CampaignPart::default;
-        send_part(&parts, part()).await.unwrap();
-        let refused = send_part(&parts, part()).await.unwrap_err();
-        assert_eq!(refused.code(), Code::DeadlineExceeded, "{refused}");
-        assert!(stream.recv().await.unwrap().is_ok());
-        send_part(&parts, part()).await.unwrap();
-        drop(stream);
-        let refused = send_part(&parts, part()).await.unwrap_err();
-        assert_eq!(refused.code(), Code::Cancelled, "{refused}");
     }
 }

@@ -6,6 +6,7 @@
 
 mod observed;
 
+use murmuration_access::Seats;
 use murmuration_dispatch::{DispatchMetrics, Families, PeerKind};
 use murmuration_engine::campaign::{CampaignError, CampaignMetrics, Campaigns};
 use murmuration_proto::{SIMULATOR_VERSION, TRAINER_VERSION};
@@ -67,8 +68,13 @@ impl Metrics {
     ///
     /// # Errors
     /// If the store cannot be read.
-    pub async fn render(&self, campaigns: &Campaigns, store: &Store) -> Result<String, CampaignError> {
-        let observed = observed::observe(campaigns, store).await?;
+    pub async fn render(
+        &self,
+        campaigns: &Campaigns,
+        store: &Store,
+        seats: &Seats,
+    ) -> Result<String, CampaignError> {
+        let observed = observed::observe(campaigns, store, seats).await?;
         let mut text = String::new();
         let encoded = encode_registry(&mut text, &self.registry)
             .and_then(|()| encode_registry(&mut text, &observed))

@@ -1,6 +1,7 @@
 //! What is read from the store and from the campaigns at work whenever metrics are asked for.
 
 use super::PREFIX;
+use murmuration_access::Seats;
 use murmuration_engine::{
     blocking::blocking,
     campaign::{CampaignError, CampaignStatus, Campaigns, ListedCampaign},
@@ -8,14 +9,18 @@ use murmuration_engine::{
 use murmuration_model::CampaignState;
 use murmuration_store::{Store, StoreError};
 use prometheus_client::{
-    metrics::{family::Family, gauge::Gauge},
+    metrics::{counter::Counter, family::Family, gauge::Gauge},
     registry::Registry,
 };
 
 type ByCampaign = Family<[(&'static str, String); 1], Gauge>;
 
 /// As things stand now.
-pub(super) async fn observe(campaigns: &Campaigns, store: &Store) -> Result<Registry, CampaignError> {
+pub(super) async fn observe(
+    campaigns: &Campaigns,
+    store: &Store,
+    seats: &Seats,
+) -> Result<Registry, CampaignError> {
     let store = store.clone();
     let counted = move || Ok::<_, StoreError>((store.count_labels()?, store.count_individuals()?));
     let (labels, archived) = blocking(counted).await??;
@@ -43,7 +48,37 @@ pub(super) async fn observe(campaigns: &Campaigns, store: &Store) -> Result<Regi
     }
     registry.register("campaigns", "Campaigns, by state", by_state(&heads));
     by_campaign(&statuses, &mut registry);
+    by_class(seats, &mut registry);
     Ok(registry)
+}
+
+/// How many requests of each cost class are answered, wait and were refused.
+fn by_class(seats: &Seats, registry: &mut Registry) {
+    let [answered, waiting] = [(); 2].map(|()| Family::<[(&'static str, &'static str); 1], Gauge>::default());
+    let refused = Family::<[(&'static str, &'static str); 1], Counter>::default();
+    for (class, counts) in seats.counts() {
+        let labels = [("class", class.name())];
+        answered
+            .get_or_create(&labels)
+            .set(signed(counts.answered as u64));
+        waiting.get_or_create(&labels).set(signed(counts.waiting as u64));
+        refused.get_or_create(&labels).inc_by(counts.refused);
+    }
+    registry.register(
+        "requests_answered",
+        "Requests that are answered now, by cost class",
+        answered,
+    );
+    registry.register(
+        "requests_waiting",
+        "Requests that wait for a seat of their cost class",
+        waiting,
+    );
+    registry.register(
+        "requests_refused",
+        "Requests for which there was no seat of their cost class",
+        refused,
+    );
 }
 
 fn by_state(campaigns: &[ListedCampaign]) -> Family<[(&'static str, &'static str); 1], Gauge> {

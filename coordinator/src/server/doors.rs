@@ -2,7 +2,7 @@
 
 use super::{Options, ServerError};
 use murmuration_access::{
-    Door, GuardedRouter, Hosts, LocalToken, Sessions,
+    Door, GuardedRouter, Hosts, LocalToken, Seats, Sessions,
     connections::{ConnectionPermits, connections},
     limits,
 };
@@ -32,6 +32,7 @@ pub struct LocalWay {
 pub(super) struct Served {
     pub(super) routes: GuardedRouter,
     pub(super) permits: ConnectionPermits,
+    pub(super) seats: Seats,
     /// True once everything is to end.
     pub(super) stopped: watch::Receiver<bool>,
 }
@@ -104,7 +105,7 @@ impl Served {
         if let Some(tls) = tls {
             server = server.tls_config(tls)?;
         }
-        let routes = web::behind(self.routes.clone(), Arc::new(door));
+        let routes = web::behind(self.routes.clone(), Arc::new(door), self.seats.clone());
         let connections = connections(listener, self.permits.clone());
         let mut stopped = self.stopped.clone();
         let serving = server

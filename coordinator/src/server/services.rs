@@ -1,6 +1,7 @@
-//! The gRPC services of a coordinator, and what each of their methods requires.
+//! The gRPC services of a coordinator, and what each of their methods requires and costs.
 
 use murmuration_access::{
+    CostClass::{self, Computing, Decision, Light, Reading, Streaming},
     GuardedRouter,
     MachineKind::{Trainer, Worker},
     MethodRequirements,
@@ -22,56 +23,65 @@ const ANNOTATOR: Requirement = Requirement::ANNOTATOR;
 const OPERATOR: Requirement = Requirement::OPERATOR;
 
 const CAMPAIGNS: MethodRequirements = &[
-    ("CreateCampaign", OPERATOR),
-    ("GetCampaign", VIEWER),
-    ("ListCampaigns", VIEWER),
-    ("WatchCampaign", VIEWER),
-    ("PauseCampaign", OPERATOR),
-    ("ResumeCampaign", OPERATOR),
-    ("CancelCampaign", OPERATOR),
-    ("DeleteCampaign", OPERATOR),
-    ("AdoptCheckpoint", OPERATOR),
-    ("RefineCampaign", OPERATOR),
-    ("ListGenerations", VIEWER),
-    ("GetArchive", VIEWER),
-    ("GetDigest", VIEWER),
-    ("GetTaxonomy", VIEWER),
-    ("GetIndividual", VIEWER),
-    ("GetReplay", VIEWER),
-    ("FindNearest", VIEWER),
+    ("CreateCampaign", OPERATOR, Decision),
+    ("GetCampaign", VIEWER, Light),
+    ("ListCampaigns", VIEWER, Light),
+    ("WatchCampaign", VIEWER, Streaming),
+    ("PauseCampaign", OPERATOR, Decision),
+    ("ResumeCampaign", OPERATOR, Decision),
+    ("CancelCampaign", OPERATOR, Decision),
+    ("DeleteCampaign", OPERATOR, Decision),
+    ("AdoptCheckpoint", OPERATOR, Decision),
+    ("RefineCampaign", OPERATOR, Decision),
+    ("ListGenerations", VIEWER, Reading),
+    ("GetArchive", VIEWER, Reading),
+    ("GetDigest", VIEWER, Reading),
+    ("GetTaxonomy", VIEWER, Reading),
+    ("GetIndividual", VIEWER, Light),
+    ("GetReplay", VIEWER, Computing),
+    ("FindNearest", VIEWER, Computing),
 ];
 
 const CHECKPOINTS: MethodRequirements = &[
-    ("ListCheckpoints", VIEWER),
-    ("GetCheckpoint", AnyMachineOr(Role::Viewer)),
-    ("FetchCheckpoint", AnyMachineOr(Role::Viewer)),
-    ("PublishCheckpoint", MachineOr(Trainer, Role::Operator)),
+    ("ListCheckpoints", VIEWER, Light),
+    ("GetCheckpoint", AnyMachineOr(Role::Viewer), Light),
+    ("FetchCheckpoint", AnyMachineOr(Role::Viewer), Light),
+    ("PublishCheckpoint", MachineOr(Trainer, Role::Operator), Decision),
 ];
 
-const EVALUATIONS: MethodRequirements = &[("Evaluate", OPERATOR), ("Simulate", OPERATOR)];
+const EVALUATIONS: MethodRequirements = &[
+    ("Evaluate", OPERATOR, Streaming),
+    ("Simulate", OPERATOR, Computing),
+];
 
 const LABELS: MethodRequirements = &[
-    ("AppendLabels", ANNOTATOR),
-    ("AppendSyntheticLabels", ANNOTATOR),
-    ("UndoLabels", ANNOTATOR),
-    ("WithdrawLabels", ANNOTATOR),
-    ("ListLabels", VIEWER),
-    ("ListLabelEntries", VIEWER),
-    ("ListClasses", VIEWER),
-    ("ChangeClass", ANNOTATOR),
-    ("NextQueries", ANNOTATOR),
-    ("GetAgreement", VIEWER),
+    ("AppendLabels", ANNOTATOR, Decision),
+    ("AppendSyntheticLabels", ANNOTATOR, Decision),
+    ("UndoLabels", ANNOTATOR, Decision),
+    ("WithdrawLabels", ANNOTATOR, Decision),
+    ("ListLabels", VIEWER, Reading),
+    ("ListLabelEntries", VIEWER, Reading),
+    ("ListClasses", VIEWER, Reading),
+    ("ChangeClass", ANNOTATOR, Decision),
+    ("NextQueries", ANNOTATOR, Computing),
+    ("GetAgreement", VIEWER, Reading),
 ];
 
-const TRANSFERS: MethodRequirements = &[("ExportCampaign", VIEWER), ("ImportCampaign", OPERATOR)];
+const TRANSFERS: MethodRequirements = &[
+    ("ExportCampaign", VIEWER, Reading),
+    ("ImportCampaign", OPERATOR, Reading),
+];
 
-const WORKERS: MethodRequirements = &[("Work", Machine(Worker))];
+const WORKERS: MethodRequirements = &[("Work", Machine(Worker), CostClass::Machine)];
 
-const TRAINERS: MethodRequirements = &[("Train", Machine(Trainer)), ("FetchTraining", Machine(Trainer))];
+const TRAINERS: MethodRequirements = &[
+    ("Train", Machine(Trainer), CostClass::Machine),
+    ("FetchTraining", Machine(Trainer), CostClass::Machine),
+];
 
-pub(super) const HEALTH: MethodRequirements = &[("Check", Nothing), ("Watch", Nothing)];
+pub(super) const HEALTH: MethodRequirements = &[("Check", Nothing, Light), ("Watch", Nothing, Streaming)];
 
-pub(super) const REFLECTION: MethodRequirements = &[("ServerReflectionInfo", VIEWER)];
+pub(super) const REFLECTION: MethodRequirements = &[("ServerReflectionInfo", VIEWER, Streaming)];
 
 /// The services that are a coordinator's own.
 pub(super) struct Services {

@@ -3,6 +3,7 @@
 use crate::{ArchivedIndividual, Store, StoreError};
 use murmuration_model::CampaignId;
 use murmuration_proto::CapabilityModel;
+use murmuration_search::interrupt::Interrupt;
 
 /// Individuals hashed at a time.
 const CHUNK: u64 = 1024;
@@ -59,15 +60,17 @@ impl ArchiveHasher {
 /// specification, or do not matter to the outcome.
 ///
 /// # Errors
-/// If the archive cannot be read.
+/// If the archive cannot be read, or nobody wants the digest any more.
 pub fn digest(
     store: &Store,
     campaign: &CampaignId,
     model: &CapabilityModel,
+    interrupt: &Interrupt,
 ) -> Result<ArchiveDigest, StoreError> {
     let mut hasher = ArchiveHasher::default();
     let mut evaluations = 0;
     loop {
+        interrupt.check()?;
         let chunk = store.individuals(campaign, model, evaluations..evaluations + CHUNK, true)?;
         if chunk.is_empty() {
             return Ok(ArchiveDigest {

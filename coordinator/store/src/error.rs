@@ -3,6 +3,7 @@
 //! Limits: tells what the disk refuses for now ([`StoreError::may_pass`]) from what is wrong for good.
 
 use murmuration_model::{CampaignId, labels::RequestId};
+use murmuration_search::interrupt::Interrupted;
 use rusqlite::{ErrorCode, ffi};
 use std::{
     fmt, io,
@@ -136,6 +137,9 @@ pub enum StoreError {
     /// A run of a campaign is over, and may not change it any more.
     #[error("campaign {0} was paused, cancelled or told something else meanwhile: its former run ends")]
     Superseded(CampaignId),
+    /// Nobody wants the outcome any more.
+    #[error(transparent)]
+    Interrupted(#[from] Interrupted),
     /// There is no memory to compress or decompress images with.
     #[error("pictures cannot be compressed: {0}")]
     Compression(io::Error),

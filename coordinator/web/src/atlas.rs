@@ -18,16 +18,18 @@ use axum::{
     response::IntoResponse,
 };
 use maud::{Markup, html};
-use murmuration_engine::blocking::blocking;
+use murmuration_engine::blocking::in_background;
 use murmuration_model::{ArchiveVersion, CampaignRecord};
 use murmuration_report::{
     ReportError,
     atlas::{self, Atlas, AtlasEntry, Layout},
 };
-use murmuration_search::filter::Score;
-use murmuration_store::{ArchivedIndividual, Store, StoreError, kept::Kept};
+use murmuration_search::{
+    filter::Score,
+    interrupt::{Interrupt, Interrupted},
+};
+use murmuration_store::{ArchivedIndividual, Store, StoreError, kept::LatestAnswers};
 use std::sync::Arc;
-use tokio::sync::Mutex;
 use tonic::Status;
 
 /// Individuals that are read at once.
@@ -38,19 +40,13 @@ const MOST_BYTES: usize = 64 << 20;
 
 /// The atlases that were drawn last, for the requests of their pages; cheap to clone.
 #[derive(Debug, Clone)]
-pub struct DrawnAtlas(Arc<Kept<Mutex<Latest>>>);
+pub struct DrawnAtlas(LatestAnswers<(ArchiveVersion, u64), Arc<Parts>>);
 
 impl Default for DrawnAtlas {
     fn default() -> Self {
-        Self(Arc::new(Kept::within(MOST_BYTES)))
+        Self(LatestAnswers::within(MOST_BYTES))
     }
 }
-
-/// The latest drawing of a campaign, and its archive; `None` before the first.
-type Latest = Option<(Drawn, Arc<Parts>)>;
-
-/// Which archive was drawn: version, individuals.
-type Drawn = (ArchiveVersion, u64);
 
 /// The data and the picture of the page.
 #[derive(Debug)]
@@ -68,6 +64,8 @@ enum Undrawn {
     Store(#[from] StoreError),
     #[error("{0}")]
     Report(#[from] ReportError),
+    #[error(transparent)]
+    Interrupted(#[from] Interrupted),
 }
 
 pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Result<Markup, PageError> {
@@ -134,29 +132,29 @@ async fn parts_of(web: &Web, id: &str) -> Result<Arc<Parts>, PageError> {
     let record = web.campaigns.status(id).await?.record;
     let layout = atlas_of(&record).ok_or(PageError::NoPage)?;
     let wanted = (record.archive_version(), record.individuals());
-    let slot = web.atlas.0.of(&record.id);
-    // One request draws, and others about the same campaign wait for it: both requests of a page are about the same archive.
-    let mut drawn = slot.lock().await;
-    if let Some((of, parts)) = drawn.as_ref()
-        && *of == wanted
-    {
-        return Ok(Arc::clone(parts));
-    }
     let (store, campaign) = (web.store.clone(), record.id.clone());
-    let parts = blocking(move || Parts::draw(&store, &record, &layout)).await?;
-    let parts = Arc::new(parts.map_err(|error| Status::internal(error.to_string()))?);
-    *drawn = Some((wanted, Arc::clone(&parts)));
-    web.atlas
-        .0
-        .weigh(&campaign, parts.data.len() + parts.picture.len());
-    Ok(parts)
+    // Both requests of a page are about the same archive.
+    let draw = async {
+        let parts = in_background(move |interrupt| Parts::draw(&store, &record, &layout, interrupt)).await?;
+        Ok(Arc::new(
+            parts.map_err(|error| Status::internal(error.to_string()))?,
+        ))
+    };
+    let bytes = |parts: &Arc<Parts>| parts.data.len() + parts.picture.len();
+    web.atlas.0.of(&campaign, wanted, bytes, draw).await
 }
 
 impl Parts {
-    fn draw(store: &Store, record: &CampaignRecord, layout: &Layout) -> Result<Self, Undrawn> {
+    fn draw(
+        store: &Store,
+        record: &CampaignRecord,
+        layout: &Layout,
+        interrupt: &Interrupt,
+    ) -> Result<Self, Undrawn> {
         let mut entries = Vec::new();
         let all = record.individuals();
         for first in (0..all).step_by(CHUNK as usize) {
+            interrupt.check()?;
             let range = first..(first + CHUNK).min(all);
             let individuals = store.individuals(&record.id, record.spec.model(), range, false)?;
             entries.extend(individuals.into_iter().map(entry));

@@ -12,7 +12,7 @@ use axum::{
     extract::{Path, State},
 };
 use maud::{Markup, html};
-use murmuration_engine::blocking::blocking;
+use murmuration_engine::blocking::{blocking, in_background};
 use murmuration_model::{
     Timestamp,
     labels::{Action, Answer, ClassName, Labels, Shortcut},
@@ -78,7 +78,7 @@ pub(super) async fn details(
     let store = web.store.clone();
     let read = move || store.labels_of(&campaign);
     let labels = blocking(read).await.or_status()?.or_status()?;
-    let told = blocking(move || told(&labels)).await.or_status()?;
+    let told = in_background(move |_| told(&labels)).await.or_status()?;
     Ok(Json(told))
 }
 

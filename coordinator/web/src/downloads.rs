@@ -6,7 +6,7 @@ use axum::{
     http::header::{CONTENT_DISPOSITION, CONTENT_TYPE},
     response::{IntoResponse, Response},
 };
-use murmuration_engine::blocking::blocking;
+use murmuration_engine::blocking::in_background;
 use murmuration_export::IndividualTable;
 use murmuration_model::{
     CampaignRecord,
@@ -28,7 +28,7 @@ const CHUNK: u64 = 1000;
 /// The answers that stand, as `murmuration labels --csv` writes them.
 pub(super) async fn labels(OfCampaign { web, record, .. }: OfCampaign) -> Result<Response, PageError> {
     let (store, of) = (web.store.clone(), record.clone());
-    let table = blocking(move || label_table(&store, &of)).await??;
+    let table = in_background(move |_| label_table(&store, &of)).await??;
     let table = table.map_err(|error| Status::internal(error.to_string()))?;
     Ok(file(&record, "labels", Body::from(table)))
 }
@@ -55,12 +55,10 @@ fn label_table(store: &Store, record: &CampaignRecord) -> Result<Result<Vec<u8>,
 
 /// A row for each individual, as `murmuration export --csv` writes them. The table is sent while it is read.
 pub(super) async fn archive(OfCampaign { web, record, .. }: OfCampaign) -> Result<Response, PageError> {
-    let permit = web.archive.permits.watch()?;
     let (parts, stream) = mpsc::channel(2);
     let (store, of) = (web.store.clone(), record.clone());
     tokio::spawn(async move {
-        let _permit = permit;
-        let sent = blocking(move || {
+        let sent = in_background(move |_| {
             let sent = archive_table(&store, &of, |part| parts.blocking_send(Ok(part)).is_ok());
             if let Err(error) = sent {
                 // The client learns that the file is not whole, unless it is gone.

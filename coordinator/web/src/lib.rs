@@ -44,15 +44,15 @@ mod visitor;
 
 pub use atlas::DrawnAtlas;
 use axum::{
-    extract::Request,
     http::{HeaderMap, HeaderValue, header::CONTENT_TYPE},
     middleware,
     response::{IntoResponse as _, Response},
 };
 use murmuration_access::{
-    Door, GuardedRouter, Refusal,
+    CostClass::{Computing, Decision, Light, Reading, Streaming},
+    Door, GuardedRouter, Refusal, RequestHead,
     Requirement::{self, Nothing},
-    requests,
+    Seats, requests,
 };
 use murmuration_engine::{campaign::Campaigns, maps::Maps};
 use murmuration_service::{CampaignApi, LabelApi, blame_the_client};
@@ -61,7 +61,7 @@ use page_error::PageError;
 pub use play::Playground;
 use std::sync::Arc;
 pub use studies::Studies;
-pub use taxonomy::Judged;
+pub use taxonomy::{Judged, Reports};
 use tonic::{Status, service::Routes};
 
 const VIEWER: Requirement = Requirement::VIEWER;
@@ -80,6 +80,7 @@ pub struct Web {
     /// Where swarms are simulated for people who play.
     pub play: Playground,
     pub studies: Studies,
+    pub reports: Reports,
     pub atlas: DrawnAtlas,
     /// The judge's latest verdicts on medoids.
     pub judged: Judged,
@@ -94,124 +95,162 @@ pub fn routes(services: GuardedRouter, web: Web, probes: GuardedRouter) -> Guard
 }
 
 /// Those routes, served at a door.
-pub fn behind(routes: GuardedRouter, door: Arc<Door>) -> Routes {
+pub fn behind(routes: GuardedRouter, door: Arc<Door>, seats: Seats) -> Routes {
     routes
-        .behind(door.clone(), nowhere)
+        .behind(door.clone(), seats, nowhere)
         .layer(middleware::from_fn_with_state(door, guard::protect))
         .layer(middleware::from_fn(requests::named))
         .into()
 }
 
 /// Renders a refusal, as a page or a line of text.
-pub fn show_refusal(refusal: Refusal, request: &Request) -> Response {
+pub fn show_refusal(refusal: Refusal, request: &RequestHead) -> Response {
     login::show_refusal(refusal, request)
 }
 
 /// Every page, and every asset and request of their scripts.
 fn pages() -> GuardedRouter<Web> {
     GuardedRouter::default()
-        .get("/", VIEWER, list::page)
-        .get("/new", VIEWER, new::page)
-        .post("/new", OPERATOR, new::submitted)
-        .get("/compare", VIEWER, side_by_side::page)
-        .get("/glossary", VIEWER, glossary::page)
-        .get("/login", Nothing, login::page)
-        .post("/login", Nothing, login::log_in)
-        .post("/logout", Nothing, login::log_out)
-        .get("/events", VIEWER, live::campaigns)
-        .get("/play", VIEWER, play::page)
+        .get("/", VIEWER, Light, list::page)
+        .get("/new", VIEWER, Light, new::page)
+        .post("/new", OPERATOR, Decision, new::submitted)
+        .get("/compare", VIEWER, Computing, side_by_side::page)
+        .get("/glossary", VIEWER, Light, glossary::page)
+        .get("/login", Nothing, Light, login::page)
+        .post("/login", Nothing, Light, login::log_in)
+        .post("/logout", Nothing, Light, login::log_out)
+        .get("/events", VIEWER, Streaming, live::campaigns)
+        .get("/play", VIEWER, Reading, play::page)
         // These two change nothing; what is posted must come from a page of ours.
-        .post("/play/motion", VIEWER, play::motion)
-        .post("/play/like", VIEWER, play::like)
-        .post("/play/search", OPERATOR, play::search)
-        .get("/studies", VIEWER, studies::list)
-        .get("/studies/{name}", VIEWER, studies::page)
-        .get("/studies/{name}/events", VIEWER, studies::events)
-        .get("/studies/{name}/tables", VIEWER, studies::current_tables)
-        .get("/studies/{name}/report", VIEWER, studies::export)
+        .post("/play/motion", VIEWER, Computing, play::motion)
+        .post("/play/like", VIEWER, Computing, play::like)
+        .post("/play/search", OPERATOR, Decision, play::search)
+        .get("/studies", VIEWER, Reading, studies::list)
+        .get("/studies/{name}", VIEWER, Reading, studies::page)
+        .get("/studies/{name}/events", VIEWER, Streaming, studies::events)
+        .get("/studies/{name}/tables", VIEWER, Reading, studies::current_tables)
+        .get("/studies/{name}/report", VIEWER, Computing, studies::export)
         .get(
             "/studies/{name}/medoids/{cell}",
             VIEWER,
+            Reading,
             studies::medoids::of_cell,
         )
-        .post("/studies/{name}/classes", ANNOTATOR, studies::medoids::judge)
-        .get("/campaigns/{id}", VIEWER, pages::campaign)
-        .get("/campaigns/{id}/events", VIEWER, live::campaign)
-        .get("/campaigns/{id}/generations", VIEWER, progress::generations)
-        .get("/campaigns/{id}/epochs", VIEWER, progress::epochs)
-        .get("/campaigns/{id}/shown", VIEWER, progress::shown)
-        .get("/campaigns/{id}/robot", VIEWER, pages::robot)
-        .get("/campaigns/{id}/behaviour", VIEWER, list::behaviour)
-        .get("/campaigns/{id}/individuals/{index}", VIEWER, pages::image)
-        .post("/campaigns/{id}/pause", OPERATOR, pages::pause)
-        .post("/campaigns/{id}/resume", OPERATOR, pages::resume)
-        .post("/campaigns/{id}/cancel", OPERATOR, pages::cancel)
-        .post("/campaigns/{id}/refine", OPERATOR, pages::refine)
-        .get("/campaigns/{id}/delete", OPERATOR, delete::page)
-        .post("/campaigns/{id}/delete", OPERATOR, delete::delete)
-        .get("/campaigns/{id}/label", VIEWER, label::one)
-        .get("/campaigns/{id}/sheet", VIEWER, label::sheet)
-        .get("/campaigns/{id}/map", VIEWER, map::page)
-        .get("/campaigns/{id}/taxonomy", VIEWER, taxonomy::page)
+        .post(
+            "/studies/{name}/classes",
+            ANNOTATOR,
+            Decision,
+            studies::medoids::judge,
+        )
+        .get("/campaigns/{id}", VIEWER, Light, pages::campaign)
+        .get("/campaigns/{id}/events", VIEWER, Streaming, live::campaign)
+        .get(
+            "/campaigns/{id}/generations",
+            VIEWER,
+            Light,
+            progress::generations,
+        )
+        .get("/campaigns/{id}/epochs", VIEWER, Light, progress::epochs)
+        .get("/campaigns/{id}/shown", VIEWER, Light, progress::shown)
+        .get("/campaigns/{id}/robot", VIEWER, Light, pages::robot)
+        .get("/campaigns/{id}/behaviour", VIEWER, Light, list::behaviour)
+        .get("/campaigns/{id}/individuals/{index}", VIEWER, Light, pages::image)
+        .post("/campaigns/{id}/pause", OPERATOR, Decision, pages::pause)
+        .post("/campaigns/{id}/resume", OPERATOR, Decision, pages::resume)
+        .post("/campaigns/{id}/cancel", OPERATOR, Decision, pages::cancel)
+        .post("/campaigns/{id}/refine", OPERATOR, Decision, pages::refine)
+        .get("/campaigns/{id}/delete", OPERATOR, Light, delete::page)
+        .post("/campaigns/{id}/delete", OPERATOR, Decision, delete::delete)
+        .get("/campaigns/{id}/label", VIEWER, Light, label::one)
+        .get("/campaigns/{id}/sheet", VIEWER, Light, label::sheet)
+        .get("/campaigns/{id}/map", VIEWER, Light, map::page)
+        .get("/campaigns/{id}/taxonomy", VIEWER, Reading, taxonomy::page)
         .get(
             "/campaigns/{id}/taxonomy/changes",
             VIEWER,
+            Computing,
             taxonomy::changes::page,
         )
-        .get("/campaigns/{id}/taxonomy/map.png", VIEWER, taxonomy::map::picture)
-        .get("/campaigns/{id}/atlas", VIEWER, atlas::page)
-        .get("/campaigns/{id}/atlas/data", VIEWER, atlas::data)
-        .get("/campaigns/{id}/atlas/map.png", VIEWER, atlas::picture)
+        .get(
+            "/campaigns/{id}/taxonomy/map.png",
+            VIEWER,
+            Computing,
+            taxonomy::map::picture,
+        )
+        .get("/campaigns/{id}/atlas", VIEWER, Computing, atlas::page)
+        .get("/campaigns/{id}/atlas/data", VIEWER, Computing, atlas::data)
+        .get("/campaigns/{id}/atlas/map.png", VIEWER, Computing, atlas::picture)
         // Changes nothing, as the motion of the page Play.
-        .post("/campaigns/{id}/pieces", VIEWER, play::pieces)
-        .get("/campaigns/{id}/report", VIEWER, taxonomy::export)
+        .post("/campaigns/{id}/pieces", VIEWER, Computing, play::pieces)
+        .get("/campaigns/{id}/report", VIEWER, Computing, taxonomy::export)
         .get(
             "/campaigns/{id}/contact-sheet.svg",
             VIEWER,
+            Computing,
             taxonomy::contact_sheet,
         )
-        .get("/campaigns/{id}/changes", VIEWER, live::changes)
+        .get("/campaigns/{id}/changes", VIEWER, Streaming, live::changes)
         .get(
             "/campaigns/{id}/individuals/{index}/motion",
             VIEWER,
+            Computing,
             motion::motion,
         )
         .get(
             "/campaigns/{id}/individuals/{index}/motion.gif",
             VIEWER,
+            Computing,
             motion::gif,
         )
         .get(
             "/campaigns/{id}/individuals/{index}/paths.svg",
             VIEWER,
+            Computing,
             motion::svg,
         )
         .get(
             "/campaigns/{id}/individuals/{index}/starts",
             VIEWER,
+            Light,
             taxonomy::starts::page,
         )
         .get(
             "/campaigns/{id}/individuals/{index}/starts/{place}",
             VIEWER,
+            Computing,
             taxonomy::starts::picture,
         )
-        .get("/campaigns/{id}/labels", VIEWER, teach::labels)
-        .post("/campaigns/{id}/labels", ANNOTATOR, teach::answer)
-        .post("/campaigns/{id}/questions", ANNOTATOR, teach::ask)
-        .post("/campaigns/{id}/undo", ANNOTATOR, teach::undo)
-        .get("/campaigns/{id}/answers", VIEWER, answers::page)
-        .get("/campaigns/{id}/answers/standing", VIEWER, answers::standing)
-        .post("/campaigns/{id}/withdraw", ANNOTATOR, answers::withdraw)
-        .get("/campaigns/{id}/classes", VIEWER, classes::page)
-        .get("/campaigns/{id}/classes/details", VIEWER, classes::details)
-        .post("/campaigns/{id}/classes", ANNOTATOR, classes::change)
-        .get("/campaigns/{id}/labels.csv", VIEWER, downloads::labels)
-        .get("/campaigns/{id}/archive.csv", VIEWER, downloads::archive)
-        .get("/campaigns/{id}/points", VIEWER, map::points)
-        .get("/campaigns/{id}/points/axes", VIEWER, map::axes)
-        .get("/campaigns/{id}/points/neighbours", VIEWER, map::neighbours)
-        .get("/assets/{name}", Nothing, assets::asset)
+        .get("/campaigns/{id}/labels", VIEWER, Reading, teach::labels)
+        .post("/campaigns/{id}/labels", ANNOTATOR, Decision, teach::answer)
+        .post("/campaigns/{id}/questions", ANNOTATOR, Computing, teach::ask)
+        .post("/campaigns/{id}/undo", ANNOTATOR, Decision, teach::undo)
+        .get("/campaigns/{id}/answers", VIEWER, Reading, answers::page)
+        .get(
+            "/campaigns/{id}/answers/standing",
+            VIEWER,
+            Reading,
+            answers::standing,
+        )
+        .post("/campaigns/{id}/withdraw", ANNOTATOR, Decision, answers::withdraw)
+        .get("/campaigns/{id}/classes", VIEWER, Reading, classes::page)
+        .get(
+            "/campaigns/{id}/classes/details",
+            VIEWER,
+            Reading,
+            classes::details,
+        )
+        .post("/campaigns/{id}/classes", ANNOTATOR, Decision, classes::change)
+        .get("/campaigns/{id}/labels.csv", VIEWER, Reading, downloads::labels)
+        .get("/campaigns/{id}/archive.csv", VIEWER, Reading, downloads::archive)
+        .get("/campaigns/{id}/points", VIEWER, Reading, map::points)
+        .get("/campaigns/{id}/points/axes", VIEWER, Computing, map::axes)
+        .get(
+            "/campaigns/{id}/points/neighbours",
+            VIEWER,
+            Computing,
+            map::neighbours,
+        )
+        .get("/assets/{name}", Nothing, Light, assets::asset)
 }
 
 /// Answers requests for an address that is neither a page nor a service.

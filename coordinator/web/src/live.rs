@@ -9,7 +9,6 @@ use maud::Markup;
 use murmuration_engine::{blocking::blocking, campaign::CampaignError};
 use murmuration_model::{CampaignState, Rounds};
 use murmuration_proto::CheckpointDigest;
-use murmuration_service::{Permit, is_over};
 use serde_json::json;
 use std::{convert::Infallible, sync::Arc, time::Duration};
 use tokio::sync::{Mutex, mpsc};
@@ -24,17 +23,15 @@ pub(super) async fn campaigns(
     State(web): State<Web>,
     Query(wanted): Query<Wanted>,
 ) -> Result<Events, PageError> {
-    let permit = permit(&web)?;
     let look = move || {
         let (web, wanted) = (web.clone(), wanted.clone());
         async move { Ok::<_, CampaignError>(list::table(&web, &wanted).await?.into_string()) }
     };
-    Ok(follow(permit, look))
+    Ok(follow(look))
 }
 
 pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, PageError> {
     let id = web.campaigns.status(&id).await?.record.id;
-    let permit = permit(&web)?;
     let latest = Arc::<Mutex<Option<Rendered>>>::default();
     let look = move || {
         let (web, id, latest) = (web.clone(), id.clone(), latest.clone());
@@ -68,7 +65,7 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
             Ok::<_, CampaignError>(slots.sent())
         }
     };
-    Ok(follow(permit, look))
+    Ok(follow(look))
 }
 
 /// The markup of a taxonomy and of the rounds that led to it.
@@ -83,7 +80,6 @@ struct Rendered {
 /// For scripts: the state of the archive, the length of its label log, and the current stage as a sentence.
 pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, PageError> {
     let id = web.campaigns.status(&id).await?.record.id;
-    let permit = permit(&web)?;
     let look = move || {
         let (web, id) = (web.clone(), id.clone());
         async move {
@@ -104,17 +100,12 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
             Ok::<_, CampaignError>(seen.to_string())
         }
     };
-    Ok(follow(permit, look))
-}
-
-pub(super) fn permit(web: &Web) -> Result<Permit, PageError> {
-    let permit = web.archive.permits.watch();
-    permit.map_err(|status| PageError::Busy(status.message().to_owned()))
+    Ok(follow(look))
 }
 
 /// Sends the result of `look` whenever it changes, for as long as the client listens. `look` runs several times a second, so
 /// what it reads must not grow with the archive.
-pub(super) fn follow<Look, Looked, E>(permit: Permit, look: Look) -> Events
+pub(super) fn follow<Look, Looked, E>(look: Look) -> Events
 where
     Look: Fn() -> Looked + Send + 'static,
     Looked: Future<Output = Result<String, E>> + Send,
@@ -123,9 +114,7 @@ where
     let (events, stream) = mpsc::channel(1);
     tokio::spawn(async move {
         let mut seen = None;
-        while !is_over(&permit)
-            && let Ok(sight) = look().await
-        {
+        while let Ok(sight) = look().await {
             if seen.as_ref() != Some(&sight) {
                 seen = Some(sight.clone());
                 if events.send(Ok(Event::default().data(sight))).await.is_err() {

@@ -7,7 +7,7 @@ use super::{
 };
 use axum::{
     Extension, Form,
-    extract::{Query, Request},
+    extract::Query,
     http::{
         HeaderMap, Method, StatusCode, Uri,
         header::{CACHE_CONTROL, SET_COOKIE},
@@ -15,7 +15,7 @@ use axum::{
     response::{IntoResponse, Redirect, Response},
 };
 use maud::{Markup, html};
-use murmuration_access::{Door, Refusal};
+use murmuration_access::{Door, Refusal, RequestHead};
 use murmuration_engine::blocking::blocking;
 use murmuration_link::TokenDigest;
 use serde::{Deserialize, Serialize};
@@ -158,17 +158,16 @@ fn form(to: &Destination, error: &str) -> Markup {
 }
 
 /// The response to a request that is refused: a page or the log-in for people, and a line of text for scripts.
-pub(super) fn show_refusal(refusal: Refusal, request: &Request) -> Response {
-    let headers = request.headers();
-    match (page_error::wants_page(headers), status_of(&refusal)) {
+pub(super) fn show_refusal(refusal: Refusal, request: &RequestHead) -> Response {
+    match (page_error::wants_page(&request.headers), status_of(&refusal)) {
         (true, StatusCode::UNAUTHORIZED) => {
-            let to = page_of(request.method(), request.uri());
+            let to = page_of(&request.method, &request.uri);
             match serde_urlencoded::to_string(Going { to }) {
                 Ok(query) => Redirect::to(&format!("/login?{query}")).into_response(),
                 Err(_) => Redirect::to("/login").into_response(),
             }
         }
-        _ => PageError::Refused(refusal).told(headers),
+        _ => PageError::Refused(refusal).told(&request.headers),
     }
 }
 

@@ -16,7 +16,7 @@ use axum::{
 };
 use maud::{Markup, html};
 use murmuration_engine::{
-    blocking::blocking,
+    blocking::{blocking, in_background},
     taxonomy::{ClusterName, Names, Origin},
 };
 use murmuration_model::colours;
@@ -127,7 +127,9 @@ pub(super) async fn points(State(web): State<Web>, Path(id): Path<String>) -> Re
     let (individuals, population) = (record.individuals(), record.spec.search().population());
     let starts = record.spec.starts().get();
     let (queries, store, id) = (web.labels.queries, web.store, record.id.clone());
-    let clustered = blocking(move || queries.clusters(&record)).await.or_status()?;
+    let clustered = in_background(move |_| queries.clusters(&record))
+        .await
+        .or_status()?;
     let clustered = clustered.or_status()?;
     let names = match clustered.is_taxonomy {
         true => blocking(move || Names::standing(&store, &id))
@@ -167,7 +169,7 @@ fn in_words(name: &ClusterName) -> String {
 pub(super) async fn axes(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
     let record = web.campaigns.status(&id).await.or_status()?.record;
     let maps = web.maps.clone();
-    let axes = blocking(move || maps.axes(&record))
+    let axes = in_background(move |_| maps.axes(&record))
         .await
         .or_status()?
         .or_status()?;
@@ -178,7 +180,7 @@ pub(super) async fn axes(State(web): State<Web>, Path(id): Path<String>) -> Resu
 pub(super) async fn neighbours(State(web): State<Web>, Path(id): Path<String>) -> Result<Response, Refused> {
     let record = web.campaigns.status(&id).await.or_status()?.record;
     let maps = web.maps.clone();
-    let found = blocking(move || maps.neighbours(&record))
+    let found = in_background(move |_| maps.neighbours(&record))
         .await
         .or_status()?
         .or_status()?;

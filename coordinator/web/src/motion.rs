@@ -14,7 +14,7 @@ use axum::{
     },
     response::IntoResponse,
 };
-use murmuration_engine::blocking::blocking;
+use murmuration_engine::blocking::{blocking, in_background};
 use murmuration_model::{CampaignRecord, colours};
 use murmuration_proto::{
     Controller, Frames, Replay,
@@ -85,11 +85,9 @@ pub(super) async fn gif(
     Path((campaign, index)): Path<(String, u64)>,
     Query(created): Query<Created>,
 ) -> Result<impl IntoResponse, PageError> {
-    let permit = web.play.enter()?;
     let simulated = simulated(&web, &campaign, index).await?;
     let headers = file(&simulated.record, index, ("image/gif", "gif"), &created);
-    let drawn = blocking(move || {
-        let _permit = permit;
+    let drawn = in_background(move |_| {
         let world = simulated.record.spec.world();
         let bodies = Bodies::of(&simulated.controller, world);
         picture::animation_gif(
@@ -110,7 +108,7 @@ pub(super) async fn svg(
 ) -> Result<impl IntoResponse, PageError> {
     let simulated = simulated(&web, &campaign, index).await?;
     let headers = file(&simulated.record, index, ("image/svg+xml", "svg"), &created);
-    let drawn = blocking(move || {
+    let drawn = in_background(move |_| {
         let (world, window) = (
             simulated.record.spec.world(),
             simulated.record.spec.image().window(),

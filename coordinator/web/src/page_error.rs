@@ -7,7 +7,7 @@ use axum::{
     response::{IntoResponse, Response},
 };
 use maud::html;
-use murmuration_access::Refusal;
+use murmuration_access::{NoSeat, Refusal};
 use murmuration_engine::{blocking::Broken, campaign::CampaignError};
 use murmuration_model::CampaignId;
 use murmuration_proto::Invalid;
@@ -23,8 +23,6 @@ pub(super) enum PageError {
     NoPage,
     #[error("{0}")]
     Refused(Refusal),
-    #[error("{0}")]
-    Busy(String),
     #[error(
         "this took longer than {} seconds and was given up, because the workers or the coordinator are busy: try again \
          later, or use a command, which waits for as long as a report takes: `murmuration report` for that of a campaign, \
@@ -93,8 +91,8 @@ impl PageError {
     const fn title(&self) -> &'static str {
         match self {
             Self::NoPage => "Page not found",
+            Self::Late | Self::Refused(Refusal::NoSeat(_)) => "The coordinator is busy",
             Self::Refused(_) => "Request refused",
-            Self::Busy(_) | Self::Late => "The coordinator is busy",
             Self::Service(_) | Self::Input(_) | Self::Campaign(_) | Self::Picture(_) => "Request failed",
         }
     }
@@ -103,7 +101,6 @@ impl PageError {
         match self {
             Self::NoPage => StatusCode::NOT_FOUND,
             Self::Refused(refusal) => status_of(refusal),
-            Self::Busy(_) => StatusCode::SERVICE_UNAVAILABLE,
             Self::Late => StatusCode::GATEWAY_TIMEOUT,
             Self::Service(status) => status_of_code(status.code()),
             Self::Input(_) => StatusCode::BAD_REQUEST,
@@ -129,7 +126,8 @@ pub(super) const fn status_of(refusal: &Refusal) -> StatusCode {
         Refusal::Role { .. } | Refusal::WrongCertificate(_) | Refusal::Host | Refusal::Origin => {
             StatusCode::FORBIDDEN
         }
-        Refusal::Rate => StatusCode::TOO_MANY_REQUESTS,
+        Refusal::Rate | Refusal::NoSeat(NoSeat::Busy(_)) => StatusCode::TOO_MANY_REQUESTS,
+        Refusal::NoSeat(NoSeat::Closing) => StatusCode::SERVICE_UNAVAILABLE,
         Refusal::Headers => StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE,
         Refusal::ContentType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
     }

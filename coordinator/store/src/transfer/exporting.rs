@@ -3,6 +3,7 @@
 use super::{APPLICATION, FURTHER_TABLES, new_folder};
 use crate::{
     Store, StoreError,
+    blocking::in_background,
     campaigns::number_of,
     checkpoints::{CheckpointError, Checkpoints},
     digest::digest,
@@ -12,9 +13,13 @@ use crate::{
 };
 use murmuration_model::{CampaignId, CampaignState};
 use murmuration_proto::CheckpointDigest;
+use murmuration_search::interrupt::Interrupt;
 use rusqlite::{Connection, OpenFlags, OptionalExtension as _, Transaction, params};
 use std::{fs::File, path::Path};
 use tempfile::TempDir;
+
+/// Steps of SQLite's machine between two looks whether the export is still wanted.
+const LOOK_STEPS: i32 = 10_000;
 
 /// Statements that copy the rows of the campaign whose number is parameter 1. Campaigns and checkpoints keep their numbers.
 const ROWS: [&str; 7] = [
@@ -57,12 +62,12 @@ pub async fn export(
     campaign: &CampaignId,
 ) -> Result<File, CheckpointError> {
     let (source, data, id) = (store.clone(), data.to_path_buf(), campaign.clone());
-    let (mut copy, digests) = on_disk(move || Copy::of(&source, &data, id)).await?;
+    let (mut copy, digests) = on_disk(move |interrupt| Copy::of(&source, &data, id, interrupt)).await?;
     for digest in digests {
         let model = checkpoints.fetch(digest).await?;
-        copy = on_disk(move || copy.add_model(digest, &model).map(|()| copy)).await?;
+        copy = on_disk(move |_| copy.add_model(digest, &model).map(|()| copy)).await?;
     }
-    on_disk(move || copy.finish()).await
+    on_disk(move |interrupt| copy.finish(interrupt)).await
 }
 
 /// A database that is being written.
@@ -79,11 +84,16 @@ impl Copy {
         source: &Store,
         data: &Path,
         campaign: CampaignId,
+        interrupt: &Interrupt,
     ) -> Result<(Self, Vec<CheckpointDigest>), StoreError> {
         let folder = new_folder(data)?;
         let path = folder.path().join("campaign.sqlite");
         let named = |source| StoreError::from_sqlite(source, &path);
         let mut connection = create(&path, &source.path).map_err(named)?;
+        let wanted = interrupt.clone();
+        connection
+            .progress_handler(LOOK_STEPS, Some(move || wanted.check().is_err()))
+            .map_err(named)?;
         let copied = connection
             .transaction()
             .map_err(StoreError::from)
@@ -91,7 +101,11 @@ impl Copy {
                 copy_rows(&transaction, &campaign)?;
                 Ok(transaction.commit()?)
             });
+        interrupt.check()?;
         copied.map_err(|error| error.at(&path))?;
+        connection
+            .progress_handler(0, None::<fn() -> bool>)
+            .map_err(named)?;
         connection.execute_batch("DETACH source").map_err(named)?;
         let store = Store::over(connection, &path);
         let checkpoints = store.checkpoints()?;
@@ -113,9 +127,9 @@ impl Copy {
     }
 
     /// The file, with the digest of the archive that is in it.
-    fn finish(self) -> Result<File, StoreError> {
+    fn finish(self, interrupt: &Interrupt) -> Result<File, StoreError> {
         let record = self.store.campaign(self.campaign.as_str())?;
-        let digest = digest(&self.store, &self.campaign, record.spec.model())?.digest;
+        let digest = digest(&self.store, &self.campaign, record.spec.model(), interrupt)?.digest;
         self.store
             .write(|transaction| Ok(transaction.execute("INSERT INTO exported VALUES (?1)", [digest])?))?;
         let path = self.store.path.clone();
@@ -159,7 +173,7 @@ fn copy_rows(transaction: &Transaction<'_>, campaign: &CampaignId) -> Result<(),
 }
 
 async fn on_disk<T: Send + 'static>(
-    work: impl FnOnce() -> Result<T, StoreError> + Send + 'static,
+    work: impl FnOnce(&Interrupt) -> Result<T, StoreError> + Send + 'static,
 ) -> Result<T, CheckpointError> {
-    Ok(crate::blocking::blocking(work).await??)
+    Ok(in_background(work).await??)
 }

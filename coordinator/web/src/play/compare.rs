@@ -38,7 +38,6 @@ pub(in super::super) async fn like(
     check(&play, &record)?;
     // The page would wait in vain.
     web.archive.dispatch.check_staffed().or_status()?;
-    let _seat = web.archive.permits.replay()?;
     let Play {
         controller,
         world,

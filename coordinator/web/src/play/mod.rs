@@ -1,7 +1,7 @@
 //! The page on which people set a controller and watch the swarm that it controls.
 //!
-//! The whole state is in the address. The coordinator itself simulates, a piece of the motion at a time: few at once, each for
-//! a short time, and only for as long as the script waits for it. What the swarm is like, a worker evaluates: that needs a
+//! The whole state is in the address. The coordinator itself simulates, a piece of the motion at a time: each for a short
+//! time, and only for as long as the script waits for it. What the swarm is like, a worker evaluates: that needs a
 //! campaign's embedder.
 
 mod address;
@@ -32,54 +32,19 @@ use axum::{
 use compare::check_cost;
 use maud::Markup;
 use motion::{Kept, MOST_STEPS};
-use murmuration_access::limits::MAX_PLAYED;
-use murmuration_engine::blocking::blocking;
+use murmuration_engine::blocking::in_background;
 use murmuration_model::{CampaignId, NewCampaign};
 use murmuration_proto::{CampaignSpec, Invalid};
-use murmuration_search::interrupt::Interrupt;
 use murmuration_service::OrStatus as _;
 use std::sync::Arc;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::Status;
 
 /// Most campaigns that are offered to compare a swarm with, and most whose records are in memory at once.
 const OFFERED: usize = 50;
 
-/// The page's resources: room to simulate, and the swarms that were simulated last. Cheap to clone.
-#[derive(Debug, Clone)]
-pub struct Playground {
-    room: Arc<Semaphore>,
-    kept: Arc<Kept>,
-}
-
-impl Default for Playground {
-    fn default() -> Self {
-        Self {
-            room: Arc::new(Semaphore::new(MAX_PLAYED)),
-            kept: Arc::default(),
-        }
-    }
-}
-
-impl Playground {
-    /// Room for one simulation or drawing.
-    ///
-    /// # Errors
-    /// If there is none at present.
-    pub(super) fn enter(&self) -> Result<OwnedSemaphorePermit, Status> {
-        let room = self.room.clone().try_acquire_owned();
-        room.map_err(|_| Status::resource_exhausted("too many swarms are simulated at once: try again"))
-    }
-}
-
-/// Ends a simulation when the request for it does.
-struct Wanted(Interrupt);
-
-impl Drop for Wanted {
-    fn drop(&mut self) {
-        self.0.raise();
-    }
-}
+/// The swarms that were simulated last; cheap to clone.
+#[derive(Debug, Clone, Default)]
+pub struct Playground(Arc<Kept>);
 
 pub(super) async fn page(
     State(web): State<Web>,
@@ -125,12 +90,8 @@ pub(super) async fn motion(
 
 /// A piece of the motion of a swarm, from the step `first` on.
 async fn piece(web: Web, play: Play, first: u32) -> Result<impl IntoResponse, Refused> {
-    let permit = web.play.enter()?;
-    let wanted = Wanted(Interrupt::default());
-    let interrupt = wanted.0.clone();
-    let simulated = blocking(move || {
-        let _permit = permit;
-        let piece = web.play.kept.piece(&play, first, &interrupt)?;
+    let simulated = in_background(move |interrupt| {
+        let piece = web.play.0.piece(&play, first, interrupt)?;
         Ok::<_, Status>(piece.bytes())
     });
     let bytes = simulated.await.or_status()??;
@@ -194,15 +155,6 @@ pub(super) async fn search(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn there_is_room_for_a_few_and_again_when_one_leaves() {
-        let playground = Playground::default();
-        let mut inside: Vec<_> = (0..MAX_PLAYED).map(|_| playground.enter().unwrap()).collect();
-        assert!(playground.enter().unwrap_err().message().contains("try again"));
-        inside.pop();
-        assert!(playground.enter().is_ok());
-    }
 
     #[test]
     fn the_first_step_is_a_step_that_is_not_too_far() {

@@ -6,7 +6,7 @@ mod taxonomies;
 use super::{Web, layout::layout_with, named::NamedTaxonomy, page_error::PageError, visitor::Visitor};
 use axum::extract::{Query, State};
 use maud::{Markup, html};
-use murmuration_engine::blocking::blocking;
+use murmuration_engine::blocking::in_background;
 use murmuration_model::CampaignRecord;
 use murmuration_proto::{Invalid, counted};
 use murmuration_study::wide;
@@ -46,7 +46,7 @@ pub(super) async fn page(
         compared.push((record, taxonomy));
     }
     // Matching takes long where taxonomies are large.
-    let content = blocking(move || shown(&compared)).await?;
+    let content = in_background(move |_| shown(&compared)).await?;
     Ok(layout_with("Compare", &visitor, &["sidebyside.js"], content))
 }
 

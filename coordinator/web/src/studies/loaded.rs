@@ -4,7 +4,7 @@
 use super::known::{Digests, Known};
 use axum::body::Bytes;
 use murmuration_engine::{
-    blocking::{Broken, blocking},
+    blocking::{Broken, blocking, in_background},
     campaign::{CampaignError, Campaigns},
 };
 use murmuration_model::study_files::{STUDIES, STUDY_CLASSES, STUDY_EMBEDDERS, STUDY_FILE, STUDY_ORIGIN};
@@ -198,7 +198,7 @@ impl Studies {
         }
         let begun = Instant::now();
         let (data, name) = (self.0.data.clone(), name.to_owned());
-        let study = Arc::new(blocking(move || Loaded::read(&data, &name)).await??);
+        let study = Arc::new(in_background(move |_| Loaded::read(&data, &name)).await??);
         *read = Some(Read {
             study: Arc::clone(&study),
             stamp,
@@ -379,13 +379,12 @@ impl Loaded {
 
     /// The page of the report. To draw it takes seconds, so it is drawn once, and goes on being drawn when nobody waits for it any
     /// more: who asks again finds it.
-    pub(super) async fn report<P: Send + 'static>(self: &Arc<Self>, permit: P) -> Result<Bytes, Undrawn> {
+    pub(super) async fn report(self: &Arc<Self>) -> Result<Bytes, Undrawn> {
         let loaded = Arc::clone(self);
         let drawing = tokio::spawn(async move {
-            let _permit = permit;
             let study = Arc::clone(&loaded);
             let draw = || async move {
-                let page = blocking(move || report_page(&study.outcome)).await??;
+                let page = in_background(move |_| report_page(&study.outcome)).await??;
                 Ok::<_, Undrawn>(Bytes::from(page))
             };
             loaded.report.get_or_try_init(draw).await.cloned()

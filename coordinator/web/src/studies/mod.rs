@@ -10,7 +10,7 @@ mod sight;
 use super::{
     Web,
     layout::{STUDIES, layout, layout_with},
-    live::{Events, follow, permit},
+    live::{Events, follow},
     page_error::PageError,
     visitor::Visitor,
 };
@@ -96,7 +96,6 @@ pub(super) async fn page(
 /// The state of the cells, whenever it changes.
 pub(super) async fn events(State(web): State<Web>, Path(name): Path<String>) -> Result<Events, PageError> {
     web.studies.loaded(&name).await?;
-    let permit = permit(&web)?;
     let look = move || {
         let (web, name) = (web.clone(), name.clone());
         async move {
@@ -105,7 +104,7 @@ pub(super) async fn events(State(web): State<Web>, Path(name): Path<String>) -> 
             Ok::<_, PageError>(sight.markup(&loaded).into_string())
         }
     };
-    Ok(follow(permit, look))
+    Ok(follow(look))
 }
 
 /// The tables and plots as they stand, for the script of the page.
@@ -122,9 +121,7 @@ pub(super) async fn export(
 ) -> Result<impl IntoResponse, PageError> {
     let loaded = web.studies.loaded(&name).await?;
     let name = loaded.outcome.study().name.as_str().to_owned();
-    let permit = web.archive.permits.export();
-    let permit = permit.map_err(|status| PageError::Busy(status.message().to_owned()))?;
-    let page = loaded.report(permit).await;
+    let page = loaded.report().await;
     let page = page.map_err(|error| Status::internal(error.to_string()))?;
     let headers = [
         (CONTENT_TYPE, "text/html; charset=utf-8".to_owned()),

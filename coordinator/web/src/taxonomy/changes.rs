@@ -11,7 +11,7 @@ use crate::{
 use axum::extract::Query;
 use maud::{Markup, html};
 use murmuration_engine::{
-    blocking::blocking,
+    blocking::in_background,
     maps::Maps,
     space::SpaceError,
     taxonomy::{Change, ClusterName, Names, Origin},
@@ -63,7 +63,7 @@ pub(crate) async fn page(
     OfCampaign { web, record, visitor }: OfCampaign,
 ) -> Result<Markup, PageError> {
     let (store, maps, of) = (web.store.clone(), web.maps.clone(), record.clone());
-    let compared = blocking(move || read(&store, &maps, &of, &asked))
+    let compared = in_background(move |_| read(&store, &maps, &of, &asked))
         .await?
         .or_status()?;
     let content = html! {

@@ -2,7 +2,7 @@
 
 use crate::{archived::Created, of_campaign::OfCampaign, page_error::PageError};
 use axum::{extract::Query, http::header::CONTENT_TYPE, response::IntoResponse};
-use murmuration_engine::{blocking::blocking, maps::Maps, space::SpaceError, taxonomy::Change};
+use murmuration_engine::{blocking::in_background, maps::Maps, space::SpaceError, taxonomy::Change};
 use murmuration_model::{
     CampaignRecord,
     colours::{self, LINE, Rgb},
@@ -74,9 +74,9 @@ pub(crate) async fn picture(
 ) -> Result<impl IntoResponse, PageError> {
     let kept = created.keep(&record);
     let (store, maps) = (web.store.clone(), web.maps.clone());
-    let drawn = blocking(move || draw(&store, &maps, &record, &which)).await?;
+    let drawn = in_background(move |_| draw(&store, &maps, &record, &which)).await?;
     let drawn = drawn.or_status()?.ok_or(PageError::NoPage)?;
-    let png = blocking(move || point_map::png(&drawn, SIDE, DOT)).await??;
+    let png = in_background(move |_| point_map::png(&drawn, SIDE, DOT)).await??;
     Ok(([(CONTENT_TYPE, "image/png"), kept], png))
 }
 

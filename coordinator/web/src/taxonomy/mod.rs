@@ -18,6 +18,7 @@ use super::{
     parts,
 };
 use axum::{
+    body::Bytes,
     extract::{Path, Query, State},
     http::header::{CONTENT_DISPOSITION, CONTENT_TYPE},
     response::IntoResponse,
@@ -25,10 +26,10 @@ use axum::{
 use card::{Card, card};
 use maud::{Markup, html};
 use murmuration_engine::{
-    blocking::blocking,
+    blocking::{blocking, in_background},
     taxonomy::{Alike, Names, Origin, Taxonomy},
 };
-use murmuration_model::{CampaignId, CampaignRecord, labels::Labels};
+use murmuration_model::{ArchiveVersion, CampaignId, CampaignRecord, CampaignState, Rounds, labels::Labels};
 use murmuration_proto::{
     Choice, Verdict,
     v1::{
@@ -41,7 +42,7 @@ use murmuration_service::{
     OrStatus as _,
     report_data::{self, PicturesOf},
 };
-use murmuration_store::{Store, StoreError, TaxonomyVersion};
+use murmuration_store::{Store, StoreError, TaxonomyVersion, kept::LatestAnswers};
 use serde::Deserialize;
 use std::{collections::BTreeMap, sync::Arc};
 use tonic::Status;
@@ -249,9 +250,7 @@ pub(super) async fn export(
     State(web): State<Web>,
     Path(id): Path<String>,
 ) -> Result<impl IntoResponse, PageError> {
-    let (id, gathered) = gather(web, &id, PicturesOf::Individuals).await?;
-    let page = blocking(move || report::page(&gathered)).await?;
-    let page = page.map_err(|error| Status::internal(error.to_string()))?;
+    let (id, page) = drawn(&web, &id, PicturesOf::Individuals).await?;
     let name = format!("attachment; filename=\"{id}.html\"");
     let headers = [
         (CONTENT_TYPE, "text/html; charset=utf-8".to_owned()),
@@ -265,9 +264,7 @@ pub(super) async fn contact_sheet(
     State(web): State<Web>,
     Path(id): Path<String>,
 ) -> Result<impl IntoResponse, PageError> {
-    let (id, gathered) = gather(web, &id, PicturesOf::Medoids).await?;
-    let sheet = blocking(move || report::contact_sheet(&gathered)).await?;
-    let sheet = sheet.map_err(|error| Status::internal(error.to_string()))?;
+    let (id, sheet) = drawn(&web, &id, PicturesOf::Medoids).await?;
     let name = format!("attachment; filename=\"{id}-contact-sheet.svg\"");
     let headers = [
         (CONTENT_TYPE, "image/svg+xml".to_owned()),
@@ -276,21 +273,68 @@ pub(super) async fn contact_sheet(
     Ok((headers, sheet))
 }
 
-/// The data of the report of a campaign, with its id; workers simulate the motions of its medoids.
-async fn gather(web: Web, id: &str, pictures: PicturesOf) -> Result<(CampaignId, report::Report), PageError> {
-    let id = web.campaigns.status(id).await?.record.id;
+/// Most bytes of the reports, and of the contact sheets, that are kept.
+const MOST_BYTES: usize = 32 << 20;
+
+/// The reports and the contact sheets that were drawn last; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Reports {
+    pages: LatestAnswers<ReportState, Bytes>,
+    sheets: LatestAnswers<ReportState, Bytes>,
+}
+
+impl Default for Reports {
+    fn default() -> Self {
+        Self {
+            pages: LatestAnswers::within(MOST_BYTES),
+            sheets: LatestAnswers::within(MOST_BYTES),
+        }
+    }
+}
+
+/// What a report follows from: the archive and its size, the state and the rounds of its campaign, the length of its label log.
+type ReportState = (ArchiveVersion, u64, CampaignState, Rounds, u64);
+
+/// The report of a campaign, or its contact sheet, and its id; workers simulate the motions of its medoids.
+async fn drawn(web: &Web, id: &str, pictures: PicturesOf) -> Result<(CampaignId, Bytes), PageError> {
+    let record = web.campaigns.status(id).await?.record;
+    let (store, of) = (web.store.clone(), record.id.clone());
+    let entries = blocking(move || store.label_entries(&of)).await??;
+    let state = (
+        record.archive_version(),
+        record.individuals(),
+        record.state,
+        record.rounds,
+        entries,
+    );
+    let kept = match pictures {
+        PicturesOf::Individuals => &web.reports.pages,
+        PicturesOf::Medoids => &web.reports.sheets,
+    };
+    let id = record.id;
+    let drawn = kept.of(&id, state, Bytes::len, draw(web, &id, pictures)).await?;
+    Ok((id, drawn))
+}
+
+async fn draw(web: &Web, id: &CampaignId, pictures: PicturesOf) -> Result<Bytes, PageError> {
     web.archive.dispatch.check_staffed().or_status()?;
     // The service of this process, without a network between.
-    let mut archive = CampaignServiceClient::new(CampaignServiceServer::new(web.archive));
-    let mut labels = LabelServiceClient::new(LabelServiceServer::new(web.labels));
-    let failed = |error: String| Status::internal(error);
+    let mut archive = CampaignServiceClient::new(CampaignServiceServer::new(web.archive.clone()));
+    let mut labels = LabelServiceClient::new(LabelServiceServer::new(web.labels.clone()));
     let gathered = async {
         let names = report_data::names(&mut labels, id.as_str()).await?;
         report_data::report(&mut archive, id.as_str(), names, pictures).await
     };
     let gathered = gathered.await.map_err(|error| match error {
         report_data::ReportDataError::Service(status) => status,
-        other => failed(other.to_string()),
+        other => Status::internal(other.to_string()),
     })?;
-    Ok((id, gathered))
+    let drawn = in_background(move |_| match pictures {
+        PicturesOf::Individuals => report::page(&gathered),
+        PicturesOf::Medoids => report::contact_sheet(&gathered),
+    });
+    let drawn = drawn
+        .await?
+        .map_err(|error| Status::internal(error.to_string()))?;
+    Ok(drawn.into())
 }

@@ -7,6 +7,7 @@ mod pages;
 mod people;
 mod processes;
 mod roles;
+mod shares;
 mod sizes;
 mod snapshots;
 mod unreadable;
