@@ -9,8 +9,9 @@ export CARGO_TERM_COLOR ?= auto
 demo: build runtime
 	./target/release/murmuration run examples/single-sensor-latent.toml
 
-# What must pass before a change lands, with `lint`, `test-faults`, `test-containers` and `test-python` (.ci/run). Runs every test
-# and lists failures at the end; then counts instructions, builds the guide, and lists what was skipped.
+# What must pass before a change lands, with `lint`, `test-faults`, `test-containers` and `test-python` (.ci/run). Runs the tests of
+# all other targets and lists failures at the end; then builds the guide, and lists what was skipped. Counts instructions only with
+# CARGO_INCREMENTAL=0 in the environment, as in .ci/run.
 test: forget-skipped tests-built runtime browser
 	python="$$(scripts/python-packages $(CURDIR)/target/python)"; \
 		PATH="$${python:+$$python:}$$PATH" scripts/run-tests
