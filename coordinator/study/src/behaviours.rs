@@ -7,7 +7,7 @@ use crate::{
     study::{Measures, RandomBatches},
 };
 use murmuration_judge::{frames, judge};
-use murmuration_proto::{CampaignSpec, Choice, Controller, Method};
+use murmuration_proto::{CampaignSpec, Controller, Method};
 use murmuration_search::{interrupt::Interrupt, medoids, novelty::Behaviours};
 use murmuration_sim::{replay::replay_frames, simulate::Start};
 use rayon::prelude::*;
@@ -87,8 +87,7 @@ fn last_taxonomies(
         let mut labelled = BTreeMap::new();
         for (index, individual) in archive[..until].iter().enumerate() {
             behaviours.push(&individual.behaviour)?;
-            let class = individual.class.filter(|_| spec.choice() != Choice::Medoids);
-            labelled.extend(class.map(|class| (index, class)));
+            labelled.extend(individual.class.map(|class| (index, class)));
         }
         let clustering = medoids::choose(spec, &behaviours, &labelled, interrupt, &|_| {})?;
         Ok(MedoidsOf {

@@ -29,7 +29,7 @@ const SAMPLE: usize = 1024;
 ///
 /// # Errors
 /// As [`cluster`](super::cluster).
-pub fn cluster_by_class(
+pub(super) fn cluster_by_class(
     points: &Behaviours,
     labelled: &BTreeMap<usize, u32>,
     k: usize,

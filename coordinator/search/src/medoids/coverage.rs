@@ -27,7 +27,7 @@ const OF_ITS_CLASS: usize = 5;
 ///
 /// # Errors
 /// [`Interrupted`] once `interrupt` is raised.
-pub fn cover(
+pub(super) fn cover(
     points: &Behaviours,
     labelled: &BTreeMap<usize, u32>,
     (k, neighbours): (usize, usize),
@@ -41,11 +41,11 @@ pub fn cover(
     arrange(points, chosen, interrupt)
 }
 
-/// All points, those that cover the others first: `count` of them as [`cover`] chooses them after `shown`, then the others, those
-/// farthest from all before them first. `shown` are left out.
+/// All points, those that cover the others first: `count` of them as [`choose`](super::choose) chooses them for coverage after
+/// `shown`, then the others, those farthest from all before them first. `shown` are left out.
 ///
 /// # Errors
-/// As [`cover`].
+/// [`Interrupted`] once `interrupt` is raised.
 pub fn order(
     points: &Behaviours,
     shown: Vec<usize>,

@@ -19,13 +19,14 @@ mod sampled;
 mod seeding;
 mod swaps;
 
-pub use by_class::cluster_by_class;
-pub use coverage::{cover, order};
+pub use coverage::order;
 
 use crate::{
     interrupt::{Interrupt, Interrupted},
     novelty::Behaviours,
 };
+use by_class::cluster_by_class;
+use coverage::cover;
 use murmuration_proto::{CampaignSpec, Choice, Purpose, RandomStream};
 use rayon::prelude::*;
 use sampled::Sampling;
