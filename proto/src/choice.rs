@@ -1,4 +1,4 @@
-//! How the behaviours that a taxonomy shows are chosen.
+//! The choice of a taxonomy's behaviours.
 
 use crate::{BehaviourSpace, Invalid, text};
 

@@ -24,7 +24,7 @@ pub(crate) struct Fields {
 }
 
 impl EmbedderSource {
-    /// Validates the fields; `None` for a method without an embedding.
+    /// Validates the fields; `None` for a behaviour space without an embedding.
     pub(crate) fn from_fields(
         fields: Fields,
         (method, space): (Method, BehaviourSpace),

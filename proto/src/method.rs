@@ -1,4 +1,4 @@
-//! How controllers are proposed.
+//! The methods.
 
 use crate::{Invalid, v1};
 use std::fmt;

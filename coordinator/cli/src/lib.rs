@@ -139,7 +139,7 @@ impl Command {
         ]
     }
 
-    /// Whether it is a server, whose log says what it does; that of other commands says only what goes wrong.
+    /// Whether it is a server. Servers log what they do, other commands only what goes wrong.
     pub const fn is_server(&self) -> bool {
         matches!(self, Self::Cluster(ClusterCommand::Serve(_)))
     }

@@ -59,11 +59,11 @@ pub struct WorkerId(u64);
 pub struct WorkerProcessId {
     /// Where it runs.
     pub machine: MachineId,
-    /// What tells it from other processes of that machine: a number of its own choosing, which gives it no vote.
+    /// A number that the process chooses, to distinguish it from others of that machine. It gives the process no vote of its own.
     pub instance: u64,
 }
 
-/// What a worker can do.
+/// The abilities of a worker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Abilities {
     /// Tasks that it runs at once, 1 or more.

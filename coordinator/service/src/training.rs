@@ -83,7 +83,8 @@ fn check_trainer(hello: &v1::Hello) -> Result<(), Status> {
     }
 }
 
-/// Sends pictures, then labelled ones, then what was put aside, until all is sent or nobody listens.
+/// Sends pictures, then their features if the recipe flattens, then labelled pictures, then the snapshot, until all is sent or nobody
+/// listens.
 fn send(
     store: &Store,
     record: &CampaignRecord,

@@ -217,7 +217,7 @@ impl From<&v1::Checkpoint> for Checkpoint {
     }
 }
 
-/// What was exported of a campaign.
+/// A campaign that was exported.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Export {
     /// Id of the campaign.

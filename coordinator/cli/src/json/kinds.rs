@@ -50,10 +50,7 @@ pub const KINDS: [Kind; 24] = [
     Kind::of::<Agreement>("agreement", "How far two annotators agree: agreement"),
     Kind::of::<FilterScore>("filter-score", "The score of a controller: filter"),
     Kind::of::<Recognised>("recognised", "A swarm that a camera tracked: recognise"),
-    Kind::of::<Evaluated>(
-        "evaluated",
-        "What an evaluation of a controller came to: evaluate",
-    ),
+    Kind::of::<Evaluated>("evaluated", "The result of evaluating a controller: evaluate"),
     Kind::of::<Robots>("robots", "The robots of a swarm: robot"),
     Kind::of::<ExportedController>(
         "exported-controller",

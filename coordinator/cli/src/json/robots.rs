@@ -179,7 +179,7 @@ impl From<&Controller> for ExportedController {
     }
 }
 
-/// What an evaluation of a controller came to.
+/// The result of evaluating a controller.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Evaluated {
     /// Place of the controller in the file, from 0.
@@ -195,7 +195,7 @@ pub(crate) struct Evaluated {
 }
 
 impl Evaluated {
-    /// What the trials of a controller come to.
+    /// The means over the trials of a controller.
     ///
     /// # Errors
     /// If a trial has not five features.
@@ -252,7 +252,7 @@ pub(crate) struct Recognised {
     pub(crate) is_taxonomy: bool,
 }
 
-/// What a swarm did.
+/// The behaviour of a swarm.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Behaviour {
     /// Average speed, angular momentum, radial variance, scatter, group rotation.
