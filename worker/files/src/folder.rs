@@ -141,22 +141,35 @@ impl Folder {
     /// # Errors
     /// As [`Folder::finish`].
     pub fn check_names<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<(), FolderError> {
-        let listed = self.listed()?;
-        let mut in_way: Vec<String> = names
-            .into_iter()
-            .filter_map(|name| match self.state_of(name, &listed) {
-                State::Unlisted if self.replaces < Replaces::All => Some(name.to_owned()),
-                State::Foreign(found) => Some(found),
-                _ => None,
-            })
-            .collect();
-        in_way.dedup();
-        match in_way.is_empty() {
-            true => Ok(()),
-            false => Err(FolderError::Foreign {
-                folder: self.path.clone(),
-                names: in_way,
+        self.check(names, &self.listed()?)
+    }
+
+    fn check<'a>(
+        &self,
+        names: impl IntoIterator<Item = &'a str>,
+        listed: &Listed,
+    ) -> Result<(), FolderError> {
+        let (mut foreign, mut changed) = (Vec::new(), Vec::new());
+        for name in names {
+            match self.state_of(name, listed) {
+                State::Unlisted if self.replaces < Replaces::All => foreign.push(name.to_owned()),
+                State::Foreign(found) => foreign.push(found),
+                State::Changed if self.replaces == Replaces::Unchanged => changed.push(name.to_owned()),
+                _ => {}
+            }
+        }
+        foreign.dedup();
+        let folder = self.path.clone();
+        match (foreign.is_empty(), changed.is_empty()) {
+            (false, _) => Err(FolderError::Foreign {
+                folder,
+                names: foreign,
             }),
+            (true, false) => Err(FolderError::Changed {
+                folder,
+                names: changed,
+            }),
+            (true, true) => Ok(()),
         }
     }
 
@@ -171,17 +184,7 @@ impl Folder {
         let _lock = locked.map_err(failed(&self.path))?;
         let mut listed = self.listed()?;
         let names = || self.files.iter().map(|(name, _)| name.as_str());
-        self.check_names(names())?;
-        if self.replaces == Replaces::Unchanged {
-            let changed = names().filter(|name| self.state_of(name, &listed) == State::Changed);
-            let changed: Vec<String> = changed.map(str::to_owned).collect();
-            if !changed.is_empty() {
-                return Err(FolderError::Changed {
-                    folder: self.path,
-                    names: changed,
-                });
-            }
-        }
+        self.check(names(), &listed)?;
         let stale: Vec<String> = listed
             .keys()
             .filter(|name| !names().any(|new| new == *name))
@@ -437,10 +440,13 @@ mod tests {
             fs::write(at(name), "notes").unwrap();
         }
         let refused = fill(place.path(), &[("page", "2")], false).unwrap_err();
-        assert!(
-            matches!(&refused, FolderError::Changed { names, .. } if names == &["page"]),
-            "{refused}"
-        );
+        let before = Folder::create(place.path(), Replaces::Unchanged).unwrap();
+        for refused in [refused, before.check_names(["page"]).unwrap_err()] {
+            assert!(
+                matches!(&refused, FolderError::Changed { names, .. } if names == &["page"]),
+                "{refused}"
+            );
+        }
         fill(place.path(), &[("page", "2")], true).unwrap();
         assert_eq!(fs::read_to_string(at("page")).unwrap(), "2");
         assert_eq!(

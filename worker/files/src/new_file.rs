@@ -14,8 +14,9 @@ const MAX_LINKS: u32 = 40;
 
 /// A file being written. The file that has its name is replaced by [`NewFile::finish`], and stays if that is never called.
 ///
-/// A link is followed, and what it leads to is replaced. A device or pipe is written to directly: it has no content to lose. The new
-/// file has the permissions and, where the system allows that, the owner of the file that it replaces.
+/// A link is followed, and what it leads to is replaced. A device or pipe is written to directly: it has no content to lose. So is
+/// what a process has open, such as `/dev/stdout`. The new file has the permissions and, where the system allows that, the owner of
+/// the file that it replaces.
 #[derive(Debug)]
 pub struct NewFile(Place);
 
@@ -62,10 +63,6 @@ impl NewFile {
     /// # Errors
     /// The system's error, or that `path` is a folder.
     pub fn create(path: &Path) -> io::Result<Self> {
-        // `/dev/stdout` leads to the file that standard output goes to, which other output shares.
-        if ["/dev", "/proc"].iter().any(|devices| path.starts_with(devices)) {
-            return Self::directly(path);
-        }
         let target = without_links(path)?;
         let former = match fs::symlink_metadata(&target) {
             Ok(found) if found.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
@@ -95,7 +92,7 @@ impl NewFile {
         }))
     }
 
-    /// Writes to a device or a pipe.
+    /// Writes to a device, a pipe, or what a process has open.
     fn directly(path: &Path) -> io::Result<Self> {
         let file = BufWriter::new(File::options().append(true).open(path)?);
         Ok(Self(Place::Itself {
@@ -171,17 +168,28 @@ pub fn write_file(path: &Path, bytes: impl AsRef<[u8]>) -> io::Result<Written> {
     file.finish()
 }
 
-/// The path that links lead to, whether there is a file or not.
+/// The path that links lead to, whether there is a file or not; of a descriptor its link.
 fn without_links(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..MAX_LINKS {
         match fs::symlink_metadata(&path) {
-            Ok(found) if found.is_symlink() => path = folder_of(&path).join(fs::read_link(&path)?),
+            Ok(found) if found.is_symlink() => {
+                if is_descriptor(&path)? {
+                    return Ok(path);
+                }
+                path = folder_of(&path).join(fs::read_link(&path)?);
+            }
             Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
             _ => return Ok(path),
         }
     }
     Err(io::Error::other("too many links lead to one another"))
+}
+
+/// Whether a link is to what a process has open, as `/dev/stdout` leads to `/proc/self/fd/1`. That may be a file that other output
+/// shares, which must not be replaced.
+fn is_descriptor(link: &Path) -> io::Result<bool> {
+    Ok(fs::canonicalize(folder_of(link))?.starts_with("/proc"))
 }
 
 fn folder_of(path: &Path) -> &Path {
@@ -194,7 +202,7 @@ fn folder_of(path: &Path) -> &Path {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::os::unix::fs::symlink;
+    use std::os::{fd::AsRawFd as _, unix::fs::symlink};
 
     fn names(folder: &Path) -> Vec<String> {
         let entries = fs::read_dir(folder).unwrap();
@@ -230,6 +238,35 @@ mod tests {
             write_file(&at(link), "new").unwrap();
             assert!(at(link).is_symlink());
             assert_eq!(fs::read_to_string(at(target)).unwrap(), "new");
+        }
+    }
+
+    #[test]
+    fn what_a_process_has_open_is_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let shared = File::create(at("shared")).unwrap();
+        (&shared).write_all(b"first").unwrap();
+        let descriptor = format!("/proc/self/fd/{}", shared.as_raw_fd());
+        symlink(&descriptor, at("link")).unwrap();
+        for (path, text) in [(Path::new(&descriptor), ", second"), (&at("link"), ", third")] {
+            assert_eq!(write_file(path, text).unwrap(), Written::New);
+        }
+        assert_eq!(fs::read_to_string(at("shared")).unwrap(), "first, second, third");
+        assert!(at("link").is_symlink());
+    }
+
+    #[test]
+    fn a_file_among_devices_is_a_file() {
+        let memory = Path::new("/dev/shm");
+        if !memory.is_dir() {
+            return;
+        }
+        let folder = tempfile::tempdir_in(memory).unwrap();
+        let path = folder.path().join("table.csv");
+        for (text, written) in [("older", Written::New), ("new", Written::Replaced)] {
+            assert_eq!(write_file(&path, text).unwrap(), written);
+            assert_eq!(fs::read_to_string(&path).unwrap(), text);
         }
     }
 
