@@ -172,8 +172,8 @@ const MIGRATIONS: &[&str] = &[
             || iif(spec LIKE '%by_class = true%', 'by-class', 'medoids') || '"' || char(10)
     ) WHERE spec NOT LIKE '%space = "%';
     "#,
-    // Pictures to train on have features, by which the in-batch recipe shows rare behaviours more often. Earlier campaigns showed all
-    // equally often.
+    // Pictures to train on have features, by which the in-batch recipe shows rare behaviours more often. Earlier campaigns and
+    // checkpoints showed all equally often. A campaign's training and its checkpoint's must stay the same (`repetition`).
     "
     ALTER TABLE pictures ADD COLUMN features BLOB NOT NULL DEFAULT x'';
     UPDATE campaigns SET spec = replace(
@@ -181,6 +181,11 @@ const MIGRATIONS: &[&str] = &[
         '[training.recipe.in-batch]' || char(10),
         '[training.recipe.in-batch]' || char(10) || 'flattening = 0' || char(10)
     ) WHERE spec NOT LIKE '%flattening = %';
+    UPDATE checkpoints SET configuration = replace(
+        configuration,
+        '[recipe.in-batch]' || char(10),
+        '[recipe.in-batch]' || char(10) || 'flattening = 0' || char(10)
+    ) WHERE configuration NOT LIKE '%flattening = %';
     ",
 ];
 
@@ -238,7 +243,7 @@ fn step(connection: &mut Connection, change: &str, version: u32) -> rusqlite::Re
 mod tests {
     use super::*;
     use crate::{DataDirectory, Store};
-    use murmuration_proto::{BehaviourSpace, CampaignSpec, Choice};
+    use murmuration_proto::{BehaviourSpace, CampaignSpec, Choice, EmbedderSource, training::Configuration};
 
     fn version_of(connection: &Connection) -> u32 {
         let version = connection.pragma_query_value(None, "user_version", |row| row.get(0));
@@ -318,14 +323,24 @@ mod tests {
         let add = "INSERT INTO campaigns (number, id, spec, simulator_version, state, error, created_ms)
                        VALUES (1, 'old-1', ?1, '1', 'paused', '', 5)";
         connection.execute(add, [before]).unwrap();
+        let Some(EmbedderSource::Trained { training, .. }) = spec.embedder() else {
+            panic!("it trains its embedder");
+        };
+        let add = "INSERT INTO checkpoints (digest, size, parent, data_digest, label_digest, configuration, metrics, created_ms)
+                       VALUES ('1f0c', 1, '', '', '', ?1, '', 5)";
+        let before = training.to_toml().replace("flattening = 2\n", "");
+        connection.execute(add, [before]).unwrap();
+
         migrate(&mut connection, 2).unwrap();
-        let row = connection.query_row("SELECT spec FROM campaigns", [], |row| row.get(0));
-        let text: String = row.unwrap();
+        let text = |query: &str| -> String { connection.query_row(query, [], |row| row.get(0)).unwrap() };
+        let migrated = CampaignSpec::from_toml(&text("SELECT spec FROM campaigns")).unwrap();
         let equally = now.replace("flattening = 2\n", "flattening = 0\n");
-        assert_eq!(
-            CampaignSpec::from_toml(&text).unwrap(),
-            CampaignSpec::from_toml(&equally).unwrap()
-        );
+        assert_eq!(migrated, CampaignSpec::from_toml(&equally).unwrap());
+        let Some(EmbedderSource::Trained { training, .. }) = migrated.embedder() else {
+            panic!("it trains its embedder");
+        };
+        let trained = Configuration::from_toml(&text("SELECT configuration FROM checkpoints")).unwrap();
+        assert_eq!(trained, **training, "its checkpoint is its own");
     }
 
     #[test]
