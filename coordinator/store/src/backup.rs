@@ -13,7 +13,7 @@ use crate::{
     files::{self, is_empty, is_there, without_links},
 };
 use bytes::Bytes;
-use murmuration_files::{InputKind, read_bytes};
+use murmuration_files::{InputKind, digest_of, read_bytes, write_file};
 use murmuration_model::study_files::STUDIES;
 use murmuration_proto::CheckpointDigest;
 use serde::{Deserialize, Serialize};
@@ -263,10 +263,8 @@ fn write_manifest(folder: &Path, manifest: &Manifest) -> Result<(), BackupError>
     let path = folder.join(MANIFEST);
     let written = serde_json::to_vec_pretty(manifest)
         .map_err(io::Error::from)
-        .and_then(|text| fs::write(&path, text));
-    written.map_err(failed("write", &path))?;
-    sync(&path)?;
-    sync(folder)
+        .and_then(|text| write_file(&path, text));
+    written.map(drop).map_err(failed("write", &path))
 }
 
 fn read_manifest(folder: &Path) -> Result<Manifest, BackupError> {
@@ -314,11 +312,10 @@ fn unknown(path: &Path) -> impl FnOnce(io::Error) -> TargetError {
 }
 
 fn file_digest(path: &Path) -> Result<String, BackupError> {
-    let mut hasher = blake3::Hasher::new();
-    File::open(path)
-        .and_then(|file| hasher.update_reader(file).map(|_| ()))
-        .map_err(failed("read", path))?;
-    Ok(hasher.finalize().to_hex().to_string())
+    let digest = File::open(path).and_then(digest_of);
+    digest
+        .map(|digest| digest.to_string())
+        .map_err(failed("read", path))
 }
 
 fn sync(path: &Path) -> Result<(), BackupError> {

@@ -23,12 +23,9 @@ pub(super) struct Task {
 impl Task {
     /// Number of features that come with the pictures: five of each behaviour if its recipe flattens, otherwise none.
     pub(super) fn features(&self) -> usize {
-        match (
-            self.fine_tuning.is_none(),
-            self.configuration.recipe().flattening(),
-        ) {
-            (true, 1..) => self.bytes / (self.pictures.bytes() * self.views.max(1)) * FEATURE_NAMES.len(),
-            _ => 0,
+        match self.configuration.recipe().flattening() {
+            0 => 0,
+            _ => self.bytes / (self.pictures.bytes() * self.views.max(1)) * FEATURE_NAMES.len(),
         }
     }
 }

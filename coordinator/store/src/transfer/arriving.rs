@@ -12,6 +12,7 @@ use std::{
     fs::File,
     io::Write as _,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 use tempfile::TempDir;
 
@@ -95,7 +96,7 @@ impl Arriving {
             folder,
         } = self;
         drop(file);
-        let (mut received, folder) = on_disk(move || {
+        let (campaign, received) = on_disk(move || {
             let received = ReceivedCampaign::open(&path)?;
             let found = &received.campaign().record.id;
             if *found != campaign {
@@ -103,26 +104,21 @@ impl Arriving {
                 return Err(Unsound::Foreign(said).into());
             }
             received.archive::<Unsound>(|_| Ok(()))?;
-            Ok((received, folder))
+            Ok((campaign, Arc::new(received)))
         })
         .await?;
-        for record in received.checkpoints().to_vec() {
-            let model;
-            (received, model) = on_disk(move || {
-                let model = received.model(&record)?;
-                Ok((received, (record.digest, model)))
-            })
-            .await?;
-            let (digest, bytes) = model;
-            checkpoints.keep(digest, bytes.into()).await?;
+        for record in received.checkpoints() {
+            let (from, record) = (Arc::clone(&received), record.clone());
+            let digest = record.digest;
+            let model = on_disk(move || Ok(from.model(&record)?)).await?;
+            checkpoints.keep(digest, model.into()).await?;
         }
         on_disk(move || {
             let taken = store.take_over(received.store(), received.campaign());
-            let id = received.campaign().record.id.clone();
             drop((received, folder));
             match taken? {
-                true => Ok(id),
-                false => Err(ImportError::Exists(id)),
+                true => Ok(campaign),
+                false => Err(ImportError::Exists(campaign)),
             }
         })
         .await
