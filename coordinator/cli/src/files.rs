@@ -22,7 +22,7 @@ pub fn is_there(path: &Path) -> Result<bool, CliError> {
     files::is_there(path).map_err(|error| CliError::unreadable(path, &error))
 }
 
-/// What `--force` lets a command replace in a folder that somebody names.
+/// The files that a command may replace in a folder that its user names.
 pub const fn replaces(force: bool) -> Replaces {
     match force {
         true => Replaces::Changed,
@@ -35,12 +35,13 @@ pub fn check_distinct<'a>(
     outputs: impl IntoIterator<Item = (&'a str, &'a PathBuf)>,
     inputs: impl IntoIterator<Item = &'a PathBuf>,
 ) -> Result<(), CliError> {
-    let whole = |path: &Path| fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let whole = |path: &Path| files::without_links(path).unwrap_or_else(|_| path.to_owned());
     let mut taken: Vec<PathBuf> = inputs.into_iter().map(|path| whole(path)).collect();
     let read = taken.len();
     for (option, path) in outputs {
         let file = whole(path);
-        let is_device = file.starts_with("/dev") || file.starts_with("/proc");
+        // A device or pipe takes the bytes of several.
+        let is_device = fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir());
         match taken.iter().position(|other| *other == file) {
             Some(place) if !is_device => {
                 let what = if place < read {
@@ -110,5 +111,36 @@ impl FileType {
             ))),
             _ => Ok(()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn check(outputs: [&str; 2], expected: bool) {
+        let outputs = outputs.map(PathBuf::from);
+        let named = ["--png", "--gif"].into_iter().zip(&outputs);
+        let checked = check_distinct(named, []);
+        assert_eq!(checked.is_ok(), expected, "{outputs:?}: {checked:?}");
+    }
+
+    #[test]
+    fn a_file_is_written_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name).display().to_string();
+        std::os::unix::fs::symlink(folder.path(), folder.path().join("link")).unwrap();
+        fs::create_dir(folder.path().join("within")).unwrap();
+        check([&at("one"), &at("other")], true);
+        check(["twice", "./twice"], false);
+        check(["new/twice", "./new/twice"], false);
+        check([&at("twice"), &at("link/twice")], false);
+        check([&at("twice"), &at("within/../twice")], false);
+        check(
+            ["/dev/shm/murmuration-twice", "/dev/shm/murmuration-twice"],
+            false,
+        );
+        check(["/dev/null", "/dev/null"], true);
     }
 }

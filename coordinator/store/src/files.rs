@@ -50,7 +50,7 @@ pub fn is_empty(folder: &Path) -> io::Result<bool> {
 ///
 /// # Errors
 /// If what is there of it cannot be known.
-pub(crate) fn without_links(path: &Path) -> io::Result<PathBuf> {
+pub fn without_links(path: &Path) -> io::Result<PathBuf> {
     let path = path::absolute(path)?;
     let mut missing = Vec::new();
     for part in path.ancestors() {
