@@ -89,7 +89,7 @@ impl AccuracyCommand {
         if global.json {
             let classes = accuracy.classes();
             json::print(json::Accuracy {
-                set: self.set(&sets),
+                set: document(&self.labels, &sets),
                 embedding,
                 anchor_not_random: accuracy.anchor_not_random().into(),
                 every_anchor: accuracy.every_anchor().into(),
@@ -125,7 +125,7 @@ impl AccuracyCommand {
         let [not_random, every] = [over(Accuracy::anchor_not_random), over(Accuracy::every_anchor)];
         if as_json {
             json::print(json::UntrainedAccuracy {
-                set: self.set(sets),
+                set: document(&self.labels, sets),
                 embedding: "untrained".to_owned(),
                 network: self.network.clone(),
                 networks: networks.get(),
@@ -178,22 +178,34 @@ impl AccuracyCommand {
         }
         Ok(self.images.clone())
     }
+}
 
-    fn set(&self, sets: &[LabelledSet]) -> json::Set {
-        let labels = self.labels.iter().map(|labels| labels.display().to_string());
-        json::Set {
-            labels: labels.collect(),
-            behaviours: behaviours(sets),
-            synthetic_left_out: synthetic(sets),
-        }
+/// The files of labels, and the behaviours that were read from them.
+pub(crate) fn document(labels: &[PathBuf], sets: &[LabelledSet]) -> json::Set {
+    let labels = labels.iter().map(|labels| labels.display().to_string());
+    json::Set {
+        labels: labels.collect(),
+        behaviours: behaviours(sets),
+        synthetic_left_out: synthetic(sets),
     }
+}
+
+/// The file of starts beside a file of labels.
+pub(crate) fn starts_file(labels: &Path) -> PathBuf {
+    labels.with_file_name("starts.csv")
+}
+
+/// The starts beside the file of a set, if there are any and the set has no seeds.
+pub(crate) fn starts_beside(set: &LabelledSet) -> Result<Option<PathBuf>, CliError> {
+    let starts = starts_file(set.path());
+    Ok((!set.can_be_simulated() && is_there(&starts)?).then_some(starts))
 }
 
 /// The images of a set: those in `images` beside its file, or else simulated again, from the starts in `starts.csv` beside it
 /// where the file has no seeds.
 pub(super) fn images_beside(set: &LabelledSet, shape: ImageShape) -> Result<Vec<Vec<u8>>, CliError> {
-    let [folder, starts] = ["images", "starts.csv"].map(|name| set.path().with_file_name(name));
-    let starts = (!set.can_be_simulated() && is_there(&starts)?).then_some(starts);
+    let folder = set.path().with_file_name("images");
+    let starts = starts_beside(set)?;
     let simulates = !is_there(&folder)? && (set.can_be_simulated() || starts.is_some());
     Ok(match simulates {
         true => set.simulated_images(shape, starts.as_deref())?,
@@ -344,11 +356,11 @@ pub(crate) fn tell_counted(sets: &[LabelledSet]) {
 }
 
 /// The behaviours with a class that an annotator gave, other than the synthetic one.
-pub(crate) fn behaviours(sets: &[LabelledSet]) -> u64 {
+fn behaviours(sets: &[LabelledSet]) -> u64 {
     sets.iter().map(|set| set.classes().count() as u64).sum()
 }
 
 /// The answers of the synthetic annotator, which were left out.
-pub(crate) fn synthetic(sets: &[LabelledSet]) -> u64 {
+fn synthetic(sets: &[LabelledSet]) -> u64 {
     sets.iter().map(LabelledSet::synthetic).sum()
 }

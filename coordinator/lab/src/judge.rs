@@ -1,14 +1,14 @@
 //! `judge`: how well the synthetic annotator and the second judge agree with annotators.
 
 use crate::{
-    accuracy::{behaviours, synthetic, tell_counted},
+    accuracy::{document, starts_beside, starts_file, tell_counted},
     json,
 };
 use csv::Writer;
 use murmuration_accuracy::{LabelledSet, Swarm};
 use murmuration_cli::{
     CliError, Global,
-    files::{FileType, check_distinct, is_there, write},
+    files::{FileType, check_distinct, write},
     table::{Table, left, right},
 };
 use murmuration_judge as judge;
@@ -16,7 +16,7 @@ use murmuration_link::{OutputError, outln};
 use murmuration_model::labels::{ConfusionMatrix, to_cell};
 use murmuration_proto::{Class, Pattern, Verdict, counted, grouped};
 use murmuration_sim::replay::replay_frames;
-use murmuration_study::{second_judge, second_judge_measures};
+use murmuration_study::{second_judge_by, second_judge_measures};
 use rayon::prelude::*;
 use std::{collections::BTreeMap, iter, path::PathBuf};
 
@@ -48,7 +48,13 @@ impl JudgeCommand {
         self.check_starts()?;
         if let Some(table) = &self.measures {
             FileType::Csv.check("--measures", table)?;
-            check_distinct([("--measures", table)], self.labels.iter().chain(&self.starts))?;
+            // Without --starts those beside the labels are read.
+            let beside: Vec<PathBuf> = match self.starts.is_empty() {
+                true => self.labels.iter().map(|labels| starts_file(labels)).collect(),
+                false => Vec::new(),
+            };
+            let inputs = self.labels.iter().chain(&self.starts).chain(&beside);
+            check_distinct([("--measures", table)], inputs)?;
         }
         let sets = self.labels.iter().map(LabelledSet::read);
         let sets = sets.collect::<Result<Vec<_>, _>>()?;
@@ -70,9 +76,9 @@ impl JudgeCommand {
                     .iter_mut()
                     .for_each(|counts| counts.count(seen, &judged.verdict));
             }
-            let people = labels.ids().zip(labels.classes());
-            let people = people.map(|(id, class)| (id.to_owned(), class.to_owned()));
-            said.extend(people.zip(judged));
+            let given = labels.ids().zip(labels.classes());
+            let given = given.map(|(id, class)| (id.to_owned(), class.to_owned()));
+            said.extend(given.zip(judged));
         }
         if let Some(table) = &self.measures {
             write(table, measures_csv(&said))?;
@@ -91,11 +97,10 @@ impl JudgeCommand {
 
     /// Where the swarms of a file start, if it does not say so itself.
     fn starts_of(&self, place: usize, labels: &LabelledSet) -> Result<Option<PathBuf>, CliError> {
-        if let Some(named) = self.starts.get(place) {
-            return Ok(Some(named.clone()));
+        match self.starts.get(place) {
+            Some(named) => Ok(Some(named.clone())),
+            None => starts_beside(labels),
         }
-        let beside = labels.path().with_file_name("starts.csv");
-        Ok((!labels.can_be_simulated() && is_there(&beside)?).then_some(beside))
     }
 
     fn check_starts(&self) -> Result<(), CliError> {
@@ -117,15 +122,7 @@ impl JudgeCommand {
         without_meaning: &WithoutMeaning,
     ) -> json::Judge {
         json::Judge {
-            set: json::Set {
-                labels: self
-                    .labels
-                    .iter()
-                    .map(|labels| labels.display().to_string())
-                    .collect(),
-                behaviours: behaviours(sets),
-                synthetic_left_out: synthetic(sets),
-            },
+            set: document(&self.labels, sets),
             agreement: agreement(&opinions.first),
             second_judge: agreement(&opinions.second),
             judges_agreed: opinions.judges.same(),
@@ -199,10 +196,11 @@ impl Judged {
     fn of(swarm: &Swarm) -> Result<Self, CliError> {
         let world = &swarm.world;
         let motion = replay_frames(&swarm.controller, world, &swarm.start, &judge::frames(world))?;
+        let measures = second_judge_measures(&motion, world);
         Ok(Self {
             verdict: judge::judge(&motion, world),
-            second: second_judge(&motion, world),
-            measures: second_judge_measures(&motion, world),
+            second: second_judge_by(&measures, world),
+            measures,
         })
     }
 }
@@ -225,25 +223,22 @@ struct Opinions<'a> {
 
 impl<'a> Opinions<'a> {
     fn of(said: &'a [Said]) -> Self {
-        let opinions = said.iter().map(|((_, people), judged)| {
+        let opinions = said.iter().map(|((_, given), judged)| {
             let first = judged.verdict.class().name();
-            (people.as_str(), first, judged.second.name())
+            (given.as_str(), first, judged.second.name())
         });
         Self {
-            first: opinions
-                .clone()
-                .map(|(people, first, _)| (people, first))
-                .collect(),
+            first: opinions.clone().map(|(given, first, _)| (given, first)).collect(),
             second: opinions
                 .clone()
-                .map(|(people, _, second)| (people, second))
+                .map(|(given, _, second)| (given, second))
                 .collect(),
             judges: opinions
                 .clone()
                 .map(|(_, first, second)| (first, second))
                 .collect(),
             all_agreed: opinions
-                .filter(|(people, first, second)| people == first && first == second)
+                .filter(|(given, first, second)| given == first && first == second)
                 .count() as u64,
         }
     }
@@ -254,7 +249,7 @@ impl<'a> Opinions<'a> {
         print_table(&self.second)?;
         let (agreed, all) = (self.judges.same(), self.judges.total());
         outln!(
-            "\nBoth judges say the same of {} of {} ({}), Cohen's kappa {}; people say so too of {} of these",
+            "\nBoth judges say the same of {} of {} ({}), Cohen's kappa {}; annotators say so too of {} of these",
             grouped(agreed),
             grouped(all),
             percent(agreed, all),

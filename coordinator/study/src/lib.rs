@@ -56,7 +56,7 @@ pub use recall::{RecallCounts, RecallPlan, RecallStage, measure_recall};
 pub use reference::{Judged, Niche, Reference, ReferenceError};
 pub use report::{report_page, write_report};
 pub use richness::Richness;
-pub use second_judge::{second_judge, second_judge_measures};
+pub use second_judge::{second_judge, second_judge_by, second_judge_measures};
 pub use shares::JudgedTrials;
 pub use study::{Axis, Cell, LabelledSets, Measures, Phase, RandomBatches, Study};
 pub use tables::{Entry, Resampled, Row, Table};

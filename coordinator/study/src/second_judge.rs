@@ -19,7 +19,13 @@ use paths::Paths;
 /// `world`.
 #[must_use]
 pub fn second_judge(motion: &Replay, world: &World) -> Class {
-    forest::class(&second_judge_measures(motion, world), world)
+    second_judge_by(&second_judge_measures(motion, world), world)
+}
+
+/// The class that the second judge gives a motion of which it measured this in `world`.
+#[must_use]
+pub fn second_judge_by(measures: &[f64], world: &World) -> Class {
+    forest::class(measures, world)
 }
 
 /// What the second judge measures of the end of a motion in `world`, to train it by: always as many numbers, all finite.

@@ -235,6 +235,17 @@ fn what_is_read_is_not_written() {
             "{command:?} changed its input"
         );
     }
+    // The starts that lie beside labels are read without being named.
+    let labels = folder.path().join("labels.csv").display().to_string();
+    let starts = folder.path().join("starts.csv");
+    fs::write(&starts, "mine").unwrap();
+    let refused = given.run(&["lab", "judge", "--labels", &labels, "--measures"], &starts);
+    assert!(
+        refused.stderr.contains("is a file that is read"),
+        "{}",
+        refused.stderr
+    );
+    assert_eq!(fs::read_to_string(&starts).unwrap(), "mine");
     let twice = folder.path().join("twice");
     let png = twice.display().to_string();
     let refused = given.run(&["simulate", CONTROLLER, "--png", &png, "--gif"], &twice);

@@ -255,22 +255,22 @@ fn it_says_the_same_of_the_end_of_a_motion_as_of_the_whole() {
 }
 
 #[test]
-fn it_agrees_with_people_on_one_sensor_as_often_as_is_documented() {
+fn it_agrees_with_annotators_on_one_sensor_as_often_as_is_documented() {
     check(RULES, "single_sensor", 0);
 }
 
 #[test]
-fn it_agrees_with_people_on_two_sensors_as_often_as_is_documented() {
+fn it_agrees_with_annotators_on_two_sensors_as_often_as_is_documented() {
     check(RULES, "two_sensor", 1);
 }
 
 #[test]
-fn it_agrees_with_people_on_rare_classes_as_often_as_is_documented() {
+fn it_agrees_with_annotators_on_rare_classes_as_often_as_is_documented() {
     check(RULES, "rare", 2);
 }
 
 #[test]
-fn the_second_judge_agrees_with_people_as_often_as_is_documented() {
+fn the_second_judge_agrees_with_annotators_as_often_as_is_documented() {
     for (column, set) in ["single_sensor", "two_sensor", "rare"].into_iter().enumerate() {
         check(SECOND, set, column);
     }

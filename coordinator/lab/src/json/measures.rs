@@ -76,24 +76,24 @@ pub(crate) struct Spread {
 pub(crate) struct Judge {
     #[serde(flatten)]
     pub(crate) set: Set,
-    /// Of the rule-based judge with people.
+    /// Of the rule-based judge with annotators.
     #[serde(flatten)]
     pub(crate) agreement: Agreement,
     /// The patterns among behaviours of no class, by name.
     pub(crate) patterns: BTreeMap<String, PatternCounts>,
     /// By class: number of behaviours in whose world it has no meaning, so that the judge cannot answer with it.
     pub(crate) without_meaning: BTreeMap<String, u64>,
-    /// Of the second judge with people.
+    /// Of the second judge with annotators.
     pub(crate) second_judge: Agreement,
     /// Behaviours that have the same class from both judges.
     pub(crate) judges_agreed: u64,
     /// Cohen's kappa between the judges, -1 to 1; null if agreement by chance is certain.
     pub(crate) judges_kappa: Option<f64>,
-    /// Behaviours that have the same class from both judges, and from people.
+    /// Behaviours that have the same class from both judges, and from annotators.
     pub(crate) all_agreed: u64,
 }
 
-/// How often a judge says what people say.
+/// How often a judge says what annotators say.
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 pub(crate) struct Agreement {
