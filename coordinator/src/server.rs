@@ -31,7 +31,7 @@ use murmuration_proto::{
 };
 use murmuration_search::interrupt::Interrupt;
 use murmuration_service::{
-    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, TrainerApi, TransferApi, WorkerApi,
+    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, Recent, TrainerApi, TransferApi, WorkerApi,
 };
 use murmuration_store::{
     DataDirectory, Store, StoreError,
@@ -167,6 +167,7 @@ impl Coordinator {
             dispatch: dispatch.clone(),
             queries: queries.clone(),
             digests: LatestAnswers::within(KEPT_DIGEST_BYTES),
+            watched: Recent::default(),
         };
         // One for gRPC and pages: no two windows are asked the same, whichever they are of.
         let label_api = LabelApi {
@@ -183,6 +184,7 @@ impl Coordinator {
             play: Playground::default(),
             studies: Studies::of(options.data.path()),
             reports: Reports::default(),
+            sights: Recent::default(),
             atlas: DrawnAtlas::default(),
             judged: Judged::default(),
         };

@@ -1,11 +1,11 @@
 //! The service for clients: campaigns, archives, taxonomies, replays.
 
-use super::{Streamed, in_parts};
+use super::{Recent, Streamed, in_parts};
 use crate::status::OrStatus as _;
 use murmuration_dispatch::{Dispatch, ReplayJob};
 use murmuration_engine::{
     blocking::{blocking, in_background},
-    campaign::Campaigns,
+    campaign::{CampaignError, Campaigns},
     queries::Queries,
     taxonomy::{Names, Taxonomy},
 };
@@ -39,6 +39,8 @@ pub struct CampaignApi {
     pub queries: Queries,
     /// Digests of archives, by their version and number of individuals.
     pub digests: LatestAnswers<(ArchiveVersion, u64), ArchiveDigest>,
+    /// The statuses of campaigns that are watched.
+    pub watched: Recent<(v1::Campaign, bool)>,
 }
 
 type Answer<T> = Result<Response<T>, Status>;
@@ -111,15 +113,24 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
     ) -> Answer<Self::WatchCampaignStream> {
         let campaigns = self.campaigns.clone();
         let id = self.record(&request.get_ref().campaign).await?.id;
+        let watched = self.watched.follow(id.to_string());
         let (messages, stream) = mpsc::channel(1);
         tokio::spawn(async move {
+            // The first is new, whoever else watches.
+            let mut age = Duration::ZERO;
             loop {
-                let status = campaigns.status(id.as_str()).await;
-                let goes_on = status.as_ref().is_ok_and(|status| status.active);
-                let message = status.map(Into::into).or_status();
+                let look = async {
+                    let status = campaigns.status(id.as_str()).await?;
+                    let active = status.active;
+                    Ok((status.into(), active))
+                };
+                let looked: Result<_, CampaignError> = watched.within(age, look).await;
+                let goes_on = matches!(looked, Ok((_, true)));
+                let message = looked.map(|(status, _)| status).or_status();
                 if messages.send(message).await.is_err() || !goes_on {
                     return;
                 }
+                age = WATCH_INTERVAL;
                 tokio::select! {
                     () = messages.closed() => return,
                     () = async { tokio::join!(campaigns.changed(&id), tokio::time::sleep(WATCH_INTERVAL)); } => {}

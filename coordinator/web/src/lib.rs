@@ -55,7 +55,7 @@ use murmuration_access::{
     Seats, requests,
 };
 use murmuration_engine::{campaign::Campaigns, maps::Maps};
-use murmuration_service::{CampaignApi, LabelApi, blame_the_client};
+use murmuration_service::{CampaignApi, LabelApi, Recent, blame_the_client};
 use murmuration_store::Store;
 use page_error::PageError;
 pub use play::Playground;
@@ -81,6 +81,8 @@ pub struct Web {
     pub play: Playground,
     pub studies: Studies,
     pub reports: Reports,
+    /// What event streams send.
+    pub sights: Recent<String>,
     pub atlas: DrawnAtlas,
     /// The judge's latest verdicts on medoids.
     pub judged: Judged,

@@ -9,6 +9,7 @@ use maud::Markup;
 use murmuration_engine::{blocking::blocking, campaign::CampaignError};
 use murmuration_model::{CampaignState, Rounds};
 use murmuration_proto::CheckpointDigest;
+use murmuration_service::Followed;
 use serde_json::json;
 use std::{convert::Infallible, sync::Arc, time::Duration};
 use tokio::sync::{Mutex, mpsc};
@@ -23,16 +24,18 @@ pub(super) async fn campaigns(
     State(web): State<Web>,
     Query(wanted): Query<Wanted>,
 ) -> Result<Events, PageError> {
+    let sights = web.sights.follow(format!("campaigns {wanted:?}"));
     let look = move || {
         let (web, wanted) = (web.clone(), wanted.clone());
         async move { Ok::<_, CampaignError>(list::table(&web, &wanted).await?.into_string()) }
     };
-    Ok(follow(look))
+    Ok(follow(sights, look))
 }
 
 pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, PageError> {
     let id = web.campaigns.status(&id).await?.record.id;
     let latest = Arc::<Mutex<Option<Rendered>>>::default();
+    let sights = web.sights.follow(format!("campaign {id}"));
     let look = move || {
         let (web, id, latest) = (web.clone(), id.clone(), latest.clone());
         async move {
@@ -65,7 +68,7 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
             Ok::<_, CampaignError>(slots.sent())
         }
     };
-    Ok(follow(look))
+    Ok(follow(sights, look))
 }
 
 /// The markup of a taxonomy and of the rounds that led to it.
@@ -80,6 +83,7 @@ struct Rendered {
 /// For scripts: the state of the archive, the length of its label log, and the current stage as a sentence.
 pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, PageError> {
     let id = web.campaigns.status(&id).await?.record.id;
+    let sights = web.sights.follow(format!("changes {id}"));
     let look = move || {
         let (web, id) = (web.clone(), id.clone());
         async move {
@@ -100,12 +104,12 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
             Ok::<_, CampaignError>(seen.to_string())
         }
     };
-    Ok(follow(look))
+    Ok(follow(sights, look))
 }
 
-/// Sends the result of `look` whenever it changes, for as long as the client listens. `look` runs several times a second, so
-/// what it reads must not grow with the archive.
-pub(super) fn follow<Look, Looked, E>(look: Look) -> Events
+/// Sends the result of `look` whenever it changes, for as long as the client listens. `look` runs several times a second for all
+/// who follow `sights`, so what it reads must not grow with the archive.
+pub(super) fn follow<Look, Looked, E>(sights: Followed<String>, look: Look) -> Events
 where
     Look: Fn() -> Looked + Send + 'static,
     Looked: Future<Output = Result<String, E>> + Send,
@@ -114,7 +118,10 @@ where
     let (events, stream) = mpsc::channel(1);
     tokio::spawn(async move {
         let mut seen = None;
-        while let Ok(sight) = look().await {
+        // The first is new, whoever else follows.
+        let mut age = Duration::ZERO;
+        while let Ok(sight) = sights.within(age, look()).await {
+            age = INTERVAL;
             if seen.as_ref() != Some(&sight) {
                 seen = Some(sight.clone());
                 if events.send(Ok(Event::default().data(sight))).await.is_err() {

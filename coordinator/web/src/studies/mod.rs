@@ -96,6 +96,7 @@ pub(super) async fn page(
 /// The state of the cells, whenever it changes.
 pub(super) async fn events(State(web): State<Web>, Path(name): Path<String>) -> Result<Events, PageError> {
     web.studies.loaded(&name).await?;
+    let sights = web.sights.follow(format!("study {name}"));
     let look = move || {
         let (web, name) = (web.clone(), name.clone());
         async move {
@@ -104,7 +105,7 @@ pub(super) async fn events(State(web): State<Web>, Path(name): Path<String>) -> 
             Ok::<_, PageError>(sight.markup(&loaded).into_string())
         }
     };
-    Ok(follow(look))
+    Ok(follow(sights, look))
 }
 
 /// The tables and plots as they stand, for the script of the page.
