@@ -1,8 +1,7 @@
 //! Deleting a campaign: what would go is said first.
 
-use super::{Web, layout::layout, of_campaign::OfCampaign, page_error::PageError};
+use super::{Web, asked::Form, layout::layout, of_campaign::OfCampaign, page_error::PageError};
 use axum::{
-    Form,
     extract::{Path, State},
     response::Redirect,
 };

@@ -3,7 +3,7 @@
 use super::parts;
 use maud::{Markup, html};
 use murmuration_model::{CampaignRecord, CampaignState, Round};
-use murmuration_proto::{CheckpointDigest, Feedback, Lineage, grouped, training::Configuration};
+use murmuration_proto::{CheckpointDigest, Feedback, Lineage, grouped, rounded, training::Configuration};
 use murmuration_store::{CheckpointRecord, Store, StoreError, TaxonomyVersion};
 use murmuration_study::wide;
 use std::collections::BTreeSet;
@@ -246,7 +246,10 @@ fn line(record: &CampaignRecord, before: &[Step], step: &Step, is_last: bool) ->
 }
 
 fn share(share: Option<f64>) -> String {
-    share.map_or_else(|| "–".to_owned(), |share| format!("{:.1} %", 100.0 * share))
+    share.map_or_else(
+        || "–".to_owned(),
+        |share| format!("{} %", rounded(100.0 * share, 1)),
+    )
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 
 mod answers;
 mod archived;
+mod asked;
 mod assets;
 mod atlas;
 mod classes;

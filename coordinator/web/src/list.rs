@@ -2,6 +2,7 @@
 
 use super::{
     Web, archived,
+    asked::Query,
     found::{Line, STATES, Wanted},
     glossary::term,
     layout::layout_with,
@@ -11,10 +12,7 @@ use super::{
     stages::progress,
     visitor::Visitor,
 };
-use axum::{
-    extract::{Query, State},
-    response::Redirect,
-};
+use axum::{extract::State, response::Redirect};
 use maud::{Markup, html};
 use murmuration_engine::{
     blocking::blocking,

@@ -1,8 +1,10 @@
 //! The event streams of pages: parts of a page are sent again whenever they change.
 
-use super::{Web, found::Wanted, layout::ArchiveState, list, page_error::PageError, pages, stages};
+use super::{
+    Web, asked::Query, found::Wanted, layout::ArchiveState, list, page_error::PageError, pages, stages,
+};
 use axum::{
-    extract::{Path, Query, State},
+    extract::{Path, State},
     response::sse::{Event, KeepAlive, Sse},
 };
 use maud::Markup;

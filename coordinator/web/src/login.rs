@@ -1,13 +1,13 @@
 //! Logging in and out: a person enters a token once, and the browser keeps a session cookie that no script can read.
 
 use super::{
+    asked::{Form, Query},
     layout::layout,
     page_error::{self, PageError, status_of},
     visitor::Visitor,
 };
 use axum::{
-    Extension, Form,
-    extract::Query,
+    Extension,
     http::{
         HeaderMap, Method, StatusCode, Uri,
         header::{CACHE_CONTROL, SET_COOKIE},

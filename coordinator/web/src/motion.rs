@@ -3,11 +3,12 @@
 use super::{
     Web,
     archived::Created,
+    asked::Query,
     page_error::{PageError, Refused},
 };
 use axum::{
     Json,
-    extract::{Path, Query, State},
+    extract::{Path, State},
     http::{
         HeaderName,
         header::{CONTENT_DISPOSITION, CONTENT_TYPE},

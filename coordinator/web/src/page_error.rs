@@ -34,6 +34,9 @@ pub(super) enum PageError {
     Service(#[from] Status),
     #[error("{0}")]
     Input(#[from] Invalid),
+    /// A form of another kind, or longer than is read.
+    #[error("the form of this request cannot be read: send it from the page that it belongs to")]
+    Unread(StatusCode),
     #[error("{0}")]
     Campaign(#[from] CampaignError),
     #[error("{0}")]
@@ -93,7 +96,9 @@ impl PageError {
             Self::NoPage => "Page not found",
             Self::Late | Self::Refused(Refusal::NoSeat(_)) => "The coordinator is busy",
             Self::Refused(_) => "Request refused",
-            Self::Service(_) | Self::Input(_) | Self::Campaign(_) | Self::Picture(_) => "Request failed",
+            Self::Service(_) | Self::Input(_) | Self::Unread(_) | Self::Campaign(_) | Self::Picture(_) => {
+                "Request failed"
+            }
         }
     }
 
@@ -104,6 +109,7 @@ impl PageError {
             Self::Late => StatusCode::GATEWAY_TIMEOUT,
             Self::Service(status) => status_of_code(status.code()),
             Self::Input(_) => StatusCode::BAD_REQUEST,
+            Self::Unread(status) => *status,
             Self::Campaign(CampaignError::Store(
                 StoreError::NoCampaign(_) | StoreError::NoIndividual { .. },
             )) => StatusCode::NOT_FOUND,

@@ -3,6 +3,7 @@
 use super::{
     Web,
     archived::{self, Created},
+    asked::Query,
     delete, history,
     layout::{Part, campaign_page},
     machines,
@@ -14,7 +15,7 @@ use super::{
     visitor::Visitor,
 };
 use axum::{
-    extract::{Path, Query, State},
+    extract::{Path, State},
     http::header::CONTENT_TYPE,
     response::{IntoResponse, Redirect},
 };

@@ -200,6 +200,27 @@ async fn what_scripts_say_is_checked_and_said_once() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn what_a_page_cannot_be_asked_for_is_told_on_a_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start(folder.path(), 1).await;
+    let browser = Browser::at(&cluster);
+    for (asked, field) in [("/?page=-1", "page"), ("/events?page=x", "page")] {
+        let answer = browser.get(asked).await;
+        assert_eq!(answer.status(), StatusCode::BAD_REQUEST, "{asked}");
+        let page = answer.text().await.unwrap();
+        let said = format!("{field} = &quot;");
+        assert!(page.contains(&said) && page.contains("All campaigns"), "{page}");
+        assert!(!page.contains("deserialize"), "{page}");
+    }
+    let origin = browser.url.clone();
+    let answer = browser.post("/login", &[("other", "x")], Some(&origin)).await;
+    assert_eq!(answer.status(), StatusCode::BAD_REQUEST);
+    let page = answer.text().await.unwrap();
+    assert!(page.contains("is missing: must be given"), "{page}");
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn what_the_machine_said_is_told_apart_from_what_people_say() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 1).await;

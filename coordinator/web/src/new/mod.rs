@@ -6,10 +6,15 @@ mod every_field;
 mod fields;
 mod view;
 
-use super::{Web, page_error::PageError, pages::page_of, visitor::Visitor};
+use super::{
+    Web,
+    asked::{Form, Query},
+    page_error::PageError,
+    pages::page_of,
+    visitor::Visitor,
+};
 use axum::{
-    Form,
-    extract::{Query, State},
+    extract::State,
     response::{IntoResponse, Response},
 };
 use draft::Draft;

@@ -6,8 +6,8 @@ use super::{
     address::MOST_ROBOTS,
     piece,
 };
+use crate::asked::Form;
 use axum::{
-    Form,
     extract::{Path, State},
     response::IntoResponse,
 };

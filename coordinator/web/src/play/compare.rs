@@ -5,12 +5,13 @@ use super::{
     address::{Parameters, Play},
     strictly,
 };
-use axum::{Form, extract::State};
+use crate::asked::Form;
+use axum::extract::State;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{Markup, html};
 use murmuration_engine::nearest::{Nearest, Neighbour, UNLIKE};
 use murmuration_model::CampaignRecord;
-use murmuration_proto::{CapabilityModel, Invalid, World};
+use murmuration_proto::{CapabilityModel, Invalid, World, rounded};
 use murmuration_report::picture;
 use murmuration_service::{OrStatus as _, OtherBehaviour};
 use tonic::Status;
@@ -137,12 +138,12 @@ fn verdict(record: &CampaignRecord, nearest: &Nearest) -> Markup {
     let times = nearest.relative_distance();
     html! {
         @if nearest.is_unlike() { strong { "This is like nothing in " (record.id) "." } " " }
-        "The nearest cluster is " (medoid.cluster + 1) ", " (format!("{:.3}", medoid.distance)) " from its medoid"
-        @if let Some(times) = times { ", " (format!("{times:.1}")) " times as far as its members are on average (from " (UNLIKE) " on, a behaviour counts as unlike all others)" }
+        "The nearest cluster is " (medoid.cluster + 1) ", " (rounded(medoid.distance, 3)) " from its medoid"
+        @if let Some(times) = times { ", " (rounded(times, 1)) " times as far as its members are on average (from " (UNLIKE) " on, a behaviour counts as unlike all others)" }
         "."
         @if !nearest.is_taxonomy { " The campaign is not complete, so clusters may change." }
         @if let Some(labelled) = &nearest.labelled {
-            " The nearest individual with a class is " (labelled.index) " (" (format!("{:.3}", labelled.distance)) "): "
+            " The nearest individual with a class is " (labelled.index) " (" (rounded(labelled.distance, 3)) "): "
             strong { (labelled.class.as_ref().map_or("", |class| class.as_str())) } "."
         }
     }
@@ -155,7 +156,7 @@ fn individual(record: &CampaignRecord, near: &Neighbour) -> Markup {
             "Individual " (near.index)
         }
         p.reason {
-            (format!("{:.3}", near.distance)) " away · cluster " (near.cluster + 1)
+            (rounded(near.distance, 3)) " away · cluster " (near.cluster + 1)
             @if let Some(class) = &near.class { " · " (class) }
         }
     }
@@ -164,6 +165,17 @@ fn individual(record: &CampaignRecord, near: &Neighbour) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use murmuration_proto::grouped;
+
+    #[test]
+    fn the_page_on_security_names_the_limit() {
+        let page = include_str!("../../../../docs/security.md");
+        let limit = format!(
+            "at most {} steps summed over the robots",
+            grouped(MOST_ROBOT_STEPS)
+        );
+        assert!(page.contains(&limit), "{limit}");
+    }
 
     #[test]
     fn the_campaign_is_taken_out_of_the_parameters() {

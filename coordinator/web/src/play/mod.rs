@@ -17,6 +17,7 @@ pub(super) use view::described;
 
 use super::{
     Web,
+    asked::{Form, Query},
     new::request_of,
     page_error::{PageError, Refused},
     pages::page_of,
@@ -24,8 +25,7 @@ use super::{
 };
 use address::{Address, Parameters, Play};
 use axum::{
-    Form,
-    extract::{Query, State},
+    extract::State,
     http::header::{CACHE_CONTROL, CONTENT_TYPE},
     response::{IntoResponse, Redirect},
 };

@@ -3,8 +3,10 @@
 mod matching;
 mod taxonomies;
 
-use super::{Web, layout::layout_with, named::NamedTaxonomy, page_error::PageError, visitor::Visitor};
-use axum::extract::{Query, State};
+use super::{
+    Web, asked::Query, layout::layout_with, named::NamedTaxonomy, page_error::PageError, visitor::Visitor,
+};
+use axum::extract::State;
 use maud::{Markup, html};
 use murmuration_engine::blocking::in_background;
 use murmuration_model::CampaignRecord;

@@ -6,7 +6,7 @@ use maud::{Markup, html};
 use murmuration_accuracy::RANDOM;
 use murmuration_engine::taxonomy::{Alike, Origin};
 use murmuration_model::{CampaignRecord, labels::ClassName};
-use murmuration_proto::{counted, grouped};
+use murmuration_proto::{counted, grouped, rounded};
 
 /// Pairs that are listed at once, the nearest, and most that are listed when somebody asks for the others.
 const AT_ONCE: usize = 3;
@@ -136,5 +136,5 @@ fn pair_of(record: &CampaignRecord, shown: &Shown, pair: &Alike) -> Markup {
 }
 
 fn figure(distance: f64) -> String {
-    format!("{distance:.3}")
+    rounded(distance, 3)
 }

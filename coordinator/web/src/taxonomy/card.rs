@@ -8,7 +8,7 @@ use murmuration_model::{
     CampaignRecord,
     labels::{ClassName, GivenClass},
 };
-use murmuration_proto::{Verdict, counted, grouped};
+use murmuration_proto::{Verdict, counted, figure, grouped};
 
 pub(super) struct Card<'a> {
     pub(super) record: &'a CampaignRecord,
@@ -68,7 +68,7 @@ pub(super) fn card(card: &Card<'_>) -> Markup {
             dl.figures {
                 div { dt { "Individual" } dd { (grouped(index)) } }
                 div { dt { "Generation" } dd { (grouped(medoid.individual.generation.into())) } }
-                div { dt { "Novelty" } dd { (format!("{:.4}", medoid.novelty)) } }
+                div { dt { "Novelty" } dd { (figure(medoid.novelty)) } }
                 @if let Some(robust) = robust {
                     div title="Trials of this individual to which no other behaviour on this page is nearer than this one" {
                         dt { "Robustness" }

@@ -1,6 +1,7 @@
 //! Before and after: two versions of a taxonomy side by side, with what became of clusters and names.
 
 use super::{map, versions};
+use crate::asked::Query;
 use crate::{
     archived,
     layout::{Part, campaign_page},
@@ -8,7 +9,6 @@ use crate::{
     page_error::PageError,
     parts,
 };
-use axum::extract::Query;
 use maud::{Markup, html};
 use murmuration_engine::{
     blocking::in_background,
@@ -17,7 +17,7 @@ use murmuration_engine::{
     taxonomy::{Change, ClusterName, Names, Origin},
 };
 use murmuration_model::{CampaignRecord, colours};
-use murmuration_proto::{counted, grouped};
+use murmuration_proto::{counted, grouped, rounded};
 use murmuration_report::point_map;
 use murmuration_service::OrStatus as _;
 use murmuration_store::{Store, StoredTaxonomy, TaxonomyVersion};
@@ -221,7 +221,7 @@ fn summary(record: &CampaignRecord, compared: &Compared) -> Markup {
                     }
                 })))
                 (line("Accuracy on held-out triplets", sides.map(|side| html! {
-                    @match side.accuracy { Some(share) => (format!("{:.1} %", 100.0 * share)), None => "not known" }
+                    @match side.accuracy { Some(share) => { (rounded(100.0 * share, 1)) " %" } None => "not known" }
                 })))
                 (line("Individuals", sides.map(|side| html! { (grouped(side.version.individuals)) })))
                 (line("Behaviours", sides.map(|side| html! { (side.stored.medoids.len()) })))

@@ -1,7 +1,8 @@
 //! The map of a version of a taxonomy, as it was when that was made.
 
+use crate::asked::Query;
 use crate::{archived::Created, of_campaign::OfCampaign, page_error::PageError};
-use axum::{extract::Query, http::header::CONTENT_TYPE, response::IntoResponse};
+use axum::{http::header::CONTENT_TYPE, response::IntoResponse};
 use murmuration_engine::{blocking::in_background, maps::Maps, space::SpaceError, taxonomy::Change};
 use murmuration_model::{
     CampaignRecord,

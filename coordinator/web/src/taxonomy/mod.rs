@@ -11,7 +11,9 @@ mod versions;
 pub use judged::Judged;
 
 use super::{
-    Web, keys,
+    Web,
+    asked::Query,
+    keys,
     layout::{Part, campaign_page},
     of_campaign::OfCampaign,
     page_error::PageError,
@@ -19,7 +21,7 @@ use super::{
 };
 use axum::{
     body::Bytes,
-    extract::{Path, Query, State},
+    extract::{Path, State},
     http::header::{CONTENT_DISPOSITION, CONTENT_TYPE},
     response::IntoResponse,
 };

@@ -1,17 +1,14 @@
 //! How robust a behaviour is: its controller from further starts, each judged, with their pictures.
 
 use super::judged::{STARTS, Start, counted};
+use crate::asked::Query;
 use crate::{
     archived::Created,
     layout::{Part, campaign_page},
     of_campaign::OfCampaign,
     page_error::PageError,
 };
-use axum::{
-    extract::{Path, Query},
-    http::header::CONTENT_TYPE,
-    response::IntoResponse,
-};
+use axum::{extract::Path, http::header::CONTENT_TYPE, response::IntoResponse};
 use maud::{Markup, html};
 use murmuration_model::{CampaignRecord, labels::ClassName};
 use murmuration_proto::{Verdict, grouped};

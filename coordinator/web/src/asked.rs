@@ -1,0 +1,115 @@
+//! What a request asks for: the query of its address, and its form.
+//!
+//! As axum's extractors of the same names, but what they refuse is told on an error page of ours, with the field.
+
+use super::page_error::PageError;
+use axum::{
+    body::Body,
+    extract::{
+        self, FromRequest, FromRequestParts, RawForm, Request,
+        rejection::{FormRejection, QueryRejection},
+    },
+    http::request::Parts,
+    response::IntoResponse as _,
+};
+use murmuration_proto::{Invalid, text};
+use serde::de::DeserializeOwned;
+
+/// The query of the address.
+#[derive(Debug)]
+pub(super) struct Query<T>(pub(super) T);
+
+/// The form: of a POST its body, of a GET the query of the address.
+#[derive(Debug)]
+pub(super) struct Form<T>(pub(super) T);
+
+impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
+    type Rejection = PageError;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, PageError> {
+        let query = extract::Query::from_request_parts(parts, state).await;
+        let refused = |rejection: QueryRejection| {
+            let query = parts.uri.query().unwrap_or_default();
+            refused(&rejection.body_text(), query.as_bytes()).into()
+        };
+        query.map(|extract::Query(query)| Self(query)).map_err(refused)
+    }
+}
+
+impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Form<T> {
+    type Rejection = PageError;
+
+    async fn from_request(request: Request, state: &S) -> Result<Self, PageError> {
+        let (parts, body) = request.into_parts();
+        let again = |body: Body| Request::from_parts(parts.clone(), body);
+        let RawForm(form) = RawForm::from_request(again(body), state)
+            .await
+            .map_err(|rejection| PageError::Unread(rejection.into_response().status()))?;
+        let read = extract::Form::from_request(again(Body::from(form.clone())), state).await;
+        read.map(|axum::Form(read)| Self(read))
+            .map_err(|rejection| match rejection {
+                FormRejection::FailedToDeserializeForm(_) | FormRejection::FailedToDeserializeFormBody(_) => {
+                    refused(&rejection.body_text(), &form).into()
+                }
+                other => PageError::Unread(other.status()),
+            })
+    }
+}
+
+/// The field that axum refused, by what it `said` ("Failed to ...: FIELD: reason", or a reason with the field in backticks), with its
+/// value in the query or form.
+fn refused(said: &str, pairs: &[u8]) -> Invalid {
+    let pairs: Vec<(String, String)> = serde_urlencoded::from_bytes(pairs).unwrap_or_default();
+    let find = |field: &str| pairs.iter().find(|(name, _)| name == field);
+    let part = |separator| said.split(separator).nth(1).unwrap_or_default();
+    if let Some((field, value)) = find(part(": ")) {
+        return Invalid::new(field, text::quoted(value), "a value that this page takes");
+    }
+    match (part("`"), find(part("`"))) {
+        (_, Some((field, value))) => Invalid::new(field, text::quoted(value), "given once"),
+        ("", None) => Invalid::missing("request", "names and values"),
+        (field, None) => Invalid::missing(field, "given"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use axum::http::{StatusCode, header::CONTENT_TYPE};
+    use serde::Deserialize;
+
+    #[derive(Debug, Deserialize)]
+    struct Wanted {
+        page: usize,
+    }
+
+    #[tokio::test]
+    async fn the_field_of_a_query_or_form_is_named() {
+        for (asked, said) in [
+            ("page=-1", "page = \"-1\": must be a value that this page takes"),
+            (
+                "a=%1b&page=%1b%5bm",
+                "page = \"\\u{1b}[m\": must be a value that this page takes",
+            ),
+            ("page=1&page=2", "page = \"1\": must be given once"),
+            ("", "page is missing: must be given"),
+        ] {
+            let request = Request::get(format!("/?{asked}")).body(Body::empty()).unwrap();
+            let query = Query::<Wanted>::from_request(request, &()).await;
+            assert_eq!(query.unwrap_err().to_string(), said);
+            let request = Request::post("/").header(CONTENT_TYPE, "application/x-www-form-urlencoded");
+            let request = request.body(Body::from(asked)).unwrap();
+            let form = Form::<Wanted>::from_request(request, &()).await;
+            assert_eq!(form.unwrap_err().to_string(), said);
+        }
+        let request = Request::get("/?page=7").body(Body::empty()).unwrap();
+        let Query(wanted) = Query::<Wanted>::from_request(request, &()).await.unwrap();
+        assert_eq!(wanted.page, 7);
+        let request = Request::post("/").body(Body::from("page=7")).unwrap();
+        let refused = Form::<Wanted>::from_request(request, &()).await.unwrap_err();
+        assert_eq!(
+            refused.into_response().status(),
+            StatusCode::UNSUPPORTED_MEDIA_TYPE
+        );
+    }
+}
