@@ -46,13 +46,15 @@ pub struct Lineage {
     pub label_digest: String,
     /// The training configuration, TOML; at most 64 KiB, without invisible characters.
     pub configuration: String,
-    /// Figures measured on it, by name (1 to 64 visible characters), all finite; at most 100.
+    /// Figures measured on it, by name (1 to 64 visible characters), each at most [`Lineage::MAX_FIGURE`]; at most 100.
     pub metrics: BTreeMap<String, f64>,
     /// The pictures whose classes it was told.
     pub labelled: SeenPictures,
 }
 
 impl Lineage {
+    /// Largest magnitude of a figure: well above any loss, spread or count.
+    pub const MAX_FIGURE: f64 = 1e15;
     /// Maximum number of bytes of its configuration.
     const MAX_CONFIGURATION: usize = 64 << 10;
     /// Maximum number of characters of a digest, or of a figure's name.
@@ -127,8 +129,14 @@ impl TryFrom<v1::Checkpoint> for Lineage {
                 return Err(Invalid::new("metrics", text::quoted(name), allowed));
             }
         }
-        if let Some((name, value)) = message.metrics.iter().find(|(_, value)| !value.is_finite()) {
-            return Err(Invalid::new(format!("metrics.{name}"), value, "finite"));
+        let is_figure = |value: f64| value.abs() <= Self::MAX_FIGURE;
+        if let Some((name, value)) = message.metrics.iter().find(|(_, value)| !is_figure(**value)) {
+            let allowed = format!("finite, and at most {:e} in magnitude", Self::MAX_FIGURE);
+            return Err(Invalid::new(
+                format!("metrics.{name}"),
+                format!("{value:e}"),
+                allowed,
+            ));
         }
         let parent = match message.parent.as_str() {
             "" => None,
@@ -174,11 +182,13 @@ mod tests {
         };
         let message = lineage.describe(CheckpointDigest::of(b"model"), 5, 0);
         assert_eq!(Lineage::try_from(message).unwrap(), lineage);
-        let message = v1::Checkpoint {
-            metrics: [("loss".to_owned(), f64::NAN)].into(),
-            ..Default::default()
-        };
-        assert_eq!(Lineage::try_from(message).unwrap_err().field, "metrics.loss");
+        for loss in [f64::NAN, f64::NEG_INFINITY, 1e308, -1e16] {
+            let message = v1::Checkpoint {
+                metrics: [("loss".to_owned(), loss)].into(),
+                ..Default::default()
+            };
+            assert_eq!(Lineage::try_from(message).unwrap_err().field, "metrics.loss");
+        }
     }
 
     #[test]

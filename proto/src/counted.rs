@@ -11,9 +11,25 @@ pub fn grouped(number: u64) -> String {
 /// A measured figure: four decimals, `0.1235`, or an exponent where its whole part would be long, `1.2345e308`.
 #[must_use]
 pub fn figure(value: f64) -> String {
+    rounded(value, 4)
+}
+
+/// A figure with this number of decimals, and with an exponent where its whole part would be long.
+#[must_use]
+pub fn rounded(value: f64, decimals: usize) -> String {
     match value.abs() < 1e6 {
-        true => format!("{value:.4}"),
-        false => format!("{value:.4e}"),
+        true => format!("{value:.decimals$}"),
+        false => format!("{value:.decimals$e}"),
+    }
+}
+
+/// A number to its last digit, with an exponent if it has many digits otherwise.
+#[must_use]
+pub fn in_full(value: f64) -> String {
+    let size = value.abs();
+    match size >= 1e16 || (size > 0.0 && size < 1e-5) {
+        true => format!("{value:e}"),
+        false => value.to_string(),
     }
 }
 
@@ -54,6 +70,12 @@ mod tests {
     fn no_figure_has_hundreds_of_digits() {
         let texts = [0.123_45, -12.0, 999_999.0, 1e308, f64::NAN].map(figure);
         assert_eq!(texts, ["0.1235", "-12.0000", "999999.0000", "1.0000e308", "NaN"]);
+        assert_eq!([1.25, -1e301].map(|value| rounded(value, 1)), ["1.2", "-1.0e301"]);
+        let texts = [0.0, 7.0, -0.123_456_789, 1e15, 1e301, -5e-324].map(in_full);
+        assert_eq!(
+            texts,
+            ["0", "7", "-0.123456789", "1000000000000000", "1e301", "-5e-324"]
+        );
     }
 
     #[test]

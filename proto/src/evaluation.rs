@@ -19,6 +19,10 @@ pub const FEATURE_NAMES: [&str; 5] = [
 /// enough to compute distances.
 pub const MAX_FEATURE: f64 = 1e12;
 
+/// Largest magnitude of a number of an embedding: well above any of a network that tells pictures apart, and small enough to
+/// compute distances.
+pub const MAX_EMBEDDING: f32 = 1e12;
+
 /// The mean of the features of an individual's trials; zeros without one. Of one trial they are that trial's, to the bit.
 pub fn mean_features<'a>(trials: impl Iterator<Item = &'a Features>) -> Features {
     let mut count = 0_u32;
@@ -100,7 +104,7 @@ impl Evaluation {
     /// Adds the embedding of the picture, which must have `dimensions` numbers.
     ///
     /// # Errors
-    /// If the embedding has another length, or a number that is not finite.
+    /// As [`check_embedding`].
     pub fn embedded(self, embedding: Vec<f32>, dimensions: usize) -> Result<Self, Invalid> {
         Ok(Self {
             embedding: check_embedding(embedding, dimensions)?,
@@ -247,10 +251,10 @@ fn same_embedding(one: &[f32], other: &[f32]) -> bool {
     bits(one) == bits(other)
 }
 
-/// Validates an embedding from outside, which must have `dimensions` finite numbers.
+/// Validates an embedding from outside, which must have `dimensions` numbers, finite and at most [`MAX_EMBEDDING`].
 ///
 /// # Errors
-/// If the length differs or a number is not finite.
+/// If the length or a number differs from that.
 pub fn check_embedding(embedding: Vec<f32>, dimensions: usize) -> Result<Vec<f32>, Invalid> {
     if embedding.len() != dimensions {
         let allowed = counted(dimensions as u64, "value");
@@ -260,11 +264,12 @@ pub fn check_embedding(embedding: Vec<f32>, dimensions: usize) -> Result<Vec<f32
             allowed,
         ));
     }
-    match embedding.iter().position(|value| !value.is_finite()) {
+    let fits = |value: &f32| value.abs() <= MAX_EMBEDDING;
+    match embedding.iter().position(|value| !fits(value)) {
         Some(place) => Err(Invalid::new(
             format!("embedding[{place}]"),
-            embedding[place],
-            "finite",
+            format!("{:e}", embedding[place]),
+            format!("finite, and at most {MAX_EMBEDDING:e} in magnitude"),
         )),
         None => Ok(embedding),
     }
@@ -321,6 +326,19 @@ mod tests {
         );
         assert!(!taken.same_simulation(&evaluation));
         assert!(take(None, true).is_err() && take(milling, false).is_err());
+    }
+
+    #[test]
+    fn embeddings_are_what_a_network_can_have() {
+        let check = |value: f32| check_embedding(vec![0.0, value], 2);
+        for value in [0.0, -1.5, MAX_EMBEDDING, -MAX_EMBEDDING] {
+            assert!(check(value).is_ok(), "{value}");
+        }
+        for value in [1e30, -1e13, f32::NAN, f32::INFINITY] {
+            let refused = check(value).unwrap_err().to_string();
+            assert!(refused.starts_with("embedding[1] = "), "{refused}");
+            assert!(refused.contains("at most 1e12"), "{refused}");
+        }
     }
 
     #[test]

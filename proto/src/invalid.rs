@@ -1,5 +1,6 @@
 //! The error of validation: the field, its value, and the allowed values.
 
+use crate::in_full;
 use std::{borrow::Cow, fmt::Display, ops::RangeInclusive};
 
 /// Maximum number of characters shown of a value: enough for several numbers in full.
@@ -74,7 +75,7 @@ pub(crate) fn real(field: &str, value: f64, range: RangeInclusive<f64>) -> Resul
         return Ok(value);
     }
     let allowed = format!("a number from {} to {}", range.start(), range.end());
-    Err(Invalid::new(field, short(value), allowed))
+    Err(Invalid::new(field, in_full(value), allowed))
 }
 
 /// `value` if it is over 0 and at most `most`.
@@ -84,18 +85,9 @@ pub(crate) fn positive(field: &str, value: f64, most: f64) -> Result<f64, Invali
     }
     Err(Invalid::new(
         field,
-        short(value),
+        in_full(value),
         format!("a number over 0 and at most {most}"),
     ))
-}
-
-/// A number as people write it, with an exponent if it has many digits otherwise.
-fn short(value: f64) -> String {
-    let size = value.abs();
-    match size >= 1e16 || (size > 0.0 && size < 1e-5) {
-        true => format!("{value:e}"),
-        false => value.to_string(),
-    }
 }
 
 #[cfg(test)]

@@ -43,12 +43,12 @@ pub use behaviour_space::{BehaviourSpace, Scale};
 pub use campaign_spec::{CampaignName, CampaignSpec, SpecFileError};
 pub use checkpoint::{CheckpointDigest, Lineage, PART_BYTES};
 pub use choice::Choice;
-pub use counted::{counted, figure, grouped, noun};
+pub use counted::{counted, figure, grouped, in_full, noun, rounded};
 pub use dataset::Dataset;
 pub use embedder::EmbedderSource;
 pub use enumeration::Enumeration;
 pub use evaluation::{
-    EmbeddingKind, Evaluation, Extras, FEATURE_NAMES, Features, MAX_FEATURE, check_embedding,
+    EmbeddingKind, Evaluation, Extras, FEATURE_NAMES, Features, MAX_EMBEDDING, MAX_FEATURE, check_embedding,
     embeddings_agree, mean_embedding, mean_features,
 };
 pub use feedback::{Feedback, Strategy};
@@ -57,7 +57,7 @@ pub use image_format::ImageFormat;
 pub use invalid::Invalid;
 pub use method::Method;
 pub use picture_shape::PictureShape;
-pub use random::{Purpose, RandomStream};
+pub use random::{Purpose, RandomStream, start_seed};
 pub use replay::{Frames, Pose, Replay};
 pub use robot::{
     Boundary, CapabilityModel, Controller, Drive, DriveKind, Preset, Robot, RobotController, Seen,

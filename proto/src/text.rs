@@ -6,7 +6,7 @@
 
 pub use crate::invalid::beginning;
 
-use crate::Invalid;
+use crate::{Invalid, counted};
 use icu_properties::{CodePointSetData, props::DefaultIgnorableCodePoint};
 use std::fmt;
 
@@ -39,19 +39,10 @@ impl Text {
     }
 
     fn kept(words: impl Iterator<Item = char>, most: usize) -> Self {
-        let mut kept = String::new();
-        let (mut count, mut before) = (0, None);
-        for c in words {
-            if !matches!(c, '\n' | '\t') && is_hidden(c, before) {
-                continue;
-            }
-            if count == most {
-                kept.push('…');
-                break;
-            }
-            kept.push(c);
-            count += 1;
-            before = Some(c);
+        let mut rest = visible(words);
+        let mut kept: String = rest.by_ref().take(most).collect();
+        if rest.next().is_some() {
+            kept.push('…');
         }
         Self(kept)
     }
@@ -67,6 +58,29 @@ impl From<Text> for String {
     fn from(text: Text) -> Self {
         text.0
     }
+}
+
+/// `words` as a terminal may be sent them: without hidden characters, but with their line ends and tabs.
+#[must_use]
+pub fn printable(words: &str) -> String {
+    visible(words.chars()).collect()
+}
+
+/// A message for people of one or more lines, as a terminal may be sent it. A line of more than [`Text::MAX_CHARS`] characters is cut, and
+/// says how many are left out.
+#[must_use]
+pub fn message(words: &str) -> String {
+    let lines = words.split('\n').map(|line| {
+        let line = printable(line);
+        match line.char_indices().nth(Text::MAX_CHARS) {
+            None => line,
+            Some((end, _)) => {
+                let left_out = counted(line[end..].chars().count() as u64, "more character");
+                format!("{}… ({left_out})", &line[..end])
+            }
+        }
+    });
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 /// `name` without surrounding spaces: 1 to `most` characters, at least one of them visible and none hidden.
@@ -117,6 +131,18 @@ pub fn masked_url(url: &str) -> String {
         Some((before, _)) => format!("{scheme}{before}?***"),
         None => format!("{scheme}{masked}"),
     }
+}
+
+/// The characters that are not hidden, line ends and tabs among them.
+fn visible(words: impl Iterator<Item = char>) -> impl Iterator<Item = char> {
+    let mut before = None;
+    words.filter(move |&c| {
+        let stays = matches!(c, '\n' | '\t') || !is_hidden(c, before);
+        if stays {
+            before = Some(c);
+        }
+        stays
+    })
 }
 
 /// Each character, and whether it is hidden.
@@ -206,6 +232,22 @@ mod tests {
         assert!(long.as_str().ends_with("é…"));
         let fits = "x".repeat(Text::MAX_CHARS);
         assert_eq!(Text::line(&fits).as_str(), fits);
+    }
+
+    #[test]
+    fn a_message_keeps_its_own_lines_and_none_is_endless() {
+        assert_eq!(
+            message("error: a\u{1b}]0;b\u{7}\n\t^ \u{202e}c\n"),
+            "error: a]0;b\n\t^ c\n"
+        );
+        let fits = "é".repeat(Text::MAX_CHARS);
+        assert_eq!(message(&fits), fits);
+        assert_eq!(
+            message(&format!("{fits}abc\nd")),
+            format!("{fits}… (3 more characters)\nd")
+        );
+        let long = "x".repeat(3 * Text::MAX_CHARS);
+        assert_eq!(printable(&long), long);
     }
 
     #[test]

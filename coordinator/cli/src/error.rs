@@ -193,6 +193,7 @@ impl From<StoreError> for CliError {
         let said = error.to_string();
         match error {
             StoreError::NoDirectory(_)
+            | StoreError::NoFolder(_)
             | StoreError::NoCampaign(_)
             | StoreError::NoCheckpoint(_)
             | StoreError::NoIndividual { .. } => Self::Input(said),

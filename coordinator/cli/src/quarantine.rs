@@ -35,13 +35,12 @@ impl QuarantineCommand {
 }
 
 fn list(global: &Global) -> Result<(), CliError> {
-    let lock = DataDirectory::watch(&global.data);
-    let alone = match &lock {
-        Ok(_) => true,
-        Err(StoreError::InUse { .. }) => false,
-        Err(error) => return Err(CliError::Failed(error.to_string())),
+    let lock = match DataDirectory::watch(&global.data) {
+        Ok(lock) => Some(lock),
+        Err(StoreError::InUse { .. }) => None,
+        Err(error) => return Err(error.into()),
     };
-    let (store, _) = Store::look(&global.data, alone)?;
+    let (store, _) = Store::look(&global.data, lock.is_some())?;
     let machines = store.still_quarantined()?;
     if global.json {
         let machines = machines.iter();

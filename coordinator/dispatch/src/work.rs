@@ -162,11 +162,7 @@ impl Work for EvaluationJob {
             judge: self.judges,
         };
         let bounds = FeatureBounds::of(&self.model, &self.world);
-        let take = |evaluation| {
-            let evaluation = Evaluation::for_format(evaluation, &self.image, extras)?;
-            bounds.check(evaluation.features())?;
-            Ok(evaluation)
-        };
+        let take = |evaluation| bounds.evaluation(evaluation, &self.image, extras);
         let trials: Result<Vec<_>, Invalid> = message.evaluations.into_iter().map(take).collect();
         let tasks = by_task("evaluations", trials?, self.starts)?;
         Ok(tasks.into_iter().map(|trials| (trials, kind)).collect())

@@ -124,7 +124,7 @@ impl Command {
             Self::Lab(Lab::Lab(command)) => command.execute(global),
             Self::Help(Help::Schema { kind }) => Box::pin(ready(schema(kind))),
             Self::Help(Help::Man { folder }) => Box::pin(ready(manual(&folder))),
-            Self::Help(Help::Completions { shell }) => Box::pin(ready(completions(shell))),
+            Self::Help(Help::Completions { shell }) => Box::pin(ready(completions(shell, global.json))),
         }
     }
 }
@@ -156,7 +156,11 @@ fn manual(folder: &Path) -> Result<(), CliError> {
     written.map_err(|error| CliError::unwritable(folder, &error))
 }
 
-fn completions(shell: clap_complete::Shell) -> Result<(), CliError> {
+fn completions(shell: clap_complete::Shell, as_json: bool) -> Result<(), CliError> {
+    if as_json {
+        let said = "`completions` prints a script for a shell, and no JSON: leave out --json";
+        return Err(CliError::Input(said.to_owned()));
+    }
     // To memory first: it panics where it cannot write.
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut command(), "murmuration", &mut script);

@@ -11,6 +11,7 @@ use crate::{
     checkpoints::{BlobStore, CheckpointError},
     doctor,
     files::{self, is_empty, is_there, without_links},
+    find_database,
 };
 use bytes::Bytes;
 use murmuration_files::{InputKind, digest_of, read_bytes, write_file};
@@ -98,7 +99,7 @@ pub async fn backup(data: &Path, location: Option<&str>, target: &Path) -> Resul
     let target = &check_target(data, target)?;
     // Before a folder is made for it.
     let database = data.join(Store::FILE);
-    if !is_there(&database).map_err(failed("find", &database))? {
+    if !find_database(&database)? {
         return Err(StoreError::NoDirectory(data.to_path_buf()).into());
     }
     let parent = above(target);

@@ -28,6 +28,7 @@ impl DataDirectory {
             move |source| StoreError::File { doing, path, source }
         };
         super::find(path)?;
+        super::expect_folder(path)?;
         fs::create_dir_all(path).map_err(failed("create the data directory", path))?;
         let lock_path = path.join(Self::LOCK);
         let lock = fs::File::options()
@@ -60,6 +61,7 @@ impl DataDirectory {
     /// # Errors
     /// [`StoreError::InUse`] if a process holds it; otherwise says which file cannot be used.
     pub fn watch(path: &Path) -> Result<Option<fs::File>, StoreError> {
+        super::expect_folder(path)?;
         let lock_path = path.join(Self::LOCK);
         let failed = |source| StoreError::File {
             doing: "open the lock file",

@@ -62,6 +62,8 @@ pub enum StoreError {
         "there is no data directory at {0}: `murmuration run SPEC.toml` makes one, `--data DIR` names another"
     )]
     NoDirectory(PathBuf),
+    #[error("{0} is no folder, and so no data directory: `--data DIR` names one")]
+    NoFolder(PathBuf),
     /// A file or folder of the data directory cannot be used.
     #[error("cannot {doing} {path}: {source}")]
     File {

@@ -191,8 +191,20 @@ fn find(path: &Path) -> Result<bool, StoreError> {
     is_there(path).map_err(|error| StoreError::from_io(error, "find", path))
 }
 
+/// Checks that what is at the path of a data directory, if anything, is a folder.
+///
+/// # Errors
+/// [`StoreError::NoFolder`].
+pub fn expect_folder(path: &Path) -> Result<(), StoreError> {
+    match path.metadata() {
+        Ok(found) if !found.is_dir() => Err(StoreError::NoFolder(path.to_path_buf())),
+        _ => Ok(()),
+    }
+}
+
 /// Whether there is a database at `path`; an error where that cannot be known, or something else has its name.
 fn find_database(path: &Path) -> Result<bool, StoreError> {
+    path.parent().map_or(Ok(()), expect_folder)?;
     let failed = |error| StoreError::from_io(error, "open the database", path);
     if !find(path)? {
         return Ok(false);

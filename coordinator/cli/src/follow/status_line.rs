@@ -2,7 +2,7 @@
 
 use indicatif::HumanDuration;
 use murmuration_model::{Stage, WorkLeft};
-use murmuration_proto::{CampaignSpec, EmbedderSource, Feedback, Search, figure, grouped, v1};
+use murmuration_proto::{CampaignSpec, EmbedderSource, Feedback, Search, figure, grouped, rounded, v1};
 use std::time::Duration;
 
 /// How far a campaign's stage has come, and a line about it.
@@ -118,9 +118,11 @@ impl StatusLine {
         let mut parts = vec![name(status.stage()).to_owned()];
         let mut say = |figure: Option<f64>, text: fn(f64) -> String| parts.extend(figure.map(text));
         say(progress.loss, |loss| format!("loss {}", figure(loss)));
-        say(progress.learning_rate, |rate| format!("learning rate {rate:.5}"));
+        say(progress.learning_rate, |rate| {
+            format!("learning rate {}", rounded(rate, 5))
+        });
         say(progress.triplet_accuracy, |share| {
-            format!("accuracy on held-out triplets {:.1} %", 100.0 * share)
+            format!("accuracy on held-out triplets {} %", rounded(100.0 * share, 1))
         });
         say(progress.triplets_per_second, |rate| {
             format!("{} triplets/s", grouped(rate as u64))

@@ -9,7 +9,7 @@ use super::{
 };
 use murmuration_engine::nearest::{UNLIKE, is_unlike, relative_distance};
 use murmuration_link::{OutputError, outln};
-use murmuration_proto::{FEATURE_NAMES, v1};
+use murmuration_proto::{FEATURE_NAMES, figure, in_full, rounded, v1};
 
 /// Prints it, for a person or for programs.
 pub(super) fn show(recognised: &Recognised, as_json: bool) -> Result<(), OutputError> {
@@ -17,7 +17,7 @@ pub(super) fn show(recognised: &Recognised, as_json: bool) -> Result<(), OutputE
         true => json::print(document(recognised)),
         false => {
             for (name, value) in FEATURE_NAMES.iter().zip(recognised.evaluation.features()) {
-                outln!("{name:<20} {value}")?;
+                outln!("{name:<20} {}", in_full(*value))?;
             }
             outln!("")?;
             table(&recognised.nearest).print()?;
@@ -37,7 +37,7 @@ fn table(nearest: &v1::FindNearestResponse) -> Table {
     for neighbour in &nearest.neighbours {
         table.row([
             neighbour.index.to_string(),
-            format!("{:.4}", neighbour.distance),
+            figure(neighbour.distance),
             (neighbour.cluster + 1).to_string(),
             named(neighbour),
         ]);
@@ -60,14 +60,15 @@ fn verdict(campaign: &str, nearest: &v1::FindNearestResponse) -> String {
         false => "The".to_owned(),
     };
     said += &format!(
-        " nearest cluster is {} (individual {}), {:.4} from its medoid",
+        " nearest cluster is {} (individual {}), {} from its medoid",
         medoid.cluster + 1,
         medoid.index,
-        medoid.distance
+        figure(medoid.distance)
     );
     if let Some(times) = relative(nearest) {
         said += &format!(
-            ", {times:.1} times as far as its members are on average (from {UNLIKE} on, a behaviour counts as unlike all others)"
+            ", {} times as far as its members are on average (from {UNLIKE} on, a behaviour counts as unlike all others)",
+            rounded(times, 1)
         );
     }
     if !nearest.is_taxonomy {
@@ -75,8 +76,10 @@ fn verdict(campaign: &str, nearest: &v1::FindNearestResponse) -> String {
     }
     if let Some(labelled) = &nearest.labelled {
         said += &format!(
-            ". The nearest individual with a class is {} ({:.4}): {}",
-            labelled.index, labelled.distance, labelled.class
+            ". The nearest individual with a class is {} ({}): {}",
+            labelled.index,
+            figure(labelled.distance),
+            labelled.class
         );
     }
     said + "."
@@ -135,5 +138,6 @@ mod tests {
              on, a behaviour counts as unlike all others). The nearest individual with a class is 7 (1.0000): ring."
         );
         assert!(said(1.6).starts_with("It is like nothing in quick-1: the nearest cluster"));
+        assert!(said(1e301).len() < 400, "{}", said(1e301));
     }
 }

@@ -14,6 +14,7 @@ use murmuration_cli::{
 };
 use murmuration_files::{Folder, InputKind, Replaces};
 use murmuration_link::{errln, outln};
+use murmuration_store::expect_folder;
 use murmuration_study::{Corrections, FolderError, Outcome, ReportError, StudyFolder, studies, write_report};
 use std::path::{Path, PathBuf};
 
@@ -55,6 +56,7 @@ pub struct ReportStudy {
 
 impl StudyCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        expect_folder(&global.data)?;
         match self {
             Self::Run(run) => run.execute(global).await,
             Self::List => list(global),

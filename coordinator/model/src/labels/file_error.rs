@@ -1,6 +1,6 @@
 //! What can be wrong with files of labels.
 
-use murmuration_proto::{Invalid, counted};
+use murmuration_proto::{Invalid, Text, counted};
 use std::path::PathBuf;
 
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -50,6 +50,7 @@ pub enum LabelFileError {
         /// The rows in which the synthetic annotator gave a class.
         rows: u64,
     },
-    #[error("{}: {problem}", image.display())]
+    // Its name is a cell of the table, in which there may be line ends.
+    #[error("{}: {problem}", Text::line(&image.to_string_lossy()))]
     Image { image: PathBuf, problem: String },
 }

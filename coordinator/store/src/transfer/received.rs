@@ -12,8 +12,11 @@ use murmuration_model::{
     CampaignRecord, CampaignState, ExportedCampaign,
     labels::{Entry, Labels, RequestId},
 };
-use murmuration_proto::{CheckpointDigest, Evaluation, Extras, Invalid, PART_BYTES, onnx::EmbedderModel, v1};
+use murmuration_proto::{
+    CheckpointDigest, Extras, Invalid, Lineage, PART_BYTES, in_full, onnx::EmbedderModel, v1,
+};
 use murmuration_search::breeding::is_start_of;
+use murmuration_sim::features::FeatureBounds;
 use std::{collections::HashSet, ops::Range, path::Path};
 
 /// Most checkpoints that a campaign can come with: its own and what they were fine-tuned from.
@@ -188,6 +191,8 @@ impl ReceivedCampaign {
                 let allowed = "those that the campaign has, moves to or was fine-tuned from, parents first";
                 return Err(Invalid::new("checkpoints", record.digest, allowed).into());
             }
+            Lineage::try_from(record.lineage.describe(record.digest, record.size, 0))
+                .map_err(|error| error.within("checkpoints"))?;
             needed.extend(record.lineage.parent);
             let model = self.model(record)?;
             let model = EmbedderModel::read(&model)
@@ -322,10 +327,12 @@ impl ReceivedCampaign {
         let found = self
             .store
             .individuals(&record.id, record.spec.model(), range.clone(), true)?;
+        let bounds = FeatureBounds::of(record.spec.model(), record.spec.world());
         let mut members = Vec::with_capacity(found.len());
         for (index, individual) in range.clone().zip(found) {
             let within = |error: Invalid| error.within(&format!("individuals[{index}]"));
-            let individual = checked(individual, index, record, self.dimensions).map_err(within)?;
+            let individual =
+                checked(individual, index, record, (&bounds, self.dimensions)).map_err(within)?;
             let taxonomy = self.taxonomy.as_ref();
             members.push(Member {
                 cluster: taxonomy.and_then(|all| all.clusters.get(index as usize).copied()),
@@ -340,11 +347,18 @@ impl ReceivedCampaign {
     }
 }
 
+/// Largest distance, novelty or sum of distances: well above those between behaviours of features and embeddings within their bounds.
+const MAX_MEASURE: f64 = 1e30;
+
 /// A number of which none is below zero, such as a distance.
 fn measure(field: &str, value: f64) -> Result<(), Invalid> {
-    match value.is_finite() && value >= 0.0 {
+    match (0.0..=MAX_MEASURE).contains(&value) {
         true => Ok(()),
-        false => Err(Invalid::new(field, value, "0 or more, and finite")),
+        false => Err(Invalid::new(
+            field,
+            in_full(value),
+            format!("0 or more, and at most {MAX_MEASURE:e}"),
+        )),
     }
 }
 
@@ -353,7 +367,7 @@ fn checked(
     individual: ArchivedIndividual,
     index: u64,
     record: &CampaignRecord,
-    dimensions: Option<usize>,
+    (bounds, dimensions): (&FeatureBounds, Option<usize>),
 ) -> Result<ArchivedIndividual, Invalid> {
     let spec = &record.spec;
     if individual.index != index {
@@ -383,7 +397,7 @@ fn checked(
             embedding: trial.embedding,
             verdict: trial.verdict.map_or(0, |verdict| verdict.number().into()),
         };
-        let result = Evaluation::for_format(result, spec.image(), extras)?;
+        let result = bounds.evaluation(result, spec.image(), extras)?;
         Ok(Trial {
             features: *result.features(),
             embedding: result.embedding().to_vec(),
@@ -408,7 +422,9 @@ fn check_summary(generation: &GenerationRecord, novelty: &[f64]) -> Result<(), U
     ] {
         if said != found {
             let field = format!("generations[{number}].{name}");
-            return Err(Invalid::new(&field, said, format!("{found}, that of its individuals")).into());
+            return Err(
+                Invalid::new(&field, in_full(said), format!("{found}, that of its individuals")).into(),
+            );
         }
     }
     Ok(())

@@ -1,6 +1,7 @@
 //! Errors name the problem, and exit codes distinguish usage errors from failures.
 
 use crate::command_line::Desk;
+use murmuration_tests::Finished;
 use std::{fs, os::unix::fs::symlink, path::Path};
 
 #[test]
@@ -53,6 +54,11 @@ fn bad_input_is_named_with_exit_code_2() {
     );
     desk.check(&["list"], 2, "there is no data directory");
     desk.check(&["nonsense"], 2, "unrecognized subcommand");
+    desk.check(
+        &["completions", "bash", "--json"],
+        2,
+        "and no JSON: leave out --json",
+    );
     desk.check(
         &["simulate", "--controller", "0.1,0.2,0.3"],
         2,
@@ -243,6 +249,31 @@ fn what_is_no_file_of_its_kind_is_named() {
 }
 
 #[test]
+fn a_file_is_no_data_directory() {
+    let desk = Desk::new();
+    let (file, spec) = (desk.write("a-file", ""), desk.path("small.toml"));
+    let (labels, elsewhere) = (desk.write("labels.csv", "x\n"), desk.path("elsewhere"));
+    for arguments in [
+        &["run", &spec][..],
+        &["list"],
+        &["serve"],
+        &["digest", "latest"],
+        &["submit", &spec],
+        &["label", "latest", "--csv", &labels, "--annotator", "ana"],
+        &["evaluate", &spec, &desk.write("genomes.csv", "0,0,0,0\n")],
+        &["checkpoints", "list"],
+        &["doctor"],
+        &["quarantine"],
+        &["backup", &elsewhere],
+        &["lab", "study", "list"],
+        &["lab", "study", "show", "small"],
+    ] {
+        let said = format!("{file} is no folder, and so no data directory");
+        desk.check(&[arguments, &["--data", &file]].concat(), 2, &said);
+    }
+}
+
+#[test]
 fn what_fails_is_named_with_exit_code_1() {
     let desk = Desk::new();
     let spec = desk.path("small.toml");
@@ -282,8 +313,6 @@ fn what_fails_is_named_with_exit_code_1() {
         &format!("cannot listen on {taken}"),
     );
 
-    let blocked = desk.write("a-file", "");
-    desk.check(&["run", &spec, "--data", &blocked], 1, "a-file");
     let damaged = desk.folder.path().join("damaged");
     fs::create_dir(&damaged).unwrap();
     fs::write(
@@ -296,4 +325,52 @@ fn what_fails_is_named_with_exit_code_1() {
         1,
         "is damaged (file is not a database): `murmuration doctor` says what is damaged",
     );
+}
+
+/// What no terminal should be sent, and what is left of it.
+const HOSTILE: [&str; 2] = ["a\u{1b}]0;owned\u{7}\u{9b}2J\u{202e}b", "a]0;owned2Jb"];
+
+#[test]
+fn words_of_files_and_arguments_do_not_reach_a_terminal_as_they_are() {
+    let desk = Desk::new();
+    let [hostile, cleaned] = HOSTILE;
+    let spec = desk.path("small.toml");
+    assert_eq!(desk.murmuration.run(&["run", &spec]).code, Some(0));
+    let header = desk.write("header.csv", &format!("index,{hostile}\n1,2,3\n"));
+    let class = desk.write("class.csv", &format!("index,class\n1,{hostile}\n"));
+    let image = desk.write(
+        "image.csv",
+        &format!("image,class\n\"{hostile}\nerror: b.png\",ring\n"),
+    );
+    let tokens = desk.write("tokens.toml", &format!("[[token]]\nname = '{hostile}'\n"));
+    let tracks = desk.write("tracks.csv", &format!("{hostile},x,y\n"));
+    let named = desk.path(&format!("{hostile}\nerror: c"));
+    fs::write(&named, "x\n").unwrap();
+    let long = desk.write("long.csv", &format!("index,{}\n1,2,3\n", "x".repeat(400_000)));
+    for arguments in [
+        &["label", "latest", "--csv", &header, "--annotator", "ana"][..],
+        &["label", "latest", "--csv", &class, "--annotator", "ana"],
+        &["label", "latest", "--csv", &named, "--annotator", "ana"],
+        &["label", "latest", "--csv", &long, "--annotator", "ana"],
+        &["label", hostile, "--csv", &class, "--annotator", "ana"],
+        &["lab", "judge", "--labels", &header],
+        &["lab", "accuracy", "--features", "--labels", &image],
+        &["evaluate", &spec, &header],
+        &["evaluate", &named, &header],
+        &["recognise", &tracks],
+        &["serve", "--tokens", &tokens],
+        &["run", &named],
+        &["run", &spec, "--seed", hostile],
+        &["run", &spec, hostile],
+        &[hostile],
+        &["show", hostile],
+    ] {
+        let Finished { code, stderr, .. } = desk.murmuration.run(arguments);
+        assert_eq!(code, Some(2), "{arguments:?}: {stderr:?}");
+        let hidden = |c: char| c != '\n' && c.is_control() || c == '\u{202e}';
+        assert!(!stderr.contains(hidden), "{arguments:?}: {stderr:?}");
+        assert!(!stderr.contains("\nerror: "), "{arguments:?}: {stderr:?}");
+        assert!(stderr.len() < 5_000, "{arguments:?}: {} bytes", stderr.len());
+    }
+    desk.check(&["run", &named], 2, &format!("{cleaned} error: c:"));
 }

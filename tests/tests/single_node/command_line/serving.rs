@@ -106,6 +106,20 @@ fn pause_resume_and_cancel_survive_the_coordinator() {
         0,
         "campaign small-1 is paused; next: murmuration resume small-1",
     );
+    let half = desk.murmuration.run(&["digest", "small-1"]);
+    assert_eq!((half.code, half.stdout.as_str()), (Some(1), ""));
+    let said = "campaign small-1 is paused, so its archive is not complete; the digest of what is there: murmuration digest small-1 \
+                --partial";
+    assert!(half.stderr.contains(said), "{}", half.stderr);
+    let half = desk
+        .murmuration
+        .run(&["digest", "small-1", "--partial", "--json"]);
+    assert_eq!(
+        (half.code, &half.last_line()["complete"]),
+        (Some(0), &false.into())
+    );
+    let said = "campaign small-1 is paused: this is the digest of the";
+    assert!(half.stderr.contains(said), "{}", half.stderr);
     desk.check(&["cancel", "small-2"], 0, "campaign small-2 is cancelled");
     desk.check(
         &["watch", "small-2"],
@@ -129,6 +143,12 @@ fn pause_resume_and_cancel_survive_the_coordinator() {
         "campaign small-1 continues with stage evolve after generation 0",
     );
     desk.check(&["watch", "small-1"], 0, "campaign small-1 is completed");
+    let whole = desk.murmuration.run(&["digest", "small-1", "--json"]);
+    assert_eq!(
+        (whole.code, &whole.last_line()["complete"]),
+        (Some(0), &true.into())
+    );
+    assert_eq!(whole.stderr, "");
 }
 
 #[test]

@@ -24,7 +24,10 @@
 
 use super::{FEATURE_STEPS, RADIAL_VARIANCE_SCALE};
 use crate::simulate::{GAP, JITTER, PASSES};
-use murmuration_proto::{Boundary, CapabilityModel, FEATURE_NAMES, Features, Invalid, Obstacle, World};
+use murmuration_proto::{
+    Boundary, CapabilityModel, Evaluation, Extras, FEATURE_NAMES, Features, ImageFormat, Invalid, Obstacle,
+    World, v1,
+};
 use std::f64::consts::SQRT_2;
 
 /// Room for what is rounded: in proportion, and absolutely.
@@ -56,6 +59,21 @@ impl FeatureBounds {
         // Only momentum and rotation have a direction.
         let least = [0.0, -most[1], 0.0, 0.0, -most[4]];
         Self { least, most }
+    }
+
+    /// The evaluation of a swarm that a message from outside holds, with a picture in `format` and with `extras`.
+    ///
+    /// # Errors
+    /// As [`Evaluation::for_format`] and [`FeatureBounds::check`].
+    pub fn evaluation(
+        &self,
+        message: v1::Evaluation,
+        format: &ImageFormat,
+        extras: Extras,
+    ) -> Result<Evaluation, Invalid> {
+        let evaluation = Evaluation::for_format(message, format, extras)?;
+        self.check(evaluation.features())?;
+        Ok(evaluation)
     }
 
     /// Whether a swarm can have these.

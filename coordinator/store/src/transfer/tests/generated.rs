@@ -148,7 +148,15 @@ impl GeneratedCampaign {
             .map(|gene| self.number(index, 100 + gene).clamp(-1.0, 1.0))
             .collect();
         let trial = |start: u64| Trial {
-            features: std::array::from_fn(|feature| self.number(index, 200 + 10 * start + feature as u64)),
+            features: std::array::from_fn(|feature| {
+                let number = self.number(index, 200 + 10 * start + feature as u64);
+                // Only momentum and rotation have a direction.
+                if matches!(feature, 1 | 4) {
+                    number
+                } else {
+                    number.abs()
+                }
+            }),
             embedding: match self.has_embedder() {
                 true => (0..self.dimensions())
                     .map(|place| self.number(index, 400 + 1000 * start + place) as f32)

@@ -327,12 +327,29 @@ fn values_that_no_campaign_has_are_named() {
             "individuals[5].features",
         ),
         (
+            // An average speed of -1e12, and one of 1000.
+            "UPDATE individuals SET features = CAST(x'000000a2941a6dc2' || substr(features, 9) AS BLOB) WHERE place = 5",
+            "individuals[5].features.average_speed = -1e12: must be from 0.000 to",
+        ),
+        (
+            "UPDATE individuals SET features = CAST(x'0000000000408f40' || substr(features, 9) AS BLOB) WHERE place = 5",
+            "individuals[5].features.average_speed = 1e3: must be from 0.000 to",
+        ),
+        (
+            "UPDATE individuals SET novelty = 1e308 WHERE place = 5",
+            "individuals[5].novelty = 1e308: must be 0 or more, and at most 1e30",
+        ),
+        (
             "UPDATE individuals SET features = CAST(x'000000000000f03f' || substr(features, 9) AS BLOB) WHERE place = 5",
             "its archive has digest",
         ),
         (
             "UPDATE embeddings SET embedding = CAST(x'0000c07f' || substr(embedding, 5) AS BLOB) WHERE place = 5",
             "individuals[5].embedding",
+        ),
+        (
+            "UPDATE embeddings SET embedding = CAST(x'caf24971' || substr(embedding, 5) AS BLOB) WHERE place = 5",
+            "individuals[5].embedding[0] = 1e30: must be finite, and at most 1e12",
         ),
         (
             "UPDATE images SET image = x'00' WHERE place = 5",
@@ -411,6 +428,14 @@ fn checkpoints_of_others_are_refused() {
         ("UPDATE checkpoints SET size = size + 1", "embedders.model"),
         ("UPDATE embedders SET model = x'00'", "embedders.model"),
         ("UPDATE checkpoints SET metrics = '[]'", "checkpoint"),
+        (
+            "UPDATE checkpoints SET metrics = '{\"loss\":1e308}'",
+            "checkpoints.metrics.loss = 1e308: must be finite, and at most 1e15",
+        ),
+        (
+            "UPDATE checkpoints SET metrics = '{\"lo\\u001bss\":1}'",
+            "checkpoints.metrics = \"lo\\u{1b}ss\"",
+        ),
         ("UPDATE checkpoints SET digest = 'x' WHERE parent = ''", "must be 64 hexadecimal digits"),
     ] {
         assert_refused(statements, reason);
@@ -424,6 +449,10 @@ fn taxonomies_that_no_archive_has_are_named() {
         |index: u8| format!("medoids = CAST(substr(medoids, 1, 8) || x'{index:02x}00000000000000' AS BLOB)");
     for (change, reason) in [
         ("loss = -1".to_owned(), "loss = -1"),
+        (
+            "loss = 1e308".to_owned(),
+            "loss = 1e308: must be 0 or more, and at most 1e30",
+        ),
         (
             "measures = CAST(substr(measures, 1, 8) || x'000000000000f0bf' || substr(measures, 17) AS BLOB)"
                 .to_owned(),
