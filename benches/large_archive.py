@@ -127,7 +127,7 @@ def measure(programs, count, folder, evaluated):
     else:
         run("fill", programs / "examples/fill", data, count)
     database = data / "murmuration.sqlite"
-    run("digest", programs / "murmuration", "digest", "latest", "--data", data)
+    run("digest", programs / "murmuration", "digest", "latest", "--partial", "--data", data)
     run("doctor", programs / "murmuration", "doctor", "--data", data)
     run("backup", programs / "murmuration", "backup", folder / "backup", "--data", data)
     shutil.rmtree(folder / "backup")

@@ -131,6 +131,12 @@ impl RandomStream {
     }
 }
 
+/// The seed of the first start of a controller, by its number, among those that are evaluated without a campaign.
+#[must_use]
+pub fn start_seed(seed: u64, number: u64) -> u64 {
+    RandomStream::derive(seed, Purpose::Start, number).random()
+}
+
 impl TryRng for RandomStream {
     type Error = Infallible;
 

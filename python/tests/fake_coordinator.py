@@ -23,7 +23,8 @@ EMBEDDING = [0.5, 1.5]
 IMAGE = bytes(range(SIDE * SIDE))
 DIGEST = "0123456789abcdef" * 4
 
-# Of a method, `SERVICE/METHOD`: its answer; a list, if the answer is a stream. Bytes stand for a message that is none.
+# Of a method, `SERVICE/METHOD`: its answer; a list, if the answer is a stream. Bytes stand for a message that is none,
+# and a status for a refusal.
 Told = dict[str, Any]
 
 
@@ -37,6 +38,8 @@ class _Handler(grpc.GenericRpcHandler):
         told = self._told.get(details.method.removeprefix("/murmuration.v1."))
         if told is None:
             return None
+        if isinstance(told, grpc.StatusCode):
+            return grpc.stream_stream_rpc_method_handler(lambda _, context: context.abort(told, "not now"))
         if not isinstance(told, list):
             return grpc.unary_unary_rpc_method_handler(lambda *_: told, response_serializer=_bytes)
         if details.method.endswith("/Evaluate"):

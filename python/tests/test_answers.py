@@ -8,6 +8,7 @@ from math import inf, nan
 from pathlib import Path
 from typing import Any
 
+import grpc
 import pytest
 from fake_coordinator import GENES, ID, SIDE, Told, coordinator, honest
 from google.protobuf.message import Message
@@ -145,6 +146,12 @@ def test_an_answer_that_cannot_be_is_named(
     with pytest.raises(mm.AnswerError, match=said) as raised:
         CALLS[call](client)
     assert str(raised.value).startswith("the coordinator answered what cannot be: ")
+
+
+def test_who_asks_for_too_much_at_once_is_told_so(client: mm.Client, told: Told) -> None:
+    told["EvaluationService/Evaluate"] = grpc.StatusCode.RESOURCE_EXHAUSTED
+    with pytest.raises(mm.BusyError, match="not now"):
+        client.evaluate(ROBOT, TWO)
 
 
 def test_one_picture_is_that_of_its_individual(client: mm.Client, told: Told) -> None:

@@ -48,7 +48,6 @@ def _holding_itself() -> dict[str, object]:
         (lambda client, campaign: client.run(SPEC, weight=0), "weight"),
         (lambda client, campaign: client.run(SPEC | {"name": {1, 2}}), None),
         (lambda client, campaign: client.run(SPEC | {"name": "\ud800"}), None),
-        (lambda client, campaign: client.evaluate("single-sensor", [GENES], None), "seeds"),
         (lambda client, campaign: client.evaluate("single-sensor", [GENES], 1.0), "seeds"),
         (lambda client, campaign: client.evaluate("single-sensor", [[10**400] * 4]), "controllers"),
         (lambda client, campaign: client.evaluate("single-sensor", [GENES], np.array(-1)), "seeds"),

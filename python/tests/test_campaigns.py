@@ -89,6 +89,28 @@ def test_controllers_are_evaluated_as_individuals(client: mm.Client, campaign: m
     assert (trials[0] != trials[1]).any()
 
 
+def test_controllers_without_seeds_have_those_of_the_command(client: mm.Client, tmp_path: Path) -> None:
+    table = tmp_path / "controllers.csv"
+    genes = [[-0.7, 0.3, 1.0, 1.0]] * 70
+    table.write_text("\n".join(",".join(map(str, row)) for row in genes))
+    spec = tmp_path / "spec.toml"
+    spec.write_text('name = "x"\nmodel = "single-sensor"\nmethod = "random"\nworld.horizon = 200\n')
+    told = client.documents("evaluate", str(spec), str(table))
+    result = client.evaluate(spec, genes)
+    assert result.seeds.tolist() == [row["seed"] for row in told] and len(set(result.seeds.tolist())) == 70
+    assert result.features.tolist() == [row["features"] for row in told]
+    assert client.evaluate(spec, genes[:2], [7, 8]).seeds.tolist() == [7, 8]
+
+
+def test_the_digest_of_half_an_archive_is_asked_for_by_name(client: mm.Client) -> None:
+    campaign = client.submit(SPEC | {"search": {"population": 20, "generations": 50_000}, "seed": 9})
+    campaign.pause()
+    with pytest.raises(mm.RefusedError, match=f"campaign {campaign.id} is paused: its archive is not complete"):
+        campaign.digest()
+    assert len(campaign.digest(partial=True)) == 64
+    campaign.cancel()
+
+
 def test_several_starts_are_averaged(client: mm.Client) -> None:
     spec: dict[str, Any] = {"model": "single-sensor", "method": "random", "evaluation": {"starts": 3}}
     spec |= {"world": {"horizon": 200}, "search": {"population": 4, "generations": 1}, "taxonomy": {"medoids": 2}}

@@ -2,7 +2,7 @@
 
 use super::{
     CliError, Global,
-    connection::{self, Client, Connection},
+    connection::{self, Connection},
     follow::{Show as FollowShow, follow},
     heard::{Heard as _, get_campaign, get_digest, heard},
     json,
@@ -14,7 +14,9 @@ use super::{
 use murmuration_coordinator::local::InProcess;
 use murmuration_link::{errln, outln, print};
 use murmuration_model::{Weight, generations_in_words};
-use murmuration_proto::{CampaignSpec, Controller, FEATURE_NAMES, counted, grouped, parts::whole, v1};
+use murmuration_proto::{
+    CampaignSpec, Controller, FEATURE_NAMES, counted, grouped, in_full, parts::whole, v1,
+};
 use std::{collections::BTreeMap, path::PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -72,6 +74,15 @@ pub struct Show {
     /// Show the clusters of its taxonomy and their names instead of the campaign
     #[arg(long, conflicts_with = "index")]
     taxonomy: bool,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct Digest {
+    /// Campaign id, or `latest`
+    campaign: String,
+    /// Print the digest also of a campaign that is not completed: of what its archive has so far
+    #[arg(long)]
+    partial: bool,
 }
 
 /// The answer that `show` prints.
@@ -308,7 +319,7 @@ fn show_individual(
     let novelty = [("novelty when evaluated", &individual.novelty)];
     let features = FEATURE_NAMES.iter().copied().zip(&individual.features);
     for (name, value) in novelty.into_iter().chain(features) {
-        outln!("{name:<22} {value}")?;
+        outln!("{name:<22} {}", in_full(*value))?;
     }
     if !individual.trials.is_empty() {
         let trials = counted(individual.trials.len() as u64, "trial");
@@ -345,28 +356,40 @@ pub(super) async fn cancel(global: &Global, campaign: &str) -> Result<(), CliErr
     Ok(changed(global, &campaign, cancelled, "is cancelled", "list")?)
 }
 
-pub(super) async fn digest(global: &Global, campaign: &str) -> Result<(), CliError> {
-    let answer =
-        async |connection: &mut Connection| Ok(id_and_digest(&mut connection.client, campaign).await?);
-    let (id, digest) = connection::with(global, InProcess::NONE, answer).await?;
-    if global.json {
-        json::print(json::Digest {
-            campaign: id,
-            digest: digest.digest,
-            evaluations: digest.evaluations,
-        })?;
-    } else {
-        outln!("{}", digest.digest)?;
+impl Digest {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let answer = async |connection: &mut Connection| {
+            let campaign = get_campaign(&mut connection.client, self.campaign.as_str()).await?;
+            if campaign.state() != v1::CampaignState::Completed && !self.partial {
+                let (id, state) = (&campaign.id, state(&campaign));
+                let next = global.next(&format!("digest {id} --partial"));
+                return Err(CliError::Failed(format!(
+                    "campaign {id} is {state}, so its archive is not complete; the digest of what is there: {next}"
+                )));
+            }
+            let digest = get_digest(&mut connection.client, campaign.id.as_str()).await?;
+            Ok((campaign, digest))
+        };
+        let (campaign, digest) = connection::with(global, InProcess::NONE, answer).await?;
+        let complete = campaign.state() == v1::CampaignState::Completed;
+        if global.json {
+            json::print(json::Digest {
+                campaign: campaign.id.clone(),
+                digest: digest.digest,
+                evaluations: digest.evaluations,
+                complete,
+            })?;
+        } else {
+            outln!("{}", digest.digest)?;
+        }
+        if !complete {
+            errln!(
+                "campaign {} is {}: this is the digest of the {} that its archive has so far",
+                campaign.id,
+                state(&campaign),
+                counted(digest.evaluations, "evaluation")
+            );
+        }
+        Ok(())
     }
-    Ok(())
-}
-
-/// The id behind a name such as `latest`, and the digest.
-async fn id_and_digest(
-    client: &mut Client,
-    campaign: &str,
-) -> Result<(String, v1::GetDigestResponse), CliError> {
-    let id = get_campaign(client, campaign).await?.id;
-    let digest = get_digest(client, &id).await?;
-    Ok((id, digest))
 }

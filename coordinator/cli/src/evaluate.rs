@@ -14,11 +14,10 @@ use murmuration_files::InputKind;
 use murmuration_link::{OutputError, errln, termination};
 use murmuration_model::labels::{LabelFile, LabelFileError, Row};
 use murmuration_proto::{
-    CampaignSpec, Controller, FEATURE_NAMES, Purpose, RandomStream, Text, counted,
+    CampaignSpec, Controller, FEATURE_NAMES, Text, counted, start_seed,
     v1::{self, evaluate_request::Part, evaluation_description::Campaign},
 };
 use murmuration_store::DataDirectory;
-use rand::RngExt as _;
 use std::{
     io::{self, Write},
     iter, mem,
@@ -97,7 +96,7 @@ impl Evaluate {
                 .map_err(|error| row.refused(error))?;
             let seed = match has_seeds {
                 true => row.seed()?,
-                false => self.seed_at(place),
+                false => start_seed(self.seed, place),
             };
             Ok((controller, seed))
         };
@@ -121,14 +120,9 @@ impl Evaluate {
                 CliError::Input(format!("{}: row {row}: {error}", self.controllers.display()))
             };
             let controller = Controller::new(spec.model().clone(), genes).map_err(refused)?;
-            Ok((controller, self.seed_at(place)))
+            Ok((controller, start_seed(self.seed, place)))
         };
         genomes.iter().zip(0..).map(task).collect()
-    }
-
-    /// The seed of a row without one.
-    fn seed_at(&self, place: u64) -> u64 {
-        RandomStream::derive(self.seed, Purpose::Start, place).random()
     }
 
     /// Evaluates the controllers, and writes each result once it is there: to a table, or as JSON. Returns the number of
@@ -255,6 +249,7 @@ fn requests(spec: &CampaignSpec, tasks: &Tasks) -> Vec<v1::EvaluateRequest> {
     let description = Part::Description(v1::EvaluationDescription {
         campaign: Some(Campaign::Spec(spec.into())),
         pictures: false,
+        seed: None,
     });
     let task = |(controller, seed): &(Controller, u64)| v1::EvaluationTask {
         controller: controller.genes().to_vec(),

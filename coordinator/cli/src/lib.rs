@@ -183,7 +183,7 @@ pub enum CampaignCommand {
     /// Fine-tune the embedder on labels; continue the search
     Refine(campaigns::Refine),
     /// Print the digest of a campaign's archive
-    Digest(campaigns::Name),
+    Digest(campaigns::Digest),
 }
 
 impl CampaignCommand {
@@ -201,7 +201,7 @@ impl CampaignCommand {
             Self::Delete(delete) => Box::pin(delete.execute(global)),
             Self::Adopt(adopt) => Box::pin(adopt.execute(global)),
             Self::Refine(refine) => Box::pin(refine.execute(global)),
-            Self::Digest(name) => Box::pin(async move { campaigns::digest(global, &name.campaign).await }),
+            Self::Digest(digest) => Box::pin(digest.execute(global)),
         }
     }
 }

@@ -11,6 +11,7 @@ use murmuration_model::{EmbedderRef, MachineId, Maker, Quarantined, Weight};
 use murmuration_proto::{
     CampaignSpec, Controller, EmbedderSource, Invalid, counted,
     parts::parts,
+    start_seed,
     v1::{self, evaluate_request::Part},
 };
 use murmuration_store::checkpoints::Checkpoints;
@@ -54,6 +55,8 @@ struct Described {
     embedder: Option<EmbedderRef>,
     /// Whether results have pictures.
     pictures: bool,
+    /// The seed that the seeds of controllers derive from; `None` if they come with them.
+    seed: Option<u64>,
 }
 
 #[tonic::async_trait]
@@ -153,6 +156,7 @@ impl EvaluationApi {
             spec,
             embedder,
             pictures: description.pictures,
+            seed: description.seed,
         })
     }
 }
@@ -164,8 +168,10 @@ async fn evaluated(
     unaudited: Arc<Unaudited>,
     (first, job): (usize, Result<EvaluationJob, Status>),
 ) -> Result<Vec<v1::EvaluateResult>, Status> {
+    let job = job?;
+    let seeds: Vec<u64> = job.tasks.iter().map(|(_, seed)| *seed).collect();
     let evaluated = dispatch
-        .while_staffed(dispatch.evaluate(job?, Arc::default()))
+        .while_staffed(dispatch.evaluate(job, Arc::default()))
         .await
         .or_status()?
         .map_err(|error| disagreement(error, first))?;
@@ -174,8 +180,10 @@ async fn evaluated(
             unaudited.add(*maker, first + place);
         }
     }
-    let result = |evaluated| described.result(evaluated);
-    Ok(evaluated.into_iter().map(result).collect())
+    let results = evaluated.into_iter().zip(seeds);
+    Ok(results
+        .map(|(evaluated, seed)| described.result(evaluated, seed))
+        .collect())
 }
 
 /// An error in the words of a stream, whose controllers are numbered through.
@@ -238,7 +246,8 @@ impl Described {
             let controller = Controller::new(model.clone(), &task.controller);
             let controller =
                 controller.map_err(|error| error.within(&format!("controllers[{}]", first + place)))?;
-            Ok((controller, task.seed))
+            let derived = self.seed.map(|seed| start_seed(seed, (first + place) as u64));
+            Ok((controller, derived.unwrap_or(task.seed)))
         });
         Ok(EvaluationJob {
             campaign: None,
@@ -253,7 +262,7 @@ impl Described {
         })
     }
 
-    fn result(&self, evaluated: Evaluated) -> v1::EvaluateResult {
+    fn result(&self, evaluated: Evaluated, seed: u64) -> v1::EvaluateResult {
         match evaluated {
             Evaluated::Done { trials, .. } => v1::EvaluateResult {
                 trials: trials
@@ -265,10 +274,12 @@ impl Described {
                     })
                     .collect(),
                 failure: String::new(),
+                seed,
             },
             Evaluated::Poisoned(task) => v1::EvaluateResult {
                 trials: Vec::new(),
                 failure: task.to_string(),
+                seed,
             },
         }
     }

@@ -146,6 +146,7 @@ mod tests {
             description: Some(v1::EvaluationDescription {
                 campaign: Some(Campaign::Toml(toml)),
                 pictures: false,
+                seed: None,
             }),
             controller: vec![-0.7, 0.3, 1.0, 1.0],
             seed: 3,

@@ -44,6 +44,7 @@ impl IntoStatus for StoreError {
             StoreError::Damaged { .. } => Status::data_loss(said),
             StoreError::InUse { .. }
             | StoreError::NoDirectory(_)
+            | StoreError::NoFolder(_)
             | StoreError::Newer { .. }
             | StoreError::Superseded(_) => Status::failed_precondition(said),
             StoreError::File { .. } | StoreError::Compression(_) | StoreError::Sqlite { .. } => {

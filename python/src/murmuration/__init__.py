@@ -16,6 +16,7 @@ from ._campaign import Campaign
 from ._client import Client, connect, local
 from ._errors import (
     AnswerError,
+    BusyError,
     CampaignError,
     InvalidError,
     MurmurationError,
@@ -33,6 +34,7 @@ __version__ = "0.1.0"
 __all__ = [
     "FEATURES",
     "AnswerError",
+    "BusyError",
     "Campaign",
     "CampaignError",
     "Client",

@@ -20,7 +20,7 @@ from . import _archive as archive
 from . import _tables as tables
 from ._arguments import flag, path, shown, text, whole
 from ._arguments import index as index_
-from ._errors import CampaignError, InvalidError, NotFoundError, ProgramError, UnavailableError
+from ._errors import CampaignError, InvalidError, NotFoundError, ProgramError, RefusedError, UnavailableError
 from ._found import Replay, Taxonomy, replay_of, taxonomy_of
 from ._progress import Bar
 from .v1 import campaign_pb2 as v1
@@ -244,13 +244,23 @@ class Campaign:
         """
         return tables.generations(archive.generations(self._client.rpc, self.id))
 
-    def digest(self) -> str:
+    def digest(self, *, partial: bool = False) -> str:
         """The BLAKE3 digest of the archive, 64 hexadecimal digits. One specification has one digest, on any machine.
+
+        Args:
+            partial: Whether to return it also of a campaign that is not completed: of what its archive has so far.
+
+        Raises:
+            RefusedError: If the campaign is not completed, unless `partial` is true.
 
         Example:
             >>> len(campaign.digest())
             64
         """
+        status = self.status()
+        if not flag("partial", partial) and status.state != v1.CAMPAIGN_STATE_COMPLETED:
+            why = "its archive is not complete; digest(partial=True) is of what it has so far"
+            raise RefusedError(f"campaign {self.id} is {state_of(status)}: {why}")
         request = v1.GetDigestRequest(campaign=self.id)
         found = self._client.rpc.call("CampaignService/GetDigest", request, v1.GetDigestResponse)
         return answers.digest(f"the digest of {self.id}", found.digest)

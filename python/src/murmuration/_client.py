@@ -132,7 +132,7 @@ class Client:
         self,
         robot: str | os.PathLike[str] | Mapping[str, Any] | Campaign,
         controllers: npt.ArrayLike,
-        seeds: Iterable[Any] | int = 1,
+        seeds: Iterable[Any] | int | None = None,
         *,
         pictures: bool = False,
     ) -> Evaluations:
@@ -145,13 +145,14 @@ class Client:
                 (ending in `.toml`), for other robots, worlds, numbers of starts, or an embedding by a `checkpoint`. A
                 `Campaign` stands for its robots, world, pictures and starts, and for its embedder if it has one.
             controllers: Genes, (n, genes), within the ranges of their sensors and drives.
-            seeds: The seed of each controller's first start, or one for all, 0 to 2^64 - 1; by default 1, as that of
-                `murmuration simulate`.
+            seeds: The seed of each controller's first start, or one for all, 0 to 2^64 - 1. By default each controller has
+                one of its own, which follows from its place, as in `murmuration evaluate`.
             pictures: Whether to return pictures, too.
 
         Raises:
             InvalidError: If the campaign or a controller is not valid.
             UnavailableError: If no worker is connected.
+            BusyError: If the coordinator answers too many requests of the caller already.
 
         Example:
             >>> result = client.evaluate("single-sensor", [[-0.7, 0.3, 1.0, 1.0], [1.0, 1.0, 1.0, 1.0]], seeds=7)

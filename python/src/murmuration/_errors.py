@@ -61,6 +61,10 @@ class UnavailableError(MurmurationError, ConnectionError):
     """A coordinator that does not answer."""
 
 
+class BusyError(MurmurationError):
+    """A coordinator that has too many requests of this kind, or no room on its disk: the same request may succeed later."""
+
+
 class AnswerError(MurmurationError):
     """An answer of the coordinator that cannot be, such as a picture of a wrong size. Nothing of it is used.
 
@@ -97,6 +101,7 @@ _BY_CODE: dict[grpc.StatusCode, type[MurmurationError]] = {
     grpc.StatusCode.ALREADY_EXISTS: RefusedError,
     grpc.StatusCode.PERMISSION_DENIED: RefusedError,
     grpc.StatusCode.UNAUTHENTICATED: RefusedError,
+    grpc.StatusCode.RESOURCE_EXHAUSTED: BusyError,
     grpc.StatusCode.UNAVAILABLE: UnavailableError,
     grpc.StatusCode.DEADLINE_EXCEEDED: UnavailableError,
 }

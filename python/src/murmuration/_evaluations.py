@@ -19,6 +19,8 @@ from .v1 import evaluation_pb2 as v1
 from .v1 import worker_pb2 as worker
 
 _MOST_SEEDS = 1 << 64
+# Seed that those of controllers derive from where none are given, as by default in `murmuration evaluate`.
+_SEED = 0
 # Kinds of numpy's types that become real numbers only by losing what they say: complex numbers, dates and durations.
 _NO_REAL_NUMBERS = "cMm"
 # Controllers of a request: a few hundred milliseconds of one core, and with usual pictures less than a megabyte.
@@ -34,6 +36,7 @@ class Evaluations:
         embeddings: float32 (n, dimensions), means over the starts; None if the method does not embed.
         pictures: uint8 (n, side, side), of the first start, rows from the top down; None unless they were asked for.
             With a channel for each species (n, channels, side, side).
+        seeds: uint64 (n,), the seed of each controller's first start.
         failures: By the number of the controller, why it could not be evaluated: workers were lost during it. Its
             features and embedding are not a number, and its picture is black. Usually empty.
     """
@@ -41,6 +44,7 @@ class Evaluations:
     features: npt.NDArray[np.float64]
     embeddings: npt.NDArray[np.float32] | None
     pictures: npt.NDArray[np.uint8] | None
+    seeds: npt.NDArray[np.uint64]
     failures: dict[int, str]
 
     def __len__(self) -> int:
@@ -57,23 +61,29 @@ def evaluate(
     rpc: Connection,
     description: str,
     controllers: npt.ArrayLike,
-    seeds: Iterable[Any] | int,
+    seeds: Iterable[Any] | int | None,
     pictures: bool,
 ) -> Evaluations:
     """Has controllers evaluated as the text of a campaign file describes it."""
     genes = _numbers("controllers", controllers, "(controllers, genes)")
     if genes.ndim != 2 or not len(genes):
         raise InvalidError(f"controllers = an array of shape {genes.shape}: must be (controllers, genes), at least one")
-    # Not by an array of numpy: numbers from 2^63 on may become floating-point numbers in it.
-    given = plain(seeds)
-    if not isinstance(given, Iterable):
-        given = [whole("seeds", given, 0, _MOST_SEEDS - 1)] * len(genes)
-    numbers = [whole(f"seeds[{place}]", seed, 0, _MOST_SEEDS - 1) for place, seed in enumerate(given)]
-    if len(numbers) != len(genes):
-        raise InvalidError(f"seeds = {len(numbers)} of them: must be one, or one for each of {len(genes)} controllers")
+    numbers = None if seeds is None else _seeds(seeds, len(genes))
     requests = _requests(description, genes, numbers, pictures)
     answered = rpc.exchange("EvaluationService/Evaluate", requests, v1.EvaluateResponse)
     return _evaluations(*_whole(answered, len(genes)), pictures)
+
+
+def _seeds(seeds: Iterable[Any] | int, controllers: int) -> list[int]:
+    """The seeds that were given: one for each controller, or one for all."""
+    # Not by an array of numpy: numbers from 2^63 on may become floating-point numbers in it.
+    given = plain(seeds)
+    if not isinstance(given, Iterable):
+        given = [whole("seeds", given, 0, _MOST_SEEDS - 1)] * controllers
+    numbers = [whole(f"seeds[{place}]", seed, 0, _MOST_SEEDS - 1) for place, seed in enumerate(given)]
+    if len(numbers) != controllers:
+        raise InvalidError(f"seeds = {len(numbers)} of them: must be one, or one for each of {controllers} controllers")
+    return numbers
 
 
 def _whole(answered: Iterable[v1.EvaluateResponse], controllers: int) -> tuple[list[v1.EvaluateResult], int]:
@@ -108,6 +118,7 @@ def _evaluations(results: list[v1.EvaluateResult], side: int, pictures: bool) ->
         features=np.array([_mean([trial.features for trial in of_one]) for of_one in trials]),
         embeddings=np.array(embeddings) if embeddings[0].size else None,
         pictures=tables.pictures([of_one[0].image for of_one in trials], side) if pictures else None,
+        seeds=np.array([result.seed for result in results], dtype=np.uint64),
         failures=failures,
     )
 
@@ -189,9 +200,11 @@ def described(campaign: str | os.PathLike[str] | Mapping[str, Any]) -> str:
 
 
 def _requests(
-    description: str, genes: npt.NDArray[np.float64], seeds: list[int], pictures: bool
+    description: str, genes: npt.NDArray[np.float64], seeds: list[int] | None, pictures: bool
 ) -> Iterator[v1.EvaluateRequest]:
-    yield v1.EvaluateRequest(description=v1.EvaluationDescription(toml=description, pictures=pictures))
+    derived = _SEED if seeds is None else None
+    yield v1.EvaluateRequest(description=v1.EvaluationDescription(toml=description, pictures=pictures, seed=derived))
+    seeds = [0] * len(genes) if seeds is None else seeds
     for first in range(0, len(genes), _IN_A_REQUEST):
         last = first + _IN_A_REQUEST
         tasks = [

@@ -2,6 +2,7 @@
 
 use murmuration_proto::{
     parts::whole,
+    start_seed,
     v1::{
         self, evaluate_request::Part, evaluation_description::Campaign,
         evaluation_service_client::EvaluationServiceClient,
@@ -14,6 +15,7 @@ fn described(campaign: Option<Campaign>) -> Part {
     Part::Description(v1::EvaluationDescription {
         campaign,
         pictures: true,
+        seed: None,
     })
 }
 
@@ -101,6 +103,34 @@ async fn embeddings_are_those_of_the_checkpoint_that_is_named_and_of_every_start
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn seeds_derive_from_one_across_requests() {
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start_without_trainer(folder.path(), 1).await;
+    let of_one = v1::EvaluationTask {
+        controller: vec![-0.7, 0.3, 1.0, 1.0],
+        seed: 77,
+    };
+    let describe = |seed| {
+        Part::Description(v1::EvaluationDescription {
+            campaign: Some(Campaign::Spec((&small_spec("")).into())),
+            pictures: false,
+            seed,
+        })
+    };
+    let two = controllers(vec![of_one.clone(); 2]);
+    let one = controllers(vec![of_one]);
+    let derived = evaluate(&cluster, vec![describe(Some(5)), two.clone(), one.clone()])
+        .await
+        .unwrap();
+    let seeds = |results: &[v1::EvaluateResult]| results.iter().map(|result| result.seed).collect::<Vec<_>>();
+    assert_eq!(seeds(&derived), [0, 1, 2].map(|number| start_seed(5, number)));
+    assert_ne!(derived[0].trials, derived[2].trials);
+    let given = evaluate(&cluster, vec![describe(None), one]).await.unwrap();
+    assert_eq!(seeds(&given), [77]);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn what_cannot_be_evaluated_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let cluster = Cluster::start_without_trainer(folder.path(), 1).await;
@@ -151,6 +181,7 @@ fn to_simulate(campaign: Campaign, individual: &v1::Individual) -> v1::SimulateR
         description: Some(v1::EvaluationDescription {
             campaign: Some(campaign),
             pictures: false,
+            seed: None,
         }),
         controller: individual.controller.clone(),
         seed: individual.seed,

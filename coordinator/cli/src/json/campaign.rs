@@ -228,6 +228,8 @@ pub(crate) struct Digest {
     pub(crate) digest: String,
     /// Evaluations of its archive.
     pub(crate) evaluations: u64,
+    /// Whether the campaign is completed; otherwise its archive still grows, or stays without its end.
+    pub(crate) complete: bool,
 }
 
 /// Where a report was written.

@@ -24,6 +24,7 @@ async fn a_stream_with_results_of_a_machine_found_wrong_does_not_end_well() {
     let description = Part::Description(v1::EvaluationDescription {
         campaign: Some(Campaign::Spec((&small_spec("")).into())),
         pictures: false,
+        seed: None,
     });
     let task = |seed| v1::EvaluationTask {
         controller: vec![0.1, 0.2, 0.3, 0.4],
