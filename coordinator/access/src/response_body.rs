@@ -296,7 +296,6 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 mod tests {
     use super::*;
     use crate::seats::Principal;
-    use axum::http::HeaderName;
     use std::future::poll_fn;
     use tokio_stream::wrappers::ReceiverStream;
 
@@ -312,8 +311,9 @@ mod tests {
             .unwrap();
         let (parts, stream) = tokio::sync::mpsc::channel(4);
         let mut response = Response::new(Body::from_stream(ReceiverStream::new(stream)));
-        let kind = (HeaderName::from(CONTENT_TYPE), HeaderValue::from_static(kind));
-        response.headers_mut().extend([kind]);
+        response
+            .headers_mut()
+            .insert(CONTENT_TYPE, HeaderValue::from_static(kind));
         (parts, bodies.seated(seat, None, response).into_body())
     }
 

@@ -145,8 +145,8 @@ class Client:
                 (ending in `.toml`), for other robots, worlds, numbers of starts, or an embedding by a `checkpoint`. A
                 `Campaign` stands for its robots, world, pictures and starts, and for its embedder if it has one.
             controllers: Genes, (n, genes), within the ranges of their sensors and drives.
-            seeds: The seed of each controller's first start, or one for all, 0 to 2^64 - 1. By default each controller has
-                one of its own, which follows from its place, as in `murmuration evaluate`.
+            seeds: The seed of each controller's first start, or one for all, 0 to 2^64 - 1. By default each has one of
+                its own, which follows from its place, as in `murmuration evaluate`.
             pictures: Whether to return pictures, too.
 
         Raises:

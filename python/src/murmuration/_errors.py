@@ -62,7 +62,7 @@ class UnavailableError(MurmurationError, ConnectionError):
 
 
 class BusyError(MurmurationError):
-    """A coordinator that has too many requests of this kind, or no room on its disk: the same request may succeed later."""
+    """A coordinator that answers too many requests of yours, or has no room on its disk: ask again later."""
 
 
 class AnswerError(MurmurationError):

@@ -1,0 +1,248 @@
+#!/usr/bin/env python3
+"""What a guest costs the others: a viewer floods a coordinator, and an operator and a campaign go on beside it.
+
+    cargo build --release --workspace --bins --example fill
+    pip install grpcio
+    python3 benches/floods.py [--count 20000] [--seconds 60] [--programs target/release] [--only archives digests ...]
+
+A coordinator with tokens serves an archive of made-up individuals, and a campaign of small generations runs. Each flood comes from
+the token of a viewer, by a process of low priority: archives that nobody reads, digests, pages of reports, watchers, and swarms
+on the page Play; and all at once. Meanwhile an operator lists campaigns and resumes and pauses another one, and a second viewer
+opens a page and watches. It prints a table: the campaign's pace beside that of an idle coordinator, the 95th percentile of
+`list` and `pause`, the peak of resident memory above idle, how many of the second viewer's requests were refused, and how long
+SIGTERM took. It ends with exit code 1 if a figure is over its limit.
+"""
+
+import argparse
+import contextlib
+import http.client
+import json
+import multiprocessing
+import os
+import pathlib
+import signal
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+import grpc
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+SERVICE = "/murmuration.v1.CampaignService/"
+PACED = """
+name = "{name}"
+model = "single-sensor"
+method = "hand-crafted"
+[world]
+horizon = 100
+[search]
+population = 100
+generations = {generations}
+[taxonomy]
+medoids = 2
+"""
+FLOODS = ("archives", "digests", "reports", "watchers", "play")
+LIMITS = {"list": 500, "pause": 500, "memory": 256, "refused": 0, "end": 5}
+PACE = 0.8
+
+
+def field(number, value):
+    """A text, or a truth value, of a message."""
+    if isinstance(value, bool):
+        return bytes([number << 3, int(value)])
+    text = value.encode()
+    return bytes([number << 3 | 2, len(text)]) + text
+
+
+class Client:
+    """A connection with a token of its own."""
+
+    def __init__(self, address, token):
+        # Without this, channels of a process share a connection.
+        options = [("grpc.use_local_subchannel_pool", 1), ("grpc.max_receive_message_length", -1)]
+        self.channel = grpc.insecure_channel(address, options)
+        self.metadata = [("authorization", f"Bearer {token}")]
+
+    def stream(self, method, *fields):
+        call = self.channel.unary_stream(SERVICE + method, lambda message: message, lambda answer: answer)
+        return call(b"".join(fields), metadata=self.metadata)
+
+    def call(self, method, *fields):
+        call = self.channel.unary_unary(SERVICE + method, lambda message: message, lambda answer: answer)
+        return call(b"".join(fields), metadata=self.metadata)
+
+
+def page(address, token, path, form=None):
+    connection = http.client.HTTPConnection(address, timeout=120)
+    headers = {"authorization": f"Bearer {token}", "origin": f"http://{address}"}
+    if form:
+        headers["content-type"] = "application/x-www-form-urlencoded"
+    connection.request("POST" if form else "GET", path, form, headers)
+    answer = connection.getresponse()
+    answer.read()
+    connection.close()
+    return answer.status
+
+
+def again(ended, count, act):
+    """Runs `act` over and over on so many threads."""
+
+    def loop(number):
+        while not ended.is_set():
+            with contextlib.suppress(grpc.RpcError, OSError, http.client.HTTPException):
+                act(number)
+
+    threads = [threading.Thread(target=loop, args=(number,), daemon=True) for number in range(count)]
+    for thread in threads:
+        thread.start()
+
+
+def flood(kind, address, token, ended):
+    os.nice(19)
+    held = []
+    if kind in ("archives", "all"):
+        for client in [Client(address, token) for _ in range(2)]:
+            held += [(client, client.stream("GetArchive", field(1, "filled-1"), field(2, True))) for _ in range(250)]
+    if kind in ("digests", "all"):
+        clients = [Client(address, token) for _ in range(2)]
+        again(ended, 250, lambda number: clients[number % 2].call("GetDigest", field(1, "filled-1")))
+    if kind in ("reports", "all"):
+        again(ended, 200, lambda _: page(address, token, "/campaigns/filled-1/report"))
+    if kind in ("watchers", "all"):
+        for client in [Client(address, token) for _ in range(4)]:
+            held += [(client, client.stream("WatchCampaign", field(1, "paced-2"))) for _ in range(256)]
+    if kind in ("play", "all"):
+        form = "robots=1000&seed={}&from=1000000"
+        again(ended, 8, lambda number: page(address, token, "/play/motion", form.format(number)))
+    ended.wait()
+    os._exit(0)
+
+
+def memory(process, what):
+    status = pathlib.Path(f"/proc/{process.pid}/status").read_text()
+    return int(status.split(what)[1].split()[0]) / 1024
+
+
+class Cluster:
+    """A coordinator with one worker thread a core, and what is in its data directory."""
+
+    def __init__(self, programs, folder, count):
+        self.programs, self.folder = programs, folder
+        subprocess.check_call([programs / "examples/fill", folder / "data", str(count)], stdout=subprocess.DEVNULL)
+        self.tokens = {}
+        with (folder / "tokens.toml").open("w") as file:
+            for name, role in (("guest", "viewer"), ("other", "viewer"), ("boss", "operator")):
+                made = subprocess.run([programs / "murmuration", "token", name, "--role", role], capture_output=True, text=True, check=True)
+                file.write(made.stdout)
+                self.tokens[name] = next(word for word in made.stderr.split() if word.startswith("mur_"))
+        with socket.socket() as listener:
+            listener.bind(("127.0.0.1", 0))
+            self.address = "127.0.0.1:%d" % listener.getsockname()[1]
+        command = [programs / "murmuration", "serve", "--data", folder / "data", "--listen", self.address, "--tokens", folder / "tokens.toml"]
+        self.process = subprocess.Popen([str(part) for part in command], stderr=subprocess.DEVNULL)
+        while True:
+            try:
+                if page(self.address, self.tokens["boss"], "/readyz") == 200:
+                    break
+            except OSError:
+                time.sleep(0.05)
+        while json.loads(self.command("list", "--json").splitlines()[0])["state"] == "running":
+            time.sleep(0.2)
+        for name, generations in (("paced", 100_000), ("paused", 100_000)):
+            path = folder / f"{name}.toml"
+            path.write_text(PACED.format(name=name, generations=generations))
+            self.command("submit", path)
+        self.command("pause", "paused-3")
+
+    def command(self, *arguments):
+        environment = {**os.environ, "MURMURATION_TOKEN": self.tokens["boss"]}
+        command = [self.programs / "murmuration", *arguments, "--coordinator", f"http://{self.address}"]
+        return subprocess.check_output([str(part) for part in command], env=environment, text=True, stderr=subprocess.DEVNULL)
+
+    def generations(self):
+        listed = [json.loads(line) for line in self.command("list", "--json").splitlines()]
+        return next(one["generations_done"] for one in listed if one["campaign"] == "paced-2")
+
+
+def measure(cluster, seconds):
+    """What operator and second viewer see for so long; the campaign's generations a second."""
+    operator, other = Client(cluster.address, cluster.tokens["boss"]), cluster.tokens["other"]
+    times, refused = {"list": [], "pause": []}, 0
+    before, begun = cluster.generations(), time.perf_counter()
+    watching = Client(cluster.address, other)
+    while time.perf_counter() - begun < seconds:
+        for what, act in (
+            ("list", lambda: list(operator.stream("ListCampaigns"))),
+            ("pause", lambda: operator.call("ResumeCampaign", field(1, "paused-3"))),
+            ("pause", lambda: operator.call("PauseCampaign", field(1, "paused-3"))),
+        ):
+            asked = time.perf_counter()
+            act()
+            times[what].append(1000 * (time.perf_counter() - asked))
+        refused += page(cluster.address, other, "/campaigns/paced-2") != 200
+        try:
+            watched = watching.stream("WatchCampaign", field(1, "paced-2"))
+            next(watched)
+            watched.cancel()
+        except grpc.RpcError:
+            refused += 1
+        time.sleep(0.1)
+    pace = (cluster.generations() - before) / (time.perf_counter() - begun)
+    return {
+        "pace": pace,
+        "refused": refused,
+        **{what: statistics.quantiles(taken, n=20)[-1] for what, taken in times.items()},
+    }
+
+
+def main():
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--count", type=int, default=20_000)
+    options.add_argument("--seconds", type=float, default=60)
+    options.add_argument("--programs", type=pathlib.Path, default=ROOT / "target/release")
+    options.add_argument("--only", nargs="*", default=[*FLOODS, "all"])
+    options = options.parse_args()
+    # gRPC does not survive a fork.
+    context = multiprocessing.get_context("spawn")
+    failed = False
+    print("| flood | pace | list, ms | pause, ms | memory, MiB | refused to others | SIGTERM, s |\n|---|--:|--:|--:|--:|--:|--:|")
+    for kind in options.only:
+        with tempfile.TemporaryDirectory() as folder:
+            cluster = Cluster(options.programs.resolve(), pathlib.Path(folder), options.count)
+            try:
+                measure(cluster, 5)
+                idle = measure(cluster, options.seconds / 2)
+                resident = memory(cluster.process, "VmRSS:")
+                pathlib.Path(f"/proc/{cluster.process.pid}/clear_refs").write_text("5")
+                ended = context.Event()
+                guest = context.Process(target=flood, args=(kind, cluster.address, cluster.tokens["guest"], ended))
+                guest.start()
+                time.sleep(2)
+                flooded = measure(cluster, options.seconds)
+                grown = memory(cluster.process, "VmHWM:") - resident
+                begun = time.perf_counter()
+                cluster.process.send_signal(signal.SIGTERM)
+                code = cluster.process.wait(120)
+                end = time.perf_counter() - begun
+                ended.set()
+                guest.join(10)
+                guest.kill()
+            finally:
+                cluster.process.kill()
+        pace = flooded["pace"] / idle["pace"]
+        print(
+            f"| {kind} | {pace:.2f} | {flooded['list']:.0f} ({idle['list']:.0f} idle) | {flooded['pause']:.0f} ({idle['pause']:.0f} idle) "
+            f"| {grown:.0f} | {flooded['refused']} | {end:.1f} |",
+            flush=True,
+        )
+        found = {"list": flooded["list"], "pause": flooded["pause"], "memory": grown, "refused": flooded["refused"], "end": end}
+        failed |= code != 0 or pace < PACE or any(found[what] > limit for what, limit in LIMITS.items())
+    sys.exit(failed)
+
+
+if __name__ == "__main__":
+    main()
