@@ -314,8 +314,7 @@ impl Seats {
         }
     }
 
-    /// Lets nobody read, compute or follow any more: whoever waits to is refused, and whoever does is told by
-    /// [`Self::closed`].
+    /// Lets nobody read, compute or follow any more: whoever waits to is refused, and what is under way ends.
     pub fn close(&self) {
         self.closing.send_replace(true);
     }
