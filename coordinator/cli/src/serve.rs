@@ -54,9 +54,14 @@ pub struct Serve {
         value_parser = BoolishValueParser::new()
     )]
     insecure_listen: bool,
-    /// Requests of a cost class that are answered at once, in all and for one token, certificate or address; the option may be
-    /// repeated. Classes: decision, light, reading, computing, streaming
-    #[arg(long, value_name = "CLASS=TOTAL/SHARE")]
+    /// Requests of a cost class that are answered at once, in all and for one token, certificate or address; commas
+    /// separate several. Classes: decision, light, reading, computing, streaming
+    #[arg(
+        long,
+        env = "MURMURATION_SEATS",
+        value_name = "CLASS=TOTAL/SHARE",
+        value_delimiter = ','
+    )]
     seats: Vec<ClassSeats>,
     /// Share of the evaluations that a second machine repeats, to find machines that compute wrong results
     #[arg(long, env = "MURMURATION_AUDIT", default_value_t = Share::default(), value_name = "0..1")]

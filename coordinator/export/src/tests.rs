@@ -82,7 +82,7 @@ fn individual(spec: &CampaignSpec, generation: u32, index: u64) -> ArchivedIndiv
         ..ArchivedIndividual::unmeasured(index, generation, controller)
     }
     .with_trial(Trial {
-        features: [index as f64; 5],
+        features: [index as f64 / 1000.0; 5],
         embedding: vec![0.5; 5],
         image: Some(vec![index as u8; 2500]),
         verdict: None,

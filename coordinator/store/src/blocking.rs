@@ -6,9 +6,9 @@ use tokio::runtime::{Builder, Handle, Runtime};
 
 /// Threads of [`in_background`].
 const BACKGROUND_THREADS: usize = 8;
-/// Their priority: of a core that campaigns want too, one such thread gets a tenth. Less, and a person who plays would wait for
-/// seconds.
-const NICE: i32 = 10;
+/// Their priority: of a core that campaigns want too, one such thread gets a quarter. With less, a person who plays on a busy machine
+/// would wait for seconds.
+const NICE: i32 = 5;
 
 /// A bug: the work panicked. The log says where.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]

@@ -88,7 +88,7 @@ pub(super) async fn gif(
 ) -> Result<impl IntoResponse, PageError> {
     let simulated = simulated(&web, &campaign, index).await?;
     let headers = file(&simulated.record, index, ("image/gif", "gif"), &created);
-    let drawn = in_background(move |_| {
+    let drawn = blocking(move || {
         let world = simulated.record.spec.world();
         let bodies = Bodies::of(&simulated.controller, world);
         picture::animation_gif(

@@ -252,7 +252,10 @@ fn what_is_no_file_of_its_kind_is_named() {
 fn a_file_is_no_data_directory() {
     let desk = Desk::new();
     let (file, spec) = (desk.write("a-file", ""), desk.path("small.toml"));
-    let (labels, elsewhere) = (desk.write("labels.csv", "x\n"), desk.path("elsewhere"));
+    let (labels, elsewhere) = (
+        desk.write("labels.csv", "index,class\n0,ring\n"),
+        desk.path("elsewhere"),
+    );
     for arguments in [
         &["run", &spec][..],
         &["list"],
