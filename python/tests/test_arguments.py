@@ -133,9 +133,12 @@ def test_a_flat_archive_has_a_number_in_each_column(campaign: mm.Campaign) -> No
     assert flat["cluster"].to_pylist() == (clusters + 1).tolist()
 
 
-def test_the_default_seed_is_that_of_the_program(client: mm.Client) -> None:
-    said = programs.run(programs.find(None), ["simulate", "--controller=-0.7,0.3,1,1"], {})[0]
-    features = client.evaluate("single-sensor", [GENES]).features[0]
+def test_the_seed_of_a_controller_is_told_and_repeats_it(client: mm.Client) -> None:
+    result = client.evaluate("single-sensor", [GENES, GENES])
+    assert len(set(result.seeds.tolist())) == 2
+    arguments = ["simulate", "--controller=-0.7,0.3,1,1", "--seed", str(result.seeds[1])]
+    said = programs.run(programs.find(None), arguments, {})[0]
+    features = result.features[1]
     assert features.tolist() == list(
         said["features"].values() if isinstance(said["features"], dict) else said["features"]
     )
