@@ -54,7 +54,7 @@ pub struct Door {
 /// Renders a refusal of this request for the client that sent it.
 pub(crate) type ShowRefusal = fn(Refusal, &RequestHead) -> Response;
 
-/// What a refusal of a request is written from.
+/// The head of a request: a refusal is rendered from it after the handler has taken the request.
 #[derive(Debug, Clone)]
 pub struct RequestHead {
     pub method: Method,

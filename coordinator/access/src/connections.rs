@@ -200,7 +200,7 @@ impl Connection {
         self.silence_limit = IDLE_LIMIT;
     }
 
-    /// Whether it is to be closed.
+    /// Whether its visit was told to close it.
     fn is_closed(&mut self, context: &mut Context<'_>) -> bool {
         if let Some(close) = &mut self.close
             && Pin::new(close).poll(context).is_ready()

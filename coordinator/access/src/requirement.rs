@@ -1,4 +1,4 @@
-//! What a request must show, and the table of what every page and gRPC method requires and costs.
+//! The table of routes: the requirement and the cost class of every page and gRPC method.
 //!
 //! [`GuardedRouter`](crate::GuardedRouter) fills the table as routes are registered. A method or page that the table does
 //! not know is for operators alone.
@@ -58,7 +58,7 @@ impl Requirement {
 /// The methods of a gRPC service, by name, each with its requirement and cost.
 pub type MethodRequirements = &'static [(&'static str, Requirement, CostClass)];
 
-/// What every page and gRPC method that is served requires and costs.
+/// The requirement and the cost class of every page and gRPC method that is served.
 #[derive(Debug, Clone, Default)]
 pub struct Requirements {
     pages: Vec<(Method, &'static str, (Requirement, CostClass))>,
@@ -95,7 +95,7 @@ impl Requirements {
         self.services.append(&mut other.services);
     }
 
-    /// What this request must show and what it costs, once it has been routed.
+    /// The requirement and the cost class of a request, once it has been routed.
     pub(crate) fn of(&self, request: &Request) -> (Requirement, CostClass) {
         self.of_method(request.uri().path()).unwrap_or_else(|| {
             let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
@@ -128,7 +128,7 @@ impl Requirements {
     }
 }
 
-/// What the table does not know.
+/// The rule for a route that the table does not have.
 const UNKNOWN: (Requirement, CostClass) = (Requirement::OPERATOR, CostClass::Light);
 
 #[cfg(test)]

@@ -47,9 +47,9 @@ struct SeatedBody {
 #[derive(Debug)]
 struct Shared {
     form: Form,
-    /// Whether it ends when the coordinator shuts down.
+    /// A shutdown ends the body.
     ends_at_shutdown: bool,
-    /// Whether it ends when nobody takes it. A stream that follows something holds little, and its client may sleep.
+    /// The body ends when nobody takes it. Streams that follow something do not: they hold little, and their clients may sleep.
     ends_untaken: bool,
     /// The connection that it is sent on.
     visit: Option<Visit>,

@@ -50,7 +50,7 @@ impl CampaignApi {
         Ok(self.campaigns.status(id).await.or_status()?.record)
     }
 
-    /// A moment's reading.
+    /// Runs a short query.
     async fn read<T: Send + 'static>(
         &self,
         query: impl FnOnce(&Store) -> Result<T, StoreError> + Send + 'static,
@@ -59,7 +59,7 @@ impl CampaignApi {
         blocking(move || query(&store)).await.or_status()?.or_status()
     }
 
-    /// What takes longer the larger the archive is.
+    /// Runs a query that takes longer the larger the archive is.
     async fn read_archive<T: Send + 'static>(
         &self,
         query: impl FnOnce(&Store, &Interrupt) -> Result<T, StoreError> + Send + 'static,

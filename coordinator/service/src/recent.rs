@@ -1,4 +1,4 @@
-//! What many follow at once, made once for all of them.
+//! Shares one look among all who follow the same thing.
 
 use std::{
     collections::HashMap,
