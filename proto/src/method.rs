@@ -1,4 +1,4 @@
-//! The methods.
+//! The methods that propose controllers.
 
 use crate::{Invalid, v1};
 use std::fmt;

@@ -17,6 +17,7 @@ fn main() -> ExitCode {
         test!(arrows::no_modules_know_each_other_in_a_ring),
         test!(map::every_crate_is_on_the_map_with_its_floor_and_its_public_modules),
         test!(options::what_starts_a_service_is_an_environment_variable_too),
+        test!(options::the_page_on_security_has_the_seats_of_each_class),
         test!(references::links_and_paths_lead_somewhere),
         test!(references::commands_that_are_mentioned_exist),
         test!(references::every_block_says_what_it_is),

@@ -1,6 +1,8 @@
-//! Options as environment variables, as docs/security.md promises.
+//! Options as environment variables, and the seats of cost classes, as docs/security.md has them.
 
 use clap::Command;
+use murmuration_access::CostClass;
+use murmuration_proto::grouped;
 use std::process;
 
 /// Options that have no variable.
@@ -47,5 +49,15 @@ pub fn what_starts_a_service_is_an_environment_variable_too() {
         assert!(shown.len() > 6, "{help}");
         shown.retain(|(name, has_variable)| !has_variable && !["--help", "--version"].contains(name));
         assert_eq!(shown, [], "{program}");
+    }
+}
+
+pub fn the_page_on_security_has_the_seats_of_each_class() {
+    let page = include_str!("../../../docs/security.md");
+    for class in CostClass::LIMITED {
+        let limits = class.limits();
+        let [total, share] = [limits.total, limits.share].map(|count| grouped(count.get() as u64));
+        let row = format!("| `{class}` | {total} | {share} |");
+        assert!(page.contains(&row), "docs/security.md: there is no {row}");
     }
 }
