@@ -8,7 +8,7 @@
 A coordinator with tokens serves an archive of made-up individuals, and a campaign of small generations runs. Each flood comes from
 the token of a viewer, by a process of low priority: archives that nobody reads, digests, pages of reports, watchers, and swarms
 on the page Play; and all at once. Meanwhile an operator lists campaigns and resumes and pauses another one, and a second viewer
-opens a page and watches. It prints a table: the campaign's pace beside that of an idle coordinator, the 95th percentile of
+opens a page and watches. It prints a table: the campaign's pace beside that of an idle coordinator before and after, the 95th percentile of
 `list` and `pause`, the peak of resident memory above idle, how many of the second viewer's requests were refused, and how long
 SIGTERM took. It ends with exit code 1 if a figure is over its limit.
 """
@@ -199,6 +199,21 @@ def measure(cluster, seconds):
     }
 
 
+@contextlib.contextmanager
+def flooding(context, kind, cluster):
+    """A guest floods meanwhile."""
+    ended = context.Event()
+    guest = context.Process(target=flood, args=(kind, cluster.address, cluster.tokens["guest"], ended))
+    guest.start()
+    try:
+        time.sleep(2)
+        yield
+    finally:
+        ended.set()
+        guest.join(10)
+        guest.kill()
+
+
 def main():
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--count", type=int, default=20_000)
@@ -218,22 +233,19 @@ def main():
                 idle = measure(cluster, options.seconds / 2)
                 resident = memory(cluster.process, "VmRSS:")
                 pathlib.Path(f"/proc/{cluster.process.pid}/clear_refs").write_text("5")
-                ended = context.Event()
-                guest = context.Process(target=flood, args=(kind, cluster.address, cluster.tokens["guest"], ended))
-                guest.start()
-                time.sleep(2)
-                flooded = measure(cluster, options.seconds)
+                with flooding(context, kind, cluster):
+                    flooded = measure(cluster, options.seconds)
                 grown = memory(cluster.process, "VmHWM:") - resident
-                begun = time.perf_counter()
-                cluster.process.send_signal(signal.SIGTERM)
-                code = cluster.process.wait(120)
-                end = time.perf_counter() - begun
-                ended.set()
-                guest.join(10)
-                guest.kill()
+                # A search slows down as its archive grows: what is idle before and after stands for what is idle meanwhile.
+                time.sleep(2)
+                pace = flooded["pace"] / statistics.mean([idle["pace"], measure(cluster, options.seconds / 2)["pace"]])
+                with flooding(context, kind, cluster):
+                    begun = time.perf_counter()
+                    cluster.process.send_signal(signal.SIGTERM)
+                    code = cluster.process.wait(120)
+                    end = time.perf_counter() - begun
             finally:
                 cluster.process.kill()
-        pace = flooded["pace"] / idle["pace"]
         print(
             f"| {kind} | {pace:.2f} | {flooded['list']:.0f} ({idle['list']:.0f} idle) | {flooded['pause']:.0f} ({idle['pause']:.0f} idle) "
             f"| {grown:.0f} | {flooded['refused']} | {end:.1f} |",
