@@ -35,7 +35,7 @@ struct Entry<V> {
 }
 
 /// The latest answer to one question about each campaign, within a bound of bytes; cheap to clone. `State` says what of the
-/// campaign the answer follows from.
+/// campaign the answer follows from. An answer that alone is over the bound goes to those who ask for it, and is not kept.
 #[derive(Debug)]
 pub struct LatestAnswers<State, Answer>(Arc<Kept<LatestAnswer<State, Answer>>>);
 
@@ -74,8 +74,10 @@ impl<State: PartialEq, Answer: Clone> LatestAnswers<State, Answer> {
             return Ok(answer.clone());
         }
         let answer = make.await?;
-        self.0.weigh(campaign, bytes(&answer));
-        *latest = Some((state, answer.clone()));
+        let bytes = bytes(&answer);
+        let is_kept = bytes.saturating_add(ENTRY_BYTES) <= self.0.most_bytes;
+        self.0.weigh(campaign, if is_kept { bytes } else { 0 });
+        *latest = is_kept.then(|| (state, answer.clone()));
         Ok(answer)
     }
 }
@@ -207,6 +209,17 @@ mod tests {
         let failing = answers.of(&id(1), 4, |_| 100, async { Err("no") }).await;
         assert_eq!(failing, Err("no"));
         assert_eq!(ask(3).await, Ok(30), "the former answer is kept");
+    }
+
+    #[tokio::test]
+    async fn an_answer_over_the_bound_is_made_for_whoever_asks_and_not_kept() {
+        let answers = LatestAnswers::within(10_000);
+        let campaign = id(1);
+        for made in 1..=2 {
+            let answer = answers.of(&campaign, 1, |_| 20_000, async { Ok::<_, ()>(made) });
+            assert_eq!(answer.await, Ok(made));
+            assert!(answers.0.bytes() <= 10_000);
+        }
     }
 
     #[test]
