@@ -1,15 +1,19 @@
 //! `backup`, `restore`, `doctor`: what is kept in a data directory of this machine, without its coordinator.
 
 use super::{CliError, Global, json};
-use murmuration_link::{OutputError, errln, outln};
+use murmuration_link::{OutputError, errln, outln, termination};
 use murmuration_proto::{counted, text::masked_url};
+use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{
     StoreError,
-    backup::{self, Manifest},
+    backup::{self, BackupError, Manifest},
     checkpoints::{CheckpointError, Condition},
     doctor::{self, CampaignCondition, CampaignFindings, Findings},
 };
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    pin::pin,
+};
 
 /// How a data directory is examined that another process holds.
 const WHILE_IN_USE: &str = "stop that process first; or back up the data directory while it is in use (`murmuration backup NEW_DIR`) \
@@ -52,7 +56,11 @@ pub struct Doctor {}
 impl Backup {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         of_this_machine(global)?;
-        let manifest = backup::backup(&global.data, global.checkpoint_store.as_deref(), &self.folder).await?;
+        let location = global.checkpoint_store.as_deref();
+        let manifest = until_told(async |interrupt| {
+            backup::backup(&global.data, location, &self.folder, interrupt).await
+        })
+        .await?;
         Ok(tell(global, &manifest, &self.folder, "backed up")?)
     }
 }
@@ -60,9 +68,24 @@ impl Backup {
 impl Restore {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         of_this_machine(global)?;
-        let manifest = backup::restore(&self.folder, &global.data).await?;
+        let manifest =
+            until_told(async |interrupt| backup::restore(&self.folder, &global.data, interrupt).await)
+                .await?;
         Ok(tell(global, &manifest, &global.data, "restored")?)
     }
+}
+
+/// Does `work`, and interrupts it when the process is told to leave: it removes what it has written.
+async fn until_told(
+    work: impl AsyncFnOnce(&Interrupt) -> Result<Manifest, BackupError>,
+) -> Result<Manifest, CliError> {
+    let interrupt = Interrupt::default();
+    let mut work = pin!(work(&interrupt));
+    tokio::select! {
+        done = &mut work => return Ok(done?),
+        _ = termination() => interrupt.raise(),
+    }
+    Ok(work.await?)
 }
 
 fn tell(global: &Global, manifest: &Manifest, folder: &Path, done: &str) -> Result<(), OutputError> {

@@ -17,6 +17,7 @@ use bytes::Bytes;
 use murmuration_files::{InputKind, digest_of, read_bytes, write_file};
 use murmuration_model::study_files::STUDIES;
 use murmuration_proto::CheckpointDigest;
+use murmuration_search::interrupt::{Interrupt, Interrupted};
 use serde::{Deserialize, Serialize};
 use std::{
     fs::{self, File},
@@ -72,6 +73,9 @@ pub enum BackupError {
         /// The data directory, or the backup.
         path: PathBuf,
     },
+    /// It was told to end.
+    #[error("interrupted: nothing was written")]
+    Interrupted(#[from] Interrupted),
 }
 
 /// Why nothing can be copied into a folder.
@@ -91,11 +95,16 @@ pub enum TargetError {
 }
 
 /// Copies the data directory `data`, whose checkpoints are kept at `location` (in it if there is none), as it stands at one
-/// instant, into the new folder `target`; a coordinator may be at work on it.
+/// instant, into the new folder `target`; a coordinator may be at work on it. Checks `interrupt` between files.
 ///
 /// # Errors
 /// See [`BackupError`]; there is no `target` then.
-pub async fn backup(data: &Path, location: Option<&str>, target: &Path) -> Result<Manifest, BackupError> {
+pub async fn backup(
+    data: &Path,
+    location: Option<&str>,
+    target: &Path,
+    interrupt: &Interrupt,
+) -> Result<Manifest, BackupError> {
     let target = &check_target(data, target)?;
     // Before a folder is made for it.
     let database = data.join(Store::FILE);
@@ -109,7 +118,7 @@ pub async fn backup(data: &Path, location: Option<&str>, target: &Path) -> Resul
         .tempdir_in(parent)
         .map_err(failed("make a folder in", parent))?;
     let folder = being_written.path();
-    let checkpoints = copy(data, location, folder).await?;
+    let checkpoints = copy(data, location, folder, interrupt).await?;
     let manifest = Manifest {
         schema: SCHEMA,
         created_ms: SystemTime::now()
@@ -122,17 +131,18 @@ pub async fn backup(data: &Path, location: Option<&str>, target: &Path) -> Resul
     };
     check(folder, location, data).await?;
     write_manifest(folder, &manifest)?;
+    interrupt.check()?;
     // An empty folder may be replaced.
     fs::rename(folder, target).map_err(failed("write", target))?;
     sync(parent)?;
     Ok(manifest)
 }
 
-/// Puts the backup `from` back as the data directory `data`, which must be empty or not exist.
+/// Puts the backup `from` back as the data directory `data`, which must be empty or not exist. Checks `interrupt` between files.
 ///
 /// # Errors
 /// See [`BackupError`]; there is no database in `data` then.
-pub async fn restore(from: &Path, data: &Path) -> Result<Manifest, BackupError> {
+pub async fn restore(from: &Path, data: &Path, interrupt: &Interrupt) -> Result<Manifest, BackupError> {
     let manifest = read_manifest(from)?;
     check_empty(data)?;
     if file_digest(&from.join(Store::FILE))? != manifest.database {
@@ -146,7 +156,7 @@ pub async fn restore(from: &Path, data: &Path) -> Result<Manifest, BackupError> 
     if fs::read_dir(data).map_err(failed("look into", data))?.count() > 1 {
         return Err(TargetError::NotEmpty(data.to_path_buf()).into());
     }
-    let restored = put_back(from, data, &manifest).await;
+    let restored = put_back(from, data, &manifest, interrupt).await;
     if restored.is_err() {
         // It was empty: what is there now is in the way of the next try. What cannot be removed is said then.
         let _ = clear(data, is_new);
@@ -156,13 +166,19 @@ pub async fn restore(from: &Path, data: &Path) -> Result<Manifest, BackupError> 
 }
 
 /// Fills an empty folder from a backup that is whole.
-async fn put_back(from: &Path, data: &Path, manifest: &Manifest) -> Result<(), BackupError> {
+async fn put_back(
+    from: &Path,
+    data: &Path,
+    manifest: &Manifest,
+    interrupt: &Interrupt,
+) -> Result<(), BackupError> {
     // Under its own name only when everything that it names is there.
     let arriving = data.join("restoring");
     fs::create_dir(&arriving).map_err(failed("make", &arriving))?;
     let location = manifest.checkpoint_store.as_deref();
-    copy(from, location, &arriving).await?;
+    copy(from, location, &arriving, interrupt).await?;
     check(&arriving, location, from).await?;
+    interrupt.check()?;
     for name in [BlobStore::FOLDER, STUDIES, Store::FILE] {
         let (copied, place) = (arriving.join(name), data.join(name));
         if is_there(&copied).map_err(failed("find", &copied))? {
@@ -195,6 +211,7 @@ async fn copy(
     data: &Path,
     location: Option<&str>,
     folder: &Path,
+    interrupt: &Interrupt,
 ) -> Result<Vec<CheckpointDigest>, BackupError> {
     // Where nobody holds it, nobody may begin to.
     let alone = match DataDirectory::watch(data) {
@@ -219,6 +236,7 @@ async fn copy(
     if location.is_none() && !digests.is_empty() {
         let (blobs, new) = (BlobStore::open(data, None)?, BlobStore::open(folder, None)?);
         for &digest in &digests {
+            interrupt.check()?;
             let bytes: Bytes = blobs.get(digest).await?;
             new.put(digest, bytes).await?;
         }
@@ -226,6 +244,7 @@ async fn copy(
     }
     studies::copy(data, folder)?;
     sync(folder)?;
+    interrupt.check()?;
     Ok(digests)
 }
 
@@ -326,4 +345,40 @@ fn sync(path: &Path) -> Result<(), BackupError> {
 fn failed(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> BackupError {
     let path = path.to_path_buf();
     move |source| BackupError::File { doing, path, source }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn what_is_interrupted_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let [data, copy, restored] = ["data", "copy", "restored"].map(|name| folder.path().join(name));
+        let held = DataDirectory::hold(&data).unwrap();
+        drop(Store::open(&held).unwrap());
+        drop(held);
+        backup(&data, None, &copy, &Interrupt::default()).await.unwrap();
+        let names = || {
+            let entries = fs::read_dir(folder.path()).unwrap();
+            let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name()).collect();
+            names.sort();
+            names
+        };
+        let before = names();
+        let raised = Interrupt::default();
+        raised.raise();
+        let backed_up = backup(&data, None, &folder.path().join("other"), &raised).await;
+        assert!(
+            matches!(backed_up, Err(BackupError::Interrupted(_))),
+            "{backed_up:?}"
+        );
+        let put_back = restore(&copy, &restored, &raised).await;
+        assert!(
+            matches!(put_back, Err(BackupError::Interrupted(_))),
+            "{put_back:?}"
+        );
+        assert_eq!(names(), before);
+        restore(&copy, &restored, &Interrupt::default()).await.unwrap();
+    }
 }
