@@ -165,9 +165,20 @@ impl Certs {
             }
         }
         fs::create_dir_all(&self.dir).map_err(|error| CliError::unwritable(&self.dir, &error))?;
-        for (pair, (certificate, key)) in pairs.iter().zip(&files) {
-            write(key, &pair.key, 0o600)?;
-            write(certificate, &pair.certificate, 0o644)?;
+        let contents = pairs
+            .iter()
+            .flat_map(|pair| [(&pair.certificate, 0o644), (&pair.key, 0o600)]);
+        let paths = files.iter().flat_map(|(certificate, key)| [certificate, key]);
+        let mut written = Vec::new();
+        for (path, (content, mode)) in paths.zip(contents) {
+            if let Err(error) = write(path, content, mode) {
+                // A part of the certificates would be in the way of the next call. What cannot be removed is said then.
+                written
+                    .into_iter()
+                    .for_each(|path: &PathBuf| drop(fs::remove_file(path)));
+                return Err(error);
+            }
+            written.push(path);
         }
         if as_json {
             let certificates = pairs.iter().zip(&files);

@@ -136,6 +136,12 @@ fn on_a_full_disk_a_folder_stays_as_it_was() {
         assert!(contents(&path).is_empty(), "{command:?} left files");
         drop(disk);
     }
+    // Certificates are small: only two of them have room.
+    let _disk = SmallDisk::new(&at, "8k");
+    let failed = given.run(&["certs"], &at);
+    names_file(&failed, &["certs"], &at);
+    assert!(failed.stderr.contains("No space left"), "{}", failed.stderr);
+    assert!(contents(&at).is_empty(), "certs left files");
 }
 
 fn what_cannot_be_written_is_named() {
