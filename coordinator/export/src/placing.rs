@@ -68,8 +68,8 @@ fn parent(target: &Path) -> &Path {
     }
 }
 
-/// Gives a whole folder its name; what had the name before is removed then.
-pub(crate) fn place(folder: UnfinishedFolder, target: &Path) -> Result<(), ExportError> {
+/// Gives a whole folder its name. An export that has the name is removed then, if it is to be replaced.
+pub(crate) fn place(folder: UnfinishedFolder, target: &Path, replaces: bool) -> Result<(), ExportError> {
     let checkpoints = folder.path().join(CHECKPOINTS);
     if checkpoints.is_dir() {
         sync(&checkpoints)?;
@@ -79,7 +79,7 @@ pub(crate) fn place(folder: UnfinishedFolder, target: &Path) -> Result<(), Expor
         return move_up(folder.path(), target);
     }
     let (folder, _lock) = folder.keep();
-    let placed = rename(&folder, target);
+    let placed = rename(&folder, target, replaces);
     if placed.is_err() {
         // What is half there is in the way of the next try; what cannot be removed is said then.
         let _ = fs::remove_dir_all(&folder);
@@ -117,12 +117,16 @@ fn move_up(folder: &Path, target: &Path) -> Result<(), ExportError> {
     sync(target)
 }
 
-fn rename(folder: &Path, target: &Path) -> Result<(), ExportError> {
+fn rename(folder: &Path, target: &Path, replaces: bool) -> Result<(), ExportError> {
     let failed = |error| ExportError::file("write", target)(error);
     if is_empty(target).map_err(failed)? {
         // It was not there when this export began.
         fs::rename(folder, target).map_err(failed)?;
         return sync(parent(target));
+    }
+    if !replaces {
+        // Another export has been quicker.
+        return Err(ExportError::NotEmpty(target.to_path_buf()));
     }
     // Somebody may have put something beside it meanwhile.
     if !digests::is_alone(target).unwrap_or(false) {
@@ -190,7 +194,7 @@ mod tests {
             let target = target(&at(name), true).unwrap();
             let folder = new_folder(&target).unwrap();
             export_in(folder.path(), name);
-            place(folder, &target).unwrap();
+            place(folder, &target, true).unwrap();
             assert_eq!(fs::read_to_string(at(name).join("README.md")).unwrap(), name);
             assert!(digests::is_alone(&at(name)).unwrap(), "{:?}", names(&at(name)));
         }
@@ -205,10 +209,27 @@ mod tests {
         let target = target(folder.path(), false).unwrap();
         let filled = new_folder(&target).unwrap();
         export_in(filled.path(), "new");
-        place(filled, &target).unwrap();
+        place(filled, &target, false).unwrap();
         // Whoever is in it sees the files, and a volume may be mounted there.
         assert_eq!(fs::metadata(folder.path()).unwrap().ino(), before);
         assert!(digests::is_alone(folder.path()).unwrap());
+    }
+
+    #[test]
+    fn an_export_that_was_quicker_stays() {
+        let place_of_all = tempfile::tempdir().unwrap();
+        let path = place_of_all.path().join("export");
+        let [first, second] = ["first", "second"].map(|text| {
+            let target = target(&path, false).unwrap();
+            let folder = new_folder(&target).unwrap();
+            export_in(folder.path(), text);
+            (folder, target)
+        });
+        place(first.0, &first.1, false).unwrap();
+        let refused = place(second.0, &second.1, false);
+        assert!(matches!(refused, Err(ExportError::NotEmpty(_))), "{refused:?}");
+        assert_eq!(fs::read_to_string(path.join("README.md")).unwrap(), "first");
+        assert_eq!(names(place_of_all.path()), ["export"]);
     }
 
     #[test]
@@ -231,7 +252,7 @@ mod tests {
         let target = folder.path().join("export");
         export_in(&target, "old");
         // A folder that is not there cannot get a name.
-        let failed = rename(&folder.path().join("gone"), &target).unwrap_err();
+        let failed = rename(&folder.path().join("gone"), &target, true).unwrap_err();
         assert!(matches!(failed, ExportError::File { .. }), "{failed}");
         assert_eq!(fs::read_to_string(target.join("README.md")).unwrap(), "old");
         assert_eq!(names(folder.path()), ["export"]);

@@ -38,6 +38,7 @@ pub struct NewFolder {
     folder: UnfinishedFolder,
     database: File,
     with_csv: bool,
+    replaces: bool,
 }
 
 impl NewFolder {
@@ -55,6 +56,7 @@ impl NewFolder {
             database: File::create_new(&database).map_err(ExportError::file("write", &database))?,
             folder,
             with_csv,
+            replaces,
         })
     }
 
@@ -89,7 +91,7 @@ impl NewFolder {
             listed.add(folder, name)?;
         }
         write_text(folder, digests::FILE, &listed.to_text())?;
-        place(self.folder, &self.target)?;
+        place(self.folder, &self.target, self.replaces)?;
         let mut files: Vec<String> = listed.names().map(str::to_owned).collect();
         files.push(digests::FILE.to_owned());
         files.sort();
