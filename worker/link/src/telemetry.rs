@@ -1,5 +1,6 @@
 //! Telemetry of a process: a log on stderr, and traces for a collector if one is named.
 
+use murmuration_proto::text;
 use opentelemetry::{
     propagation::TextMapPropagator as _,
     trace::{TraceContextExt as _, TracerProvider as _},
@@ -45,7 +46,7 @@ pub fn telemetry(service: &'static str, default: tracing::Level) -> Telemetry {
         .with(
             tracing_subscriber::fmt::layer()
                 .with_ansi(in_colour())
-                .with_writer(io::stderr),
+                .with_writer(|| LogLines),
         )
         .init();
     if let Some(error) = refused {
@@ -55,6 +56,39 @@ pub fn telemetry(service: &'static str, default: tracing::Level) -> Telemetry {
         tracing::error!(%error, "no traces are sent");
         None
     }))
+}
+
+/// Writes lines of the log to stderr without hidden characters, but for our own colours: errors of libraries repeat words of
+/// strangers.
+#[derive(Debug)]
+struct LogLines;
+
+impl io::Write for LogLines {
+    fn write(&mut self, lines: &[u8]) -> io::Result<usize> {
+        io::stderr().write_all(shown(&String::from_utf8_lossy(lines)).as_bytes())?;
+        Ok(lines.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::stderr().flush()
+    }
+}
+
+/// `lines` without hidden characters, but for the sequences that choose a colour.
+fn shown(lines: &str) -> String {
+    let mut parts = lines.split("\u{1b}[");
+    let mut all = text::printable(parts.next().unwrap_or_default());
+    for part in parts {
+        let codes = part.len()
+            - part
+                .trim_start_matches(|c: char| c.is_ascii_digit() || c == ';')
+                .len();
+        match part[codes..].strip_prefix('m') {
+            Some(rest) => all.extend(["\u{1b}[", &part[..codes], "m", &text::printable(rest)]),
+            None => all += &text::printable(&format!("\u{1b}[{part}")),
+        }
+    }
+    all
 }
 
 /// Whether the log on stderr may have colours: on a terminal, unless `NO_COLOR` or `TERM` says otherwise.
@@ -104,5 +138,23 @@ pub fn follow(span: &Span, parent: &str) {
     if context.span().span_context().is_valid() {
         // An error means that nothing is traced here.
         let _ = span.set_parent(context);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_log_has_our_colours_and_no_other_hidden_characters() {
+        let line = "\u{1b}[31mERROR\u{1b}[0m http://x\u{1b}[2J\u{202e}y\u{1b}]0;title\u{7}\n";
+        let shown = shown(line);
+        assert!(
+            shown.starts_with("\u{1b}[31mERROR\u{1b}[0m http://x"),
+            "{shown:?}"
+        );
+        assert!(shown.ends_with('\n'), "{shown:?}");
+        let rest = shown.replace("\u{1b}[31m", "").replace("\u{1b}[0m", "");
+        assert!(!rest.contains(['\u{1b}', '\u{202e}', '\u{7}']), "{shown:?}");
     }
 }
