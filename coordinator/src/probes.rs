@@ -59,10 +59,10 @@ impl Probes {
             .get(
                 "/healthz",
                 Requirement::Nothing,
-                CostClass::Light,
+                CostClass::Free,
                 async || "alive\n",
             )
-            .get("/readyz", Requirement::Nothing, CostClass::Light, ready)
+            .get("/readyz", Requirement::Nothing, CostClass::Free, ready)
             .get("/metrics", Requirement::VIEWER, CostClass::Light, metrics)
             .with_state(self)
     }

@@ -10,7 +10,7 @@ use crate::{
     probes::{Probes, Readiness},
 };
 use doors::{Served, Serving, listen, url};
-use murmuration_access::{ListenConfig, Requirements, Seats, connections::ConnectionPermits};
+use murmuration_access::{ListenConfig, Requirements, Seats};
 use murmuration_dispatch as dispatch;
 use murmuration_dispatch::{Dispatch, PeerKind, Trainers};
 use murmuration_engine::{
@@ -237,7 +237,6 @@ impl Coordinator {
         let (stop, stopped) = watch::channel(false);
         let served = Served {
             routes,
-            permits: ConnectionPermits::of_this_process(),
             seats: seats.clone(),
             stopped,
         };

@@ -12,10 +12,11 @@ use super::{
 };
 use crate::{
     connections::Visit,
-    limits::{MAX_HEADER_BYTES, MAX_HEADERS, SEAT_LIMIT},
+    limits::{MAX_HEADER_BYTES, MAX_HEADERS, PART_LIMIT, SEAT_LIMIT, STRANGER_LIMIT},
 };
 use axum::{
-    body::{Body, BodyDataStream},
+    BoxError,
+    body::{Body, BodyDataStream, HttpBody as _},
     extract::{MatchedPath, Request, State},
     http::{
         HeaderMap, HeaderValue, Method, Uri,
@@ -25,13 +26,14 @@ use axum::{
     response::Response,
 };
 use murmuration_link::TokenDigest;
+use murmuration_store::blocking::holding;
 use std::{
     pin::Pin,
     sync::Arc,
     task::{Context, Poll},
     time::{Duration, SystemTime},
 };
-use tokio_stream::Stream;
+use tokio_stream::{Stream, StreamExt as _};
 use tonic::{Status, transport::server::TlsConnectInfo};
 
 /// Bytes that a header counts for besides its name and value, as HTTP/2 has it.
@@ -103,6 +105,7 @@ impl Gate {
         let head = RequestHead::of(&request);
         let answered = match door.allows(asked, requirement, session.as_ref(), &request) {
             Ok(principal) => {
+                let class = principal.class_of(requirement, class);
                 let patience = (!speaks_grpc).then_some(SEAT_LIMIT);
                 self.seated(class, principal, patience, request, next).await
             }
@@ -133,15 +136,28 @@ impl Gate {
         let Some(seat) = self.seats.take(class, principal, patience).await? else {
             return Ok(next.run(request).await);
         };
+        let seat = Arc::new(seat);
+        let request = match class {
+            // Silent for as long as what they follow.
+            CostClass::Streaming => request,
+            _ => request.map(in_time),
+        };
         let closed = async {
             match class.ends_at_shutdown() {
                 true => self.seats.closed().await,
                 false => std::future::pending().await,
             }
         };
+        let late = async {
+            match class {
+                CostClass::Stranger => tokio::time::sleep(STRANGER_LIMIT).await,
+                _ => std::future::pending().await,
+            }
+        };
         tokio::select! {
-            response = next.run(request) => Ok(self.bodies.seated(seat, visit, response)),
+            response = holding(seat.clone(), next.run(request)) => Ok(self.bodies.seated(seat, visit, response)),
             () = closed => Err(NoSeat::Closing.into()),
+            () = late => Err(NoSeat::Slow.into()),
         }
     }
 }
@@ -233,6 +249,18 @@ fn has_room_for_headers(request: &Request) -> bool {
     count <= MAX_HEADERS && bytes + path <= MAX_HEADER_BYTES as usize
 }
 
+/// A body that fails when no part of it arrives for [`PART_LIMIT`].
+fn in_time(body: Body) -> Body {
+    if body.is_end_stream() {
+        return body;
+    }
+    let parts = body.into_data_stream().timeout(PART_LIMIT);
+    Body::from_stream(parts.map(|part| match part {
+        Ok(part) => part.map_err(BoxError::from),
+        Err(silent) => Err(silent.into()),
+    }))
+}
+
 /// Ends an event stream when the session of its request ends.
 fn while_it_lasts(session: Option<Session>, response: Response) -> Response {
     let kind = response.headers().get(CONTENT_TYPE).map(HeaderValue::as_bytes);
@@ -283,6 +311,7 @@ impl From<Refusal> for Status {
                 Self::resource_exhausted(said)
             }
             Refusal::NoSeat(NoSeat::Closing) => Self::unavailable(said),
+            Refusal::NoSeat(NoSeat::Slow) => Self::deadline_exceeded(said),
             Refusal::ContentType => Self::invalid_argument(said),
         }
     }

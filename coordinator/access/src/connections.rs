@@ -4,8 +4,8 @@
 //! sent on a connection.
 
 use crate::limits::{
-    HANDSHAKE_LIMIT, IDLE_LIMIT, MAX_CONNECTIONS, MAX_CONNECTIONS_PER_PEER, REQUEST_BURST,
-    REQUESTS_PER_SECOND, RESERVED_FILES,
+    HANDSHAKE_LIMIT, IDLE_LIMIT, MAX_CONNECTIONS, MAX_CONNECTIONS_PER_PEER, MAX_LOCAL_CONNECTIONS,
+    REQUEST_BURST, REQUESTS_PER_SECOND, RESERVED_FILES,
 };
 use governor::{DefaultDirectRateLimiter, Quota, RateLimiter};
 use std::{
@@ -31,7 +31,7 @@ const WAITING: usize = 64;
 /// Pause after the system could not accept a connection, for example because no file descriptor is left.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// The permits for connections, which the listeners of a coordinator share; cheap to clone.
+/// The permits for the connections of a listener; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct ConnectionPermits {
     most: usize,
@@ -49,13 +49,17 @@ struct ConnectionPermit {
 impl ConnectionPermits {
     /// As many as the system lets this process have, and [`MAX_CONNECTIONS`] at most.
     pub fn of_this_process() -> Self {
-        let wanted = MAX_CONNECTIONS as u64 + RESERVED_FILES;
+        let reserved = RESERVED_FILES + MAX_LOCAL_CONNECTIONS as u64;
+        let wanted = MAX_CONNECTIONS as u64 + reserved;
         // Where the system does not say, it has no such limit.
         let files = rlimit::increase_nofile_limit(wanted).unwrap_or(wanted);
-        let most = files
-            .saturating_sub(RESERVED_FILES)
-            .clamp(16, MAX_CONNECTIONS as u64) as usize;
+        let most = files.saturating_sub(reserved).clamp(16, MAX_CONNECTIONS as u64) as usize;
         Self::new(most, MAX_CONNECTIONS_PER_PEER.min(most / 2))
+    }
+
+    /// For the door that only this machine reaches, besides those of the others.
+    pub fn of_this_machine() -> Self {
+        Self::new(MAX_LOCAL_CONNECTIONS, MAX_LOCAL_CONNECTIONS)
     }
 
     fn new(most: usize, most_per_peer: usize) -> Self {

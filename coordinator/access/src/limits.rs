@@ -8,10 +8,12 @@
 
 use std::{num::NonZeroU32, time::Duration};
 
-/// Connections at once, through all doors. Fewer where the system allows fewer open files.
+/// Connections at once, through the door that other machines reach. Fewer where the system allows fewer open files.
 pub const MAX_CONNECTIONS: usize = 4096;
 /// Connections at once from one address; never more than half of all.
 pub const MAX_CONNECTIONS_PER_PEER: usize = 1024;
+/// Connections at once, through the door of this machine alone where access is restricted.
+pub(crate) const MAX_LOCAL_CONNECTIONS: usize = 128;
 /// Files that are kept free of connections: the store's, logs, the library of the operating system.
 pub(crate) const RESERVED_FILES: u64 = 256;
 /// Time that a connection has for its TLS handshake, and to say its first byte.
@@ -50,6 +52,8 @@ pub(crate) const MAX_SESSIONS_PER_TOKEN: usize = 32;
 pub(crate) const MAX_WAITING_PER_PRINCIPAL: usize = 512;
 /// Time that the request of a page or probe waits for a seat. A gRPC client waits for as long as it likes.
 pub(crate) const SEAT_LIMIT: Duration = Duration::from_secs(30);
+/// Time that the request of somebody who shows neither token nor certificate has to arrive and to be answered.
+pub(crate) const STRANGER_LIMIT: Duration = Duration::from_secs(10);
 /// Time that a client has to take the next part of an answer, or to send the next part of an import. Who takes none has its
 /// connection closed.
 pub const PART_LIMIT: Duration = Duration::from_secs(60);

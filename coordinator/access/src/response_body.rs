@@ -59,7 +59,7 @@ struct Shared {
 #[derive(Debug)]
 struct Content {
     /// `None` once it is complete or was ended.
-    open: Option<(Body, Seat)>,
+    open: Option<(Body, Arc<Seat>)>,
     /// What the body has given and the connection has not been handed.
     rest: Bytes,
     /// Why it was ended, as long as the client has not been told.
@@ -118,7 +118,7 @@ impl Bodies {
     /// The response, which holds `seat` for as long as its body is sent.
     pub(crate) fn seated(
         &self,
-        seat: Seat,
+        seat: Arc<Seat>,
         visit: Option<Visit>,
         response: Response<Body>,
     ) -> Response<Body> {
@@ -314,7 +314,7 @@ mod tests {
         response
             .headers_mut()
             .insert(CONTENT_TYPE, HeaderValue::from_static(kind));
-        (parts, bodies.seated(seat, None, response).into_body())
+        (parts, bodies.seated(Arc::new(seat), None, response).into_body())
     }
 
     async fn next(body: &mut Body) -> Sent {
@@ -363,7 +363,9 @@ mod tests {
             .take(CostClass::Light, Principal::Unknown, None)
             .await
             .unwrap();
-        let mut fixed = Bodies::of(&seats).seated(seat.unwrap(), None, fixed).into_body();
+        let mut fixed = Bodies::of(&seats)
+            .seated(Arc::new(seat.unwrap()), None, fixed)
+            .into_body();
         assert_eq!(fixed.size_hint().exact(), Some(whole.len() as u64));
         next(&mut fixed).await.unwrap().unwrap();
         assert_eq!(fixed.size_hint().exact(), Some((whole.len() - PART_BYTES) as u64));

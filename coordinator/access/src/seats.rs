@@ -5,7 +5,10 @@
 //! finds no seat waits: the next free one goes to the principal that has fewest. Streams last, so a stream that finds no seat
 //! is refused at once. Decisions have seats of their own, which nobody who reads or computes can take.
 
-use crate::limits::MAX_WAITING_PER_PRINCIPAL;
+use crate::{
+    Requirement,
+    limits::{MAX_WAITING_PER_PRINCIPAL, STRANGER_LIMIT},
+};
 use murmuration_link::TokenDigest;
 use murmuration_model::MachineId;
 use std::{
@@ -35,8 +38,10 @@ pub enum CostClass {
     Computing,
     /// Follows something for as long as the client wants.
     Streaming,
-    /// The stream of a worker or trainer: leases and credits limit it, no seats.
-    Machine,
+    /// What somebody asks who shows neither token nor certificate, where none is required: to log in, or whether a service is well.
+    Stranger,
+    /// Needs no seat: the stream of a worker or trainer, which leases and credits limit, and a probe that costs nothing.
+    Free,
 }
 
 /// The seats of a class.
@@ -55,7 +60,7 @@ pub struct ClassSeats(CostClass, SeatLimits);
 /// Why a text is not a class and its seats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "must be CLASS=TOTAL/SHARE, such as reading=16/4: decision, light, reading, computing or streaming, and two whole numbers \
+    "must be CLASS=TOTAL/SHARE, such as reading=16/4: decision, light, reading, computing, streaming or stranger, and two whole numbers \
      from 1 to {MAX_SEATS}, the share at most the total"
 )]
 pub struct NoClassSeats;
@@ -85,6 +90,8 @@ pub enum NoSeat {
     Busy(CostClass),
     #[error("the coordinator is shutting down: try again once it serves again")]
     Closing,
+    #[error("the request took over {} seconds to arrive: send all of it at once", STRANGER_LIMIT.as_secs())]
+    Slow,
 }
 
 /// How many requests of a class are answered and wait now, and were refused so far.
@@ -135,12 +142,13 @@ pub(crate) struct Seat {
 
 impl CostClass {
     /// The classes that have seats.
-    pub const LIMITED: [Self; 5] = [
+    pub const LIMITED: [Self; 6] = [
         Self::Decision,
         Self::Light,
         Self::Reading,
         Self::Computing,
         Self::Streaming,
+        Self::Stranger,
     ];
 
     #[must_use]
@@ -151,7 +159,8 @@ impl CostClass {
             Self::Reading => "reading",
             Self::Computing => "computing",
             Self::Streaming => "streaming",
-            Self::Machine => "machine",
+            Self::Stranger => "stranger",
+            Self::Free => "free",
         }
     }
 
@@ -162,7 +171,10 @@ impl CostClass {
 
     /// Whether a request of this class ends at once when the coordinator shuts down.
     pub(crate) const fn ends_at_shutdown(self) -> bool {
-        matches!(self, Self::Reading | Self::Computing | Self::Streaming)
+        matches!(
+            self,
+            Self::Reading | Self::Computing | Self::Streaming | Self::Stranger
+        )
     }
 
     /// The seats of a coordinator that nobody has set otherwise.
@@ -172,7 +184,8 @@ impl CostClass {
             Self::Decision => SeatLimits::of(64, 16),
             Self::Light => SeatLimits::of(256, 64),
             Self::Reading | Self::Computing => SeatLimits::of(16, 4),
-            Self::Streaming | Self::Machine => SeatLimits::of(1024, 128),
+            Self::Streaming | Self::Free => SeatLimits::of(1024, 128),
+            Self::Stranger => SeatLimits::of(512, 64),
         }
     }
 }
@@ -216,6 +229,16 @@ impl FromStr for ClassSeats {
 }
 
 impl Principal {
+    /// The class of its requests to a route that has this requirement and this class. Who shows nothing where nothing is required
+    /// takes no seats from those who do.
+    pub(crate) fn class_of(self, requirement: Requirement, class: CostClass) -> CostClass {
+        match (requirement, self, class) {
+            (_, _, CostClass::Free) => class,
+            (Requirement::Nothing, Self::Address(_) | Self::Unknown, _) => CostClass::Stranger,
+            _ => class,
+        }
+    }
+
     pub(crate) fn at(address: IpAddr) -> Self {
         let network = |address: Ipv6Addr| Ipv6Addr::from_bits(address.to_bits() >> 64 << 64);
         Self::Address(match address {

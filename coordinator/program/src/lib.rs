@@ -15,6 +15,7 @@ use std::{
     path::{Path, PathBuf},
     process::ExitCode,
     sync::LazyLock,
+    time::Duration,
 };
 use tracing::Level;
 
@@ -82,6 +83,9 @@ enum Help {
     },
 }
 
+/// Time that a coordinator which has ended gives work that nobody waits for any more.
+const LEAVING: Duration = Duration::from_secs(1);
+
 /// The command line as clap knows it: for completions, and to check what documents say of it.
 pub fn command() -> clap::Command {
     Arguments::command()
@@ -99,12 +103,18 @@ pub fn main() -> ExitCode {
         .build()
         .map_err(|error| CliError::Failed(format!("threads cannot be started: {error}")))
         .and_then(|runtime| {
-            runtime.block_on(async {
-                let telemetry = tell(&command);
+            let is_server = is_server(&command);
+            let done = runtime.block_on(async {
+                let telemetry = tell(is_server);
                 let done = command.execute(&global).await;
                 telemetry.end().await;
                 done
-            })
+            });
+            if is_server {
+                // What is acknowledged is on disk. Other commands finish what they write.
+                runtime.shutdown_timeout(LEAVING);
+            }
+            done
         });
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -168,7 +178,10 @@ fn completions(shell: clap_complete::Shell, as_json: bool) -> Result<(), CliErro
 }
 
 /// Servers tell what they do; other commands only what goes wrong.
-fn tell(command: &Command) -> Telemetry {
-    let is_server = matches!(command, Command::Client(command) if command.is_server());
+fn is_server(command: &Command) -> bool {
+    matches!(command, Command::Client(command) if command.is_server())
+}
+
+fn tell(is_server: bool) -> Telemetry {
     telemetry("murmuration", if is_server { Level::INFO } else { Level::ERROR })
 }

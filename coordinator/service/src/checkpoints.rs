@@ -56,11 +56,10 @@ impl v1::checkpoint_service_server::CheckpointService for CheckpointApi {
     ) -> Result<Response<Self::FetchCheckpointStream>, Status> {
         let digest = request.get_ref().digest.parse::<CheckpointDigest>()?;
         let mut rest = self.checkpoints.fetch(digest).await.or_status()?;
-        let mut chunks = Vec::with_capacity(rest.len().div_ceil(PART_BYTES));
-        while !rest.is_empty() {
+        let chunks = std::iter::from_fn(move || {
             let data = rest.split_to(PART_BYTES.min(rest.len())).to_vec();
-            chunks.push(Ok(v1::CheckpointChunk { data }));
-        }
+            (!data.is_empty()).then_some(Ok(v1::CheckpointChunk { data }))
+        });
         Ok(Response::new(Box::pin(tokio_stream::iter(chunks))))
     }
 

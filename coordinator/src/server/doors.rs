@@ -31,7 +31,6 @@ pub struct LocalWay {
 /// What is served, whatever the door.
 pub(super) struct Served {
     pub(super) routes: GuardedRouter,
-    pub(super) permits: ConnectionPermits,
     pub(super) seats: Seats,
     /// True once everything is to end.
     pub(super) stopped: watch::Receiver<bool>,
@@ -64,7 +63,7 @@ impl Served {
             is_encrypted: tls.is_some(),
             show_refusal: web::show_refusal,
         };
-        let mut servers = vec![self.at(listener, tls, door)?];
+        let mut servers = vec![self.at(listener, tls, door, ConnectionPermits::of_this_process())?];
         let way = if is_open {
             LocalWay {
                 url: url(address, false),
@@ -79,7 +78,9 @@ impl Served {
                 is_encrypted: false,
                 show_refusal: web::show_refusal,
             };
-            servers.push(self.at(listener, None, door)?);
+            // Of its own, so that this machine's commands come in whoever else has taken all connections.
+            let permits = ConnectionPermits::of_this_machine();
+            servers.push(self.at(listener, None, door, permits)?);
             LocalWay {
                 url: url(address, false),
                 credentials: Credentials::token(local.token().clone()),
@@ -94,11 +95,14 @@ impl Served {
         listener: TcpListener,
         tls: Option<ServerTlsConfig>,
         door: Door,
+        permits: ConnectionPermits,
     ) -> Result<Serving, tonic::transport::Error> {
         let mut server = Server::builder()
             .http2_keepalive_interval(Some(Duration::from_secs(2)))
             .http2_keepalive_timeout(Some(Duration::from_secs(3)))
             .http2_max_header_list_size(limits::MAX_READ_HEADER_BYTES)
+            // From 64 KiB a stream, more for whoever sends much that is read at once: requests that wait for a seat hold little.
+            .http2_adaptive_window(Some(true))
             .max_concurrent_streams(limits::MAX_STREAMS_PER_CONNECTION)
             // What browsers speak on a plain connection.
             .accept_http1(true);
@@ -106,7 +110,7 @@ impl Served {
             server = server.tls_config(tls)?;
         }
         let routes = web::behind(self.routes.clone(), Arc::new(door), self.seats.clone());
-        let connections = connections(listener, self.permits.clone());
+        let connections = connections(listener, permits);
         let mut stopped = self.stopped.clone();
         let serving = server
             .add_routes(routes)

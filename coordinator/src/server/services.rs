@@ -45,7 +45,7 @@ const CAMPAIGNS: MethodRequirements = &[
 const CHECKPOINTS: MethodRequirements = &[
     ("ListCheckpoints", VIEWER, Light),
     ("GetCheckpoint", AnyMachineOr(Role::Viewer), Light),
-    ("FetchCheckpoint", AnyMachineOr(Role::Viewer), Light),
+    ("FetchCheckpoint", AnyMachineOr(Role::Viewer), Reading),
     ("PublishCheckpoint", MachineOr(Trainer, Role::Operator), Decision),
 ];
 
@@ -72,11 +72,11 @@ const TRANSFERS: MethodRequirements = &[
     ("ImportCampaign", OPERATOR, Reading),
 ];
 
-const WORKERS: MethodRequirements = &[("Work", Machine(Worker), CostClass::Machine)];
+const WORKERS: MethodRequirements = &[("Work", Machine(Worker), CostClass::Free)];
 
 const TRAINERS: MethodRequirements = &[
-    ("Train", Machine(Trainer), CostClass::Machine),
-    ("FetchTraining", Machine(Trainer), CostClass::Machine),
+    ("Train", Machine(Trainer), CostClass::Free),
+    ("FetchTraining", Machine(Trainer), CostClass::Free),
 ];
 
 pub(super) const HEALTH: MethodRequirements = &[("Check", Nothing, Light), ("Watch", Nothing, Streaming)];

@@ -1,7 +1,11 @@
 //! Work that computes or waits for the disk, where it does not hold up the network.
 
 use murmuration_search::interrupt::Interrupt;
-use std::{cell::Cell, sync::LazyLock};
+use std::{
+    any::Any,
+    cell::Cell,
+    sync::{Arc, LazyLock},
+};
 use tokio::runtime::{Builder, Handle, Runtime};
 
 /// Threads of [`in_background`].
@@ -15,12 +19,31 @@ const NICE: i32 = 5;
 #[error("a task stopped because of a bug, which the log describes; committed data is safe")]
 pub struct Broken;
 
-/// Runs `work` on a thread that may block: what a campaign or a decision waits for, or what takes a moment.
+tokio::task_local! {
+    static HELD: Arc<dyn Any + Send + Sync>;
+}
+
+/// Runs `task`. All work that it gives to [`blocking`] and [`in_background`] holds `held` until that work has ended, even if `task`
+/// is dropped before: a request's seat is not free while somebody still works for it.
+pub async fn holding<F: Future>(held: Arc<dyn Any + Send + Sync>, task: F) -> F::Output {
+    HELD.scope(held, task).await
+}
+
+/// Runs `work` on a thread that may block: what a campaign or a decision waits for, or what takes a moment. What has not begun
+/// when the future is dropped does not begin.
 ///
 /// # Errors
 /// [`Broken`] if it panics.
 pub async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, Broken> {
-    tokio::task::spawn_blocking(work).await.map_err(|_| Broken)
+    let wanted = Wanted(Interrupt::default());
+    let (interrupt, held) = (wanted.0.clone(), HELD.try_with(Arc::clone).ok());
+    let done = tokio::task::spawn_blocking(move || {
+        let done = interrupt.check().is_ok().then(work);
+        drop(held);
+        done
+    });
+    // Nobody is told that it did not begin.
+    done.await.ok().flatten().ok_or(Broken)
 }
 
 /// Runs `work`, which somebody wants to look at and no campaign waits for, on one of a few threads of low priority. It is
@@ -32,11 +55,15 @@ pub async fn in_background<T: Send + 'static>(
     work: impl FnOnce(&Interrupt) -> T + Send + 'static,
 ) -> Result<T, Broken> {
     let wanted = Wanted(Interrupt::default());
-    let interrupt = wanted.0.clone();
+    let (interrupt, held) = (wanted.0.clone(), HELD.try_with(Arc::clone).ok());
     let threads = BACKGROUND
         .as_ref()
         .map_or_else(Handle::current, |threads| threads.handle().clone());
-    let done = threads.spawn_blocking(move || interrupt.check().is_ok().then(|| work(&interrupt)));
+    let done = threads.spawn_blocking(move || {
+        let done = interrupt.check().is_ok().then(|| work(&interrupt));
+        drop(held);
+        done
+    });
     // Nobody is told that it did not begin.
     done.await.ok().flatten().ok_or(Broken)
 }
@@ -128,6 +155,32 @@ mod tests {
             ends.len()
         );
         assert!(ends.into_iter().all(|interrupted| interrupted));
+    }
+
+    #[tokio::test]
+    async fn what_a_task_holds_is_held_until_its_work_has_ended() {
+        let held: Arc<dyn Any + Send + Sync> = Arc::new(());
+        let (go, gone) = mpsc::channel::<()>();
+        let (began, begun) = mpsc::channel();
+        let work = async {
+            let _ = blocking(move || {
+                began.send(()).unwrap();
+                gone.recv()
+            })
+            .await;
+        };
+        let task = tokio::spawn(holding(Arc::clone(&held), work));
+        tokio::task::spawn_blocking(move || begun.recv())
+            .await
+            .unwrap()
+            .unwrap();
+        task.abort();
+        assert!(task.await.is_err_and(|error| error.is_cancelled()));
+        assert_eq!(Arc::strong_count(&held), 2, "the work goes on");
+        go.send(()).unwrap();
+        while Arc::strong_count(&held) > 1 {
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
     }
 
     #[tokio::test]

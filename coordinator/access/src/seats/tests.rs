@@ -98,13 +98,7 @@ async fn streams_do_not_wait_and_machines_need_no_seat() {
     assert!(watch(of(2)).await.is_ok());
     drop(seat);
     assert!(watch(of(1)).await.is_ok());
-    assert!(
-        seats
-            .take(CostClass::Machine, of(1), None)
-            .await
-            .unwrap()
-            .is_none()
-    );
+    assert!(seats.take(CostClass::Free, of(1), None).await.unwrap().is_none());
 }
 
 #[tokio::test(start_paused = true)]
@@ -215,4 +209,20 @@ proptest! {
             assert_eq!(counts(&seats, CostClass::Reading).answered, 0);
         });
     }
+}
+
+#[test]
+fn strangers_take_no_seats_of_those_who_show_something() {
+    let stranger = Principal::at("192.0.2.1".parse().unwrap());
+    let (nothing, light) = (Requirement::Nothing, CostClass::Light);
+    assert_eq!(stranger.class_of(nothing, light), CostClass::Stranger);
+    assert_eq!(
+        stranger.class_of(nothing, CostClass::Streaming),
+        CostClass::Stranger
+    );
+    let known = Principal::Token(TokenDigest::of("known"));
+    assert_eq!(known.class_of(nothing, light), light);
+    // Where everybody may come in, nobody is a stranger.
+    assert_eq!(stranger.class_of(Requirement::VIEWER, light), light);
+    assert_eq!(stranger.class_of(nothing, CostClass::Free), CostClass::Free);
 }
