@@ -6,11 +6,11 @@
     python3 benches/floods.py [--count 20000] [--seconds 60] [--programs target/release] [--only archives digests ...]
 
 A coordinator with tokens serves an archive of made-up individuals, and a campaign of small generations runs. Each flood comes from
-the token of a viewer, by a process of low priority: archives that nobody reads, digests, pages of reports, watchers, and swarms
+the token of a viewer, by a process of low priority: archives and label logs that nobody reads, digests, pages of reports, watchers, and swarms
 on the page Play; and all at once. Meanwhile an operator lists campaigns and resumes and pauses another one, and a second viewer
-opens a page and watches. It prints a table: the campaign's pace beside that of an idle coordinator before and after, the 95th percentile of
-`list` and `pause`, the peak of resident memory above idle, how many of the second viewer's requests were refused, and how long
-SIGTERM took. It ends with exit code 1 if a figure is over its limit.
+opens a page and watches. The flood comes four times, for SECONDS in all. It prints a table: the campaign's pace beside that of the idle
+coordinator before and after, the 95th percentile of `list` and `pause`, the peak of resident memory above idle, how many of the second
+viewer's requests were refused, and how long SIGTERM took. It ends with exit code 1 if a figure is over its limit.
 """
 
 import argparse
@@ -32,22 +32,27 @@ import time
 import grpc
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-SERVICE = "/murmuration.v1.CampaignService/"
+SERVICES = "/murmuration.v1."
 PACED = """
 name = "{name}"
 model = "single-sensor"
 method = "hand-crafted"
 [world]
-horizon = 100
+horizon = 1200
 [search]
 population = 100
 generations = {generations}
 [taxonomy]
 medoids = 2
 """
-FLOODS = ("archives", "digests", "reports", "watchers", "play")
+FLOODS = ("archives", "labels", "digests", "reports", "watchers", "play")
+# Entries of the label log for each individual.
+ANNOTATORS = 5
 LIMITS = {"list": 500, "pause": 500, "memory": 256, "refused": 0, "end": 5}
 PACE = 0.8
+# The flood comes and goes: the campaign's pace while it lasts is beside that of the idle stretches before and after, as a search slows
+# down while its archive grows.
+STRETCHES = 4
 
 
 def field(number, value):
@@ -68,11 +73,11 @@ class Client:
         self.metadata = [("authorization", f"Bearer {token}")]
 
     def stream(self, method, *fields):
-        call = self.channel.unary_stream(SERVICE + method, lambda message: message, lambda answer: answer)
+        call = self.channel.unary_stream(SERVICES + method, lambda message: message, lambda answer: answer)
         return call(b"".join(fields), metadata=self.metadata)
 
     def call(self, method, *fields):
-        call = self.channel.unary_unary(SERVICE + method, lambda message: message, lambda answer: answer)
+        call = self.channel.unary_unary(SERVICES + method, lambda message: message, lambda answer: answer)
         return call(b"".join(fields), metadata=self.metadata)
 
 
@@ -106,15 +111,18 @@ def flood(kind, address, token, ended):
     held = []
     if kind in ("archives", "all"):
         for client in [Client(address, token) for _ in range(2)]:
-            held += [(client, client.stream("GetArchive", field(1, "filled-1"), field(2, True))) for _ in range(250)]
+            held += [(client, client.stream("CampaignService/GetArchive", field(1, "filled-1"), field(2, True))) for _ in range(250)]
+    if kind in ("labels", "all"):
+        for client in [Client(address, token) for _ in range(2)]:
+            held += [(client, client.stream("LabelService/ListLabelEntries", field(1, "filled-1"))) for _ in range(250)]
     if kind in ("digests", "all"):
         clients = [Client(address, token) for _ in range(2)]
-        again(ended, 250, lambda number: clients[number % 2].call("GetDigest", field(1, "filled-1")))
+        again(ended, 250, lambda number: clients[number % 2].call("CampaignService/GetDigest", field(1, "filled-1")))
     if kind in ("reports", "all"):
         again(ended, 200, lambda _: page(address, token, "/campaigns/filled-1/report"))
     if kind in ("watchers", "all"):
         for client in [Client(address, token) for _ in range(4)]:
-            held += [(client, client.stream("WatchCampaign", field(1, "paced-2"))) for _ in range(256)]
+            held += [(client, client.stream("CampaignService/WatchCampaign", field(1, "paced-2"))) for _ in range(256)]
     if kind in ("play", "all"):
         form = "robots=1000&seed={}&from=1000000"
         again(ended, 8, lambda number: page(address, token, "/play/motion", form.format(number)))
@@ -152,6 +160,10 @@ class Cluster:
                 time.sleep(0.05)
         while json.loads(self.command("list", "--json").splitlines()[0])["state"] == "running":
             time.sleep(0.2)
+        labels = folder / "labels.csv"
+        labels.write_text("index,class\n" + "".join(f"{index},kind {index % 7}\n" for index in range(count)))
+        for number in range(ANNOTATORS):
+            self.command("label", "filled-1", "--csv", labels, "--annotator", f"annotator {number}")
         for name, generations in (("paced", 100_000), ("paused", 100_000)):
             path = folder / f"{name}.toml"
             path.write_text(PACED.format(name=name, generations=generations))
@@ -176,16 +188,16 @@ def measure(cluster, seconds):
     watching = Client(cluster.address, other)
     while time.perf_counter() - begun < seconds:
         for what, act in (
-            ("list", lambda: list(operator.stream("ListCampaigns"))),
-            ("pause", lambda: operator.call("ResumeCampaign", field(1, "paused-3"))),
-            ("pause", lambda: operator.call("PauseCampaign", field(1, "paused-3"))),
+            ("list", lambda: list(operator.stream("CampaignService/ListCampaigns"))),
+            ("pause", lambda: operator.call("CampaignService/ResumeCampaign", field(1, "paused-3"))),
+            ("pause", lambda: operator.call("CampaignService/PauseCampaign", field(1, "paused-3"))),
         ):
             asked = time.perf_counter()
             act()
             times[what].append(1000 * (time.perf_counter() - asked))
         refused += page(cluster.address, other, "/campaigns/paced-2") != 200
         try:
-            watched = watching.stream("WatchCampaign", field(1, "paced-2"))
+            watched = watching.stream("CampaignService/WatchCampaign", field(1, "paced-2"))
             next(watched)
             watched.cancel()
         except grpc.RpcError:
@@ -195,8 +207,13 @@ def measure(cluster, seconds):
     return {
         "pace": pace,
         "refused": refused,
-        **{what: statistics.quantiles(taken, n=20)[-1] for what, taken in times.items()},
+        **times,
     }
+
+
+def late(stretches, what):
+    """The 95th percentile of the times of all stretches, ms."""
+    return statistics.quantiles([time for stretch in stretches for time in stretch[what]], n=20)[-1]
 
 
 @contextlib.contextmanager
@@ -214,6 +231,20 @@ def flooding(context, kind, cluster):
         guest.kill()
 
 
+def stretches(context, kind, cluster, seconds):
+    """What is measured while idle and while flooded, by turns; and how much the memory grew above that of the first idle stretch, MiB."""
+    measure(cluster, 5)
+    idle, flooded = [measure(cluster, seconds)], []
+    resident = memory(cluster.process, "VmRSS:")
+    pathlib.Path(f"/proc/{cluster.process.pid}/clear_refs").write_text("5")
+    for _ in range(STRETCHES):
+        with flooding(context, kind, cluster):
+            flooded.append(measure(cluster, seconds))
+        time.sleep(2)
+        idle.append(measure(cluster, seconds))
+    return idle, flooded, memory(cluster.process, "VmHWM:") - resident
+
+
 def main():
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--count", type=int, default=20_000)
@@ -229,16 +260,10 @@ def main():
         with tempfile.TemporaryDirectory() as folder:
             cluster = Cluster(options.programs.resolve(), pathlib.Path(folder), options.count)
             try:
-                measure(cluster, 5)
-                idle = measure(cluster, options.seconds / 2)
-                resident = memory(cluster.process, "VmRSS:")
-                pathlib.Path(f"/proc/{cluster.process.pid}/clear_refs").write_text("5")
-                with flooding(context, kind, cluster):
-                    flooded = measure(cluster, options.seconds)
-                grown = memory(cluster.process, "VmHWM:") - resident
-                # A search slows down as its archive grows: what is idle before and after stands for what is idle meanwhile.
-                time.sleep(2)
-                pace = flooded["pace"] / statistics.mean([idle["pace"], measure(cluster, options.seconds / 2)["pace"]])
+                idle, flooded, grown = stretches(context, kind, cluster, options.seconds / STRETCHES)
+                pace = statistics.mean(
+                    of["pace"] / statistics.mean([before["pace"], after["pace"]]) for of, before, after in zip(flooded, idle, idle[1:])
+                )
                 with flooding(context, kind, cluster):
                     begun = time.perf_counter()
                     cluster.process.send_signal(signal.SIGTERM)
@@ -246,12 +271,11 @@ def main():
                     end = time.perf_counter() - begun
             finally:
                 cluster.process.kill()
-        print(
-            f"| {kind} | {pace:.2f} | {flooded['list']:.0f} ({idle['list']:.0f} idle) | {flooded['pause']:.0f} ({idle['pause']:.0f} idle) "
-            f"| {grown:.0f} | {flooded['refused']} | {end:.1f} |",
-            flush=True,
-        )
-        found = {"list": flooded["list"], "pause": flooded["pause"], "memory": grown, "refused": flooded["refused"], "end": end}
+        slow = {what: (late(flooded, what), late(idle, what)) for what in ("list", "pause")}
+        refused = sum(stretch["refused"] for stretch in flooded)
+        times = [f"{while_flooded:.0f} ({while_idle:.0f} idle)" for while_flooded, while_idle in slow.values()]
+        print(f"| {kind} | {pace:.2f} | {' | '.join(times)} | {grown:.0f} | {refused} | {end:.1f} |", flush=True)
+        found = {what: while_flooded for what, (while_flooded, _) in slow.items()} | {"memory": grown, "refused": refused, "end": end}
         failed |= code != 0 or pace < PACE or any(found[what] > limit for what, limit in LIMITS.items())
     sys.exit(failed)
 
