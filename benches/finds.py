@@ -1,0 +1,260 @@
+#!/usr/bin/env python3
+"""What a search finds beside uniform sampling: held-out targets, and niches of three spaces.
+
+    make build
+    pip install ./python numpy scipy
+    python3 benches/finds.py --results finds.jsonl [--programs target/release] [--robots two three species] [--seeds 10]
+
+Of each robot, 20,000 uniform controllers are simulated, once for all searches.
+
+Targets are rare behaviours. The controllers whose pictures are the least like any other are simulated from 20 starts. What these have in
+common is a target, if 1 to 5 of the 20,000 lie within its scatter: the distance from the mean of its 20 starts within which 15 of them
+lie. Up to 20 targets are taken, each as far from the others as can be. A search has found a target when one of its individuals lies within
+that scatter. The space is one that no search uses: invariants of the picture (how grey it is, its light by distance to the wall and to its
+own middle, its power spectrum; with two species also of both, and their coherence), each divided by its deviation over the 20,000.
+
+Niches are counted in that space, in that of the five features, and in the embedding of a network that no search uses, trained by another
+seed. Of the 20,000 and of one archive of each search (seed 0, which is not counted) the sparsest twentieth is left out, and 500 are taken,
+each as far from the others as can be. An individual reaches the niche of the nearest one.
+
+The last column of the targets is how many evaluations a search needs, in the mean over the seeds, to find as many targets as uniform
+sampling finds in all of its own.
+
+Results are appended to the file; what it has is not run again. Evaluations are those of the search: the dataset of an embedder, which is
+trained once for each robot, is not counted.
+"""
+
+import argparse
+import json
+import pathlib
+import statistics
+import tempfile
+
+import numpy as np
+import onnxruntime
+from scipy.spatial import cKDTree
+
+import murmuration
+
+POOL, POOL_SEED = 20_000, 1000
+CANDIDATES, STARTS, WITHIN = 600, 20, 15
+RARE, TARGETS = range(1, 6), 20
+EVALUATIONS = 10_000
+COUNTED = (300, 1000, 3000, EVALUATIONS)
+NICHES, NICHES_COUNTED = 500, (1000, EVALUATIONS)
+SPACES = ("features", "another embedding", "invariants")
+# Of the embedders that searches use, and of the one that they do not.
+EMBEDDER_SEED, OTHER_EMBEDDER_SEED = 1, 99
+
+ROBOTS = {
+    "one": {"model": "single-sensor"},
+    "two": {"model": "two-sensor"},
+    "three": {
+        "robot": {
+            "sensors": [
+                {"angle": 0.0},
+                {"angle": "free", "angle_range": [-1.57, 1.57], "half_angle": 0.2, "range": 120},
+                {"angle": 1.57, "half_angle": 0.1, "range": 40, "sees": ["walls"]},
+            ]
+        }
+    },
+    "species": {
+        "ratios": [[12, 12], [8, 16], [6, 18], [3, 21], [1, 23]],
+        "image": {"channels": "species"},
+        "species": [
+            {"name": "a", "robot": {"sensors": [{"sees": ["a"]}]}},
+            {
+                "name": "b",
+                "robot": {"sensors": [{"sees": ["a"]}, {"angle": "free", "angle_range": [-3.14, 3.14], "sees": ["b"]}]},
+            },
+        ],
+    },
+}
+SEARCHES = {
+    "uniform": {"method": "random"},
+    "features": {"method": "hand-crafted"},
+    "latent": {"method": "latent"},
+}
+
+
+def means_by(bins, values):
+    """Means of values (n, places) over the places of each bin."""
+    members = np.zeros((bins.size, bins.max() + 1))
+    members[np.arange(bins.size), bins] = 1
+    return values @ (members / np.maximum(members.sum(0), 1))
+
+
+def invariants(pictures):
+    """What no shift, quarter turn or reflection of the arena changes: (n, measures)."""
+    parts = [_invariants(pictures[begin : begin + 1000]) for begin in range(0, len(pictures), 1000)]
+    return np.concatenate(parts)
+
+
+def _invariants(pictures):
+    grey = pictures.astype(np.float64) / 255
+    grey = grey[:, None] if grey.ndim == 3 else grey
+    side = grey.shape[-1]
+    places = np.indices((side, side)).reshape(2, -1).T
+    to_wall = np.digitize(np.minimum(places, side - 1 - places).min(1), np.array([2, 4, 7, 11, 17]) * side / 50)
+    frequency = np.hypot(np.fft.fftfreq(side)[:, None], np.fft.fftfreq(side)).ravel()
+    frequencies = np.digitize(frequency, [0.01, 0.03, 0.05, 0.07, 0.1, 0.14, 0.19, 0.25, 0.35, 0.5])
+    measures, spectra = [], []
+    for channel in np.moveaxis(grey, 1, 0):
+        light = channel.reshape(len(channel), -1)
+        total = light.sum(1, keepdims=True) + 1e-6
+        middle = light @ places / total
+        away = np.linalg.norm(places - middle[:, None], axis=2) * 50 / side
+        rings = np.digitize(away, [3, 6, 10, 14, 19, 25])
+        measures.append(np.stack([light.mean(1), light.std(1), *((light > level).mean(1) for level in (0.1, 0.4, 0.8))], 1))
+        measures.append(means_by(to_wall, light))
+        measures.append(np.stack([np.where(rings == ring, light, 0).sum(1) for ring in range(7)], 1) / total)
+        spectra.append(np.fft.fft2(channel).reshape(len(channel), -1))
+        measures.append(np.log(means_by(frequencies, np.abs(spectra[-1]) ** 2) + 0.01))
+    if len(spectra) == 2:
+        powers = [means_by(frequencies, np.abs(spectrum) ** 2) for spectrum in spectra]
+        crossed = means_by(frequencies, (spectra[0] * spectra[1].conj()).real)
+        measures.append(crossed / np.sqrt(powers[0] * powers[1] + 1e-6))
+    return np.concatenate(measures, 1)
+
+
+class Robot:
+    """What is measured of every search for one robot."""
+
+    def __init__(self, client, robot, searches, folder):
+        self.client, self.robot, self.searches = client, robot, searches
+        search = {"population": 1000, "generations": POOL // 1000}
+        pool = self.run({"method": "random", "search": search}, POOL_SEED)
+        self.checkpoint = self.trained(EMBEDDER_SEED).status().checkpoint
+        other = self.trained(OTHER_EMBEDDER_SEED).embedder(folder / "other.onnx")
+        self.other = onnxruntime.InferenceSession(other)
+        pictures = pool.pictures()
+        self.scale = invariants(pictures).std(0) + 1e-9
+        self.deviation = murmuration.matrix(pool.archive()["features"]).std(0)
+        measured = self.measured(pool, pictures)
+        self.take_targets(pool, measured["invariants"])
+        archives = [measured, *(self.measured(self.search(name, 0)) for name in searches)]
+        self.niches = {space: cKDTree(niches(np.concatenate([of[space] for of in archives]))) for space in SPACES}
+
+    def run(self, spec, seed):
+        return self.client.run({**self.robot, **spec, "taxonomy": {"medoids": 2}}, seed=seed, progress=False)
+
+    def trained(self, seed):
+        return self.run({"method": "latent", "search": {"population": 16, "generations": 1}}, seed)
+
+    def search(self, name, seed):
+        spec = dict(SEARCHES[name])
+        if spec["method"] == "latent":
+            spec["checkpoint"] = self.checkpoint
+        return self.run(spec, seed)
+
+    def measured(self, campaign, pictures=None):
+        """The places of its individuals in each space."""
+        pictures = campaign.pictures() if pictures is None else pictures
+        channels = pictures[:, None] if pictures.ndim == 3 else pictures
+        batches = [channels[begin : begin + 1000].swapaxes(-1, -2).astype(np.float32) for begin in range(0, len(channels), 1000)]
+        return {
+            "features": murmuration.matrix(campaign.archive()["features"]) / self.deviation,
+            "another embedding": np.concatenate([self.other.run(None, {"images": batch})[0] for batch in batches]),
+            "invariants": invariants(pictures) / self.scale,
+        }
+
+    def take_targets(self, pool, measured):
+        near = cKDTree(measured)
+        sparse = np.argsort(-near.query(measured, k=4)[0][:, 3])[:CANDIDATES]
+        genes = murmuration.matrix(pool.archive()["genes"])[sparse]
+        starts = self.client.evaluate(
+            {**self.robot, "method": "random"}, np.repeat(genes, STARTS, 0), seeds=np.arange(CANDIDATES * STARTS), pictures=True
+        )
+        starts = (invariants(starts.pictures) / self.scale).reshape(CANDIDATES, STARTS, -1)
+        centres = starts.mean(1)
+        radii = np.sort(np.linalg.norm(starts - centres[:, None], axis=2))[:, WITHIN - 1]
+        counts = [len(near.query_ball_point(centre, radius)) for centre, radius in zip(centres, radii)]
+        rare = [place for place, count in enumerate(counts) if count in RARE]
+        chosen = far_apart(centres[rare], TARGETS)
+        self.centres, self.radii = centres[rare][chosen], radii[rare][chosen]
+        self.counts = [counts[rare[place]] for place in chosen]
+
+    def findings(self, campaign):
+        """By target, the evaluations until it was found, null if it was not; percentages of niches by space."""
+        places = self.measured(campaign)
+        hits = np.linalg.norm(places["invariants"][:, None] - self.centres, axis=2) <= self.radii
+        reached = {space: self.niches[space].query(places[space])[1] for space in SPACES}
+        return {
+            "first": [int(hit.argmax()) + 1 if hit.any() else None for hit in hits.T],
+            "niches": {
+                space: [100 * len(set(of[:count])) / self.niches[space].n for count in NICHES_COUNTED] for space, of in reached.items()
+            },
+            "digest": campaign.digest(),
+        }
+
+
+def far_apart(points, count):
+    """Places of so many points, each as far from those before it as can be."""
+    chosen = [0] if len(points) else []
+    away = np.full(len(points), np.inf)
+    while len(chosen) < min(count, len(points)):
+        away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
+        chosen.append(int(away.argmax()))
+    return chosen
+
+
+def niches(points):
+    sparseness = cKDTree(points).query(points, k=4)[0][:, 3]
+    kept = points[sparseness <= np.quantile(sparseness, 0.95)]
+    return kept[far_apart(kept, NICHES)]
+
+
+def in_words(values):
+    deviation = f" ± {statistics.stdev(values):.1f}" if len(values) > 1 else ""
+    return f"{statistics.mean(values):.1f}{deviation}"
+
+
+def found_by(runs):
+    """The mean number of targets found after 1, 2, ... evaluations."""
+    evaluations = np.arange(1, EVALUATIONS + 1)
+    firsts = [first for row in runs for first in row["first"] if first]
+    return np.searchsorted(np.sort(firsts), evaluations, side="right") / len(runs)
+
+
+def table(rows):
+    targets = " | ".join(f"targets after {count:,}" for count in COUNTED)
+    reached = " | ".join(f"{space}, % after {count:,}" for space in SPACES for count in NICHES_COUNTED)
+    print(f"| robot | search | seeds | {targets} | evaluations for as many as uniform | {reached} |")
+    print(f"|---|---|{'--:|' * (len(COUNTED) + 2 + len(SPACES) * len(NICHES_COUNTED))}")
+    for robot in ROBOTS:
+        uniform = [row for row in rows if (row["robot"], row["search"]) == (robot, "uniform")]
+        for search in SEARCHES:
+            runs = [row for row in rows if (row["robot"], row["search"]) == (robot, search)]
+            if not runs:
+                continue
+            found = [in_words([sum(first is not None and first <= count for first in row["first"]) for row in runs]) for count in COUNTED]
+            needed = np.searchsorted(found_by(runs), found_by(uniform)[-1]) + 1 if uniform else None
+            reached = [in_words([row["niches"][space][at] for row in runs]) for space in SPACES for at in range(len(NICHES_COUNTED))]
+            print(f"| {' | '.join([robot, search, str(len(runs)), *found, f'{needed:,}' if needed else '', *reached])} |")
+
+
+def main():
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--results", type=pathlib.Path, required=True)
+    options.add_argument("--programs", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parent.parent / "target/release")
+    options.add_argument("--robots", nargs="*", default=list(ROBOTS), choices=list(ROBOTS))
+    options.add_argument("--searches", nargs="*", default=list(SEARCHES), choices=list(SEARCHES))
+    options.add_argument("--seeds", type=int, default=10)
+    options = options.parse_args()
+    rows = [json.loads(line) for line in options.results.read_text().splitlines()] if options.results.exists() else []
+    for name in options.robots:
+        with tempfile.TemporaryDirectory() as folder, murmuration.local(folder, programs=options.programs) as client:
+            robot = Robot(client, ROBOTS[name], options.searches, pathlib.Path(folder))
+            print(f"{name}: {len(robot.radii)} targets, of which {POOL:,} uniform controllers show {robot.counts}", flush=True)
+            for seed in range(1, options.seeds + 1):
+                for search in options.searches:
+                    if any((row["robot"], row["search"], row["seed"]) == (name, search, seed) for row in rows):
+                        continue
+                    rows.append({"robot": name, "search": search, "seed": seed, **robot.findings(robot.search(search, seed))})
+                    with options.results.open("a") as file:
+                        file.write(json.dumps(rows[-1]) + "\n")
+    table(rows)
+
+
+if __name__ == "__main__":
+    main()
