@@ -17,8 +17,8 @@ Niches are counted in that space, in that of the five features, and in the embed
 seed. Of the 20,000 and of one archive of each search (seed 0, which is not counted) the sparsest twentieth is left out, and 500 are taken,
 each as far from the others as can be. An individual reaches the niche of the nearest one.
 
-The last column of the targets is how many evaluations a search needs, in the mean over the seeds, to find as many targets as uniform
-sampling finds in all of its own.
+The last column of the targets is how many evaluations uniform sampling needs, in the mean over the seeds, to find as many targets as the
+search has found after 3,000.
 
 Results are appended to the file; what it has is not run again. Evaluations are those of the search: the dataset of an embedder, which is
 trained once for each robot, is not counted.
@@ -41,6 +41,8 @@ CANDIDATES, STARTS, WITHIN = 600, 20, 15
 RARE, TARGETS = range(1, 6), 20
 EVALUATIONS = 10_000
 COUNTED = (300, 1000, 3000, EVALUATIONS)
+# What a search has found after so many evaluations is compared with uniform sampling.
+MATCHED = 3000
 NICHES, NICHES_COUNTED = 500, (1000, EVALUATIONS)
 SPACES = ("features", "another embedding", "invariants")
 # Of the embedders that searches use, and of the one that they do not.
@@ -219,7 +221,7 @@ def found_by(runs):
 def table(rows):
     targets = " | ".join(f"targets after {count:,}" for count in COUNTED)
     reached = " | ".join(f"{space}, % after {count:,}" for space in SPACES for count in NICHES_COUNTED)
-    print(f"| robot | search | seeds | {targets} | evaluations for as many as uniform | {reached} |")
+    print(f"| robot | search | seeds | {targets} | uniform's evaluations for as many as after {MATCHED:,} | {reached} |")
     print(f"|---|---|{'--:|' * (len(COUNTED) + 2 + len(SPACES) * len(NICHES_COUNTED))}")
     for robot in ROBOTS:
         uniform = [row for row in rows if (row["robot"], row["search"]) == (robot, "uniform")]
@@ -228,9 +230,10 @@ def table(rows):
             if not runs:
                 continue
             found = [in_words([sum(first is not None and first <= count for first in row["first"]) for row in runs]) for count in COUNTED]
-            needed = np.searchsorted(found_by(runs), found_by(uniform)[-1]) + 1 if uniform else None
+            found_then = found_by(runs)[MATCHED - 1]
+            needed = np.searchsorted(found_by(uniform), found_then) + 1 if uniform else EVALUATIONS + 1
             reached = [in_words([row["niches"][space][at] for row in runs]) for space in SPACES for at in range(len(NICHES_COUNTED))]
-            print(f"| {' | '.join([robot, search, str(len(runs)), *found, f'{needed:,}' if needed else '', *reached])} |")
+            print(f"| {' | '.join([robot, search, str(len(runs)), *found, f'{needed:,}' if needed <= EVALUATIONS else 'over 10,000', *reached])} |")
 
 
 def main():
