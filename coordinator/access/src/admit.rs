@@ -105,7 +105,7 @@ impl Gate {
         let head = RequestHead::of(&request);
         let answered = match door.allows(asked, requirement, session.as_ref(), &request) {
             Ok(principal) => {
-                let class = principal.class_of(requirement, class);
+                let class = requirement.class_for(principal, class);
                 let patience = (!speaks_grpc).then_some(SEAT_LIMIT);
                 self.seated(class, principal, patience, request, next).await
             }

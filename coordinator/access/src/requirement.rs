@@ -3,7 +3,7 @@
 //! [`GuardedRouter`](crate::GuardedRouter) fills the table as routes are registered. A method or page that the table does
 //! not know is for operators alone.
 
-use super::{CostClass, MachineKind};
+use super::{CostClass, MachineKind, seats::Principal};
 use axum::{
     extract::{MatchedPath, Request},
     http::Method,
@@ -53,6 +53,16 @@ impl Requirement {
     /// The token of an annotator or operator.
     pub const ANNOTATOR: Self = Self::Person(Role::Annotator);
     pub const OPERATOR: Self = Self::Person(Role::Operator);
+
+    /// The class of a request by `principal` to a route that requires this and costs `class`. Who shows nothing where nothing is
+    /// required takes no seats from those who do.
+    pub(crate) fn class_for(self, principal: Principal, class: CostClass) -> CostClass {
+        match (self, principal, class) {
+            (_, _, CostClass::Free) => class,
+            (Self::Nothing, Principal::Address(_) | Principal::Unknown, _) => CostClass::Stranger,
+            _ => class,
+        }
+    }
 }
 
 /// The methods of a gRPC service, by name, each with its requirement and cost.
@@ -134,6 +144,7 @@ const UNKNOWN: (Requirement, CostClass) = (Requirement::OPERATOR, CostClass::Lig
 #[cfg(test)]
 mod tests {
     use super::*;
+    use murmuration_link::TokenDigest;
 
     #[test]
     fn what_the_table_does_not_know_is_for_operators() {
@@ -177,5 +188,21 @@ mod tests {
         }
         let nowhere = (Requirement::VIEWER, CostClass::Light);
         assert_eq!(table.of_page(&Method::GET, None), nowhere);
+    }
+
+    #[test]
+    fn strangers_take_no_seats_of_those_who_show_something() {
+        let stranger = Principal::at([192, 0, 2, 1].into());
+        let known = Principal::Token(TokenDigest::of("known"));
+        let (nothing, light) = (Requirement::Nothing, CostClass::Light);
+        assert_eq!(nothing.class_for(stranger, light), CostClass::Stranger);
+        assert_eq!(
+            nothing.class_for(stranger, CostClass::Streaming),
+            CostClass::Stranger
+        );
+        assert_eq!(nothing.class_for(stranger, CostClass::Free), CostClass::Free);
+        assert_eq!(nothing.class_for(known, light), light);
+        // Where everybody may come in, nobody is a stranger.
+        assert_eq!(Requirement::VIEWER.class_for(stranger, light), light);
     }
 }

@@ -5,10 +5,7 @@
 //! finds no seat waits: the next free one goes to the principal that has fewest. Streams last, so a stream that finds no seat
 //! is refused at once. Decisions have seats of their own, which nobody who reads or computes can take.
 
-use crate::{
-    Requirement,
-    limits::{MAX_WAITING_PER_PRINCIPAL, STRANGER_LIMIT},
-};
+use crate::limits::{MAX_WAITING_PER_PRINCIPAL, STRANGER_LIMIT};
 use murmuration_link::TokenDigest;
 use murmuration_model::MachineId;
 use std::{
@@ -229,16 +226,6 @@ impl FromStr for ClassSeats {
 }
 
 impl Principal {
-    /// The class of its requests to a route that has this requirement and this class. Who shows nothing where nothing is required
-    /// takes no seats from those who do.
-    pub(crate) fn class_of(self, requirement: Requirement, class: CostClass) -> CostClass {
-        match (requirement, self, class) {
-            (_, _, CostClass::Free) => class,
-            (Requirement::Nothing, Self::Address(_) | Self::Unknown, _) => CostClass::Stranger,
-            _ => class,
-        }
-    }
-
     pub(crate) fn at(address: IpAddr) -> Self {
         let network = |address: Ipv6Addr| Ipv6Addr::from_bits(address.to_bits() >> 64 << 64);
         Self::Address(match address {

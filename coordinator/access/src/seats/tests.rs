@@ -210,19 +210,3 @@ proptest! {
         });
     }
 }
-
-#[test]
-fn strangers_take_no_seats_of_those_who_show_something() {
-    let stranger = Principal::at("192.0.2.1".parse().unwrap());
-    let (nothing, light) = (Requirement::Nothing, CostClass::Light);
-    assert_eq!(stranger.class_of(nothing, light), CostClass::Stranger);
-    assert_eq!(
-        stranger.class_of(nothing, CostClass::Streaming),
-        CostClass::Stranger
-    );
-    let known = Principal::Token(TokenDigest::of("known"));
-    assert_eq!(known.class_of(nothing, light), light);
-    // Where everybody may come in, nobody is a stranger.
-    assert_eq!(stranger.class_of(Requirement::VIEWER, light), light);
-    assert_eq!(stranger.class_of(nothing, CostClass::Free), CostClass::Free);
-}
