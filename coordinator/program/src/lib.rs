@@ -111,7 +111,7 @@ pub fn main() -> ExitCode {
                 done
             });
             if is_server {
-                // What is acknowledged is on disk. Other commands finish what they write.
+                // Acknowledged data is on disk, so a coordinator need not wait. Other commands finish their files.
                 runtime.shutdown_timeout(LEAVING);
             }
             done

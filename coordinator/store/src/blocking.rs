@@ -36,12 +36,7 @@ pub async fn holding<F: Future>(held: Arc<dyn Any + Send + Sync>, task: F) -> F:
 /// [`Broken`] if it panics.
 pub async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, Broken> {
     let wanted = Wanted(Interrupt::default());
-    let (interrupt, held) = (wanted.0.clone(), HELD.try_with(Arc::clone).ok());
-    let done = tokio::task::spawn_blocking(move || {
-        let done = interrupt.check().is_ok().then(work);
-        drop(held);
-        done
-    });
+    let done = tokio::task::spawn_blocking(wanted.by_a_thread(|_| work()));
     // Nobody is told that it did not begin.
     done.await.ok().flatten().ok_or(Broken)
 }
@@ -55,15 +50,10 @@ pub async fn in_background<T: Send + 'static>(
     work: impl FnOnce(&Interrupt) -> T + Send + 'static,
 ) -> Result<T, Broken> {
     let wanted = Wanted(Interrupt::default());
-    let (interrupt, held) = (wanted.0.clone(), HELD.try_with(Arc::clone).ok());
     let threads = BACKGROUND
         .as_ref()
         .map_or_else(Handle::current, |threads| threads.handle().clone());
-    let done = threads.spawn_blocking(move || {
-        let done = interrupt.check().is_ok().then(|| work(&interrupt));
-        drop(held);
-        done
-    });
+    let done = threads.spawn_blocking(wanted.by_a_thread(work));
     // Nobody is told that it did not begin.
     done.await.ok().flatten().ok_or(Broken)
 }
@@ -75,6 +65,18 @@ pub(crate) fn is_in_background() -> bool {
 
 /// Interrupts work when it is dropped.
 struct Wanted(Interrupt);
+
+impl Wanted {
+    /// `work` for another thread: `None` if it is no longer wanted when the thread begins. It keeps what the task holds.
+    fn by_a_thread<T, W: FnOnce(&Interrupt) -> T>(&self, work: W) -> impl FnOnce() -> Option<T> + use<T, W> {
+        let (interrupt, held) = (self.0.clone(), HELD.try_with(Arc::clone).ok());
+        move || {
+            let done = interrupt.check().is_ok().then(|| work(&interrupt));
+            drop(held);
+            done
+        }
+    }
+}
 
 impl Drop for Wanted {
     fn drop(&mut self) {
@@ -158,7 +160,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn what_a_task_holds_is_held_until_its_work_has_ended() {
+    async fn a_task_that_is_gone_holds_until_its_work_has_ended() {
         let held: Arc<dyn Any + Send + Sync> = Arc::new(());
         let (go, gone) = mpsc::channel::<()>();
         let (began, begun) = mpsc::channel();
