@@ -45,7 +45,7 @@ const CAMPAIGNS: MethodRequirements = &[
 const CHECKPOINTS: MethodRequirements = &[
     ("ListCheckpoints", VIEWER, Light),
     ("GetCheckpoint", AnyMachineOr(Role::Viewer), Light),
-    ("FetchCheckpoint", AnyMachineOr(Role::Viewer), Reading),
+    ("FetchCheckpoint", AnyMachineOr(Role::Viewer), Light),
     ("PublishCheckpoint", MachineOr(Trainer, Role::Operator), Decision),
 ];
 

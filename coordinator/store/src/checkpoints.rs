@@ -15,15 +15,34 @@ use murmuration_proto::{
     onnx::{EmbedderModel, ImageShape, ModelError},
 };
 use std::{
+    collections::HashMap,
     path::Path,
+    sync::{Arc, Mutex, PoisonError, Weak},
     time::{SystemTime, UNIX_EPOCH},
 };
+use tokio::sync;
 
 /// Where published embedders are kept; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Checkpoints {
     store: Store,
     blob_store: BlobStore,
+    fetched: Arc<Mutex<HashMap<CheckpointDigest, Fetched>>>,
+}
+
+/// The bytes of a checkpoint, as long as somebody has them: whoever asks meanwhile shares them.
+type Fetched = Arc<sync::Mutex<Weak<Shared>>>;
+
+#[derive(Debug)]
+struct Shared(Bytes);
+
+/// One of those who have the bytes.
+struct Sharer(Arc<Shared>);
+
+impl AsRef<[u8]> for Sharer {
+    fn as_ref(&self) -> &[u8] {
+        &self.0.0
+    }
 }
 
 /// Why a checkpoint cannot be stored or read.
@@ -101,7 +120,11 @@ impl Checkpoints {
     /// As [`BlobStore::open`].
     pub fn open(store: Store, data: &Path, location: Option<&str>) -> Result<Self, CheckpointError> {
         let blob_store = BlobStore::open(data, location)?;
-        Ok(Self { store, blob_store })
+        Ok(Self {
+            store,
+            blob_store,
+            fetched: Arc::default(),
+        })
     }
 
     /// Tries out whether checkpoints can be kept where they are to be.
@@ -190,13 +213,28 @@ impl Checkpoints {
         self.on_disk(Store::checkpoints).await
     }
 
-    /// The ONNX bytes of a checkpoint, checked against its digest.
+    /// The ONNX bytes of a checkpoint, checked against its digest. All who have them at once share one copy.
     ///
     /// # Errors
     /// If there is none of that digest, or its bytes are gone or damaged.
     pub async fn fetch(&self, digest: CheckpointDigest) -> Result<Bytes, CheckpointError> {
         self.describe(digest).await?;
-        self.blob_store.get(digest).await
+        let fetched = self.fetched(digest);
+        let mut shared = fetched.lock().await;
+        let bytes = match shared.upgrade() {
+            Some(bytes) => bytes,
+            None => Arc::new(Shared(self.blob_store.get(digest).await?)),
+        };
+        *shared = Arc::downgrade(&bytes);
+        Ok(Bytes::from_owner(Sharer(bytes)))
+    }
+
+    /// Forgets those that nobody has or asks for.
+    fn fetched(&self, digest: CheckpointDigest) -> Fetched {
+        let mut all = self.fetched.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_idle = |fetched: &Fetched| fetched.try_lock().is_ok_and(|bytes| bytes.strong_count() == 0);
+        all.retain(|_, fetched| !is_idle(fetched));
+        Arc::clone(all.entry(digest).or_default())
     }
 
     /// A checkpoint as an embedder of pictures in `format`.
@@ -266,6 +304,24 @@ mod tests {
             (again.lineage, checkpoints.list().await.unwrap().len()),
             (lineage, 1)
         );
+    }
+
+    #[tokio::test]
+    async fn all_who_have_a_checkpoint_at_once_share_its_bytes() {
+        let (_folder, checkpoints) = open();
+        let bytes = Bytes::from_static(MODEL);
+        let digest = checkpoints
+            .publish(Lineage::default(), bytes.clone())
+            .await
+            .unwrap()
+            .digest;
+        let (one, other) = tokio::join!(checkpoints.fetch(digest), checkpoints.fetch(digest));
+        let (one, other) = (one.unwrap(), other.unwrap());
+        assert_eq!((one.as_ptr(), &one), (other.as_ptr(), &bytes));
+        drop(one);
+        assert_eq!(checkpoints.fetch(digest).await.unwrap().as_ptr(), other.as_ptr());
+        drop(other);
+        assert_eq!(checkpoints.fetched(digest).lock().await.strong_count(), 0);
     }
 
     #[tokio::test]
