@@ -12,11 +12,11 @@ use super::{
 };
 use crate::{
     connections::Visit,
-    limits::{MAX_HEADER_BYTES, MAX_HEADERS, PART_LIMIT, SEAT_LIMIT, STRANGER_LIMIT},
+    limits::{MAX_HEADER_BYTES, MAX_HEADERS, SEAT_LIMIT, STRANGER_LIMIT},
+    request_body::in_time,
 };
 use axum::{
-    BoxError,
-    body::{Body, BodyDataStream, HttpBody as _},
+    body::{Body, BodyDataStream},
     extract::{MatchedPath, Request, State},
     http::{
         HeaderMap, HeaderValue, Method, Uri,
@@ -33,7 +33,7 @@ use std::{
     task::{Context, Poll},
     time::{Duration, SystemTime},
 };
-use tokio_stream::{Stream, StreamExt as _};
+use tokio_stream::Stream;
 use tonic::{Status, transport::server::TlsConnectInfo};
 
 /// Bytes that a header counts for besides its name and value, as HTTP/2 has it.
@@ -106,7 +106,8 @@ impl Gate {
         let answered = match door.allows(asked, requirement, session.as_ref(), &request) {
             Ok(principal) => {
                 let class = requirement.class_for(principal, class);
-                let patience = (!speaks_grpc).then_some(SEAT_LIMIT);
+                let waits = speaks_grpc && class != CostClass::Stranger;
+                let patience = (!waits).then_some(SEAT_LIMIT);
                 self.seated(class, principal, patience, request, next).await
             }
             Err(refusal) => Err(refusal),
@@ -157,7 +158,7 @@ impl Gate {
         tokio::select! {
             response = holding(seat.clone(), next.run(request)) => Ok(self.bodies.seated(seat, visit, response)),
             () = closed => Err(NoSeat::Closing.into()),
-            () = late => Err(NoSeat::Slow.into()),
+            () = late => Err(Refusal::Slow),
         }
     }
 }
@@ -249,18 +250,6 @@ fn has_room_for_headers(request: &Request) -> bool {
     count <= MAX_HEADERS && bytes + path <= MAX_HEADER_BYTES as usize
 }
 
-/// A body that fails when no part of it arrives for [`PART_LIMIT`].
-fn in_time(body: Body) -> Body {
-    if body.is_end_stream() {
-        return body;
-    }
-    let parts = body.into_data_stream().timeout(PART_LIMIT);
-    Body::from_stream(parts.map(|part| match part {
-        Ok(part) => part.map_err(BoxError::from),
-        Err(silent) => Err(silent.into()),
-    }))
-}
-
 /// Ends an event stream when the session of its request ends.
 fn while_it_lasts(session: Option<Session>, response: Response) -> Response {
     let kind = response.headers().get(CONTENT_TYPE).map(HeaderValue::as_bytes);
@@ -311,8 +300,85 @@ impl From<Refusal> for Status {
                 Self::resource_exhausted(said)
             }
             Refusal::NoSeat(NoSeat::Closing) => Self::unavailable(said),
-            Refusal::NoSeat(NoSeat::Slow) => Self::deadline_exceeded(said),
+            Refusal::Slow => Self::deadline_exceeded(said),
             Refusal::ContentType => Self::invalid_argument(said),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::GuardedRouter;
+    use axum::{Router, http::StatusCode, response::IntoResponse as _};
+    use murmuration_link::Token;
+    use murmuration_store::blocking::blocking;
+    use std::{future::pending, sync::mpsc};
+    use tonic::codegen::Service as _;
+
+    /// `routes` behind a door that everybody may pass, and its seats.
+    fn behind_a_door(routes: GuardedRouter) -> (Router, Seats) {
+        let folder = tempfile::tempdir().unwrap();
+        let own = Token::generate().unwrap();
+        let door = Door {
+            access: Access {
+                tokens: None,
+                certificates: false,
+            },
+            sessions: Sessions::kept(folder.path(), &own, |_| true).unwrap(),
+            hosts: Hosts::Any,
+            is_encrypted: false,
+            show_refusal: |refusal, _| (StatusCode::IM_A_TEAPOT, refusal.to_string()).into_response(),
+        };
+        let seats = Seats::new(&[]);
+        let router = routes.behind(Arc::new(door), seats.clone(), async || StatusCode::NOT_FOUND);
+        (router, seats)
+    }
+
+    fn request() -> Request {
+        Request::get("/")
+            .header(HOST, "localhost")
+            .body(Body::empty())
+            .unwrap()
+    }
+
+    fn answered(seats: &Seats, class: CostClass) -> usize {
+        seats.counts().find(|(of, _)| *of == class).unwrap().1.answered
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_stranger_who_takes_too_long_is_refused() {
+        let routes = GuardedRouter::default().get("/", Requirement::Nothing, CostClass::Light, async || {
+            pending::<()>().await;
+        });
+        let (mut router, seats) = behind_a_door(routes);
+        let refused = router.call(request()).await.unwrap();
+        assert_eq!(refused.status(), StatusCode::IM_A_TEAPOT);
+        assert_eq!(answered(&seats, CostClass::Stranger), 0);
+    }
+
+    #[tokio::test]
+    async fn a_request_that_is_gone_keeps_its_seat_until_its_work_has_ended() {
+        let (go, gone) = mpsc::channel::<()>();
+        let gone = Arc::new(std::sync::Mutex::new(gone));
+        let (began, mut begun) = tokio::sync::mpsc::unbounded_channel();
+        let routes =
+            GuardedRouter::default().get("/", Requirement::VIEWER, CostClass::Light, async move || {
+                let done = blocking(move || {
+                    began.send(()).unwrap();
+                    gone.lock().unwrap().recv()
+                });
+                let _ = done.await;
+            });
+        let (mut router, seats) = behind_a_door(routes);
+        let asked = tokio::spawn(router.call(request()));
+        begun.recv().await.unwrap();
+        asked.abort();
+        assert!(asked.await.is_err_and(|error| error.is_cancelled()));
+        assert_eq!(answered(&seats, CostClass::Light), 1);
+        go.send(()).unwrap();
+        while answered(&seats, CostClass::Light) > 0 {
+            tokio::time::sleep(Duration::from_millis(1)).await;
         }
     }
 }

@@ -16,6 +16,7 @@ mod listen_config;
 mod local;
 mod machine;
 mod origin;
+mod request_body;
 pub mod requests;
 mod requirement;
 mod response_body;
@@ -105,6 +106,12 @@ pub enum Refusal {
     /// Its content type is not one of gRPC.
     #[error("gRPC methods accept only requests of the content type application/grpc")]
     ContentType,
+    /// It came without token or certificate, and took too long.
+    #[error(
+        "a request without a token has {} seconds to arrive: send it again, all at once",
+        crate::limits::STRANGER_LIMIT.as_secs()
+    )]
+    Slow,
     /// Too many of its cost class are answered.
     #[error(transparent)]
     NoSeat(#[from] NoSeat),

@@ -52,8 +52,8 @@ pub(crate) const MAX_SESSIONS_PER_TOKEN: usize = 32;
 pub(crate) const MAX_WAITING_PER_PRINCIPAL: usize = 512;
 /// Time that the request of a page or probe waits for a seat. A gRPC client waits for as long as it likes.
 pub(crate) const SEAT_LIMIT: Duration = Duration::from_secs(30);
-/// Time that the request of somebody who shows neither token nor certificate has to arrive and to be answered.
+/// Time from the seat to the answer of a request without token or certificate.
 pub(crate) const STRANGER_LIMIT: Duration = Duration::from_secs(10);
-/// Time that a client has to take the next part of an answer, or to send the next part of an import. Who takes none has its
+/// Time that a client has to send the next part of a request, or to take the next part of an answer. Who takes none has its
 /// connection closed.
-pub const PART_LIMIT: Duration = Duration::from_secs(60);
+pub(crate) const PART_LIMIT: Duration = Duration::from_secs(60);

@@ -5,7 +5,7 @@
 //! finds no seat waits: the next free one goes to the principal that has fewest. Streams last, so a stream that finds no seat
 //! is refused at once. Decisions have seats of their own, which nobody who reads or computes can take.
 
-use crate::limits::{MAX_WAITING_PER_PRINCIPAL, STRANGER_LIMIT};
+use crate::limits::MAX_WAITING_PER_PRINCIPAL;
 use murmuration_link::TokenDigest;
 use murmuration_model::MachineId;
 use std::{
@@ -35,9 +35,9 @@ pub enum CostClass {
     Computing,
     /// Follows something for as long as the client wants.
     Streaming,
-    /// What somebody asks who shows neither token nor certificate, where none is required: to log in, or whether a service is well.
+    /// A request without token or certificate to a route that requires neither: login, assets, the health service.
     Stranger,
-    /// Needs no seat: the stream of a worker or trainer, which leases and credits limit, and a probe that costs nothing.
+    /// Needs no seat: streams of workers and trainers, which leases and credits limit, and probes.
     Free,
 }
 
@@ -87,8 +87,6 @@ pub enum NoSeat {
     Busy(CostClass),
     #[error("the coordinator is shutting down: try again once it serves again")]
     Closing,
-    #[error("the request took over {} seconds to arrive: send all of it at once", STRANGER_LIMIT.as_secs())]
-    Slow,
 }
 
 /// How many requests of a class are answered and wait now, and were refused so far.

@@ -2,7 +2,6 @@
 
 use super::Streamed;
 use crate::status::{IntoStatus, OrStatus as _};
-use murmuration_access::limits::PART_LIMIT;
 use murmuration_engine::{
     blocking::{blocking, in_background},
     campaign::Campaigns,
@@ -105,10 +104,7 @@ impl TransferApi {
 }
 
 async fn next(parts: &mut Streaming<v1::CampaignPart>) -> Result<Option<v1::CampaignPart>, Status> {
-    let part = tokio::time::timeout(PART_LIMIT, parts.message())
-        .await
-        .map_err(|_| Status::deadline_exceeded("no part of the campaign within 60 seconds"))??;
-    match part {
+    match parts.message().await? {
         Some(part) if part.data.len() > PART_BYTES => {
             let found = counted(part.data.len() as u64, "byte");
             Err(Invalid::new("data", found, format!("at most {PART_BYTES} bytes a part")).into())

@@ -133,9 +133,9 @@ pub(super) const fn status_of(refusal: &Refusal) -> StatusCode {
             StatusCode::FORBIDDEN
         }
         Refusal::Rate | Refusal::NoSeat(NoSeat::Busy(_)) => StatusCode::TOO_MANY_REQUESTS,
-        Refusal::NoSeat(NoSeat::Slow) => StatusCode::REQUEST_TIMEOUT,
         Refusal::NoSeat(NoSeat::Closing) => StatusCode::SERVICE_UNAVAILABLE,
         Refusal::Headers => StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE,
+        Refusal::Slow => StatusCode::REQUEST_TIMEOUT,
         Refusal::ContentType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
     }
 }
