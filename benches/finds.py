@@ -17,8 +17,8 @@ Niches are counted in that space, in that of the five features, and in the embed
 seed. Of the 20,000 and of one archive of each search (seed 0, which is not counted) the sparsest twentieth is left out, and 500 are taken,
 each as far from the others as can be. An individual reaches the niche of the nearest one.
 
-The last column of the targets is how many evaluations uniform sampling needs, in the mean over the seeds, to find as many targets as the
-search has found after 3,000.
+Two columns compare a search with uniform sampling, in the mean over the seeds: the evaluations that uniform sampling needs for as many
+targets as the search has found after 3,000, and the evaluations that the search needs for as many as uniform sampling finds with 10,000.
 
 Results are appended to the file; what it has is not run again. Evaluations are those of the search: the dataset of an embedder, which is
 trained once for each robot, is not counted.
@@ -41,7 +41,7 @@ CANDIDATES, STARTS, WITHIN = 600, 20, 15
 RARE, TARGETS = range(1, 6), 20
 EVALUATIONS = 10_000
 COUNTED = (300, 1000, 3000, EVALUATIONS)
-# What a search has found after so many evaluations is compared with uniform sampling.
+# Evaluations after which a search is compared with uniform sampling.
 MATCHED = 3000
 NICHES, NICHES_COUNTED = 500, (1000, EVALUATIONS)
 SPACES = ("features", "another embedding", "invariants")
@@ -87,7 +87,7 @@ def means_by(bins, values):
 
 
 def invariants(pictures):
-    """What no shift, quarter turn or reflection of the arena changes: (n, measures)."""
+    """Measures that no quarter turn or reflection of the arena changes: (n, measures)."""
     parts = [_invariants(pictures[begin : begin + 1000]) for begin in range(0, len(pictures), 1000)]
     return np.concatenate(parts)
 
@@ -120,10 +120,10 @@ def _invariants(pictures):
 
 
 class Robot:
-    """What is measured of every search for one robot."""
+    """The targets and niches of one robot."""
 
     def __init__(self, client, robot, searches, folder):
-        self.client, self.robot, self.searches = client, robot, searches
+        self.client, self.robot = client, robot
         search = {"population": 1000, "generations": POOL // 1000}
         pool = self.run({"method": "random", "search": search}, POOL_SEED)
         self.checkpoint = self.trained(EMBEDDER_SEED).status().checkpoint
@@ -218,11 +218,17 @@ def found_by(runs):
     return np.searchsorted(np.sort(firsts), evaluations, side="right") / len(runs)
 
 
+def evaluations(found, targets):
+    """Evaluations until so many targets are found."""
+    needed = np.searchsorted(found, targets) + 1
+    return f"{needed:,}" if needed <= EVALUATIONS else f"over {EVALUATIONS:,}"
+
+
 def table(rows):
     targets = " | ".join(f"targets after {count:,}" for count in COUNTED)
     reached = " | ".join(f"{space}, % after {count:,}" for space in SPACES for count in NICHES_COUNTED)
-    print(f"| robot | search | seeds | {targets} | uniform's evaluations for as many as after {MATCHED:,} | {reached} |")
-    print(f"|---|---|{'--:|' * (len(COUNTED) + 2 + len(SPACES) * len(NICHES_COUNTED))}")
+    print(f"| robot | search | seeds | {targets} | uniform's for as many as after {MATCHED:,} | for as many as uniform | {reached} |")
+    print(f"|---|---|{'--:|' * (len(COUNTED) + 3 + len(SPACES) * len(NICHES_COUNTED))}")
     for robot in ROBOTS:
         uniform = [row for row in rows if (row["robot"], row["search"]) == (robot, "uniform")]
         for search in SEARCHES:
@@ -230,10 +236,10 @@ def table(rows):
             if not runs:
                 continue
             found = [in_words([sum(first is not None and first <= count for first in row["first"]) for row in runs]) for count in COUNTED]
-            found_then = found_by(runs)[MATCHED - 1]
-            needed = np.searchsorted(found_by(uniform), found_then) + 1 if uniform else EVALUATIONS + 1
+            of_uniform, of_search = found_by(uniform or runs), found_by(runs)
+            compared = [evaluations(of_uniform, of_search[MATCHED - 1]), evaluations(of_search, of_uniform[-1])]
             reached = [in_words([row["niches"][space][at] for row in runs]) for space in SPACES for at in range(len(NICHES_COUNTED))]
-            print(f"| {' | '.join([robot, search, str(len(runs)), *found, f'{needed:,}' if needed <= EVALUATIONS else 'over 10,000', *reached])} |")
+            print(f"| {' | '.join([robot, search, str(len(runs)), *found, *compared, *reached])} |")
 
 
 def main():

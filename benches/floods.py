@@ -232,7 +232,7 @@ def flooding(context, kind, cluster):
 
 
 def stretches(context, kind, cluster, seconds):
-    """What is measured while idle and while flooded, by turns; and how much the memory grew above that of the first idle stretch, MiB."""
+    """The measures of idle and flooded stretches, by turns, and how far the memory grew beyond the first idle stretch, MiB."""
     measure(cluster, 5)
     idle, flooded = [measure(cluster, seconds)], []
     resident = memory(cluster.process, "VmRSS:")

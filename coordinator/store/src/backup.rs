@@ -352,7 +352,7 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn what_is_interrupted_leaves_nothing() {
+    async fn an_interrupted_backup_or_restore_leaves_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let [data, copy, restored] = ["data", "copy", "restored"].map(|name| folder.path().join(name));
         let held = DataDirectory::hold(&data).unwrap();
