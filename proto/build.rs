@@ -42,6 +42,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let onnx = protox::compile(["onnx/onnx.proto"], ["."])?;
     tonic_prost_build::configure().compile_fds(onnx)?;
 
+    // With its name, a message finds its descriptor.
+    let mut named = prost_build::Config::new();
+    named.enable_type_names();
     let mut config = tonic_prost_build::configure().build_transport(true);
     for message in WRITTEN_BY_PEOPLE {
         config = config
@@ -94,7 +97,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "murmuration.v1.Feedback.recipe",
             "#[serde(with = \"crate::toml_names::table\", skip_serializing_if = \"Option::is_none\")]",
         )
-        .compile_fds(files)?;
+        .compile_fds_with_config(files, named)?;
     println!("cargo:rerun-if-changed=murmuration");
     println!("cargo:rerun-if-changed=onnx");
     Ok(())

@@ -140,7 +140,7 @@ fn variance(values: impl ExactSizeIterator<Item = f64> + Clone) -> f64 {
     values.fold(0.0, |sum, value| sum + (value - mean) * (value - mean)) / count
 }
 
-/// What brings a variance to 1.
+/// Factor that brings a variance to 1.
 fn factor(variance: f64) -> f64 {
     let factor = 1.0 / variance.sqrt();
     if factor.is_finite() { factor } else { 1.0 }

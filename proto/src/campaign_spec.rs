@@ -114,7 +114,7 @@ impl CampaignSpec {
         self.method
     }
 
-    /// What novelty, clusters, questions and maps are measured in.
+    /// Space of novelty, clusters, queries and maps.
     #[must_use]
     pub const fn space(&self) -> BehaviourSpace {
         self.space
@@ -343,8 +343,8 @@ impl From<&CampaignSpec> for v1::CampaignSpec {
 #[derive(Debug, thiserror::Error)]
 pub enum SpecFileError {
     /// Not TOML, or a field that does not exist, or a value of the wrong type; says where.
-    #[error("{0}")]
+    #[error(transparent)]
     Syntax(#[from] TomlError),
-    #[error("{0}")]
+    #[error(transparent)]
     Value(#[from] Invalid),
 }

@@ -1,4 +1,4 @@
-//! What an embedder is trained on.
+//! Datasets that embedders are trained on.
 
 use crate::{Invalid, invalid, record::record, v1};
 

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 /// All controllers of a space of finitely many, in a fixed order.
 ///
 /// Two controllers are *mirror images* if one does in a mirror what the other does. Of such a pair the first in the
-/// order of genes is listed and the other left out, where both do the same in law: a swarm of one species whose sensors
+/// order of genes is listed and the other left out, where both behave alike: a swarm of one species whose sensors
 /// all look straight ahead or straight back, in a world without obstacles, given poses or jitter.
 #[derive(Debug, Clone, Copy)]
 pub struct Enumeration<'a> {
@@ -15,7 +15,7 @@ pub struct Enumeration<'a> {
     mirror: Option<Mirror>,
 }
 
-/// What the mirror image of a controller is: the same for each pair of speeds.
+/// Mirror image of a controller: the same change of each pair of speeds.
 #[derive(Debug, Clone, Copy)]
 struct Mirror {
     values: u64,
@@ -24,7 +24,7 @@ struct Mirror {
     kind: Swap,
 }
 
-/// What a mirror does to a pair of speeds.
+/// Change of a pair of speeds in a mirror.
 #[derive(Debug, Clone, Copy)]
 enum Swap {
     /// Left and right wheel change places.

@@ -58,7 +58,7 @@ pub struct Evaluation {
     verdict: Option<Verdict>,
 }
 
-/// What is requested of an evaluation besides features and picture.
+/// Optional outputs of an evaluation, besides features and picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Extras {
     /// Length of the embedding, if there is to be one.
@@ -163,7 +163,7 @@ impl Evaluation {
         &self.embedding
     }
 
-    /// What the judge says of the motion; `None` if it was not requested.
+    /// The judge's verdict on the motion; `None` if it was not requested.
     #[must_use]
     pub const fn verdict(&self) -> Option<Verdict> {
         self.verdict

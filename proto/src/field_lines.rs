@@ -22,7 +22,7 @@ pub fn line_of_field(text: &str, field: &str) -> Option<usize> {
     Some(1 + text.get(..*start)?.matches('\n').count())
 }
 
-/// What a field in a list is in, the closest first: `species[1]` and `species` of `species[1].name`. Nothing of another field.
+/// Lists that contain a field, the closest first: `species[1]` and `species` of `species[1].name`. None of another field.
 fn lists_of(field: &str) -> impl Iterator<Item = &str> {
     let ends = field.rmatch_indices(['.', '[']).map(|(end, _)| end);
     ends.filter(move |_| field.contains('['))

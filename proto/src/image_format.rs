@@ -39,7 +39,7 @@ impl ImageFormat {
         self.shape.bytes()
     }
 
-    /// What the channels show, as files say it: `one`, or `species`.
+    /// Name of the kind of channels in files: `one`, or `species`.
     #[must_use]
     pub const fn channels_name(&self) -> &'static str {
         match self.shape.channels() {

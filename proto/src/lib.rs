@@ -107,6 +107,16 @@ impl fmt::Display for v1::LeaseId {
     }
 }
 
+impl From<SpecFileError> for Status {
+    fn from(error: SpecFileError) -> Self {
+        match error {
+            SpecFileError::Value(invalid) => invalid.into(),
+            // With the line of the file that it is about.
+            SpecFileError::Syntax(error) => Self::invalid_argument(error.to_string()),
+        }
+    }
+}
+
 impl From<Invalid> for Status {
     fn from(invalid: Invalid) -> Self {
         // A value from outside may be of any length.

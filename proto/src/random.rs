@@ -182,7 +182,7 @@ mod tests {
         assert_eq!(&digest[..16], "17cd55a6e60d1e29");
     }
 
-    /// What of these numbers rand computes, it must go on computing.
+    /// The numbers that `rand` computes must stay the same for ever.
     #[test]
     fn distributions_are_the_same_for_ever() {
         let mut stream = RandomStream::derive(1, Purpose::Start, 7);

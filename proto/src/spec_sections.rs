@@ -56,7 +56,7 @@ const MESSAGES: [(&str, &str); 15] = [
     ("feedback", "Feedback"),
 ];
 
-/// What the contract says of a field, such as `population` of the section `search`, in sentences; `None` if it says nothing.
+/// Explanation of a field in the contract, such as `population` of the section `search`; `None` if it has none.
 #[must_use]
 pub fn explanation(section: &str, field: &str) -> Option<&'static str> {
     let (_, message) = MESSAGES.iter().find(|(known, _)| *known == section)?;

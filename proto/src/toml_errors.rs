@@ -132,7 +132,11 @@ fn what_is_wrong(message: &str, field: &Field) -> String {
             path => format!("{} ", path.join(".")),
         };
         let found = quoted_names(found).next().unwrap_or(found);
-        let found = found.strip_prefix("string ").unwrap_or(found);
+        let found = match found.strip_prefix("string ").unwrap_or(found) {
+            "map" => "a table",
+            "sequence" => "a list",
+            other => other,
+        };
         return format!("{named}must be {}, not {found}", allowed(expected, found));
     }
     let Some(name) = quoted_names(what).next() else {
@@ -247,7 +251,9 @@ fn allowed(expected: &str, found: &str) -> String {
         "a boolean" => "true or false".to_owned(),
         "a string" => "a text in quotes".to_owned(),
         "a sequence" => match found {
-            "map" => "a list of tables, each with two brackets around its name".to_owned(),
+            "a table" => {
+                "a list of tables: [{ ... }], or tables with two brackets around the name".to_owned()
+            }
             _ if found.starts_with('"') => format!("a list such as [{found}]"),
             _ => "a list such as [1, 2]".to_owned(),
         },

@@ -1,4 +1,4 @@
-//! What people write in campaign files otherwise than the messages have it, and messages on one line for the cells of tables.
+//! Fields that campaign files write otherwise than the messages, and messages on one line for the cells of tables.
 
 use crate::{Invalid, text};
 use serde::{Serialize, de::DeserializeOwned};

@@ -1,4 +1,4 @@
-//! What the judge can say of a motion: the paper's classes, and patterns among random behaviours.
+//! Verdicts of the judge on a motion: the paper's classes, and patterns among random behaviours.
 
 use crate::{Boundary, Invalid, World, v1};
 use std::fmt;

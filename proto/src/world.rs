@@ -40,13 +40,13 @@ record! {
         /// Whether collisions add the authors' seeded jitter.
         jitter: bool,
         boundary: Boundary,
-        /// What goes wrong with the agents.
+        /// Noise of the agents.
         noise: Noise,
     }
     by reference {
-        /// What is in the arena besides the agents; at most [`Obstacle::MAX_COUNT`].
+        /// Obstacles in the arena; at most [`Obstacle::MAX_COUNT`].
         obstacles: Arc<[Obstacle]> as [Obstacle],
-        /// Where the agents start.
+        /// Starts of the agents.
         start: StartShape as StartShape,
     }
 }
@@ -111,7 +111,7 @@ impl World {
     }
 }
 
-/// What the message of a world says of robots that do not say it themselves.
+/// Defaults for robots in the message of a world.
 pub(crate) fn defaults(message: &v1::World) -> Defaults {
     let default = World::default();
     Defaults {

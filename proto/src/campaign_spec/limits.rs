@@ -1,4 +1,4 @@
-//! What a campaign may be as a whole: how much is held in memory at the same time, and how often it simulates.
+//! Limits of a campaign as a whole: memory at one time, and number of simulations.
 
 use super::CampaignSpec;
 use crate::{Frames, Invalid, Pose, Search, StartShape, Starts, counted};

@@ -51,7 +51,7 @@ pub enum ModelError {
     Constant {
         /// The constant's name in the graph.
         name: String,
-        /// What is wrong with it.
+        /// The fault.
         problem: String,
     },
     /// A node that cannot be executed.
@@ -59,7 +59,7 @@ pub enum ModelError {
     Node {
         /// The node's operator and output.
         node: String,
-        /// What is wrong with it.
+        /// The fault.
         problem: String,
     },
 }

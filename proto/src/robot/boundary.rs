@@ -1,9 +1,9 @@
-//! What is at the edges of an arena.
+//! Edges of an arena.
 
 use crate::{Invalid, text};
 use std::{fmt, str::FromStr};
 
-/// What happens to a robot at the edges of its world.
+/// Effect of the edges of a world on a robot.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum Boundary {
     /// A wall at the world's padding from each edge: a robot's body stays within, apart from pushes by other robots.

@@ -1,4 +1,4 @@
-//! What the robots of a swarm can sense and do.
+//! Capabilities of the robots of a swarm: sensors and drives.
 
 use super::{Preset, Robot, SeenRobots, Sensor, Species, SpeciesName};
 use crate::{Invalid, counted, text};

@@ -9,7 +9,7 @@ pub struct Drive {
     limits: [f64; 2],
 }
 
-/// What the two numbers of a pair (a, b) do in one step of duration dt, with the heading as it was before the step.
+/// Motion by the two numbers of a pair (a, b) in one step of duration dt, with the heading as it was before the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DriveKind {
     /// Two wheels, a left and b right: ahead by `(wheel_radius / 2) (a + b) dt`, and a turn by `(a - b) / (2 radius) dt`
@@ -55,7 +55,7 @@ impl Drive {
         })
     }
 
-    /// What a pair does.
+    /// Meaning of a pair.
     #[must_use]
     pub const fn kind(&self) -> DriveKind {
         self.kind
@@ -76,7 +76,7 @@ impl Drive {
         }
     }
 
-    /// What the two numbers of a pair are called: left and right, or speed and turn.
+    /// Names of the two numbers of a pair: left and right, or speed and turn.
     #[must_use]
     pub const fn pair_names(&self) -> [&'static str; 2] {
         match self.kind {

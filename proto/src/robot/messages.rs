@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 const DIFFERENTIAL: &str = "differential";
 const UNICYCLE: &str = "unicycle";
 
-/// What a world says of robots that do not say it themselves.
+/// A world's defaults for robots.
 pub(crate) struct Defaults {
     pub(crate) radius: f64,
     pub(crate) wheel_radius: f64,
@@ -152,7 +152,7 @@ impl From<&Robot> for v1::Robot {
     }
 }
 
-/// What all robots of a preset are, or of a description: exactly one of the two is given.
+/// The robot of a preset, or of a description: exactly one of the two is given.
 fn robot(preset: Option<&str>, described: Option<v1::Robot>, default: &Defaults) -> Result<Robot, Invalid> {
     match (preset, described) {
         (Some(name), None) => name
@@ -276,7 +276,7 @@ impl TryFrom<v1::CapabilityModel> for CapabilityModel {
     }
 }
 
-/// What a campaign file says of robots: exactly one of `model`, `robot` and `species`.
+/// Robots of a campaign file: exactly one of `model`, `robot` and `species`.
 #[derive(Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Written {

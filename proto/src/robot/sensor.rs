@@ -1,4 +1,4 @@
-//! What a robot senses: binary sensors that look along a ray or into a cone.
+//! Binary sensors that look along a ray or into a cone.
 
 use super::SpeciesName;
 use crate::{Invalid, counted, invalid};
@@ -34,7 +34,7 @@ pub struct SensorDescription {
     pub half_angle: f64,
     /// Largest distance to a robot's centre, or to the nearest point of an obstacle, world units, over 0; `None`: no limit.
     pub range: Option<f64>,
-    /// What it sees; nothing twice, and either all robots or one species.
+    /// Kinds of things that it sees; nothing twice, and either all robots or one species.
     pub sees: Vec<Seen>,
     /// Largest distance at which it sees walls, if that is not `range`.
     pub wall_range: Option<f64>,

@@ -1,4 +1,4 @@
-//! What people write of robots otherwise than the messages have it.
+//! Fields of robots that files write otherwise than the messages.
 
 /// `angle = 0.5` or `angle = "free"`.
 pub(crate) mod angle {

@@ -122,7 +122,15 @@ fn an_unknown_field_is_told_what_may_have_been_meant() {
 fn a_list_that_is_none_is_told_what_a_list_is() {
     check(
         "[species]\nname = \"a\"",
-        "species must be a list of tables, each with two brackets around its name, not map",
+        "species must be a list of tables: [{ ... }], or tables with two brackets around the name, not a table",
+    );
+    check(
+        "[robot]\nsensors = { range = 120 }",
+        "robot.sensors must be a list of tables: [{ ... }], or tables with two brackets around the name, not a table",
+    );
+    check(
+        "[search]\npopulation = [1]",
+        "search.population must be a whole number, 0 or more, not a list",
     );
     check(
         "[robot]\nsensors = [{ sees = \"walls\" }]",

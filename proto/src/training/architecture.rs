@@ -119,7 +119,7 @@ pub enum ArchitectureError {
     #[error("layer {layer}: more than {limit} {what}")]
     TooLarge {
         layer: usize,
-        /// What there are too many of.
+        /// The things of which there are too many.
         what: &'static str,
         /// The limit.
         limit: usize,

@@ -68,7 +68,7 @@ pub struct Configuration {
 }
 
 impl Default for Configuration {
-    /// What an empty table says.
+    /// The configuration of an empty table.
     fn default() -> Self {
         let mut settings = Settings::default();
         settings.network.spell_out();
@@ -80,9 +80,9 @@ impl Default for Configuration {
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigurationError {
     /// Not TOML, or a field that does not exist, or a value of the wrong type; says where.
-    #[error("{0}")]
+    #[error(transparent)]
     Syntax(#[from] toml::de::Error),
-    #[error("{0}")]
+    #[error(transparent)]
     Value(#[from] Invalid),
 }
 

@@ -1,4 +1,4 @@
-//! What goes wrong with robots: wheels that slip, sensors that misread, readings that come late.
+//! Noise of robots: wheels that slip, sensors that misread, readings that come late.
 
 use crate::{Invalid, invalid, record::record, v1};
 

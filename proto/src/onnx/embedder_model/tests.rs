@@ -1,4 +1,4 @@
-//! What is an embedder and what is not. The model is `tests/models/small.onnx`, written by Python's onnx package.
+//! Models that are embedders, and models that are not. The model is `tests/models/small.onnx`, written by Python's onnx package.
 
 use super::*;
 use crate::onnx::{
