@@ -34,13 +34,13 @@ pub struct Figures {
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
     /// A number is not allowed.
-    #[error("{0}")]
+    #[error(transparent)]
     Value(#[from] Invalid),
     /// There are too few behaviours.
-    #[error("{0}")]
+    #[error(transparent)]
     Pictures(#[from] PicturesError),
     /// The network cannot be trained.
-    #[error("{0}")]
+    #[error(transparent)]
     Training(#[from] TrainingError),
 }
 

@@ -16,7 +16,7 @@ const LIST: &str = ".murmuration-files";
 const EXPLANATION: &str = "# Files that murmuration wrote into this folder, each with its BLAKE3 digest. It replaces and removes no others.";
 /// Most bytes of the list that are read: some 100,000 files.
 const MAX_LIST_BYTES: u64 = 16 << 20;
-/// What the name of a folder begins with that is being filled.
+/// Prefix of a folder that is being filled.
 const UNFINISHED: &str = ".murmuration-unfinished-";
 /// The folder of the files that are replaced, within that.
 const FORMER: &str = ".former";
@@ -287,7 +287,7 @@ impl Folder {
         write_file(&path, text).map(drop).map_err(failed(&path))
     }
 
-    /// What is there under the name of a file.
+    /// State of the place of a file.
     fn state_of(&self, name: &str, listed: &Listed) -> State {
         let path = self.path.join(name);
         let above = Path::new(name).ancestors().skip(1);
@@ -310,7 +310,7 @@ impl Folder {
     }
 }
 
-/// What is in the place of a file.
+/// State of the place of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum State {
     Absent,

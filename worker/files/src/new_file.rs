@@ -1,8 +1,9 @@
 //! A file that is written beside its place, and moved there once it is whole and on disk.
 
+use rustix::process::geteuid;
 use std::{
     fmt,
-    fs::{self, File, Permissions},
+    fs::{self, File, Metadata, Permissions},
     io::{self, BufWriter, Write},
     os::unix::fs::{MetadataExt as _, PermissionsExt as _, fchown},
     path::{Path, PathBuf},
@@ -33,7 +34,7 @@ enum Place {
     },
 }
 
-/// What the new file has of the one that it replaces.
+/// Properties that the new file takes from the one that it replaces.
 #[derive(Debug)]
 struct Former {
     user: u32,
@@ -41,7 +42,7 @@ struct Former {
     permissions: Permissions,
 }
 
-/// What became of a file.
+/// Outcome of writing a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Written {
     New,
@@ -177,6 +178,7 @@ fn without_links(path: &Path) -> io::Result<PathBuf> {
                 if is_descriptor(&path)? {
                     return Ok(path);
                 }
+                check_owner(&path, &found)?;
                 path = folder_of(&path).join(fs::read_link(&path)?);
             }
             Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
@@ -184,6 +186,22 @@ fn without_links(path: &Path) -> io::Result<PathBuf> {
         }
     }
     Err(io::Error::other("too many links lead to one another"))
+}
+
+/// Refuses another user's link in a folder such as `/tmp`, as Linux does with `fs.protected_symlinks`: they may have put it there to
+/// have a file of this user replaced.
+fn check_owner(link: &Path, found: &Metadata) -> io::Result<()> {
+    const STICKY_FOR_ALL: u32 = 0o1002;
+    let folder = fs::metadata(folder_of(link))?;
+    let is_shared = folder.mode() & STICKY_FOR_ALL == STICKY_FOR_ALL;
+    if is_shared && ![folder.uid(), geteuid().as_raw()].contains(&found.uid()) {
+        let said = format!(
+            "{} is a link that another user made in a shared folder",
+            link.display()
+        );
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, said));
+    }
+    Ok(())
 }
 
 /// Whether a link is to what a process has open, as `/dev/stdout` leads to `/proc/self/fd/1`. That may be a file that other output
@@ -202,7 +220,10 @@ fn folder_of(path: &Path) -> &Path {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::os::{fd::AsRawFd as _, unix::fs::symlink};
+    use std::os::{
+        fd::AsRawFd as _,
+        unix::fs::{lchown, symlink},
+    };
 
     fn names(folder: &Path) -> Vec<String> {
         let entries = fs::read_dir(folder).unwrap();
@@ -239,6 +260,23 @@ mod tests {
             assert!(at(link).is_symlink());
             assert_eq!(fs::read_to_string(at(target)).unwrap(), "new");
         }
+    }
+
+    #[test]
+    fn another_users_link_in_a_shared_folder_is_not_followed() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::set_permissions(folder.path(), Permissions::from_mode(0o1777)).unwrap();
+        write_file(&at("mine"), "old").unwrap();
+        symlink(at("mine"), at("link")).unwrap();
+        write_file(&at("link"), "new").unwrap();
+        if geteuid().is_root() {
+            lchown(at("link"), Some(1), None).unwrap();
+            // Root owns the folder, and anybody may have made the link.
+            let refused = write_file(&at("link"), "newer").unwrap_err();
+            assert_eq!(refused.kind(), io::ErrorKind::PermissionDenied, "{refused}");
+        }
+        assert_eq!(fs::read_to_string(at("mine")).unwrap(), "new");
     }
 
     #[test]

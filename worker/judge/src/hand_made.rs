@@ -12,7 +12,7 @@ const STRIDE: u32 = 4;
 const TOUCHING: f64 = 10.0;
 const MIDDLE: f64 = 250.0;
 
-/// What the judge says of a swarm of the paper's world in which agent `a` is at `path(a, step)` over the last 160 steps.
+/// The judge's class of a swarm of the paper's world in which agent `a` is at `path(a, step)` over the last 160 steps.
 fn class_of(agents: u32, path: impl Fn(u32, f64) -> [f64; 2]) -> Class {
     let world = World::try_from(v1::World {
         agents: Some(agents),

@@ -7,7 +7,7 @@ use super::{
 
 /// Cells per piece, at most: an empty cell costs less than a piece that is looked at in vain.
 const CELLS: f64 = 4.0;
-/// What rounding may put a piece off by, relative to the reach.
+/// Largest error of a piece by rounding, relative to the reach.
 const SLACK: f64 = 1e-9;
 
 /// The part of an agent's path between two neighbouring times.

@@ -20,7 +20,7 @@ const TOKEN: &str = "MURMURATION_TOKEN";
 /// A connection to a coordinator that sends the token, if there is one, with every request.
 pub type Coordinator = InterceptedService<Channel, Bearer>;
 
-/// Whom to trust, and what to show: for everyone who talks to a coordinator.
+/// Files of trust and identity, for every client of a coordinator.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct TrustFiles {
     /// Certificate of the authority that signed the coordinator's, for an https:// coordinator

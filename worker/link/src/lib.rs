@@ -99,7 +99,7 @@ pub enum LinkError {
     Refused {
         /// "worker" or "trainer".
         who: &'static str,
-        /// What the coordinator said.
+        /// The coordinator's reason.
         reason: String,
     },
 }

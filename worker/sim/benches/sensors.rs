@@ -15,7 +15,7 @@ use murmuration_proto::{
 use murmuration_sim::{evaluate::Evaluator, simulate::Start};
 use std::{env, f64::consts::FRAC_PI_3, hint::black_box};
 
-/// What is measured: a name, and evaluations to do at once.
+/// A measured item: a name, and evaluations to do at once.
 struct Item {
     name: String,
     sensors: usize,

@@ -1,4 +1,4 @@
-//! What a worker computes, as pure functions: (controller, world, seed) -> evaluation. There is no I/O and no clock.
+//! Evaluation as pure functions: (controller, world, seed) -> evaluation. There is no I/O and no clock.
 //!
 //! The tests in `tests` step whole swarms; unit tests beside the code do not, so that they need not compile the kernels for
 //! every instruction set again.

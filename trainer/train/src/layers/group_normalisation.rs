@@ -17,7 +17,7 @@ pub(crate) const EPSILON: f64 = 1e-5;
 pub(crate) struct GroupNormalisation {
     pub(crate) shape: Shape,
     pub(crate) groups: usize,
-    /// What is done to the normalised values.
+    /// Function of the normalised values.
     pub(crate) activation: Option<Activation>,
 }
 
@@ -66,7 +66,7 @@ impl GroupNormalisation {
         LINE.next_multiple_of(self.shape.channels)
     }
 
-    /// What the values of a line are negative times.
+    /// Factor of negative values.
     fn slope<T: Real>(self) -> T {
         T::of(self.activation.map_or(1.0, |activation| activation.slope))
     }

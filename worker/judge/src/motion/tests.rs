@@ -1,4 +1,4 @@
-//! What is found among near pieces is what is found among all of them.
+//! A search among near pieces finds the same as a search among all.
 
 use super::*;
 use murmuration_proto::{Purpose, RandomStream, World};

@@ -46,7 +46,7 @@ impl Recorder {
         }
     }
 
-    /// What the judge says of each swarm.
+    /// The judge's verdict on each swarm.
     ///
     /// # Errors
     /// If a position is not finite.

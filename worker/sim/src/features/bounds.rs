@@ -1,4 +1,4 @@
-//! What the features of a swarm in a given world can be at most: results beyond that were not simulated.
+//! Upper bounds of the features of a swarm in a given world: results beyond them were not simulated.
 //!
 //! The bounds hold for every controller and start, and follow from what a step does to an agent (`simulate`):
 //!

@@ -11,7 +11,7 @@ const HEADING_RADII: f64 = 2.0;
 /// Added to a number below 2^51 in magnitude, it leaves no bits for a fraction, and the whole number in the low ones.
 const WHOLE: f64 = 6_755_399_441_055_744.0;
 
-/// What draws agents of one radius.
+/// Draws agents of one radius.
 #[derive(Debug)]
 pub(super) struct Brush {
     radius: f64,

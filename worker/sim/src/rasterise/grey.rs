@@ -14,7 +14,7 @@ pub(super) struct Cells {
     resolution: usize,
     /// First x of each cell, and one for the end.
     columns: Vec<usize>,
-    /// What each band holds of the cells of a column.
+    /// By band, its part of each row of cells.
     bands: Vec<Vec<Part>>,
     /// Pixels across each cell, by axis.
     extent: [Vec<u32>; 2],

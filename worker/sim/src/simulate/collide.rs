@@ -6,7 +6,7 @@ use pulp::Simd;
 
 /// Times that an agent is pushed out of all that it touches, at most.
 pub(crate) const PASSES: usize = 10;
-/// What is left between two agents after a push.
+/// Gap between two agents after a push.
 pub(crate) const GAP: f64 = 0.001;
 /// Largest component of the authors' jitter.
 pub(crate) const JITTER: f64 = 0.001;

@@ -1,4 +1,4 @@
-//! What a pair of a controller's numbers does to a pose in one step; wheel speeds: paper, appendix "Swarm Kinematics".
+//! Motion of a robot in one step by a pair of its controller's numbers; wheel speeds: paper, appendix "Swarm Kinematics".
 
 use murmuration_proto::{DriveKind, Robot, RobotController};
 
@@ -13,7 +13,7 @@ pub(super) struct Gait {
     pub(super) rotation: [f64; 2],
 }
 
-/// What makes a gait of a pair of numbers.
+/// Makes a gait of a pair of numbers.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Drivetrain {
     kind: DriveKind,
@@ -39,7 +39,7 @@ impl Drivetrain {
         }
     }
 
-    /// What the pair (a, b) does in a step.
+    /// The gait of the pair (a, b).
     pub(super) fn gait(&self, [a, b]: [f64; 2]) -> Gait {
         let (ahead, turn) = match self.kind {
             DriveKind::Differential { wheel_radius } => (

@@ -171,7 +171,7 @@ impl Gaze {
 
     /// Whether the cone at `at`, cut at the range, meets a box.
     ///
-    /// What the range leaves of the box is in one piece: if neither edge of the cone meets it, all of it is between the edges,
+    /// The part of the box within range is one piece: if neither edge of the cone meets it, all of it is between the edges,
     /// or nothing, and so is the nearest point.
     pub(super) fn sees_box(&self, centre: [f64; 2], half: [f64; 2], at: [f64; 2]) -> bool {
         let e = [centre[0] - at[0], centre[1] - at[1]];

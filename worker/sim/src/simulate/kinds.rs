@@ -35,7 +35,7 @@ struct Kind {
     walls: Walls,
     /// By sensor state: a power of two of them.
     gaits: Vec<Gait>,
-    /// What the gaits are made of.
+    /// By sensor state, the pair of the controller's numbers behind the gait.
     pairs: Vec<[f64; 2]>,
     drive: Drivetrain,
     sensors: Vec<Sensing>,
@@ -116,7 +116,7 @@ impl Kinds {
         &self.kinds[usize::from(self.kind_of[i])]
     }
 
-    /// What a robot senses without moving.
+    /// Sensor reading of a robot without moving.
     #[inline(always)]
     pub(super) fn sense<S: Simd>(&self, simd: S, others: &impl Others, robot: Driven) -> u8 {
         let mut state = 0;
@@ -154,7 +154,7 @@ impl Kinds {
         (*drive, pairs[usize::from(sensed) % pairs.len()])
     }
 
-    /// What is in the world besides the robots.
+    /// Obstacles of the world.
     pub(super) const fn obstacles(&self) -> &Obstacles {
         &self.obstacles
     }

@@ -1,4 +1,4 @@
-//! What differs between kinds of robots in a step: the gait, what bounds them, and what happens once they have driven.
+//! Differences between kinds of robots in a step: the gait, the boundary, and what follows the drive.
 
 use super::{
     Walls,
@@ -79,7 +79,7 @@ impl Paper {
         }
     }
 
-    /// What an agent senses without moving.
+    /// Sensor reading of an agent without moving.
     pub(super) fn sense<S: Simd>(&self, simd: S, others: &impl Others, robot: Driven, reach: Reach) -> u8 {
         match self.second_sensor {
             None => others.sense(simd, robot.observer([robot.heading]), reach),

@@ -61,7 +61,7 @@ enum Minds {
     Situated(Situated),
 }
 
-/// What a step needs but for where the others are.
+/// The robots of a swarm without their places.
 #[derive(Debug, Clone)]
 struct Robots {
     collisions: Collisions,
@@ -86,15 +86,15 @@ pub struct Agent {
     pub heading: [f64; 2],
     /// Heading in radians, not wrapped.
     pub theta: f64,
-    /// What the last step moved it by, walls, obstacles and collisions included; zero at the start. On a torus it is the motion,
+    /// Displacement by the last step, walls, obstacles and collisions included; zero at the start. On a torus it is the motion,
     /// not the jump to the other side.
     pub displacement: [f64; 2],
-    /// What its sensors read last, as a number with a bit for each of its k sensors, S1 the highest: 0 to 2^k - 1, 0 at the
+    /// Last reading of its sensors, as a number with a bit for each of its k sensors, S1 the highest: 0 to 2^k - 1, 0 at the
     /// start.
     pub sensed: u8,
 }
 
-/// What an agent carries besides its position.
+/// State of an agent besides its position.
 #[derive(Debug, Clone, Copy)]
 struct Body {
     position: [f64; 2],
@@ -242,7 +242,7 @@ impl Swarm {
         self.robots.collisions.groups().iter().map(|group| group.radius)
     }
 
-    /// What each agent would sense if it looked now, without moving and without noise, in index order: numbers as
+    /// Sensor readings of all agents now, without moving and without noise, in index order: numbers as
     /// [`Agent::sensed`].
     #[must_use]
     pub fn readings(&self) -> Vec<u8> {

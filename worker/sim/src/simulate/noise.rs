@@ -11,14 +11,14 @@ use murmuration_proto::{self as proto, Purpose, RandomStream, World};
 use rand::RngExt as _;
 use std::{collections::VecDeque, f64::consts::TAU};
 
-/// What goes wrong with the robots of a swarm.
+/// Noise of the robots of a swarm.
 #[derive(Debug, Clone)]
 pub(super) struct Noise {
     asked: proto::Noise,
     robots: Vec<Own>,
 }
 
-/// What goes wrong with one robot.
+/// Noise of one robot.
 #[derive(Debug, Clone)]
 struct Own {
     gains: [f64; 2],
@@ -41,7 +41,7 @@ impl Noise {
         })
     }
 
-    /// What robot `i` moves by that has just sensed `sensed`.
+    /// The delayed reading that robot `i` acts on when it has just sensed `sensed`.
     pub(super) fn delayed(&mut self, i: usize, sensed: u8) -> u8 {
         let late = &mut self.robots[i].late;
         late.push_back(sensed);
@@ -62,7 +62,7 @@ impl Noise {
         Some(drive.gait([pair[0] * factors[0], pair[1] * factors[1]]))
     }
 
-    /// What the sensors of robot `i`, of which there are `sensors`, read in the state `sensed`.
+    /// Noisy reading of the sensors of robot `i`, of which there are `sensors`, in the state `sensed`.
     ///
     /// One number for each sensor decides, on or off, so that what is drawn does not depend on what is seen.
     pub(super) fn read(&mut self, i: usize, sensors: usize, sensed: u8) -> u8 {

@@ -1,4 +1,4 @@
-//! What an agent has in its sensors' lines of sight, and whether anybody touches it.
+//! Sensor readings of an agent by its lines of sight, and whether another touches it.
 
 use super::positions::{Block, LANES, Positions};
 use pulp::Simd;
@@ -168,7 +168,7 @@ impl<const SENSORS: usize> Observer<SENSORS> {
     }
 }
 
-/// What one look shows.
+/// Result of one look.
 #[derive(Debug, Clone, Copy)]
 struct Seen {
     /// Whether the centre of another is nearer than two radii.

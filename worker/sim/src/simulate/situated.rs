@@ -40,7 +40,7 @@ impl Situated {
         self.torus
     }
 
-    /// What a robot senses without moving and without noise.
+    /// Sensor reading of a robot without moving and without noise.
     pub(super) fn sense<S: Simd>(&self, simd: S, others: &impl Everyone, robot: Driven) -> u8 {
         match self.torus {
             None => self.kinds.sense(simd, others, robot),

@@ -220,7 +220,7 @@ fn axis(side: usize, met: impl Fn(usize) -> Vec<(usize, usize)>) -> Vec<Lines> {
     lines.map(|(parts, pixels)| Lines { parts, pixels }).collect()
 }
 
-/// What `group` makes of every pair of rows and columns.
+/// Applies `group` to every pair of rows and columns.
 fn squared(axis: &[Lines], group: impl Fn(&Lines, &Lines) -> Group) -> Vec<Group> {
     let pairs = axis
         .iter()

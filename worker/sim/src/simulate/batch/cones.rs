@@ -1,4 +1,4 @@
-//! What one agent of each swarm has in its cones, and whether another touches it.
+//! Sensor readings of one agent of each swarm by its cones, and whether another touches it.
 //!
 //! The rule is that of [`gaze`](crate::simulate::gaze), and so are the answers; the way there is shorter. With h the half-angle and
 //! rho the radius of bodies, another is seen where its centre is in the cone, or less than rho beside it: in a cone of the same
@@ -57,7 +57,7 @@ struct Cone<S: Simd> {
     /// One of the lanes, for what they have in common.
     eye: Eye,
     edges: [Planar<S>; 2],
-    /// What is added to e.e - rho^2 so that it is negative within range.
+    /// Offset to e.e - rho^2 that makes it negative within range.
     range: Option<f64>,
 }
 
@@ -208,7 +208,7 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
     /// A number of [`Cone::beyond`] below this decides nothing, where no coordinate is over `far` and no apex is moved back
     /// by more than `back`.
     ///
-    /// What rounding and headings put into the distance from an edge of the cone is at most `ROUNDING (rho + far + far^2 / rho)`:
+    /// Rounding and headings change the distance from an edge of the cone by at most `ROUNDING (rho + far + far^2 / rho)`:
     /// the definition squares it. The number is that distance times the distance from the other edge, which is at most |e'|,
     /// 3 far + k; 4 times that leaves room. The number itself is rounded in squares of far + k.
     #[inline(always)]

@@ -1,4 +1,4 @@
-//! What one agent of each swarm has in its sensors' lines of sight, and whether another touches it.
+//! Sensor readings of one agent of each swarm by its lines of sight, and whether another touches it.
 
 use crate::{
     lanes::{Aligned, Planar, any, dot, magnitude, minus},
@@ -10,7 +10,7 @@ use pulp::Simd;
 /// squares of the lengths at hand. Each is a sum of a few products, which round by 2^-53 each; this is 64 times that.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
-/// What a look at all others shows.
+/// Result of a look at all others.
 #[derive(Clone, Copy)]
 pub(super) struct Seen<S: Simd, const SENSORS: usize> {
     /// Whether another touches.
@@ -37,7 +37,7 @@ impl<S: Simd, const SENSORS: usize> Viewer<S, SENSORS> {
     /// sign alone decides, and the largest of all others decides for all; here it is the smallest, signs being the other way
     /// around.
     ///
-    /// What decides is how far e.e - r^2 is from 3 r^2, and e.e - r^2 - (e.u)|e.u| from 0; the difference between two ways to
+    /// The decision depends on how far e.e - r^2 is from 3 r^2, and e.e - r^2 - (e.u)|e.u| from 0; the difference between two ways to
     /// compute them is within [`ROUNDING`] of what e.e can be.
     #[inline(always)]
     pub(super) fn glance(

@@ -54,7 +54,7 @@ pub(crate) struct Batch<S: Simd, const SENSORS: usize, const CONES: bool> {
     steps: u32,
 }
 
-/// What an agent carries besides its position.
+/// State of an agent besides its position.
 #[derive(Debug, Clone, Copy)]
 struct Body<S: Simd, const SENSORS: usize> {
     heading: Planar<S>,
@@ -64,7 +64,7 @@ struct Body<S: Simd, const SENSORS: usize> {
     crowded: bool,
 }
 
-/// What a controller makes of one swarm.
+/// The controller of one swarm, prepared for its steps.
 struct Brain {
     /// By sensor state.
     gaits: Vec<drive::Gait>,
@@ -294,7 +294,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         }
     }
 
-    /// What agent `i` sees and whether another touches it, unless rounding may decide.
+    /// Sensor reading of agent `i`, and whether another touches it, unless rounding may decide.
     #[inline(always)]
     fn glance(&mut self, simd: S, i: usize, at: Planar<S>, heading: Planar<S>) -> Option<Seen<S, SENSORS>> {
         let viewer = self.viewer(simd, at, heading);

@@ -68,7 +68,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         true
     }
 
-    /// What agent `i` sees; `crowded` says whether another touches it in any lane.
+    /// Sensor reading of agent `i`; `crowded` says whether another touches it in any lane.
     #[inline(always)]
     fn look(
         &mut self,

@@ -1,4 +1,4 @@
-//! What a batch relies on between steps.
+//! Invariants of a batch between steps.
 
 use super::Batch;
 use crate::{lanes::lanes, simulate::Start};

@@ -114,7 +114,7 @@ pub(super) fn world_of(model: &CapabilityModel, side: f64, boundary: Boundary) -
     })
 }
 
-/// What a robot senses, by the definition in words: no rotated vectors but angles.
+/// Sensor reading of a robot by the definition in words: no rotated vectors but angles.
 fn sensed_by_angles(controller: &Controller, robots: &[Agent], i: usize, world: &World) -> u8 {
     let counts = controller.counts(world.agents()).into_iter().enumerate();
     let of: Vec<usize> = counts

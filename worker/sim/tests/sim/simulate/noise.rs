@@ -182,7 +182,7 @@ fn gains_are_a_robots_own_and_never_change() {
     }
 }
 
-/// What two robots read that stand still and of which one sees the other.
+/// Readings of two robots that stand still, of which one sees the other.
 fn readings(noise: v1::Noise, steps: u32) -> [Vec<u8>; 2] {
     let world = noisy(&square(300.0, 2), noise);
     let start = Start::at(vec![[100.0, 100.0, 0.0], [200.0, 100.0, 0.0]]).unwrap();
