@@ -1,4 +1,4 @@
-//! What embeds a campaign's archive: nothing, a checkpoint, or one checkpoint until the switch to another.
+//! The embedder of a campaign's archive: none, a checkpoint, or one checkpoint until the switch to another.
 
 use murmuration_proto::CheckpointDigest;
 

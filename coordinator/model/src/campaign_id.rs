@@ -1,4 +1,4 @@
-//! What a campaign is called.
+//! Ids of campaigns.
 
 use murmuration_proto::{CampaignName, Invalid, text};
 use std::{fmt, str::FromStr};

@@ -90,7 +90,7 @@ mod tests {
         }
     }
 
-    /// What people see who see no red and who see no green, of linear red, green and blue (Machado et al. 2009, severity 1).
+    /// Linear red, green and blue as seen without red and without green cones (Machado et al. 2009, severity 1).
     const DEFICIENCIES: [[[f64; 3]; 3]; 2] = [
         [
             [0.152_286, 1.052_583, -0.204_868],

@@ -1,4 +1,4 @@
-//! What every other part speaks of: campaigns and what they have come to, machines, embedders. Plain values: no disk, no
+//! The nouns of all other parts: campaigns and their states, machines, embedders. Plain values: no disk, no
 //! network, no tasks.
 
 mod archive_embedder;

@@ -1,7 +1,10 @@
 //! A campaign that somebody asks for.
 
 use super::{Weight, labels::RequestId};
-use murmuration_proto::{CampaignName, CampaignSpec, Invalid, v1};
+use murmuration_proto::{
+    CampaignName, CampaignSpec, Invalid, SpecFileError,
+    v1::{self, create_campaign_request::Campaign},
+};
 
 /// A campaign that somebody asks for, not stored yet.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,18 +30,26 @@ impl From<CampaignSpec> for NewCampaign {
 }
 
 impl TryFrom<v1::CreateCampaignRequest> for NewCampaign {
-    type Error = Invalid;
+    type Error = SpecFileError;
 
-    fn try_from(message: v1::CreateCampaignRequest) -> Result<Self, Invalid> {
+    fn try_from(message: v1::CreateCampaignRequest) -> Result<Self, SpecFileError> {
         let v1::CreateCampaignRequest {
-            spec,
+            campaign,
+            seed,
             weight,
             study,
             request_id,
         } = message;
-        let spec = spec.ok_or_else(|| Invalid::missing("spec", "a campaign specification"))?;
+        let spec = match campaign {
+            Some(Campaign::Spec(spec)) => spec.try_into()?,
+            Some(Campaign::Toml(text)) => CampaignSpec::from_toml(&text)?,
+            None => return Err(Invalid::missing("spec", "a campaign specification").into()),
+        };
         Ok(Self {
-            spec: spec.try_into()?,
+            spec: match seed {
+                Some(seed) => spec.with_seed(seed)?,
+                None => spec,
+            },
             weight: weight.map(Weight::try_from).transpose()?.unwrap_or_default(),
             study: study_name(study)?,
             request: match request_id.as_str() {
@@ -71,7 +82,8 @@ mod tests {
     fn what_is_asked_for_is_checked_by_name() {
         let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
         let request = v1::CreateCampaignRequest {
-            spec: Some((&spec).into()),
+            campaign: Some(Campaign::Spec((&spec).into())),
+            seed: None,
             weight: Some(7),
             study: "small".to_owned(),
             request_id: "1".to_owned(),
@@ -82,10 +94,22 @@ mod tests {
         let refused = |change: fn(&mut v1::CreateCampaignRequest)| {
             let mut request = request.clone();
             change(&mut request);
-            NewCampaign::try_from(request).unwrap_err().field
+            match NewCampaign::try_from(request).unwrap_err() {
+                SpecFileError::Value(invalid) => invalid.field,
+                SpecFileError::Syntax(error) => error.to_string(),
+            }
         };
-        assert_eq!(refused(|one| one.spec = None), "spec");
+        assert_eq!(refused(|one| one.campaign = None), "spec");
         assert_eq!(refused(|one| one.weight = Some(0)), "weight");
+        let file = refused(|one| one.campaign = Some(Campaign::Toml("model = 5".to_owned())));
+        assert!(file.contains("line 1"), "{file}");
+        let seeded = v1::CreateCampaignRequest {
+            campaign: Some(Campaign::Toml(spec.to_toml())),
+            seed: Some(9),
+            ..v1::CreateCampaignRequest::default()
+        };
+        let seeded = NewCampaign::try_from(seeded).unwrap();
+        assert_eq!(seeded.spec, spec.with_seed(9).unwrap());
         assert_eq!(refused(|one| one.study = "../x".to_owned()), "study");
         assert_eq!(refused(|one| one.request_id = "x".repeat(100)), "request_id");
     }

@@ -7,7 +7,7 @@ use std::fmt;
 #[derive(Debug, Clone, PartialEq)]
 pub struct CampaignRecord {
     pub id: CampaignId,
-    /// What it was asked to do.
+    /// Its specification.
     pub spec: CampaignSpec,
     /// Its share of the workers.
     pub weight: Weight,
@@ -66,7 +66,7 @@ impl RunId {
     }
 }
 
-/// What an archive's individuals and behaviours are of: whatever is made of as many of them, of one archive version, is the same.
+/// Version of an archive: two reads of one version with equally many individuals give the same individuals and behaviours.
 /// As text, for scripts to compare: its [`ArchiveVersion::origin`], and the digest of the checkpoint if there is one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ArchiveVersion {
@@ -139,6 +139,11 @@ impl CampaignRecord {
         let further = self.spec.feedback().map_or(0, Feedback::generations);
         let further = further.saturating_mul(self.rounds.done);
         self.spec.search().generations().saturating_add(further)
+    }
+
+    /// Evaluations of all generations that there are to be.
+    pub fn evaluations(&self) -> u64 {
+        u64::from(self.generations()) * u64::from(self.spec.search().population())
     }
 
     /// Number of individuals of complete generations.

@@ -1,4 +1,4 @@
-//! What it takes to get an archive again, besides its specification: the rounds that taught it, and whether somebody
+//! How to repeat an archive, besides its specification: the rounds that taught it, and whether somebody
 //! intervened.
 
 use murmuration_proto::{CampaignSpec, CheckpointDigest, Invalid, Text, counted, v1};

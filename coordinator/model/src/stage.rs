@@ -1,4 +1,4 @@
-//! What a campaign does next, as a function of what is on disk.
+//! The next stage of a campaign, as a function of its state on disk.
 
 use crate::{CampaignRecord, NextTraining};
 use murmuration_proto::{EmbedderSource, Feedback, v1};

@@ -6,7 +6,7 @@ use murmuration_proto::{CampaignSpec, Feedback, counted};
 /// The work that a campaign has before it, and how fast it goes.
 #[derive(Debug, Clone, Copy)]
 pub struct WorkLeft<'a> {
-    /// What it was asked to do.
+    /// The campaign's specification.
     pub spec: &'a CampaignSpec,
     /// Its current stage.
     pub stage: Stage,

@@ -1,4 +1,4 @@
-//! What an embedder is trained on, and a training that was put aside.
+//! Pictures for training an embedder, and saved trainings.
 
 use super::CampaignRecord;
 use murmuration_proto::{CheckpointDigest, EmbedderSource};

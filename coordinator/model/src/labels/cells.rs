@@ -6,7 +6,7 @@
 use std::borrow::Cow;
 
 const MARK: char = '\'';
-/// What formulas begin with, in some spreadsheets also in their wide forms; and the mark itself, so that a text that begins
+/// First characters of formulas, in some spreadsheets also in their wide forms; and the mark itself, so that a text that begins
 /// with one is not changed by reading it.
 const MARKED: [char; 11] = ['=', '+', '-', '@', '\t', '\r', '＝', '＋', '－', '＠', MARK];
 

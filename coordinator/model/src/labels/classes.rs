@@ -1,6 +1,6 @@
 //! The classes of a campaign: names and colours that change, and what became of those that were merged.
 //!
-//! What is done to classes always succeeds, as it must when a log is replayed that was written before names were told apart
+//! Changes of classes always succeed, as they must when a log is replayed that was written before names were told apart
 //! as they are now; [`Labels::record`](super::Labels::record) refuses first what nobody should do.
 
 use super::{ClassKey, ClassName, Colour, Refusal, Shortcut};

@@ -1,4 +1,4 @@
-//! What two annotators said, pair by pair, and Cohen's kappa of it.
+//! Confusion matrix of two annotators, and Cohen's kappa.
 
 use std::collections::{BTreeMap, BTreeSet};
 

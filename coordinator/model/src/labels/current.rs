@@ -1,4 +1,4 @@
-//! What a log comes to: the classes there are, and the answers that stand.
+//! The current state of a label log: its classes, and the answers that stand.
 
 mod class_changes;
 
@@ -6,33 +6,35 @@ use super::{
     Action, Annotator, Answer, Change, ClassName, Colour, Entry, GivenClass, Label, Refusal, Shortcut,
     classes::{ClassNumber, Classes, class_numbers},
     given::given_classes,
-    near::near,
 };
 use class_changes::ClassChange;
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    fmt,
-};
+use rpds::{RedBlackTreeMapSync, RedBlackTreeSetSync};
+use std::{collections::BTreeMap, fmt, sync::Arc};
+
+/// Classes beyond which nobody is told which names are nearly the same: comparing each with each would take seconds.
+const MOST_COMPARED: usize = 200;
 
 /// The labels of a campaign as they stand: a function of its log.
 ///
 /// Each annotator has at most one standing answer about an individual. Classes are followed through renaming and
 /// merging, whatever they were called when an answer was given. One that no standing answer names is not there, until one
 /// does again, unless somebody created it for its own sake.
+///
+/// A clone shares what does not change, so that a reader costs whoever labels meanwhile next to nothing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Labels {
     entries: u64,
-    classes: Classes,
+    classes: Arc<Classes>,
     /// Every answer of the log, by entry.
-    given: BTreeMap<u64, Given>,
+    given: RedBlackTreeMapSync<u64, Given>,
     /// By individual and annotator, the entry of the answer that stands; no individual without one.
-    standing: BTreeMap<u64, BTreeMap<Annotator, u64>>,
+    standing: RedBlackTreeMapSync<u64, RedBlackTreeMapSync<Annotator, u64>>,
     /// The entries of the answers that stand, by annotator.
-    own: BTreeMap<Annotator, BTreeSet<u64>>,
+    own: RedBlackTreeMapSync<Annotator, RedBlackTreeSetSync<u64>>,
     /// How many standing answers named a class, by what it was when they were given.
-    named: BTreeMap<ClassNumber, u64>,
+    named: RedBlackTreeMapSync<ClassNumber, u64>,
     /// The changes of classes that were not reverted, by entry.
-    class_changes: BTreeMap<u64, ClassChange>,
+    class_changes: Arc<BTreeMap<u64, ClassChange>>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -178,7 +180,10 @@ impl Labels {
 
     fn answer(&mut self, index: u64, answer: &Answer, change: &Change) -> Option<u64> {
         let answer = match answer {
-            Answer::Class(class) => NumberedAnswer::Class(self.classes.find_or_add(class)),
+            Answer::Class(class) => NumberedAnswer::Class(match self.classes.find(class) {
+                Ok(number) => number,
+                Err(_) => Arc::make_mut(&mut self.classes).find_or_add(class),
+            }),
             Answer::NotSure => NumberedAnswer::NotSure,
             Answer::Skip => NumberedAnswer::Skip,
         };
@@ -193,7 +198,7 @@ impl Labels {
             time_ms: change.time_ms,
             supersedes,
         };
-        self.given.insert(self.entries, given);
+        self.given.insert_mut(self.entries, given);
         self.stand(self.entries);
         supersedes
     }
@@ -234,11 +239,15 @@ impl Labels {
         let Some(given) = self.given.get(&entry) else {
             return;
         };
-        let about = self.standing.entry(given.index).or_default();
-        about.insert(given.annotator.clone(), entry);
-        self.own.entry(given.annotator.clone()).or_default().insert(entry);
+        let mut about = self.standing.get(&given.index).cloned().unwrap_or_default();
+        about.insert_mut(given.annotator.clone(), entry);
+        self.standing.insert_mut(given.index, about);
+        let mut own = self.own.get(&given.annotator).cloned().unwrap_or_default();
+        own.insert_mut(entry);
+        self.own.insert_mut(given.annotator.clone(), own);
         if let NumberedAnswer::Class(class) = given.answer {
-            *self.named.entry(class).or_default() += 1;
+            let named = self.named.get(&class).copied().unwrap_or_default();
+            self.named.insert_mut(class, named + 1);
         }
     }
 
@@ -248,13 +257,13 @@ impl Labels {
             return;
         };
         if let Some(about) = self.standing.get_mut(&given.index) {
-            about.remove(&given.annotator);
+            about.remove_mut(&given.annotator);
             if about.is_empty() {
-                self.standing.remove(&given.index);
+                self.standing.remove_mut(&given.index);
             }
         }
         if let Some(own) = self.own.get_mut(&given.annotator) {
-            own.remove(&entry);
+            own.remove_mut(&entry);
         }
         if let NumberedAnswer::Class(class) = given.answer
             && let Some(named) = self.named.get_mut(&class)
@@ -270,8 +279,15 @@ impl Labels {
 
     /// The answers that stand, by individual, then annotator.
     pub fn standing(&self) -> impl Iterator<Item = Label> {
-        let entries = self.standing.values().flat_map(BTreeMap::values);
-        entries.filter_map(|entry| self.given(*entry))
+        self.standing_entries().filter_map(|entry| self.given(entry))
+    }
+
+    /// The entries of the answers that stand, in the order of [`Labels::standing`].
+    pub fn standing_entries(&self) -> impl Iterator<Item = u64> {
+        self.standing
+            .values()
+            .flat_map(RedBlackTreeMapSync::values)
+            .copied()
     }
 
     /// The answer of an entry of the log, whether it stands or not; `None` if the entry is none.
@@ -291,7 +307,7 @@ impl Labels {
         })
     }
 
-    /// Who has a standing answer about an individual, by name, and whether it names a class.
+    /// Annotators with a standing answer about an individual, by name, and whether it names a class.
     pub fn answered(&self, index: u64) -> impl Iterator<Item = (&Annotator, bool)> {
         let about = self.standing.get(&index).into_iter().flatten();
         about.map(|(annotator, entry)| (annotator, self.names_class(*entry)))
@@ -299,7 +315,7 @@ impl Labels {
 
     /// Number of individuals about which somebody has a standing answer.
     pub fn individuals(&self) -> usize {
-        self.standing.len()
+        self.standing.size()
     }
 
     fn names_class(&self, entry: u64) -> bool {
@@ -308,7 +324,7 @@ impl Labels {
             .is_some_and(|given| matches!(given.answer, NumberedAnswer::Class(_)))
     }
 
-    /// Who has ever answered, whether any of it stands or not.
+    /// All annotators that ever answered, whether any answer stands or not.
     pub fn annotators(&self) -> impl Iterator<Item = &Annotator> {
         self.own.keys()
     }
@@ -330,12 +346,15 @@ impl Labels {
                 })
             });
         let mut there: Vec<Class> = there.collect();
+        if there.len() > MOST_COMPARED {
+            return there;
+        }
         let keys: Vec<_> = there.iter().map(|class| class.name.key()).collect();
         for (place, key) in keys.iter().enumerate() {
             for (before, _) in keys[..place]
                 .iter()
                 .enumerate()
-                .filter(|(_, other)| near(key, other))
+                .filter(|(_, other)| key.is_near(other))
             {
                 let names = [place, before].map(|class| there[class].name.clone());
                 let [name, other] = names;
@@ -377,17 +396,17 @@ impl Labels {
 
     /// Individuals about which this annotator has a standing answer.
     pub fn answered_by(&self, annotator: &Annotator) -> usize {
-        self.own.get(annotator).map_or(0, BTreeSet::len)
+        self.own.get(annotator).map_or(0, RedBlackTreeSetSync::size)
     }
 
     /// Individuals about which the synthetic annotator alone has a standing answer.
     pub fn answered_by_machine(&self) -> usize {
         let synthetic = Annotator::synthetic();
-        let alone = |about: &&BTreeMap<_, _>| about.len() == 1 && about.contains_key(&synthetic);
+        let alone = |about: &&RedBlackTreeMapSync<_, _>| about.size() == 1 && about.contains_key(&synthetic);
         self.standing.values().filter(alone).count()
     }
 
-    /// What an embedder can learn from: each individual that has a class, with the [number](class_numbers) of its class.
+    /// Individuals that an embedder can learn from: each that has a class, with the [number](class_numbers) of its class.
     pub fn numbered_classes(&self) -> Vec<(u64, u32)> {
         let by_individual = self.by_individual();
         let numbers = class_numbers(by_individual.values().map(ClassName::as_str));

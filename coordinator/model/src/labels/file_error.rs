@@ -1,4 +1,4 @@
-//! What can be wrong with files of labels.
+//! Errors in files of labels.
 
 use murmuration_proto::{Invalid, Text, counted};
 use std::path::PathBuf;

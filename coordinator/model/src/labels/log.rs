@@ -108,6 +108,10 @@ pub enum Refusal {
     ClassExists(ClassName),
     #[error("class \"{0}\" cannot be added: the campaign has 1,000 classes, the most that it can have")]
     TooManyClasses(ClassName),
+    #[error(
+        "the label log has {entries} entries, and no room for {more} more of the {most} that it can have"
+    )]
+    Full { entries: u64, more: usize, most: u64 },
     #[error("class \"{0}\" cannot be merged into itself")]
     IntoItself(ClassName),
     #[error(

@@ -1,4 +1,4 @@
-//! What people say about behaviours: an append-only log, and what it comes to.
+//! Labels: an append-only log of answers about behaviours, and its current state.
 //!
 //! [`Labels`] is a pure function of the log of a campaign: whoever holds the entries knows the classes, the answers that
 //! stand, and what stood before. Limits: no I/O; where the log is kept is the store's business, what to ask

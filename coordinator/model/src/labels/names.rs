@@ -1,4 +1,4 @@
-//! What people write: names of classes, of themselves and of requests, answers, colours.
+//! Texts of annotators: names of classes, annotators and requests, answers, colours.
 
 use murmuration_proto::{
     Class, Invalid,
@@ -24,12 +24,12 @@ pub struct ClassKey(String);
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Annotator(String);
 
-/// What a client calls a request, so that a repetition is known as one: 1 to 64 characters that can be seen, no space at
+/// Id of a client's request, so that a repetition is recognised: 1 to 64 characters that can be seen, no space at
 /// either end, and not beginning as the coordinator's own do: `synthetic-round-` and `withdrawal`.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RequestId(String);
 
-/// What somebody answered when asked for the class of a behaviour. As text it is a class, `not sure` or `skip`, these two in
+/// An annotator's answer about the class of a behaviour. As text it is a class, `not sure` or `skip`, these two in
 /// any spelling that means the same (see [`ClassKey`]).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Answer {

@@ -2,36 +2,37 @@
 
 use super::ClassKey;
 
-/// Whether two different keys differ by so few letters that they may be meant to be one: by one in words of four to seven
-/// letters, by two in longer ones. Names that differ by their numbers alone are not near.
-pub(super) fn near(one: &ClassKey, other: &ClassKey) -> bool {
-    let (one, other) = (one.as_str(), other.as_str());
-    let lengths = [one, other].map(|key| key.chars().count());
-    let allowed = match lengths[0].min(lengths[1]) {
-        0..=3 => 0,
-        4..=7 => 1,
-        _ => 2,
-    };
-    let without_digits = |key: &str| {
-        key.chars()
-            .filter(|letter| !letter.is_numeric())
-            .collect::<String>()
-    };
-    // The cheap question first: there may be a thousand classes.
-    lengths[0].abs_diff(lengths[1]) <= allowed
-        && strsim::osa_distance(one, other) <= allowed
-        && without_digits(one) != without_digits(other)
+impl ClassKey {
+    /// Whether this key differs from another by so few letters that they may be meant to be one: by one in words of four to seven
+    /// letters, by two in longer ones. Names that differ by their numbers alone are not near.
+    pub fn is_near(&self, other: &Self) -> bool {
+        let (one, other) = (self.as_str(), other.as_str());
+        let lengths = [one, other].map(|key| key.chars().count());
+        let allowed = match lengths[0].min(lengths[1]) {
+            0..=3 => 0,
+            4..=7 => 1,
+            _ => 2,
+        };
+        let without_digits = |key: &str| {
+            key.chars()
+                .filter(|letter| !letter.is_numeric())
+                .collect::<String>()
+        };
+        // The cheap question first.
+        lengths[0].abs_diff(lengths[1]) <= allowed
+            && strsim::osa_distance(one, other) <= allowed
+            && without_digits(one) != without_digits(other)
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::labels::ClassName;
 
     #[track_caller]
     fn check(one: &str, other: &str, expected: bool) {
         let [one, other] = [one, other].map(|name| name.parse::<ClassName>().unwrap().key());
-        assert_eq!((near(&one, &other), near(&other, &one)), (expected, expected));
+        assert_eq!((one.is_near(&other), other.is_near(&one)), (expected, expected));
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! answers have named since.
 
 use super::{super::classes::Replaced, Action, Annotator, Change, Label, Labels, NumberedAnswer, Refusal};
+use std::sync::Arc;
 
 /// A change of classes that was not reverted.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,7 +18,7 @@ pub(super) struct ClassChange {
 impl Labels {
     /// Changes a class, as the next entry says.
     pub(super) fn change_classes(&mut self, change: &Change) -> Result<(), Refusal> {
-        let classes = &mut self.classes;
+        let classes = Arc::make_mut(&mut self.classes);
         let replaced = match &change.action {
             Action::Create { class } => classes.make(class),
             Action::Rename { class, to } => classes.rename(class, to)?,
@@ -38,16 +39,17 @@ impl Labels {
             replaced,
             set_aside,
         };
-        self.class_changes.insert(self.entries, change);
+        Arc::make_mut(&mut self.class_changes).insert(self.entries, change);
         Ok(())
     }
 
     /// Reverts the newest change, which is that of `entry`.
     pub(super) fn revert(&mut self, entry: u64) -> Result<(), Refusal> {
-        let newest = self.class_changes.last_entry();
+        let changes = Arc::make_mut(&mut self.class_changes);
+        let newest = changes.last_entry();
         let newest = newest.filter(|newest| *newest.key() == entry);
         let reverted = newest.ok_or(Refusal::NotNewestChange(entry))?.remove();
-        self.classes.restore(reverted.replaced);
+        Arc::make_mut(&mut self.classes).restore(reverted.replaced);
         for answer in reverted.set_aside {
             // What its annotator has said since counts.
             let given = self.given.get(&answer);
@@ -59,7 +61,7 @@ impl Labels {
         Ok(())
     }
 
-    /// Has the answers fall that name a class which was deleted; their entries.
+    /// Sets aside the answers that name a deleted class, and returns their entries.
     fn set_aside_deleted(&mut self) -> Vec<u64> {
         let standing = self.own.values().flatten().copied();
         let set_aside: Vec<u64> = standing.filter(|entry| self.is_of_deleted(*entry)).collect();
@@ -77,31 +79,32 @@ impl Labels {
         })
     }
 
-    /// Has the answer of this entry, which an undo restores, wait for the reversal of its class's deletion.
+    /// Sets aside the answer of this entry, which an undo restores, until the deletion of its class is reversed.
     pub(super) fn set_aside_restored(&mut self, entry: u64) {
         let Some(NumberedAnswer::Class(class)) = self.given.get(&entry).map(|given| given.answer) else {
             return;
         };
         let deletion = Replaced::Deleted(self.classes.today(class));
-        let mut changes = self.class_changes.values_mut();
+        let mut changes = Arc::make_mut(&mut self.class_changes).values_mut();
         if let Some(change) = changes.find(|change| change.replaced == deletion) {
             change.set_aside.push(entry);
         }
     }
 
-    /// Has no reversal restore an answer of an annotator about an individual; the entry of the first, if one would.
+    /// Forgets the answer of an annotator about an individual that was set aside, and returns its entry, if there is one.
     pub(super) fn forget_set_aside(&mut self, index: u64, annotator: &Annotator) -> Option<u64> {
         let given = &self.given;
-        let is_meant = |entry: &mut u64| {
+        let is_meant = |entry: &u64| {
             given
-                .get(&*entry)
+                .get(entry)
                 .is_some_and(|given| given.is_of(index, annotator))
         };
-        let mut forgotten = Vec::new();
-        for change in self.class_changes.values_mut() {
-            forgotten.extend(change.set_aside.extract_if(.., is_meant));
+        let mut set_aside = self.class_changes.values().flat_map(|change| &change.set_aside);
+        let forgotten = *set_aside.find(|entry| is_meant(entry))?;
+        for change in Arc::make_mut(&mut self.class_changes).values_mut() {
+            change.set_aside.retain(|entry| !is_meant(entry));
         }
-        forgotten.first().copied()
+        Some(forgotten)
     }
 
     /// The answers that no longer stand because their class was deleted, and that would stand again if that were reverted.
