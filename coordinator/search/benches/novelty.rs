@@ -67,7 +67,7 @@ fn generation(c: &mut Criterion) {
     }
 }
 
-/// What a generation costs on average while an archive grows to twice its size, all that is put in order anew included.
+/// Mean cost of a generation while an archive grows to twice its size, the rebuilding of indexes included.
 fn growth() {
     println!("| archive | generation | extended, ms | built anew, ms | brute force, ms | extended : anew |");
     println!("|--:|--:|--:|--:|--:|--:|");

@@ -24,7 +24,7 @@ pub struct Tracks {
 /// Why tracks cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TracksError {
-    #[error("{0}")]
+    #[error(transparent)]
     File(#[from] LabelFileError),
     #[error("{}: there are no rows below the names of the columns", .0.display())]
     Empty(PathBuf),
@@ -48,7 +48,7 @@ pub enum TracksError {
         robot: u32,
         what: String,
     },
-    #[error("{0}")]
+    #[error(transparent)]
     Invalid(#[from] Invalid),
 }
 

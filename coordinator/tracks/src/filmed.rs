@@ -1,4 +1,4 @@
-//! What lies between a film and the world that it is of: its pace and its units.
+//! Scale between a film and its world: pace and units.
 
 use murmuration_proto::{Invalid, World};
 

@@ -155,7 +155,7 @@ pub fn start_seed(spec: &CampaignSpec, index: u64) -> u64 {
     RandomStream::derive(spec.seed(), Purpose::Start, index).random()
 }
 
-/// What takes the place of an individual whose task is poisoned, at an attempt from 1: another sample of the space, with the seed of
+/// The replacement of an individual whose task is poisoned, at an attempt from 1: another sample of the space, with the seed of
 /// another start.
 ///
 /// # Errors

@@ -48,7 +48,7 @@ pub struct Metric {
     pub name: &'static str,
     /// The psi of the paper: a value under it costs [`PENALTY`].
     pub threshold: f64,
-    /// What a value under the threshold says about the robots.
+    /// Meaning of a value under the threshold for the robots.
     pub meaning: &'static str,
 }
 
@@ -81,13 +81,13 @@ pub const METRICS: [Metric; 5] = [
     },
 ];
 
-/// What a metric under its threshold contributes to the total instead of its value.
+/// Contribution of a metric under its threshold to the total, instead of its value.
 pub const PENALTY: f64 = -5.0;
 
 /// The least total that passes.
 pub const CUTOFF: f64 = 4.0;
 
-/// What the filter makes of one controller.
+/// Score of a controller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Score {
     metrics: [f64; 5],
@@ -129,7 +129,7 @@ impl Score {
         &self.metrics
     }
 
-    /// What each of the [`METRICS`] adds to the total: its value, or [`PENALTY`].
+    /// Contribution of each of the [`METRICS`] to the total: its value, or [`PENALTY`].
     #[must_use]
     pub fn contributions(&self) -> [f64; 5] {
         contributions(&self.metrics)

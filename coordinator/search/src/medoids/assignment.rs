@@ -33,7 +33,7 @@ pub(super) struct Swap {
     pub(super) candidate: usize,
     /// Place of the medoid that it takes.
     pub(super) place: usize,
-    /// What is added to the loss.
+    /// Change of the loss.
     pub(super) change: f64,
 }
 
@@ -161,13 +161,13 @@ struct Weighing<'a, 'p> {
     assignment: &'a Assignment<'p>,
     /// The candidate's values.
     origin: &'a [f64],
-    /// What the loss changes by if a medoid is dropped for the candidate, but for the gain: to begin with, as if nothing
+    /// Change of the loss if a medoid is dropped for the candidate, without the gain: to begin with, as if nothing
     /// came nearer.
     changes: &'a mut [f64],
 }
 
 impl Weighing<'_, '_> {
-    /// What all points that come nearer gain, whichever medoid goes; and in `changes` the change if that one goes.
+    /// Gain of all points that come nearer, whichever medoid goes; and in `changes` the change if that one goes.
     fn gain(self) -> f64 {
         with_dimensions!(self.origin.len(), weigh, self)
     }

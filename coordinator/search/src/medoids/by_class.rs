@@ -62,7 +62,7 @@ pub(super) fn cluster_by_class(
     arrange(points, medoids, interrupt)
 }
 
-/// Has one of the medoids of a class be labelled: where none is, the labelled point that is nearest to a medoid takes its place.
+/// Ensures that one of the medoids of a class is labelled: if none is, the labelled point nearest to a medoid takes its place.
 fn vouch(points: &Behaviours, medoids: &mut [usize], is_labelled: impl Fn(usize) -> bool) {
     if medoids.iter().any(|&medoid| is_labelled(medoid)) {
         return;
@@ -144,7 +144,7 @@ fn medoids_of_each(
     Ok(shares.into_iter().map(|share| share.count).collect())
 }
 
-/// What a class loses with the medoids that it has.
+/// Loss of a class with its current medoids.
 struct Share {
     sample: Behaviours,
     /// Points of the class for each of the sample.

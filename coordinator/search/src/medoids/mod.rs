@@ -35,7 +35,7 @@ use std::{cmp::Reverse, collections::BTreeMap};
 /// Most points that are all weighed against each other: about a second of one core.
 pub const MOST_EXACT: usize = 16_384;
 
-/// What medoids of more than [`MOST_EXACT`] points are found among. Part of what the outcome rests on.
+/// Samples among which medoids of more than [`MOST_EXACT`] points are sought. The outcome depends on it.
 const SAMPLING: Sampling = Sampling { size: 8192, count: 4 };
 
 /// How medoids are found. The outcomes differ.

@@ -51,7 +51,7 @@ fn optimum(points: &Behaviours, k: usize) -> f64 {
     search(points, &mut Vec::new(), k)
 }
 
-/// What must hold of every clustering: shape, order, nearest medoids, loss, and that no swap lowers it.
+/// Checks every property of a clustering: shape, order, nearest medoids, loss, and that no swap lowers it.
 #[track_caller]
 fn check(points: &Behaviours, k: usize, clustering: &Clustering) {
     let Clustering {
@@ -204,7 +204,7 @@ proptest! {
     }
 }
 
-/// What FasterPAM says of a candidate, a point at a time.
+/// The best swap of a candidate by the definition of FasterPAM, a point at a time.
 fn swap_by_definition(points: &Behaviours, medoids: &[usize], candidate: usize) -> Option<(usize, f64)> {
     let mut gain = 0.0;
     let mut changes = vec![0.0; medoids.len()];

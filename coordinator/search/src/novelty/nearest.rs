@@ -58,7 +58,7 @@ impl Nearest {
         }
     }
 
-    /// What it keeps, the nearest first. It is as new afterwards.
+    /// Takes the kept offers, the nearest first. It is as new afterwards.
     pub(super) fn take(&mut self) -> Vec<Offer> {
         self.limit = Self::limit_of_none(self.k);
         std::mem::take(&mut self.kept).into_sorted_vec()

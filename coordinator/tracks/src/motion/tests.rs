@@ -1,4 +1,4 @@
-//! What becomes of gaps, units, and headings that nobody measured.
+//! Gaps, units, and headings that nobody measured.
 
 use super::*;
 use murmuration_proto::World;

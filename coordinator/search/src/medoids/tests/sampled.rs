@@ -29,7 +29,7 @@ fn overlapping(count: usize, seed: u64) -> Behaviours {
     behaviours(&points)
 }
 
-/// What must hold of every clustering, a local optimum or not.
+/// Checks the properties of every clustering, a local optimum or not.
 #[track_caller]
 fn check_shape(points: &Behaviours, k: usize, clustering: &Clustering) {
     let Clustering {
