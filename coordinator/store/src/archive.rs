@@ -14,7 +14,7 @@ use murmuration_proto::{BehaviourSpace, CapabilityModel, Scale, v1};
 use rusqlite::{Transaction, params};
 use std::{collections::BTreeSet, ops::Range};
 
-/// What a generation did, as it is stored.
+/// A stored generation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GenerationRecord {
     /// From 0.

@@ -30,7 +30,7 @@ use std::{
 const SCHEMA: u32 = 1;
 const MANIFEST: &str = "backup.json";
 
-/// What a backup holds.
+/// Contents of a backup.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
     pub schema: u32,
@@ -50,10 +50,10 @@ pub struct Manifest {
 #[derive(Debug, thiserror::Error)]
 pub enum BackupError {
     /// The database cannot be read or written.
-    #[error("{0}")]
+    #[error(transparent)]
     Store(#[from] StoreError),
     /// A checkpoint cannot be read or written.
-    #[error("{0}")]
+    #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
     /// A file or folder of the backup cannot be used.
     #[error("cannot {doing} {path}: {source}")]
@@ -67,7 +67,7 @@ pub enum BackupError {
     Target(#[from] TargetError),
     #[error("{path} is no backup ({reason}): `murmuration backup DIR` makes one")]
     NoBackup { path: PathBuf, reason: String },
-    /// What was copied is not sound.
+    /// The copy is not sound.
     #[error("{path} is damaged: `murmuration doctor --data {path}` says what is damaged")]
     Damaged {
         /// The data directory, or the backup.
@@ -84,7 +84,7 @@ pub enum TargetError {
     /// Something is there already.
     #[error("{0} is not empty: name a folder that does not exist yet")]
     NotEmpty(PathBuf),
-    /// What is in it would be lost with what it is a copy of.
+    /// The backup lies within the data directory, and would be lost with it.
     #[error(
         "{path} is in the data directory {data}: name a folder elsewhere, on another disk if there is one"
     )]

@@ -1,5 +1,9 @@
 //! Work that computes or waits for the disk, where it does not hold up the network.
 
+mod turns;
+
+pub use turns::Turns;
+
 use murmuration_search::interrupt::Interrupt;
 use std::{
     any::Any,
@@ -7,60 +11,128 @@ use std::{
     sync::{Arc, LazyLock},
 };
 use tokio::runtime::{Builder, Handle, Runtime};
+use turns::Turn;
 
 /// Threads of [`in_background`].
 const BACKGROUND_THREADS: usize = 8;
-/// Their priority: of a core that campaigns want too, one such thread gets a quarter. With less, a person who plays on a busy machine
-/// would wait for seconds.
-const NICE: i32 = 5;
+/// Their priority: of a core that campaigns want too, one such thread gets a tenth. With more, a guest who opens hundreds of pages
+/// would slow campaigns by more than a fifth.
+const NICE: i32 = 10;
 
 /// A bug: the work panicked. The log says where.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("a task stopped because of a bug, which the log describes; committed data is safe")]
 pub struct Broken;
 
+/// How urgent the work of a task is.
+#[derive(Debug, Clone)]
+pub enum Priority {
+    Normal,
+    /// All its work has the threads of [`in_background`], as the turns allow, unless it is [`changing`] the store.
+    Low(Turns),
+}
+
 tokio::task_local! {
-    static HELD: Arc<dyn Any + Send + Sync>;
+    static TASK: (Arc<dyn Any + Send + Sync>, Priority);
 }
 
-/// Runs `task`. All work that it gives to [`blocking`] and [`in_background`] holds `held` until that work has ended, even if `task`
-/// is dropped before: a request's seat is not free while somebody still works for it.
-pub async fn holding<F: Future>(held: Arc<dyn Any + Send + Sync>, task: F) -> F::Output {
-    HELD.scope(held, task).await
+/// Runs `task` with a priority. All work that it gives to [`blocking`] and [`in_background`] holds `held` until that work has ended,
+/// even if `task` is dropped before: a request's seat is not free while somebody still works for it.
+pub async fn holding<F: Future>(held: Arc<dyn Any + Send + Sync>, priority: Priority, task: F) -> F::Output {
+    TASK.scope((held, priority), task).await
 }
 
-/// Runs `work` on a thread that may block: what a campaign or a decision waits for, or what takes a moment. What has not begun
-/// when the future is dropped does not begin.
+/// Spawns `task`, which holds what this task holds and has its priority, as a part of an answer that is read while it is sent.
+pub fn spawn(task: impl Future<Output = ()> + Send + 'static) {
+    let this = TASK.try_with(Clone::clone);
+    match this {
+        Ok(this) => drop(tokio::spawn(TASK.scope(this, task))),
+        Err(_) => drop(tokio::spawn(task)),
+    }
+}
+
+/// Runs `work` on a thread that may block: a campaign or a decision waits for it, or it takes a moment. In a task of low priority it
+/// has a thread of low priority. What has not begun when the future is dropped does not begin.
 ///
 /// # Errors
 /// [`Broken`] if it panics.
 pub async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, Broken> {
-    let wanted = Wanted(Interrupt::default());
-    let done = tokio::task::spawn_blocking(wanted.by_a_thread(|_| work()));
-    // Nobody is told that it did not begin.
-    done.await.ok().flatten().ok_or(Broken)
+    match turns() {
+        Some(_) => in_background(|_| work()).await,
+        None => run(Handle::current(), |_| work()).await,
+    }
 }
 
-/// Runs `work`, which somebody wants to look at and no campaign waits for, on one of a few threads of low priority. It is
-/// interrupted when the future is dropped, as when a request's client goes; what has not begun by then does not begin.
+/// As [`blocking`], with normal priority in every task: for changes of the store, whose lock others wait for.
+///
+/// # Errors
+/// [`Broken`] if it panics.
+pub async fn changing<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, Broken> {
+    run(Handle::current(), |_| work()).await
+}
+
+/// Runs `work`, which somebody wants to look at and no campaign waits for, on one of a few threads of low priority, or with normal
+/// priority as far as the task's [`Turns`] allow. It is interrupted when the future is dropped, as when a request's client goes; what has not begun by then does not begin.
 ///
 /// # Errors
 /// [`Broken`] if it panics.
 pub async fn in_background<T: Send + 'static>(
     work: impl FnOnce(&Interrupt) -> T + Send + 'static,
 ) -> Result<T, Broken> {
+    let mut turn = match turns() {
+        Some(turns) => Some(turns.next().await),
+        None => None,
+    };
+    let threads = match &turn {
+        Some(turn) if turn.is_prompt => Handle::current(),
+        _ => background(),
+    };
+    let work = move |interrupt: &Interrupt| {
+        let _marked = Marked::new();
+        turn.iter_mut().for_each(Turn::begin);
+        work(interrupt)
+    };
+    run(threads, work).await
+}
+
+/// Those of this task; none if it has normal priority.
+fn turns() -> Option<Turns> {
+    let turns = TASK.try_with(|(_, priority)| match priority {
+        Priority::Low(turns) => Some(turns.clone()),
+        Priority::Normal => None,
+    });
+    turns.ok().flatten()
+}
+
+async fn run<T: Send + 'static>(
+    threads: Handle,
+    work: impl FnOnce(&Interrupt) -> T + Send + 'static,
+) -> Result<T, Broken> {
     let wanted = Wanted(Interrupt::default());
-    let threads = BACKGROUND
-        .as_ref()
-        .map_or_else(Handle::current, |threads| threads.handle().clone());
     let done = threads.spawn_blocking(wanted.by_a_thread(work));
     // Nobody is told that it did not begin.
     done.await.ok().flatten().ok_or(Broken)
 }
 
-/// Whether this thread is one of those of low priority.
+/// Whether this thread does work of [`in_background`].
 pub(crate) fn is_in_background() -> bool {
     IN_BACKGROUND.get()
+}
+
+/// This thread does work of [`in_background`] until this is dropped.
+struct Marked;
+
+impl Marked {
+    fn new() -> Self {
+        IN_BACKGROUND.set(true);
+        Self
+    }
+}
+
+impl Drop for Marked {
+    fn drop(&mut self) {
+        IN_BACKGROUND.set(false);
+    }
 }
 
 /// Interrupts work when it is dropped.
@@ -69,7 +141,8 @@ struct Wanted(Interrupt);
 impl Wanted {
     /// `work` for another thread: `None` if it is no longer wanted when the thread begins. It keeps what the task holds.
     fn by_a_thread<T, W: FnOnce(&Interrupt) -> T>(&self, work: W) -> impl FnOnce() -> Option<T> + use<T, W> {
-        let (interrupt, held) = (self.0.clone(), HELD.try_with(Arc::clone).ok());
+        let held = TASK.try_with(|(held, _)| Arc::clone(held)).ok();
+        let interrupt = self.0.clone();
         move || {
             let done = interrupt.check().is_ok().then(|| work(&interrupt));
             drop(held);
@@ -93,15 +166,18 @@ static BACKGROUND: LazyLock<Option<Runtime>> = LazyLock::new(|| {
     let threads = Builder::new_current_thread()
         .max_blocking_threads(BACKGROUND_THREADS)
         .thread_name("background")
-        .on_thread_start(|| {
-            IN_BACKGROUND.set(true);
-            lower_priority();
-        })
+        .on_thread_start(lower_priority)
         .build();
     threads
         .inspect_err(|error| tracing::warn!(%error, "reading has the priority of searching"))
         .ok()
 });
+
+/// The threads of low priority, or those of the current runtime if there are none.
+fn background() -> Handle {
+    let threads = BACKGROUND.as_ref();
+    threads.map_or_else(Handle::current, |threads| threads.handle().clone())
+}
 
 /// Elsewhere a priority is that of the whole process.
 #[cfg(target_os = "linux")]
@@ -171,7 +247,7 @@ mod tests {
             })
             .await;
         };
-        let task = tokio::spawn(holding(Arc::clone(&held), work));
+        let task = tokio::spawn(holding(Arc::clone(&held), Priority::Normal, work));
         tokio::task::spawn_blocking(move || begun.recv())
             .await
             .unwrap()
@@ -190,9 +266,90 @@ mod tests {
         assert!(!is_in_background());
         assert_eq!(in_background(|_| is_in_background()).await, Ok(true));
         assert_eq!(blocking(is_in_background).await, Ok(false));
+        for (priority, yields) in [(Priority::Normal, false), (Priority::Low(Turns::default()), true)] {
+            let work = holding(Arc::new(()), priority.clone(), blocking(is_in_background));
+            assert_eq!(work.await, Ok(yields));
+            let change = holding(Arc::new(()), priority, changing(is_in_background));
+            assert_eq!(change.await, Ok(false));
+        }
         assert_eq!(
             in_background(|_| panic!("on purpose")).await,
             Err::<(), _>(Broken)
         );
+    }
+
+    #[tokio::test]
+    async fn tasks_that_share_turns_have_few_threads_and_leave_others_theirs() {
+        let shared = Turns::default();
+        let (began, begun) = mpsc::channel();
+        let (go, gone) = mpsc::channel::<()>();
+        let gone = Arc::new(std::sync::Mutex::new(gone));
+        let tasks: Vec<_> = (0..2 * turns::AT_ONCE)
+            .map(|_| {
+                let (began, gone) = (began.clone(), Arc::clone(&gone));
+                let work = in_background(move |_| {
+                    began.send(()).unwrap();
+                    let _ = gone.lock().unwrap().recv();
+                });
+                tokio::spawn(holding(Arc::new(()), Priority::Low(shared.clone()), work))
+            })
+            .collect();
+        let other = holding(
+            Arc::new(()),
+            Priority::Low(Turns::default()),
+            in_background(|_| 7),
+        );
+        assert_eq!(other.await, Ok(7));
+        tokio::time::sleep(Duration::from_millis(200)).await;
+        assert_eq!(begun.try_iter().count(), turns::AT_ONCE);
+        drop(go);
+        for task in tasks {
+            assert_eq!(task.await.unwrap(), Ok(()));
+        }
+        assert_eq!(begun.try_iter().count(), turns::AT_ONCE);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[tokio::test]
+    async fn who_reads_little_has_normal_priority_and_who_reads_on_has_not() {
+        let nice = |_: &Interrupt| rustix::process::getpriority_process(None).unwrap();
+        let normal = nice(&Interrupt::default());
+        let low = Ok((normal + NICE).min(19));
+        assert_eq!(in_background(nice).await, low);
+        let read = async {
+            assert_eq!(in_background(nice).await, Ok(normal));
+            let begun = Instant::now();
+            while in_background(nice).await == Ok(normal) {
+                assert!(begun.elapsed() < Duration::from_secs(120));
+                let computes = in_background(|_| {
+                    let until = Instant::now() + Duration::from_millis(500);
+                    while Instant::now() < until {}
+                });
+                computes.await.unwrap();
+            }
+            in_background(nice).await
+        };
+        assert_eq!(
+            holding(Arc::new(()), Priority::Low(Turns::default()), read).await,
+            low
+        );
+        let other = holding(Arc::new(()), Priority::Low(Turns::default()), in_background(nice));
+        assert_eq!(other.await, Ok(normal));
+    }
+
+    #[tokio::test]
+    async fn a_spawned_task_is_as_that_which_spawned_it() {
+        let (ended, end) = mpsc::channel();
+        let held: Arc<dyn Any + Send + Sync> = Arc::new(());
+        let spawns = async {
+            spawn(async move {
+                let yields = blocking(is_in_background).await;
+                ended.send(yields).unwrap();
+            });
+        };
+        holding(Arc::clone(&held), Priority::Low(Turns::default()), spawns).await;
+        assert_eq!(Arc::strong_count(&held), 2);
+        let yields = tokio::task::spawn_blocking(move || end.recv()).await.unwrap();
+        assert_eq!(yields, Ok(Ok(true)));
     }
 }

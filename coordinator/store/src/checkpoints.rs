@@ -59,12 +59,12 @@ pub enum CheckpointError {
         reason: String,
     },
     /// The database says no.
-    #[error("{0}")]
+    #[error(transparent)]
     Store(#[from] StoreError),
     #[error("checkpoint store: {0}")]
     Objects(#[from] object_store::Error),
     /// The bytes are no embedder that workers could run.
-    #[error("{0}")]
+    #[error(transparent)]
     Model(#[from] ModelError),
     /// The bytes of a stored checkpoint are gone.
     #[error(

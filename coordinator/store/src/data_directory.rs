@@ -31,6 +31,11 @@ impl DataDirectory {
         super::expect_folder(path)?;
         fs::create_dir_all(path).map_err(failed("create the data directory", path))?;
         let lock_path = path.join(Self::LOCK);
+        // In a folder of somebody else it could lead to any file of this user, which would be written over.
+        if fs::symlink_metadata(&lock_path).is_ok_and(|about| about.is_symlink()) {
+            let link = io::Error::other("it is a link to another place: remove it");
+            return Err(failed("open the lock file", &lock_path)(link));
+        }
         let lock = fs::File::options()
             .read(true)
             .write(true)
@@ -122,11 +127,29 @@ impl DataDirectory {
     }
 }
 
-/// What the holder has written; it may be just writing it.
+/// Reads the holder from the lock file, which it may be writing just now.
 fn read_holder(mut lock: fs::File) -> LockHolder {
     let mut text = String::new();
     match lock.read_to_string(&mut text) {
         Ok(_) => serde_json::from_str(&text).unwrap_or_default(),
         Err(_) => LockHolder::default(),
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lock_file_that_is_a_link_is_not_written_through() {
+        let folder = tempfile::tempdir().unwrap();
+        let elsewhere = folder.path().join("notes.txt");
+        fs::write(&elsewhere, "notes").unwrap();
+        let data = folder.path().join("data");
+        fs::create_dir(&data).unwrap();
+        std::os::unix::fs::symlink(&elsewhere, data.join(DataDirectory::LOCK)).unwrap();
+        let error = DataDirectory::hold(&data).unwrap_err().to_string();
+        assert!(error.contains("lock.json") && error.contains("link"), "{error}");
+        assert_eq!(fs::read_to_string(&elsewhere).unwrap(), "notes");
     }
 }

@@ -22,7 +22,7 @@ pub struct Deletion {
 }
 
 impl Deletion {
-    /// What is deleted, as a part of a sentence.
+    /// The deleted things, as a part of a sentence.
     #[must_use]
     pub fn in_words(&self) -> String {
         let taxonomy = match self.taxonomy {
@@ -42,7 +42,7 @@ impl Deletion {
 #[derive(Debug, thiserror::Error)]
 pub enum DeletionError {
     /// The store could not be read or written.
-    #[error("{0}")]
+    #[error(transparent)]
     Store(#[from] StoreError),
     #[error("cannot delete campaign {0}: it is running; cancel it first")]
     Running(CampaignId),
@@ -53,7 +53,7 @@ pub enum DeletionError {
 }
 
 impl Store {
-    /// What would be deleted with a campaign.
+    /// Counts what is deleted with a campaign.
     ///
     /// # Errors
     /// [`StoreError::NoCampaign`], or if it cannot be read.

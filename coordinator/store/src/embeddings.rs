@@ -12,7 +12,7 @@ use murmuration_model::{CampaignId, CampaignState};
 use murmuration_proto::{CheckpointDigest, mean_embedding};
 use rusqlite::{Transaction, params};
 
-/// What changes in an archive when it switches to the next checkpoint: everything that is measured in its space.
+/// Changes of an archive that switches to the next checkpoint: everything that is measured in its space.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Switch {
     /// Novelty of every individual, by index.
@@ -22,7 +22,7 @@ pub struct Switch {
 }
 
 impl Store {
-    /// Has a campaign move to `checkpoint`: what it holds is to be embedded with that, and then switched to it. The
+    /// Moves a campaign to `checkpoint`: its pictures are to be embedded with it, and then the archive switches to it. The
     /// campaign is running from now on.
     ///
     /// # Errors
@@ -121,7 +121,7 @@ impl Store {
     }
 }
 
-/// Has a campaign move to `checkpoint`, and run.
+/// Moves a campaign to `checkpoint`, and sets it running.
 pub(super) fn begin_move(
     transaction: &Transaction<'_>,
     number: i64,

@@ -1,4 +1,4 @@
-//! What each epoch of a campaign's trainings measured.
+//! Measurements of each epoch of a campaign's trainings.
 
 use super::{Store, StoreError, campaigns::number_of, numbers::now_ms};
 use murmuration_model::CampaignId;

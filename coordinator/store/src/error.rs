@@ -1,4 +1,4 @@
-//! What can go wrong with the store, in words for the person whose data it is.
+//! Errors of the store, in words for the owner of the data.
 //!
 //! Limits: tells what the disk refuses for now ([`StoreError::may_pass`]) from what is wrong for good.
 
@@ -10,7 +10,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Who holds a data directory, as its lock file says.
+/// Holder of a data directory, from its lock file.
 #[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(default)]
 pub struct LockHolder {
@@ -54,7 +54,7 @@ pub enum StoreError {
     #[error("data directory {path} is in use by {holder}")]
     InUse {
         path: PathBuf,
-        /// Who holds it, as far as it says.
+        /// The holder, as far as the lock file names it.
         holder: super::LockHolder,
     },
     /// The data directory does not exist and was not to be created.
@@ -107,7 +107,7 @@ pub enum StoreError {
     Unwritable {
         /// The database, or the folder of checkpoints.
         path: PathBuf,
-        /// What SQLite or the system said.
+        /// Error of SQLite or the system.
         reason: String,
     },
     /// The file may not be written.
@@ -150,7 +150,7 @@ pub enum StoreError {
     Sqlite { path: PathBuf, source: rusqlite::Error },
 }
 
-/// What SQLite reports when the system did not write, or did not say that it has.
+/// SQLite's codes for writes that the system refused or did not confirm.
 const NOT_WRITTEN: [i32; 8] = [
     ffi::SQLITE_IOERR_WRITE,
     ffi::SQLITE_IOERR_FSYNC,
@@ -181,7 +181,7 @@ impl StoreError {
         )
     }
 
-    /// What is wrong, for whoever knows where and what to do.
+    /// The cause alone, for messages that name the place and the remedy themselves.
     pub fn reason(&self) -> String {
         match self {
             Self::Damaged { reason, .. } => reason.clone(),
@@ -189,7 +189,7 @@ impl StoreError {
         }
     }
 
-    /// What a file or folder could not be written for.
+    /// The error of an operation on a file or folder.
     pub fn from_io(source: io::Error, doing: &'static str, path: &Path) -> Self {
         let path = path.to_path_buf();
         match Self::refused(source.kind(), &source, &path) {
@@ -198,7 +198,7 @@ impl StoreError {
         }
     }
 
-    /// What the system said, where it is that the disk cannot be written for now.
+    /// The error, if its kind means that the disk cannot be written for now.
     pub fn refused(kind: io::ErrorKind, said: &dyn std::fmt::Display, path: &Path) -> Option<Self> {
         let path = path.to_path_buf();
         match kind {

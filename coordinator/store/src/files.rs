@@ -1,4 +1,4 @@
-//! What there is on disk, and what cannot be known of it.
+//! Existence of files and folders, and errors where it cannot be known.
 
 use std::{
     fs, io,
@@ -69,10 +69,10 @@ pub fn without_links(path: &Path) -> io::Result<PathBuf> {
     Ok(path)
 }
 
-/// Has the bytes of a file, or the entries of a folder, on disk when it returns.
+/// Syncs the bytes of a file, or the entries of a folder, to the disk.
 ///
 /// # Errors
-/// What the system says.
+/// If the system cannot.
 pub(crate) fn sync(path: &Path) -> io::Result<()> {
     fs::File::open(path)?.sync_all()
 }

@@ -20,13 +20,13 @@ pub struct ArchivedIndividual {
     pub controller: Controller,
     /// Seed of its first start, from which the others follow ([`Starts::seeds`]).
     pub seed: u64,
-    /// What came of it from each start; at least one.
+    /// One for each start; at least one.
     pub trials: Vec<Trial>,
     /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it stood after its generation.
     pub novelty: f64,
 }
 
-/// What came of one simulation of an individual.
+/// Result of one simulation of an individual.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Trial {
     /// Hand-crafted features.
@@ -35,7 +35,7 @@ pub struct Trial {
     pub embedding: Vec<f32>,
     /// Grey values, index x * resolution + y; absent where they were not asked for.
     pub image: Option<Vec<u8>>,
-    /// What the judge said of it, if it was asked.
+    /// The judge's verdict, if it was asked.
     pub verdict: Option<Verdict>,
 }
 
@@ -123,7 +123,7 @@ impl ArchivedIndividual {
 }
 
 impl ArchivedIndividual {
-    /// What the judge said of its trials; empty if it was not asked.
+    /// The judge's verdicts on its trials; empty if it was not asked.
     pub fn verdicts(&self) -> impl Iterator<Item = Verdict> {
         self.trials.iter().filter_map(|trial| trial.verdict)
     }

@@ -1,4 +1,4 @@
-//! What can be said of a database whose rows may be damaged: nothing here trusts one row for what it says of another.
+//! Inspection of a database whose rows may be damaged: nothing here relies on one row to read another.
 
 use super::{Store, StoreError, campaigns::number_of, hidden::HIDDEN, labels, open};
 use murmuration_model::{CampaignId, labels::Labels};
@@ -10,7 +10,7 @@ use std::path::Path;
 const MOST_NAMED: usize = 20;
 
 impl Store {
-    /// What SQLite finds wrong with the structure of the database, the first faults by name; nothing if it is sound.
+    /// Faults that SQLite finds in the structure of the database, the first ones by name; none if it is sound.
     ///
     /// # Errors
     /// If it cannot even be searched for faults.
@@ -74,7 +74,11 @@ impl Store {
             let mut labels = Labels::default();
             loop {
                 let next = labels.entries();
-                let entry = labels::entries(connection, "AND entry = ?2", params![number, next as i64]);
+                let entry = labels::entries(
+                    connection,
+                    "WHERE campaign = ?1 AND entry = ?2",
+                    params![number, next as i64],
+                );
                 let entry = entry.unwrap_or_default();
                 if entry.is_empty() || labels.follow(entry).is_err() {
                     return Ok(next);

@@ -1,4 +1,4 @@
-//! What is kept of campaigns in memory because to make it again takes a while, within a bound.
+//! A cache, bounded in bytes, of values of campaigns that take long to make again.
 //!
 //! Everything kept here can be made again from the store, with the same outcome. Knows bytes, not what they are.
 
@@ -94,7 +94,7 @@ impl<V: Default> Kept<V> {
         }
     }
 
-    /// What there is of a campaign: the default where nothing is kept. It is kept for as long as somebody has it.
+    /// The value of a campaign, or the default. It stays in the cache for as long as somebody holds it.
     pub fn of(&self, campaign: &CampaignId) -> Arc<V> {
         let mut entries = self.lock();
         if let Some(entry) = entries.by_campaign.get(campaign) {

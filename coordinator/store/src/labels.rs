@@ -1,8 +1,10 @@
 //! The label log: added to, never changed.
 
+mod budget;
 mod followed;
 mod rows;
 
+pub use budget::{LabelBudget, OverBudget};
 pub(super) use followed::Followed;
 pub(super) use rows::{entries, entries_with_requests, insert};
 
@@ -18,18 +20,24 @@ use murmuration_model::{
 };
 use rusqlite::{Connection, Transaction, params};
 
+/// Entries of a log to which answers are added: ten answers about each of 20,000 individuals. All of them are kept in memory.
+const MAX_ENTRIES: u64 = if cfg!(test) { 1_000 } else { 200_000 };
+
 /// Why nothing was added to a log.
 #[derive(Debug, thiserror::Error)]
 pub enum LabelError {
     /// The store could not be read or written, or there is no such campaign or individual.
-    #[error("{0}")]
+    #[error(transparent)]
     Store(#[from] StoreError),
-    /// What was said does not go with what the log says.
-    #[error("{0}")]
+    /// The request contradicts the log.
+    #[error(transparent)]
     Refused(#[from] Refusal),
     /// A former request of the same id said something else.
     #[error("request \"{0}\" was made before, and said something else")]
     OtherRequest(RequestId),
+    /// Who asks may not add as much now.
+    #[error(transparent)]
+    OverBudget(#[from] OverBudget),
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -42,6 +50,21 @@ impl Store {
     /// The whole log of a campaign, in order.
     pub fn label_log(&self, campaign: &CampaignId) -> Result<Vec<Entry>, StoreError> {
         self.read(|connection| log(connection, number_of(connection, campaign)?, 0))
+    }
+
+    /// At most `count` entries of a campaign's log, from entry `from` on.
+    pub fn label_log_from(
+        &self,
+        campaign: &CampaignId,
+        from: u64,
+        count: u64,
+    ) -> Result<Vec<Entry>, StoreError> {
+        let range = [from, from.saturating_add(count)].map(clamped);
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let which = "WHERE campaign = ?1 AND entry >= ?2 AND entry < ?3";
+            entries(connection, which, params![number, range[0], range[1]])
+        })
     }
 
     /// Number of entries of a campaign's log.
@@ -73,7 +96,7 @@ impl Store {
         })
     }
 
-    /// What a request added to a campaign's log; nothing if it was not made.
+    /// Entries that a request added to a campaign's log; none if it was not made.
     pub fn request_entries(
         &self,
         campaign: &CampaignId,
@@ -95,6 +118,22 @@ impl Store {
         changes: Vec<Change>,
     ) -> Result<Vec<Entry>, LabelError> {
         self.add_to_log(campaign, |transaction, number, labels| {
+            let entries = labels.entries();
+            // Undos and withdrawals are always taken: there are at most as many as standing answers.
+            let takes_back =
+                |change: &Change| matches!(change.action, Action::Undo | Action::Withdraw { .. });
+            if entries.saturating_add(changes.len() as u64) > MAX_ENTRIES
+                && !changes.iter().all(takes_back)
+                && made(transaction, number, request)?.is_empty()
+            {
+                let more = changes.len();
+                return Err(Refusal::Full {
+                    entries,
+                    more,
+                    most: MAX_ENTRIES,
+                }
+                .into());
+            }
             add(transaction, (campaign, number), request, changes, labels)
         })
     }
@@ -155,7 +194,7 @@ fn undo_newest(
     let newest = labels.newest(annotator).ok_or_else(nothing)?;
     let first: i64 = transaction
         .query_row(
-            "SELECT min(entry) FROM labels WHERE campaign = ?1
+            "SELECT min(entry) FROM labels INDEXED BY labels_by_request WHERE campaign = ?1
              AND request = (SELECT request FROM labels WHERE campaign = ?1 AND entry = ?2)",
             params![number, clamped(newest)],
             |row| row.get(0),
@@ -171,7 +210,7 @@ fn undo_newest(
     Ok(entries)
 }
 
-/// What was refused has written nothing.
+/// A refused request writes nothing.
 pub(super) fn add(
     transaction: &Transaction<'_>,
     (campaign, number): (&CampaignId, i64),
@@ -203,9 +242,11 @@ pub(super) fn add(
     Ok(added)
 }
 
-/// What a request added.
+/// Entries that a request added.
 fn made(connection: &Connection, number: i64, request: &RequestId) -> Result<Vec<Entry>, StoreError> {
-    entries(connection, "AND request = ?2", params![number, request.as_str()])
+    // Left to itself, SQLite reads the whole log for the sake of the order.
+    let which = "INDEXED BY labels_by_request WHERE campaign = ?1 AND request = ?2";
+    entries(connection, which, params![number, request.as_str()])
 }
 
 /// Times are left out: a request that is made again may be dated anew.
@@ -241,7 +282,8 @@ fn check_individuals(
 
 /// The log from entry `from` on.
 fn log(connection: &Connection, number: i64, from: u64) -> Result<Vec<Entry>, StoreError> {
-    entries(connection, "AND entry >= ?2", params![number, clamped(from)])
+    let which = "WHERE campaign = ?1 AND entry >= ?2";
+    entries(connection, which, params![number, clamped(from)])
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What is on disk: one SQLite database in a data directory, changed by whole transactions only.
+//! The store: one SQLite database in a data directory, changed by whole transactions only.
 //!
 //! Limits: knows rows, not searches. Everything acknowledged to anybody has been committed with
 //! `synchronous = FULL` first, so a `kill -9` at any instant loses nothing (invariant 4 of ARCHITECTURE.md).
@@ -46,7 +46,7 @@ pub use embeddings::Switch;
 pub use epochs::EpochRecord;
 pub use error::{LockHolder, StoreError, UnknownCampaign};
 pub use individual::{ArchivedIndividual, Trial};
-pub use labels::{LabelError, Undone};
+pub use labels::{LabelBudget, LabelError, OverBudget, Undone};
 pub use pictures::Picture;
 pub use provenance::{Notice, Provenance, Suspect, Suspects};
 pub use round_pictures::{FurtherStart, RoundPicture, RoundPictures};
@@ -77,7 +77,7 @@ pub struct Store {
     /// Whether the disk failed under a change, so that nobody knows how much of it is written. Set and read by whoever
     /// has the connection.
     sync_failed: Arc<AtomicBool>,
-    /// What the label logs come to.
+    /// Current labels of the campaigns.
     followed: Arc<labels::Followed>,
     /// The run that this handle is for, which alone may write through it.
     run: Option<Arc<RunId>>,
@@ -178,8 +178,17 @@ impl Store {
     }
 
     fn read<T>(&self, query: impl FnOnce(&Connection) -> Result<T, StoreError>) -> Result<T, StoreError> {
+        self.read_in(blocking::is_in_background(), query)
+    }
+
+    /// Reads with one of the connections of threads of low priority, or of the others, whatever thread this is.
+    fn read_in<T>(
+        &self,
+        background: bool,
+        query: impl FnOnce(&Connection) -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
         let read = match &self.readers {
-            Some(readers) => readers.read(query),
+            Some(readers) => readers.read(background, query),
             None => query(&self.connection.lock().unwrap_or_else(PoisonError::into_inner)),
         };
         read.map_err(|error| error.at(&self.path))

@@ -101,7 +101,7 @@ pub(super) fn to_look(path: &Path, alone: bool) -> Result<(Connection, u32), Sto
 
 /// Makes sure of what is committed after the disk failed under a change.
 ///
-/// What the log holds beyond the last commit is unknown then: the system may have dropped what it said it could not write,
+/// The content of the log beyond the last commit is unknown then: the system may have dropped what it said it could not write,
 /// and say that all is well the next time. So everything committed is written into the database anew, and the log is
 /// emptied; only then is anything else acknowledged.
 pub(super) fn settle(connection: &Connection, path: &Path) -> Result<(), StoreError> {

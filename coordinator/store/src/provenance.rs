@@ -19,9 +19,9 @@ const NOBODY: u64 = 0;
 /// Where some results come from.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Provenance {
-    /// Who made each. Empty if nobody knows.
+    /// Maker of each. Empty if unknown.
     pub makers: Vec<Maker>,
-    /// What somebody should know of it, in sentences.
+    /// Notices about it, in sentences.
     pub notices: Vec<String>,
 }
 
@@ -32,13 +32,13 @@ pub struct Notice {
     pub number: u64,
     /// When, milliseconds since 1970-01-01 UTC.
     pub time_ms: u64,
-    /// What, for people.
+    /// The event, for people.
     pub text: String,
     /// How many complete generations there were then.
     pub generations: u32,
 }
 
-/// What is kept with who did it.
+/// Kinds of results that are stored with their makers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum ResultKind {
     /// Pictures of a dataset.
@@ -67,7 +67,7 @@ pub struct Suspect {
     pub kind: EmbeddingKind,
 }
 
-/// What of a campaign rests on the word of machines that were found wrong: in the order of places.
+/// Results of a campaign that only quarantined machines have computed, in the order of places.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Suspects {
     /// Of its dataset's pictures.
@@ -128,7 +128,7 @@ impl Store {
         self.read(|connection| quarantined(connection, "WHERE lifted_ms IS NULL"))
     }
 
-    /// Has a machine listened to again; false if it was not quarantined. What it did before stays suspect.
+    /// Ends a quarantine; false if the machine was not quarantined. Its earlier results stay suspect.
     pub fn lift_quarantine(&self, machine: MachineId) -> Result<bool, StoreError> {
         self.write(|transaction| {
             // A number that no machine has: they are odd.
@@ -150,12 +150,12 @@ impl Store {
         })
     }
 
-    /// What of a campaign rests on the word of machines that were found wrong.
+    /// Results of a campaign that only quarantined machines have computed.
     pub fn suspects(&self, campaign: &CampaignId) -> Result<Suspects, StoreError> {
         self.read(|connection| suspects(connection, number_of(connection, campaign)?))
     }
 
-    /// What these machines said was found by another as well: nothing rests on their word any more. With a notice, in one
+    /// Marks results of these machines as confirmed by another machine. With a notice, in one
     /// transaction.
     pub fn confirm(
         &self,
@@ -193,7 +193,7 @@ impl Store {
     }
 }
 
-/// What of a campaign rests on the word of machines that were found wrong.
+/// Results of a campaign that only quarantined machines have computed.
 pub(super) fn suspects(connection: &Connection, number: i64) -> Result<Suspects, StoreError> {
     let wrong: BTreeMap<u64, Quarantined> = quarantined(connection, "")?
         .into_iter()

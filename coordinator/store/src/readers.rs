@@ -4,7 +4,7 @@
 //! Limits: at most [`MOST`] read at once, the others wait for one of them, and of those in the background
 //! [`MOST_IN_BACKGROUND`], so that a decision finds a connection; nobody reads while the log is emptied.
 
-use super::{StoreError, blocking::is_in_background, open};
+use super::{StoreError, open};
 use rusqlite::Connection;
 use std::{
     path::Path,
@@ -54,13 +54,15 @@ impl Readers {
         })
     }
 
-    /// Runs `query`, all of which sees the same instant. It must not ask the store for anything else meanwhile.
+    /// Runs `query`, all of which sees the same instant. It must not ask the store for anything else meanwhile. With
+    /// `in_background` it has one of the connections of threads of low priority.
     pub(super) fn read<T>(
         &self,
+        in_background: bool,
         query: impl FnOnce(&Connection) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
         // Given back after the connection.
-        let _turn = self.turn();
+        let _turn = self.turn(in_background);
         let connection = self.free();
         let snapshot = connection.unchecked_transaction()?;
         query(&snapshot)
@@ -76,8 +78,7 @@ impl Readers {
         KeptAway(self)
     }
 
-    fn turn(&self) -> Turn<'_> {
-        let in_background = is_in_background();
+    fn turn(&self, in_background: bool) -> Turn<'_> {
         let mut turns = lock(&self.turns);
         while turns.kept_away
             || turns.reading == MOST

@@ -1,4 +1,4 @@
-//! What led to an archive, from the lineage of its checkpoint and the label log.
+//! The steps that led to an archive, from the lineage of its checkpoint and the label log.
 
 use super::{Store, StoreError};
 use murmuration_model::{CampaignRecord, Repetition, Round, labels::RequestId};
@@ -7,7 +7,7 @@ use murmuration_proto::{
 };
 
 impl Store {
-    /// What led to the archive of a campaign as it stands.
+    /// The steps that led to the current archive of a campaign.
     pub fn repetition(&self, record: &CampaignRecord) -> Result<Repetition, StoreError> {
         let Some(checkpoint) = record.embedder.checkpoint() else {
             return Ok(Repetition::default());

@@ -1,4 +1,4 @@
-//! What is rolled back when workers were found wrong, so that it is done again by others. Each is one transaction, and says
+//! Rollbacks after workers were found wrong, so that other workers repeat the work. Each is one transaction, and says
 //! why. Datasets, archives and embeddings go; the label log stays, and says whose answers were about what is gone.
 
 use super::{

@@ -1,4 +1,4 @@
-//! What a round learns from: labelled individuals, and pictures of their controllers from further starts, which
+//! Pictures that a round learns from: labelled individuals, and pictures of their controllers from further starts, which
 //! lie in the table of the dataset, behind it.
 
 use super::{
@@ -40,7 +40,7 @@ pub struct FurtherStart {
 }
 
 impl Store {
-    /// What a campaign learns from by the first `cutoff` entries of its label log.
+    /// The pictures that a campaign learns from by the first `cutoff` entries of its label log.
     pub fn round_pictures(&self, record: &CampaignRecord, cutoff: u64) -> Result<RoundPictures, StoreError> {
         let labels = self.labels_until(&record.id, cutoff)?.numbered_classes();
         let mut round = RoundPictures {

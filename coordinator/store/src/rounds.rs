@@ -50,7 +50,7 @@ impl Store {
         Ok(labels)
     }
 
-    /// What the campaign's embedder has learned from labels: the individuals that had a class when the last round began, and the
+    /// Labels that the campaign's embedder has learned from: the individuals that had a class when the last round began, and the
     /// numbers of their classes, as in [`Labels::numbered_classes`]; none before the first round.
     ///
     /// # Errors

@@ -16,7 +16,7 @@ use murmuration_model::{CampaignId, CampaignState, Change, NotAllowed, RunId};
 use murmuration_proto::CheckpointDigest;
 use rusqlite::{Transaction, params};
 
-/// What a person decides about a campaign.
+/// A person's decision about a campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Decision {
     /// It stops, to be continued.
@@ -34,10 +34,10 @@ pub enum Decision {
 #[derive(Debug, thiserror::Error)]
 pub enum DecisionError {
     /// The store could not be read or written.
-    #[error("{0}")]
+    #[error(transparent)]
     Store(#[from] StoreError),
     /// The campaign's state does not allow it.
-    #[error("{0}")]
+    #[error(transparent)]
     NotAllowed(#[from] NotAllowed),
 }
 
@@ -104,7 +104,7 @@ impl Store {
         Ok(allowed?)
     }
 
-    /// Has a completed campaign run again, to be checked; whether it was completed.
+    /// Sets a completed campaign running again, to be checked; false if it was not completed.
     pub fn reopen(&self, campaign: &CampaignId) -> Result<bool, StoreError> {
         self.write(|transaction| {
             let reopened = transaction.execute(

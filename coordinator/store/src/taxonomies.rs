@@ -20,14 +20,14 @@ pub struct StoredTaxonomy {
     pub clusters: Vec<u32>,
     /// Sum of the distances to the nearest medoids.
     pub loss: f64,
-    /// What was measured of each cluster when the taxonomy was made, as many as there are medoids.
+    /// Measures of each cluster, one for each medoid, from when the taxonomy was made.
     pub measures: Vec<ClusterMeasures>,
     /// For each individual, the number of its trials to which no other medoid is nearer than its own; empty if individuals
     /// have one trial.
     pub robust_trials: Vec<u8>,
 }
 
-/// What is measured of a cluster when its taxonomy is made, in units of the behaviour space.
+/// Measures of a cluster, in units of the behaviour space, from when its taxonomy was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ClusterMeasures {
     /// Mean distance of its members, the medoid included, to the medoid.
@@ -217,7 +217,7 @@ fn whole_taxonomy(
     }
 }
 
-/// Has no version stand any more: the archive is embedded otherwise from now on.
+/// Retires the current version: from now on the archive has other embeddings.
 pub(super) fn retire_taxonomy(transaction: &Transaction<'_>, campaign: i64) -> Result<(), StoreError> {
     transaction.execute("UPDATE taxonomies SET stands = 0 WHERE campaign = ?1", [campaign])?;
     Ok(())

@@ -29,7 +29,7 @@ pub struct BlobStore {
     place: Place,
 }
 
-/// What a person calls it.
+/// Where checkpoints are, in words for people.
 #[derive(Debug, Clone)]
 enum Place {
     Folder(PathBuf),
@@ -205,7 +205,7 @@ impl BlobStore {
         self.prefix.clone().join(format!("{digest}.onnx"))
     }
 
-    /// What a person finds a checkpoint by.
+    /// Path or address of a checkpoint, for people.
     fn name(&self, digest: CheckpointDigest) -> String {
         match &self.place {
             Place::Folder(folder) => folder.join(format!("{digest}.onnx")).display().to_string(),
@@ -254,7 +254,7 @@ fn make_folder(folder: &Path) -> io::Result<()> {
     sync(above)
 }
 
-/// What the system said, if it did.
+/// The system's error within an error, if there is one.
 fn io_error<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a io::Error> {
     let mut next = Some(error);
     while let Some(error) = next {

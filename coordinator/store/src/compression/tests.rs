@@ -1,4 +1,4 @@
-//! What comes out is what went in, or nothing does.
+//! Decompression gives the original bytes, or an error.
 
 use super::*;
 use proptest::prelude::*;

@@ -15,7 +15,7 @@ pub struct CampaignFindings {
     pub state: Option<CampaignState>,
     /// Sentences that each name something damaged or missing.
     pub problems: Vec<String>,
-    /// What the database should hold.
+    /// Amounts that the database should hold.
     pub stored: Amounts,
     /// How much of that is whole, from the beginning on.
     pub whole: Amounts,
@@ -94,7 +94,7 @@ impl CampaignFindings {
     }
 }
 
-/// What should be there, and what of it is whole.
+/// Amounts that should be there, and the whole ones among them.
 fn archive(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -> (Amounts, Amounts) {
     let stored = Amounts {
         pictures: record.pictures_done,

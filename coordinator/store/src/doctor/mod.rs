@@ -16,12 +16,12 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// What there is to say of a data directory.
+/// Findings about a data directory.
 #[derive(Debug)]
 pub struct Findings {
     pub database: PathBuf,
     pub schema: u32,
-    /// What is wrong with the database as a whole; nothing if it is sound.
+    /// Faults of the database as a whole; none if it is sound.
     pub faults: Vec<String>,
     /// Every checkpoint that it names, oldest first.
     pub checkpoints: Vec<(CheckpointDigest, Condition)>,

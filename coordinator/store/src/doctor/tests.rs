@@ -61,7 +61,7 @@ async fn examined(damage: &str) -> Findings {
     examine(folder.path(), None).await.unwrap()
 }
 
-/// What must be whole after `damage`: generations, entries of the label log, the taxonomy.
+/// Checks which parts are whole after `damage`: generations, entries of the label log, the taxonomy.
 async fn check(damage: &str, said: &str, whole: (u32, u64, bool)) {
     let found = examined(damage).await;
     assert!(!found.is_healthy());

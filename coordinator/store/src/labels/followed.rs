@@ -1,4 +1,4 @@
-//! What the label logs come to, kept so that no log is ever read from its beginning twice.
+//! The current labels of each log, cached so that no log is ever read from its beginning twice.
 //!
 //! The disk stays the truth: whoever asks is told what stands after the entries that are there. It is only read what is
 //! new among them: entries are never changed (invariant 10 of ARCHITECTURE.md), and numbered without gaps. Limits: what logs
@@ -6,7 +6,7 @@
 
 use super::{
     super::{Store, StoreError, campaigns::number_of},
-    LabelError, log,
+    LabelError, entries_of, log,
 };
 use crate::kept;
 use murmuration_model::{
@@ -24,7 +24,10 @@ const MOST_BYTES: usize = 128 << 20;
 /// Bytes that an entry comes to, about: an answer in three trees, of which that by individual has a node to itself.
 const BYTES_AN_ENTRY: usize = 640;
 
-/// What the log of each campaign comes to, as far as it was followed.
+/// New entries that are read while others wait for a campaign's labels.
+const SOON_READ: u64 = if cfg!(test) { 10 } else { 2_000 };
+
+/// The current labels of each campaign, as far as its log was read.
 ///
 /// One lock a campaign, so that what is kept and what is on disk change together. Who writes takes it when the connection
 /// that writes is theirs, so that who reads waits for no change of another campaign; who reads takes it first.
@@ -43,7 +46,7 @@ impl Followed {
         self.0.forget(campaign);
     }
 
-    /// What the log of a campaign comes to has changed.
+    /// Updates the size of a campaign's labels in the cache.
     fn weigh(&self, campaign: &CampaignId, labels: &Labels) {
         self.0.weigh(campaign, labels.entries() as usize * BYTES_AN_ENTRY);
     }
@@ -56,16 +59,47 @@ impl Default for Followed {
 }
 
 impl Store {
-    /// What the log of a campaign comes to; costs what the entries cost that are new since somebody asked last.
+    /// The current labels of a campaign. Reads only the entries since the last call.
     pub fn labels(&self, campaign: &CampaignId) -> Result<Arc<Labels>, StoreError> {
-        let kept = self.followed.of(campaign);
-        let mut kept = locked(&kept);
-        self.read(|connection| catch_up(connection, number_of(connection, campaign)?, &mut kept))?;
-        self.followed.weigh(campaign, &kept);
-        Ok(Arc::clone(&kept))
+        self.with_labels(campaign, Arc::clone)
     }
 
-    /// What the log of the campaign with this id, or of `latest`, comes to.
+    /// Passes the current labels of a campaign to `look` while nobody can change them.
+    ///
+    /// # Errors
+    /// If the log cannot be read, or its entries do not follow from each other.
+    fn with_labels<T>(&self, campaign: &CampaignId, look: impl FnOnce(&Kept) -> T) -> Result<T, StoreError> {
+        let kept = self.followed.of(campaign);
+        let mut labels = {
+            let mut kept = locked(&kept);
+            // Whoever adds to the log waits for these labels: the reading waits for none of low priority.
+            let is_current = self.read_in(false, |connection| {
+                let number = number_of(connection, campaign)?;
+                let new = entries_of(connection, number)?.saturating_sub(kept.entries());
+                let is_soon_read = new <= SOON_READ;
+                if is_soon_read {
+                    catch_up(connection, number, &mut kept)?;
+                }
+                Ok(is_soon_read)
+            })?;
+            if is_current {
+                self.followed.weigh(campaign, &kept);
+                return Ok(look(&kept));
+            }
+            Arc::clone(&kept)
+        };
+        // Nobody waits while a long log is read, perhaps on a thread of low priority.
+        self.read(|connection| catch_up(connection, number_of(connection, campaign)?, &mut labels))?;
+        let mut kept = locked(&kept);
+        if kept.entries() < labels.entries() {
+            *kept = labels;
+            self.followed.weigh(campaign, &kept);
+            return Ok(look(&kept));
+        }
+        Ok(look(&labels))
+    }
+
+    /// The current labels of the campaign with this id, or of `latest`.
     ///
     /// # Errors
     /// [`StoreError::NoCampaign`], or if it cannot be read.
@@ -83,6 +117,8 @@ impl Store {
         campaign: &CampaignId,
         change: impl FnOnce(&Transaction<'_>, i64, &mut Labels) -> Result<T, LabelError>,
     ) -> Result<T, LabelError> {
+        // A log that was forgotten is read before others wait for the connection that writes.
+        self.with_labels(campaign, |_| ())?;
         let kept = self.followed.of(campaign);
         // Until what is committed is kept too.
         let mut held = None;

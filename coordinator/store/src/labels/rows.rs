@@ -6,8 +6,7 @@ use murmuration_proto::Invalid;
 use rusqlite::{Connection, Row, Transaction, params};
 use std::ops::Range;
 
-const SELECT: &str = "
-    SELECT entry, annotator, time_ms, action, place, class, value, supersedes FROM labels WHERE campaign = ?1";
+const SELECT: &str = "SELECT entry, annotator, time_ms, action, place, class, value, supersedes FROM labels";
 
 pub(crate) fn insert(
     transaction: &Transaction<'_>,
@@ -38,7 +37,7 @@ pub(crate) fn insert(
     Ok(())
 }
 
-/// Those of a campaign, which is parameter 1, that are as `which` says, in order.
+/// Those that are as `which` says, a clause behind the table's name, in order.
 pub(crate) fn entries(
     connection: &Connection,
     which: &str,

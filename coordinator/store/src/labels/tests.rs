@@ -179,6 +179,43 @@ fn an_act_is_undone_at_once_whatever_its_size() {
 }
 
 #[test]
+fn a_full_log_takes_no_answer_but_what_takes_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, id) = open(folder.path());
+    let answers = |count: u64| {
+        (0..count)
+            .map(|number| answer(number % 3, "ring"))
+            .collect::<Vec<_>>()
+    };
+    store
+        .add_labels(&id, &request("fills"), answers(MAX_ENTRIES))
+        .unwrap();
+    let refused = store.add_labels(&id, &request("more"), answers(1));
+    let full = Refusal::Full {
+        entries: MAX_ENTRIES,
+        more: 1,
+        most: MAX_ENTRIES,
+    };
+    assert!(matches!(refused, Err(LabelError::Refused(refusal)) if refusal == full));
+    let again = store
+        .add_labels(&id, &request("fills"), answers(MAX_ENTRIES))
+        .unwrap();
+    assert_eq!(again.len() as u64, MAX_ENTRIES);
+    let withdraw = change(8, Action::Withdraw { index: 0 });
+    assert_eq!(
+        store
+            .add_labels(&id, &request("0"), vec![withdraw])
+            .unwrap()
+            .len(),
+        1
+    );
+    store
+        .undo_labels(&id, &request("undo"), &"ana".parse().unwrap(), 9)
+        .unwrap();
+    assert_eq!(store.labels(&id).unwrap().standing().count(), 0);
+}
+
+#[test]
 fn what_is_refused_leaves_nothing_of_its_request() {
     let folder = tempfile::tempdir().unwrap();
     let (store, id) = open(folder.path());

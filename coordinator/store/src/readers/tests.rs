@@ -1,6 +1,7 @@
 //! Readers beside a writer, and a writer beside readers.
 
 use super::*;
+use crate::blocking::in_background;
 use crate::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store};
 use murmuration_model::{CampaignId, CampaignState, Weight};
 use murmuration_proto::CampaignSpec;
@@ -30,7 +31,7 @@ fn open(folder: &Path) -> (Store, CampaignId) {
     (store, id)
 }
 
-/// What `work` comes to on another thread, which nothing holds up.
+/// The output of `work` on another thread, which nothing blocks.
 #[track_caller]
 fn meanwhile<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
     let (done, result) = mpsc::channel();
@@ -128,6 +129,36 @@ fn a_slow_reader_holds_up_neither_readers_nor_changes() {
             Ok(())
         })
         .unwrap();
+}
+
+#[test]
+fn labels_wait_for_no_reader_of_low_priority() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, id) = open(folder.path());
+    thread::scope(|scope| {
+        let (begun, reading) = mpsc::channel();
+        let ends: Vec<mpsc::Sender<()>> = (0..MOST_IN_BACKGROUND)
+            .map(|_| {
+                let (end, ended) = mpsc::channel();
+                let (store, begun) = (&store, begun.clone());
+                scope.spawn(move || {
+                    store.read_in(true, |_| {
+                        begun.send(()).unwrap();
+                        let _ = ended.recv();
+                        Ok(())
+                    })
+                });
+                end
+            })
+            .collect();
+        ends.iter().for_each(|_| reading.recv().unwrap());
+        // Nor where it is a thread of low priority that asks.
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        let (labels, id) = (store.clone(), id.clone());
+        let asked = move || runtime.block_on(in_background(move |_| labels.labels(&id).unwrap().entries()));
+        assert_eq!(meanwhile(asked), Ok(0));
+        drop(ends);
+    });
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! What is learned from: individuals by their labels, and what their controllers did from further starts.
+//! A round learns from individuals by their labels, and from further starts of their controllers.
 
 use super::*;
 use crate::{DataDirectory, GenerationRecord, Picture, Provenance};

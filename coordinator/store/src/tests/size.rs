@@ -1,4 +1,4 @@
-//! What an individual takes on disk.
+//! Bytes of an individual on disk.
 
 use super::*;
 use murmuration_proto::{Purpose, RandomStream};

@@ -4,7 +4,7 @@
 use super::{ReceivedCampaign, Unsound, new_folder};
 use crate::{
     Store, StoreError,
-    blocking::blocking,
+    blocking::{blocking, changing},
     checkpoints::{CheckpointError, Checkpoints},
 };
 use murmuration_model::CampaignId;
@@ -20,10 +20,10 @@ use tempfile::TempDir;
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
     /// The store cannot be read or written.
-    #[error("{0}")]
+    #[error(transparent)]
     Store(#[from] StoreError),
     /// Its checkpoints cannot be kept.
-    #[error("{0}")]
+    #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
     /// There is a campaign of that id.
     #[error(
@@ -113,15 +113,15 @@ impl Arriving {
             let model = on_disk(move || Ok(from.model(&record)?)).await?;
             checkpoints.keep(digest, model.into()).await?;
         }
-        on_disk(move || {
+        let taken_over = changing(move || {
             let taken = store.take_over(received.store(), received.campaign());
             drop((received, folder));
             match taken? {
                 true => Ok(campaign),
                 false => Err(ImportError::Exists(campaign)),
             }
-        })
-        .await
+        });
+        taken_over.await.map_err(CheckpointError::from)?
     }
 }
 

@@ -18,10 +18,10 @@ use crate::{Store, StoreError};
 use std::{fs, path::Path};
 use tempfile::TempDir;
 
-/// What the name of a folder in a data directory begins with in which a campaign's database is written.
+/// Prefix of the folders in a data directory in which a campaign's database is written.
 const PREFIX: &str = ".transfer-";
 
-/// What tells a campaign's database from others: "Murm".
+/// SQLite's application id of a campaign's database: "Murm".
 const APPLICATION: i32 = 0x4d75_726d;
 
 /// The tables that a campaign's database has besides those of a store: the bytes of its checkpoints, and the digest of its archive, as

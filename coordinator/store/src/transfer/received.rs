@@ -93,7 +93,7 @@ impl ReceivedCampaign {
         &self.checkpoints
     }
 
-    /// What the label log comes to.
+    /// Current labels.
     #[must_use]
     pub const fn labels(&self) -> &Labels {
         &self.labels

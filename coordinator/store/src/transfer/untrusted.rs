@@ -36,11 +36,11 @@ const FILLED: [&str; 10] = [
     "taxonomies",
 ];
 
-/// What is wrong with the database of a campaign.
+/// Errors in the database of a campaign.
 #[derive(Debug, thiserror::Error)]
 pub enum Unsound {
-    /// A value is none of a campaign.
-    #[error("{0}")]
+    /// A value that no campaign can have.
+    #[error(transparent)]
     Invalid(#[from] Invalid),
     /// It cannot be read.
     #[error("{}", Text::line(&.0.reason()))]
@@ -99,7 +99,7 @@ pub(super) fn open(path: &Path) -> Result<Store, Unsound> {
     Ok(store)
 }
 
-/// Has SQLite read the schema, which it does whole, in a time that grows with the square of the number of entries: within limits,
+/// Makes SQLite read the whole schema, in a time that grows with the square of the number of entries: within limits,
 /// which are those of values afterwards.
 pub(super) fn read_schema(connection: &mut Connection) -> Result<(), Unsound> {
     connection.set_limit(Limit::SQLITE_LIMIT_LENGTH, MAX_SCHEMA_BYTES)?;

@@ -1,4 +1,4 @@
-//! What is kept is what the log says, whatever happened to it.
+//! The cached labels equal those of the log, whatever happened to it.
 
 use super::{
     super::tests::{answer, change, open, request},
@@ -8,7 +8,7 @@ use murmuration_model::labels::{Action, Change, Entry};
 use proptest::prelude::*;
 use std::thread;
 
-/// What the log on disk comes to, read from its beginning.
+/// The labels of the log on disk, read from its beginning.
 fn replayed(store: &Store, id: &CampaignId) -> Labels {
     let mut labels = Labels::default();
     labels.follow(store.label_log(id).unwrap()).unwrap();
@@ -25,6 +25,8 @@ enum Step {
     Fail(Change),
     /// Somebody looks, and keeps what they saw.
     Look,
+    /// There is no room for what the log comes to.
+    Forget,
 }
 
 fn anything() -> impl Strategy<Value = Change> {
@@ -46,6 +48,7 @@ fn step() -> impl Strategy<Value = Step> {
         2 => (0u8..20).prop_map(Step::Undo),
         1 => anything().prop_map(Step::Fail),
         2 => Just(Step::Look),
+        2 => Just(Step::Forget),
     ]
 }
 
@@ -76,6 +79,7 @@ proptest! {
                     let labels = store.labels(&id).unwrap();
                     seen.push((Arc::clone(&labels), (*labels).clone()));
                 }
+                Step::Forget => store.followed.forget(&id),
             }
             prop_assert_eq!(&*store.labels(&id).unwrap(), &replayed(&store, &id));
         }

@@ -1,4 +1,4 @@
-//! What is exported is imported as it was, and what no export holds is refused.
+//! An import equals its export, and refuses what no export can hold.
 
 mod generated;
 mod hostile;

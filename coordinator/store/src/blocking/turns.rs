@@ -1,0 +1,154 @@
+//! How much of the machine one client has for what campaigns do not wait for.
+//!
+//! A person who opens a page now and then must not wait beside a busy campaign, and a guest who opens hundreds must not slow it. So
+//! each client has a little processor time with normal priority, which comes back slowly; what is beyond it has low priority.
+
+use std::{
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    time::{Duration, Instant},
+};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+
+/// Work of one client at once.
+pub(super) const AT_ONCE: usize = 2;
+/// Processor time with normal priority of a client who used none lately.
+const MOST: Duration = Duration::from_secs(1);
+/// Share of one core by which it comes back.
+const SHARE: f64 = 0.02;
+
+/// Limits the background work of one client: two pieces of work run at once, the others queue. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Turns(Arc<Client>);
+
+#[derive(Debug)]
+struct Client {
+    free: Arc<Semaphore>,
+    allowance: Mutex<Allowance>,
+}
+
+/// Leave to work now, until this is dropped.
+#[derive(Debug)]
+pub(super) struct Turn {
+    of: Arc<Client>,
+    /// Whether the work has normal priority.
+    pub(super) is_prompt: bool,
+    /// Processor time of this thread when work with normal priority began.
+    begun: Option<Duration>,
+    _permit: Option<OwnedSemaphorePermit>,
+}
+
+impl Default for Turns {
+    fn default() -> Self {
+        Self(Arc::new(Client {
+            free: Arc::new(Semaphore::new(AT_ONCE)),
+            allowance: Mutex::new(Allowance::new(Instant::now())),
+        }))
+    }
+}
+
+impl Turns {
+    /// Whether nobody holds another clone and the whole allowance has come back, so that a new value would do as well.
+    #[must_use]
+    pub fn is_idle(&self) -> bool {
+        Arc::strong_count(&self.0) == 1 && self.0.allowance().is_full(Instant::now())
+    }
+
+    pub(super) async fn next(self) -> Turn {
+        // It is never closed.
+        let permit = Arc::clone(&self.0.free).acquire_owned().await.ok();
+        let left = self.0.allowance().left(Instant::now());
+        Turn {
+            is_prompt: left > 0.0,
+            of: self.0,
+            begun: None,
+            _permit: permit,
+        }
+    }
+}
+
+impl Turn {
+    /// The work begins on this thread, where the turn must be dropped when it ends.
+    pub(super) fn begin(&mut self) {
+        self.begun = self.is_prompt.then(used_by_this_thread);
+    }
+}
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        if let Some(begun) = self.begun {
+            let used = used_by_this_thread().saturating_sub(begun);
+            self.of.allowance().use_up(used);
+        }
+    }
+}
+
+impl Client {
+    fn allowance(&self) -> MutexGuard<'_, Allowance> {
+        self.allowance.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[derive(Debug)]
+struct Allowance {
+    /// Seconds of processor time; negative where work used more than was left when it began.
+    left: f64,
+    /// When `left` was right.
+    at: Instant,
+}
+
+impl Allowance {
+    fn new(now: Instant) -> Self {
+        Self {
+            left: MOST.as_secs_f64(),
+            at: now,
+        }
+    }
+
+    fn left(&mut self, now: Instant) -> f64 {
+        let gained = now.saturating_duration_since(self.at).as_secs_f64() * SHARE;
+        self.left = (self.left + gained).min(MOST.as_secs_f64());
+        self.at = now;
+        self.left
+    }
+
+    fn is_full(&mut self, now: Instant) -> bool {
+        self.left(now) >= MOST.as_secs_f64()
+    }
+
+    fn use_up(&mut self, used: Duration) {
+        self.left -= used.as_secs_f64();
+    }
+}
+
+#[cfg(target_os = "linux")]
+fn used_by_this_thread() -> Duration {
+    let used = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    Duration::try_from(used).unwrap_or_default()
+}
+
+/// Elsewhere no thread has low priority, so nothing need be counted.
+#[cfg(not(target_os = "linux"))]
+fn used_by_this_thread() -> Duration {
+    Duration::ZERO
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_used_comes_back_slowly() {
+        let mut now = Instant::now();
+        let mut allowance = Allowance::new(now);
+        assert!(allowance.is_full(now));
+        allowance.use_up(MOST + Duration::from_secs(1));
+        now += Duration::from_secs(49);
+        assert!(allowance.left(now) < 0.0, "1 s takes 50 s");
+        now += Duration::from_secs(2);
+        assert!(allowance.left(now) > 0.0 && !allowance.is_full(now));
+        now += Duration::from_secs(1_000_000);
+        assert!(allowance.is_full(now));
+        allowance.use_up(MOST);
+        assert!(allowance.left(now) <= 0.0, "no more than the most is kept");
+    }
+}
