@@ -2,7 +2,7 @@
 //! from, and the credentials that its route requires.
 
 use super::{
-    Access, PresentedCredentials, Refusal, Sessions,
+    Access, PresentedCredentials, Refusal, Role, Sessions,
     machine::{self, Certificate},
     origin::{self, Asked, Hosts},
     requirement::{Requirement, Requirements},
@@ -11,7 +11,7 @@ use super::{
     sessions::Session,
 };
 use crate::{
-    connections::Visit,
+    connections::ConnectionHandle,
     limits::{MAX_HEADER_BYTES, MAX_HEADERS, SEAT_LIMIT, STRANGER_LIMIT},
     request_body::in_time,
 };
@@ -41,8 +41,8 @@ const HEADER_OVERHEAD: usize = 32;
 
 /// A listener of a coordinator, and who may pass it.
 #[derive(Debug)]
-pub struct Door {
-    /// Who may pass.
+pub struct Endpoint {
+    /// Credentials that are accepted.
     pub access: Access,
     /// The browsers that have logged in.
     pub sessions: Sessions,
@@ -64,10 +64,10 @@ pub struct RequestHead {
     pub headers: HeaderMap,
 }
 
-/// A door, and what the routes behind it require.
+/// An endpoint, and what the routes behind it require.
 #[derive(Debug, Clone)]
 pub(super) struct Gate {
-    pub(super) door: Arc<Door>,
+    pub(super) endpoint: Arc<Endpoint>,
     pub(super) requirements: Arc<Requirements>,
     pub(super) seats: Seats,
     pub(super) bodies: Bodies,
@@ -75,11 +75,11 @@ pub(super) struct Gate {
 
 /// Refuses what may not come in, in the form that the client reads: a gRPC status, a page, or a line of text.
 ///
-/// Handlers behind it find the [`Door`] among the extensions of the request; layers in front of it find the
+/// Handlers behind it find the [`Endpoint`] among the extensions of the request; layers in front of it find the
 /// [`Requirement`] among those of the response.
 pub(super) async fn admit(State(gate): State<Gate>, mut request: Request, next: Next) -> Response {
     let (requirement, class) = gate.requirements.of(&request);
-    request.extensions_mut().insert(gate.door.clone());
+    request.extensions_mut().insert(gate.endpoint.clone());
     let mut response = gate.answer((requirement, class), request, next).await;
     response.extensions_mut().insert(requirement);
     response
@@ -93,17 +93,19 @@ impl Gate {
         next: Next,
     ) -> Response {
         let Self {
-            door, requirements, ..
+            endpoint,
+            requirements,
+            ..
         } = self;
         let asked = Asked::of(&request, requirements);
         let speaks_grpc = asked != Asked::Page && origin::is_grpc(request.headers());
         // Only pages accept a cookie: a browser sends it with a request of any site.
         let session = match (asked, bearer(request.headers())) {
-            (Asked::Page, None) => door.sessions.of(request.headers(), SystemTime::now()),
+            (Asked::Page, None) => endpoint.sessions.of(request.headers(), SystemTime::now()),
             _ => None,
         };
         let head = RequestHead::of(&request);
-        let answered = match door.allows(asked, requirement, session.as_ref(), &request) {
+        let answered = match endpoint.allows(asked, requirement, session.as_ref(), &request) {
             Ok(principal) => {
                 let class = requirement.class_for(principal, class);
                 let waits = speaks_grpc && class != CostClass::Stranger;
@@ -118,10 +120,18 @@ impl Gate {
                 tracing::debug!(path = head.uri.path(), %refusal, "request refused");
                 match speaks_grpc {
                     true => Status::from(refusal).into_http(),
-                    false => (door.show_refusal)(refusal, &head),
+                    false => (endpoint.show_refusal)(refusal, &head),
                 }
             }
         }
+    }
+
+    fn is_annotator(&self, principal: Principal) -> bool {
+        let Principal::Token(token) = principal else {
+            return false;
+        };
+        let holder = self.endpoint.access.whose(token);
+        holder.is_some_and(|(_, role)| role == Role::Annotator)
     }
 
     /// The response of the handler, once there is a seat for the request.
@@ -133,7 +143,7 @@ impl Gate {
         request: Request,
         next: Next,
     ) -> Result<Response, Refusal> {
-        let visit = request.extensions().get::<Visit>().cloned();
+        let handle = request.extensions().get::<ConnectionHandle>().cloned();
         let Some(seat) = self.seats.take(class, principal, patience).await? else {
             return Ok(next.run(request).await);
         };
@@ -141,7 +151,7 @@ impl Gate {
         let request = match class {
             // Silent for as long as what they follow.
             CostClass::Streaming => request,
-            _ => request.map(in_time),
+            _ => request.map(|body| in_time(body, &seat)),
         };
         let closed = async {
             match class.ends_at_shutdown() {
@@ -155,8 +165,15 @@ impl Gate {
                 _ => std::future::pending().await,
             }
         };
+        let answered = async {
+            match self.is_annotator(principal) {
+                true => self.seats.label_budget(principal).scope(next.run(request)).await,
+                // Operators add what they have.
+                false => next.run(request).await,
+            }
+        };
         tokio::select! {
-            response = holding(seat.clone(), next.run(request)) => Ok(self.bodies.seated(seat, visit, response)),
+            response = holding(seat.clone(), seat.priority(), answered) => Ok(self.bodies.seated(seat, handle, response)),
             () = closed => Err(NoSeat::Closing.into()),
             () = late => Err(Refusal::Slow),
         }
@@ -186,7 +203,7 @@ impl Asked {
     }
 }
 
-impl Door {
+impl Endpoint {
     fn allows(
         &self,
         asked: Asked,
@@ -194,15 +211,15 @@ impl Door {
         session: Option<&Session>,
         request: &Request,
     ) -> Result<Principal, Refusal> {
-        let visit = request.extensions().get::<Visit>();
-        if visit.is_some_and(|visit| !visit.may_ask()) {
+        let handle = request.extensions().get::<ConnectionHandle>();
+        if handle.is_some_and(|handle| !handle.may_ask()) {
             return Err(Refusal::Rate);
         }
         if !has_room_for_headers(request) {
             return Err(Refusal::Headers);
         }
         origin::check(self.hosts, self.is_encrypted, asked, request)?;
-        let connection = request.extensions().get::<TlsConnectInfo<Visit>>();
+        let connection = request.extensions().get::<TlsConnectInfo<ConnectionHandle>>();
         let chain = connection.and_then(TlsConnectInfo::peer_certs);
         let presented = PresentedCredentials {
             token: bearer(request.headers())
@@ -316,11 +333,11 @@ mod tests {
     use std::{future::pending, sync::mpsc};
     use tonic::codegen::Service as _;
 
-    /// `routes` behind a door that everybody may pass, and its seats.
-    fn behind_a_door(routes: GuardedRouter) -> (Router, Seats) {
+    /// `routes` behind an endpoint that everybody may pass, and its seats.
+    fn behind_an_endpoint(routes: GuardedRouter) -> (Router, Seats) {
         let folder = tempfile::tempdir().unwrap();
         let own = Token::generate().unwrap();
-        let door = Door {
+        let endpoint = Endpoint {
             access: Access {
                 tokens: None,
                 certificates: false,
@@ -331,7 +348,7 @@ mod tests {
             show_refusal: |refusal, _| (StatusCode::IM_A_TEAPOT, refusal.to_string()).into_response(),
         };
         let seats = Seats::new(&[]);
-        let router = routes.behind(Arc::new(door), seats.clone(), async || StatusCode::NOT_FOUND);
+        let router = routes.behind(Arc::new(endpoint), seats.clone(), async || StatusCode::NOT_FOUND);
         (router, seats)
     }
 
@@ -351,7 +368,7 @@ mod tests {
         let routes = GuardedRouter::default().get("/", Requirement::Nothing, CostClass::Light, async || {
             pending::<()>().await;
         });
-        let (mut router, seats) = behind_a_door(routes);
+        let (mut router, seats) = behind_an_endpoint(routes);
         let refused = router.call(request()).await.unwrap();
         assert_eq!(refused.status(), StatusCode::IM_A_TEAPOT);
         assert_eq!(answered(&seats, CostClass::Stranger), 0);
@@ -370,7 +387,7 @@ mod tests {
                 });
                 let _ = done.await;
             });
-        let (mut router, seats) = behind_a_door(routes);
+        let (mut router, seats) = behind_an_endpoint(routes);
         let asked = tokio::spawn(router.call(request()));
         begun.recv().await.unwrap();
         asked.abort();

@@ -57,7 +57,7 @@ impl ConnectionPermits {
         Self::new(most, MAX_CONNECTIONS_PER_PEER.min(most / 2))
     }
 
-    /// For the door that only this machine reaches, besides those of the others.
+    /// For the endpoint that only this machine reaches, besides those of the others.
     pub fn of_this_machine() -> Self {
         Self::new(MAX_LOCAL_CONNECTIONS, MAX_LOCAL_CONNECTIONS)
     }
@@ -134,7 +134,7 @@ pub fn connections(
 #[derive(Debug)]
 pub struct Connection {
     stream: TcpStream,
-    visit: Visit,
+    handle: ConnectionHandle,
     /// When a byte passed last, and how long the silence after it may be.
     active: Instant,
     silence_limit: Duration,
@@ -144,15 +144,15 @@ pub struct Connection {
     _permit: ConnectionPermit,
 }
 
-/// What a request knows of its connection; an extension of the request.
+/// Connection of a request; an extension of the request.
 #[derive(Debug, Clone)]
-pub struct Visit {
+pub struct ConnectionHandle {
     peer: IpAddr,
     pace: Arc<DefaultDirectRateLimiter>,
     close: Arc<Mutex<Option<oneshot::Sender<()>>>>,
 }
 
-impl Visit {
+impl ConnectionHandle {
     fn new(peer: IpAddr, close: oneshot::Sender<()>) -> Self {
         let quota = Quota::per_second(REQUESTS_PER_SECOND).allow_burst(REQUEST_BURST);
         Self {
@@ -190,7 +190,7 @@ impl Connection {
         let (close, told) = oneshot::channel();
         Self {
             stream,
-            visit: Visit::new(peer.ip().to_canonical(), close),
+            handle: ConnectionHandle::new(peer.ip().to_canonical(), close),
             active: Instant::now(),
             silence_limit: HANDSHAKE_LIMIT,
             alarm: Box::pin(tokio::time::sleep(HANDSHAKE_LIMIT)),
@@ -204,7 +204,7 @@ impl Connection {
         self.silence_limit = IDLE_LIMIT;
     }
 
-    /// Whether its visit was told to close it.
+    /// Whether its handle was told to close it.
     fn is_closed(&mut self, context: &mut Context<'_>) -> bool {
         if let Some(close) = &mut self.close
             && Pin::new(close).poll(context).is_ready()
@@ -228,10 +228,10 @@ impl Connection {
 }
 
 impl Connected for Connection {
-    type ConnectInfo = Visit;
+    type ConnectInfo = ConnectionHandle;
 
-    fn connect_info(&self) -> Visit {
-        self.visit.clone()
+    fn connect_info(&self) -> ConnectionHandle {
+        self.handle.clone()
     }
 }
 

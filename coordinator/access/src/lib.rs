@@ -1,4 +1,4 @@
-//! Who may do what: the doors of a coordinator, what a request shows at one, and what its route requires.
+//! Access control: the endpoints of a coordinator, the credentials of a request, and the requirement of its route.
 //!
 //! A page or service is registered with a `GuardedRouter`, which takes the `Requirement` with the route. `admit` reads the
 //! requirement before anything reads the request's body, and `origin` checks whether another site's page may have sent the
@@ -25,7 +25,7 @@ mod seats;
 mod sessions;
 mod tokens;
 
-pub use admit::{Door, RequestHead};
+pub use admit::{Endpoint, RequestHead};
 pub use listen_config::{ListenConfig, ListenConfigError, Tls};
 pub use local::{LocalToken, local_token};
 pub use machine::{MachineKind, origin};
@@ -41,7 +41,7 @@ use murmuration_link::TokenDigest;
 use murmuration_proto::grouped;
 use std::sync::Arc;
 
-/// Who may pass a door.
+/// Credentials that an endpoint accepts.
 #[derive(Debug, Clone, Default)]
 pub struct Access {
     /// The tokens that are accepted; without any, everybody is an operator.

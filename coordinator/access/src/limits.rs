@@ -1,6 +1,6 @@
 //! How much of the coordinator any client, browser, worker or trainer may use: every limit on what comes over the network.
 //!
-//! What a campaign may be is limited where campaigns are defined: `Search::MAX_EVALUATIONS`, `Dataset::MAX_BYTES`,
+//! Campaigns are limited where they are defined: `Search::MAX_EVALUATIONS`, `Dataset::MAX_BYTES`,
 //! `CampaignSpec::MAX_GENERATION_BYTES` and their like in `proto`; so are texts (`Text`, `text::name`), motions
 //! (`Frames::MAX_POSES`) and trainings put aside (`Configuration::saved_bytes`). All limits leave room for an honest user's
 //! ten-fold. No message of an answer is longer than clients take by themselves (4 MiB): long answers are streams of parts
@@ -8,11 +8,11 @@
 
 use std::{num::NonZeroU32, time::Duration};
 
-/// Connections at once, through the door that other machines reach. Fewer where the system allows fewer open files.
+/// Connections at once, through the endpoint that other machines reach. Fewer where the system allows fewer open files.
 pub const MAX_CONNECTIONS: usize = 4096;
 /// Connections at once from one address; never more than half of all.
 pub const MAX_CONNECTIONS_PER_PEER: usize = 1024;
-/// Connections at once, through the door of this machine alone where access is restricted.
+/// Connections at once, through the endpoint of this machine alone where access is restricted.
 pub(crate) const MAX_LOCAL_CONNECTIONS: usize = 128;
 /// Files that are kept free of connections: the store's, logs, the library of the operating system.
 pub(crate) const RESERVED_FILES: u64 = 256;
@@ -26,6 +26,9 @@ pub const IDLE_LIMIT: Duration = Duration::from_secs(120);
 pub const PAGE_LIMIT: Duration = Duration::from_secs(100);
 /// Requests at once on one HTTP/2 connection. More wait at the client.
 pub const MAX_STREAMS_PER_CONNECTION: u32 = 256;
+/// Bytes of a stream that a client may send before somebody reads them. A connection has room for as many of each stream, so that
+/// requests that wait for a seat do not keep back those that have one.
+pub const UNREAD_BYTES_PER_STREAM: u32 = 128 << 10;
 /// Bytes of a request's headers and address, counted as HTTP/2 counts them: names, values, and 32 for each header.
 pub const MAX_HEADER_BYTES: u32 = 16 << 10;
 /// Headers of a request, the host included: as many as the library reads over HTTP/1.1.
@@ -33,17 +36,29 @@ pub const MAX_HEADERS: usize = 100;
 /// Bytes of headers that are read over HTTP/2, so that what has too many can be told so. The library reads some more over
 /// HTTP/1.1, and answers beyond that with an empty 431.
 pub const MAX_READ_HEADER_BYTES: u32 = 4 * MAX_HEADER_BYTES;
-/// Requests a second on one connection, in the long run. What is said within a request, such as a worker's stream, does not
-/// count: credits limit that.
+/// Requests a second on one connection, and of one class from one principal, in the long run. What is said within a request, such
+/// as a worker's stream, does not count: credits limit that.
 pub(crate) const REQUESTS_PER_SECOND: NonZeroU32 = NonZeroU32::MIN.saturating_add(499);
 /// Requests that may come at once after a pause: a page with a picture of every behaviour.
 pub(crate) const REQUEST_BURST: NonZeroU32 = NonZeroU32::MIN.saturating_add(4_999);
+/// Decisions a second from one principal, in the long run: the store's lock is held for each.
+pub(crate) const DECISIONS_PER_SECOND: NonZeroU32 = NonZeroU32::MIN.saturating_add(249);
+/// Decisions that may come at once after a pause.
+pub(crate) const DECISION_BURST: NonZeroU32 = NonZeroU32::MIN.saturating_add(999);
+/// Requests a second from one principal that read or compute, in the long run: what is kept is answered again by the network's threads.
+pub(crate) const READINGS_PER_SECOND: NonZeroU32 = NonZeroU32::MIN.saturating_add(99);
+/// Requests that read or compute and may come at once after a pause: a page with the motion of every behaviour.
+pub(crate) const READING_BURST: NonZeroU32 = NonZeroU32::MIN.saturating_add(499);
+/// Principals whose pace is kept before those that asked for little lately are forgotten.
+pub(crate) const MAX_PACED: usize = 1024;
 /// Bytes of a message, unless it is one of those below.
 pub const MAX_MESSAGE: usize = 4 << 20;
 /// Bytes of a message from a worker: a batch of the largest pictures, or the longest motion (48 MB).
 pub const MAX_WORKER_MESSAGE: usize = 96 << 20;
 /// Bytes of a message with labels: as many answers as may be in one, with the longest names.
 pub const MAX_LABEL_MESSAGE: usize = 32 << 20;
+/// Bytes of a decision's body, beyond which it needs a seat of the class bulk: some 100 labels.
+pub(crate) const MAX_DECISION_BODY: usize = 2 << 10;
 /// Bytes that a page may post.
 pub const MAX_POST: usize = 2 << 20;
 /// Browsers that are logged in with one token, at once: one more ends the oldest session.

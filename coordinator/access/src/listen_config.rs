@@ -50,7 +50,7 @@ pub enum ListenConfigError {
     Unusable {
         /// The certificate's file.
         path: PathBuf,
-        /// What the TLS library said.
+        /// Error of the TLS library.
         reason: String,
     },
 }
@@ -127,7 +127,7 @@ impl ListenConfig {
         self
     }
 
-    /// The seats of all doors.
+    /// The seats of all endpoints.
     pub const fn seats(&self) -> &Seats {
         &self.seats
     }
@@ -148,7 +148,7 @@ impl ListenConfig {
         Hosts::of(self.address, &self.access(), self.tls.is_some())
     }
 
-    /// Who may pass.
+    /// Credentials that are accepted.
     pub fn access(&self) -> Access {
         Access {
             tokens: self.tokens.clone(),

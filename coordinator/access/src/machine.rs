@@ -1,6 +1,6 @@
 //! Machines: which kind of machine a certificate is for, and which machine is at the other end of a connection.
 
-use crate::connections::Visit;
+use crate::connections::ConnectionHandle;
 use murmuration_model::{MachineId, Origin};
 use rustls_pki_types::CertificateDer;
 use std::{fmt, net::IpAddr};
@@ -74,9 +74,9 @@ impl Certificate {
 
 /// The machine and address that a request comes from, by its connection; `None` without a connection.
 pub fn origin(request: &Extensions) -> Option<Origin> {
-    let address = request.get::<Visit>()?.peer();
+    let address = request.get::<ConnectionHandle>()?.peer();
     let chain = request
-        .get::<TlsConnectInfo<Visit>>()
+        .get::<TlsConnectInfo<ConnectionHandle>>()
         .and_then(TlsConnectInfo::peer_certs);
     let certificate = chain.as_ref().and_then(|chain| chain.first());
     Some(Origin {

@@ -25,7 +25,7 @@ pub(super) enum Asked {
     Page,
 }
 
-/// The host names that a door answers to. An attacker can make a name of another site point here (DNS rebinding), so that a
+/// The host names that an endpoint answers to. An attacker can make a name of another site point here (DNS rebinding), so that a
 /// browser takes this coordinator for a part of that site.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Hosts {
@@ -39,7 +39,7 @@ pub enum Hosts {
 }
 
 impl Hosts {
-    /// Those of a door at `address`.
+    /// Those of an endpoint at `address`.
     pub(super) fn of(address: SocketAddr, access: &Access, is_encrypted: bool) -> Self {
         match (
             is_encrypted || access.tokens.is_some(),
@@ -136,7 +136,7 @@ mod tests {
     const NAMED: (&str, &str) = ("host", "swarm.example:7700");
     const GRPC: (&str, &str) = ("content-type", "application/grpc");
 
-    /// A door, and what is asked at it.
+    /// An endpoint, and what is asked at it.
     struct At(Hosts, bool, Asked);
 
     /// One person's machine; anything else has to be said.
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn a_door_without_tls_and_tokens_answers_under_fewer_names() {
+    fn an_endpoint_without_tls_and_tokens_answers_under_fewer_names() {
         let open = Access::default();
         let guarded = Access {
             tokens: Some(std::sync::Arc::default()),

@@ -11,7 +11,7 @@ use axum::{
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// What somebody may do. Each role may do what those before it may.
+/// Permissions of a token or certificate. Each role includes those before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Role {
@@ -33,7 +33,7 @@ impl fmt::Display for Role {
     }
 }
 
-/// What a request must show.
+/// Credentials that a request must show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Requirement {
     Nothing,

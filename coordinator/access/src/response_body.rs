@@ -2,7 +2,7 @@
 //! long.
 
 use crate::{
-    connections::Visit,
+    connections::ConnectionHandle,
     limits::PART_LIMIT,
     seats::{CostClass, NoSeat, Seat, Seats},
 };
@@ -52,7 +52,7 @@ struct Shared {
     /// The body ends when nobody takes it. Streams that follow something do not: they hold little, and their clients may sleep.
     ends_untaken: bool,
     /// The connection that it is sent on.
-    visit: Option<Visit>,
+    handle: Option<ConnectionHandle>,
     content: Mutex<Content>,
 }
 
@@ -60,7 +60,7 @@ struct Shared {
 struct Content {
     /// `None` once it is complete or was ended.
     open: Option<(Body, Arc<Seat>)>,
-    /// What the body has given and the connection has not been handed.
+    /// Part of the body that the connection has not taken yet.
     rest: Bytes,
     /// Why it was ended, as long as the client has not been told.
     ended: Option<Ending>,
@@ -119,7 +119,7 @@ impl Bodies {
     pub(crate) fn seated(
         &self,
         seat: Arc<Seat>,
-        visit: Option<Visit>,
+        handle: Option<ConnectionHandle>,
         response: Response<Body>,
     ) -> Response<Body> {
         if response.body().is_end_stream() {
@@ -131,7 +131,7 @@ impl Bodies {
             form: Form::of(&head.headers),
             ends_at_shutdown: class.ends_at_shutdown(),
             ends_untaken: class != CostClass::Streaming,
-            visit,
+            handle,
             content: Mutex::new(Content {
                 open: Some((body, seat)),
                 rest: Bytes::new(),
@@ -192,9 +192,9 @@ impl Shared {
             waker.wake();
         }
         // The library keeps the part that it was given until it is taken, or the connection ends.
-        if let (Ending::Untaken, Some(visit)) = (ending, &self.visit) {
+        if let (Ending::Untaken, Some(handle)) = (ending, &self.handle) {
             tracing::debug!("a client takes no part of an answer: its connection is closed");
-            visit.close();
+            handle.close();
         }
     }
 }

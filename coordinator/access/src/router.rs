@@ -1,8 +1,8 @@
 //! Routes that cannot be registered without what a request must show for them and what it costs, and that cannot be served
-//! without a door.
+//! without an endpoint.
 
 use super::{
-    CostClass, Door, Requirement, Requirements, Seats,
+    CostClass, Endpoint, Requirement, Requirements, Seats,
     admit::{Gate, admit},
     limits::MAX_POST,
     requirement::MethodRequirements,
@@ -68,7 +68,7 @@ impl<S: Clone + Send + Sync + 'static> GuardedRouter<S> {
         self
     }
 
-    /// Has `middleware` see every request for what is registered so far, and its response.
+    /// Passes every request for the routes registered so far, and its response, through `middleware`.
     #[must_use]
     pub fn wrapped<F, R>(mut self, middleware: F) -> Self
     where
@@ -108,7 +108,7 @@ impl GuardedRouter {
         self
     }
 
-    /// What is registered here and there.
+    /// Adds the routes of another router.
     #[must_use]
     pub fn merge(mut self, other: Self) -> Self {
         self.requirements.append(other.requirements);
@@ -116,17 +116,22 @@ impl GuardedRouter {
         self
     }
 
-    /// What everything that is registered requires.
+    /// Requirements of all registered routes.
     #[must_use]
     pub const fn requirements(&self) -> &Requirements {
         &self.requirements
     }
 
-    /// Everything behind a door: `admit` meets a request before anything else reads it, and lets it through only if it
+    /// Everything behind an endpoint: `admit` meets a request before anything else reads it, and lets it through only if it
     /// shows what its route requires and there is a seat for it. `nowhere` answers requests for an address without a route.
-    pub fn behind<H: Handler<T, ()>, T: 'static>(self, door: Arc<Door>, seats: Seats, nowhere: H) -> Router {
+    pub fn behind<H: Handler<T, ()>, T: 'static>(
+        self,
+        endpoint: Arc<Endpoint>,
+        seats: Seats,
+        nowhere: H,
+    ) -> Router {
         let gate = Gate {
-            door,
+            endpoint,
             requirements: Arc::new(self.requirements),
             bodies: Bodies::of(&seats),
             seats,

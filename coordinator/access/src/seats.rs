@@ -5,9 +5,17 @@
 //! finds no seat waits: the next free one goes to the principal that has fewest. Streams last, so a stream that finds no seat
 //! is refused at once. Decisions have seats of their own, which nobody who reads or computes can take.
 
-use crate::limits::MAX_WAITING_PER_PRINCIPAL;
+use crate::limits::{
+    DECISION_BURST, DECISIONS_PER_SECOND, MAX_PACED, MAX_WAITING_PER_PRINCIPAL, READING_BURST,
+    READINGS_PER_SECOND, REQUEST_BURST, REQUESTS_PER_SECOND,
+};
+use governor::{DefaultKeyedRateLimiter, Quota};
 use murmuration_link::TokenDigest;
 use murmuration_model::MachineId;
+use murmuration_store::{
+    LabelBudget,
+    blocking::{Priority, Turns},
+};
 use std::{
     collections::{HashMap, VecDeque},
     fmt,
@@ -22,11 +30,13 @@ use std::{
 };
 use tokio::sync::{oneshot, watch};
 
-/// What answering a request costs.
+/// Cost of answering a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum CostClass {
     /// Changes something, and must be acknowledged whatever else goes on: pausing, labelling, submitting.
     Decision,
+    /// Changes as much as hundreds of labels: a decision of more than 2 KiB, and what takes back what such a one said.
+    Bulk,
     /// Reads a few rows.
     Light,
     /// Reads as much as an archive or a label log has.
@@ -57,7 +67,7 @@ pub struct ClassSeats(CostClass, SeatLimits);
 /// Why a text is not a class and its seats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "must be CLASS=TOTAL/SHARE, such as reading=16/4: decision, light, reading, computing, streaming or stranger, and two whole numbers \
+    "must be CLASS=TOTAL/SHARE, such as reading=16/4: decision, bulk, light, reading, computing, streaming or stranger, and two whole numbers \
      from 1 to {MAX_SEATS}, the share at most the total"
 )]
 pub struct NoClassSeats;
@@ -97,10 +107,14 @@ pub struct SeatCounts {
     pub refused: u64,
 }
 
-/// The seats of a coordinator, for all its doors; cheap to clone.
+/// The seats of a coordinator, for all its endpoints; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Seats {
     lanes: Arc<[Lane; CostClass::LIMITED.len()]>,
+    /// The turns of each principal that reads or computes.
+    turns: Arc<Mutex<HashMap<Principal, Turns>>>,
+    /// The label budgets of annotators.
+    labels: Arc<Mutex<HashMap<Principal, LabelBudget>>>,
     closing: Arc<watch::Sender<bool>>,
 }
 
@@ -108,6 +122,8 @@ pub struct Seats {
 #[derive(Debug)]
 struct Lane {
     limits: SeatLimits,
+    /// How often one principal may ask: requests that cost little each may still come by the thousand.
+    pace: DefaultKeyedRateLimiter<Principal>,
     room: Mutex<Room>,
     refused: AtomicU64,
 }
@@ -131,14 +147,17 @@ struct Waiter {
 #[derive(Debug)]
 pub(crate) struct Seat {
     seats: Seats,
-    lane: usize,
+    class: CostClass,
     principal: Principal,
+    /// The lane in which it is; none while it waits for a seat of another.
+    lane: Mutex<Option<usize>>,
 }
 
 impl CostClass {
     /// The classes that have seats.
-    pub const LIMITED: [Self; 6] = [
+    pub const LIMITED: [Self; 7] = [
         Self::Decision,
+        Self::Bulk,
         Self::Light,
         Self::Reading,
         Self::Computing,
@@ -150,6 +169,7 @@ impl CostClass {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Decision => "decision",
+            Self::Bulk => "bulk",
             Self::Light => "light",
             Self::Reading => "reading",
             Self::Computing => "computing",
@@ -172,11 +192,24 @@ impl CostClass {
         )
     }
 
+    /// Requests that one principal may make.
+    const fn pace(self) -> Quota {
+        let (per_second, burst) = match self {
+            Self::Decision => (DECISIONS_PER_SECOND, DECISION_BURST),
+            Self::Reading | Self::Computing => (READINGS_PER_SECOND, READING_BURST),
+            Self::Bulk | Self::Light | Self::Streaming | Self::Stranger | Self::Free => {
+                (REQUESTS_PER_SECOND, REQUEST_BURST)
+            }
+        };
+        Quota::per_second(per_second).allow_burst(burst)
+    }
+
     /// The seats of a coordinator that nobody has set otherwise.
     #[must_use]
     pub const fn limits(self) -> SeatLimits {
         match self {
             Self::Decision => SeatLimits::of(64, 16),
+            Self::Bulk => SeatLimits::of(8, 1),
             Self::Light => SeatLimits::of(256, 64),
             Self::Reading | Self::Computing => SeatLimits::of(16, 4),
             Self::Streaming | Self::Free => SeatLimits::of(1024, 128),
@@ -241,12 +274,15 @@ impl Seats {
             let newest = changed.iter().rev().find(|ClassSeats(of, _)| *of == class);
             Lane {
                 limits: newest.map_or(class.limits(), |ClassSeats(_, limits)| *limits),
+                pace: DefaultKeyedRateLimiter::keyed(class.pace()),
                 room: Mutex::default(),
                 refused: AtomicU64::new(0),
             }
         });
         Self {
             lanes: Arc::new(lanes),
+            turns: Arc::default(),
+            labels: Arc::default(),
             closing: Arc::new(watch::Sender::new(false)),
         }
     }
@@ -272,6 +308,12 @@ impl Seats {
             Ok(coming) => coming,
             Err(refusal) => return refused(refusal),
         };
+        // Whoever asks too often waits in the seat, so that few wait so.
+        let seated = async {
+            let seat = coming.await.map_err(|_| NoSeat::Closing)?;
+            self.lanes[place].paced(principal).await;
+            Ok(Some(seat))
+        };
         let waited = async {
             match patience {
                 Some(patience) => tokio::time::sleep(patience).await,
@@ -280,7 +322,7 @@ impl Seats {
         };
         tokio::select! {
             biased;
-            seat = coming => seat.map(Some).or(Err(NoSeat::Closing)),
+            seat = seated => seat,
             () = self.closed() => refused(NoSeat::Closing),
             () = waited => refused(NoSeat::Busy(class)),
         }
@@ -317,9 +359,23 @@ impl Seats {
     fn seat(&self, lane: usize, principal: Principal) -> Seat {
         Seat {
             seats: self.clone(),
-            lane,
+            class: CostClass::LIMITED[lane],
             principal,
+            lane: Mutex::new(Some(lane)),
         }
+    }
+
+    fn turns(&self, principal: Principal) -> Turns {
+        let mut turns = self.turns.lock().unwrap_or_else(PoisonError::into_inner);
+        turns.retain(|_, turns| !turns.is_idle());
+        turns.entry(principal).or_default().clone()
+    }
+
+    /// The label budget of an annotator, shared by all their requests.
+    pub(crate) fn label_budget(&self, annotator: Principal) -> LabelBudget {
+        let mut budgets = self.labels.lock().unwrap_or_else(PoisonError::into_inner);
+        budgets.retain(|_, budget| !budget.is_full());
+        budgets.entry(annotator).or_default().clone()
     }
 
     /// Lets nobody read, compute or follow any more: whoever waits to is refused, and what is under way ends.
@@ -352,6 +408,14 @@ impl Seats {
 }
 
 impl Lane {
+    /// Returns once a further request of `principal` may be answered.
+    async fn paced(&self, principal: Principal) {
+        if self.pace.len() >= MAX_PACED {
+            self.pace.retain_recent();
+        }
+        self.pace.until_key_ready(&principal).await;
+    }
+
     fn room(&self) -> MutexGuard<'_, Room> {
         self.room.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -399,22 +463,59 @@ impl Room {
 }
 
 impl Seat {
+    /// The class of the request.
     pub(crate) fn class(&self) -> CostClass {
-        CostClass::LIMITED[self.lane]
+        self.class
     }
-}
 
-impl Drop for Seat {
-    fn drop(&mut self) {
-        let lane = &self.seats.lanes[self.lane];
+    /// Gives it to whoever waits, and waits for one of `class` instead.
+    ///
+    /// # Errors
+    /// See [`NoSeat`].
+    pub(crate) async fn exchange(&self, class: CostClass) -> Result<(), NoSeat> {
+        self.give_back();
+        if let Some(other) = self.seats.take(class, self.principal, None).await? {
+            *self.lane() = other.lane().take();
+        }
+        Ok(())
+    }
+
+    /// The priority of work for the request: of what one principal reads and computes, little is done at once.
+    pub(crate) fn priority(&self) -> Priority {
+        match self.class {
+            CostClass::Reading | CostClass::Computing => Priority::Low(self.seats.turns(self.principal)),
+            CostClass::Decision
+            | CostClass::Bulk
+            | CostClass::Light
+            | CostClass::Streaming
+            | CostClass::Stranger
+            | CostClass::Free => Priority::Normal,
+        }
+    }
+
+    fn give_back(&self) {
+        let Some(place) = self.lane().take() else {
+            return;
+        };
+        let lane = &self.seats.lanes[place];
         let mut room = lane.room();
         room.free(self.principal);
         let next = room.next(lane.limits);
         drop(room);
         if let Some(Waiter { principal, seat }) = next {
             // Who is gone gives it back.
-            let _ = seat.send(self.seats.seat(self.lane, principal));
+            let _ = seat.send(self.seats.seat(place, principal));
         }
+    }
+
+    fn lane(&self) -> MutexGuard<'_, Option<usize>> {
+        self.lane.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        self.give_back();
     }
 }
 

@@ -52,11 +52,11 @@ fn a_process_has_room_for_many() {
 
 #[test]
 fn requests_come_in_bursts_and_then_at_a_pace() {
-    let visit = Visit::new([127, 0, 0, 1].into(), oneshot::channel().0);
+    let handle = ConnectionHandle::new([127, 0, 0, 1].into(), oneshot::channel().0);
     let burst = REQUEST_BURST.get();
-    assert!((0..burst).all(|_| visit.may_ask()));
+    assert!((0..burst).all(|_| handle.may_ask()));
     // Some time may have passed, and made room for a few.
-    let further = (0..2 * burst).filter(|_| visit.may_ask()).count();
+    let further = (0..2 * burst).filter(|_| handle.may_ask()).count();
     assert!(further < 2 * burst as usize, "{further}");
 }
 
@@ -84,11 +84,11 @@ async fn a_visit_closes_its_connection_while_it_waits_and_later() {
     let (address, mut taken) = listen(ConnectionPermits::new(4, 4)).await;
     let mut client = TcpStream::connect(address).await.unwrap();
     let mut connection = taken.next().await.unwrap().unwrap();
-    let visit = connection.connect_info();
+    let handle = connection.connect_info();
     let closing = async {
         tokio::task::yield_now().await;
-        visit.close();
-        visit.close();
+        handle.close();
+        handle.close();
     };
     let (read, ()) = tokio::join!(connection.read_u8(), closing);
     assert_eq!(read.unwrap_err().kind(), io::ErrorKind::TimedOut);

@@ -138,6 +138,36 @@ async fn only_so_many_of_one_principal_wait() {
     assert!(begun.elapsed() >= Duration::from_secs(1));
 }
 
+#[tokio::test]
+async fn who_asks_too_often_waits_and_the_others_do_not() {
+    let seats = Seats::new(&[]);
+    let seats = &seats;
+    let ask = |principal| async move { drop(take(seats, principal).await.unwrap()) };
+    let begun = Instant::now();
+    for _ in 0..READING_BURST.get() + 50 {
+        ask(of(1)).await;
+    }
+    let pace = 50 * Duration::from_secs(1) / READINGS_PER_SECOND.get();
+    assert!(begun.elapsed() >= pace, "{:?}", begun.elapsed());
+    let mut waits = pin!(ask(of(1)));
+    tokio::select! {
+        biased;
+        () = &mut waits => panic!("it need not wait"),
+        () = ask(of(2)) => {}
+    }
+    let decision = seats.take(CostClass::Decision, of(1), None);
+    tokio::select! {
+        biased;
+        decision = decision => assert!(decision.unwrap().is_some()),
+        () = &mut waits => panic!("decisions have a pace of their own"),
+    }
+    assert_eq!(
+        counts(seats, CostClass::Reading).answered,
+        1,
+        "it waits in a seat"
+    );
+}
+
 #[test]
 fn a_network_is_one_principal() {
     let at = |address: &str| Principal::at(address.parse().unwrap());
@@ -165,8 +195,9 @@ fn seats_are_named_by_class_total_and_share() {
         assert_eq!(named(wrong), Err(NoClassSeats), "{wrong}");
     }
     let twice = Seats::new(&[named("light=9/9").unwrap(), named("light=7/2").unwrap()]);
-    assert_eq!(twice.lanes[1].limits, SeatLimits::of(7, 2));
-    assert_eq!(twice.lanes[2].limits, CostClass::Reading.limits());
+    let limits = |class: CostClass| twice.lanes[class.lane().unwrap()].limits;
+    assert_eq!(limits(CostClass::Light), SeatLimits::of(7, 2));
+    assert_eq!(limits(CostClass::Reading), CostClass::Reading.limits());
 }
 
 proptest! {
@@ -178,11 +209,12 @@ proptest! {
         runtime.block_on(async {
             let limits = SeatLimits::of(5, 2);
             let seats = seats("reading=5/2");
+            let place = CostClass::Reading.lane().unwrap();
             let mut held: Vec<Seat> = Vec::new();
             let mut waiting: Vec<(Principal, oneshot::Receiver<Seat>)> = Vec::new();
             for (number, takes, which) in steps {
                 if takes {
-                    let coming = seats.take_or_wait(CostClass::Reading, 2, of(number)).unwrap();
+                    let coming = seats.take_or_wait(CostClass::Reading, place, of(number)).unwrap();
                     waiting.push((of(number), coming));
                 } else if number == 0 && !waiting.is_empty() {
                     let gone = which.index(waiting.len());

@@ -23,7 +23,7 @@ impl Kept {
         }
     }
 
-    /// What a restart keeps.
+    /// The sessions after a restart.
     fn again(&self, are_good: impl Fn(TokenDigest) -> bool) -> Sessions {
         Sessions::kept(self.folder.path(), &self.secret, are_good).unwrap()
     }
@@ -33,7 +33,7 @@ impl Kept {
     }
 }
 
-/// What a browser sends once it was given this.
+/// Headers of a browser that has these cookies.
 fn cookie_of(jar: SignedCookieJar) -> HeaderMap {
     let set = jar.into_response().headers()[SET_COOKIE]
         .to_str()
