@@ -1,4 +1,4 @@
-//! What campaigns hand to the dispatcher, and what they are told of it.
+//! Jobs that campaigns submit to the dispatcher, and their outcomes.
 
 use super::LeasedTraining;
 use murmuration_model::{
@@ -13,15 +13,15 @@ use tokio::sync::watch;
 /// Controllers to evaluate that share everything but genome and seed.
 #[derive(Debug, Clone)]
 pub struct EvaluationJob {
-    /// Whose they are; `None` if they are of no campaign.
+    /// Campaign of the tasks, if they are of one.
     pub campaign: Option<CampaignId>,
-    /// Their share of the workers.
+    /// The job's share of the workers.
     pub weight: Weight,
     pub model: CapabilityModel,
     pub world: World,
     /// The pictures wanted.
     pub image: ImageFormat,
-    /// What embeds the pictures, if anything.
+    /// Embedder of the pictures; `None` if they are not embedded.
     pub embedder: Option<EmbedderRef>,
     /// Trials of each controller.
     pub starts: Starts,
@@ -84,16 +84,16 @@ pub struct TrainingJob {
     pub shape: PictureShape,
     /// The pictures without labels.
     pub pictures: TrainingPictures,
-    /// What it goes on from, if it learns from labels.
+    /// Checkpoint and labels of a fine-tuning; `None` for a pretraining.
     pub fine_tuning: Option<FineTuningParams>,
-    /// Told how far the training has come.
+    /// Receives the progress of the training.
     pub progress: watch::Sender<Option<v1::TrainingProgress>>,
     /// Told of each training put aside; whoever keeps them looks at the newest.
     pub saved: watch::Sender<Option<SavedTraining>>,
 }
 
 impl TrainingJob {
-    /// What it can come to.
+    /// The training as it is leased to a trainer.
     pub(super) fn leased(&self) -> LeasedTraining {
         let bytes = self.configuration.saved_bytes(self.shape);
         LeasedTraining {
@@ -105,7 +105,7 @@ impl TrainingJob {
     }
 }
 
-/// What a training on labels begins with.
+/// Start of a training on labels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FineTuningParams {
     pub parent: CheckpointDigest,
@@ -127,11 +127,11 @@ pub struct ReplayJob {
     pub frames: Frames,
 }
 
-/// What became of a controller that was to be evaluated.
+/// Outcome of the evaluation of a controller.
 #[derive(Debug, Clone)]
 pub enum Evaluated {
     Done {
-        /// What came of its trials: as many as the job has starts.
+        /// Results of its trials: as many as the job has starts.
         trials: Vec<Evaluation>,
         maker: Maker,
     },

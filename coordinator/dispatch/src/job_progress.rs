@@ -5,7 +5,7 @@ use std::sync::{
     atomic::{AtomicBool, AtomicU32, Ordering},
 };
 
-/// What a job waits for that no worker can do.
+/// Error text when no connected worker can embed.
 const NO_EMBEDDER: &str = "no connected worker can embed: start one where ONNX Runtime is installed (`make runtime`), or \
                            see in the workers' logs why they cannot";
 
@@ -24,7 +24,7 @@ impl JobProgress {
         self.done.load(Ordering::Relaxed)
     }
 
-    /// What holds it up: that no worker can embed; or why work was given back, if none has been done since.
+    /// Why the job does not advance: no worker can embed, or the last lease came back with this reason.
     #[must_use]
     pub fn trouble(&self) -> Option<String> {
         if self.lacks_embedder.load(Ordering::Relaxed) {

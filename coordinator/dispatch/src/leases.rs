@@ -83,7 +83,7 @@ pub struct LeaseNumber(pub u64);
 pub struct JobParams {
     /// Number of tasks, at least one.
     pub tasks: usize,
-    /// What a task costs its job when turns are compared, in a unit that all jobs share (agents times steps over a weight,
+    /// Cost of a task when the turns of jobs are compared, in a unit that all jobs share (agents times steps over a weight,
     /// say); at least 1.
     pub cost: u64,
     /// Places of the tasks that a worker on a second machine repeats, where there is one.
@@ -97,7 +97,7 @@ pub struct JobParams {
 /// A batch that was just leased: send it to its worker.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Grant {
-    /// Who holds the lease.
+    /// Worker that holds the lease.
     pub worker: WorkerId,
     pub lease: LeaseNumber,
     /// The job that the tasks belong to.
@@ -106,20 +106,20 @@ pub struct Grant {
     pub tasks: Vec<usize>,
 }
 
-/// What became of a task.
+/// Outcome of a task.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Settled<R> {
     Result {
         /// The result.
         value: R,
-        /// Who did it, or the first of those who agree.
+        /// Worker that did the task, or the first of those that agree.
         by: WorkerProcessId,
-        /// Whether another machine found the same.
+        /// Whether another machine had the same result.
         audited: bool,
     },
     /// It took these workers with it, and is not tried again.
     Poisoned {
-        /// Who was lost while they held it, the last two while they held nothing else.
+        /// Workers that were lost while they held the task, the last two while they held nothing else.
         lost: Vec<WorkerProcessId>,
     },
 }
@@ -144,14 +144,14 @@ pub enum Event<R> {
         job: JobId,
         /// The place of the task.
         task: usize,
-        /// Who differs.
+        /// Workers whose results differ.
         between: Vec<WorkerProcessId>,
     },
     /// Workers say that nobody could do a task: of two machines, or of one where there is no other to ask. The job is now
     /// forgotten.
     Impossible {
         job: JobId,
-        /// Who says so.
+        /// Workers that say so.
         by: Vec<WorkerProcessId>,
     },
     /// A machine was found wrong: its connections are closed, and what it did unaudited is done again.
@@ -201,7 +201,7 @@ pub struct LeaseTable<R> {
     leases: BTreeMap<LeaseNumber, Lease>,
     quarantined: BTreeSet<MachineId>,
     events: Vec<Event<R>>,
-    /// What the leased tasks of the job served last have cost: where new jobs begin, so that they owe nothing.
+    /// Cost of the leased tasks of the job that was served last: new jobs begin with it, so that they owe nothing.
     served: u64,
     /// How long a dispute, and a task that one machine alone finds impossible, wait for another machine.
     dispute_timeout: Duration,
@@ -290,7 +290,7 @@ impl<R: Agree> LeaseTable<R> {
         self.workers.out()
     }
 
-    /// What happened since it was last asked.
+    /// Takes the events since the last call.
     pub fn take_events(&mut self) -> Vec<Event<R>> {
         std::mem::take(&mut self.events)
     }

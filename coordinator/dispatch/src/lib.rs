@@ -32,7 +32,7 @@ use work::Work;
 /// A worker or trainer that is connected.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ConnectedMachine {
-    /// What it is called, and its address.
+    /// Its name and address.
     pub name: String,
     /// Tasks that it runs at once; 0 once it takes no more.
     pub capacity: usize,
@@ -43,7 +43,7 @@ pub struct ConnectedMachine {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WorkInHand {
     pub kind: WorkKind,
-    /// Whose they are; `None` if they are of no campaign.
+    /// Campaign of the tasks, if they are of one.
     pub campaign: Option<CampaignId>,
     pub tasks: usize,
 }
@@ -104,10 +104,10 @@ impl Default for Options {
     }
 }
 
-/// What there is to say where no worker is connected.
+/// Error text when no worker is connected.
 pub const NO_WORKER: &str = "no worker is connected: start one with `murmuration-worker --coordinator URL`";
 
-/// How long what somebody waits for may wait for a first worker: whoever is starting, or was restarted, is there by then.
+/// How long work that somebody waits for may wait for a first worker: a worker that is starting has connected by then.
 const FIRST_WORKER_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Messages to a worker that may wait to be sent; one that reads none of so many is taken for lost.
@@ -130,7 +130,7 @@ pub struct JoinRequest {
     pub name: String,
     /// Where it connects from.
     pub origin: Origin,
-    /// What tells its process from others of its machine; `None` if it does not say.
+    /// Number of its process, unlike those of other processes on its machine; `None` if it reports none.
     pub instance: Option<u64>,
     /// Tasks that it runs at once.
     pub capacity: usize,
@@ -154,7 +154,7 @@ pub enum JoinError {
     Quarantined(MachineId),
 }
 
-/// What a worker says once it has been welcomed, validated.
+/// A validated message of a worker that has been welcomed.
 #[derive(Debug)]
 pub enum WorkerReport {
     /// Ready for so many further evaluations.
@@ -197,7 +197,7 @@ pub enum TrainingLease {
     Never,
 }
 
-/// What a training can come to.
+/// A training as it is leased, by which its result is checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeasedTraining {
     pub configuration: Configuration,
@@ -271,7 +271,7 @@ impl Dispatch {
         }
     }
 
-    /// Has the workers evaluate a job; `job_progress` says how far it is. Results are in the
+    /// Evaluates a job on the workers; `job_progress` receives its progress. Results are in the
     /// order of the tasks. Dropping the future withdraws the job.
     ///
     /// # Errors
@@ -284,7 +284,7 @@ impl Dispatch {
         self.submit(job, job_progress).await
     }
 
-    /// Has the workers embed stored pictures; `job_progress` says how far that is. Embeddings are in the order of the individuals,
+    /// Embeds stored pictures on the workers; `job_progress` receives the progress. Embeddings are in the order of the individuals,
     /// one a picture, each individual's with who made them. Dropping the future withdraws the job.
     ///
     /// # Errors
@@ -297,7 +297,7 @@ impl Dispatch {
         self.submit(job, job_progress).await
     }
 
-    /// Has a worker simulate one individual again, to be watched.
+    /// Simulates an individual again on a worker, to show its motion.
     ///
     /// # Errors
     /// See [`JobError`].
@@ -305,7 +305,7 @@ impl Dispatch {
         self.submit_one(job, Arc::default()).await
     }
 
-    /// What `work` comes to, which somebody waits for: an error once no worker has been there for a while to do it.
+    /// The output of `work`, or an error once no worker has been connected for a while.
     ///
     /// # Errors
     /// [`JobError::NoWorker`].

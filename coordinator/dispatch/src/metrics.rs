@@ -1,4 +1,4 @@
-//! What a dispatcher counts: work, leases, and those who hold them.
+//! Metrics of a dispatcher: work, leases, workers.
 
 use prometheus_client::{
     metrics::{
@@ -27,7 +27,7 @@ impl PeerKind {
     }
 }
 
-/// What is farmed out.
+/// Kinds of work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WorkKind {
     Evaluation,
@@ -65,7 +65,7 @@ impl WorkKind {
 
 type MetricLabels = [(&'static str, &'static str); 1];
 
-/// What all dispatchers of a coordinator count, told apart by labels; cheap to clone.
+/// Metric families of all dispatchers of a coordinator, told apart by labels; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Families {
     connected: Family<MetricLabels, Gauge>,

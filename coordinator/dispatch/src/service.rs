@@ -326,7 +326,7 @@ impl Service {
         self.dismiss(id, reason);
     }
 
-    /// Has no more to do with a worker; what it holds is the table's affair.
+    /// Forgets the worker; the lease table handles its leases.
     fn dismiss(&mut self, id: WorkerId, reason: Option<Status>) {
         let Some(worker) = self.workers.remove(&id) else {
             return;

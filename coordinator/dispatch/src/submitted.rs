@@ -31,7 +31,7 @@ impl Agree for Vote {
     }
 }
 
-/// What no sound worker sends.
+/// A result that no sound worker sends.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Unsound {
     #[error(transparent)]
@@ -40,7 +40,7 @@ pub(super) enum Unsound {
     Count(#[from] Refused),
 }
 
-/// What it takes to say what a job came to: names of processes, and where audits are counted.
+/// Context of a job's end: names of processes, and the counter of audits.
 pub(super) struct Closing<'a> {
     pub(super) names: &'a dyn Fn(&[WorkerProcessId]) -> Vec<String>,
     pub(super) metrics: &'a DispatchMetrics,

@@ -18,7 +18,7 @@ impl Trainers {
         Self(Dispatch::start(options, metrics, wrong))
     }
 
-    /// Has a trainer train an embedder and publish it; `job_progress` says what holds it up. Dropping the future withdraws the
+    /// Trains an embedder on a trainer, which publishes it; `job_progress` receives the progress. Dropping the future withdraws the
     /// job.
     ///
     /// # Errors
@@ -53,7 +53,7 @@ impl Trainers {
         self.dispatch().connected().await
     }
 
-    /// What serves the trainers' streams.
+    /// The dispatcher of the trainers' streams.
     pub const fn dispatch(&self) -> &Dispatch {
         &self.0
     }

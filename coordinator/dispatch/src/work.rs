@@ -11,14 +11,14 @@ use murmuration_proto::{
 use murmuration_sim::features::{FeatureBounds, check_positions};
 use std::fmt::Debug;
 
-/// What embedding a picture costs, in steps of an agent.
+/// Cost of embedding a picture, in steps of an agent.
 const EMBEDDING_COST: u64 = 1300;
 
-/// The work of a job. Whoever submits it is told an outcome a task.
+/// The work of a job. Its submitter receives an outcome for each task.
 pub(super) trait Work: Debug + Send + 'static {
     /// The result of a task, as a worker sends it.
     type Result: Send;
-    /// What whoever submits the work is told of a task.
+    /// Outcome of a task, for the submitter.
     type Outcome: Debug + Send;
 
     const KIND: WorkKind;
@@ -33,7 +33,7 @@ pub(super) trait Work: Debug + Send + 'static {
         1
     }
 
-    /// What a task costs, in steps of an agent.
+    /// Cost of a task, in steps of an agent.
     fn cost(&self) -> u64;
 
     /// Whether a second machine is asked of some tasks.
@@ -60,11 +60,11 @@ pub(super) trait Work: Debug + Send + 'static {
     /// Whether two results of one task count as the same.
     fn agree(one: &Self::Result, other: &Self::Result) -> bool;
 
-    /// What a result is to whoever submitted the work, once nothing can change it any more; `unaudited` is the machine that
-    /// alone says so.
+    /// The outcome of a result that nothing can change any more; `unaudited` is the machine that
+    /// alone has computed it.
     fn settled(result: Self::Result, unaudited: Option<MachineId>) -> Self::Outcome;
 
-    /// What a poisoned task is to whoever submitted the work: an outcome if something can take its place.
+    /// The outcome of a poisoned task, or an error if the job cannot go on without it.
     fn poisoned(task: PoisonedTask) -> Result<Self::Outcome, JobError> {
         Err(task.into())
     }
@@ -75,7 +75,7 @@ pub(super) trait Work: Debug + Send + 'static {
     }
 }
 
-/// What a simulation costs, in steps of an agent.
+/// Cost of a simulation, in steps of an agent.
 fn simulation_cost(world: &World) -> u64 {
     u64::from(world.agents()) * u64::from(world.horizon())
 }
@@ -87,7 +87,7 @@ fn task(controller: &Controller, seed: u64) -> v1::EvaluationTask {
     }
 }
 
-/// What a worker sent for the trials of so many tasks, task by task.
+/// Splits the results of a worker by task.
 ///
 /// # Errors
 /// If there are not `starts` for each task.

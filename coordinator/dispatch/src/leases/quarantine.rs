@@ -15,7 +15,7 @@ impl<R: Agree> LeaseTable<R> {
         self.quarantine_all(BTreeSet::from([process]));
     }
 
-    /// What they said is forgotten before any job can end with it.
+    /// Quarantines these processes. Their results are forgotten before any job can end with one.
     pub(super) fn quarantine_all(&mut self, mut processes: BTreeSet<WorkerProcessId>) {
         processes.retain(|process| !self.quarantined.contains(&process.machine));
         let again: Vec<usize> = processes
@@ -52,7 +52,7 @@ impl<R: Agree> LeaseTable<R> {
         }
     }
 
-    /// What kept a task possible may have been the word of a machine that was found wrong.
+    /// Ends jobs with a task that only a machine now quarantined had found possible.
     fn end_impossible_jobs(&mut self) {
         let first = |job: &Job<R>| job.tasks.iter().position(Task::is_impossible);
         let impossible = self.jobs.iter().filter_map(|(&id, job)| Some((id, first(job)?)));

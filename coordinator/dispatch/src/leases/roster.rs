@@ -1,4 +1,4 @@
-//! Who is connected, in an order that says at once whose turn it is: no question here takes longer the more workers there are,
+//! The connected workers, in the order of their turns: no question here takes longer the more workers there are,
 //! but for those that go through all of them.
 
 use super::{WorkerId, workers::Worker};
@@ -8,7 +8,7 @@ use std::{
     time::Instant,
 };
 
-/// Whose turn it is: the least in hand first, then the most credits, then who came first.
+/// Order of turns: the worker with the fewest tasks first, then the one with the most credits, then the one that came first.
 type Turn = (usize, Reverse<usize>, WorkerId);
 
 /// The connected workers.

@@ -18,12 +18,12 @@ impl Agree for u64 {
 
 const DISPUTE_TIMEOUT: Duration = Duration::from_millis(200);
 
-/// What the one right answer to a task is.
+/// The right answer to a task.
 fn truth(job: JobId, place: usize) -> u64 {
     job.0 << 20 | place as u64
 }
 
-/// What all workers of a machine are like.
+/// Behaviour of all workers of a machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Character {
     Honest,
@@ -40,7 +40,7 @@ struct Process {
     embeds: bool,
     /// Its connection, if it has one.
     worker: Option<WorkerId>,
-    /// What it was given and has not answered, on whichever connection.
+    /// Leases that it has not answered, on whichever connection.
     has: Vec<Grant>,
 }
 

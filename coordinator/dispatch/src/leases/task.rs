@@ -6,13 +6,13 @@ use std::{collections::BTreeSet, time::Instant};
 
 #[derive(Debug)]
 pub(super) struct Task<R> {
-    /// What each machine said, at most once; several where it is audited or disputed.
+    /// One result of each machine; several machines if the task is audited or disputed.
     pub(super) votes: Vec<(WorkerProcessId, R)>,
-    /// Who said that nobody could do it, one a machine.
+    /// Workers that called the task impossible, one for each machine.
     pub(super) refused: Vec<WorkerProcessId>,
-    /// Who was lost while they held it, and has not been heard of since.
+    /// Workers that were lost while they held the task, and have not come back.
     pub(super) lost: BTreeSet<WorkerProcessId>,
-    /// Workers that have it in hand.
+    /// Number of workers that hold the task.
     pub(super) out: usize,
     /// Since when no other machine is there that could decide about it.
     pub(super) alone_since: Option<Instant>,
@@ -175,7 +175,7 @@ impl<R: Agree> Task<R> {
         self.audited = false;
     }
 
-    /// Whose votes the settled result shows to be wrong.
+    /// Processes whose votes differ from the settled result.
     pub(super) fn wrong(&self) -> Vec<WorkerProcessId> {
         let TaskState::Settled(place) = self.state() else {
             return Vec::new();

@@ -1,4 +1,4 @@
-//! What the lease table does, case by case.
+//! The lease table, case by case.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! Who is next: which task of a job, which job, and which worker for it.
+//! Turns: which job is next, which of its tasks, and which worker gets them.
 
 use super::{
     AT_ONCE, Agree, Event, Grant, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH, SPECULATION_DELAY,
@@ -100,7 +100,7 @@ impl<R: Agree> LeaseTable<R> {
         })
     }
 
-    /// Who gets what of a job.
+    /// Chooses tasks of a job, and a worker for them.
     fn choose(&self, id: JobId, reserved: Option<WorkerId>, now: Instant) -> Option<Choice> {
         let job = self.jobs.get(&id)?;
         let choice = self.choose_second(id, job, reserved, now);
@@ -117,7 +117,7 @@ impl<R: Agree> LeaseTable<R> {
         })
     }
 
-    /// Who gets tasks that another machine has met.
+    /// Chooses a worker for tasks that another machine has done already.
     fn choose_second(
         &self,
         id: JobId,
@@ -141,7 +141,7 @@ impl<R: Agree> LeaseTable<R> {
         })
     }
 
-    /// Who gets a task that may take its worker with it.
+    /// Chooses a worker for a task that may kill it: the task is leased alone.
     fn choose_alone(&self, id: JobId, job: &Job<R>, now: Instant) -> Option<Choice> {
         let idle = || self.workers.idle(job.embeds);
         if job.queues.alone.is_empty() || idle().next().is_none() {
@@ -159,7 +159,7 @@ impl<R: Agree> LeaseTable<R> {
         })
     }
 
-    /// What an idle worker gets of a lease that is late with others: the first result counts. Whoever has it as well is
+    /// Chooses tasks of a late lease for an idle worker as well: the first result counts. The second worker is
     /// given twice as long before there is a next.
     fn speculate(&self, reserved: Option<WorkerId>, now: Instant) -> Option<(JobId, Choice)> {
         for lease in self.late(now) {

@@ -1,4 +1,4 @@
-//! What comes back: results and failures of leases, and what becomes of jobs and of workers that were found wrong.
+//! Results and failures of leases, and their consequences for jobs and for workers that were found wrong.
 
 use super::{Given, Job, Service};
 use crate::{

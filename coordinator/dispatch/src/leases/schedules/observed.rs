@@ -1,4 +1,4 @@
-//! What a schedule's cluster is told, held against what it knows.
+//! Events of a schedule's cluster, checked against the truth of the schedule.
 
 use super::*;
 

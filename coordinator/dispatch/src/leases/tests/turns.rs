@@ -1,4 +1,4 @@
-//! Who is next.
+//! Turns of jobs and workers.
 
 use super::*;
 use std::collections::VecDeque;
