@@ -5,14 +5,16 @@ use crate::{
     nearest::{Nearest, Neighbour},
     taxonomy::{ClusterName, Medoid, Names, Origin, Taxonomy},
 };
-use murmuration_model::Stage;
+use murmuration_model::{Stage, TimeLeft};
 use murmuration_proto::{CheckpointDigest, PART_BYTES, parts::parts, v1};
 use murmuration_store::Notice;
 
 impl From<CampaignStatus> for v1::Campaign {
     fn from(status: CampaignStatus) -> Self {
+        let (progress, time_left) = (status.progress(), status.time_left());
         let record = status.record;
         let (generations, dataset_done) = (record.generations(), record.dataset_done());
+        let (evaluated, evaluations) = (record.individuals(), record.evaluations());
         // Nobody looks for novelty where all controllers are evaluated, and it is stored as 0.
         let measures_novelty = record.spec.method().has_novelty();
         let last_novelty = record.last_novelty.filter(|_| measures_novelty);
@@ -61,11 +63,16 @@ impl From<CampaignStatus> for v1::Campaign {
                 )
                 .collect(),
             waiting: status.waiting.unwrap_or_default(),
+            evaluations_done: evaluated + u64::from(arrived(Stage::Evolve)),
+            evaluations,
+            progress,
+            time_left: time_left.map(|TimeLeft { seconds, is_least }| v1::TimeLeft { seconds, is_least }),
             study: record
                 .study
                 .map(|study| study.as_str().to_owned())
                 .unwrap_or_default(),
             ended_ms: record.ended_ms,
+            toml: None,
         }
     }
 }

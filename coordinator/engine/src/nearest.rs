@@ -1,4 +1,4 @@
-//! What in an archive is like a behaviour that need not be of it.
+//! Individuals of an archive that are near any behaviour.
 
 use crate::queries::Clustered;
 use murmuration_model::labels::ClassName;
@@ -40,14 +40,14 @@ pub struct Nearest {
 pub enum NearestError {
     #[error("the archive is empty: wait until the first generation is complete")]
     Empty,
-    #[error("{0}")]
+    #[error(transparent)]
     Misfit(#[from] Misfit),
     #[error("the archive of {} has no medoids", counted(*.0 as u64, "individual"))]
     NoMedoid(usize),
 }
 
 impl Nearest {
-    /// What is like `behaviour` among `count` individuals of an archive at most, in which `classes` stand.
+    /// At most `count` individuals of an archive with these classes that are nearest to `behaviour`.
     pub fn find(
         clustered: &Clustered,
         classes: &BTreeMap<u64, ClassName>,

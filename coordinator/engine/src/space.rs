@@ -28,11 +28,11 @@ pub struct Space {
 /// Why there is no space to measure in.
 #[derive(Debug, thiserror::Error)]
 pub enum SpaceError {
-    #[error("{0}")]
+    #[error(transparent)]
     Store(#[from] StoreError),
     #[error("the archive holds vectors that cannot be compared: {0}")]
     Misfit(#[from] Misfit),
-    #[error("{0}")]
+    #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }
 

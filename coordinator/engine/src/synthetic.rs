@@ -28,14 +28,14 @@ const AGENTS_AT_ONCE: usize = 20_000;
 /// Why the synthetic annotator cannot answer.
 #[derive(Debug, thiserror::Error)]
 pub enum AnnotatorError {
-    #[error("{0}")]
+    #[error(transparent)]
     Store(#[from] StoreError),
-    #[error("{0}")]
+    #[error(transparent)]
     Query(#[from] QueryError),
-    #[error("{0}")]
+    #[error(transparent)]
     Job(#[from] JobError),
     /// A bug: it broke off.
-    #[error("{0}")]
+    #[error(transparent)]
     Broken(#[from] Broken),
 }
 
@@ -50,7 +50,7 @@ pub struct SyntheticAnnotator {
 }
 
 impl SyntheticAnnotator {
-    /// What it says of the first `count` individuals in the strategy's order that nobody has answered about, fewer where
+    /// Its answers for the first `count` individuals in the strategy's order that nobody has answered about, fewer where
     /// there are not so many; nothing is written to the log. `job_progress` counts the answers; `interrupt` ends a clustering of the archive.
     ///
     /// With the same archive and log they are the same answers.

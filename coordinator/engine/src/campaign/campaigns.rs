@@ -12,9 +12,10 @@ use super::{
 use crate::{blocking::blocking, synthetic::SyntheticAnnotator};
 use murmuration_dispatch::{ConnectedMachine, Evaluated, EvaluationJob, JobError, Trainers};
 use murmuration_model::{
-    CampaignHead, CampaignId, CampaignRecord, CampaignState, NewCampaign, Quarantined, Stage,
+    CampaignHead, CampaignId, CampaignRecord, CampaignState, NewCampaign, Quarantined, Stage, TimeLeft,
+    WorkLeft,
 };
-use murmuration_proto::{Controller, EmbedderSource, Evaluation, World, v1};
+use murmuration_proto::{Controller, EmbedderSource, Evaluation, Feedback, World, v1};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{Notice, Started, StoreError, checkpoints::Checkpoints};
 use std::{
@@ -38,12 +39,63 @@ pub struct CampaignStatus {
     pub per_second: f64,
     /// How far the training has come, while there is one.
     pub training: Option<v1::TrainingProgress>,
-    /// What it waits for before it goes on by itself, such as room on the disk, or a worker.
+    /// The missing resource that it waits for, such as room on the disk, or a worker.
     pub waiting: Option<String>,
     pub workers: usize,
     pub trainers: usize,
     /// The latest notices, oldest first.
     pub notices: Vec<Notice>,
+}
+
+impl CampaignStatus {
+    /// How far its stage has come; none before a trainer has reported its epochs.
+    pub fn progress(&self) -> Option<v1::StageProgress> {
+        let (record, arrived) = (&self.record, u64::from(self.arrived));
+        let (spec, archived) = (&record.spec, record.individuals());
+        let (done, total, unit) = match (self.stage, spec.embedder()) {
+            (Stage::Dataset, Some(EmbedderSource::Trained { dataset, .. })) => {
+                (record.dataset_done() + arrived, dataset.pictures(), "picture")
+            }
+            (Stage::Pretrain | Stage::FineTune, _) => {
+                let training = self.training?;
+                (training.epoch, training.epochs, "epoch")
+            }
+            (Stage::Embed, _) => (record.embedder.embedded() + arrived, archived, "picture"),
+            (Stage::Label, _) => {
+                let wanted = spec.feedback().map_or(0, Feedback::labels);
+                (arrived, wanted.into(), "label")
+            }
+            (Stage::Evolve, _) => (archived + arrived, record.evaluations(), "evaluation"),
+            (Stage::Taxonomy | Stage::Dataset, _) => (archived, record.evaluations(), "evaluation"),
+        };
+        let done = done.min(total);
+        Some(v1::StageProgress {
+            done,
+            total,
+            unit: unit.to_owned(),
+            seconds_left: match self.training {
+                _ if !self.active => None,
+                Some(training) => training.seconds_left,
+                None => (self.per_second > 0.0).then(|| (total - done) as f64 / self.per_second),
+            },
+        })
+    }
+
+    /// How long it still takes in all; none where that is not known.
+    pub fn time_left(&self) -> Option<TimeLeft> {
+        let record = &self.record;
+        let left = WorkLeft {
+            spec: &record.spec,
+            stage: self.stage,
+            generations_done: record.generations_done,
+            arrived: self.arrived,
+            rounds_done: record.rounds.done,
+            is_learning: record.rounds.current_cutoff.is_some(),
+            per_second: self.per_second,
+            stage_seconds: self.progress().and_then(|progress| progress.seconds_left),
+        };
+        left.whole().filter(|_| self.active)
+    }
 }
 
 /// A campaign of a list, before the list is cut into pages.

@@ -3,6 +3,7 @@
 use super::{CampaignError, context::StageContext, run_handle::CommitHandle};
 use crate::blocking::blocking;
 use backon::{BackoffBuilder as _, ExponentialBuilder};
+use murmuration_search::interrupt::Interrupted;
 use murmuration_store::Store;
 use std::{sync::Arc, time::Duration};
 
@@ -12,13 +13,15 @@ const LAST_PAUSE: Duration = Duration::from_secs(30);
 
 impl StageContext {
     /// Makes a change to the store. Where the disk refuses it for now (it is full, read-only, or failing), the campaign
-    /// waits, says so, and makes it again: what workers have evaluated is not thrown away. `None` if the campaign is to
-    /// stop while it waits; then nothing has changed.
+    /// waits, says so, and makes it again: what workers have evaluated is not thrown away.
+    ///
+    /// # Errors
+    /// [`Interrupted`] if the campaign is to stop while it waits; then nothing has changed.
     pub(super) async fn commit<T: Send + 'static, E: Into<CampaignError> + Send + 'static>(
         &self,
         handle: &CommitHandle,
         change: impl Fn(&Store) -> Result<T, E> + Send + Sync + 'static,
-    ) -> Result<Option<T>, CampaignError> {
+    ) -> Result<T, CampaignError> {
         let change = Arc::new(change);
         let pauses = ExponentialBuilder::default()
             .with_min_delay(FIRST_PAUSE)
@@ -30,7 +33,7 @@ impl StageContext {
             let error = match blocking(move || once(&store)).await?.map_err(Into::into) {
                 Ok(made) => {
                     handle.refused(None);
-                    return Ok(Some(made));
+                    return Ok(made);
                 }
                 Err(error) if error.may_pass() => error.to_string(),
                 Err(error) => return Err(error),
@@ -38,7 +41,7 @@ impl StageContext {
             tracing::warn!(error, "waits for the disk");
             handle.refused(Some(error));
             tokio::select! {
-                () = handle.stopped() => return Ok(None),
+                () = handle.stopped() => return Err(Interrupted.into()),
                 () = tokio::time::sleep(pauses.next().unwrap_or(LAST_PAUSE)) => {}
             }
         }

@@ -1,4 +1,4 @@
-//! What every stage is handed, and how it says that it ended.
+//! Context of every stage.
 
 use super::{CampaignError, metrics::CampaignMetrics};
 use crate::{blocking::blocking, synthetic::SyntheticAnnotator};
@@ -50,24 +50,6 @@ pub(super) fn pictures_at_once(image: &ImageFormat, most: usize) -> usize {
 /// Individuals whose pictures a stage handles at a time: `most`, or as many as fit.
 pub(super) fn individuals_at_once(spec: &CampaignSpec, most: usize) -> usize {
     (PICTURE_BYTES / spec.individual_bytes()).clamp(1, most)
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Outcome {
-    /// All of it is on disk.
-    Done,
-    /// It was told to stop; what is on disk is whole.
-    Stopped,
-}
-
-impl Outcome {
-    /// The outcome of a stage that ends with a [`StageContext::commit`].
-    pub(super) const fn of(committed: Option<()>) -> Self {
-        match committed {
-            Some(()) => Self::Done,
-            None => Self::Stopped,
-        }
-    }
 }
 
 /// A campaign as it is on disk now.

@@ -2,7 +2,7 @@
 
 use super::{
     CampaignError,
-    context::{Outcome, StageContext, pictures_at_once},
+    context::{StageContext, pictures_at_once},
     evaluate::{Placed, evaluate},
     run_handle::RunHandle,
 };
@@ -22,9 +22,9 @@ pub(super) async fn collect(
     context: &StageContext,
     record: CampaignRecord,
     handle: &mut RunHandle,
-) -> Result<Outcome, CampaignError> {
+) -> Result<(), CampaignError> {
     let Some(&EmbedderSource::Trained { dataset, .. }) = record.spec.embedder() else {
-        return Ok(Outcome::Done);
+        return Ok(());
     };
     let CampaignRecord {
         id,
@@ -42,9 +42,7 @@ pub(super) async fn collect(
         let job = EvaluationJob::of(&record, None, tasks);
         let substitute =
             |place: usize, attempt| substitutes(spec, &dataset, chunk.start, place as u64, attempt);
-        let Some(done) = evaluate(&context.dispatch, handle, job, substitute).await? else {
-            return Ok(Outcome::Stopped);
-        };
+        let done = evaluate(&context.dispatch, handle, job, substitute).await?;
         let (pictures, provenance) = done.into_pictures(|place, reason| {
             let picture = chunk.start * starts + place as u64;
             format!(
@@ -54,13 +52,11 @@ pub(super) async fn collect(
         let count = pictures.len() as u64;
         let (id, place) = (id.clone(), chunk.start * starts);
         let add = move |store: &Store| store.add_pictures(&id, place, &pictures, &provenance);
-        if context.commit(&handle.commit_handle(), add).await?.is_none() {
-            return Ok(Outcome::Stopped);
-        }
+        context.commit(&handle.commit_handle(), add).await?;
         handle.done(count);
         next = chunk.end;
     }
-    Ok(Outcome::Done)
+    Ok(())
 }
 
 /// Controllers of the dataset by index, each with the seeds of its starts.

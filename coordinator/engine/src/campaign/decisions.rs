@@ -1,4 +1,4 @@
-//! What people decide about a campaign: written first, then followed. From the instant that a decision is on disk nothing
+//! Decisions of people about a campaign: written first, then followed. From the instant that a decision is on disk nothing
 //! that the former run still does can change the campaign, so nobody has to wait for its end.
 
 use super::{

@@ -3,7 +3,7 @@
 
 use super::{
     CampaignError,
-    context::{Outcome, StageContext, individuals_at_once},
+    context::{StageContext, individuals_at_once},
     run_handle::RunHandle,
 };
 use crate::blocking::blocking;
@@ -24,7 +24,7 @@ pub(super) async fn embed(
     context: &StageContext,
     record: CampaignRecord,
     handle: &mut RunHandle,
-) -> Result<Outcome, CampaignError> {
+) -> Result<(), CampaignError> {
     let CampaignRecord {
         id,
         spec,
@@ -38,7 +38,7 @@ pub(super) async fn embed(
         ..
     } = record
     else {
-        return Ok(Outcome::Done);
+        return Ok(());
     };
     let embedder = context.checkpoints.embedder(checkpoint, spec.image()).await?;
     let at_once = individuals_at_once(&spec, CHUNK) as u64;
@@ -60,12 +60,9 @@ pub(super) async fn embed(
             starts: spec.starts(),
             images,
         };
-        let Some(embeddings) = handle
+        let embeddings = handle
             .until_stopped(|job_progress| context.dispatch.embed(job, job_progress))
-            .await
-        else {
-            return Ok(Outcome::Stopped);
-        };
+            .await?;
         let (embeddings, makers): (Vec<_>, Vec<_>) = embeddings?.into_iter().unzip();
         let provenance = Provenance {
             makers,
@@ -74,18 +71,14 @@ pub(super) async fn embed(
         let count = embeddings.len() as u64;
         let of = id.clone();
         let add = move |store: &Store| store.add_embeddings(&of, embedded, &embeddings, &provenance);
-        if context.commit(&handle.commit_handle(), add).await?.is_none() {
-            return Ok(Outcome::Stopped);
-        }
+        context.commit(&handle.commit_handle(), add).await?;
         embedded += count;
         handle.done(count);
     }
     let (store, of, interrupt) = (context.store.clone(), id.clone(), handle.interrupt.clone());
     let measured = blocking(move || measure(&store, &of, &spec, embedder.dimensions, &interrupt)).await??;
-    let switched = context
-        .commit(&handle.commit_handle(), move |store| store.switch(&id, &measured))
-        .await?;
-    Ok(Outcome::of(switched))
+    let switch = move |store: &Store| store.switch(&id, &measured);
+    context.commit(&handle.commit_handle(), switch).await
 }
 
 /// Measures every generation anew, in the archive as it stood after it.

@@ -1,4 +1,4 @@
-//! What can go wrong with a campaign.
+//! Errors of campaigns.
 
 use crate::{blocking::Broken, queries::QueryError, space::SpaceError, synthetic::AnnotatorError};
 use murmuration_dispatch::JobError;
@@ -10,15 +10,15 @@ use murmuration_store::{DecisionError, DeletionError, LabelError, StoreError, ch
 /// Why a campaign stopped, or could not do what was asked.
 #[derive(Debug, thiserror::Error)]
 pub enum CampaignError {
-    #[error("{0}")]
+    #[error(transparent)]
     Store(#[from] StoreError),
-    #[error("{0}")]
+    #[error(transparent)]
     NotAllowed(#[from] NotAllowed),
-    #[error("{0}")]
+    #[error(transparent)]
     NotDeleted(DeletionError),
-    #[error("{0}")]
+    #[error(transparent)]
     Job(#[from] JobError),
-    #[error("{0}")]
+    #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
     #[error("campaign {id} has no embedder to replace or to fine-tune: its behaviour space is \"{space}\"")]
     NoEmbedding { id: CampaignId, space: BehaviourSpace },
@@ -41,11 +41,11 @@ pub enum CampaignError {
         checkpoint: CheckpointDigest,
         reason: String,
     },
-    #[error("{0}")]
+    #[error(transparent)]
     Query(QueryError),
-    #[error("{0}")]
+    #[error(transparent)]
     Label(#[from] LabelError),
-    #[error("{0}")]
+    #[error(transparent)]
     Propose(#[from] ProposeError),
     #[error("a worker returned an impossible evaluation: {0}")]
     Misfit(#[from] Misfit),
@@ -69,7 +69,7 @@ pub enum CampaignError {
         /// Version of the simulator that it was begun with.
         theirs: String,
     },
-    #[error("{0}")]
+    #[error(transparent)]
     Interrupted(#[from] Interrupted),
     /// A bug: the search itself broke off.
     #[error("the search stopped because of a bug, which the log describes; committed data is safe")]

@@ -49,13 +49,13 @@ impl Done {
 pub(super) type Placed = (usize, (Controller, u64));
 
 /// Runs `job` on the workers. Where a task is poisoned, `substitute` says which tasks take its place (and those
-/// of its neighbours, where they belong together) at an attempt, counted from 1. `None` if the campaign is to stop.
+/// of its neighbours, where they belong together) at an attempt, counted from 1.
 pub(super) async fn evaluate(
     dispatch: &Dispatch,
     handle: &mut RunHandle,
     job: EvaluationJob,
     substitute: impl Fn(usize, u64) -> Result<Vec<Placed>, ProposeError>,
-) -> Result<Option<Done>, CampaignError> {
+) -> Result<Done, CampaignError> {
     let mut tasks = job.tasks.clone();
     let mut results: Vec<Option<(Vec<Evaluation>, Maker)>> = vec![None; tasks.len()];
     let mut poisoned = Vec::new();
@@ -68,12 +68,9 @@ pub(super) async fn evaluate(
             tasks: wanted.iter().map(|(_, task)| task.clone()).collect(),
             ..job
         };
-        let Some(evaluated) = handle
+        let evaluated = handle
             .until_stopped(|job_progress| dispatch.evaluate(job, job_progress))
-            .await
-        else {
-            return Ok(None);
-        };
+            .await?;
         let mut substitutes = BTreeMap::new();
         for ((place, _), evaluated) in wanted.into_iter().zip(evaluated?) {
             match evaluated {
@@ -97,10 +94,10 @@ pub(super) async fn evaluate(
         }
     }
     let (evaluations, makers) = results.into_iter().flatten().unzip();
-    Ok(Some(Done {
+    Ok(Done {
         tasks,
         evaluations,
         makers,
         poisoned,
-    }))
+    })
 }

@@ -3,7 +3,7 @@
 
 use super::{
     CampaignError,
-    context::{Outcome, StageContext, pictures_at_once},
+    context::{StageContext, pictures_at_once},
     evaluate::evaluate,
     run_handle::RunHandle,
     train::train,
@@ -25,15 +25,13 @@ pub(super) async fn fine_tune(
     context: &StageContext,
     record: CampaignRecord,
     handle: &mut RunHandle,
-) -> Result<Outcome, CampaignError> {
+) -> Result<(), CampaignError> {
     let (Some(NextTraining::FineTuning { parent, cutoff }), Some(feedback)) =
         (NextTraining::of(&record), record.spec.feedback())
     else {
-        return Ok(Outcome::Done);
+        return Ok(());
     };
-    if further_starts(context, &record, cutoff, handle).await? == Outcome::Stopped {
-        return Ok(Outcome::Stopped);
-    }
+    further_starts(context, &record, cutoff, handle).await?;
     let pictures = read(context, &record, cutoff).await?;
     let fine_tuning = FineTuningParams {
         parent,
@@ -41,13 +39,9 @@ pub(super) async fn fine_tune(
         labels: pictures.labels,
     };
     let training = (configuration(context, parent, feedback).await?, Some(fine_tuning));
-    let Some(checkpoint) = train(context, &record, training, handle).await? else {
-        return Ok(Outcome::Stopped);
-    };
+    let checkpoint = train(context, &record, training, handle).await?;
     let finish = move |store: &Store| store.finish_round(&record.id, checkpoint);
-    Ok(Outcome::of(
-        context.commit(&handle.commit_handle(), finish).await?,
-    ))
+    context.commit(&handle.commit_handle(), finish).await
 }
 
 async fn read(
@@ -66,7 +60,7 @@ async fn further_starts(
     record: &CampaignRecord,
     cutoff: u64,
     handle: &mut RunHandle,
-) -> Result<Outcome, CampaignError> {
+) -> Result<(), CampaignError> {
     let missing = read(context, record, cutoff).await?.missing;
     let mut place = record.pictures_done;
     for starts in missing.chunks(pictures_at_once(record.spec.image(), CHUNK)) {
@@ -82,9 +76,7 @@ async fn further_starts(
             } = &starts[place];
             Ok(vec![(place, (controller.clone(), *labelled))])
         };
-        let Some(done) = evaluate(&context.dispatch, handle, job, labelled).await? else {
-            return Ok(Outcome::Stopped);
-        };
+        let done = evaluate(&context.dispatch, handle, job, labelled).await?;
         let (pictures, provenance) = done.into_pictures(|_, reason| {
             format!(
                 "the task of a further start was poisoned, and the labelled start took its place: {reason}"
@@ -92,12 +84,10 @@ async fn further_starts(
         });
         let (id, count) = (record.id.clone(), pictures.len() as u64);
         let add = move |store: &Store| store.add_pictures(&id, place, &pictures, &provenance);
-        if context.commit(&handle.commit_handle(), add).await?.is_none() {
-            return Ok(Outcome::Stopped);
-        }
+        context.commit(&handle.commit_handle(), add).await?;
         place += count;
     }
-    Ok(Outcome::Done)
+    Ok(())
 }
 
 /// The configuration of the checkpoint to go on from, with the recipe for labels.

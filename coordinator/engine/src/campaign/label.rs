@@ -1,10 +1,6 @@
 //! The label stage of a round that nobody attends: the synthetic annotator labels in a person's place.
 
-use super::{
-    CampaignError,
-    context::{Outcome, StageContext},
-    run_handle::RunHandle,
-};
+use super::{CampaignError, context::StageContext, run_handle::RunHandle};
 use crate::blocking::blocking;
 use murmuration_model::{CampaignRecord, labels::RequestId};
 use murmuration_store::Store;
@@ -14,9 +10,9 @@ pub(super) async fn label(
     context: &StageContext,
     record: CampaignRecord,
     handle: &mut RunHandle,
-) -> Result<Outcome, CampaignError> {
+) -> Result<(), CampaignError> {
     let Some(feedback) = record.spec.feedback() else {
-        return Ok(Outcome::Done);
+        return Ok(());
     };
     let (strategy, count) = (feedback.strategy(), feedback.labels() as usize);
     let interrupt = handle.interrupt.clone();
@@ -24,22 +20,15 @@ pub(super) async fn label(
         let annotator = &context.annotator;
         annotator.answers(&record, strategy, count, job_progress, &interrupt)
     };
-    let answered = handle.until_stopped(answers).await;
-    let Some(answers) = answered else {
-        return Ok(Outcome::Stopped);
-    };
-    let answers = answers?;
+    let answers = handle.until_stopped(answers).await??;
     let request = RequestId::of_round(record.rounds.done + 1);
     let id = record.id.clone();
     let answer = move |store: &Store| store.answer_round(&id, &request, answers.clone());
-    if context.commit(&handle.commit_handle(), answer).await?.is_none() {
-        return Ok(Outcome::Stopped);
-    }
+    context.commit(&handle.commit_handle(), answer).await?;
     let store = context.store.clone();
     blocking(move || {
         let labels = store.labels(&record.id)?;
         super::preconditions::check_classes(&record.id, &labels)
     })
-    .await??;
-    Ok(Outcome::Done)
+    .await?
 }

@@ -1,4 +1,4 @@
-//! What campaigns count.
+//! Metrics of campaigns.
 
 use prometheus_client::{
     metrics::histogram::{Histogram, exponential_buckets},

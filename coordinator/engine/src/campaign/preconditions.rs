@@ -1,4 +1,4 @@
-//! What must hold before a campaign goes on.
+//! Preconditions of a campaign that goes on.
 
 use super::CampaignError;
 use murmuration_model::{CampaignId, CampaignRecord, labels::Labels};

@@ -6,7 +6,7 @@
 
 use super::{
     CampaignError,
-    context::{Outcome, StageContext, individuals_at_once, pictures_at_once},
+    context::{StageContext, individuals_at_once, pictures_at_once},
     evaluate::{Done, evaluate},
     run_handle::RunHandle,
 };
@@ -43,7 +43,7 @@ pub(super) async fn reverify(
     record: &CampaignRecord,
     suspects: Suspects,
     handle: &mut RunHandle,
-) -> Result<Outcome, CampaignError> {
+) -> Result<(), CampaignError> {
     let names: Vec<_> = suspects
         .machines
         .iter()
@@ -54,55 +54,48 @@ pub(super) async fn reverify(
         names.join(", ")
     );
     tracing::warn!(campaign = %record.id, results = suspects.len(), "{begins}");
-    let Some(wrong) = first_wrong(context, record, &suspects, handle).await? else {
-        return Ok(Outcome::Stopped);
-    };
+    let wrong = first_wrong(context, record, &suspects, handle).await?;
     let id = record.id.clone();
     let Some(wrong) = wrong else {
         let results = counted(suspects.len() as u64, "result");
         let said = format!("{begins}: none of {results} was wrong");
         let confirm = move |store: &Store| store.confirm(&id, &suspects.machines, &said);
-        return Ok(Outcome::of(
-            context.commit(&handle.commit_handle(), confirm).await?,
-        ));
+        return context.commit(&handle.commit_handle(), confirm).await;
     };
     let rollback = rollback(context, record, wrong, names.join(", ")).await?;
     let said = format!("{begins}: {}", rollback.because_of(wrong));
     tracing::warn!(campaign = %record.id, "{said}");
     let apply = move |store: &Store| rollback.apply(store, &id, &said);
-    Ok(Outcome::of(context.commit(&handle.commit_handle(), apply).await?))
+    context.commit(&handle.commit_handle(), apply).await
 }
 
-/// The first result that others find to be different; `None` outside if the campaign is to stop.
+/// The first result that others find to be different.
 async fn first_wrong(
     context: &StageContext,
     record: &CampaignRecord,
     suspects: &Suspects,
     handle: &mut RunHandle,
-) -> Result<Option<Option<Wrong>>, CampaignError> {
+) -> Result<Option<Wrong>, CampaignError> {
     // What is stored and what is found again.
     let at_once = pictures_at_once(record.spec.image(), 2 * CHUNK).div_ceil(2);
     let individuals_at_once = individuals_at_once(&record.spec, 2 * CHUNK).div_ceil(2);
     for chunk in suspects.pictures.chunks(at_once) {
-        match wrong_picture(context, record, chunk, handle).await? {
-            Some(None) => {}
-            found => return Ok(found),
+        if let Some(wrong) = wrong_picture(context, record, chunk, handle).await? {
+            return Ok(Some(wrong));
         }
     }
     // Before individuals, which are not to blame for what was made of them later.
     for chunk in suspects.embeddings.chunks(individuals_at_once) {
-        match wrong_embedding(context, record, chunk, handle).await? {
-            Some(None) => {}
-            found => return Ok(found),
+        if let Some(wrong) = wrong_embedding(context, record, chunk, handle).await? {
+            return Ok(Some(wrong));
         }
     }
     for chunk in suspects.individuals.chunks(individuals_at_once) {
-        match wrong_individual(context, record, chunk, handle).await? {
-            Some(None) => {}
-            found => return Ok(found),
+        if let Some(wrong) = wrong_individual(context, record, chunk, handle).await? {
+            return Ok(Some(wrong));
         }
     }
-    Ok(Some(None))
+    Ok(None)
 }
 
 async fn wrong_picture(
@@ -110,7 +103,7 @@ async fn wrong_picture(
     record: &CampaignRecord,
     suspects: &[Suspect],
     handle: &mut RunHandle,
-) -> Result<Option<Option<Wrong>>, CampaignError> {
+) -> Result<Option<Wrong>, CampaignError> {
     let (id, model) = (record.id.clone(), record.spec.model().clone());
     let pictures = read_all(context, suspects, move |store, place| {
         store.picture(&id, &model, place)
@@ -121,16 +114,14 @@ async fn wrong_picture(
         .map(|old| (old.controller.clone(), old.seed))
         .collect();
     let job = EvaluationJob::of(record, None, tasks);
-    let Some(again) = evaluated_again(context, job, handle).await? else {
-        return Ok(None);
-    };
+    let again = evaluated_again(context, job, handle).await?;
     let new = again.evaluations.iter().flatten();
     let mut both = suspects.iter().zip(pictures.iter().zip(new));
     let differs = both.find(|(_, (old, new))| {
         let features = old.features.as_ref();
         old.image != new.image() || features.is_some_and(|features| features != new.features())
     });
-    Ok(Some(differs.map(|(suspect, _)| Wrong::Picture(suspect.place))))
+    Ok(differs.map(|(suspect, _)| Wrong::Picture(suspect.place)))
 }
 
 async fn wrong_individual(
@@ -138,7 +129,7 @@ async fn wrong_individual(
     record: &CampaignRecord,
     suspects: &[Suspect],
     handle: &mut RunHandle,
-) -> Result<Option<Option<Wrong>>, CampaignError> {
+) -> Result<Option<Wrong>, CampaignError> {
     let archived = archived(context, record, suspects).await?;
     let embedder = context.embedder(record).await?;
     let moved = moved(context, record).await?;
@@ -147,9 +138,7 @@ async fn wrong_individual(
         .map(|old| (old.controller.clone(), old.seed))
         .collect();
     let job = EvaluationJob::of_individuals(record, embedder, tasks);
-    let Some(again) = evaluated_again(context, job, handle).await? else {
-        return Ok(None);
-    };
+    let again = evaluated_again(context, job, handle).await?;
     let new = again.evaluations.iter().zip(&again.makers);
     let mut both = suspects.iter().zip(&archived).zip(new);
     let differs = both.find(|((suspect, old), (new, maker))| {
@@ -163,10 +152,10 @@ async fn wrong_individual(
                     && !embeddings_agree((&old.embedding, suspect.kind), (new.embedding(), maker.kind)))
         })
     });
-    Ok(Some(differs.map(|((_, old), _)| Wrong::Individual {
+    Ok(differs.map(|((_, old), _)| Wrong::Individual {
         index: old.index,
         generation: old.generation,
-    })))
+    }))
 }
 
 async fn wrong_embedding(
@@ -174,12 +163,10 @@ async fn wrong_embedding(
     record: &CampaignRecord,
     suspects: &[Suspect],
     handle: &mut RunHandle,
-) -> Result<Option<Option<Wrong>>, CampaignError> {
+) -> Result<Option<Wrong>, CampaignError> {
     // Those of a move that has not ended are made anew, whoever made them.
     let ArchiveEmbedder::Checkpoint(checkpoint) = record.embedder else {
-        return Ok(Some(
-            suspects.first().map(|suspect| Wrong::Embedding(suspect.place)),
-        ));
+        return Ok(suspects.first().map(|suspect| Wrong::Embedding(suspect.place)));
     };
     let archived = archived(context, record, suspects).await?;
     let job = EmbeddingJob {
@@ -193,16 +180,13 @@ async fn wrong_embedding(
         images: archived.iter().map(|old| old.clone().into_images()).collect(),
     };
     let embed = |job_progress| context.dispatch.embed(job, job_progress);
-    let Some(again) = handle.until_stopped(embed).await else {
-        return Ok(None);
-    };
-    let again = again?;
+    let again = handle.until_stopped(embed).await??;
     let mut both = suspects.iter().zip(&archived).zip(&again);
     let differs = both.find(|((suspect, old), (new, maker))| {
         let mut trials = old.trials.iter().zip(new);
         trials.any(|(old, new)| !embeddings_agree((&old.embedding, suspect.kind), (new, maker.kind)))
     });
-    Ok(Some(differs.map(|((_, old), _)| Wrong::Embedding(old.index))))
+    Ok(differs.map(|((_, old), _)| Wrong::Embedding(old.index)))
 }
 
 async fn archived(
@@ -241,12 +225,12 @@ async fn moved(context: &StageContext, record: &CampaignRecord) -> Result<u64, C
     Ok(blocking(move || store.embedded_when_moved(&id)).await??)
 }
 
-/// The evaluations of a job by machines that nobody mistrusts; `None` if the campaign is to stop.
+/// The evaluations of a job by machines that nobody mistrusts.
 async fn evaluated_again(
     context: &StageContext,
     job: EvaluationJob,
     handle: &mut RunHandle,
-) -> Result<Option<Done>, CampaignError> {
+) -> Result<Done, CampaignError> {
     let tasks: Vec<(Controller, u64)> = job.tasks.clone();
     let same = |place: usize, _| Ok(vec![(place, tasks[place].clone())]);
     evaluate(&context.dispatch, handle, job, same).await

@@ -2,21 +2,21 @@
 
 use super::{
     CampaignError,
-    context::{Outcome, StageContext, read},
+    context::{StageContext, read},
     dataset, embed, fine_tune, label, reverify,
     run_handle::RunHandle,
     search, train,
 };
 use crate::blocking::blocking;
 use murmuration_model::{CampaignId, CampaignState, RunId, Stage};
+use murmuration_search::interrupt::Interrupted;
 use murmuration_store::{Store, Suspects};
 
 /// Runs the campaign from where it stands until it is complete, failed or stopped; with the context of the run.
 pub(super) async fn run(context: StageContext, run: RunId, mut handle: RunHandle) {
     let id = run.campaign().clone();
     match stages(&context, &run, &mut handle).await {
-        Ok(Outcome::Done) => tracing::info!(campaign = %id, "completed"),
-        Ok(Outcome::Stopped) => {}
+        Ok(()) => tracing::info!(campaign = %id, "completed"),
         // A decision has been told to people already; after a shutdown the campaign is to go on with the next coordinator.
         Err(error) if error.is_stop() => {}
         Err(error) => {
@@ -32,28 +32,20 @@ pub(super) async fn run(context: StageContext, run: RunId, mut handle: RunHandle
     }
 }
 
-async fn stages(
-    context: &StageContext,
-    run: &RunId,
-    handle: &mut RunHandle,
-) -> Result<Outcome, CampaignError> {
+async fn stages(context: &StageContext, run: &RunId, handle: &mut RunHandle) -> Result<(), CampaignError> {
     let id = run.campaign();
     let mut before = None;
     loop {
         handle.interrupt.check()?;
-        let Some((suspects, seen)) = suspects(context, id, handle).await? else {
-            return Ok(Outcome::Stopped);
-        };
+        let (suspects, seen) = suspects(context, id, handle).await?;
         let record = read(&context.store, id).await?;
         if record.state != CampaignState::Running || record.run_id() != *run {
-            return Ok(Outcome::Stopped);
+            return Err(Interrupted.into());
         }
         handle.begin();
         if !suspects.is_empty() {
-            match reverify::reverify(context, &record, suspects, handle).await? {
-                Outcome::Stopped => return Ok(Outcome::Stopped),
-                Outcome::Done => before = None,
-            }
+            reverify::reverify(context, &record, suspects, handle).await?;
+            before = None;
             continue;
         }
         // A stage that leaves no trace would be begun for ever.
@@ -62,43 +54,34 @@ async fn stages(
         }
         let stage = Stage::of(&record);
         tracing::info!(campaign = %id, ?stage, "begins");
-        let outcome = match stage {
+        match stage {
             Stage::Dataset => dataset::collect(context, record, handle).await?,
             Stage::Pretrain => train::pretrain(context, record, handle).await?,
             Stage::Embed => embed::embed(context, record, handle).await?,
             Stage::Label => label::label(context, record, handle).await?,
             Stage::FineTune => fine_tune::fine_tune(context, record, handle).await?,
             Stage::Evolve => search::evolve(context, record, seen, handle).await?,
-            Stage::Taxonomy => match search::complete(context, record, handle).await? {
-                Some(true) => return Ok(Outcome::Done),
-                // A worker was found wrong meanwhile.
-                Some(false) => Outcome::Done,
-                None => Outcome::Stopped,
-            },
-        };
-        if outcome == Outcome::Stopped {
-            return Ok(Outcome::Stopped);
+            // If it is not complete, a worker was found wrong meanwhile.
+            Stage::Taxonomy if search::complete(context, record, handle).await? => return Ok(()),
+            Stage::Taxonomy => {}
         }
     }
 }
 
-/// What of a campaign rests on the word of machines that were found wrong, and how many those are; on disk too. `None` if
-/// the campaign is to stop.
+/// Results of a campaign that only quarantined machines have computed, and the number of these machines; on disk too.
 async fn suspects(
     context: &StageContext,
     id: &CampaignId,
     handle: &RunHandle,
-) -> Result<Option<(Suspects, usize)>, CampaignError> {
+) -> Result<(Suspects, usize), CampaignError> {
     let quarantined = context.dispatch.quarantined().borrow().clone();
     let seen = quarantined.len();
     if seen == 0 {
-        return Ok(Some((Suspects::default(), seen)));
+        return Ok((Suspects::default(), seen));
     }
     let remember = move |store: &Store| store.quarantine(&quarantined);
-    if context.commit(&handle.commit_handle(), remember).await?.is_none() {
-        return Ok(None);
-    }
+    context.commit(&handle.commit_handle(), remember).await?;
     let (store, id) = (context.store.clone(), id.clone());
     let suspects = blocking(move || store.suspects(&id)).await??;
-    Ok(Some((suspects, seen)))
+    Ok((suspects, seen))
 }

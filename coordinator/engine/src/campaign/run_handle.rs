@@ -1,8 +1,8 @@
-//! What a campaign at work tells its watchers, and hears from whoever stops it.
+//! Handle of a running campaign: reports its progress to watchers, and stops it.
 
 use murmuration_dispatch::{JobProgress, NO_WORKER};
 use murmuration_proto::v1;
-use murmuration_search::interrupt::Interrupt;
+use murmuration_search::interrupt::{Interrupt, Interrupted};
 use std::{
     collections::VecDeque,
     sync::Arc,
@@ -20,7 +20,7 @@ const ABSENCE_LIMIT: Duration = Duration::from_secs(2);
 
 /// Whether anybody is there to do a campaign's work.
 #[derive(Debug, Clone)]
-pub(super) struct Hands {
+pub(super) struct Availability {
     /// How many are connected.
     connected: watch::Receiver<usize>,
     /// The words for waiting where nobody is connected.
@@ -29,7 +29,7 @@ pub(super) struct Hands {
     since: Option<Instant>,
 }
 
-impl Hands {
+impl Availability {
     pub(super) const fn workers(connected: watch::Receiver<usize>) -> Self {
         Self::new(connected, NO_WORKER)
     }
@@ -58,7 +58,7 @@ impl Hands {
     }
 }
 
-/// What a job waits for: workers, trainers or a disk, and what else there is to say.
+/// Why a job waits: the missing workers, trainers or disk, and other trouble.
 pub(super) fn held_up_by(missing: Option<String>, trouble: Option<String>) -> Option<String> {
     match (missing, trouble) {
         (Some(missing), Some(trouble)) => Some(format!("{missing} ({trouble})")),
@@ -73,9 +73,9 @@ pub(super) struct Progress {
     pub(super) arrived: u32,
     pub(super) per_second: f64,
     pub(super) training: Option<v1::TrainingProgress>,
-    /// What it waits for before it goes on by itself, but for the disk.
+    /// The missing resource that it waits for, except the disk.
     pub(super) waiting: Option<String>,
-    /// Why the disk refused what is to be written, if it did; that is tried again.
+    /// Why the disk refused a write that is tried again, if it did.
     pub(super) disk: Option<String>,
     /// Why it failed, also where the store could not record that.
     pub(super) failed: Option<String>,
@@ -111,12 +111,12 @@ pub(super) struct RunHandle {
     progress: watch::Sender<Progress>,
     stopped: watch::Receiver<bool>,
     /// Workers, who do all but training.
-    workers: Hands,
+    workers: Availability,
     /// Ends what the campaign computes, when it is to stop.
     pub(super) interrupt: Interrupt,
-    /// What of this stage this process has done, without the job at hand.
+    /// Work of this stage that this process has done, without the current job.
     done: u64,
-    /// What of this stage was done by when, over the last [`RATE_SPAN`].
+    /// Work of this stage done by each time, over the last [`RATE_SPAN`].
     history: VecDeque<(Instant, u64)>,
 }
 
@@ -130,7 +130,7 @@ impl RunHandle {
         Self {
             progress,
             stopped,
-            workers: Hands::workers(workers),
+            workers: Availability::workers(workers),
             interrupt,
             done: 0,
             history: VecDeque::new(),
@@ -180,12 +180,15 @@ impl RunHandle {
         }
     }
 
-    /// Awaits what `begin` starts, telling meanwhile how far it is and what holds it up. `None` if the campaign is to stop; only
-    /// where it waits for workers or trainers does it, so that no commit is ever left in the air.
+    /// Awaits what `begin` starts, telling meanwhile how far it is and what holds it up.
+    ///
+    /// # Errors
+    /// [`Interrupted`] if the campaign is to stop. It stops only where it waits for workers or trainers, so that no commit is ever
+    /// left in the air.
     pub(super) async fn until_stopped<F: Future>(
         &mut self,
         begin: impl FnOnce(Arc<JobProgress>) -> F,
-    ) -> Option<F::Output> {
+    ) -> Result<F::Output, Interrupted> {
         let job_progress = Arc::<JobProgress>::default();
         let mut stopped = self.stopped.clone();
         let work = begin(job_progress.clone());
@@ -194,10 +197,10 @@ impl RunHandle {
         loop {
             tokio::select! {
                 biased;
-                _ = stopped.wait_for(|&stopped| stopped) => return None,
+                _ = stopped.wait_for(|&stopped| stopped) => return Err(Interrupted),
                 output = &mut work => {
                     self.waiting(None);
-                    return Some(output);
+                    return Ok(output);
                 }
                 _ = tick.tick() => {
                     let now = Instant::now();
@@ -244,9 +247,9 @@ mod tests {
     #[test]
     fn that_nobody_is_there_is_said_after_a_while_and_until_somebody_comes() {
         let (count, connected) = watch::channel(0);
-        let mut hands = Hands::trainers(connected);
+        let mut availability = Availability::trainers(connected);
         let begun = Instant::now();
-        let mut after = |seconds: u64| hands.missing(begun + Duration::from_secs(seconds));
+        let mut after = |seconds: u64| availability.missing(begun + Duration::from_secs(seconds));
         assert_eq!((after(0), after(1)), (None, None));
         assert!(
             after(2)

@@ -2,7 +2,7 @@
 
 use super::{
     CampaignError,
-    context::{Outcome, StageContext},
+    context::StageContext,
     evaluate::{Done, Placed, evaluate},
     run_handle::{CommitHandle, RunHandle},
 };
@@ -55,7 +55,7 @@ pub(super) async fn evolve(
     record: CampaignRecord,
     seen: usize,
     handle: &mut RunHandle,
-) -> Result<Outcome, CampaignError> {
+) -> Result<(), CampaignError> {
     let generations = record.generations();
     let mut search = restore(context, record, handle).await?;
     let quarantined = context.dispatch.quarantined();
@@ -65,7 +65,7 @@ pub(super) async fn evolve(
         let committed = commit(context.clone(), handle.commit_handle(), id, uncommitted.take());
         // What they did may be in this archive: that is looked at between stages.
         if quarantined.borrow().len() != seen || search.next_generation >= generations {
-            return Ok(Outcome::of(committed.await?));
+            return committed.await;
         }
         let (unchanged, proposal) = blocking(move || {
             let proposal = search.propose();
@@ -86,9 +86,8 @@ pub(super) async fn evolve(
             search.substitute(place, attempt)
         });
         let (committed, evaluated) = tokio::join!(committed, evaluated);
-        let (Some(()), Some(done)) = (committed?, evaluated?) else {
-            return Ok(Outcome::Stopped);
-        };
+        committed?;
+        let done = evaluated?;
         handle.done(done.evaluations.len() as u64);
         let (absorbed, generation) = blocking(move || search.absorb(proposal.filtered, done)).await??;
         search = absorbed;
@@ -96,15 +95,15 @@ pub(super) async fn evolve(
     }
 }
 
-/// Commits a generation, if there is one. `None` if the campaign is to stop before the disk takes it.
+/// Commits a generation, if there is one.
 async fn commit(
     context: StageContext,
     handle: CommitHandle,
     campaign: CampaignId,
     generation: Option<Generation>,
-) -> Result<Option<()>, CampaignError> {
+) -> Result<(), CampaignError> {
     let Some(generation) = generation else {
-        return Ok(Some(()));
+        return Ok(());
     };
     let metrics = context.metrics.clone();
     let commit = move |store: &Store| {
@@ -121,13 +120,12 @@ async fn commit(
     context.commit(&handle, commit).await
 }
 
-/// Clusters the archive and completes the campaign; whether that is so, see [`Store::complete`]. `None` if the campaign is
-/// to stop.
+/// Clusters the archive and completes the campaign; whether that is so, see [`Store::complete`].
 pub(super) async fn complete(
     context: &StageContext,
     record: CampaignRecord,
     handle: &RunHandle,
-) -> Result<Option<bool>, CampaignError> {
+) -> Result<bool, CampaignError> {
     let search = restore(context, record, handle).await?;
     let id = search.campaign.id.clone();
     let clustered = move || -> Result<_, CampaignError> {

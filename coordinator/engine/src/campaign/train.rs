@@ -2,13 +2,14 @@
 
 use super::{
     CampaignError,
-    context::{Outcome, StageContext},
-    run_handle::{COUNTING_INTERVAL, Hands, RunHandle, held_up_by},
+    context::StageContext,
+    run_handle::{Availability, COUNTING_INTERVAL, RunHandle, held_up_by},
 };
 use crate::blocking::blocking;
 use murmuration_dispatch::{FineTuningParams, JobProgress, TrainingJob};
 use murmuration_model::{CampaignId, CampaignRecord, SavedTraining, TrainingPictures};
 use murmuration_proto::{CheckpointDigest, EmbedderSource, training::Configuration, v1};
+use murmuration_search::interrupt::Interrupted;
 use murmuration_store::{EpochRecord, Store, StoreError};
 use std::{sync::Arc, time::Instant};
 use tokio::sync::watch;
@@ -18,25 +19,23 @@ pub(super) async fn pretrain(
     context: &StageContext,
     record: CampaignRecord,
     handle: &mut RunHandle,
-) -> Result<Outcome, CampaignError> {
+) -> Result<(), CampaignError> {
     let Some(EmbedderSource::Trained { training, .. }) = record.spec.embedder() else {
-        return Ok(Outcome::Done);
+        return Ok(());
     };
     let configuration = (**training).clone();
-    let Some(checkpoint) = train(context, &record, (configuration, None), handle).await? else {
-        return Ok(Outcome::Stopped);
-    };
+    let checkpoint = train(context, &record, (configuration, None), handle).await?;
     let begin = move |store: &Store| store.move_to(&record.id, checkpoint);
-    Ok(Outcome::of(context.commit(&handle.commit_handle(), begin).await?))
+    context.commit(&handle.commit_handle(), begin).await
 }
 
-/// A trainer trains and publishes an embedder; `None` if the campaign is to stop.
+/// A trainer trains and publishes an embedder.
 pub(super) async fn train(
     context: &StageContext,
     record: &CampaignRecord,
     (configuration, fine_tuning): (Configuration, Option<FineTuningParams>),
     handle: &mut RunHandle,
-) -> Result<Option<CheckpointDigest>, CampaignError> {
+) -> Result<CheckpointDigest, CampaignError> {
     let epochs = configuration.recipe().epochs();
     let (progress, mut reports) = watch::channel(None);
     let (saved, snapshots) = watch::channel(None);
@@ -65,13 +64,13 @@ pub(super) async fn train(
         let training = context.trainers.train(job, job_progress.clone());
         tokio::pin!(training);
         let stopped = handle.commit_handle();
-        let mut trainers = Hands::trainers(context.trainers.connected());
+        let mut trainers = Availability::trainers(context.trainers.connected());
         let mut tick = tokio::time::interval(COUNTING_INTERVAL);
         loop {
             tokio::select! {
                 biased;
-                () = stopped.stopped() => break None,
-                checkpoint = &mut training => break Some(checkpoint),
+                () = stopped.stopped() => break Err(Interrupted.into()),
+                checkpoint = &mut training => break checkpoint.map_err(CampaignError::from),
                 Ok(()) = reports.changed() => {
                     let told = *reports.borrow_and_update();
                     handle.training(told.map(|told| v1::TrainingProgress {
@@ -91,15 +90,13 @@ pub(super) async fn train(
     if keeping.await.is_err() || epochs_kept.await.is_err() {
         return Err(CampaignError::Broken);
     }
-    let Some(checkpoint) = trained.transpose()? else {
-        return Ok(None);
-    };
+    let checkpoint = trained?;
     // Before the campaign moves to it: of pictures of another size it could not move on.
     context
         .checkpoints
         .embedder(checkpoint, record.spec.image())
         .await?;
-    Ok(Some(checkpoint))
+    Ok(checkpoint)
 }
 
 /// Writes to disk what each epoch measured, for the curve of the training. Where the disk is slower than epochs, some are left out.

@@ -56,9 +56,9 @@ pub struct Asked {
 /// Why nobody can be asked.
 #[derive(Debug, thiserror::Error)]
 pub enum QueryError {
-    #[error("{0}")]
+    #[error(transparent)]
     Store(#[from] StoreError),
-    #[error("{0}")]
+    #[error(transparent)]
     Space(#[from] SpaceError),
     /// A bug: an order of questions could not be made.
     #[error("no questions could be chosen because of a bug, which the log describes; no label is lost")]
@@ -112,14 +112,19 @@ impl Queries {
         }
     }
 
-    /// What to ask now; `campaign` may be `latest`. Whoever asks first by a strategy waits until its order is made. When the
+    /// The next questions; `campaign` may be `latest`. The first caller by a strategy waits until its ranking is made. When the
     /// archive has grown, or lies in another space, it is made anew meanwhile, and the former serves until then.
-    pub async fn next(&self, campaign: &str, wish: QueryRequest, now: Instant) -> Result<Asked, QueryError> {
+    pub async fn next(
+        &self,
+        campaign: &str,
+        request: QueryRequest,
+        now: Instant,
+    ) -> Result<Asked, QueryError> {
         let (store, campaign) = (self.store.clone(), campaign.to_owned());
         let record = blocking(move || store.campaign(&campaign)).await??;
-        let ranked = self.ranked(&record, wish.strategy).await?;
+        let ranked = self.ranked(&record, request.strategy).await?;
         let (store, leases) = (self.store.clone(), self.leases_of(&record.id, now));
-        blocking(move || Ok(lease(&leases, &store, &record, &ranked, &wish, now)?)).await?
+        blocking(move || Ok(lease(&leases, &store, &record, &ranked, &request, now)?)).await?
     }
 
     /// The leases of a campaign; those of others that are over are forgotten.
@@ -158,11 +163,7 @@ impl Queries {
         count: usize,
     ) -> Result<Vec<usize>, QueryError> {
         let ranked = self.ranked(record, Strategy::Coverage).await?;
-        let beyond = ranked
-            .order
-            .iter()
-            .filter(|query| query.reason == Reason::Uncovered);
-        Ok(beyond.take(count).map(|query| query.index).collect())
+        Ok(ranking::uncovered(&ranked.order).take(count).collect())
     }
 
     /// The clusters of an archive: those of its taxonomy, or what they would be if the search ended now. While it runs they
@@ -273,28 +274,28 @@ fn lease(
     store: &Store,
     record: &CampaignRecord,
     ranked: &Ranked,
-    wish: &QueryRequest,
+    request: &QueryRequest,
     now: Instant,
 ) -> Result<Asked, StoreError> {
     // Labels are read and queries leased under this lock, so that no two are given the same.
     let mut leases = lock(leases);
     let labels = store.labels(&record.id)?;
-    let kind = (wish.strategy, wish.agreement);
+    let kind = (request.strategy, request.agreement);
     let individuals = record.individuals();
     // An order of a while ago may be of more than there is now.
-    let is_open = |index: usize| (index as u64) < individuals && is_open(&labels, index as u64, wish);
-    for &index in wish.again.iter().rev().filter(|&&index| is_open(index)) {
+    let is_open = |index: usize| (index as u64) < individuals && is_open(&labels, index as u64, request);
+    for &index in request.again.iter().rev().filter(|&&index| is_open(index)) {
         let query = Query {
             index,
             reason: Reason::Again,
         };
-        leases.give_first(&wish.holder, kind, query, now);
+        leases.give_first(&request.holder, kind, query, now);
     }
-    let queries = leases.top_up(&wish.holder, kind, wish.count, &ranked.order, is_open, now);
+    let queries = leases.top_up(&request.holder, kind, request.count, &ranked.order, is_open, now);
     Ok(Asked {
         queries,
         answered: labels.individuals() as u64,
-        own: labels.answered_by(&wish.holder.annotator) as u64,
+        own: labels.answered_by(&request.holder.annotator) as u64,
         synthetic: labels.answered_by_machine() as u64,
         individuals,
     })
@@ -322,14 +323,14 @@ impl Ranked {
     }
 }
 
-/// Whether `wish` may be about an individual: nobody is asked what was asked before, but for agreement, and then not what
+/// Whether `request` may be about an individual: nobody is asked what was asked before, but for agreement, and then not what
 /// they answered themselves.
-fn is_open(labels: &Labels, index: u64, wish: &QueryRequest) -> bool {
+fn is_open(labels: &Labels, index: u64, request: &QueryRequest) -> bool {
     let mut answered = labels.answered(index);
-    if !wish.agreement {
+    if !request.agreement {
         return answered.next().is_none();
     }
-    let own = |who: &Annotator| *who == wish.holder.annotator;
+    let own = |who: &Annotator| *who == request.holder.annotator;
     let answered: Vec<_> = answered.collect();
     answered.iter().any(|(_, names_class)| *names_class) && !answered.iter().any(|(who, _)| own(who))
 }

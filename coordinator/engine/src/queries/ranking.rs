@@ -113,6 +113,26 @@ pub fn by_coverage(
     Ok(medoids_first(clustering).chain(others).collect())
 }
 
+/// Indices of behaviours beside the medoids, each the farthest from all before it: the order of [`Strategy::Coverage`](super::Strategy).
+///
+/// # Errors
+/// [`Interrupted`] once `interrupt` is raised.
+pub fn beyond_medoids(
+    behaviours: &Behaviours,
+    clustering: &Clustering,
+    spec: &CampaignSpec,
+    interrupt: &Interrupt,
+) -> Result<Vec<usize>, Interrupted> {
+    let order = by_coverage(behaviours, clustering, spec, interrupt)?;
+    Ok(uncovered(&order).collect())
+}
+
+/// Those of an order by coverage that are not medoids.
+pub(super) fn uncovered(order: &[Query]) -> impl Iterator<Item = usize> {
+    let uncovered = order.iter().filter(|query| query.reason == Reason::Uncovered);
+    uncovered.map(|query| query.index)
+}
+
 fn medoids_first(clustering: &Clustering) -> impl Iterator<Item = Query> {
     let mut sizes = vec![0; clustering.medoids.len()];
     for &cluster in &clustering.clusters {

@@ -1,4 +1,4 @@
-//! What became of the clusters of a taxonomy in a later version.
+//! The fate of the clusters of a taxonomy in a later version.
 
 use murmuration_store::StoredTaxonomy;
 

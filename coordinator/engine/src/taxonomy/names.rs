@@ -212,7 +212,7 @@ mod tests {
         given.collect()
     }
 
-    /// What became of two clusters of three and two members, named ring and pair, in these clusters.
+    /// The names in these clusters after two clusters of three and two members, named ring and pair.
     fn after(members: &[u32], medoids: &[u64], said: &[(u64, &str, bool)]) -> Names {
         let before = Names::first(&[0, 3], &given(&[(0, "ring", false), (3, "pair", false)]));
         let change = Change::between(&stored(2, &[0, 0, 0, 1, 1]), &stored(medoids.len(), members));

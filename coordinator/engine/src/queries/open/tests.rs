@@ -1,4 +1,4 @@
-//! What is asked of an archive that grows and is answered about.
+//! Questions about an archive that grows and is labelled.
 
 use super::*;
 use murmuration_model::{
@@ -63,7 +63,7 @@ impl Campaign {
     }
 
     async fn ask(&self, annotator: &str, strategy: Strategy, agreement: bool) -> BTreeSet<usize> {
-        let wish = QueryRequest {
+        let request = QueryRequest {
             holder: AnnotatorSession {
                 annotator: annotator.parse().unwrap(),
                 session: String::new(),
@@ -73,7 +73,11 @@ impl Campaign {
             count: 1000,
             again: Vec::new(),
         };
-        let asked = self.queries.next("latest", wish, Instant::now()).await.unwrap();
+        let asked = self
+            .queries
+            .next("latest", request, Instant::now())
+            .await
+            .unwrap();
         asked.queries.iter().map(|query| query.index).collect()
     }
 
@@ -231,7 +235,7 @@ async fn what_was_forgotten_is_made_again_and_the_same_is_asked() {
     let ids = [campaign.id.clone(), other];
     campaign.id = ids[1].clone();
     (0..3).for_each(|generation| campaign.grow(generation));
-    let wish = |who: &str| QueryRequest {
+    let request = |who: &str| QueryRequest {
         holder: AnnotatorSession {
             annotator: who.parse().unwrap(),
             session: String::new(),
@@ -243,7 +247,11 @@ async fn what_was_forgotten_is_made_again_and_the_same_is_asked() {
     };
     let now = Instant::now();
     let ask = async |id: &CampaignId, who| {
-        let asked = campaign.queries.next(id.as_str(), wish(who), now).await.unwrap();
+        let asked = campaign
+            .queries
+            .next(id.as_str(), request(who), now)
+            .await
+            .unwrap();
         asked.queries
     };
     let clusters = |id: &CampaignId| {
@@ -276,7 +284,7 @@ async fn what_was_forgotten_is_made_again_and_the_same_is_asked() {
     let later = now + crate::queries::leases::QUERY_LEASE_TIME;
     campaign
         .queries
-        .next(ids[0].as_str(), wish("ana"), later)
+        .next(ids[0].as_str(), request("ana"), later)
         .await
         .unwrap();
     assert_eq!(lock(&campaign.queries.leases).len(), 1);

@@ -1,4 +1,4 @@
-//! What is asked first, and that everything is asked once.
+//! The first questions, and that everything is asked once.
 
 use super::*;
 use murmuration_proto::Purpose;
