@@ -1,6 +1,6 @@
 //! The service for clients: campaigns, archives, taxonomies, replays.
 
-use super::{Recent, Streamed, in_parts};
+use super::{Recent, Streamed, as_taken, in_parts};
 use crate::status::OrStatus as _;
 use murmuration_dispatch::{Dispatch, ReplayJob};
 use murmuration_engine::{
@@ -33,7 +33,7 @@ const DIGEST_BYTES: usize = 64;
 pub struct CampaignApi {
     pub campaigns: Campaigns,
     pub store: Store,
-    /// Who simulates replays.
+    /// Simulates replays.
     pub dispatch: Dispatch,
     /// Where the clusters of archives are known.
     pub queries: Queries,
@@ -85,7 +85,11 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
             .status(&request.get_ref().campaign)
             .await
             .or_status()?;
-        Ok(Response::new(status.into()))
+        let toml = status.record.spec.to_toml();
+        Ok(Response::new(v1::Campaign {
+            toml: Some(toml),
+            ..status.into()
+        }))
     }
 
     type ListCampaignsStream = Streamed<v1::ListCampaignsResponse>;
@@ -234,28 +238,18 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         } else {
             1000
         } as u64;
-        let (messages, stream) = mpsc::channel(2);
         let api = self.clone();
-        tokio::spawn(async move {
-            let mut next = 0;
-            loop {
-                let (id, model) = (record.id.clone(), record.spec.model().clone());
-                let read = api
-                    .read_archive(move |store, _| store.individuals(&id, &model, next..next + chunk, images))
-                    .await;
-                let last = read
-                    .as_ref()
-                    .map_or(true, |individuals| (individuals.len() as u64) < chunk);
-                let message = read.map(|individuals| v1::ArchiveChunk {
-                    individuals: individuals.into_iter().map(Into::into).collect(),
-                });
-                if messages.send(message).await.is_err() || last {
-                    return;
-                }
-                next += chunk;
+        Ok(as_taken(move |begins| {
+            let (api, id, model) = (api.clone(), record.id.clone(), record.spec.model().clone());
+            async move {
+                let range = begins..begins + chunk;
+                let read = api.read_archive(move |store, _| store.individuals(&id, &model, range, images));
+                let individuals = read.await?;
+                let more = individuals.len() as u64 == chunk;
+                let individuals = individuals.into_iter().map(Into::into).collect();
+                Ok((v1::ArchiveChunk { individuals }, more.then_some(begins + chunk)))
             }
-        });
-        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+        }))
     }
 
     async fn get_digest(&self, request: Request<v1::GetDigestRequest>) -> Answer<v1::GetDigestResponse> {

@@ -7,6 +7,7 @@ use crate::{
 };
 use futures_util::{Stream, StreamExt as _, stream};
 use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob, JobError};
+use murmuration_engine::blocking::spawn;
 use murmuration_model::{EmbedderRef, MachineId, Maker, Quarantined, Weight};
 use murmuration_proto::{
     CampaignSpec, Controller, EmbedderSource, Invalid, counted,
@@ -43,7 +44,7 @@ const IDLE_LIMIT: Duration = Duration::from_secs(60 * 60);
 /// Implements `murmuration.v1.EvaluationService`.
 #[derive(Debug, Clone)]
 pub struct EvaluationApi {
-    /// Who leases evaluations to workers.
+    /// Leases evaluations to workers.
     pub dispatch: Dispatch,
     /// Where embedders are.
     pub checkpoints: Checkpoints,
@@ -127,7 +128,7 @@ impl v1::evaluation_service_server::EvaluationService for EvaluationApi {
     ) -> Result<Response<Self::SimulateStream>, Status> {
         let simulation = Simulation::try_from(request.into_inner())?;
         let (parts, stream) = mpsc::channel(1);
-        tokio::spawn(async move { send_motion(simulation, &parts).await });
+        spawn(async move { send_motion(simulation, &parts).await });
         Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
     }
 }

@@ -2,7 +2,7 @@
 
 mod messages;
 
-use super::{Streamed, in_parts};
+use super::{Streamed, as_taken, in_parts};
 use crate::status::{IntoStatus, OrStatus as _};
 use murmuration_engine::{
     blocking::{blocking, in_background},
@@ -11,26 +11,34 @@ use murmuration_engine::{
     synthetic::SyntheticAnnotator,
 };
 use murmuration_model::{
-    CampaignRecord,
+    CampaignId, CampaignRecord,
     labels::{Action, Agreement, Annotator, Change, Entry, Labels, RequestId},
 };
-use murmuration_proto::{Invalid, parts::parts, v1};
-use murmuration_store::{LabelError, Store, StoreError};
+use murmuration_proto::{Invalid, v1};
+use murmuration_store::{LabelBudget, LabelError, Store, StoreError};
 use std::{
     sync::Arc,
-    time::{Instant, SystemTime, UNIX_EPOCH},
+    thread,
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 use tonic::{Request, Response, Status};
 
 /// Most answers in one request.
 const MAX_ANSWERS: usize = 50_000;
+/// Entries of a part of the log: the longest names have some 500 bytes an entry.
+const LISTED_AT_ONCE: u64 = 2_000;
+/// Most entries of a request that is applied in a moment.
+const FEW_ENTRIES: usize = 100;
+/// Whoever had the store for many entries leaves it to the others for this many times as long, and at most for [`MOST_REST`].
+const REST: u32 = 3;
+const MOST_REST: Duration = Duration::from_secs(2);
 
 /// Implements `murmuration.v1.LabelService`.
 #[derive(Debug, Clone)]
 pub struct LabelApi {
     pub store: Store,
     pub queries: Queries,
-    /// Who answers in a person's place.
+    /// Answers in a person's place.
     pub annotator: SyntheticAnnotator,
 }
 
@@ -48,9 +56,37 @@ impl LabelApi {
     }
 
     async fn add(&self, campaign: String, request: RequestId, changes: Vec<Change>) -> Result<Vec<Entry>> {
+        let takes_back = |change: &Change| matches!(change.action, Action::Withdraw { .. });
+        let count = changes.len();
+        let wanted = if changes.iter().all(takes_back) { 0 } else { count };
+        self.within_budget(campaign, request, wanted, move |store, id, request| {
+            resting(|| store.add_labels(id, request, changes), |_| count)
+        })
+        .await
+    }
+
+    /// Runs `add`, which adds entries to a campaign's log, if the budget of who asks has `wanted` left; 0 is always allowed. A request
+    /// that was made before adds nothing, and costs nothing.
+    async fn within_budget<T: Send + 'static>(
+        &self,
+        campaign: String,
+        request: RequestId,
+        wanted: usize,
+        add: impl FnOnce(&Store, &CampaignId, &RequestId) -> std::result::Result<Vec<T>, LabelError>
+        + Send
+        + 'static,
+    ) -> Result<Vec<T>> {
+        let budget = LabelBudget::current();
         self.with(move |store| -> std::result::Result<_, LabelError> {
             let id = store.campaign(&campaign)?.id;
-            store.add_labels(&id, &request, changes)
+            let budget = match budget {
+                Some(budget) if store.request_entries(&id, &request)?.is_empty() => budget,
+                _ => return add(store, &id, &request),
+            };
+            budget.check(wanted)?;
+            let added = add(store, &id, &request)?;
+            budget.charge(added.len());
+            Ok(added)
         })
         .await
     }
@@ -71,11 +107,14 @@ impl LabelApi {
 
     async fn classes(&self, campaign: String) -> Result<v1::ListClassesResponse> {
         let labels = self.labels(campaign).await?;
-        let newest = labels.class_changes().next_back();
-        Ok(v1::ListClassesResponse {
-            classes: labels.classes().into_iter().map(Into::into).collect(),
-            newest_change: newest.map(|(number, change)| messages::change_of_classes(number, change)),
-        })
+        let listed = in_background(move |_| {
+            let newest = labels.class_changes().next_back();
+            v1::ListClassesResponse {
+                classes: labels.classes().into_iter().map(Into::into).collect(),
+                newest_change: newest.map(|(number, change)| messages::change_of_classes(number, change)),
+            }
+        });
+        listed.await.or_status()
     }
 }
 
@@ -147,9 +186,9 @@ impl v1::label_service_server::LabelService for LabelApi {
         // Whoever may answer may also undo what the synthetic annotator answered last.
         let (request, annotator) = (request_id.parse()?, Annotator::known(&annotator)?);
         let undone = self
-            .with(move |store| -> std::result::Result<_, LabelError> {
-                let id = store.campaign(&campaign)?.id;
-                store.undo_labels(&id, &request, &annotator, now_ms())
+            .within_budget(campaign, request, 0, move |store, id, request| {
+                let undo = || store.undo_labels(id, request, &annotator, now_ms());
+                resting(undo, |undone| undone.as_ref().map_or(0, Vec::len))
             })
             .await?;
         Ok(in_parts(messages::undone(undone)))
@@ -190,7 +229,32 @@ impl v1::label_service_server::LabelService for LabelApi {
 
     async fn list_labels(&self, request: Request<v1::ListLabelsRequest>) -> Answered<Self::ListLabelsStream> {
         let labels = self.labels(request.into_inner().campaign).await?;
-        Ok(in_parts(messages::listed(&labels)))
+        let seen = Arc::clone(&labels);
+        let all = in_background(move |_| (seen.digest().to_string(), seen.standing_entries().collect()));
+        let (digest, entries): (String, Vec<u64>) = all.await.or_status()?;
+        let entries = Arc::new(entries);
+        Ok(as_taken(move |begins| {
+            let (labels, entries) = (Arc::clone(&labels), Arc::clone(&entries));
+            let digest = if begins == 0 {
+                digest.clone()
+            } else {
+                String::new()
+            };
+            async move {
+                let made = in_background(move |_| {
+                    let left = entries.get(begins as usize..).unwrap_or_default();
+                    let listed = left.iter().take(LISTED_AT_ONCE as usize);
+                    let labels = listed.filter_map(|entry| labels.given(*entry)).map(Into::into);
+                    let part = v1::ListLabelsResponse {
+                        labels: labels.collect(),
+                        digest,
+                    };
+                    let more = left.len() as u64 > LISTED_AT_ONCE;
+                    (part, more.then_some(begins + LISTED_AT_ONCE))
+                });
+                made.await.or_status()
+            }
+        }))
     }
 
     type ListLabelEntriesStream = Streamed<v1::ListLabelEntriesResponse>;
@@ -199,12 +263,20 @@ impl v1::label_service_server::LabelService for LabelApi {
         &self,
         request: Request<v1::ListLabelEntriesRequest>,
     ) -> Answered<Self::ListLabelEntriesStream> {
-        let (store, campaign) = (self.store.clone(), request.into_inner().campaign);
-        let read = in_background(move |_| store.label_log(&store.campaign(&campaign)?.id));
-        let log = read.await.or_status()?.or_status()?;
-        let entries = log.into_iter().map(v1::LabelEntry::from);
-        let part = |entries| v1::ListLabelEntriesResponse { entries };
-        Ok(in_parts(parts(entries, part)))
+        let campaign = request.into_inner().campaign;
+        let id = self.with(move |store| store.campaign(&campaign)).await?.id;
+        let store = self.store.clone();
+        Ok(as_taken(move |begins| {
+            let (store, id) = (store.clone(), id.clone());
+            async move {
+                let read = in_background(move |_| store.label_log_from(&id, begins, LISTED_AT_ONCE));
+                let entries = read.await.or_status()?.or_status()?;
+                let more = entries.len() as u64 == LISTED_AT_ONCE;
+                let entries = entries.into_iter().map(Into::into).collect();
+                let part = v1::ListLabelEntriesResponse { entries };
+                Ok((part, more.then_some(begins + LISTED_AT_ONCE)))
+            }
+        }))
     }
 
     async fn list_classes(
@@ -241,10 +313,10 @@ impl v1::label_service_server::LabelService for LabelApi {
     ) -> Answered<v1::NextQueriesResponse> {
         let message = request.into_inner();
         let campaign = message.campaign.clone();
-        let wish: QueryRequest = message.try_into()?;
+        let request: QueryRequest = message.try_into()?;
         let asked = self
             .queries
-            .next(&campaign, wish, Instant::now())
+            .next(&campaign, request, Instant::now())
             .await
             .or_status()?;
         Ok(Response::new(asked.into()))
@@ -270,13 +342,16 @@ impl v1::label_service_server::LabelService for LabelApi {
         };
         let (first, second) = (annotator("first", first)?, annotator("second", second)?);
         let labels = self.labels(campaign).await?;
-        for annotator in [&first, &second] {
-            if !labels.annotators().any(|known| known == annotator) {
-                return Err(unknown(annotator, &labels));
+        let agreed = in_background(move |_| {
+            for annotator in [&first, &second] {
+                if !labels.annotators().any(|known| known == annotator) {
+                    return Err(unknown(annotator, &labels));
+                }
             }
-        }
-        let agreement = Agreement::between(&labels.by(&first), &labels.by(&second));
-        Ok(in_parts(messages::agreed(agreement)))
+            let agreement = Agreement::between(&labels.by(&first), &labels.by(&second));
+            Ok(messages::agreed(agreement))
+        });
+        Ok(in_parts(agreed.await.or_status()??))
     }
 }
 
@@ -290,6 +365,17 @@ fn unknown(annotator: &Annotator, labels: &Labels) -> Status {
             known.join(", ")
         ),
     })
+}
+
+/// Applies a request to the store. Where it is about many entries (`count` of the outcome) it ends only after a rest: an annotator who sends
+/// such requests one after the other leaves most of the time to campaigns and to others.
+fn resting<T>(apply: impl FnOnce() -> T, count: impl FnOnce(&T) -> usize) -> T {
+    let begun = Instant::now();
+    let done = apply();
+    if count(&done) > FEW_ENTRIES {
+        thread::sleep((REST * begun.elapsed()).min(MOST_REST));
+    }
+    done
 }
 
 fn now_ms() -> u64 {

@@ -27,9 +27,11 @@ pub use transfers::TransferApi;
 pub use work::WorkerApi;
 
 use murmuration_dispatch::LeaseNumber;
+use murmuration_engine::blocking::spawn;
 use murmuration_proto::{Invalid, v1};
 use std::pin::Pin;
-use tokio_stream::Stream;
+use tokio::sync::mpsc;
+use tokio_stream::{Stream, wrappers::ReceiverStream};
 use tonic::{Response, Status};
 
 /// A server's stream of messages.
@@ -40,6 +42,30 @@ fn in_parts<T: Send + 'static>(
     parts: impl IntoIterator<Item = T, IntoIter: Send + 'static>,
 ) -> Response<Streamed<T>> {
     Response::new(Box::pin(tokio_stream::iter(parts.into_iter().map(Ok))))
+}
+
+/// An answer that is read part by part, while its client takes it. `read` is given where the next part begins, from 0; it returns the
+/// part, and where the one after it begins.
+fn as_taken<T, R>(mut read: impl FnMut(u64) -> R + Send + 'static) -> Response<Streamed<T>>
+where
+    T: Send + 'static,
+    R: Future<Output = Result<(T, Option<u64>), Status>> + Send,
+{
+    let (parts, stream) = mpsc::channel(2);
+    spawn(async move {
+        let mut next = Some(0);
+        while let Some(begins) = next {
+            let (part, following) = match read(begins).await {
+                Ok((part, following)) => (Ok(part), following),
+                Err(error) => (Err(error), None),
+            };
+            if parts.send(part).await.is_err() {
+                return;
+            }
+            next = following;
+        }
+    });
+    Response::new(Box::pin(ReceiverStream::new(stream)))
 }
 
 /// The coordinator's epoch that the lease of `field` was given in, and its number.

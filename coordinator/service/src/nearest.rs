@@ -1,4 +1,4 @@
-//! What in an archive is like a behaviour from elsewhere.
+//! Individuals of an archive that are near a behaviour from elsewhere.
 
 use super::CampaignApi;
 use crate::status::{IntoStatus, OrStatus as _};
@@ -37,7 +37,7 @@ impl OtherBehaviour {
 }
 
 impl CampaignApi {
-    /// What in a campaign's archive is like `behaviour`: `count` individuals at most.
+    /// At most `count` individuals of a campaign's archive that are nearest to `behaviour`.
     ///
     /// # Errors
     /// If the archive is empty or its embeddings are by another checkpoint, or it cannot be read.

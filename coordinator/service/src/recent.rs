@@ -30,7 +30,7 @@ impl<T> Default for Recent<T> {
 }
 
 impl<T: Clone> Recent<T> {
-    /// What everybody who follows `name` shares.
+    /// The value that all followers of `name` share.
     pub fn follow(&self, name: String) -> Followed<T> {
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(latest) = all.get(&name).and_then(Weak::upgrade) {
@@ -44,7 +44,7 @@ impl<T: Clone> Recent<T> {
 }
 
 impl<T: Clone> Followed<T> {
-    /// What somebody made less than `age` ago, or else what `make` makes now.
+    /// The value that was made less than `age` ago, or else the one that `make` makes now.
     ///
     /// # Errors
     /// Those of `make`.

@@ -2,7 +2,10 @@
 
 use crate::spread::{Place, spreads};
 use bytes::Bytes;
-use murmuration_engine::blocking::{Broken, in_background};
+use murmuration_engine::{
+    blocking::{Broken, in_background},
+    queries::beyond_medoids,
+};
 use murmuration_model::{
     Repetition,
     labels::{Annotator, Class, Label, given_classes},
@@ -14,11 +17,12 @@ use murmuration_proto::{
     v1::{self, campaign_service_client::CampaignServiceClient, label_service_client::LabelServiceClient},
 };
 use murmuration_report::{
-    CarriedName, Entry, GenerationSummary, Judged, Map, MedoidEntry, Member, Names, PictureSheets, Report,
-    Spread, TrialEntry, picture::PictureError,
+    CarriedName, Entry, FurtherEntry, GenerationSummary, Judged, Map, MedoidEntry, Member, Names,
+    PictureSheets, Report, Spread, TrialEntry, picture::PictureError,
 };
 use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
+    medoids::Clustering,
     novelty::{Behaviours, Misfit},
     projection,
 };
@@ -28,6 +32,9 @@ use tonic::{
     client::GrpcService,
     codegen::{Body as HttpBody, StdError},
 };
+
+/// Individuals that a report shows beside the medoids.
+const FURTHER: usize = 12;
 
 /// Why there is nothing to report.
 #[derive(Debug, thiserror::Error)]
@@ -45,24 +52,40 @@ pub enum ReportDataError {
     #[error("cannot draw the individuals: {0}")]
     Picture(#[from] PictureError),
     /// A bug, while pictures were drawn.
-    #[error("{0}")]
+    #[error(transparent)]
     Broken(#[from] Broken),
     /// Whoever wanted the report is gone.
-    #[error("{0}")]
+    #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }
 
-/// What the behaviours of a campaign were called, and by whom.
+/// What carries requests to a service: this process or a connection.
+pub trait Transport:
+    GrpcService<
+        Body,
+        ResponseBody: HttpBody<Data = Bytes, Error: Into<StdError> + Send> + Send + 'static,
+        Future: Send,
+    > + Send
+{
+}
+
+impl<C> Transport for C where
+    C: GrpcService<
+            Body,
+            ResponseBody: HttpBody<Data = Bytes, Error: Into<StdError> + Send> + Send + 'static,
+            Future: Send,
+        > + Send
+{
+}
+
+/// Names of a campaign's behaviours, and their authors.
 ///
 /// # Errors
 /// See [`ReportDataError`].
-pub async fn names<C>(client: &mut LabelServiceClient<C>, campaign: &str) -> Result<Names, ReportDataError>
-where
-    C: GrpcService<Body> + Send,
-    C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
-    <C::ResponseBody as HttpBody>::Error: Into<StdError> + Send,
-    C::Future: Send,
-{
+pub async fn names<C: Transport>(
+    client: &mut LabelServiceClient<C>,
+    campaign: &str,
+) -> Result<Names, ReportDataError> {
     let request = v1::ListLabelsRequest {
         campaign: campaign.to_owned(),
     };
@@ -118,18 +141,12 @@ pub enum PicturesOf {
 ///
 /// # Errors
 /// See [`ReportDataError`].
-pub async fn report<C>(
+pub async fn report<C: Transport>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
     names: Names,
     pictures: PicturesOf,
-) -> Result<Report, ReportDataError>
-where
-    C: GrpcService<Body> + Send,
-    C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
-    <C::ResponseBody as HttpBody>::Error: Into<StdError> + Send,
-    C::Future: Send,
-{
+) -> Result<Report, ReportDataError> {
     let id = || campaign.to_owned();
     let status = client
         .get_campaign(v1::GetCampaignRequest { campaign: id() })
@@ -164,23 +181,30 @@ where
                 .map_or(0, |individual| individual.index) as usize
         })
         .collect();
-    let (of, medoids_at, clusters) = (spec.clone(), centres.clone(), taxonomy.clusters);
+    let clustering = Clustering {
+        medoids: centres.clone(),
+        clusters: taxonomy.clusters,
+        loss: taxonomy.loss,
+    };
+    let of = spec.clone();
     let measured = in_background(move |interrupt| -> Result<_, ReportDataError> {
         let behaviours = behaviours(&individuals, &of)?;
-        let spreads = spreads(&behaviours, &medoids_at, &clusters);
-        Ok((spreads, map(&behaviours, interrupt)?, individuals, clusters))
+        let spreads = spreads(&behaviours, &clustering.medoids, &clustering.clusters);
+        let mut further = Vec::new();
+        // A contact sheet has the medoids alone.
+        if pictures == PicturesOf::Individuals {
+            further = beyond_medoids(&behaviours, &clustering, &of, interrupt)?;
+            further.truncate(FURTHER);
+        }
+        let map = map(&behaviours, interrupt)?;
+        Ok((spreads, further, map, individuals, clustering.clusters))
     });
-    let (spreads, map, individuals, clusters) = measured.await??;
+    let (spreads, beyond, map, individuals, clusters) = measured.await??;
     let stride = Frames::to_watch(spec.world()).stride().get();
     let mut medoids = Vec::with_capacity(taxonomy.medoids.len());
     for (place, medoid) in taxonomy.medoids.into_iter().enumerate() {
         let individual = medoid.individual.unwrap_or_default();
-        let request = v1::GetReplayRequest {
-            campaign: id(),
-            index: individual.index,
-            stride,
-        };
-        let replay = whole(client.get_replay(request).await?.into_inner()).await?;
+        let replay = replay(client, campaign, individual.index, stride).await?;
         let spread = match spreads.get(place).copied().flatten() {
             Some(members) => Some(spread(client, campaign, members).await?),
             None => None,
@@ -191,9 +215,17 @@ where
             cluster_size: medoid.cluster_size,
             mean_distance: medoid.mean_distance,
             novelty: medoid.novelty,
-            replay: Replay::try_from(replay)?,
+            replay,
             spread,
             carried: carried(medoid.name)?,
+        });
+    }
+    let mut further = Vec::with_capacity(beyond.len());
+    for index in beyond {
+        let index = index as u64;
+        further.push(FurtherEntry {
+            index,
+            replay: replay(client, campaign, index, stride).await?,
         });
     }
     let (judged_spec, shown) = (
@@ -220,6 +252,7 @@ where
         pictured: in_background(move |_| sheets.finish()).await??,
         individuals,
         medoids,
+        further,
         clusters,
         loss: taxonomy.loss,
         names,
@@ -255,33 +288,21 @@ fn repetition(digest: &v1::GetDigestResponse) -> Result<Repetition, Invalid> {
 ///
 /// # Errors
 /// See [`ReportDataError`].
-pub async fn archive<C>(
+pub async fn archive<C: Transport>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
     model: &CapabilityModel,
-) -> Result<Vec<Entry>, ReportDataError>
-where
-    C: GrpcService<Body> + Send,
-    C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
-    <C::ResponseBody as HttpBody>::Error: Into<StdError> + Send,
-    C::Future: Send,
-{
+) -> Result<Vec<Entry>, ReportDataError> {
     read_archive(client, campaign, model, None).await
 }
 
 /// The archive; `sheets`, if there are any, take its pictures, and those of a part are forgotten before the next one is read.
-async fn read_archive<C>(
+async fn read_archive<C: Transport>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
     model: &CapabilityModel,
     mut sheets: Option<&mut PictureSheets>,
-) -> Result<Vec<Entry>, ReportDataError>
-where
-    C: GrpcService<Body> + Send,
-    C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
-    <C::ResponseBody as HttpBody>::Error: Into<StdError> + Send,
-    C::Future: Send,
-{
+) -> Result<Vec<Entry>, ReportDataError> {
     let request = v1::GetArchiveRequest {
         campaign: campaign.to_owned(),
         images: sheets.is_some(),
@@ -300,23 +321,17 @@ where
     Ok(entries)
 }
 
-/// What the judge said of the trials of a completed campaign that judges them: `count` gets each verdict, individual after
+/// The judge's verdicts on the trials of a completed campaign that judges them: `count` gets each verdict, individual after
 /// individual.
 ///
 /// # Errors
 /// See [`ReportDataError`]; [`ReportDataError::Answer`] if a trial has no verdict.
-pub async fn verdicts<C>(
+pub async fn verdicts<C: Transport>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
     spec: &CampaignSpec,
     mut count: impl FnMut(Verdict),
-) -> Result<(), ReportDataError>
-where
-    C: GrpcService<Body> + Send,
-    C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
-    <C::ResponseBody as HttpBody>::Error: Into<StdError> + Send,
-    C::Future: Send,
-{
+) -> Result<(), ReportDataError> {
     let request = v1::GetArchiveRequest {
         campaign: campaign.to_owned(),
         images: false,
@@ -330,7 +345,7 @@ where
     Ok(())
 }
 
-/// What the judge said of the trials of an individual of a campaign that judges them.
+/// The judge's verdicts on the trials of an individual of a campaign that judges them.
 ///
 /// # Errors
 /// If a trial has no verdict, or one that is none.
@@ -385,17 +400,26 @@ fn generation(summary: v1::GenerationSummary) -> GenerationSummary {
 }
 
 /// The members of a cluster that show how far it reaches, with their images.
-async fn spread<C>(
+async fn replay<C: Transport>(
+    client: &mut CampaignServiceClient<C>,
+    campaign: &str,
+    index: u64,
+    stride: u32,
+) -> Result<Replay, ReportDataError> {
+    let request = v1::GetReplayRequest {
+        campaign: campaign.to_owned(),
+        index,
+        stride,
+    };
+    let replay = client.get_replay(request).await?.into_inner();
+    Ok(Replay::try_from(whole(replay).await?)?)
+}
+
+async fn spread<C: Transport>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
     members: [Place; 3],
-) -> Result<Spread, ReportDataError>
-where
-    C: GrpcService<Body> + Send,
-    C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
-    <C::ResponseBody as HttpBody>::Error: Into<StdError> + Send,
-    C::Future: Send,
-{
+) -> Result<Spread, ReportDataError> {
     let [nearest, median, farthest] = members;
     Ok(Spread {
         nearest: member(client, campaign, nearest).await?,
@@ -404,17 +428,11 @@ where
     })
 }
 
-async fn member<C>(
+async fn member<C: Transport>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
     (index, distance): Place,
-) -> Result<Member, ReportDataError>
-where
-    C: GrpcService<Body> + Send,
-    C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
-    <C::ResponseBody as HttpBody>::Error: Into<StdError> + Send,
-    C::Future: Send,
-{
+) -> Result<Member, ReportDataError> {
     let request = v1::GetIndividualRequest {
         campaign: campaign.to_owned(),
         index: index as u64,

@@ -74,9 +74,7 @@ fn steps(asked: Option<u32>, world: &World) -> Result<u32, Invalid> {
 pub(super) fn spec_of(campaign: Option<Campaign>) -> Result<CampaignSpec, Status> {
     match campaign {
         Some(Campaign::Spec(spec)) => Ok(CampaignSpec::try_from(spec)?),
-        Some(Campaign::Toml(text)) => {
-            CampaignSpec::from_toml(&text).map_err(|error| Status::invalid_argument(error.to_string()))
-        }
+        Some(Campaign::Toml(text)) => Ok(CampaignSpec::from_toml(&text)?),
         None => Err(Invalid::missing("campaign", "a campaign").into()),
     }
 }

@@ -6,7 +6,7 @@ use murmuration_dispatch::{Dispatch, LeaseNumber, TrainingLease, WorkerId, Worke
 use murmuration_model::SavedTraining;
 use murmuration_proto::{Invalid, PART_BYTES, v1};
 
-/// What one stream puts aside.
+/// Unfinished snapshots of one stream.
 pub(super) struct Snapshots {
     dispatch: Dispatch,
     worker: WorkerId,

@@ -9,11 +9,11 @@ use murmuration_store::{LabelError, StoreError, checkpoints::CheckpointError};
 use tonic::{Code, Status};
 
 pub trait IntoStatus {
-    /// What the client is told.
+    /// The status for the client.
     fn into_status(self) -> Status;
 }
 
-/// What came of something whose error has a status.
+/// Results whose error has a status.
 pub trait OrStatus<T> {
     /// The same, with the status in the place of the error.
     ///
@@ -104,7 +104,10 @@ impl IntoStatus for LabelError {
             }
             LabelError::Refused(Refusal::NoClass(_)) => Status::not_found(said),
             LabelError::Refused(Refusal::IntoItself(_)) => Status::invalid_argument(said),
-            LabelError::Refused(Refusal::TooManyClasses(_)) => Status::resource_exhausted(said),
+            LabelError::OverBudget(_)
+            | LabelError::Refused(Refusal::TooManyClasses(_) | Refusal::Full { .. }) => {
+                Status::resource_exhausted(said)
+            }
             LabelError::Refused(
                 Refusal::NothingToUndo(_) | Refusal::NothingToWithdraw { .. } | Refusal::NotNewestChange(_),
             ) => Status::failed_precondition(said),
@@ -159,7 +162,7 @@ impl IntoStatus for JoinError {
     }
 }
 
-/// What tonic says of a message that cannot be read. It blames the server (INTERNAL); the client is told that its message is wrong.
+/// Beginning of tonic's error about a message that cannot be read. It blames the server (INTERNAL); the client is told that its message is wrong.
 const SAID: &str = "failed to decode Protobuf message";
 
 /// Blames the client of a method for a message that could not be read before the answer began.

@@ -17,7 +17,7 @@ use tonic::{Request, Response, Status, Streaming};
 /// Implements `murmuration.v1.TrainerService`.
 #[derive(Debug, Clone)]
 pub struct TrainerApi {
-    /// Who leases trainings out.
+    /// Leases trainings to trainers.
     pub trainers: Trainers,
     pub store: Store,
 }

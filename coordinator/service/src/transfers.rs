@@ -3,7 +3,7 @@
 use super::Streamed;
 use crate::status::{IntoStatus, OrStatus as _};
 use murmuration_engine::{
-    blocking::{blocking, in_background},
+    blocking::{blocking, in_background, spawn},
     campaign::Campaigns,
 };
 use murmuration_model::CampaignId;
@@ -44,7 +44,7 @@ impl v1::transfer_service_server::TransferService for TransferApi {
             .or_status()?;
         let (parts, stream) = mpsc::channel(2);
         let api = self.clone();
-        tokio::spawn(async move {
+        spawn(async move {
             if let Err(status) = api.send(record.id, &parts).await {
                 // The client may be gone.
                 let _ = parts.send(Err(status)).await;

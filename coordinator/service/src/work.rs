@@ -23,7 +23,7 @@ const MAX_CREDITS: u32 = 65_536;
 /// Implements `murmuration.v1.WorkerService`.
 #[derive(Debug, Clone)]
 pub struct WorkerApi {
-    /// Who leases work out.
+    /// Leases work to workers.
     pub dispatch: Dispatch,
 }
 
@@ -39,7 +39,7 @@ impl v1::worker_service_server::WorkerService for WorkerApi {
     }
 }
 
-/// Who is at the other end of a stream.
+/// Peer of a stream.
 #[derive(Debug)]
 pub(super) enum Peer {
     Worker,
@@ -194,7 +194,7 @@ fn is_of(lineage: &Lineage, lease: &TrainingLease) -> bool {
     lineage.parent == training.parent && lineage.configuration == training.configuration.to_toml()
 }
 
-/// What a message says that is no part of a snapshot.
+/// The report in a message that is no part of a snapshot.
 fn report(message: Option<v1::worker_message::Message>) -> Result<WorkerReport, Invalid> {
     use v1::worker_message::Message;
     match message {

@@ -1,11 +1,11 @@
 //! Labels and queries as the messages that carry them, and their errors as statuses.
 
-use murmuration_model::labels::{Action, Agreement, Annotator, Change, Entry, Labels, RequestId};
+use murmuration_model::labels::{Action, Agreement, Annotator, Change, Entry, RequestId};
 use murmuration_proto::{Invalid, parts::parts, v1};
 use murmuration_store::{LabelError, Undone};
 use std::collections::BTreeSet;
 
-/// What an answer says; `now_ms` is when, unless it tells.
+/// The change by an answer; `now_ms` is its time unless it has one.
 pub(super) fn change(message: v1::Answer, now_ms: u64) -> Result<Change, Invalid> {
     let time_ms = match message.time_ms {
         0 => now_ms,
@@ -49,13 +49,13 @@ pub(super) fn change_of_classes(number: u64, change: &Change) -> v1::LabelEntry 
     })
 }
 
-/// What was added, part by part.
+/// The added entries, part by part.
 pub(super) fn appended(entries: Vec<Entry>) -> impl Iterator<Item = v1::AppendLabelsResponse> {
     let entries = entries.into_iter().map(v1::LabelEntry::from);
     parts(entries, |entries| v1::AppendLabelsResponse { entries })
 }
 
-/// What was undone, by what, part by part.
+/// The undone entries and those that undid them, part by part.
 pub(super) fn undone(undone: Vec<Undone>) -> impl Iterator<Item = v1::UndoLabelsResponse> {
     let (entries, answers): (Vec<_>, Vec<_>) = undone
         .into_iter()
@@ -70,20 +70,6 @@ pub(super) fn undone(undone: Vec<Undone>) -> impl Iterator<Item = v1::UndoLabels
         ..v1::UndoLabelsResponse::default()
     });
     entries.chain(answers)
-}
-
-/// The answers that stand, part by part.
-pub(super) fn listed(labels: &Labels) -> impl Iterator<Item = v1::ListLabelsResponse> + use<> {
-    let digest = v1::ListLabelsResponse {
-        digest: labels.digest().to_string(),
-        ..v1::ListLabelsResponse::default()
-    };
-    let labels: Vec<v1::Label> = labels.standing().map(Into::into).collect();
-    let labels = parts(labels, |labels| v1::ListLabelsResponse {
-        labels,
-        ..v1::ListLabelsResponse::default()
-    });
-    std::iter::once(digest).chain(labels)
 }
 
 /// How far two annotators agree, part by part.
