@@ -22,7 +22,7 @@ pub(crate) fn list_of(kind: DataType) -> DataType {
     DataType::List(Arc::new(Field::new_list_field(kind, false)))
 }
 
-/// What a column is about, for people, and the unit of its numbers.
+/// Description of a column, and the unit of its numbers.
 pub(crate) trait Described {
     /// The same column, described.
     fn about(self, about: &str) -> Self;

@@ -1,4 +1,4 @@
-//! What fits in cells of the same tables as CSV: a header, then numbers that read back exactly, and names as spreadsheets can open
+//! CSV of the same tables, as far as it fits in cells: a header, then numbers that read back exactly, and names as spreadsheets can open
 //! them. The individuals come without their trials; of the label log there are the answers that stand.
 
 use crate::{ExportError, IndividualTable};

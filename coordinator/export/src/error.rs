@@ -16,17 +16,17 @@ pub enum ExportError {
     /// A file or folder cannot be used.
     #[error("cannot {doing} {path}: {source}")]
     File {
-        /// What was tried.
+        /// The failed operation.
         doing: &'static str,
-        /// With which file or folder.
+        /// Its file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: io::Error,
     },
     /// Something is there already.
     #[error("{0} is not empty: name a new folder, or replace an export with --force")]
     NotEmpty(PathBuf),
-    /// What is there already is not what may be replaced.
+    /// The existing folder or file may not be replaced.
     #[error(
         "{0} holds something besides an export, or files of one that were changed, which --force does not replace: name a new folder"
     )]
@@ -41,7 +41,7 @@ pub enum ExportError {
         old: PathBuf,
         /// Its name.
         target: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: io::Error,
     },
     /// The folder, or a file of it, is not as an export has it.
@@ -49,7 +49,7 @@ pub enum ExportError {
     Damaged {
         /// Which.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault.
         reason: String,
     },
     /// The coordinator sent no database of a campaign.

@@ -69,7 +69,7 @@ impl<W: Write> IndividualTable<W> {
         Ok(())
     }
 
-    /// What it is written to, with all of it. A table without individuals has its header, but no columns of embeddings, whose
+    /// Writes the rest, and returns the writer. A table without individuals has its header, but no columns of embeddings, whose
     /// number is not known.
     ///
     /// # Errors
@@ -82,7 +82,7 @@ impl<W: Write> IndividualTable<W> {
 }
 
 impl IndividualTable<Vec<u8>> {
-    /// What was written since this was called last.
+    /// Takes the bytes written since the last call.
     ///
     /// # Errors
     /// Never: memory takes it all.

@@ -45,7 +45,7 @@ const TAXONOMY: &str = "taxonomy.parquet";
 const PICTURES: &str = "pictures.npz";
 /// The folder of the checkpoints, each with its description.
 const CHECKPOINTS: &str = "checkpoints";
-/// What the files and columns mean.
+/// Meaning of the files and columns.
 const README: &str = "README.md";
 /// Where the data come from, and what they are for.
 const DATASHEET: &str = "DATASHEET.md";

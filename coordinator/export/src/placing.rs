@@ -11,7 +11,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// What the name of a folder begins with that is being filled.
+/// Prefix of a folder that is being filled.
 const PREFIX: &str = ".murmuration-export-";
 /// Extension of a former export on its way out, beside the new one: nobody knows whether the new one got its name.
 const REPLACED: &str = "replaced";

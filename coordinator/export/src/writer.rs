@@ -22,7 +22,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// What was written.
+/// The written export.
 #[derive(Debug)]
 pub struct Exported {
     /// The folder.

@@ -86,6 +86,12 @@ impl AccuracyCommand {
             }
         };
         let accuracy = measure(&sets, vectors);
+        if accuracy.every_anchor().triplets == 0 {
+            return Err(CliError::Input(
+                "there is no triplet to measure by: it takes two behaviours of one class and one of another"
+                    .to_owned(),
+            ));
+        }
         if global.json {
             let classes = accuracy.classes();
             json::print(json::Accuracy {

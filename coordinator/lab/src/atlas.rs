@@ -9,8 +9,8 @@ use murmuration_cli::{
     connection::{self, Connection},
     files::replaces,
     follow::{Show, View},
-    heard::{self, get_campaign, get_digest},
     next_step, read_spec,
+    validation::{self, get_campaign, get_digest},
 };
 use murmuration_files::{Folder, Replaces};
 use murmuration_link::{errln, outln, termination};
@@ -125,7 +125,7 @@ impl AtlasCommand {
         global: &Global,
         campaign: &v1::Campaign,
     ) -> Result<json::Atlas, CliError> {
-        let id = heard::id(campaign)?;
+        let id = validation::id(campaign)?;
         let (folder, replaces) = match &self.out {
             Some(folder) => (folder.clone(), replaces(self.force)),
             None => (atlas_folder(&global.data, &id), Replaces::All),
@@ -204,7 +204,7 @@ async fn finish(
     }
 }
 
-/// What the archive of a campaign says; the pictures of its swarms go into `folder` at once, since together they may
+/// Collects the archive of a campaign; the pictures of its swarms go into `folder` at once, since together they may
 /// not fit in memory.
 async fn gather(
     connection: &mut Connection,

@@ -8,7 +8,7 @@ use csv::Writer;
 use murmuration_accuracy::{LabelledSet, Swarm};
 use murmuration_cli::{
     CliError, Global,
-    files::{FileType, check_distinct, write},
+    files::{FileType, Overwrite, check_outputs, write},
     table::{Table, left, right},
 };
 use murmuration_judge as judge;
@@ -41,6 +41,8 @@ pub struct JudgeCommand {
     /// Also write what the second judge measures of each swarm, to train it by
     #[arg(long, value_name = "CSV")]
     measures: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 impl JudgeCommand {
@@ -54,7 +56,7 @@ impl JudgeCommand {
                 false => Vec::new(),
             };
             let inputs = self.labels.iter().chain(&self.starts).chain(&beside);
-            check_distinct([("--measures", table)], inputs)?;
+            check_outputs([("--measures", table)], inputs, self.overwrite)?;
         }
         let sets = self.labels.iter().map(LabelledSet::read);
         let sets = sets.collect::<Result<Vec<_>, _>>()?;

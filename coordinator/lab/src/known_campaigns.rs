@@ -4,7 +4,7 @@ use murmuration_cli::{
     CliError,
     connection::Client,
     follow::follow_with,
-    heard::{Heard as _, get_campaign, get_digest, heard},
+    validation::{Validated as _, get_campaign, get_digest, validated},
 };
 use murmuration_link::OutputError;
 use murmuration_proto::{CampaignSpec, parts::whole, v1};
@@ -30,7 +30,7 @@ impl KnownCampaigns {
     /// Asks which campaigns there are now. Only new ones are looked into.
     pub(super) async fn renew(&mut self, client: &mut Client) -> Result<(), CliError> {
         let listed = client.list_campaigns(v1::ListCampaignsRequest {}).await?;
-        self.take(whole(listed.into_inner()).await?.campaigns.heard()?);
+        self.take(whole(listed.into_inner()).await?.campaigns.validated()?);
         Ok(())
     }
 
@@ -70,11 +70,11 @@ pub(super) async fn begin(
         return Ok(campaign);
     }
     let request = v1::CreateCampaignRequest {
-        spec: Some(spec.into()),
+        campaign: Some(v1::create_campaign_request::Campaign::Spec(spec.into())),
         study: study.to_owned(),
         ..v1::CreateCampaignRequest::default()
     };
-    heard(client.create_campaign(request).await?)
+    validated(client.create_campaign(request).await?)
 }
 
 /// Lets a campaign go on until it stops, wherever it is, and shows each status; the last one.
@@ -88,7 +88,7 @@ pub(super) async fn to_rest(
         v1::CampaignState::Running if begun.active => follow_with(client, &begun.id, draw).await,
         _ => {
             let request = v1::ResumeCampaignRequest { campaign: begun.id };
-            let resumed = heard(client.resume_campaign(request).await?)?;
+            let resumed = validated(client.resume_campaign(request).await?)?;
             follow_with(client, &resumed.id, draw).await
         }
     }

@@ -13,7 +13,7 @@ use murmuration_proto::{Class, grouped};
 pub struct ClassPoint {
     /// Where it is: right and up, in any unit; finite.
     pub at: [f64; 2],
-    /// What it is.
+    /// Its class.
     pub class: Class,
 }
 

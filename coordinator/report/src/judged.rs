@@ -2,7 +2,7 @@
 
 use crate::{Entry, Report};
 use murmuration_judge::{frames, judge};
-use murmuration_model::labels::ClassName;
+use murmuration_model::labels::{ClassKey, ClassName};
 use murmuration_proto::{CampaignSpec, Class, Invalid, Verdict, counted, noun};
 use murmuration_sim::{replay::replay_frames, simulate::Start};
 use rayon::prelude::*;
@@ -26,8 +26,8 @@ const FEWEST_ROBOTS: u32 = 3;
 pub struct Judged {
     /// Its verdict on each medoid, in the order of the taxonomy; none where judging them would take long.
     pub medoids: Vec<Verdict>,
-    /// Its verdicts on individuals that are evenly spread over the archive; likewise.
-    pub sample: Vec<Verdict>,
+    /// Indices of individuals that are evenly spread over the archive, each with its verdict; likewise.
+    pub sample: Vec<(u64, Verdict)>,
 }
 
 impl Judged {
@@ -51,7 +51,10 @@ impl Judged {
         let count = SAMPLE.min(affordable).min(archive.len());
         let count = if count < LEAST { 0 } else { count };
         let sampled = (0..count).into_par_iter();
-        let sampled = sampled.map(|place| verdict(&archive[place * archive.len() / count]));
+        let sampled = sampled.map(|place| {
+            let index = place * archive.len() / count;
+            Ok((index as u64, verdict(&archive[index])?))
+        });
         let medoids = if medoids.len() > affordable { &[] } else { medoids };
         let shown = medoids
             .par_iter()
@@ -64,7 +67,8 @@ impl Judged {
 
     /// The share of the sample of which the judge knows no class and no pattern, 0 to 1; `None` without a sample.
     pub(crate) fn random_share(&self) -> Option<f64> {
-        let random = self.sample.iter().filter(|verdict| **verdict == RANDOM).count();
+        let random = self.sample.iter().filter(|(_, verdict)| *verdict == RANDOM);
+        let random = random.count();
         (!self.sample.is_empty()).then(|| random as f64 / self.sample.len() as f64)
     }
 }
@@ -91,30 +95,61 @@ impl Shown {
             (None, _) => Self::Random,
         }
     }
-}
 
-/// The places of the cards that show something that no card before them does, and the places of the others.
-pub(crate) fn distinct(shown: &[Shown]) -> (Vec<usize>, Vec<usize>) {
-    let mut seen = BTreeSet::new();
-    (0..shown.len()).partition(|&place| shown[place] != Shown::Random && seen.insert(&shown[place]))
-}
-
-/// What was found, in sentences: how many distinct behaviours annotators named, at least, and what the judge names beside them.
-/// A judge makes mistakes, so its names are no such bound.
-pub fn found(shown: &[Shown]) -> Vec<(String, String)> {
-    let (places, _) = distinct(shown);
-    let (mut named, mut judged) = (Vec::new(), Vec::new());
-    for place in places {
-        match &shown[place] {
-            Shown::Named(name) => named.push(name.as_str()),
-            Shown::Judged(name) => judged.push(name.as_str()),
-            Shown::Random => {}
+    /// The class of its name, if it has one.
+    fn key(&self) -> Option<ClassKey> {
+        match self {
+            Self::Named(name) | Self::Judged(name) => Some(ClassKey::from(name.as_str())),
+            Self::Random => None,
         }
     }
+
+    const fn is_named(&self) -> bool {
+        matches!(self, Self::Named(_))
+    }
+}
+
+/// The places of the cards that show something that no card before them does, and the places of the others. What an annotator named
+/// goes before what the judge calls the same.
+pub(crate) fn distinct(shown: &[Shown]) -> (Vec<usize>, Vec<usize>) {
+    let named = shown.iter().filter(|shown| shown.is_named());
+    let named: BTreeSet<ClassKey> = named.filter_map(Shown::key).collect();
+    let mut seen = BTreeSet::new();
+    (0..shown.len()).partition(|&place| {
+        let shown = &shown[place];
+        let key = shown.key().filter(|key| shown.is_named() || !named.contains(key));
+        key.is_some_and(|key| seen.insert(key))
+    })
+}
+
+/// Summary in sentences: at least how many distinct behaviours annotators named, and how many more kinds the judge names.
+/// Names that are nearly the same count once. A judge makes mistakes, so its names are no such bound.
+pub fn found(shown: &[Shown]) -> Vec<(String, String)> {
+    let (places, _) = distinct(shown);
+    // Names that are nearly the same stand together.
+    let mut named: Vec<Vec<&str>> = Vec::new();
+    let near = |named: &[Vec<&str>], name: &str| {
+        let is_near = |other: &&str| ClassKey::from(*other).is_near(&ClassKey::from(name));
+        named.iter().position(|group| group.iter().any(is_near))
+    };
+    for &place in &places {
+        if let Shown::Named(name) = &shown[place] {
+            match near(&named, name) {
+                Some(group) => named[group].push(name),
+                None => named.push(vec![name]),
+            }
+        }
+    }
+    let judged = places.iter().filter_map(|&place| match &shown[place] {
+        Shown::Judged(name) if near(&named, name).is_none() => Some(name.as_str()),
+        _ => None,
+    });
+    let judged: Vec<&str> = judged.collect();
     let more = if named.is_empty() { "" } else { " more" };
     let named = (!named.is_empty()).then(|| {
         let count = counted(named.len() as u64, "distinct behaviour");
-        (format!("At least {count}"), named.join(", "))
+        let names: Vec<String> = named.iter().map(|near| near.join(" or ")).collect();
+        (format!("At least {count}"), names.join(", "))
     });
     let judged = (!judged.is_empty()).then(|| {
         let count = judged.len();
@@ -142,12 +177,55 @@ impl Report {
         };
         (0..self.medoids.len()).map(shown).collect()
     }
+
+    /// How well a card stands for its cluster; `None` where the class of no other member is known.
+    pub(crate) fn purity(&self, place: usize) -> Option<Purity> {
+        let index = self.medoids.get(place)?.index;
+        let is_other = |other: u64| {
+            let cluster = self.clusters.get(other as usize);
+            other != index && cluster.is_some_and(|cluster| *cluster as usize == place)
+        };
+        let class = self.names.of(index).map(|(_, class)| &class.name);
+        let labelled = class.and_then(|class| {
+            let given = self.names.by_individual.iter();
+            let others = given.filter(|(other, _)| is_other(**other));
+            Purity::of(others.map(|(_, given)| given.class == *class), true)
+        });
+        labelled.or_else(|| {
+            let verdict = *self.judged.medoids.get(place)?;
+            let others = self.judged.sample.iter().filter(|(other, _)| is_other(*other));
+            Purity::of(others.map(|(_, other)| *other == verdict), false)
+        })
+    }
+}
+
+/// How many members of a cluster are of the class of its medoid.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Purity {
+    pub(crate) alike: usize,
+    /// Members whose class is known, without the medoid; at least 1.
+    pub(crate) known: usize,
+    /// Whether labels give the classes; otherwise the rule-based judge does.
+    pub(crate) by_labels: bool,
+}
+
+impl Purity {
+    /// Of members that are of the medoid's class, or not; `None` without any.
+    fn of(alike: impl Iterator<Item = bool>, by_labels: bool) -> Option<Self> {
+        let alike: Vec<bool> = alike.collect();
+        (!alike.is_empty()).then(|| Self {
+            alike: alike.iter().filter(|alike| **alike).count(),
+            known: alike.len(),
+            by_labels,
+        })
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::sample::{self, SMALL};
+    use murmuration_model::labels::GivenClass;
 
     #[test]
     fn a_sample_is_judged_where_there_are_enough() {
@@ -157,7 +235,7 @@ mod tests {
         assert_eq!((few.medoids.len(), few.sample.len()), (2, 0));
         let more = judged(&vec![report.individuals.clone(); 2].concat());
         assert_eq!(more.sample.len(), 2 * report.individuals.len());
-        assert_eq!(more.sample[..2], [more.medoids[1], more.medoids[0]]);
+        assert_eq!(more.sample[..2], [(0, more.medoids[1]), (1, more.medoids[0])]);
         let many = vec![report.individuals.clone(); 20].concat();
         let many = judged(&many);
         assert_eq!(many.sample.len(), SAMPLE);
@@ -201,6 +279,75 @@ mod tests {
             ["The rule-based judge names 1 kind of behaviour: milling"]
         );
         assert!(said(&both[2..3]).is_empty());
+        // The judge calls one of them as an annotator did, and an annotator's hand slipped.
+        let twice = [
+            judged("milling"),
+            named("milling"),
+            named("miling"),
+            judged("chain"),
+        ];
+        assert_eq!(
+            said(&twice),
+            [
+                "At least 1 distinct behaviour: milling or miling",
+                "The rule-based judge names 1 more kind of behaviour: chain"
+            ]
+        );
+        assert_eq!(distinct(&twice), (vec![1, 2, 3], vec![0]));
+        assert_eq!(
+            said(&[judged("milling"), named("miling")]),
+            ["At least 1 distinct behaviour: miling"]
+        );
+    }
+
+    #[test]
+    fn the_purity_of_a_cluster_is_that_of_its_labels_or_else_of_the_sample() {
+        let mut report = sample::report(&SMALL);
+        let members = |place: u32| {
+            let members = (0_u64..).zip(&report.clusters);
+            let medoid = report.medoids[place as usize].index;
+            members
+                .filter(move |(index, cluster)| **cluster == place && *index != medoid)
+                .map(|(index, _)| index)
+                .collect::<Vec<_>>()
+        };
+        let (first, second) = (members(0), members(1));
+        let [milling, chain] = [Class::Milling, Class::Random].map(Verdict::Class);
+        report.names = crate::Names::default();
+        report.judged.medoids = vec![milling; 3];
+        report.judged.sample = vec![
+            (first[0], milling),
+            (first[1], chain),
+            (second[0], milling),
+            // The medoid itself says nothing of the others.
+            (report.medoids[0].index, milling),
+        ];
+        let of = |report: &Report, place| {
+            let purity = report.purity(place);
+            purity.map(|purity| (purity.alike, purity.known, purity.by_labels))
+        };
+        assert_eq!(of(&report, 0), Some((1, 2, false)));
+        assert_eq!(of(&report, 1), Some((1, 1, false)));
+        assert_eq!(of(&report, 2), None);
+
+        // The label of the medoid and that of another member go before the judge.
+        let label = |class: &str| GivenClass {
+            class: class.parse().unwrap(),
+            by_machine: false,
+        };
+        report.names = sample::report(&SMALL).names;
+        let medoid = report.medoids[0].index;
+        report.names.by_individual = [
+            (medoid, "wall"),
+            (first[0], "wall"),
+            (first[1], "ring"),
+            (second[0], "wall"),
+        ]
+        .map(|(index, class)| (index, label(class)))
+        .into();
+        assert_eq!(of(&report, 0), Some((1, 2, true)));
+        report.names.by_individual.retain(|index, _| *index == medoid);
+        assert_eq!(of(&report, 0), Some((1, 2, false)));
     }
 
     #[test]

@@ -61,6 +61,8 @@ pub struct Report {
     pub medoids: Vec<MedoidEntry>,
     /// For each individual, the place in `medoids` of its nearest medoid.
     pub clusters: Vec<u32>,
+    /// Individuals beside the medoids, each the farthest from all before it.
+    pub further: Vec<FurtherEntry>,
     pub map: Map,
     /// Pictures of individuals, for the map.
     pub pictured: Pictured,
@@ -68,7 +70,7 @@ pub struct Report {
     pub loss: f64,
     /// The names of behaviours, and who gave them.
     pub names: Names,
-    /// What the rule-based judge says of the medoids, and of a sample of the archive.
+    /// The rule-based judge's verdicts on the medoids, and on a sample of the archive.
     pub judged: Judged,
     /// The inputs of the archive besides the specification.
     pub repetition: Repetition,
@@ -125,7 +127,7 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// What its place in the behaviour space is made of.
+    /// Features and embedding, which place it in the behaviour space.
     #[must_use]
     pub fn measured(&self) -> (Features, Vec<f32>) {
         (self.features, self.embedding.clone())
@@ -162,6 +164,15 @@ pub struct MedoidEntry {
     pub spread: Option<Spread>,
     /// The name of its cluster, if that comes from an earlier version of the taxonomy.
     pub carried: Option<CarriedName>,
+}
+
+/// An individual that is shown beside the taxonomy.
+#[derive(Debug, Clone)]
+pub struct FurtherEntry {
+    /// Index of the individual.
+    pub index: u64,
+    /// Its motion from the start to the horizon.
+    pub replay: Replay,
 }
 
 /// How far a cluster reaches from its medoid.
@@ -258,10 +269,10 @@ pub enum ReportError {
 /// [`ReportError::Folder`] as [`Folder::finish`].
 pub fn write(report: &Report, mut files: Folder) -> Result<ReportFiles, ReportError> {
     check(report)?;
-    let pictures = draw_medoids(report)?;
+    let (pictures, further) = (draw_medoids(report)?, draw_further(report)?);
     let novelty = plots::novelty(&report.generations, plots::WIDE).svg;
     let map = plots::map(report);
-    let page = page::render(report, &pictures, Files::Beside);
+    let page = page::render(report, &pictures, &further, Files::Beside);
 
     files.text("spec.toml", &again::specification(report))?;
     files.write("archive.csv", |file| tables::archive(report, file))?;
@@ -291,7 +302,8 @@ pub fn write(report: &Report, mut files: Folder) -> Result<ReportFiles, ReportEr
 /// The page of a report alone. The page of [`write()`] differs where it names the files beside it.
 pub fn page(report: &Report) -> Result<String, ReportError> {
     check(report)?;
-    Ok(page::render(report, &draw_medoids(report)?, Files::Absent))
+    let (pictures, further) = (draw_medoids(report)?, draw_further(report)?);
+    Ok(page::render(report, &pictures, &further, Files::Absent))
 }
 
 /// The contact sheet alone, as SVG: the paths of all behaviours in one figure. It needs no pictures of individuals.
@@ -344,9 +356,10 @@ fn check(report: &Report) -> Result<(), ReportError> {
     {
         return fail(format!("a picture of individual {index} among {count}"));
     }
-    for medoid in &report.medoids {
-        if medoid.index >= count as u64 {
-            return fail(format!("medoid {} among {count} individuals", medoid.index));
+    let further = report.further.iter().map(|further| further.index);
+    for index in report.medoids.iter().map(|medoid| medoid.index).chain(further) {
+        if index >= count as u64 {
+            return fail(format!("individual {index} among {count}"));
         }
     }
     if report
@@ -410,6 +423,25 @@ fn draw_medoids(report: &Report) -> Result<Vec<MedoidPictures>, ReportError> {
             index: medoid.index,
             source,
         })
+    });
+    drawn.collect()
+}
+
+/// Size of the pictures of further behaviours, pixels.
+const FURTHER_SIZE: u32 = 320;
+
+/// A PNG file of the paths of each further behaviour.
+fn draw_further(report: &Report) -> Result<Vec<Vec<u8>>, ReportError> {
+    let (world, window) = (report.spec.world(), report.spec.image().window());
+    let drawn = report.further.par_iter().map(|further| {
+        let bodies = Bodies::of(&report.individuals[further.index as usize].controller, world);
+        let (colouring, paper) = (bodies.colouring(), Paper::Clear);
+        picture::trajectory_png(&further.replay, world, colouring, window, FURTHER_SIZE, paper).map_err(
+            |source| ReportError::Picture {
+                index: further.index,
+                source,
+            },
+        )
     });
     drawn.collect()
 }

@@ -1,8 +1,8 @@
 //! A report of an invented campaign, for tests. Its robots drive as robots do; the report does not care what they see.
 
 use super::{
-    Entry, GenerationSummary, Judged, Map, MedoidEntry, Member, Names, PictureSheets, Pictured, Report,
-    Spread,
+    Entry, FurtherEntry, GenerationSummary, Judged, Map, MedoidEntry, Member, Names, PictureSheets, Pictured,
+    Report, Spread,
 };
 use murmuration_model::{
     Repetition,
@@ -107,6 +107,7 @@ pub(super) fn report(sample: &Sample) -> Report {
         },
         pictured: pictured(&medoids, &clusters, &spec),
         individuals,
+        further: further(&medoids),
         medoids,
         clusters,
         loss: 123.4,
@@ -115,8 +116,8 @@ pub(super) fn report(sample: &Sample) -> Report {
                 .map(|place| Verdict::Class(JudgedClass::ALL[7 - place % 3]))
                 .collect(),
             sample: vec![
-                Verdict::Class(JudgedClass::Random),
-                Verdict::Class(JudgedClass::Milling),
+                (0, Verdict::Class(JudgedClass::Random)),
+                (1, Verdict::Class(JudgedClass::Milling)),
             ],
         },
         names: names(),
@@ -132,6 +133,16 @@ fn pictured(medoids: &[MedoidEntry], clusters: &[u32], spec: &CampaignSpec) -> P
         sheets.add(index, &medoids[cluster as usize].image).unwrap();
     }
     sheets.finish().unwrap()
+}
+
+/// Two individuals that move as medoids do.
+fn further(medoids: &[MedoidEntry]) -> Vec<FurtherEntry> {
+    let like = medoids.iter().zip(20..22);
+    like.map(|(medoid, index)| FurtherEntry {
+        index,
+        replay: medoid.replay.clone(),
+    })
+    .collect()
 }
 
 /// Members that look like the medoid, at distances that no other cluster has.

@@ -1,4 +1,4 @@
-//! What drawings that are one SVG file have in common: their head, their colours, and the grid of percentages.
+//! Common parts of drawings that are one SVG file: their head, their colours, and the grid of percentages.
 
 use maud::{Markup, html};
 

@@ -1,4 +1,4 @@
-//! What a written report holds, read back from the files.
+//! A written report, read back from its files.
 
 mod channels;
 mod learned;
@@ -252,7 +252,10 @@ fn a_page_begins_with_what_was_found_and_folds_what_is_random_or_shown_already()
     report.judged.medoids = [Class::Random, Class::Milling, Class::Random]
         .map(Verdict::Class)
         .into();
-    report.judged.sample = [Class::Random, Class::Milling].map(Verdict::Class).into();
+    report.judged.sample = vec![
+        (0, Verdict::Class(Class::Random)),
+        (1, Verdict::Class(Class::Milling)),
+    ];
     let found = page(&report);
     let said = "<strong>At least 1 distinct behaviour</strong>: ring, or &quot;mill&quot;. \
                 <strong>The rule-based judge names 1 more kind of behaviour</strong>: milling. \
@@ -332,7 +335,7 @@ fn what_does_not_fit_together_is_refused_before_anything_is_written() {
     check(|report| report.clusters.truncate(39), "39 of them in clusters");
     check(|report| report.map.points.truncate(39), "39 on the map");
     check(|report| report.clusters[0] = 3, "cluster 3 of 3");
-    check(|report| report.medoids[0].index = 40, "medoid 40 among 40");
+    check(|report| report.medoids[0].index = 40, "individual 40 among 40");
     check(|report| report.map.points[5][1] = f64::NAN, "not finite");
     check(
         |report| report.medoids[1].image.truncate(9),

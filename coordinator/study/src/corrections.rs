@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 /// Name of the annotator of a behaviour if the file names none.
 const SOMEBODY: &str = "a person";
-/// Whose word the classes of `medoids.csv` are.
+/// Author of the classes of `medoids.csv` that the judge gave.
 pub const JUDGE: &str = "judge";
 /// Most characters that are kept of a name.
 const NAME_CHARS: usize = 64;

@@ -1,4 +1,4 @@
-//! What is measured of a cell, and the figures that come of it.
+//! Measures of a cell, and their figures.
 
 use murmuration_proto::{Class, Invalid, Pattern};
 use std::{borrow::Cow, fmt, str::FromStr};

@@ -34,9 +34,9 @@ const MOST_REPLICATES: u64 = 1000;
 /// Why a study file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
-    #[error("{0}")]
+    #[error(transparent)]
     Syntax(#[from] TomlError),
-    #[error("{0}")]
+    #[error(transparent)]
     Value(#[from] Invalid),
     #[error("the campaign with {cell}: {error}")]
     Cell { cell: String, error: Box<SpecFileError> },

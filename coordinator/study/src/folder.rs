@@ -36,7 +36,7 @@ pub enum FolderError {
     Write { path: PathBuf, source: io::Error },
     #[error("{}: {error}", path.display())]
     Study { path: PathBuf, error: StudyError },
-    #[error("{0}")]
+    #[error(transparent)]
     Cell(#[from] Invalid),
 }
 
@@ -194,7 +194,7 @@ impl StudyFolder {
         self.write(REFERENCE, &json_bytes(reference))
     }
 
-    /// What the atlas of the study holds, made for cells that are measured in this way; `None` if there is none, or one made in
+    /// Contents of the atlas of the study, made for cells that are measured in this way; `None` if there is none, or one made in
     /// another way, or if the file is damaged: then it is made again.
     pub fn reference(&self, measures: &str) -> Result<Option<Reference>, FolderError> {
         let path = self.path.join(REFERENCE);
@@ -228,7 +228,7 @@ impl StudyFolder {
         self.write(&of_cell(&measured.cell), &json_bytes(measured))
     }
 
-    /// What was measured of the cell with this digest in this way; `None` if nothing was, or in another way, or if the file is
+    /// Measurements of the cell with this digest in this way; `None` if there are none, or in another way, or if the file is
     /// damaged: then it is measured again.
     pub fn measured(&self, cell: &str, measures: &str) -> Result<Option<Measured>, FolderError> {
         let path = self.path.join(of_cell(cell));

@@ -1,6 +1,6 @@
 //! The judge's errors, carried into the figures by resampling.
 //!
-//! What the judge says of a behaviour and what the annotators of the labelled sets say of it differ ([`JudgeErrors`]). A resampling
+//! The judge and the annotators of the labelled sets differ about some behaviours ([`JudgeErrors`]). A resampling
 //! draws the labelled behaviours, the replicates and, for each individual that the judge named, the class that the annotators give to
 //! what the judge so names; of shares also the trials. The figures of many resamplings spread as far as judge, replicates and
 //! trials leave them open.

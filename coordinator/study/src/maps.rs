@@ -24,7 +24,7 @@ const MOST_PLACE: f64 = 1e9;
 pub enum BehavioursError {
     #[error("the archive holds vectors that cannot be compared: {0}")]
     Misfit(#[from] Misfit),
-    #[error("{0}")]
+    #[error(transparent)]
     Interrupted(#[from] Interrupted),
     #[error("individual {index} cannot be simulated: {error}")]
     Simulation {

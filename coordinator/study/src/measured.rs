@@ -1,4 +1,4 @@
-//! What was measured of a cell, as it is kept.
+//! Measurements of a cell, as they are stored.
 
 use crate::{figure::Figure, maps::Maps, recall::RecallCounts, shares::JudgedTrials};
 use murmuration_proto::Class;

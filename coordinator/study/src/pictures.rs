@@ -50,9 +50,9 @@ pub(crate) fn of_cell(cell: &MeasuredCell<'_>) -> Result<MedoidPictures, (u64, S
 /// Why there is no picture.
 #[derive(Debug, thiserror::Error)]
 enum Undrawn {
-    #[error("{0}")]
+    #[error(transparent)]
     Simulation(#[from] Invalid),
-    #[error("{0}")]
+    #[error(transparent)]
     Picture(#[from] PictureError),
 }
 

@@ -1,4 +1,4 @@
-//! What there is to find: an atlas, with its behaviour space divided into niches.
+//! The reference of recall: an atlas, with its behaviour space divided into niches.
 
 use murmuration_proto::{
     CampaignSpec, Class, Controller, Enumeration, FEATURE_NAMES, Features, MAX_FEATURE, Method, Verdict,
@@ -65,7 +65,7 @@ pub enum ReferenceError {
     Empty,
     #[error("the features of the atlas cannot be compared: {0}")]
     Misfit(#[from] Misfit),
-    #[error("{0}")]
+    #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }
 

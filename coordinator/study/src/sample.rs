@@ -16,7 +16,7 @@ pub(crate) fn study() -> Study {
     Study::from_toml(text, Path::new("/"), false).unwrap()
 }
 
-/// What was measured of a cell whose medoids are of these classes, a list a taxonomy; individuals have the indices from 0, taxonomy
+/// Measurements of a cell whose medoids are of these classes, a list a taxonomy; individuals have the indices from 0, taxonomy
 /// after taxonomy.
 pub(crate) fn measured(study: &Study, place: usize, taxonomies: &[&[&str]]) -> Measured {
     let cell = cell_digest(&study.cells[place].spec);

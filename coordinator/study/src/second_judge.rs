@@ -28,7 +28,7 @@ pub fn second_judge_by(measures: &[f64], world: &World) -> Class {
     forest::class(measures, world)
 }
 
-/// What the second judge measures of the end of a motion in `world`, to train it by: always as many numbers, all finite.
+/// Measures of the end of a motion in `world`, to train the second judge by: always as many numbers, all finite.
 #[must_use]
 pub fn second_judge_measures(motion: &Replay, world: &World) -> Vec<f64> {
     measures::measures(&Paths::of(motion, world))

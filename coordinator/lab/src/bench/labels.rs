@@ -7,7 +7,7 @@ use crate::{
 use murmuration_accuracy::{LabelledSet, Summary};
 use murmuration_cli::{
     CliError,
-    files::{FileType, write},
+    files::{FileType, Overwrite, write},
     read_spec,
     table::{Table, left, right},
 };
@@ -46,12 +46,15 @@ pub struct LabelsBench {
     /// Write the curves to this SVG file
     #[arg(long, value_name = "OUT")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 impl LabelsBench {
     pub(super) fn execute(mut self, as_json: bool) -> Result<(), CliError> {
         if let Some(file) = &self.plot {
             FileType::Svg.check("--plot", file)?;
+            self.overwrite.check(file)?;
         }
         self.labels.sort_unstable();
         self.labels.dedup();

@@ -51,21 +51,21 @@ pub struct Point {
 /// Why there is no curve.
 #[derive(Debug, thiserror::Error)]
 pub enum CurveError {
-    #[error("{0}")]
+    #[error(transparent)]
     Invalid(#[from] Invalid),
-    #[error("{0}")]
+    #[error(transparent)]
     Architecture(#[from] ArchitectureError),
-    #[error("{0}")]
+    #[error(transparent)]
     Pictures(#[from] PicturesError),
-    #[error("{0}")]
+    #[error(transparent)]
     Labelled(#[from] LabelledPicturesError),
-    #[error("{0}")]
+    #[error(transparent)]
     Training(#[from] TrainingError),
-    #[error("{0}")]
+    #[error(transparent)]
     Propose(#[from] murmuration_search::breeding::ProposeError),
-    #[error("{0}")]
+    #[error(transparent)]
     Misfit(#[from] Misfit),
-    #[error("{0}")]
+    #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }
 

@@ -96,7 +96,7 @@ impl LabelledBehaviours {
             .collect()
     }
 
-    /// What is learned of some of them: pictures, one after the other, and the [number](class_numbers) of the class of each.
+    /// Pictures of some of them, one after the other, and the [number](class_numbers) of the class of each.
     pub(super) fn labelled_pictures(&self, which: &[usize]) -> (Vec<u8>, Vec<u32>) {
         let numbers = class_numbers(self.classes());
         let (mut pictures, mut classes) = (Vec::new(), Vec::new());

@@ -6,7 +6,7 @@ use murmuration_accuracy::Accuracy;
 use murmuration_cli::{
     CliError,
     connection::{CheckpointClient, Client, LabelClient},
-    heard::get_digest,
+    validation::get_digest,
 };
 use murmuration_model::labels::{self, Annotator, Labels};
 use murmuration_proto::{

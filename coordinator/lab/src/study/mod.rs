@@ -79,6 +79,12 @@ impl ReportStudy {
             None => Corrections::default(),
         };
         let (folder, outcome) = kept(&global.data, &self.study, corrections)?;
+        if outcome.cells().next().is_none() {
+            return Err(CliError::Failed(format!(
+                "nothing of the study {} has been measured: `murmuration lab study run` measures its cells",
+                self.study
+            )));
+        }
         let folder = match &self.out {
             Some(out) => Folder::create(out, replaces(self.force)),
             None => Folder::create(folder.path(), Replaces::All),

@@ -1,4 +1,4 @@
-//! What is shown of a study.
+//! Tables of a study in the terminal.
 
 use crate::json;
 use murmuration_cli::{

@@ -43,7 +43,7 @@ pub struct AtlasEntry {
     pub controller: Controller,
     /// Seed of its first start, from which the others follow.
     pub seed: u64,
-    /// What the judge said of each trial; at least one.
+    /// The judge's verdict on each trial; at least one.
     pub verdicts: Vec<Verdict>,
     /// Means over its trials.
     pub features: Features,
@@ -109,7 +109,7 @@ pub fn write(atlas: &Atlas, mut files: Folder) -> Result<ReportFiles, ReportErro
     Ok(ReportFiles::of(files.finish()?))
 }
 
-/// What the script of an atlas's page draws from, as JSON, and the picture as a PNG, a pixel a controller: for a page that a
+/// Data for the script of an atlas's page, as JSON, and the picture as a PNG, a pixel a controller: for a page that a
 /// coordinator serves.
 pub fn for_page(atlas: &Atlas, layout: &Layout) -> Result<(String, Vec<u8>), ReportError> {
     let tallies: Vec<Tally> = atlas

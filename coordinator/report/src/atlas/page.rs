@@ -17,7 +17,7 @@ const SCRIPT: &str = concat!(
 
 /// Bit of a number of the map that says that a mirror image is there.
 const MIRRORED: u32 = 1 << 31;
-/// What the map has where nothing was evaluated.
+/// Value of the map where nothing was evaluated.
 const NOTHING: u32 = MIRRORED - 1;
 
 pub(super) fn render(atlas: &Atlas, layout: &Layout, places: &[Option<Place>], map: &[u8]) -> String {
@@ -58,7 +58,7 @@ pub fn canvas() -> Markup {
     }
 }
 
-/// What the map shows: the controllers that were simulated so far and their mirror images, and where each is.
+/// Explains the map: the controllers that were simulated so far and their mirror images, and the place of each.
 pub fn explained(spec: &CampaignSpec, layout: &Layout, simulated: u64) -> Markup {
     html! {
         p {

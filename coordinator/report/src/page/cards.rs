@@ -3,13 +3,18 @@
 use super::{copyable, image_names, inline_png, robots::robots};
 use crate::{
     Files, MedoidEntry, MedoidPictures, Report, Spread, again, contact_sheet,
-    judged::{Shown, distinct},
+    judged::{Purity, Shown, distinct},
     numbers::{counted, grouped, percent, short},
 };
 use maud::{Markup, html};
 use murmuration_model::colours;
 
-pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures], files: Files) -> Markup {
+pub(super) fn behaviours(
+    report: &Report,
+    pictures: &[MedoidPictures],
+    further: &[Vec<u8>],
+    files: Files,
+) -> Markup {
     let few = report.spec.world().agents() as usize <= colours::AGENTS.len();
     let one_colour = match (report.spec.model().species().len(), few) {
         (2.., _) => ", one colour per species",
@@ -63,6 +68,27 @@ pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures], files: Fi
                     }
                 }
             }
+            @if !further.is_empty() { (further_behaviours(report, further)) }
+        }
+    }
+}
+
+/// Individuals beside the medoids, folded.
+fn further_behaviours(report: &Report, pictures: &[Vec<u8>]) -> Markup {
+    html! {
+        details #further {
+            summary { (counted(pictures.len() as u64, "further behaviour")) }
+            p.lead { "Each is the farthest from the behaviours above and from those before it." }
+            div.further {
+                @for (entry, picture) in report.further.iter().zip(pictures) {
+                    @let cluster = report.clusters[entry.index as usize] + 1;
+                    figure {
+                        img src=(inline_png(picture)) loading="lazy" decoding="async"
+                            alt={ "Paths of individual " (entry.index) ", of the cluster of behaviour " (cluster) };
+                        figcaption { "Individual " (grouped(entry.index)) br; "in cluster " (cluster) }
+                    }
+                }
+            }
         }
     }
 }
@@ -77,7 +103,7 @@ fn cards(report: &Report, pictures: &[MedoidPictures], places: &[usize]) -> Mark
     }
 }
 
-/// What is folded beneath the distinct behaviours.
+/// Summary of the cards that are folded beneath the distinct behaviours.
 fn folded(shown: &[Shown], places: &[usize]) -> String {
     let random = places
         .iter()
@@ -135,6 +161,9 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
                     dl {
                         div { dt { "Novelty" } dd { (short(medoid.novelty)) } }
                         div { dt { "Mean distance" } dd { (short(medoid.mean_distance)) } }
+                        @if let Some(purity) = report.purity(place) {
+                            div title=(alike(purity)) { dt { "Purity" } dd { (purity.alike) " of " (purity.known) } }
+                        }
                         @if let Some(robustness) = entry.robustness {
                             div title=(robust(report, place)) {
                                 dt { "Robustness" }
@@ -173,6 +202,20 @@ fn others(number: usize, spread: &Spread, pictures: &[Vec<u8>]) -> Markup {
                 }
             }
         }
+    }
+}
+
+fn alike(purity: Purity) -> String {
+    let others = counted(purity.known as u64, "other member");
+    match purity.by_labels {
+        true => format!(
+            "{others} of the cluster with a label, of which {} with that of this behaviour",
+            purity.alike
+        ),
+        false => format!(
+            "{others} of the cluster that the rule-based judge looked at, of which {} with its verdict on this behaviour",
+            purity.alike
+        ),
     }
 }
 

@@ -29,7 +29,12 @@ const SCRIPTS: [[&str; 2]; 5] = [
     ["", include_str!("copy.js")],
 ];
 
-pub(super) fn render(report: &Report, pictures: &[MedoidPictures], files: Files) -> String {
+pub(super) fn render(
+    report: &Report,
+    pictures: &[MedoidPictures],
+    further: &[Vec<u8>],
+    files: Files,
+) -> String {
     let title = format!("{} · behaviours of {}", report.campaign, robots(report));
     let document = Document {
         title: &title,
@@ -41,7 +46,7 @@ pub(super) fn render(report: &Report, pictures: &[MedoidPictures], files: Files)
         a.skip href="#behaviours" { "Skip to the behaviours" }
         (header(report))
         main {
-            (cards::behaviours(report, pictures, files))
+            (cards::behaviours(report, pictures, further, files))
             (sections::names(report, files))
             (sections::map(report, files))
             @if report.spec.method().has_novelty() { (sections::novelty(report)) }
@@ -89,7 +94,7 @@ fn header(report: &Report) -> Markup {
     }
 }
 
-/// What was found, in one line; nothing where there is no name.
+/// Summary of the findings in one line; empty if nothing has a name.
 fn answer(report: &Report) -> Markup {
     let found = found(&report.shown());
     if found.is_empty() {

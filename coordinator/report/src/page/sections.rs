@@ -260,7 +260,7 @@ fn plot(name: &str, draw: impl Fn([f64; 2]) -> Curves) -> Markup {
     }
 }
 
-/// What a script needs to tell the values of a plot: those of each line, and where they are in the pictures. A value that is no
+/// Values of a plot for the script that shows them: those of each line, and their places in the pictures. A value that is no
 /// number is null.
 fn told(wide: &Curves, narrow: &Curves) -> Value {
     let frame = |Frame {

@@ -1,4 +1,4 @@
-//! What the coloured pictures are drawn with: a transparent sheet in world coordinates.
+//! Canvas of the coloured pictures: a transparent sheet in world coordinates.
 //!
 //! Agents of one colour are drawn together, so that the cost of a picture hardly grows with the swarm.
 

@@ -1,4 +1,4 @@
-//! What a report says of a campaign whose embedder people taught.
+//! The report of a campaign whose embedder people taught.
 
 use super::*;
 use murmuration_model::Round;

@@ -1,4 +1,4 @@
-//! What the tables of a report hold.
+//! The tables of a report.
 
 use super::*;
 use crate::TrialEntry;

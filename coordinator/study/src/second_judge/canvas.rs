@@ -17,7 +17,7 @@ const RAYS: usize = 48;
 #[derive(Debug, Clone)]
 struct Shape(Vec<bool>);
 
-/// What was drawn.
+/// The drawn shapes.
 #[derive(Debug)]
 pub(super) struct Canvas {
     covered: Shape,
@@ -158,7 +158,7 @@ impl Shape {
         parts
     }
 
-    /// What the shape encloses, and in how many parts it is.
+    /// Area that the shape encloses, and the number of its parts.
     fn enclosing(&self) -> [f64; 9] {
         let holes = self.parts(false, |place| sides(place).collect());
         let holes = holes

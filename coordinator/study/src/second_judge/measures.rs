@@ -1,4 +1,4 @@
-//! What the second judge measures of a motion: numbers that no reflection, quarter turn or order of the robots changes, but for
+//! The second judge's measures of a motion: numbers that no reflection, quarter turn or order of the robots changes, but for
 //! the roundings of the canvas.
 
 use super::{

@@ -142,7 +142,7 @@ impl BenchCampaign {
         let mut client = CampaignServiceClient::new(channel);
         let (begun, cpu) = (Instant::now(), process_cpu());
         let request = v1::CreateCampaignRequest {
-            spec: Some(spec.into()),
+            campaign: Some(v1::create_campaign_request::Campaign::Spec(spec.into())),
             ..v1::CreateCampaignRequest::default()
         };
         let mut campaign = client.create_campaign(request).await?.into_inner();
