@@ -1,6 +1,6 @@
-//! What a request asks for: the query of its address, and its form.
+//! Parameters of a request: the query of its address, and its form.
 //!
-//! As axum's extractors of the same names, but what they refuse is told on an error page of ours, with the field.
+//! As axum's extractors of the same names, but errors are shown on our error page, with the field.
 
 use super::page_error::PageError;
 use axum::{

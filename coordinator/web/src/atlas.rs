@@ -60,9 +60,9 @@ struct Parts {
 /// Why an atlas cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 enum Undrawn {
-    #[error("{0}")]
+    #[error(transparent)]
     Store(#[from] StoreError),
-    #[error("{0}")]
+    #[error(transparent)]
     Report(#[from] ReportError),
     #[error(transparent)]
     Interrupted(#[from] Interrupted),

@@ -19,7 +19,7 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
     ))
 }
 
-/// What would go, and the button. A campaign of a study is only deleted for somebody who names the study, which the form does.
+/// The data to be deleted, and the button. A campaign of a study is only deleted for somebody who names the study, which the form does.
 fn question(record: &CampaignRecord, deletion: &Deletion) -> Markup {
     let id = record.id.as_str();
     html! {

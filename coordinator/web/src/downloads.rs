@@ -6,17 +6,17 @@ use axum::{
     http::header::{CONTENT_DISPOSITION, CONTENT_TYPE},
     response::{IntoResponse, Response},
 };
-use murmuration_engine::blocking::in_background;
+use murmuration_engine::blocking::{Broken, in_background, spawn};
 use murmuration_export::IndividualTable;
 use murmuration_model::{
     CampaignRecord,
-    labels::{Labelled, to_csv},
+    labels::{ClassName, Labelled, to_csv},
 };
 use murmuration_proto::v1;
 use murmuration_store::{Store, StoreError};
 use std::{
     collections::{BTreeMap, BTreeSet},
-    io, iter,
+    io,
 };
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -55,52 +55,96 @@ fn label_table(store: &Store, record: &CampaignRecord) -> Result<Result<Vec<u8>,
 
 /// A row for each individual, as `murmuration export --csv` writes them. The table is sent while it is read.
 pub(super) async fn archive(OfCampaign { web, record, .. }: OfCampaign) -> Result<Response, PageError> {
-    let (parts, stream) = mpsc::channel(2);
+    let (parts, stream) = mpsc::channel(1);
     let (store, of) = (web.store.clone(), record.clone());
-    tokio::spawn(async move {
-        let sent = in_background(move |_| {
-            let sent = archive_table(&store, &of, |part| parts.blocking_send(Ok(part)).is_ok());
-            if let Err(error) = sent {
-                // The client learns that the file is not whole, unless it is gone.
-                let _ = parts.blocking_send(Err(error));
-            }
-        });
-        let _ = sent.await;
+    spawn(async move {
+        if let Err(broken) = send(store, of, &parts).await {
+            // The client must not take the file for whole; it may be gone.
+            let _ = parts.send(Err(io::Error::other(broken))).await;
+        }
     });
     let body = Body::from_stream(ReceiverStream::new(stream));
     Ok(file(&record, "archive", body))
 }
 
-/// Hands the table to `send` part by part, for as long as that wants more.
-fn archive_table(
-    store: &Store,
-    record: &CampaignRecord,
-    send: impl Fn(Bytes) -> bool,
-) -> Result<(), io::Error> {
-    let model = record.spec.model();
-    let failed = io::Error::other::<StoreError>;
-    let classes = store.labels(&record.id).map_err(failed)?.by_individual();
-    let taxonomy = store.taxonomy(&record.id).map_err(failed)?;
-    let clusters = taxonomy.map(|taxonomy| taxonomy.clusters).unwrap_or_default();
-    let mut table = IndividualTable::new(Vec::new(), &record.spec);
-    for first in iter::successors(Some(0), |first| Some(first + CHUNK)) {
-        let individuals = store
-            .individuals(&record.id, model, first..first + CHUNK, false)
-            .map_err(failed)?;
-        let is_last = (individuals.len() as u64) < CHUNK;
-        for individual in &individuals {
-            let cluster = clusters.get(individual.index as usize).copied();
-            table.add(individual, cluster, classes.get(&individual.index))?;
+/// Reads and sends a table part by part, for as long as the client takes them.
+async fn send(
+    store: Store,
+    of: CampaignRecord,
+    parts: &mpsc::Sender<io::Result<Bytes>>,
+) -> Result<(), Broken> {
+    let mut table = match in_background(move |_| ArchiveTable::of(store, of)).await? {
+        Ok(table) => table,
+        Err(error) => {
+            // The client may be gone.
+            let _ = parts.send(Err(error)).await;
+            return Ok(());
         }
-        if is_last {
-            send(Bytes::from(table.finish()?));
-            break;
-        }
-        if !send(Bytes::from(table.take_written()?)) {
+    };
+    while let Ok(room) = parts.reserve().await {
+        let part;
+        (table, part) = in_background(move |_| {
+            let part = table.next();
+            (table, part)
+        })
+        .await?;
+        let Some(part) = part.transpose() else { break };
+        let failed = part.is_err();
+        room.send(part);
+        if failed {
             break;
         }
     }
     Ok(())
+}
+
+/// The table of an archive, as far as it was read.
+struct ArchiveTable {
+    store: Store,
+    record: CampaignRecord,
+    classes: BTreeMap<u64, ClassName>,
+    clusters: Vec<u32>,
+    /// None once its last part was made.
+    table: Option<IndividualTable<Vec<u8>>>,
+    /// Index of the individual that comes next.
+    first: u64,
+}
+
+impl ArchiveTable {
+    fn of(store: Store, record: CampaignRecord) -> io::Result<Self> {
+        let failed = io::Error::other::<StoreError>;
+        let taxonomy = store.taxonomy(&record.id).map_err(failed)?;
+        Ok(Self {
+            classes: store.labels(&record.id).map_err(failed)?.by_individual(),
+            clusters: taxonomy.map(|taxonomy| taxonomy.clusters).unwrap_or_default(),
+            table: Some(IndividualTable::new(Vec::new(), &record.spec)),
+            first: 0,
+            store,
+            record,
+        })
+    }
+
+    fn next(&mut self) -> io::Result<Option<Bytes>> {
+        let Some(mut table) = self.table.take() else {
+            return Ok(None);
+        };
+        let (id, model) = (&self.record.id, self.record.spec.model());
+        let individuals = self
+            .store
+            .individuals(id, model, self.first..self.first + CHUNK, false);
+        let individuals = individuals.map_err(io::Error::other)?;
+        for individual in &individuals {
+            let cluster = self.clusters.get(individual.index as usize).copied();
+            table.add(individual, cluster, self.classes.get(&individual.index))?;
+        }
+        if (individuals.len() as u64) < CHUNK {
+            return Ok(Some(Bytes::from(table.finish()?)));
+        }
+        self.first += CHUNK;
+        let written = table.take_written()?;
+        self.table = Some(table);
+        Ok(Some(Bytes::from(written)))
+    }
 }
 
 fn file(record: &CampaignRecord, what: &str, body: Body) -> Response {

@@ -1,4 +1,4 @@
-//! What somebody looks for in the list of campaigns, and what is found: a page of it at a time, so that the list answers quickly
+//! Searches in the list of campaigns, and their results: a page at a time, so that the list answers quickly
 //! with any number of campaigns.
 
 use murmuration_engine::campaign::ListedCampaign;

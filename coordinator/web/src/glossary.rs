@@ -57,7 +57,7 @@ pub(super) fn inline(text: &str) -> Markup {
     html! { @for part in parts { (part) } (rest) }
 }
 
-/// What a marked text begins with, and what follows it; `None` if the mark is not closed.
+/// The marked beginning of a text, and the rest; `None` if the mark is not closed.
 fn marked_part(text: &str) -> Option<(Markup, &str)> {
     if let Some(text) = text.strip_prefix('`') {
         let (code, after) = text.split_once('`')?;

@@ -1,4 +1,4 @@
-//! What surrounds every page: response headers that tell browsers what a page may load, which sites may embed it, and whether to keep
+//! Middleware of every page: response headers that tell browsers what a page may load, which sites may embed it, and whether to keep
 //! it; and how long a response may take to begin.
 
 use super::{
@@ -16,7 +16,7 @@ use axum::{
     middleware::Next,
     response::Response,
 };
-use murmuration_access::{Door, Requirement, limits::PAGE_LIMIT};
+use murmuration_access::{Endpoint, Requirement, limits::PAGE_LIMIT};
 use std::sync::Arc;
 
 const POLICY: &str = "default-src 'none'; style-src 'self'; script-src 'self'; img-src 'self'; connect-src 'self'; \
@@ -24,7 +24,7 @@ const POLICY: &str = "default-src 'none'; style-src 'self'; script-src 'self'; i
 
 /// Sets these headers on every response but those of gRPC. Behind a log-in only responses that are
 /// [archived](super::archived) may be kept.
-pub(super) async fn protect(State(door): State<Arc<Door>>, request: Request, next: Next) -> Response {
+pub(super) async fn protect(State(endpoint): State<Arc<Endpoint>>, request: Request, next: Next) -> Response {
     let accepts = request.headers().clone();
     let mut response = negotiated(next.run(request).await, &accepts);
     let is_for_anybody = response.extensions().get() == Some(&Requirement::Nothing);
@@ -39,7 +39,7 @@ pub(super) async fn protect(State(door): State<Arc<Door>>, request: Request, nex
     headers.insert(REFERRER_POLICY, HeaderValue::from_static("same-origin"));
     let says = headers.get(CACHE_CONTROL);
     let may_be_kept = says.is_some_and(|says| is_for_anybody || archived::is_kept(says));
-    if door.access.tokens.is_some() && !may_be_kept {
+    if endpoint.access.tokens.is_some() && !may_be_kept {
         headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-store"));
     }
     response

@@ -1,4 +1,4 @@
-//! What a campaign has learned from, round by round: its checkpoints with their accuracies, and the taxonomies made with them.
+//! History of learning, round by round: checkpoints with their accuracies, and the taxonomies made with them.
 
 use super::parts;
 use maud::{Markup, html};

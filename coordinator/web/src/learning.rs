@@ -1,4 +1,4 @@
-//! What learning does to a campaign and how long that takes, as far as the last round tells; and the button that begins it.
+//! Effects of learning on a campaign, its duration by the last round, and the button that begins it.
 
 use super::{Web, page_error::PageError};
 use maud::{Markup, html};

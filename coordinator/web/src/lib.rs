@@ -50,8 +50,8 @@ use axum::{
     response::{IntoResponse as _, Response},
 };
 use murmuration_access::{
-    CostClass::{Computing, Decision, Light, Reading, Streaming},
-    Door, GuardedRouter, Refusal, RequestHead,
+    CostClass::{Bulk, Computing, Decision, Light, Reading, Streaming},
+    Endpoint, GuardedRouter, Refusal, RequestHead,
     Requirement::{self, Nothing},
     Seats, requests,
 };
@@ -82,7 +82,7 @@ pub struct Web {
     pub play: Playground,
     pub studies: Studies,
     pub reports: Reports,
-    /// What event streams send.
+    /// Latest messages of event streams.
     pub sights: Recent<String>,
     pub atlas: DrawnAtlas,
     /// The judge's latest verdicts on medoids.
@@ -97,11 +97,11 @@ pub fn routes(services: GuardedRouter, web: Web, probes: GuardedRouter) -> Guard
         .merge(services.wrapped(blame_the_client))
 }
 
-/// Those routes, served at a door.
-pub fn behind(routes: GuardedRouter, door: Arc<Door>, seats: Seats) -> Routes {
+/// Those routes, served at an endpoint.
+pub fn behind(routes: GuardedRouter, endpoint: Arc<Endpoint>, seats: Seats) -> Routes {
     routes
-        .behind(door.clone(), seats, nowhere)
-        .layer(middleware::from_fn_with_state(door, guard::protect))
+        .behind(endpoint.clone(), seats, nowhere)
+        .layer(middleware::from_fn_with_state(endpoint, guard::protect))
         .layer(middleware::from_fn(requests::named))
         .into()
 }
@@ -226,7 +226,7 @@ fn pages() -> GuardedRouter<Web> {
         .get("/campaigns/{id}/labels", VIEWER, Reading, teach::labels)
         .post("/campaigns/{id}/labels", ANNOTATOR, Decision, teach::answer)
         .post("/campaigns/{id}/questions", ANNOTATOR, Computing, teach::ask)
-        .post("/campaigns/{id}/undo", ANNOTATOR, Decision, teach::undo)
+        .post("/campaigns/{id}/undo", ANNOTATOR, Bulk, teach::undo)
         .get("/campaigns/{id}/answers", VIEWER, Reading, answers::page)
         .get(
             "/campaigns/{id}/answers/standing",
@@ -234,7 +234,7 @@ fn pages() -> GuardedRouter<Web> {
             Reading,
             answers::standing,
         )
-        .post("/campaigns/{id}/withdraw", ANNOTATOR, Decision, answers::withdraw)
+        .post("/campaigns/{id}/withdraw", ANNOTATOR, Bulk, answers::withdraw)
         .get("/campaigns/{id}/classes", VIEWER, Reading, classes::page)
         .get(
             "/campaigns/{id}/classes/details",

@@ -75,7 +75,7 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
 
 /// The markup of a taxonomy and of the rounds that led to it.
 struct Rendered {
-    /// What it was rendered from: the states of archive and campaign, the length of the label log, the rounds, and what the archive
+    /// Sources of the rendered message: the states of archive and campaign, the length of the label log, the rounds, and what the archive
     /// moves to.
     of: (ArchiveState, CampaignState, u64, Rounds, Option<CheckpointDigest>),
     taxonomy: Markup,

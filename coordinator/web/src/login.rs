@@ -15,7 +15,7 @@ use axum::{
     response::{IntoResponse, Redirect, Response},
 };
 use maud::{Markup, html};
-use murmuration_access::{Door, Refusal, RequestHead};
+use murmuration_access::{Endpoint, Refusal, RequestHead};
 use murmuration_engine::blocking::blocking;
 use murmuration_link::TokenDigest;
 use serde::{Deserialize, Serialize};
@@ -66,12 +66,12 @@ impl From<String> for Destination {
 
 /// The page that shows who is logged in, or the log-in form.
 pub(super) async fn page(
-    Extension(door): Extension<Arc<Door>>,
+    Extension(endpoint): Extension<Arc<Endpoint>>,
     Query(Going { to }): Query<Going>,
     headers: HeaderMap,
 ) -> impl IntoResponse {
-    let token = door.logged_in(&headers);
-    let whose = token.and_then(|token| door.access.whose(token));
+    let token = endpoint.logged_in(&headers);
+    let whose = token.and_then(|token| endpoint.access.whose(token));
     let content = match whose {
         Some((name, role)) => html! {
             h1 { "Logged in" }
@@ -79,7 +79,7 @@ pub(super) async fn page(
             form method="post" action="/logout" { button { "Log out" } }
             p { a href="/" { "All campaigns" } }
         },
-        None if door.access.tokens.is_none() => html! {
+        None if endpoint.access.tokens.is_none() => html! {
             h1 { "No log-in needed" }
             p.lead { "This coordinator requires no token." }
             p { a href="/" { "All campaigns" } }
@@ -94,12 +94,12 @@ pub(super) async fn page(
 
 /// Opens a session for a token that the coordinator knows.
 pub(super) async fn log_in(
-    Extension(door): Extension<Arc<Door>>,
+    Extension(endpoint): Extension<Arc<Endpoint>>,
     headers: HeaderMap,
     Form(given): Form<Given>,
 ) -> Response {
     let token = TokenDigest::of(given.token.trim());
-    if door.access.whose(token).is_none() {
+    if endpoint.access.whose(token).is_none() {
         let page = layout(
             "Log in",
             &Visitor::ANYBODY,
@@ -107,7 +107,7 @@ pub(super) async fn log_in(
         );
         return (StatusCode::UNAUTHORIZED, page).into_response();
     }
-    let (sessions, is_encrypted) = (door.sessions.clone(), door.is_encrypted);
+    let (sessions, is_encrypted) = (endpoint.sessions.clone(), endpoint.is_encrypted);
     let opened = blocking(move || {
         let jar = sessions.log_in(&headers, token, is_encrypted, SystemTime::now());
         Ok::<_, PageError>(hidden((jar?, Redirect::to(&given.to.0)).into_response()))
@@ -120,8 +120,8 @@ pub(super) async fn log_in(
 }
 
 /// Ends the session, and tells the browser to forget it and the pages that it keeps.
-pub(super) async fn log_out(Extension(door): Extension<Arc<Door>>, headers: HeaderMap) -> Response {
-    let sessions = door.sessions.clone();
+pub(super) async fn log_out(Extension(endpoint): Extension<Arc<Endpoint>>, headers: HeaderMap) -> Response {
+    let sessions = endpoint.sessions.clone();
     let forgotten = sessions.forget(&headers);
     let ended = blocking(move || sessions.log_out(&headers)).await;
     let answer = match ended {

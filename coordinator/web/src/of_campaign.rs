@@ -1,4 +1,4 @@
-//! What the pages of a campaign take from a request.
+//! Extractor of the campaign of a page.
 
 use super::{Web, page_error::PageError, visitor::Visitor};
 use axum::{

@@ -32,14 +32,14 @@ pub(super) enum PageError {
     Late,
     #[error("{}", .0.message())]
     Service(#[from] Status),
-    #[error("{0}")]
+    #[error(transparent)]
     Input(#[from] Invalid),
     /// A form of another kind, or longer than is read.
     #[error("the form of this request cannot be read: send it from the page that it belongs to")]
     Unread(StatusCode),
-    #[error("{0}")]
+    #[error(transparent)]
     Campaign(#[from] CampaignError),
-    #[error("{0}")]
+    #[error(transparent)]
     Picture(#[from] PictureError),
 }
 

@@ -40,7 +40,7 @@ pub(super) async fn generations(
     })))
 }
 
-/// What each epoch of the trainings measured, in order; and what happened when: the ends of rounds and the notices, each with the
+/// Measurements of each epoch of the trainings, in order, and events: the ends of rounds and the notices, each with the
 /// number of complete generations that there were then.
 pub(super) async fn epochs(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
     let status = web.campaigns.status(&id).await.or_status()?;

@@ -5,8 +5,8 @@ use axum::{
     Json,
     extract::{Path, State},
 };
-use murmuration_engine::blocking::blocking;
-use murmuration_model::labels::{Annotator, Class, ClassName};
+use murmuration_engine::blocking::{blocking, in_background};
+use murmuration_model::labels::{Annotator, Class, ClassName, Labels};
 use murmuration_proto::{
     Strategy,
     parts::whole,
@@ -150,6 +150,10 @@ pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>)
     let store = web.store.clone();
     let read = move || store.labels_of(&campaign);
     let labels = blocking(read).await.or_status()?.or_status()?;
+    Ok(in_background(move |_| in_columns(&labels)).await.or_status()?)
+}
+
+fn in_columns(labels: &Labels) -> Json<Value> {
     let classes = labels.classes();
     let place: BTreeMap<&ClassName, u16> = classes.iter().map(|class| &class.name).zip(0..).collect();
     let given = labels.given_classes();
@@ -160,11 +164,11 @@ pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>)
     let people = labels
         .annotators()
         .filter(|annotator| labels.answered_by(annotator) > 0);
-    Ok(Json(json!({
+    Json(json!({
         "classes": classes.iter().map(class).collect::<Vec<_>>(),
         "annotators": people.map(Annotator::as_str).collect::<Vec<_>>(),
         "individual": column(placed.iter().map(|(index, ..)| (*index as u32).to_le_bytes())),
         "class": column(placed.iter().map(|(_, class, _)| class.to_le_bytes())),
         "machine": column(placed.iter().map(|(.., by_machine)| [u8::from(*by_machine)])),
-    })))
+    }))
 }

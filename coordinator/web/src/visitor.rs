@@ -2,7 +2,7 @@
 
 use axum::{extract::FromRequestParts, http::request::Parts};
 use maud::{Markup, html};
-use murmuration_access::Door;
+use murmuration_access::Endpoint;
 use std::{convert::Infallible, sync::Arc};
 
 /// The person who looks at a page.
@@ -33,8 +33,8 @@ impl<S: Sync> FromRequestParts<S> for Visitor {
     type Rejection = Infallible;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
-        let door = parts.extensions.get::<Arc<Door>>();
-        let whose = door.and_then(|door| door.access.whose(door.logged_in(&parts.headers)?));
+        let endpoint = parts.extensions.get::<Arc<Endpoint>>();
+        let whose = endpoint.and_then(|endpoint| endpoint.access.whose(endpoint.logged_in(&parts.headers)?));
         Ok(Self {
             name: whose.map(|(name, _)| name.to_string()),
         })

@@ -10,7 +10,7 @@ pub(super) struct Field {
     pub(super) name: &'static str,
     /// Its name on the page.
     pub(super) label: &'static str,
-    /// What it does, in a sentence for somebody who reads of it for the first time.
+    /// Its effect, in a sentence for a newcomer.
     pub(super) meaning: &'static str,
     pub(super) kind: Kind,
 }

@@ -41,9 +41,9 @@ pub(super) enum Robots {
 /// A swarm, ready to be simulated.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Play {
-    /// What controls it.
+    /// Its controller.
     pub(super) controller: Controller,
-    /// What is around it.
+    /// Its world.
     pub(super) world: World,
     /// The seed of its start.
     pub(super) seed: u64,

@@ -1,5 +1,5 @@
-//! Which behaviours of several campaigns are the same: by their distance where all campaigns measure in one space, else by the classes
-//! that people gave.
+//! Which behaviours of several campaigns are the same: by their distance where all campaigns measure in one space, else by
+//! their classes.
 
 use murmuration_engine::taxonomy::{distance, touch};
 use murmuration_model::labels::{ClassKey, ClassName};
@@ -16,6 +16,7 @@ pub(super) struct Behaviour {
     pub(super) at: Vec<f64>,
     /// Mean distance of its cluster's members to it, in units of that space.
     pub(super) mean_distance: f64,
+    /// That of the annotators, or else of the judge.
     pub(super) class: Option<ClassName>,
 }
 

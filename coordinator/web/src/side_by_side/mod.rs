@@ -10,7 +10,7 @@ use axum::extract::State;
 use maud::{Markup, html};
 use murmuration_engine::blocking::in_background;
 use murmuration_model::CampaignRecord;
-use murmuration_proto::{Invalid, counted};
+use murmuration_proto::{Invalid, Verdict, counted};
 use murmuration_study::wide;
 use std::collections::{BTreeMap, BTreeSet};
 use toml::{Table, Value};
@@ -18,12 +18,22 @@ use toml::{Table, Value};
 /// Most campaigns that are compared: as many as there are colours for lines.
 const MOST: usize = 6;
 
-/// The page of the campaigns that the address names.
+/// A campaign that is compared.
+struct Compared {
+    record: CampaignRecord,
+    /// `None` before it has a taxonomy.
+    named: Option<NamedTaxonomy>,
+    /// The judge's word on medoids, by their index, as far as it was asked.
+    words: BTreeMap<u64, Verdict>,
+}
+
+/// The page of the campaigns that the address names. With `judged` in the address, the judge is asked about medoids without a name.
 pub(super) async fn page(
     State(web): State<Web>,
     Query(parameters): Query<Vec<(String, String)>>,
     visitor: Visitor,
 ) -> Result<Markup, PageError> {
+    let judges = parameters.iter().any(|(name, _)| name == "judged");
     let named = parameters.into_iter().filter(|(name, _)| name == "campaign");
     let mut seen = BTreeSet::new();
     let ids: Vec<String> = named
@@ -34,30 +44,32 @@ pub(super) async fn page(
         let allowed = format!("2 to {MOST} campaigns: choose them in the list");
         return Err(Invalid::new("campaign", counted(ids.len() as u64, "campaign"), allowed).into());
     }
-    let mut compared = Vec::with_capacity(ids.len());
+    let mut compared: Vec<Compared> = Vec::with_capacity(ids.len());
     for id in ids {
         let record = web.campaigns.status(&id).await?.record;
         // `latest` may be one that is named too.
-        if compared
-            .iter()
-            .any(|(other, _): &(CampaignRecord, _)| other.id == record.id)
-        {
+        if compared.iter().any(|other| other.record.id == record.id) {
             continue;
         }
-        let taxonomy = NamedTaxonomy::read(&web, &record).await?;
-        compared.push((record, taxonomy));
+        let named = NamedTaxonomy::read(&web, &record).await?;
+        let medoids = named.as_ref().map_or(&[][..], |named| &named.taxonomy.medoids);
+        if judges {
+            web.judged.ask(&web, &record, medoids).await?;
+        }
+        let words = web.judged.known(&record, medoids);
+        compared.push(Compared { record, named, words });
     }
     // Matching takes long where taxonomies are large.
     let content = in_background(move |_| shown(&compared)).await?;
     Ok(layout_with("Compare", &visitor, &["sidebyside.js"], content))
 }
 
-fn shown(compared: &[(CampaignRecord, Option<NamedTaxonomy>)]) -> Markup {
+fn shown(compared: &[Compared]) -> Markup {
     html! {
         h1 { "Campaigns side by side" }
         noscript { p.scriptless { "Without JavaScript this page draws no curves. Taxonomies and specifications are below." } }
         ul.legend.compared {
-            @for (place, (record, _)) in compared.iter().enumerate() {
+            @for (place, Compared { record, .. }) in compared.iter().enumerate() {
                 li data-campaign=(record.id) {
                     svg.swatch viewBox="0 0 32 8" width="32" height="8" aria-hidden="true" { line class={ "line line-" (place) } x1="0" x2="32" y1="4" y2="4" {} }
                     a href={ "/campaigns/" (record.id) } { (record.id) }
@@ -66,13 +78,13 @@ fn shown(compared: &[(CampaignRecord, Option<NamedTaxonomy>)]) -> Markup {
             }
         }
         @for (id, title, note) in NOVELTY { (curves(id, title, note)) }
-        @if compared.iter().any(|(record, _)| record.spec.space().embeds()) {
+        @if compared.iter().any(|Compared { record, .. }| record.spec.space().embeds()) {
             @for (id, title, note) in TRAININGS { (curves(id, title, note)) }
         }
         (taxonomies::section(compared))
         section aria-labelledby="differences" {
             h2 #differences { "Specifications" }
-            (differences(&compared.iter().map(|(record, _)| record).collect::<Vec<_>>()))
+            (differences(&compared.iter().map(|Compared { record, .. }| record).collect::<Vec<_>>()))
         }
     }
 }

@@ -2,12 +2,13 @@
 //! behaviour, with what every campaign found of it.
 
 use super::{
-    super::{archived, named::NamedTaxonomy},
+    super::archived,
+    Compared,
     matching::{Behaviour, Group, by_class, by_distance},
 };
 use maud::{Markup, html};
-use murmuration_model::CampaignRecord;
-use murmuration_proto::{BehaviourSpace, Scale, counted};
+use murmuration_model::{CampaignRecord, labels::ClassName};
+use murmuration_proto::{BehaviourSpace, Class, Scale, Verdict, counted};
 use murmuration_report::point_map;
 use murmuration_search::{interrupt::Interrupt, novelty::Behaviours, projection::principal_axes};
 use murmuration_study::wide;
@@ -16,11 +17,12 @@ use murmuration_study::wide;
 const MAP: f64 = 640.0;
 const MARGIN: f64 = 24.0;
 
-type Compared = (CampaignRecord, Option<NamedTaxonomy>);
-
 pub(super) fn section(compared: &[Compared]) -> Markup {
     let all = behaviours(compared);
-    let with = compared.iter().filter(|(_, named)| named.is_some()).count();
+    let with = compared
+        .iter()
+        .filter(|compared| compared.named.is_some())
+        .count();
     let has_one_space = with > 1 && have_one_space(compared);
     let groups = match has_one_space {
         true => by_distance(compared.len(), &all),
@@ -41,32 +43,36 @@ pub(super) fn section(compared: &[Compared]) -> Markup {
 /// All medoids, campaign by campaign, largest cluster first.
 fn behaviours(compared: &[Compared]) -> Vec<Behaviour> {
     let mut all = Vec::new();
-    for (campaign, (record, named)) in compared.iter().enumerate() {
+    for (campaign, Compared { record, named, words }) in compared.iter().enumerate() {
         let Some(named) = named else { continue };
-        all.extend(
-            named
-                .taxonomy
-                .medoids
-                .iter()
-                .enumerate()
-                .map(|(place, medoid)| Behaviour {
-                    campaign,
-                    place,
-                    // Campaigns are measured in one space only where nothing is scaled.
-                    at: medoid.individual.behaviour(&Scale::unscaled(record.spec.space())),
-                    mean_distance: medoid.mean_distance,
-                    class: named.class(place).cloned(),
-                }),
-        );
+        all.extend(named.taxonomy.medoids.iter().enumerate().map(|(place, medoid)| {
+            Behaviour {
+                campaign,
+                place,
+                // Campaigns are measured in one space only where nothing is scaled.
+                at: medoid.individual.behaviour(&Scale::unscaled(record.spec.space())),
+                mean_distance: medoid.mean_distance,
+                class: named
+                    .class(place)
+                    .cloned()
+                    .or_else(|| judged(*words.get(&medoid.individual.index)?)),
+            }
+        }));
     }
     all
 }
 
+/// The class that the judge's word gives a behaviour; random behaviours are alike in nothing.
+fn judged(verdict: Verdict) -> Option<ClassName> {
+    let is_random = verdict == Verdict::Class(Class::Random);
+    (!is_random).then(|| verdict.words().parse().ok()).flatten()
+}
+
 /// Whether distances between behaviours of all campaigns with a taxonomy mean something.
 fn have_one_space(compared: &[Compared]) -> bool {
-    let mut with = compared.iter().filter(|(_, named)| named.is_some());
+    let mut with = compared.iter().filter(|compared| compared.named.is_some());
     let first = with.next();
-    first.is_some_and(|(first, _)| with.all(|(other, _)| share_a_space(first, other)))
+    first.is_some_and(|first| with.all(|other| share_a_space(&first.record, &other.record)))
 }
 
 /// Embeddings are comparable if one checkpoint made them; hand-crafted features if they are of the same robots in a world of the same
@@ -114,15 +120,36 @@ fn explanation(compared: &[Compared], has_one_space: bool, groups: &[Group], wit
         } @else {
             p.lead {
                 "These campaigns measure behaviours in different spaces, in which distances do not mean the same. So behaviours are matched by "
-                "the classes that they were given, by annotators or by the rule-based judge, and those without a class are not matched."
+                "the classes that annotators gave, or else by what the rule-based judge calls them. Those without a class are not matched."
+            }
+            @if compared.iter().any(can_be_judged) {
+                p { a.button href=(judged_address(compared)) { "Ask the judge for names" } }
             }
             ul.reason {
-                @for (record, _) in compared.iter().filter(|(_, named)| named.is_some()) {
+                @for Compared { record, .. } in compared.iter().filter(|compared| compared.named.is_some()) {
                     li { strong { (record.id) } ": " (space_in_words(record)) }
                 }
             }
         }
     }
+}
+
+/// Whether the judge has not been asked about a medoid that has no name.
+fn can_be_judged(Compared { named, words, .. }: &Compared) -> bool {
+    named.iter().any(|named| {
+        let mut medoids = named.taxonomy.medoids.iter().enumerate();
+        medoids.any(|(place, medoid)| {
+            named.class(place).is_none() && !words.contains_key(&medoid.individual.index)
+        })
+    })
+}
+
+/// The address of this page with the judge's words.
+fn judged_address(compared: &[Compared]) -> String {
+    let named = compared
+        .iter()
+        .map(|compared| format!("campaign={}&", compared.record.id));
+    format!("/compare?{}judged=yes", named.collect::<String>())
 }
 
 /// All medoids along the two axes on which they differ most; lines join those that are taken for the same.
@@ -148,8 +175,8 @@ fn map(compared: &[Compared], all: &[Behaviour], groups: &[Group]) -> Markup {
                     @for &member in group.members.iter().flatten() {
                         @let Behaviour { campaign, place, .. } = &all[member];
                         @let [x, y] = places[member];
-                        a href={ "#row-" (row + 1) } aria-label={ "Behaviour " (place + 1) " of " (compared[*campaign].0.id) } {
-                            title { "Behaviour " (place + 1) " of " (compared[*campaign].0.id) @if let Some(class) = &all[member].class { ": " (class.shown()) } }
+                        a href={ "#row-" (row + 1) } aria-label={ "Behaviour " (place + 1) " of " (compared[*campaign].record.id) } {
+                            title { "Behaviour " (place + 1) " of " (compared[*campaign].record.id) @if let Some(class) = &all[member].class { ": " (class.shown()) } }
                             circle class={ "line-" (campaign) } cx=(format!("{x:.1}")) cy=(format!("{y:.1}")) r="8" {}
                             text x=(format!("{:.1}", if x > MAP - 40.0 { x - 12.0 } else { x + 12.0 })) y=(format!("{:.1}", y + 5.0))
                                 text-anchor=[(x > MAP - 40.0).then_some("end")] { (place + 1) }
@@ -190,7 +217,7 @@ fn rows(
         table.taxonomies {
             thead { tr {
                 th scope="col" { "Found in" }
-                @for (record, named) in compared { th scope="col" { (record.id) @if named.is_none() { p.reason { "It has no taxonomy yet." } } } }
+                @for Compared { record, named, .. } in compared { th scope="col" { (record.id) @if named.is_none() { p.reason { "It has no taxonomy yet." } } } }
             } }
             tbody {
                 @for (place, group) in groups.iter().enumerate() {
@@ -219,14 +246,14 @@ fn found_in(
     let first = group.members.iter().flatten().next().map(|&member| &all[member]);
     let class = first.and_then(|first| first.class.as_ref());
     let touched = group.touches.map(|member| &all[member]);
-    let alone = |first: &Behaviour| html! { strong { "only in " (compared[first.campaign].0.id) } };
+    let alone = |first: &Behaviour| html! { strong { "only in " (compared[first.campaign].record.id) } };
     html! {
         @if is_by_distance {
             @match (campaigns, first) {
                 (1, Some(first)) => {
                     (alone(first))
                     @if let Some(other) = touched {
-                        p.reason { "touches behaviour " (other.place + 1) " of " (compared[other.campaign].0.id) ", which is nearer to another" }
+                        p.reason { "touches behaviour " (other.place + 1) " of " (compared[other.campaign].record.id) ", which is nearer to another" }
                     }
                 },
                 _ => (in_so_many(campaigns, with)),
@@ -235,11 +262,11 @@ fn found_in(
             strong { (class.shown()) }
             br;
             @match (campaigns, first) {
-                (1, Some(first)) if with > 1 => { "named only in " (compared[first.campaign].0.id) },
+                (1, Some(first)) if with > 1 => { "only in " (compared[first.campaign].record.id) },
                 _ => (in_so_many(campaigns, with)),
             }
         } @else {
-            "no class yet"
+            "no class"
         }
     }
 }
@@ -254,14 +281,14 @@ fn in_so_many(campaigns: usize, with: usize) -> String {
 }
 
 fn pictures(
-    (record, named): &Compared,
+    Compared { record, named, .. }: &Compared,
     all: &[Behaviour],
     members: &[usize],
     is_by_distance: bool,
 ) -> Markup {
     html! {
         @if let Some(named) = named {
-            @if members.is_empty() { span.reason { @if is_by_distance { "not found" } @else { "none named so" } } }
+            @if members.is_empty() { span.reason { @if is_by_distance { "not found" } @else { "none of this class" } } }
             ul.found {
                 @for &member in members {
                     @let place = all[member].place;

@@ -66,11 +66,11 @@ struct Held {
 pub(super) enum Unusable {
     #[error("there is no study \"{0}\" in the data directory")]
     None(String),
-    #[error("{0}")]
+    #[error(transparent)]
     Folder(#[from] FolderError),
-    #[error("{0}")]
+    #[error(transparent)]
     Answer(#[from] Invalid),
-    #[error("{0}")]
+    #[error(transparent)]
     Broken(#[from] Broken),
 }
 
@@ -402,8 +402,8 @@ impl Loaded {
 /// Why there is no page of a report.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Undrawn {
-    #[error("{0}")]
+    #[error(transparent)]
     Report(#[from] ReportError),
-    #[error("{0}")]
+    #[error(transparent)]
     Broken(#[from] Broken),
 }

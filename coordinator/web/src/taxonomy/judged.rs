@@ -1,4 +1,4 @@
-//! What the rule-based judge says of medoids, and of further starts of them. Workers simulate and judge; the answers are kept in memory
+//! The rule-based judge's verdicts on medoids, and on further starts of them. Workers simulate and judge; the verdicts are kept in memory
 //! for as long as there is room, and stored nowhere.
 
 use crate::Web;
@@ -76,7 +76,7 @@ fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
 impl Judged {
     /// The judge's word on each of these medoids that it has been asked about: by the campaign, of all starts, or lately, of the
     /// first.
-    pub(super) fn known(&self, record: &CampaignRecord, medoids: &[Medoid]) -> BTreeMap<u64, Verdict> {
+    pub(crate) fn known(&self, record: &CampaignRecord, medoids: &[Medoid]) -> BTreeMap<u64, Verdict> {
         let lately = lock(&self.words);
         let word = |medoid: &Medoid| {
             let individual = &medoid.individual;
@@ -88,7 +88,7 @@ impl Judged {
     }
 
     /// Workers judge the medoids without a verdict.
-    pub(super) async fn ask(
+    pub(crate) async fn ask(
         &self,
         web: &Web,
         record: &CampaignRecord,

@@ -175,7 +175,7 @@ fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Op
     }))
 }
 
-/// What is known to be shown, in one line; nothing where nothing has a name.
+/// Summary of the named behaviours in one line; empty if nothing has a name.
 fn answer(shown: &Shown) -> Markup {
     let medoids = shown.taxonomy.medoids.iter().enumerate();
     let shown = medoids.map(|(place, medoid)| {
@@ -294,7 +294,7 @@ impl Default for Reports {
     }
 }
 
-/// What a report follows from: the archive and its size, the state and the rounds of its campaign, the length of its label log.
+/// State that a report depends on: the archive and its size, the state and the rounds of its campaign, the length of its label log.
 type ReportState = (ArchiveVersion, u64, CampaignState, Rounds, u64);
 
 /// The report of a campaign, or its contact sheet, and its id; workers simulate the motions of its medoids.
