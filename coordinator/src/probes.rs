@@ -1,4 +1,4 @@
-//! What machines ask of a coordinator over HTTP: whether it lives, whether it is ready, and its metrics.
+//! Probes of a coordinator over HTTP: liveness, readiness and metrics.
 //!
 //! `/healthz`, `/readyz` and `/metrics`, beside the pages and gRPC. They change nothing, and say nothing of what a
 //! campaign contains.
@@ -33,7 +33,7 @@ impl Readiness {
         self.health.ready(ready).await;
     }
 
-    /// What answers by gRPC, for the services of these names too.
+    /// The gRPC health service, for the services of these names too.
     pub(crate) async fn service(&self, services: &[&str]) -> HealthServer<HealthService> {
         for service in services {
             self.health.serves(service).await;
@@ -42,7 +42,7 @@ impl Readiness {
     }
 }
 
-/// What the answers are taken from.
+/// Sources of the answers.
 #[derive(Debug, Clone)]
 pub(crate) struct Probes {
     pub(crate) readiness: Readiness,

@@ -1,15 +1,15 @@
 //! The coordinator as a whole: options in, a listening server out, a clean end.
 
-mod doors;
+mod endpoints;
 mod services;
 
-pub use doors::LocalWay;
+pub use endpoints::LocalWay;
 
 use crate::{
     metrics::Metrics,
     probes::{Probes, Readiness},
 };
-use doors::{Served, Serving, listen, url};
+use endpoints::{Served, Serving, listen, url};
 use murmuration_access::{ListenConfig, Requirements, Seats};
 use murmuration_dispatch as dispatch;
 use murmuration_dispatch::{Dispatch, PeerKind, Trainers};
@@ -49,7 +49,7 @@ const SHUTDOWN_LIMIT: Duration = Duration::from_secs(3);
 /// Most bytes of the digests of archives that are kept.
 const KEPT_DIGEST_BYTES: usize = 1 << 20;
 
-/// What a coordinator needs to know.
+/// Options of a coordinator.
 #[derive(Debug)]
 pub struct Options {
     /// The data directory, held by this process.
@@ -75,17 +75,17 @@ pub enum ServerError {
     Listen {
         /// The address.
         address: SocketAddr,
-        /// What the system said.
+        /// Error of the system.
         source: io::Error,
     },
     /// The store cannot be used.
-    #[error("{0}")]
+    #[error(transparent)]
     Store(#[from] StoreError),
     /// Checkpoints cannot be kept where they should be.
-    #[error("{0}")]
+    #[error(transparent)]
     Checkpoints(#[from] CheckpointError),
     /// Campaigns could not be resumed.
-    #[error("{0}")]
+    #[error(transparent)]
     Campaign(#[from] CampaignError),
     /// The network side broke.
     #[error("the server broke off: {0}")]
@@ -289,7 +289,7 @@ impl Coordinator {
         &self.local
     }
 
-    /// What each page and gRPC method that it serves requires.
+    /// Requirements of each page and gRPC method that it serves.
     #[must_use]
     pub const fn requirements(&self) -> &Requirements {
         &self.requirements

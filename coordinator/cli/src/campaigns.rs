@@ -4,12 +4,12 @@ use super::{
     CliError, Global,
     connection::{self, Connection},
     follow::{Show as FollowShow, follow},
-    heard::{Heard as _, get_campaign, get_digest, heard},
     json,
     next_step::{changed, failed, state, what_next},
     run::{InProcessArgs, go_on, read_spec},
     table::{Table, left, right},
     taxonomy,
+    validation::{Validated as _, get_campaign, get_digest, validated},
 };
 use murmuration_coordinator::local::InProcess;
 use murmuration_link::{errln, outln, print};
@@ -101,11 +101,11 @@ impl Submit {
                 return Err(CliError::Failed(said.to_owned()));
             }
             let request = v1::CreateCampaignRequest {
-                spec: Some((&spec).into()),
+                campaign: Some(v1::create_campaign_request::Campaign::Spec((&spec).into())),
                 weight: Some(self.weight.get()),
                 ..v1::CreateCampaignRequest::default()
             };
-            heard(connection.client.create_campaign(request).await?)
+            validated(connection.client.create_campaign(request).await?)
         };
         let campaign = connection::with(global, InProcess::NONE, submit).await?;
         let next = format!("watch {}", campaign.id);
@@ -122,7 +122,7 @@ impl Adopt {
                 campaign: self.campaign,
                 checkpoint: checkpoint.digest,
             };
-            heard(connection.client.adopt_checkpoint(request).await?)
+            validated(connection.client.adopt_checkpoint(request).await?)
         };
         go_on(
             global,
@@ -141,7 +141,7 @@ impl Refine {
             let request = v1::RefineCampaignRequest {
                 campaign: self.campaign,
             };
-            heard(connection.client.refine_campaign(request).await?)
+            validated(connection.client.refine_campaign(request).await?)
         };
         go_on(
             global,
@@ -185,7 +185,7 @@ impl List {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let campaigns = listed(global).await?;
         if global.json {
-            return Ok(json::print_all(campaigns.iter().map(json::Campaign::from))?);
+            return Ok(json::print_all(campaigns.iter().map(json::Document))?);
         }
         show_list(global, campaigns, self.studies)
     }
@@ -194,7 +194,7 @@ impl List {
 async fn listed(global: &Global) -> Result<Vec<v1::Campaign>, CliError> {
     let list = async |connection: &mut Connection| {
         let listed = connection.client.list_campaigns(v1::ListCampaignsRequest {});
-        whole(listed.await?.into_inner()).await?.campaigns.heard()
+        whole(listed.await?.into_inner()).await?.campaigns.validated()
     };
     connection::with(global, InProcess::NONE, list).await
 }
@@ -273,7 +273,7 @@ impl Show {
 
 fn show_campaign(global: &Global, campaign: &v1::Campaign) -> Result<(), CliError> {
     if global.json {
-        json::print(json::Campaign::from(campaign))?;
+        json::print(json::Document(campaign))?;
         return Ok(());
     }
     let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
@@ -303,7 +303,7 @@ fn show_individual(
     individual: &v1::Individual,
 ) -> Result<(), CliError> {
     if global.json {
-        json::print(json::Individual::from(individual))?;
+        json::print(json::Document(individual))?;
         return Ok(());
     }
     let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
@@ -336,7 +336,7 @@ pub(super) async fn pause(global: &Global, campaign: &str) -> Result<(), CliErro
         let request = v1::PauseCampaignRequest {
             campaign: campaign.to_owned(),
         };
-        heard(connection.client.pause_campaign(request).await?)
+        validated(connection.client.pause_campaign(request).await?)
     };
     let campaign = connection::with(global, InProcess::NONE, pause).await?;
     let next = format!("resume {}", campaign.id);
@@ -349,7 +349,7 @@ pub(super) async fn cancel(global: &Global, campaign: &str) -> Result<(), CliErr
         let request = v1::CancelCampaignRequest {
             campaign: campaign.to_owned(),
         };
-        heard(connection.client.cancel_campaign(request).await?)
+        validated(connection.client.cancel_campaign(request).await?)
     };
     let campaign = connection::with(global, InProcess::NONE, cancel).await?;
     let cancelled = v1::CampaignState::Cancelled;
@@ -374,10 +374,9 @@ impl Digest {
         let complete = campaign.state() == v1::CampaignState::Completed;
         if global.json {
             json::print(json::Digest {
-                campaign: campaign.id.clone(),
-                digest: digest.digest,
-                evaluations: digest.evaluations,
+                campaign: &campaign.id,
                 complete,
+                digest: json::Document(&digest),
             })?;
         } else {
             outln!("{}", digest.digest)?;

@@ -30,7 +30,7 @@ const DAYS: u32 = 365;
 const DAY: Duration = Duration::from_secs(24 * 3600);
 /// Names by which a coordinator is always reached from its own machine.
 const OWN_NAMES: [&str; 3] = ["localhost", "127.0.0.1", "::1"];
-/// Whom the CA says that it is.
+/// Common name of the CA.
 const CA_NAME: &str = "Murmuration development CA";
 /// The certificates that are always made.
 const OWN_FILES: [&str; 3] = ["ca", "server", "trainer"];

@@ -3,10 +3,10 @@
 use super::{
     CliError, Global,
     connection::{self, CheckpointClient, Connection},
-    files::{is_there, read, write},
-    heard::{Heard as _, heard},
+    files::{Overwrite, is_there, read, write},
     json,
     table::{Table, left, right},
+    validation::{Validated as _, validated},
 };
 use murmuration_coordinator::local::InProcess;
 use murmuration_files::InputKind;
@@ -32,6 +32,8 @@ pub enum CheckpointsCommand {
         digest: String,
         /// File to write
         file: PathBuf,
+        #[command(flatten)]
+        overwrite: Overwrite,
     },
     /// Store an ONNX file as a checkpoint
     Import {
@@ -60,7 +62,14 @@ impl CheckpointsCommand {
                 let checkpoint = find(client, &digest).await?;
                 Ok(print_whole(&checkpoint, as_json)?)
             }
-            Self::Export { digest, file } => export(client, &digest, &file).await,
+            Self::Export {
+                digest,
+                file,
+                overwrite,
+            } => {
+                overwrite.check(&file)?;
+                export(client, &digest, &file).await
+            }
             Self::Import { file } => import(client, &file, as_json).await,
         }
     }
@@ -69,7 +78,7 @@ impl CheckpointsCommand {
 async fn list(client: &mut CheckpointClient, as_json: bool) -> Result<(), CliError> {
     let checkpoints = all(client).await?;
     if as_json {
-        return Ok(json::print_all(checkpoints.iter().map(json::Checkpoint::from))?);
+        return Ok(json::print_all(checkpoints.iter().map(json::Document))?);
     }
     let mut table = Table::new([left("CHECKPOINT"), right("BYTES"), left("PARENT")]);
     for checkpoint in checkpoints {
@@ -81,7 +90,7 @@ async fn list(client: &mut CheckpointClient, as_json: bool) -> Result<(), CliErr
 
 fn print_whole(checkpoint: &v1::Checkpoint, as_json: bool) -> Result<(), OutputError> {
     if as_json {
-        return json::print(json::Checkpoint::from(checkpoint));
+        return json::print(json::Document(checkpoint));
     }
     outln!(
         "# checkpoint {}, {}",
@@ -138,9 +147,9 @@ async fn import(client: &mut CheckpointClient, file: &Path, as_json: bool) -> Re
     let bytes = read(file, InputKind::Checkpoint)?;
     let parts = Lineage::default().publish_requests(&bytes);
     let checkpoint = client.publish_checkpoint(tokio_stream::iter(parts)).await?;
-    let checkpoint = heard(checkpoint)?;
+    let checkpoint = validated(checkpoint)?;
     if as_json {
-        json::print(json::Checkpoint::from(&checkpoint))?;
+        json::print(json::Document(&checkpoint))?;
     } else {
         outln!("{}", checkpoint.digest)?;
     }
@@ -149,7 +158,7 @@ async fn import(client: &mut CheckpointClient, file: &Path, as_json: bool) -> Re
 
 async fn all(client: &mut CheckpointClient) -> Result<Vec<v1::Checkpoint>, CliError> {
     let parts = client.list_checkpoints(v1::ListCheckpointsRequest {}).await?;
-    whole(parts.into_inner()).await?.checkpoints.heard()
+    whole(parts.into_inner()).await?.checkpoints.validated()
 }
 
 /// The one checkpoint whose digest begins like this.

@@ -161,7 +161,12 @@ pub async fn with_own<T>(
 }
 
 pub async fn connect(url: &str, credentials: &Credentials) -> Result<Coordinator, CliError> {
-    let endpoint = credentials.endpoint(url)?.connect_timeout(Duration::from_secs(5));
+    // Answers may take as long as they like, but whoever listens there must answer pings.
+    let endpoint = credentials
+        .endpoint(url)?
+        .connect_timeout(Duration::from_secs(5))
+        .http2_keep_alive_interval(Duration::from_secs(10))
+        .keep_alive_timeout(Duration::from_secs(20));
     let channel = endpoint.connect().await;
     let channel = channel.map_err(|error| CliError::no_coordinator(url, &error))?;
     Ok(InterceptedService::new(channel, credentials.bearer()))
@@ -191,7 +196,7 @@ mod tests {
             let ask = async |connection: &mut Connection| {
                 // It waits for workers, until it is told to stop.
                 let request = v1::CreateCampaignRequest {
-                    spec: Some((&spec).into()),
+                    campaign: Some(v1::create_campaign_request::Campaign::Spec((&spec).into())),
                     ..v1::CreateCampaignRequest::default()
                 };
                 connection.client.create_campaign(request).await?;

@@ -51,7 +51,10 @@ impl Delete {
         };
         let (deletion, study) = connection::with(global, InProcess::NONE, delete).await?;
         if global.json {
-            return Ok(json::print(json::Deletion::of(&deletion, self.yes))?);
+            return Ok(json::print(json::Deletion {
+                deleted: self.yes,
+                deletion: json::Document(&deletion),
+            })?);
         }
         let id = &deletion.campaign;
         let what = what(&deletion).in_words();

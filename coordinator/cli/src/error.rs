@@ -1,4 +1,4 @@
-//! What a command tells a person when it cannot do what was asked.
+//! Errors of commands, in words for people.
 
 use murmuration_access::{ListenConfigError, TokensError};
 use murmuration_coordinator::server::ServerError;

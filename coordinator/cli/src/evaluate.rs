@@ -3,7 +3,7 @@
 use super::{
     CliError, Global,
     connection::{self, Connection},
-    files::{FileType, begin, check_distinct, finish, is_there, read, read_words},
+    files::{FileType, Overwrite, begin, check_outputs, finish, is_there, read, read_words},
     follow::Count,
     genomes, json,
     run::InProcessArgs,
@@ -54,6 +54,8 @@ pub struct Evaluate {
     #[arg(long, value_name = "FILE", conflicts_with = "json")]
     out: Option<PathBuf>,
     #[command(flatten)]
+    overwrite: Overwrite,
+    #[command(flatten)]
     crew: InProcessArgs,
 }
 
@@ -63,7 +65,7 @@ impl Evaluate {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         if let Some(path) = &self.out {
             FileType::Csv.check("--out", path)?;
-            check_distinct([("--out", path)], [&self.spec, &self.controllers])?;
+            check_outputs([("--out", path)], [&self.spec, &self.controllers], self.overwrite)?;
         }
         let spec = CampaignSpec::from_toml(&read_words(&self.spec, InputKind::Campaign)?)
             .map_err(|error| CliError::Input(format!("{}: {error}", self.spec.display())))?;
@@ -274,7 +276,7 @@ fn header(controller: &Controller, evaluated: &json::Evaluated) -> impl Iterator
 }
 
 fn row(evaluated: &json::Evaluated) -> impl Iterator<Item = String> {
-    let own = [evaluated.index.to_string(), evaluated.seed.to_string()];
+    let own = [evaluated.index.to_string(), evaluated.seed.0.to_string()];
     let features = evaluated.features.iter().map(f64::to_string);
     let genes = evaluated.controller.iter().map(f64::to_string);
     let embedding = evaluated.embedding.iter().map(f32::to_string);

@@ -4,10 +4,10 @@ use super::{
     CliError, Global,
     connection::{self, Connection},
     controller,
-    files::{FileType, check_distinct, write},
-    heard::get_campaign,
+    files::{FileType, Overwrite, check_outputs, write},
     json,
     robots::RobotArgs,
+    validation::get_campaign,
 };
 use murmuration_coordinator::local::InProcess;
 use murmuration_link::print;
@@ -48,6 +48,8 @@ pub struct Export {
     /// Write the header to this file [default: stdout]
     #[arg(long, value_name = "FILE")]
     header: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 impl ControllerCommand {
@@ -61,7 +63,7 @@ impl Export {
     async fn execute(self, global: &Global) -> Result<(), CliError> {
         if let Some(path) = &self.header {
             FileType::Header.check("--header", path)?;
-            check_distinct([("--header", path)], self.robots.files())?;
+            check_outputs([("--header", path)], self.robots.files(), self.overwrite)?;
         }
         let controller = match (&self.controller, &self.campaign, self.index) {
             (Some(text), ..) => controller::parse(text, self.robots.read()?.0.as_ref())?,
@@ -119,7 +121,7 @@ fn guard(controller: &Controller) -> String {
     format!("MURMURATION_CONTROLLER_{}_H", digest[..8].to_uppercase())
 }
 
-/// What the names in C of each species end with.
+/// Suffix of each species' names in C.
 fn suffixes(model: &CapabilityModel) -> Vec<String> {
     let mut suffixes: Vec<String> = Vec::new();
     for (place, species) in model.species().iter().enumerate() {

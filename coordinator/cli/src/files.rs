@@ -3,7 +3,7 @@
 use super::CliError;
 use murmuration_files::{InputKind, NewFile, Replaces, read_bytes, read_text};
 use murmuration_link::errln;
-use murmuration_store::files;
+use murmuration_store::{Store, files};
 use std::{
     fs,
     io::Write as _,
@@ -30,10 +30,32 @@ pub const fn replaces(force: bool) -> Replaces {
     }
 }
 
-/// Refuses to write a file that the command reads, or that another of its options writes.
-pub fn check_distinct<'a>(
+/// The option of commands that write files where a person says.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct Overwrite {
+    /// Replace files that exist
+    #[arg(long)]
+    force: bool,
+}
+
+impl Overwrite {
+    /// Refuses a file that exists, which may be the work of hours, unless it may be replaced.
+    pub fn check(self, path: &Path) -> Result<(), CliError> {
+        match !self.force && path.is_file() {
+            true => Err(CliError::Input(format!(
+                "{} exists already: name another file, or replace it with --force",
+                path.display()
+            ))),
+            false => Ok(()),
+        }
+    }
+}
+
+/// Refuses to write a file that the command reads, that another of its options writes, or that exists.
+pub fn check_outputs<'a>(
     outputs: impl IntoIterator<Item = (&'a str, &'a PathBuf)>,
     inputs: impl IntoIterator<Item = &'a PathBuf>,
+    overwrite: Overwrite,
 ) -> Result<(), CliError> {
     let whole = |path: &Path| files::without_links(path).unwrap_or_else(|_| path.to_owned());
     let mut taken: Vec<PathBuf> = inputs.into_iter().map(|path| whole(path)).collect();
@@ -56,6 +78,7 @@ pub fn check_distinct<'a>(
             }
             _ => taken.push(file),
         }
+        overwrite.check(path)?;
     }
     Ok(())
 }
@@ -68,8 +91,16 @@ pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), CliError> {
     finish(file, path)
 }
 
-/// Begins a file that [`finish`] gives its name.
+/// Begins a file that [`finish`] gives its name. Refuses files of a data directory, which only a coordinator may change.
 pub fn begin(path: &Path) -> Result<NewFile, CliError> {
+    let whole = files::without_links(path).unwrap_or_else(|_| path.to_owned());
+    if let Some(folder) = whole.parent().filter(|folder| folder.join(Store::FILE).exists()) {
+        return Err(CliError::Input(format!(
+            "{} is in the data directory {}: name a file elsewhere",
+            path.display(),
+            folder.display()
+        )));
+    }
     NewFile::create(path).map_err(|error| CliError::unwritable(path, &error))
 }
 
@@ -122,7 +153,7 @@ mod tests {
     fn check(outputs: [&str; 2], expected: bool) {
         let outputs = outputs.map(PathBuf::from);
         let named = ["--png", "--gif"].into_iter().zip(&outputs);
-        let checked = check_distinct(named, []);
+        let checked = check_outputs(named, [], Overwrite { force: false });
         assert_eq!(checked.is_ok(), expected, "{outputs:?}: {checked:?}");
     }
 

@@ -3,7 +3,7 @@
 mod count;
 mod status_line;
 
-use super::{CliError, connection::Client, heard::Heard as _, json};
+use super::{CliError, connection::Client, json, validation::Validated as _};
 use indicatif::{HumanDuration, ProgressBar};
 use murmuration_link::{OutputError, errln};
 use murmuration_proto::{counted, grouped, v1};
@@ -48,7 +48,7 @@ pub async fn follow_with(
     let mut statuses = client.watch_campaign(request).await?.into_inner();
     let mut last = None;
     while let Some(status) = statuses.message().await? {
-        let status = status.heard()?;
+        let status = status.validated()?;
         draw(&status)?;
         last = Some(status);
     }
@@ -102,7 +102,7 @@ impl View {
         self.end_stage(status.stage());
         self.notice(&status.notices);
         match &mut self.to {
-            Screen::Json => json::print(json::Campaign::from(status))?,
+            Screen::Json => json::print(json::Document(status))?,
             Screen::Bar(bar) => {
                 bar.set_length(line.total);
                 bar.set_position(line.done);
@@ -172,5 +172,5 @@ fn how_far(line: &StatusLine) -> String {
     if line.total == 0 {
         return String::new();
     }
-    format!("{}/{} · ", grouped(line.done), counted(line.total, line.unit))
+    format!("{}/{} · ", grouped(line.done), counted(line.total, &line.unit))
 }

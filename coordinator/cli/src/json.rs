@@ -1,34 +1,37 @@
-//! The JSON that commands print for programs: one type for each kind of document, and the schema of each.
+//! The JSON that commands print for programs, and its schemas.
+//!
+//! A document that a coordinator answers with is its message (`Document`). Other documents have a type here.
 
 mod campaign;
 mod data;
+mod document;
 mod kinds;
 mod labels;
 mod machines;
 mod robots;
-mod taxonomy;
 
-pub(crate) use campaign::{Campaign, Deletion, Digest, Individual, Report, Run};
-pub(crate) use data::{Backup, Checkpoint, Doctor, Export};
+pub(crate) use campaign::{Deletion, Digest, Report, Run, Taxonomy};
+pub(crate) use data::{Backup, Doctor, Export};
+pub(crate) use document::Document;
 pub use kinds::{KINDS, Kind};
-pub(crate) use labels::{AddedLabels, Agreement, Class, Label};
+pub(crate) use labels::{AddedLabels, Agreement};
 pub(crate) use machines::{
     Certificate, Certificates, LiftedQuarantine, Quarantine, QuarantinedMachine, Token,
 };
 pub(crate) use robots::{
-    Behaviour, Evaluated, ExportedController, FilterScore, Neighbour, Recognised, Robots,
+    Behaviour, Evaluated, ExportedController, FilterScore, Recognised, Robots, Simulated,
 };
-pub(crate) use taxonomy::Taxonomy;
 
 use murmuration_link::{OutputError, outln};
 use murmuration_model::Timestamp;
-use schemars::{JsonSchema, Schema, generate::SchemaSettings};
-use serde::Serialize;
+use schemars::{JsonSchema, Schema, SchemaGenerator, generate::SchemaSettings, json_schema};
+use serde::{Serialize, Serializer};
+use std::borrow::Cow;
 
 /// Version of every document; it rises when a field changes its meaning or is removed. New fields leave it as it is.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
-/// What is printed: the version, then the fields of the document.
+/// The printed document: the version, then its fields.
 #[derive(Serialize, JsonSchema)]
 #[schemars(rename = "{T}")]
 struct Versioned<T> {
@@ -37,6 +40,36 @@ struct Versioned<T> {
     schema: u32,
     #[serde(flatten)]
     document: T,
+}
+
+/// Whole numbers beyond this are texts: jq and JavaScript read numbers as doubles, which are exact only up to here.
+const MAX_EXACT: u64 = (1 << 53) - 1;
+
+/// A whole number such as a seed.
+#[derive(Debug)]
+pub(crate) struct Whole(pub(crate) u64);
+
+impl Serialize for Whole {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self.0 {
+            ..=MAX_EXACT => serializer.serialize_u64(self.0),
+            beyond => serializer.collect_str(&beyond),
+        }
+    }
+}
+
+impl JsonSchema for Whole {
+    fn schema_name() -> Cow<'static, str> {
+        "Whole".into()
+    }
+
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": ["integer", "string"] })
+    }
 }
 
 /// A time in UTC, as RFC 3339 writes it.

@@ -3,11 +3,11 @@
 use super::{
     CliError, Global,
     connection::{self, Connection, LabelClient},
-    files::{read, write},
-    heard::{Heard as _, get_campaign, heard},
+    files::{FileType, Overwrite, read, write},
     json,
     run::InProcessArgs,
     table::{Table, left, right},
+    validation::{Validated as _, get_campaign, validated},
 };
 use murmuration_coordinator::local::InProcess;
 use murmuration_files::InputKind;
@@ -61,9 +61,8 @@ pub struct LabelsCommand {
     /// which a spreadsheet would take for a formula, gets a ' in front; these commands remove it
     #[arg(long, value_name = "OUT")]
     csv: Option<PathBuf>,
-    /// Replace the file of --csv if it exists
-    #[arg(long, requires = "csv")]
-    force: bool,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 #[derive(Debug, clap::Args)]
@@ -184,7 +183,7 @@ impl Added {
         let request = v1::ListClassesRequest {
             campaign: campaign.clone(),
         };
-        let classes = heard(connection.labels.list_classes(request).await?)?.classes;
+        let classes = validated(connection.labels.list_classes(request).await?)?.classes;
         Ok(Self {
             campaign,
             count,
@@ -247,7 +246,11 @@ fn request_id() -> String {
 
 impl LabelsCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        self.check_file()?;
+        if let Some(file) = &self.csv {
+            FileType::Csv.check("--csv", file)?;
+            // It may hold answers that somebody corrected by hand.
+            self.overwrite.check(file)?;
+        }
         let list = async |connection: &mut Connection| self.list(connection).await;
         let (v1::ListLabelsResponse { labels, digest }, text) =
             connection::with(global, InProcess::NONE, list).await?;
@@ -256,7 +259,7 @@ impl LabelsCommand {
             write(file, text)?;
         }
         if global.json {
-            json::print_all(labels.iter().map(json::Label::from))?;
+            json::print_all(labels.iter().map(json::Document))?;
         } else if self.csv.is_none() {
             let mut table = Table::new([right("INDEX"), left("CLASS"), left("ANNOTATOR")]);
             for answer in answers() {
@@ -271,17 +274,6 @@ impl LabelsCommand {
         Ok(())
     }
 
-    /// A file that is there may hold answers that somebody corrected by hand.
-    fn check_file(&self) -> Result<(), CliError> {
-        match &self.csv {
-            Some(file) if file.is_file() && !self.force => Err(CliError::Input(format!(
-                "{} exists already: name another file, or replace it with --force",
-                file.display()
-            ))),
-            _ => Ok(()),
-        }
-    }
-
     /// The labels, and the text of the file if one is wanted.
     async fn list(
         &self,
@@ -294,7 +286,7 @@ impl LabelsCommand {
         let listed = connection.labels.list_labels(request).await?;
         let v1::ListLabelsResponse { labels, digest } = whole(listed.into_inner()).await?;
         let listed = v1::ListLabelsResponse {
-            labels: labels.heard()?,
+            labels: labels.validated()?,
             digest: Text::line(&digest).into(),
         };
         if self.csv.is_none() {
@@ -328,7 +320,7 @@ impl ClassesCommand {
         let classes = connection::with(global, InProcess::NONE, ask).await?.classes;
         warn_of_near_names(&campaign, &classes);
         if global.json {
-            return Ok(json::print_all(classes.iter().map(json::Class::from))?);
+            return Ok(json::print_all(classes.iter().map(json::Document))?);
         }
         let mut table = Table::new([left("CLASS"), left("COLOUR"), right("ANSWERS")]);
         for class in &classes {
@@ -355,7 +347,7 @@ impl ClassesCommand {
             let request = v1::ListClassesRequest {
                 campaign: self.campaign,
             };
-            return heard(client.list_classes(request).await?);
+            return validated(client.list_classes(request).await?);
         };
         let request = v1::ChangeClassRequest {
             campaign: self.campaign,
@@ -363,7 +355,7 @@ impl ClassesCommand {
             annotator: self.annotator,
             change: Some(change),
         };
-        heard(client.change_class(request).await?)
+        validated(client.change_class(request).await?)
     }
 }
 
@@ -393,11 +385,14 @@ impl AgreementCommand {
                 second: second.clone(),
             };
             let parts = connection.labels.get_agreement(request).await?;
-            whole(parts.into_inner()).await?.heard()
+            whole(parts.into_inner()).await?.validated()
         };
         let agreement = connection::with(global, InProcess::NONE, ask).await?;
         if global.json {
-            json::print(json::Agreement::new(&first, &second, agreement))?;
+            json::print(json::Agreement {
+                annotators: [&first, &second],
+                agreement: json::Document(&agreement),
+            })?;
         } else {
             print_agreement(&first, &second, &agreement)?;
         }

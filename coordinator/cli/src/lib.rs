@@ -17,7 +17,6 @@ mod filter;
 pub mod follow;
 mod genomes;
 mod health;
-pub mod heard;
 pub mod json;
 mod labels;
 mod maintenance;
@@ -33,6 +32,7 @@ pub mod table;
 mod taxonomy;
 mod token;
 mod transfer;
+pub mod validation;
 
 pub use checkpoints::fetch as fetch_checkpoint;
 pub use controller::marked as controller_argument;

@@ -1,4 +1,4 @@
-//! What a command changed, and what to type next.
+//! The change that a command made, and the next command to type.
 
 use super::{CliError, Global, json};
 use murmuration_link::{OutputError, errln, outln};
@@ -14,7 +14,7 @@ pub fn changed(
     next: &str,
 ) -> Result<(), OutputError> {
     if global.json {
-        return json::print(json::Campaign::from(campaign));
+        return json::print(json::Document(campaign));
     }
     outln!("{}", campaign.id)?;
     if campaign.state() == expected {

@@ -7,9 +7,9 @@ use super::{
     CliError, Global, checkpoints,
     connection::{self, Connection},
     controller,
-    files::{FileType, check_distinct, read, write},
-    heard::{get_campaign, heard},
+    files::{FileType, Overwrite, check_outputs, read, write},
     robots::described,
+    validation::{get_campaign, validated},
 };
 use assumed::{Arena, Assumed};
 use murmuration_coordinator::local::InProcess;
@@ -64,6 +64,8 @@ pub struct Recognise {
     /// Write the swarm's picture, and those of the nearest individuals after it, to this PNG
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 /// The tracks as a behaviour, with what a campaign has like it.
@@ -82,7 +84,8 @@ impl Recognise {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         if let Some(path) = &self.png {
             FileType::Png.check("--png", path)?;
-            check_distinct([("--png", path)], self.robot.iter().chain([&self.tracks]))?;
+            let read = self.robot.iter().chain([&self.tracks]);
+            check_outputs([("--png", path)], read, self.overwrite)?;
         }
         let tracks = Tracks::parse(&self.tracks, read(&self.tracks, InputKind::Tracks)?)?;
         let find = async |connection: &mut Connection| self.find(connection, &tracks).await;
@@ -120,7 +123,7 @@ impl Recognise {
             checkpoint: campaign.checkpoint,
             count: Some(self.count),
         };
-        let nearest = heard(connection.client.find_nearest(request).await?)?;
+        let nearest = validated(connection.client.find_nearest(request).await?)?;
         let mut pictures = Vec::new();
         for neighbour in nearest.neighbours.iter().filter(|_| self.png.is_some()) {
             let request = v1::GetIndividualRequest {

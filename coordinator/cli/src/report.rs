@@ -5,8 +5,8 @@ use super::{
     connection::{self, Connection},
     error::report_folder,
     files::replaces,
-    heard::{self, get_campaign},
     json,
+    validation::{self, get_campaign},
 };
 use murmuration_coordinator::local::InProcess;
 use murmuration_files::{Folder, Replaces};
@@ -54,7 +54,7 @@ impl ReportCommand {
                  `murmuration-worker --coordinator URL`"
             );
         }
-        let id = heard::id(&campaign)?;
+        let id = validation::id(&campaign)?;
         match &self.out {
             Some(folder) => write_report(connection, &id, folder, replaces(self.force)).await,
             None => {

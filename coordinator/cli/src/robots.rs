@@ -2,7 +2,7 @@
 
 use super::{
     CliError,
-    files::{FileType, check_distinct, read_words, write},
+    files::{FileType, Overwrite, check_outputs, read_words, write},
     json,
     run::read_spec,
 };
@@ -80,13 +80,15 @@ pub struct ShowRobot {
     /// Draw the robot to this SVG; of several species, each to a file with the name of the species before .svg
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 impl ShowRobot {
     pub(super) fn execute(self, as_json: bool) -> Result<(), CliError> {
         if let Some(path) = &self.svg {
             FileType::Svg.check("--svg", path)?;
-            check_distinct([("--svg", path)], &self.file)?;
+            check_outputs([("--svg", path)], &self.file, self.overwrite)?;
         }
         let model = match (&self.file, self.model) {
             (Some(path), _) => described(path)?.0,
@@ -98,22 +100,25 @@ impl ShowRobot {
             show(&model)?;
         }
         match &self.svg {
-            Some(path) => draw(&model, path),
+            Some(path) => draw(&model, path, self.overwrite),
             None => Ok(()),
         }
     }
 }
 
-fn draw(model: &CapabilityModel, path: &Path) -> Result<(), CliError> {
+fn draw(model: &CapabilityModel, path: &Path, overwrite: Overwrite) -> Result<(), CliError> {
     let svg = |species: &Species| robot_svg(species.robot(), None).into_string();
     match model.species() {
         [alone] => write(path, svg(alone)),
-        several => several.iter().try_for_each(|species| {
-            write(
-                &path.with_extension(format!("{}.svg", species.name())),
-                svg(species),
-            )
-        }),
+        several => {
+            let file = |species: &Species| path.with_extension(format!("{}.svg", species.name()));
+            several
+                .iter()
+                .try_for_each(|species| overwrite.check(&file(species)))?;
+            several
+                .iter()
+                .try_for_each(|species| write(&file(species), svg(species)))
+        }
     }
 }
 

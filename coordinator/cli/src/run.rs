@@ -5,9 +5,9 @@ use super::{
     connection::{self, Connection},
     files::read_words,
     follow::{Show, follow, stage_name},
-    heard::{self, get_digest, heard},
     json, next_step, quoted,
     report::write_report,
+    validation::{self, get_digest, validated},
 };
 use murmuration_coordinator::local::InProcess;
 use murmuration_embed::Runtime;
@@ -100,10 +100,10 @@ impl Run {
         }
         let run = async |connection: &mut Connection| {
             let request = v1::CreateCampaignRequest {
-                spec: Some((&spec).into()),
+                campaign: Some(v1::create_campaign_request::Campaign::Spec((&spec).into())),
                 ..v1::CreateCampaignRequest::default()
             };
-            let campaign = heard(connection.client.create_campaign(request).await?)?;
+            let campaign = validated(connection.client.create_campaign(request).await?)?;
             errln!(
                 "campaign {} · {} · {} · {} · {}",
                 campaign.id,
@@ -149,7 +149,7 @@ impl Resume {
             let request = v1::ResumeCampaignRequest {
                 campaign: self.campaign,
             };
-            let campaign = heard(connection.client.resume_campaign(request).await?)?;
+            let campaign = validated(connection.client.resume_campaign(request).await?)?;
             if connection.is_own() {
                 errln!(
                     "campaign {} continues with stage {} after generation {}",
@@ -271,7 +271,7 @@ async fn finish(
             return Err(CliError::Failed(said));
         }
     }
-    let id = heard::id(&last)?;
+    let id = validation::id(&last)?;
     let folder = super::error::report_folder(&global.data, &id);
     let report = write_report(connection, &id, &folder, Replaces::All).await?;
     Ok((get_digest(&mut connection.client, last.id).await?, report))

@@ -55,7 +55,7 @@ pub struct Serve {
     )]
     insecure_listen: bool,
     /// Requests of a cost class that are answered at once, in all and for one token, certificate or address; commas
-    /// separate several. Classes: decision, light, reading, computing, streaming, stranger
+    /// separate several. Classes: decision, bulk, light, reading, computing, streaming, stranger
     #[arg(
         long,
         env = "MURMURATION_SEATS",

@@ -2,7 +2,7 @@
 
 use super::{
     CliError, controller,
-    files::{FileType, check_distinct, read_words, write},
+    files::{FileType, Overwrite, check_outputs, read_words, write},
     film, json,
     robots::RobotArgs,
 };
@@ -70,6 +70,8 @@ pub struct Simulate {
     /// Write the behaviour image, as an embedder sees it, to this enlarged PNG
     #[arg(long, value_name = "FILE", conflicts_with = "case")]
     image: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 impl Simulate {
@@ -100,7 +102,7 @@ impl Simulate {
             kind.check(option, path)?;
         }
         let outputs = named.map(|(_, option, path)| (option, path));
-        check_distinct(outputs, self.robots.files().chain(&self.case))
+        check_outputs(outputs, self.robots.files().chain(&self.case), self.overwrite)
     }
 
     fn simulate_controller(&self, genes: &str, as_json: bool) -> Result<(), CliError> {
@@ -123,7 +125,7 @@ impl Simulate {
             )?;
         }
         if as_json {
-            json::print(json::Individual::simulated(controller, self.seed, &evaluation))?;
+            json::print(json::Simulated::new(controller, self.seed, &evaluation))?;
         } else {
             outln!("controller           {controller}")?;
             for (name, value) in FEATURE_NAMES.iter().zip(evaluation.features()) {

@@ -3,9 +3,9 @@
 use super::{
     CliError, Global,
     connection::Connection,
-    heard::Heard as _,
     json,
     table::{Table, left, right},
+    validation::Validated as _,
 };
 use murmuration_proto::{grouped, parts::whole, v1};
 
@@ -15,12 +15,20 @@ pub(super) async fn of(connection: &mut Connection, campaign: &str) -> Result<v1
         campaign: campaign.to_owned(),
     };
     let taxonomy = connection.client.get_taxonomy(request).await?;
-    whole(taxonomy.into_inner()).await?.heard()
+    whole(taxonomy.into_inner()).await?.validated()
 }
 
 pub(super) fn show(global: &Global, campaign: &str, taxonomy: &v1::Taxonomy) -> Result<(), CliError> {
     if global.json {
-        return Ok(json::print(json::Taxonomy::new(campaign, taxonomy))?);
+        let mut taxonomy = taxonomy.clone();
+        let medoids = taxonomy.medoids.iter_mut();
+        medoids
+            .filter_map(|medoid| medoid.individual.as_mut())
+            .for_each(|individual| individual.image = None);
+        return Ok(json::print(json::Taxonomy {
+            campaign,
+            taxonomy: json::Document(&taxonomy),
+        })?);
     }
     let mut table = Table::new([
         right("CLUSTER"),

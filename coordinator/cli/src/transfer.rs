@@ -4,8 +4,8 @@ use super::{
     CliError, Global,
     connection::{self, Connection},
     files::is_there,
-    heard::heard,
     json,
+    validation::validated,
 };
 use murmuration_coordinator::local::InProcess;
 use murmuration_export::{CheckedExport, ExportError, Exported, NewFolder};
@@ -127,7 +127,7 @@ impl Import {
         };
         errln!("imported: campaign {id} ({}); next: {next}", state.name());
         if global.json {
-            json::print(json::Campaign::from(&campaign))?;
+            json::print(json::Document(&campaign))?;
         } else {
             outln!("{id}")?;
         }
@@ -161,7 +161,7 @@ async fn import(connection: &mut Connection, export: CheckedExport) -> Result<v1
             Err(CliError::Input(status.message().to_owned()))
         }
         (_, Err(status)) => Err(status.into()),
-        (Ok(()), Ok(campaign)) => heard(campaign),
+        (Ok(()), Ok(campaign)) => validated(campaign),
     }
 }
 

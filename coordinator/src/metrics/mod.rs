@@ -1,4 +1,4 @@
-//! What a coordinator measures of itself, in the words of Prometheus.
+//! Metrics of a coordinator, in the format of Prometheus.
 //!
 //! [`Metrics`] is a value, not a global: a process may run several coordinators. What happens is counted where it
 //! happens, through handles that are cheap to clone; what the store knows anyway is read when somebody asks

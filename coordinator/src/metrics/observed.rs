@@ -1,4 +1,4 @@
-//! What is read from the store and from the campaigns at work whenever metrics are asked for.
+//! Metrics that are read from the store and from running campaigns on each request.
 
 use super::PREFIX;
 use murmuration_access::Seats;

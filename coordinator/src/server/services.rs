@@ -1,7 +1,7 @@
 //! The gRPC services of a coordinator, and what each of their methods requires and costs.
 
 use murmuration_access::{
-    CostClass::{self, Computing, Decision, Light, Reading, Streaming},
+    CostClass::{self, Bulk, Computing, Decision, Light, Reading, Streaming},
     GuardedRouter,
     MachineKind::{Trainer, Worker},
     MethodRequirements,
@@ -56,9 +56,9 @@ const EVALUATIONS: MethodRequirements = &[
 
 const LABELS: MethodRequirements = &[
     ("AppendLabels", ANNOTATOR, Decision),
-    ("AppendSyntheticLabels", ANNOTATOR, Decision),
-    ("UndoLabels", ANNOTATOR, Decision),
-    ("WithdrawLabels", ANNOTATOR, Decision),
+    ("AppendSyntheticLabels", ANNOTATOR, Bulk),
+    ("UndoLabels", ANNOTATOR, Bulk),
+    ("WithdrawLabels", ANNOTATOR, Bulk),
     ("ListLabels", VIEWER, Reading),
     ("ListLabelEntries", VIEWER, Reading),
     ("ListClasses", VIEWER, Reading),

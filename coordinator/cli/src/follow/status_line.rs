@@ -1,8 +1,8 @@
-//! What a campaign's status says to a person.
+//! A campaign's status in one line for people.
 
 use indicatif::HumanDuration;
-use murmuration_model::{Stage, WorkLeft};
-use murmuration_proto::{CampaignSpec, EmbedderSource, Feedback, Search, figure, grouped, rounded, v1};
+use murmuration_model::TimeLeft;
+use murmuration_proto::{figure, grouped, rounded, v1};
 use std::time::Duration;
 
 /// How far a campaign's stage has come, and a line about it.
@@ -10,7 +10,7 @@ pub struct StatusLine {
     pub done: u64,
     pub total: u64,
     /// The unit that is counted, in the singular.
-    pub unit: &'static str,
+    pub unit: String,
     /// Rises when there is something to say again.
     pub step: u64,
     pub text: String,
@@ -44,71 +44,51 @@ impl StatusLine {
     }
 
     fn of_stage(status: &v1::Campaign) -> Self {
-        let spec = status
-            .spec
-            .clone()
-            .map(CampaignSpec::try_from)
-            .and_then(Result::ok);
         match status.stage() {
-            v1::CampaignStage::Dataset => {
-                let total = spec.as_ref().map_or(0, pictures);
-                let done = status.dataset_done.min(total);
-                let line = Self::counted(status, (done, total), "picture", "simulations");
-                line.with_whole(status, spec.as_ref(), Stage::Dataset)
-            }
+            v1::CampaignStage::Dataset => Self::counted(status, "simulations").with_whole(status),
             v1::CampaignStage::Pretrain | v1::CampaignStage::FineTune => Self::training(status),
-            v1::CampaignStage::Label => {
-                let total = spec
-                    .as_ref()
-                    .and_then(CampaignSpec::feedback)
-                    .map_or(0, Feedback::labels);
-                let done = status.labelled.min(total);
-                Self::counted(status, (done.into(), total.into()), "individual", "labels")
-            }
-            v1::CampaignStage::Embed => {
-                let search = spec.as_ref().map(|spec| *spec.search());
-                let total = u64::from(status.generations_done) * population(search);
-                let done = status.embedded.min(total);
-                Self::counted(status, (done, total), "picture", "embeddings")
-            }
+            v1::CampaignStage::Label => Self::counted(status, "labels"),
+            v1::CampaignStage::Embed => Self::counted(status, "embeddings"),
             v1::CampaignStage::Evolve | v1::CampaignStage::Taxonomy | v1::CampaignStage::Unspecified => {
-                let line = Self::evolution(status, spec.as_ref().map(|spec| *spec.search()));
-                line.with_whole(status, spec.as_ref(), Stage::Evolve)
+                Self::evolution(status).with_whole(status)
             }
         }
     }
 
-    /// Says too how long the whole campaign takes at least, where it has more to do than this stage.
-    fn with_whole(self, status: &v1::Campaign, spec: Option<&CampaignSpec>, stage: Stage) -> Self {
-        let rate = status.evaluations_per_second;
-        let left = spec.map(|spec| WorkLeft {
-            spec,
-            stage,
-            generations_done: status.generations_done,
-            arrived: status.evaluated_in_generation,
-            rounds_done: status.rounds_done,
-            is_learning: false,
-            per_second: rate,
-            stage_seconds: (rate > 0.0).then(|| (self.total - self.done) as f64 / rate),
-        });
-        let whole = left.and_then(|left| left.whole());
-        match whole.filter(|whole| status.active && whole.is_least && self.done < self.total) {
-            Some(whole) => Self {
-                text: format!("{} · {} in all", self.text, whole.in_words()),
-                ..self
-            },
-            None => self,
+    /// Adds how long the whole campaign takes at least, where it has more to do than this stage.
+    fn with_whole(self, status: &v1::Campaign) -> Self {
+        match status.time_left {
+            Some(v1::TimeLeft {
+                seconds,
+                is_least: true,
+            }) if self.done < self.total => {
+                let whole = TimeLeft {
+                    seconds,
+                    is_least: true,
+                };
+                Self {
+                    text: format!("{} · {} in all", self.text, whole.in_words()),
+                    ..self
+                }
+            }
+            _ => self,
         }
     }
 
-    fn counted(status: &v1::Campaign, (done, total): (u64, u64), unit: &'static str, rate: &str) -> Self {
+    fn counted(status: &v1::Campaign, rate: &str) -> Self {
+        let progress = status.progress.clone().unwrap_or_default();
         let mut parts = vec![name(status.stage()).to_owned()];
-        parts.extend(pace(status, total - done, rate));
+        parts.extend(pace(status, &progress, rate));
+        Self::at(progress, parts)
+    }
+
+    /// A line with the progress of a stage and a text made of `parts`.
+    fn at(progress: v1::StageProgress, parts: Vec<String>) -> Self {
         Self {
-            done,
-            total,
-            unit,
-            step: done,
+            step: progress.done,
+            done: progress.done,
+            total: progress.total,
+            unit: progress.unit,
             text: parts.join(" · "),
         }
     }
@@ -134,25 +114,15 @@ impl StatusLine {
         if status.active && status.training.is_none() && status.trainers > 0 {
             parts.push("the trainer begins".to_owned());
         }
-        Self {
-            done: progress.epoch,
-            total: progress.epochs,
-            unit: "epoch",
-            step: progress.epoch,
-            text: parts.join(" · "),
-        }
+        Self::at(status.progress.clone().unwrap_or_default(), parts)
     }
 
-    fn evolution(status: &v1::Campaign, search: Option<Search>) -> Self {
-        let generations = status.generations;
-        let total = u64::from(generations) * population(search);
-        let done = u64::from(status.generations_done) * population(search)
-            + u64::from(status.evaluated_in_generation);
-        let done = done.min(total);
+    fn evolution(status: &v1::Campaign) -> Self {
+        let progress = status.progress.clone().unwrap_or_default();
         let mut parts = vec![format!(
             "{} of {} generations",
             grouped(status.generations_done.into()),
-            grouped(generations.into())
+            grouped(status.generations.into())
         )];
         if let (Some(best), Some(mean)) = (status.best_novelty, status.mean_novelty) {
             parts.push(format!(
@@ -161,45 +131,31 @@ impl StatusLine {
                 figure(mean)
             ));
         }
-        if status.active && done == total && status.workers > 0 {
+        if status.active && status.evaluations_done >= status.evaluations && status.workers > 0 {
             parts.push("clustering".to_owned());
         } else {
-            parts.extend(pace(status, total - done, "evaluations"));
+            parts.extend(pace(status, &progress, "evaluations"));
         }
         Self {
-            done,
-            total,
-            unit: "evaluation",
             step: status.generations_done.into(),
-            text: parts.join(" · "),
+            ..Self::at(progress, parts)
         }
     }
 }
 
 /// How fast it goes and how long it will take, if it goes at all.
-fn pace(status: &v1::Campaign, left: u64, unit: &str) -> Vec<String> {
-    match (status.active, status.evaluations_per_second) {
-        (true, rate) if rate > 0.0 => {
-            let eta = Duration::try_from_secs_f64(left as f64 / rate).unwrap_or(Duration::MAX);
-            vec![
-                format!("{} {unit}/s", grouped(rate.round() as u64)),
-                format!("{} left", HumanDuration(eta)),
-            ]
-        }
-        _ => Vec::new(),
-    }
-}
-
-/// Pictures of the dataset; 0 if there is none.
-fn pictures(spec: &CampaignSpec) -> u64 {
-    match spec.embedder() {
-        Some(EmbedderSource::Trained { dataset, .. }) => dataset.pictures(),
-        Some(EmbedderSource::Published(_)) | None => 0,
-    }
-}
-
-fn population(search: Option<Search>) -> u64 {
-    search.map_or(0, |search| search.population().into())
+fn pace(status: &v1::Campaign, progress: &v1::StageProgress, unit: &str) -> Vec<String> {
+    let Some(seconds) = progress.seconds_left else {
+        return Vec::new();
+    };
+    let left = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
+    vec![
+        format!(
+            "{} {unit}/s",
+            grouped(status.evaluations_per_second.round() as u64)
+        ),
+        format!("{} left", HumanDuration(left)),
+    ]
 }
 
 #[cfg(test)]
@@ -208,15 +164,20 @@ mod tests {
 
     #[test]
     fn a_campaign_with_rounds_to_come_says_how_long_all_of_it_takes_at_least() {
-        let line = |feedback: &str| {
-            let text = format!(
-                "model = \"single-sensor\"\nmethod = \"latent\"\n[search]\npopulation = 10\ngenerations = 20\n{feedback}"
-            );
-            let spec = CampaignSpec::from_toml(&text).unwrap();
+        let line = |is_least: bool| {
             let mut status = v1::Campaign {
-                spec: Some((&spec).into()),
                 active: true,
                 generations: 20,
+                evaluations: 200,
+                progress: Some(v1::StageProgress {
+                    total: 200,
+                    seconds_left: Some(200.0),
+                    ..v1::StageProgress::default()
+                }),
+                time_left: Some(v1::TimeLeft {
+                    seconds: 400.0,
+                    is_least,
+                }),
                 evaluations_per_second: 1.0,
                 workers: 1,
                 ..v1::Campaign::default()
@@ -224,12 +185,12 @@ mod tests {
             status.set_stage(v1::CampaignStage::Evolve);
             StatusLine::of(&status).text
         };
-        let rounds = line("[feedback]\nrounds = 1\ngenerations = 20");
+        let rounds = line(true);
         assert!(
             rounds.ends_with("3 minutes left · at least 6 minutes in all"),
             "{rounds}"
         );
-        let none = line("");
+        let none = line(false);
         assert!(none.ends_with("3 minutes left"), "{none}");
     }
 }

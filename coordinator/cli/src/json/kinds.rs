@@ -1,10 +1,11 @@
 //! Every kind of document, for `murmuration schema`.
 
 use super::{
-    AddedLabels, Agreement, Backup, Campaign, Certificates, Checkpoint, Class, Deletion, Digest, Doctor,
-    Evaluated, Export, ExportedController, FilterScore, Individual, Label, LiftedQuarantine, Quarantine,
-    Recognised, Report, Robots, Run, Taxonomy, Token, schema_of,
+    AddedLabels, Agreement, Backup, Certificates, Deletion, Digest, Doctor, Document, Evaluated, Export,
+    ExportedController, FilterScore, LiftedQuarantine, Quarantine, Recognised, Report, Robots, Run,
+    Simulated, Taxonomy, Token, schema_of,
 };
+use murmuration_proto::v1;
 use schemars::{JsonSchema, Schema};
 
 /// A kind of document that commands print with `--json`.
@@ -28,28 +29,26 @@ impl Kind {
 }
 
 /// The kinds of the client's commands.
-pub const KINDS: [Kind; 24] = [
-    Kind::of::<Campaign>(
+pub const KINDS: [Kind; 25] = [
+    Kind::of::<Document<'_, v1::Campaign>>(
         "campaign",
         "A campaign and its progress: list, show, watch, submit, pause, cancel, import",
     ),
-    Kind::of::<Deletion>("deletion", "What was deleted, or would be: delete"),
-    Kind::of::<Individual>(
-        "individual",
-        "A controller and its behaviour: show --index, simulate",
-    ),
-    Kind::of::<Taxonomy>("taxonomy", "The clusters of a campaign: show --taxonomy"),
+    Kind::of::<Deletion<'_>>("deletion", "What was deleted, or would be: delete"),
+    Kind::of::<Document<'_, v1::Individual>>("individual", "An individual of an archive: show --index"),
+    Kind::of::<Simulated>("simulated", "A controller and its behaviour: simulate"),
+    Kind::of::<Taxonomy<'_>>("taxonomy", "The clusters of a campaign: show --taxonomy"),
     Kind::of::<Run>("run", "The end of a campaign: run, resume, adopt, refine"),
-    Kind::of::<Digest>("digest", "The digest of an archive: digest"),
+    Kind::of::<Digest<'_>>("digest", "The digest of an archive: digest"),
     Kind::of::<Report>("report", "Where a report was written: report"),
     Kind::of::<Export>("export", "What was exported: export"),
-    Kind::of::<Checkpoint>("checkpoint", "A checkpoint: checkpoints list, show, import"),
+    Kind::of::<Document<'_, v1::Checkpoint>>("checkpoint", "A checkpoint: checkpoints list, show, import"),
     Kind::of::<AddedLabels>("added-labels", "What was added: label"),
-    Kind::of::<Label>("label", "An answer: labels"),
-    Kind::of::<Class>("class", "A class: classes"),
-    Kind::of::<Agreement>("agreement", "How far two annotators agree: agreement"),
+    Kind::of::<Document<'_, v1::Label>>("label", "An answer: labels"),
+    Kind::of::<Document<'_, v1::LabelClass>>("class", "A class: classes"),
+    Kind::of::<Agreement<'_>>("agreement", "How far two annotators agree: agreement"),
     Kind::of::<FilterScore>("filter-score", "The score of a controller: filter"),
-    Kind::of::<Recognised>("recognised", "A swarm that a camera tracked: recognise"),
+    Kind::of::<Recognised<'_>>("recognised", "A swarm that a camera tracked: recognise"),
     Kind::of::<Evaluated>("evaluated", "The result of evaluating a controller: evaluate"),
     Kind::of::<Robots>("robots", "The robots of a swarm: robot"),
     Kind::of::<ExportedController>(

@@ -1,5 +1,6 @@
 //! Documents about robots and their controllers: what they are, what evaluations came to, and swarms that a camera tracked.
 
+use super::{Document, Whole};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use murmuration_proto::{
     CapabilityModel, Controller, DriveKind, Evaluation, Features, Invalid, SeenRobots, Sensor, Species,
@@ -187,7 +188,7 @@ pub(crate) struct Evaluated {
     /// The genes, in the order in which `murmuration robot` names them.
     pub(crate) controller: Vec<f64>,
     /// Seed of the start, the first one if there are several.
-    pub(crate) seed: u64,
+    pub(crate) seed: Whole,
     /// Average speed, angular momentum, radial variance, scatter, group rotation: means over the starts.
     pub(crate) features: Features,
     /// Embedding by the checkpoint, the mean over the starts; empty if there is none.
@@ -212,16 +213,40 @@ impl Evaluated {
         Ok(Self {
             index,
             controller: controller.genes().to_vec(),
-            seed,
+            seed: Whole(seed),
             features: mean_features(features.iter()),
             embedding: mean_embedding(trials.iter().map(|trial| trial.embedding.as_slice())),
         })
     }
 }
 
+/// A controller that was simulated here, and its behaviour.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Simulated {
+    /// The genes, in the order in which `murmuration robot` names them.
+    controller: Vec<f64>,
+    /// Seed of the start.
+    seed: Whole,
+    /// Average speed, angular momentum, radial variance, scatter, group rotation.
+    features: Vec<f64>,
+    /// Grey values of the picture, base64, channel by channel and column by column.
+    image: String,
+}
+
+impl Simulated {
+    pub(crate) fn new(controller: &Controller, seed: u64, evaluation: &Evaluation) -> Self {
+        Self {
+            controller: controller.genes().to_vec(),
+            seed: Whole(seed),
+            features: evaluation.features().to_vec(),
+            image: STANDARD.encode(evaluation.image()),
+        }
+    }
+}
+
 /// A tracked swarm, and what in a campaign is like it.
 #[derive(Debug, Serialize, JsonSchema)]
-pub(crate) struct Recognised {
+pub(crate) struct Recognised<'a> {
     /// Id of the campaign.
     pub(crate) campaign: String,
     /// Robots that were tracked.
@@ -240,16 +265,8 @@ pub(crate) struct Recognised {
     pub(crate) steps: u64,
     #[serde(flatten)]
     pub(crate) behaviour: Behaviour,
-    /// The nearest individuals, nearest first.
-    pub(crate) nearest: Vec<Neighbour>,
-    /// The nearest individual that has a class; null if none has.
-    pub(crate) nearest_labelled: Option<Neighbour>,
-    /// The nearest medoid.
-    pub(crate) medoid: Option<Neighbour>,
-    /// Mean distance of the members of the nearest medoid's cluster to the medoid, in units of the behaviour space.
-    pub(crate) mean_distance: f64,
-    /// Whether the clusters are those of a taxonomy. Otherwise they are what they would be if the search ended now.
-    pub(crate) is_taxonomy: bool,
+    #[serde(flatten)]
+    pub(crate) nearest: Document<'a, v1::FindNearestResponse>,
 }
 
 /// The behaviour of a swarm.
@@ -258,42 +275,17 @@ pub(crate) struct Behaviour {
     /// Average speed, angular momentum, radial variance, scatter, group rotation.
     features: Vec<f64>,
     /// Embedding by the campaign's checkpoint; empty if there is none.
-    embedding: Vec<f64>,
+    embedding: Vec<f32>,
     /// Grey values of the picture, base64, column by column.
     image: String,
-}
-
-/// An individual near a behaviour.
-#[derive(Debug, Serialize, JsonSchema)]
-#[schemars(inline)]
-pub(crate) struct Neighbour {
-    /// Place in the archive, from 0.
-    index: u64,
-    /// Distance from the behaviour, in units of the behaviour space.
-    distance: f64,
-    /// Its cluster, from 1.
-    cluster: u32,
-    /// Its class; null if it has none.
-    class: Option<String>,
 }
 
 impl From<&Evaluation> for Behaviour {
     fn from(evaluation: &Evaluation) -> Self {
         Self {
             features: evaluation.features().to_vec(),
-            embedding: evaluation.embedding().iter().copied().map(f64::from).collect(),
+            embedding: evaluation.embedding().to_vec(),
             image: STANDARD.encode(evaluation.image()),
-        }
-    }
-}
-
-impl From<&v1::Neighbour> for Neighbour {
-    fn from(neighbour: &v1::Neighbour) -> Self {
-        Self {
-            index: neighbour.index,
-            distance: neighbour.distance,
-            cluster: neighbour.cluster + 1,
-            class: Some(neighbour.class.clone()).filter(|class| !class.is_empty()),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What tracks do not say, and was therefore assumed.
+//! Assumptions where tracks say nothing.
 
 use super::{super::CliError, Recognise};
 use murmuration_link::errln;

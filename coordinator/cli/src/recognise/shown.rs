@@ -1,4 +1,4 @@
-//! What is said of a recognised swarm.
+//! Output about a recognised swarm.
 
 use super::{
     super::{
@@ -90,8 +90,8 @@ fn relative(nearest: &v1::FindNearestResponse) -> Option<f64> {
     relative_distance(nearest.medoid.as_ref()?.distance, nearest.mean_distance)
 }
 
-fn document(recognised: &Recognised) -> json::Recognised {
-    let (assumed, nearest) = (&recognised.assumed, &recognised.nearest);
+fn document(recognised: &Recognised) -> json::Recognised<'_> {
+    let assumed = &recognised.assumed;
     json::Recognised {
         campaign: recognised.campaign.clone(),
         robots: assumed.robots,
@@ -102,11 +102,7 @@ fn document(recognised: &Recognised) -> json::Recognised {
         scale: assumed.scale,
         steps: assumed.steps,
         behaviour: json::Behaviour::from(&recognised.evaluation),
-        nearest: nearest.neighbours.iter().map(json::Neighbour::from).collect(),
-        nearest_labelled: nearest.labelled.as_ref().map(json::Neighbour::from),
-        medoid: nearest.medoid.as_ref().map(json::Neighbour::from),
-        mean_distance: nearest.mean_distance,
-        is_taxonomy: nearest.is_taxonomy,
+        nearest: json::Document(&recognised.nearest),
     }
 }
 

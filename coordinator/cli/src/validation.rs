@@ -1,4 +1,4 @@
-//! What a coordinator says, before any of it is printed or becomes part of a path.
+//! Validation of a coordinator's messages, before any of it is printed or becomes part of a path.
 //!
 //! The coordinator at the other end may be a stranger's: its words are cleaned, and an id that is none is refused.
 
@@ -8,12 +8,12 @@ use murmuration_proto::{CheckpointDigest, Invalid, Text, v1};
 use tonic::Response;
 
 /// A message whose words can be printed as they are.
-pub trait Heard: Sized {
+pub trait Validated: Sized {
     /// The same, cleaned.
     ///
     /// # Errors
     /// Where an id or digest is none.
-    fn heard(self) -> Result<Self, CliError>;
+    fn validated(self) -> Result<Self, CliError>;
 }
 
 /// A campaign by its id, or the newest by `latest`.
@@ -22,7 +22,7 @@ pub async fn get_campaign(
     campaign: impl Into<String>,
 ) -> Result<v1::Campaign, CliError> {
     let campaign = campaign.into();
-    heard(client.get_campaign(v1::GetCampaignRequest { campaign }).await?)
+    validated(client.get_campaign(v1::GetCampaignRequest { campaign }).await?)
 }
 
 /// The digest of the archive of a campaign.
@@ -31,12 +31,12 @@ pub async fn get_digest(
     campaign: impl Into<String>,
 ) -> Result<v1::GetDigestResponse, CliError> {
     let campaign = campaign.into();
-    heard(client.get_digest(v1::GetDigestRequest { campaign }).await?)
+    validated(client.get_digest(v1::GetDigestRequest { campaign }).await?)
 }
 
 /// The message of an answer, cleaned.
-pub fn heard<T: Heard>(answer: Response<T>) -> Result<T, CliError> {
-    answer.into_inner().heard()
+pub fn validated<T: Validated>(answer: Response<T>) -> Result<T, CliError> {
+    answer.into_inner().validated()
 }
 
 fn clean(words: &mut String) {
@@ -63,8 +63,8 @@ fn check_digest(digest: &str) -> Result<(), CliError> {
     }
 }
 
-impl Heard for v1::Campaign {
-    fn heard(mut self) -> Result<Self, CliError> {
+impl Validated for v1::Campaign {
+    fn validated(mut self) -> Result<Self, CliError> {
         id(&self)?;
         for digest in [&self.checkpoint, &self.next_checkpoint] {
             check_digest(digest)?;
@@ -73,20 +73,21 @@ impl Heard for v1::Campaign {
         notices
             .chain([&mut self.error, &mut self.waiting])
             .for_each(clean);
+        self.toml = self.toml.map(|toml| Text::lines(&toml).into());
         Ok(self)
     }
 }
 
-impl Heard for v1::Taxonomy {
-    fn heard(mut self) -> Result<Self, CliError> {
+impl Validated for v1::Taxonomy {
+    fn validated(mut self) -> Result<Self, CliError> {
         let names = self.medoids.iter_mut().filter_map(|medoid| medoid.name.as_mut());
         names.for_each(|name| clean(&mut name.name));
         Ok(self)
     }
 }
 
-impl Heard for v1::FindNearestResponse {
-    fn heard(mut self) -> Result<Self, CliError> {
+impl Validated for v1::FindNearestResponse {
+    fn validated(mut self) -> Result<Self, CliError> {
         let others = self.labelled.iter_mut().chain(&mut self.medoid);
         let neighbours = self.neighbours.iter_mut().chain(others);
         neighbours.for_each(|neighbour| clean(&mut neighbour.class));
@@ -94,8 +95,8 @@ impl Heard for v1::FindNearestResponse {
     }
 }
 
-impl Heard for v1::Checkpoint {
-    fn heard(mut self) -> Result<Self, CliError> {
+impl Validated for v1::Checkpoint {
+    fn validated(mut self) -> Result<Self, CliError> {
         for digest in [&self.digest, &self.parent] {
             check_digest(digest)?;
         }
@@ -110,8 +111,8 @@ impl Heard for v1::Checkpoint {
     }
 }
 
-impl Heard for v1::Label {
-    fn heard(mut self) -> Result<Self, CliError> {
+impl Validated for v1::Label {
+    fn validated(mut self) -> Result<Self, CliError> {
         if let Some(answer) = &mut self.answer {
             clean(&mut answer.answer);
             clean(&mut answer.annotator);
@@ -120,8 +121,8 @@ impl Heard for v1::Label {
     }
 }
 
-impl Heard for v1::ListClassesResponse {
-    fn heard(mut self) -> Result<Self, CliError> {
+impl Validated for v1::ListClassesResponse {
+    fn validated(mut self) -> Result<Self, CliError> {
         for class in &mut self.classes {
             clean(&mut class.name);
             clean(&mut class.colour);
@@ -130,8 +131,8 @@ impl Heard for v1::ListClassesResponse {
     }
 }
 
-impl Heard for v1::Agreement {
-    fn heard(mut self) -> Result<Self, CliError> {
+impl Validated for v1::Agreement {
+    fn validated(mut self) -> Result<Self, CliError> {
         for confusion in &mut self.confusions {
             clean(&mut confusion.first);
             clean(&mut confusion.second);
@@ -144,8 +145,8 @@ impl Heard for v1::Agreement {
     }
 }
 
-impl Heard for v1::GetDigestResponse {
-    fn heard(mut self) -> Result<Self, CliError> {
+impl Validated for v1::GetDigestResponse {
+    fn validated(mut self) -> Result<Self, CliError> {
         clean(&mut self.digest);
         for round in &mut self.rounds {
             clean(&mut round.parent);
@@ -156,9 +157,9 @@ impl Heard for v1::GetDigestResponse {
     }
 }
 
-impl<T: Heard> Heard for Vec<T> {
-    fn heard(self) -> Result<Self, CliError> {
-        self.into_iter().map(Heard::heard).collect()
+impl<T: Validated> Validated for Vec<T> {
+    fn validated(self) -> Result<Self, CliError> {
+        self.into_iter().map(Validated::validated).collect()
     }
 }
 
@@ -181,9 +182,9 @@ mod tests {
 
     #[test]
     fn a_campaigns_words_do_not_move_the_cursor() {
-        let heard = campaign("small-1").heard().unwrap();
-        assert_eq!(heard.error, "broken]0;owned");
-        assert_eq!(heard.notices[0].text, "fine2J enif");
+        let validated = campaign("small-1").validated().unwrap();
+        assert_eq!(validated.error, "broken]0;owned");
+        assert_eq!(validated.notices[0].text, "fine2J enif");
     }
 
     #[test]
@@ -199,7 +200,7 @@ mod tests {
             "small-\u{1b}[2J",
             "small-+1",
         ] {
-            let CliError::Failed(said) = campaign(bad).heard().unwrap_err() else {
+            let CliError::Failed(said) = campaign(bad).validated().unwrap_err() else {
                 panic!("{bad} is the person's fault");
             };
             assert!(
@@ -221,9 +222,9 @@ mod tests {
             metrics: [("lo\u{202e}ss".to_owned(), 1.0)].into(),
             ..v1::Checkpoint::default()
         };
-        let heard = checkpoint(&"a".repeat(64)).heard().unwrap();
-        assert_eq!(heard.configuration, "seed = 1\n[31mred = 2\n");
-        assert!(heard.metrics.contains_key("loss"));
-        assert!(checkpoint("../../x").heard().is_err());
+        let validated = checkpoint(&"a".repeat(64)).validated().unwrap();
+        assert_eq!(validated.configuration, "seed = 1\n[31mred = 2\n");
+        assert!(validated.metrics.contains_key("loss"));
+        assert!(checkpoint("../../x").validated().is_err());
     }
 }

@@ -1,8 +1,8 @@
-//! The doors of a coordinator: the one that was asked for, and one for its own machine's processes.
+//! The endpoints of a coordinator: the one that was asked for, and one for its own machine's processes.
 
 use super::{Options, ServerError};
 use murmuration_access::{
-    Door, GuardedRouter, Hosts, LocalToken, Seats, Sessions,
+    Endpoint, GuardedRouter, Hosts, LocalToken, Seats, Sessions,
     connections::{ConnectionPermits, connections},
     limits,
 };
@@ -24,11 +24,11 @@ pub(super) type Serving = JoinHandle<Result<(), tonic::transport::Error>>;
 pub struct LocalWay {
     /// The URL: in the clear, since nothing leaves this machine.
     pub url: String,
-    /// What to show there.
+    /// Credentials to show there.
     pub credentials: Credentials,
 }
 
-/// What is served, whatever the door.
+/// Pages and services that every endpoint serves.
 pub(super) struct Served {
     pub(super) routes: GuardedRouter,
     pub(super) seats: Seats,
@@ -56,14 +56,14 @@ impl Served {
         let sessions = Sessions::kept(data, local.token(), |token| {
             access.tokens.is_none() || access.whose(token).is_some() || token == own
         })?;
-        let door = Door {
+        let endpoint = Endpoint {
             access,
             sessions: sessions.clone(),
             hosts: config.hosts(),
             is_encrypted: tls.is_some(),
             show_refusal: web::show_refusal,
         };
-        let mut servers = vec![self.at(listener, tls, door, ConnectionPermits::of_this_process())?];
+        let mut servers = vec![self.at(listener, tls, endpoint, ConnectionPermits::of_this_process())?];
         let way = if is_open {
             LocalWay {
                 url: url(address, false),
@@ -71,7 +71,7 @@ impl Served {
             }
         } else {
             let (listener, address) = listen((Ipv4Addr::LOCALHOST, 0).into()).await?;
-            let door = Door {
+            let endpoint = Endpoint {
                 access: local.access(),
                 sessions,
                 hosts: Hosts::Any,
@@ -80,7 +80,7 @@ impl Served {
             };
             // Of its own, so that this machine's commands come in whoever else has taken all connections.
             let permits = ConnectionPermits::of_this_machine();
-            servers.push(self.at(listener, None, door, permits)?);
+            servers.push(self.at(listener, None, endpoint, permits)?);
             LocalWay {
                 url: url(address, false),
                 credentials: Credentials::token(local.token().clone()),
@@ -89,27 +89,29 @@ impl Served {
         Ok((way, servers))
     }
 
-    /// Serves at one door.
+    /// Serves at one endpoint.
     fn at(
         &self,
         listener: TcpListener,
         tls: Option<ServerTlsConfig>,
-        door: Door,
+        endpoint: Endpoint,
         permits: ConnectionPermits,
     ) -> Result<Serving, tonic::transport::Error> {
         let mut server = Server::builder()
             .http2_keepalive_interval(Some(Duration::from_secs(2)))
             .http2_keepalive_timeout(Some(Duration::from_secs(3)))
             .http2_max_header_list_size(limits::MAX_READ_HEADER_BYTES)
-            // From 64 KiB a stream, more for whoever sends much that is read at once: requests that wait for a seat hold little.
-            .http2_adaptive_window(Some(true))
+            .initial_stream_window_size(limits::UNREAD_BYTES_PER_STREAM)
+            .initial_connection_window_size(
+                limits::UNREAD_BYTES_PER_STREAM * limits::MAX_STREAMS_PER_CONNECTION,
+            )
             .max_concurrent_streams(limits::MAX_STREAMS_PER_CONNECTION)
             // What browsers speak on a plain connection.
             .accept_http1(true);
         if let Some(tls) = tls {
             server = server.tls_config(tls)?;
         }
-        let routes = web::behind(self.routes.clone(), Arc::new(door), self.seats.clone());
+        let routes = web::behind(self.routes.clone(), Arc::new(endpoint), self.seats.clone());
         let connections = connections(listener, permits);
         let mut stopped = self.stopped.clone();
         let serving = server
