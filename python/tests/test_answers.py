@@ -181,6 +181,12 @@ def test_states_and_stages_of_a_newer_coordinator_are_unknown(client: mm.Client,
     assert raised.value.state == "unknown"
 
 
+def test_a_specification_that_is_no_toml_is_a_lie(client: mm.Client, told: Told) -> None:
+    told[CAMPAIGN].toml = "name = "
+    with pytest.raises(mm.AnswerError, match="a specification that is no TOML"):
+        _ = client.campaign(ID).spec
+
+
 def test_verdicts_of_a_newer_coordinator_are_left_out(client: mm.Client, told: Told) -> None:
     first(told[ARCHIVE]).MergeFrom(v1.Individual(verdicts=[99]))  # type: ignore[list-item]
     assert client.campaign(ID).archive().num_rows == 4
@@ -228,28 +234,28 @@ def _changed(message: Message, chance: random.Random) -> bytes:
 @pytest.mark.parametrize(
     ("printed", "said"),
     [
-        ('{"spec": "name = "}', "printed a specification that is no TOML"),
-        ('{"other": 1}', "printed no field `spec`"),
-        ('{"spec": ["name"]}', "printed no field `spec`"),
+        ('{"other": 1}', "printed no field `genes`"),
+        ('{"genes": "name"}', "printed no field `genes`"),
         ("[1, 2]", "printed what is no JSON document"),
-        ('{"spec": ', "printed what is no JSON document"),
-        ("", "printed no field `spec`"),
+        ('{"genes": ', "printed what is no JSON document"),
+        ("", "printed no field `genes`"),
     ],
 )
 def test_a_program_that_prints_something_else_is_an_error(told: Told, printed: str, said: str, tmp_path: Path) -> None:
     program = tmp_path / "murmuration"
     program.write_text(f"#!/bin/sh\ncat <<'END'\n{printed}\nEND\n")
     program.chmod(0o700)
-    with coordinator(told) as url, mm.connect(url, programs=tmp_path) as client:
-        with pytest.raises(mm.ProgramError, match=said):
-            _ = client.campaign(ID).spec
-        with pytest.raises(mm.ProgramError):
-            _ = client.campaign(ID).gene_names
+    with (
+        coordinator(told) as url,
+        mm.connect(url, programs=tmp_path) as client,
+        pytest.raises(mm.ProgramError, match=said),
+    ):
+        _ = client.campaign(ID).gene_names
 
 
 def test_a_flat_archive_has_as_many_names_as_genes(told: Told, tmp_path: Path) -> None:
     program = tmp_path / "murmuration"
-    document = '{"spec": "name = 1", "genes": ["left_0", "right_0"]}'
+    document = '{"genes": ["left_0", "right_0"]}'
     program.write_text(f"#!/bin/sh\necho '{document}'\n")
     program.chmod(0o700)
     with (

@@ -20,7 +20,7 @@ from . import _archive as archive
 from . import _tables as tables
 from ._arguments import flag, path, shown, text, whole
 from ._arguments import index as index_
-from ._errors import CampaignError, InvalidError, NotFoundError, ProgramError, RefusedError, UnavailableError
+from ._errors import AnswerError, CampaignError, InvalidError, NotFoundError, RefusedError, UnavailableError
 from ._found import Replay, Taxonomy, replay_of, taxonomy_of
 from ._progress import Bar
 from .v1 import campaign_pb2 as v1
@@ -86,7 +86,7 @@ class Campaign:
         try:
             return tomllib.loads(self._description())
         except tomllib.TOMLDecodeError as error:
-            raise ProgramError(f"`murmuration show` printed a specification that is no TOML: {error}") from None
+            raise AnswerError(f"the coordinator sent a specification that is no TOML: {error}") from None
 
     @property
     def gene_names(self) -> list[str]:
@@ -426,7 +426,7 @@ class Campaign:
 
     def _description(self) -> str:
         """The text of its campaign file, with every default filled in."""
-        return self._client.printed("spec", str, "show", self.id)
+        return self.status().toml
 
     def _standing(self) -> list[label_v1.Label]:
         request = label_v1.ListLabelsRequest(campaign=self.id)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import os
-import tempfile
+import uuid
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -113,20 +113,21 @@ class Client:
         weight: int | None = None,
     ) -> Campaign:
         """Starts a campaign, and returns without waiting for it. Arguments and errors are those of `run`."""
-        options = []
+        request = v1.CreateCampaignRequest()
         if seed is not None:
-            options.append(f"--seed={whole('seed', seed, 0, (1 << 63) - 1)}")
+            request.seed = whole("seed", seed, 0, (1 << 63) - 1)
         if weight is not None:
-            options.append(f"--weight={whole('weight', weight, 1, 10_000)}")
-        if not isinstance(spec, Mapping):
-            # What cannot be read is Python's own error.
-            read("spec", spec)
-            return Campaign(self, self.printed("campaign", str, "submit", path("spec", spec), *options))
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder, "spec.toml")
-            file.write_bytes(toml(spec))
-            with _without_place(spec, file):
-                return Campaign(self, self.printed("campaign", str, "submit", os.fspath(file), *options))
+            request.weight = whole("weight", weight, 1, 10_000)
+        is_dict = isinstance(spec, Mapping)
+        request.toml = toml(spec).decode() if isinstance(spec, Mapping) else read("spec", spec)
+        # A call that is made again starts nothing further.
+        request.request_id = uuid.uuid4().hex
+        try:
+            with _without_place(spec):
+                created = self.rpc.call("CampaignService/CreateCampaign", request, v1.Campaign)
+        except InvalidError as error:
+            raise error if is_dict else InvalidError(f"{path('spec', spec)}: {error}") from None
+        return Campaign(self, created.id)
 
     def evaluate(
         self,
@@ -244,7 +245,7 @@ class Client:
             ...     other.import_campaign(folder).digest() == campaign.digest()
             True
         """
-        return Campaign(self, self.printed("campaign", str, "import", path("folder", folder)))
+        return Campaign(self, self.printed("id", str, "import", path("folder", folder)))
 
     def command(self, *words: str) -> dict[str, Any]:
         """Runs a command of the program `murmuration` on this coordinator, and returns what it prints with `--json`.
@@ -282,7 +283,7 @@ class Client:
             ProgramError: If the program cannot be found, or fails.
 
         Example:
-            >>> client.documents("list")[0]["campaign"]
+            >>> client.documents("list")[0]["id"]
             'example-1'
         """
         self.rpc.check_open()
@@ -391,7 +392,7 @@ def _description_of(campaign: Campaign) -> dict[str, Any]:
 
 
 @contextmanager
-def _without_place(spec: object, file: Path | None = None) -> Iterator[None]:
+def _without_place(spec: object) -> Iterator[None]:
     """Leaves the place in a file out of errors, where the caller gave a dict."""
     try:
         yield
@@ -399,5 +400,4 @@ def _without_place(spec: object, file: Path | None = None) -> Iterator[None]:
         if not isinstance(spec, Mapping):
             raise
         # What is wrong comes after the place, on a line of its own.
-        said = str(error).removeprefix(f"{file}: ").rsplit("\n", 1)[-1].replace(str(file), "the specification")
-        raise InvalidError(said) from None
+        raise InvalidError(str(error).rsplit("\n", 1)[-1]) from None

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from tqdm import tqdm
 
+from ._answers import word
 from .v1 import campaign_pb2 as v1
 
 # Stages of training, which may end before their last epoch.
@@ -124,24 +125,12 @@ def _is_in_notebook() -> bool:
 
 def step_of(campaign: v1.Campaign) -> Step | None:
     """How far the stage of a campaign has come; None where nothing is counted."""
-    spec, training = campaign.spec, campaign.training
-    population = spec.search.population
-    evaluations = campaign.generations * population
-    evaluated = campaign.generations_done * population + campaign.evaluated_in_generation
-    archive = campaign.generations_done * population
-    steps = {
-        v1.CAMPAIGN_STAGE_DATASET: Step(
-            "dataset", campaign.dataset_done, spec.dataset.controllers * spec.dataset.starts, "pictures"
-        ),
-        v1.CAMPAIGN_STAGE_PRETRAIN: Step("pretrain", training.epoch, training.epochs, "epochs"),
-        v1.CAMPAIGN_STAGE_EMBED: Step("embed", campaign.embedded, archive, "pictures"),
-        v1.CAMPAIGN_STAGE_EVOLVE: Step("evolve", evaluated, evaluations, "evaluations"),
-        v1.CAMPAIGN_STAGE_LABEL: Step("label", campaign.labelled, spec.feedback.labels, "individuals"),
-        v1.CAMPAIGN_STAGE_FINE_TUNE: Step("fine-tune", training.epoch, training.epochs, "epochs"),
-        # While the archive is clustered, all evaluations are done.
-        v1.CAMPAIGN_STAGE_TAXONOMY: Step("evolve", evaluations, evaluations, "evaluations"),
-    }
-    step = steps.get(campaign.stage)
-    if step is None and campaign.state == v1.CAMPAIGN_STATE_COMPLETED:
-        return Step("evolve", evaluations, evaluations, "evaluations")
-    return step._replace(done=min(step.done, step.total)) if step else None
+    if not campaign.HasField("progress"):
+        return None
+    stage = campaign.stage
+    # While the archive is clustered, all evaluations are done.
+    if stage == v1.CAMPAIGN_STAGE_TAXONOMY:
+        stage = v1.CAMPAIGN_STAGE_EVOLVE
+    name = word(v1.CampaignStage.Name, stage, "CAMPAIGN_STAGE_").replace("_", "-")
+    progress = campaign.progress
+    return Step(name, progress.done, progress.total, f"{progress.unit}s")
