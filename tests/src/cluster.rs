@@ -146,7 +146,7 @@ impl Cluster {
     /// Starts a campaign and returns its id.
     pub async fn create(&mut self, spec: &CampaignSpec) -> String {
         let request = v1::CreateCampaignRequest {
-            spec: Some(spec.into()),
+            campaign: Some(v1::create_campaign_request::Campaign::Spec(spec.into())),
             ..v1::CreateCampaignRequest::default()
         };
         self.client

@@ -22,7 +22,7 @@ pub use fake_worker::FakeWorker;
 pub use faulty_libc::FaultyLibc;
 pub use harness::{Test, block_on, run, run_one_by_one};
 pub use http::page;
-pub use murmuration::{Finished, Murmuration, start_trainer, start_worker, start_worker_with};
+pub use murmuration::{Finished, Murmuration, start_trainer, start_worker, start_worker_with, whole_number};
 pub use process::{PATIENCE, Running};
 pub use process_cluster::{Environment, OVER_TOO_EARLY, ProcessClient, ProcessCluster};
 pub use requirements::Requirement;

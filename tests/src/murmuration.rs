@@ -172,6 +172,12 @@ fn finished(command: &mut Command) -> Finished {
     }
 }
 
+/// A whole number in a document, such as a seed: a text where it is beyond those that a double has exactly.
+#[must_use]
+pub fn whole_number(value: &Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+}
+
 /// Starts a worker process of one thread for the coordinator at `url`.
 #[must_use]
 pub fn start_worker(url: &str) -> Running {

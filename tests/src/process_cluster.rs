@@ -195,7 +195,7 @@ impl ProcessCluster {
     /// Starts a campaign; its id.
     pub fn submit(&mut self, spec: &murmuration_proto::CampaignSpec) -> String {
         let request = v1::CreateCampaignRequest {
-            spec: Some(spec.into()),
+            campaign: Some(v1::create_campaign_request::Campaign::Spec(spec.into())),
             ..v1::CreateCampaignRequest::default()
         };
         let created = self.runtime.block_on(self.client.create_campaign(request));

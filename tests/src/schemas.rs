@@ -49,7 +49,7 @@ fn spoilt(document: &Value) -> Vec<Value> {
         spoilt.push(wrong.into());
     }
     let mut other = fields.clone();
-    other.insert("schema".to_owned(), 2.into());
+    other.insert("schema".to_owned(), 0.into());
     spoilt.push(other.into());
     spoilt
 }

@@ -103,7 +103,7 @@ pub fn of_the_page_on_commands() {
         .rule(
             "murmuration adopt",
             Before(
-                "OTHER=\"$(murmuration checkpoints list --json | sed -n 's/.*\"checkpoint\":\"\\([0-9a-f]\\{8\\}\\).*/\\1/p' | head -n 1)\"",
+                "OTHER=\"$(murmuration checkpoints list --json | sed -n 's/.*\"digest\":\"\\([0-9a-f]\\{8\\}\\).*/\\1/p' | head -n 1)\"",
             ),
         )
         .rule(

@@ -22,7 +22,7 @@ use serde_json::{Map, Value};
 use std::{collections::BTreeSet, fmt::Write as _, fs, path::PathBuf, process};
 
 /// Patterns that are replaced, and by what.
-const FILTERS: [(&str, &str); 13] = [
+const FILTERS: [(&str, &str); 14] = [
     (r"/[^\s\x22':,]*/\.tmp[A-Za-z0-9]+(/work)?", "[folder]"),
     (r"\b[0-9a-f]{64}\b", "[digest]"),
     (r"\b[0-9a-f]{12}\b", "[digest]"),
@@ -31,6 +31,7 @@ const FILTERS: [(&str, &str); 13] = [
     (r"127\.0\.0\.1:\d{2,}", "127.0.0.1:[port]"),
     (r"\b[0-9.]+ s; open", "[seconds] s; open"),
     (r#""seconds":[0-9.e-]+"#, r#""seconds":[seconds]"#),
+    (r#"_ms":\d+"#, r#"_ms":[time]"#),
     (r#""image":"[^"]*""#, r#""image":"[image]""#),
     (r"by process \d+", "by process [process]"),
     (r#"(schema |"database_schema":)\d+"#, "${1}[version]"),

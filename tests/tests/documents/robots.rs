@@ -23,7 +23,7 @@ pub fn every_drawing_is_of_the_description_above_it() {
         let status = Command::new(binary("murmuration"))
             .arg("robot")
             .arg(&described)
-            .arg("--svg")
+            .args(["--force", "--svg"])
             .arg(&svg)
             .output();
         assert!(status.unwrap().status.success(), "{file}");

@@ -13,6 +13,7 @@ pub fn tests() -> Vec<Test> {
         test!(on_a_full_disk_the_former_file_stays).needs(Requirement::Mount),
         test!(on_a_full_disk_a_folder_stays_as_it_was).needs(Requirement::Mount),
         test!(what_cannot_be_written_is_named),
+        test!(a_file_that_exists_is_replaced_only_when_asked),
         test!(a_folder_keeps_the_files_of_its_owner),
         test!(what_is_read_is_not_written),
     ]
@@ -28,7 +29,7 @@ const FILES: [(&[&str], &str); 10] = [
     (&["simulate", CONTROLLER, "--tracks"], "csv"),
     (&["controller", "export", CONTROLLER, "--header"], "h"),
     (&["robot", "--model", "single-sensor", "--svg"], "svg"),
-    (&["labels", "latest", "--force", "--csv"], "csv"),
+    (&["labels", "latest", "--csv"], "csv"),
     (&["checkpoints", "export", "CHECKPOINT"], "onnx"),
     (&["evaluate", "SPEC", "CONTROLLERS", "--out"], "csv"),
 ];
@@ -62,9 +63,17 @@ impl Given {
             spec: folder.join("small.toml").display().to_string(),
             atlas: write("atlas.toml", atlas),
             controllers: write("controllers.csv", &"0.2,0.7,-0.5,-0.1\n".repeat(300)),
-            checkpoint: imported.last_line()["checkpoint"].as_str().unwrap().to_owned(),
+            checkpoint: imported.last_line()["digest"].as_str().unwrap().to_owned(),
             murmuration,
         }
+    }
+
+    /// As [`Given::run`], where the file may be replaced.
+    fn replace(&self, command: &[&str], path: &Path) -> Finished {
+        let [command @ .., option] = command else {
+            panic!("a command has words");
+        };
+        self.run(&[command, &["--force", option]].concat(), path)
     }
 
     fn run(&self, command: &[&str], path: &Path) -> Finished {
@@ -115,10 +124,41 @@ fn on_a_full_disk_the_former_file_stays() {
     let before = contents(&at);
     for (command, ending) in FILES {
         let path = at.join("file").with_extension(ending);
-        let failed = given.run(command, &path);
+        let failed = given.replace(command, &path);
         names_file(&failed, command, &path);
         assert!(failed.stderr.contains("No space left"), "{}", failed.stderr);
         assert!(contents(&at) == before, "{command:?} changed the folder");
+    }
+}
+
+fn a_file_that_exists_is_replaced_only_when_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let given = Given::in_folder(folder.path());
+    for (command, ending) in FILES {
+        let path = folder.path().join("mine").with_extension(ending);
+        fs::write(&path, "mine").unwrap();
+        let refused = given.run(command, &path);
+        names_file(&refused, command, &path);
+        assert!(
+            refused.stderr.contains("--force"),
+            "{command:?}: {}",
+            refused.stderr
+        );
+        assert_eq!(fs::read_to_string(&path).unwrap(), "mine", "{command:?}");
+        let replaced = given.replace(command, &path);
+        assert_eq!(replaced.code, Some(0), "{command:?}: {}", replaced.stderr);
+        assert_ne!(fs::read(&path).unwrap(), b"mine", "{command:?}");
+        // Not a coordinator's own files, also when asked.
+        let data = folder.path().join("data");
+        let (own, before) = (data.join("own").with_extension(ending), contents(&data));
+        let refused = given.replace(command, &own);
+        assert_eq!(refused.code, Some(2), "{command:?}: {}", refused.stderr);
+        assert!(
+            refused.stderr.contains("is in the data directory"),
+            "{}",
+            refused.stderr
+        );
+        assert!(contents(&data).keys().eq(before.keys()), "{command:?}");
     }
 }
 

@@ -137,7 +137,7 @@ fn a_checkpoint_is_named_by_the_beginning_of_its_digest_too() {
     let set = Set::new();
     let murmuration = Murmuration::over(&set.path("data"));
     let imported = json(&murmuration.run(&["checkpoints", "import", SMALL, "--json"]));
-    let digest = imported["checkpoint"].as_str().unwrap();
+    let digest = imported["digest"].as_str().unwrap();
     let labels = set.labels().display().to_string();
     let accuracy = |checkpoint| {
         let arguments = [

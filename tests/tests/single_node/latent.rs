@@ -136,7 +136,7 @@ async fn a_campaign_can_start_from_a_checkpoint() {
     table.insert("checkpoint".into(), "0".repeat(64).into());
     let absent = CampaignSpec::from_toml(&toml::to_string(&table).unwrap()).unwrap();
     let request = v1::CreateCampaignRequest {
-        spec: Some((&absent).into()),
+        campaign: Some(v1::create_campaign_request::Campaign::Spec((&absent).into())),
         ..v1::CreateCampaignRequest::default()
     };
     let refused = cluster.client.create_campaign(request).await.unwrap_err();

@@ -1,7 +1,7 @@
 //! Swarms that a camera tracked: those that the simulator filmed are recognised, also through jitter and dropped frames.
 
 use murmuration_proto::{Purpose, RandomStream};
-use murmuration_tests::{Murmuration, small_latent_spec};
+use murmuration_tests::{Murmuration, small_latent_spec, whole_number};
 use rand::RngExt as _;
 use serde_json::Value;
 use std::{fs, path::PathBuf};
@@ -43,7 +43,7 @@ impl Studio {
             .run(&["show", "small-1", "--index", &index.to_string(), "--json"]);
         let individual = shown.last_line();
         let controller = individual["controller"].to_string();
-        let seed = individual["seed"].to_string();
+        let seed = whole_number(&individual["seed"]);
         let tracks = self.path("tracks.csv").display().to_string();
         let filmed = self.murmuration.run(&[
             "simulate",
@@ -53,6 +53,7 @@ impl Studio {
             &seed,
             "--spec",
             &self.spec,
+            "--force",
             "--tracks",
             &tracks,
         ]);
@@ -97,11 +98,11 @@ fn a_filmed_individual_is_recognised_as_itself_and_through_a_bad_camera_as_one_l
             assert_eq!(exact[field], individual[field], "{field} of individual {index}");
         }
         assert_eq!(exact["missing"], 0);
-        assert_eq!(exact["nearest"][0]["distance"], 0.0, "{}", exact["nearest"]);
+        assert_eq!(exact["neighbours"][0]["distance"], 0.0, "{}", exact["neighbours"]);
         let bad = studio.recognise(&worse(&film), &[]);
         assert_eq!(bad["share_of_headings"], 0.0);
         assert!(bad["missing"].as_u64().unwrap() > 1000, "{}", bad["missing"]);
-        let nearest = bad["nearest"].as_array().unwrap();
+        let nearest = bad["neighbours"].as_array().unwrap();
         found += u32::from(nearest.iter().any(|near| near["index"] == index));
     }
     assert!(found >= 8, "only {found} of 10 are among the 5 nearest");
@@ -143,8 +144,8 @@ fn a_film_of_another_pace_in_other_units_shows_the_same() {
         (&250.0.into(), &0.5.into())
     );
     assert_eq!(found["image"], individual["image"]);
-    assert_eq!(found["nearest"][0]["index"], 40);
-    assert_eq!(found["nearest"].as_array().unwrap().len(), 3);
+    assert_eq!(found["neighbours"][0]["index"], 40);
+    assert_eq!(found["neighbours"].as_array().unwrap().len(), 3);
     let file = fs::File::open(&png).unwrap();
     let picture = png::Decoder::new(std::io::BufReader::new(file))
         .read_info()

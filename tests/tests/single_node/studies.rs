@@ -35,7 +35,7 @@ fn run(murmuration: &Murmuration, file: &str) -> Value {
 fn campaigns(murmuration: &Murmuration) -> BTreeSet<String> {
     let listed = murmuration.run(&["list", "--json"]).lines().into_iter();
     listed
-        .map(|line| line["campaign"].as_str().unwrap().to_owned())
+        .map(|line| line["id"].as_str().unwrap().to_owned())
         .collect()
 }
 
@@ -132,6 +132,20 @@ fn a_damaged_study_hides_no_other() {
         "{}",
         table.stderr
     );
+}
+
+#[test]
+fn nothing_is_reported_of_a_study_that_was_not_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    let study = data.join("studies/pair");
+    fs::create_dir_all(&study).unwrap();
+    fs::write(study.join("study.toml"), STUDY).unwrap();
+    let report = Murmuration::over(&data).run(&["lab", "study", "report", "pair"]);
+    assert_eq!(report.code, Some(1), "{}", report.stderr);
+    let said = "nothing of the study pair has been measured: `murmuration lab study run`";
+    assert!(report.stderr.contains(said), "{}", report.stderr);
+    assert!(!study.join("report.html").exists());
 }
 
 #[test]
@@ -351,7 +365,7 @@ fn a_phase_diagram_of_searches_shows_the_shares_of_their_archives() {
         );
         assert_eq!(shares.iter().sum::<f64>(), 100.0);
         let shown = murmuration.run(&["show", &cell["campaign"], "--taxonomy", "--json"]);
-        assert_eq!(shown.last_line()["clusters"].as_array().unwrap().len(), 4);
+        assert_eq!(shown.last_line()["medoids"].as_array().unwrap().len(), 4);
     }
     let picture = fs::read_to_string(page.with_file_name("phase.svg")).unwrap();
     assert!(picture.starts_with("<svg"), "{picture}");

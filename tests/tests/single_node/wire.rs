@@ -234,7 +234,9 @@ async fn a_campaign_says_why_its_work_was_given_back() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 0).await;
     let request = v1::CreateCampaignRequest {
-        spec: Some((&small_spec("")).into()),
+        campaign: Some(v1::create_campaign_request::Campaign::Spec(
+            (&small_spec("")).into(),
+        )),
         weight: Some(250),
         ..v1::CreateCampaignRequest::default()
     };
@@ -330,7 +332,7 @@ async fn clients_are_told_which_field_is_wrong() {
     let mut spec = v1::CampaignSpec::from(&small_spec(""));
     spec.search.as_mut().unwrap().population = Some(0);
     let request = v1::CreateCampaignRequest {
-        spec: Some(spec),
+        campaign: Some(v1::create_campaign_request::Campaign::Spec(spec)),
         ..v1::CreateCampaignRequest::default()
     };
     let status = cluster.client.create_campaign(request).await.unwrap_err();
@@ -341,7 +343,9 @@ async fn clients_are_told_which_field_is_wrong() {
     );
 
     let request = v1::CreateCampaignRequest {
-        spec: Some((&small_spec("")).into()),
+        campaign: Some(v1::create_campaign_request::Campaign::Spec(
+            (&small_spec("")).into(),
+        )),
         weight: Some(0),
         ..v1::CreateCampaignRequest::default()
     };

@@ -33,7 +33,7 @@ fn labelled(murmuration: &Murmuration) -> Vec<u64> {
     let labels = murmuration.run(&["labels", "latest", "--json"]).lines();
     labels
         .iter()
-        .map(|label| label["index"].as_u64().unwrap())
+        .map(|label| label["answer"]["index"].as_u64().unwrap())
         .collect()
 }
 

@@ -20,7 +20,9 @@ pub async fn campaigns_are_found_compared_and_deleted_after_a_question() {
     let mut scene = Scene::set().await;
     scene.cluster.run(&named("second")).await;
     let request = v1::CreateCampaignRequest {
-        spec: Some((&named("cell")).into()),
+        campaign: Some(v1::create_campaign_request::Campaign::Spec(
+            (&named("cell")).into(),
+        )),
         study: "mini".to_owned(),
         ..v1::CreateCampaignRequest::default()
     };

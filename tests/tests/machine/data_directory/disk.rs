@@ -13,7 +13,7 @@ fn label(folder: &Path, name: &str, class: &str) -> String {
 
 fn labels(murmuration: &Murmuration) -> Vec<String> {
     let lines = murmuration.run(&["labels", "latest", "--json"]).lines();
-    let class = |label: &serde_json::Value| label["class"].as_str().unwrap().to_owned();
+    let class = |label: &serde_json::Value| label["answer"]["answer"].as_str().unwrap().to_owned();
     lines.iter().map(class).collect()
 }
 

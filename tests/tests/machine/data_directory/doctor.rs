@@ -89,7 +89,7 @@ pub fn a_checkpoint_that_is_torn_is_named_and_one_that_is_gone_comes_back() {
     let imported = murmuration
         .run(&["checkpoints", "import", MODEL, "--json"])
         .last_line();
-    let digest = imported["checkpoint"].as_str().unwrap();
+    let digest = imported["digest"].as_str().unwrap();
     let file = folder.path().join(format!("data/checkpoints/{digest}.onnx"));
     let bytes = fs::read(&file).unwrap();
     fs::write(&file, &bytes[..bytes.len() / 2]).unwrap();

@@ -2,7 +2,7 @@
 
 use crate::command_line::Desk;
 use murmuration_proto::FEATURE_NAMES;
-use murmuration_tests::{small_latent_spec, small_spec};
+use murmuration_tests::{small_latent_spec, small_spec, whole_number};
 use std::{
     collections::BTreeMap,
     fs,
@@ -46,13 +46,16 @@ fn a_run_ends_with_one_object_and_a_report() {
     assert_eq!(digest.stdout.trim(), run["digest"]);
     let listed = desk.murmuration.run(&["list", "--json"]).last_line();
     assert_eq!(
-        (&listed["campaign"], &listed["state"]),
+        (&listed["id"], &listed["state"]),
         (&"small-1".into(), &"completed".into())
     );
-    let novelty = &listed["novelty_of_the_last_generation"];
-    assert!(novelty["best"].as_f64().unwrap() >= novelty["mean"].as_f64().unwrap());
-    // Nobody labels in a stage that is over.
-    assert!(listed["labelled_in_this_stage"].is_null());
+    assert!(listed["best_novelty"].as_f64().unwrap() >= listed["mean_novelty"].as_f64().unwrap());
+    assert_eq!(
+        (&listed["evaluations_done"], &listed["evaluations"]),
+        (&100.into(), &100.into())
+    );
+    // It trains nothing.
+    assert!(listed["training"].is_null());
     let shown = desk
         .murmuration
         .run(&["show", "latest", "--index", "99", "--json"])
@@ -179,7 +182,7 @@ fn an_individual_simulated_again_is_the_same_to_the_bit() {
         .murmuration
         .run(&["show", "latest", "--index", "42", "--json"])
         .last_line();
-    let (controller, seed) = (shown["controller"].to_string(), shown["seed"].to_string());
+    let (controller, seed) = (shown["controller"].to_string(), whole_number(&shown["seed"]));
     let spec = desk.path("small.toml");
     let arguments = [
         "simulate",
@@ -221,7 +224,7 @@ fn a_latent_campaign_runs_unattended_and_moves_to_another_checkpoint() {
     for metric in ["triplet_accuracy", "spread", "rank"] {
         assert!(checkpoints[0]["metrics"][metric].as_f64().unwrap() > 0.0);
     }
-    let second = checkpoints[1]["checkpoint"].as_str().unwrap();
+    let second = checkpoints[1]["digest"].as_str().unwrap();
     desk.check(
         &["adopt", "small-1", &second[..10]],
         0,

@@ -97,7 +97,7 @@ fn checkpoints_are_imported_listed_shown_and_exported() {
         .murmuration
         .run(&["checkpoints", "import", model, "--json"])
         .last_line();
-    let digest = imported["checkpoint"].as_str().unwrap();
+    let digest = imported["digest"].as_str().unwrap();
     let listed = desk
         .murmuration
         .run(&["checkpoints", "list", "--json"])

@@ -53,6 +53,12 @@ fn bad_input_is_named_with_exit_code_2() {
         "--workers 0",
     );
     desk.check(&["list"], 2, "there is no data directory");
+    // Two behaviours of two classes are no triplet.
+    let labels = "id,class,v1,v2,v3,v4,average_speed,angular_momentum,radial_variance_x20,scatter,group_rotation\n\
+                  1,dispersal,-0.6,0.6,-0.6,-0.4,0.14,0.0,0.85,0.45,0.0\n2,random,-0.2,0.3,-0.1,-0.3,0.22,0.0,0.84,0.46,0.0\n";
+    let labels = desk.write("labels.csv", labels);
+    let accuracy = ["lab", "accuracy", "--labels", &labels, "--features"];
+    desk.check(&accuracy, 2, "there is no triplet to measure by");
     desk.check(&["nonsense"], 2, "unrecognized subcommand");
     desk.check(
         &["completions", "bash", "--json"],
@@ -214,6 +220,11 @@ fn a_table_of_results_replaces_no_file_that_is_read() {
     );
     desk.check(
         &["evaluate", &spec, &genomes, "--out", &out],
+        2,
+        &format!("{out} exists already"),
+    );
+    desk.check(
+        &["evaluate", &spec, &genomes, "--force", "--out", &out],
         0,
         &format!("replaced {out}"),
     );

@@ -54,7 +54,7 @@ fn a_second_process_is_told_who_holds_the_data_directory() {
 
     // Other commands find the coordinator by the data directory.
     let submitted = desk.murmuration.run(&["submit", &spec, "--json"]).last_line();
-    assert_eq!(submitted["campaign"], "small-2");
+    assert_eq!(submitted["id"], "small-2");
     desk.check(&["watch", "small-2"], 0, "campaign small-2 is completed");
     let lines = desk
         .murmuration

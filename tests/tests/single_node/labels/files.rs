@@ -29,7 +29,7 @@ fn labels_go_through_files_unchanged() {
     }
     let labels = exported.lines();
     assert_eq!(
-        (&labels[1]["class"], &labels[1]["annotator"]),
+        (&labels[1]["answer"]["answer"], &labels[1]["answer"]["annotator"]),
         (&"clump, loose".into(), &"ben".into())
     );
 
@@ -161,12 +161,7 @@ fn spellings_of_a_class_are_one_and_near_names_are_warned_of() {
     let classes = murmuration.run(&["classes", "latest", "--json"]).lines();
     let classes: Vec<_> = classes
         .iter()
-        .map(|class| {
-            (
-                class["class"].as_str().unwrap(),
-                class["labels"].as_u64().unwrap(),
-            )
-        })
+        .map(|class| (class["name"].as_str().unwrap(), class["labels"].as_u64().unwrap()))
         .collect();
     assert_eq!(classes, [("wall_following", 2), ("dispersal", 2)]);
 
@@ -202,10 +197,7 @@ fn a_class_that_no_answer_names_is_in_no_report() {
     let made = murmuration
         .run(&["classes", "latest", "--create", "wall", "--json"])
         .lines();
-    let listed: Vec<_> = made
-        .iter()
-        .map(|class| class["class"].as_str().unwrap())
-        .collect();
+    let listed: Vec<_> = made.iter().map(|class| class["name"].as_str().unwrap()).collect();
     assert_eq!(listed, ["clump", "wall"]);
     let out = folder.path().join("report");
     let report = murmuration.run(&["report", "latest", "--out", &out.display().to_string()]);
@@ -264,12 +256,12 @@ fn no_label_in_a_file_is_a_formula() {
         let labels = murmuration
             .run(&["labels", "latest", "--csv", &out, "--force", "--json"])
             .lines();
-        let said = |place: usize, what: &str| labels[place][what].as_str().unwrap().to_owned();
+        let said = |place: usize, what: &str| labels[place]["answer"][what].as_str().unwrap().to_owned();
         assert_eq!(
-            (said(0, "class"), said(0, "annotator")),
+            (said(0, "answer"), said(0, "annotator")),
             ("=HYPERLINK(1)".into(), "@ana".into())
         );
-        assert_eq!(said(1, "class"), "'tis");
+        assert_eq!(said(1, "answer"), "'tis");
     }
     let out = fs::read_to_string(folder.path().join("out.csv")).unwrap();
     for (written, given) in out.lines().zip(text.lines()) {
@@ -327,7 +319,7 @@ fn classes_and_agreement_on_the_command_line() {
         let command = [&["classes", "latest", "--json"], arguments].concat();
         let classes = murmuration.run(&command).lines().into_iter();
         let read = |class: Value| {
-            let name = class["class"].as_str().unwrap().to_owned();
+            let name = class["name"].as_str().unwrap().to_owned();
             (name, class["labels"].as_u64().unwrap())
         };
         classes.map(read).collect()

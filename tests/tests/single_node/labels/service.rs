@@ -3,8 +3,9 @@
 use crate::labels::annotator::{Annotator, stands};
 use murmuration_proto::{parts::whole, v1};
 use murmuration_tests::{Cluster, small_spec};
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, time::Duration};
 use tempfile::TempDir;
+use tokio::task::JoinSet;
 use tonic::{Code, Status};
 
 /// A cluster with a completed campaign of 100 individuals, and two who label them.
@@ -58,6 +59,24 @@ async fn a_request_sent_twice_is_one_label_and_an_undo_restores_what_was_superse
     let cluster = Cluster::start(folder.path(), 0).await;
     let mut ana = Annotator::of("ana", &cluster.channel().await);
     assert_eq!(ana.standing().await, stands(&restored));
+    cluster.stop().await;
+}
+
+/// One at a time has a seat; what waits must not fill the connection that they share.
+#[tokio::test(flavor = "multi_thread")]
+async fn long_requests_on_one_connection_are_all_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let (cluster, mut ana, ben) = labelled(&folder).await;
+    let class = "a swarm that does as all the others do";
+    let answers: Vec<(u64, &str)> = (0..2_000).map(|number| (number % 100, class)).collect();
+    let mut requests = JoinSet::new();
+    for number in 0..8 {
+        let (mut ben, answers) = (ben.clone(), answers.clone());
+        requests.spawn(async move { ben.say(&format!("long {number}"), &answers).await.unwrap().len() });
+    }
+    let all = tokio::time::timeout(Duration::from_secs(60), requests.join_all());
+    assert_eq!(all.await.unwrap(), [2_000; 8]);
+    assert_eq!(ana.log().await.len(), 16_000);
     cluster.stop().await;
 }
 

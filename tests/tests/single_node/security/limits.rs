@@ -31,10 +31,10 @@ async fn messages_and_headers() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 0).await;
     let create = |name| v1::CreateCampaignRequest {
-        spec: Some(v1::CampaignSpec {
+        campaign: Some(v1::create_campaign_request::Campaign::Spec(v1::CampaignSpec {
             name: Some(name),
             ..Default::default()
-        }),
+        })),
         ..v1::CreateCampaignRequest::default()
     };
     let undo = |campaign| v1::UndoLabelsRequest {

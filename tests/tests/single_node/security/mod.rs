@@ -1,6 +1,6 @@
 //! Access control: certificates, tokens, the log-in, secrets in the output of processes, and limits.
 
-mod doors;
+mod endpoints;
 mod limits;
 mod machines;
 mod pages;

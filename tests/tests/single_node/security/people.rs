@@ -8,7 +8,7 @@ use murmuration_proto::v1::{
 use murmuration_tests::{Cluster, small_spec};
 use tonic::{Code, service::interceptor::InterceptedService};
 
-/// A channel to the cluster's front door that shows these.
+/// A channel to the cluster's front endpoint that shows these.
 pub(crate) async fn channel(cluster: &Cluster, credentials: &Credentials) -> Coordinator {
     let endpoint = credentials.endpoint(&cluster.url()).unwrap();
     InterceptedService::new(endpoint.connect().await.unwrap(), credentials.bearer())
@@ -23,7 +23,9 @@ async fn each_role_may_do_its_own_and_no_more() {
 
     let submit = async |channel: &Coordinator| {
         let request = v1::CreateCampaignRequest {
-            spec: Some((&small_spec("")).into()),
+            campaign: Some(v1::create_campaign_request::Campaign::Spec(
+                (&small_spec("")).into(),
+            )),
             ..v1::CreateCampaignRequest::default()
         };
         let created = CampaignServiceClient::new(channel.clone())
@@ -96,5 +98,47 @@ async fn a_refusal_says_what_to_do() {
         viewer,
         "this needs the role operator; the token of \"ana the viewer\" has the role viewer"
     );
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_annotator_cannot_fill_a_label_log_and_an_operator_can() {
+    let secrets = Secrets::new();
+    let mut cluster = secrets.cluster(1).await;
+    cluster.run(&small_spec("")).await;
+    let label = async |token: &str, name: &str, count: u64| {
+        let channel = channel(&cluster, &secrets.credentials(Some(token), None)).await;
+        let answers = (0..count).map(|place| v1::Answer {
+            index: place % 100,
+            answer: "ring".to_owned(),
+            annotator: "ana".to_owned(),
+            ..v1::Answer::default()
+        });
+        let request = v1::AppendLabelsRequest {
+            campaign: "small-1".to_owned(),
+            request_id: name.to_owned(),
+            answers: answers.collect(),
+        };
+        let mut client = LabelServiceClient::new(channel).max_encoding_message_size(32 << 20);
+        client.append_labels(request).await.map(drop)
+    };
+    let people = &secrets.people;
+    label(&people.annotator, "most", 49_990).await.unwrap();
+    let refused = label(&people.annotator, "more", 500).await.unwrap_err();
+    assert_eq!(refused.code(), Code::ResourceExhausted, "{refused}");
+    assert!(refused.message().contains("ask an operator"), "{refused}");
+    // What is said again costs nothing.
+    label(&people.annotator, "most", 49_990).await.unwrap();
+    // A few are left, and operators have no such limit.
+    label(&people.annotator, "few", 5).await.unwrap();
+    label(&people.operator, "further", 500).await.unwrap();
+    let channel = channel(&cluster, &secrets.credentials(Some(&people.annotator), None)).await;
+    let undo = v1::UndoLabelsRequest {
+        campaign: "small-1".to_owned(),
+        request_id: "undo".to_owned(),
+        annotator: "ana".to_owned(),
+    };
+    let mut client = LabelServiceClient::new(channel).max_decoding_message_size(32 << 20);
+    client.undo_labels(undo).await.unwrap();
     cluster.stop().await;
 }

@@ -159,7 +159,7 @@ fn commands_beside_a_guarded_coordinator_get_in() {
     let spec = secrets.text("small.toml");
     fs::write(&spec, murmuration_tests::small_spec("").to_toml()).unwrap();
     assert_eq!(
-        murmuration.run(&["submit", &spec, "--json"]).last_line()["campaign"],
+        murmuration.run(&["submit", &spec, "--json"]).last_line()["id"],
         "small-1"
     );
     assert_eq!(

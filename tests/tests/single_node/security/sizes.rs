@@ -141,7 +141,7 @@ async fn what_cannot_be_held_or_sent_is_refused_when_it_is_asked_for() {
     });
     huge.search.as_mut().unwrap().population = Some(100_000);
     let request = v1::CreateCampaignRequest {
-        spec: Some(huge),
+        campaign: Some(v1::create_campaign_request::Campaign::Spec(huge)),
         ..v1::CreateCampaignRequest::default()
     };
     let status = cluster.client.create_campaign(request).await.unwrap_err();
@@ -155,7 +155,7 @@ async fn what_cannot_be_held_or_sent_is_refused_when_it_is_asked_for() {
         ..v1::World::default()
     });
     let request = v1::CreateCampaignRequest {
-        spec: Some(crowd),
+        campaign: Some(v1::create_campaign_request::Campaign::Spec(crowd)),
         ..v1::CreateCampaignRequest::default()
     };
     let crowd = cluster

@@ -95,7 +95,9 @@ async fn a_campaign_is_deleted_once_it_does_not_run_and_leaves_the_list() {
 
     // A cell of a study is folded, is not the latest, and goes only by the study's name.
     let request = v1::CreateCampaignRequest {
-        spec: Some((&small_spec("")).into()),
+        campaign: Some(v1::create_campaign_request::Campaign::Spec(
+            (&small_spec("")).into(),
+        )),
         study: "mini".to_owned(),
         ..v1::CreateCampaignRequest::default()
     };
@@ -139,6 +141,47 @@ async fn an_id_that_was_typed_wrongly_leads_to_the_campaign_that_was_meant() {
         page.contains("did you mean") && page.contains("<a href=\"/campaigns/small-1\">Campaign small-1</a>"),
         "{page}"
     );
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn behaviours_in_different_spaces_are_matched_by_what_the_judge_calls_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    let browser = Browser::at(&cluster);
+    let wide = small_spec("").to_toml().replace("width = 500.0", "width = 600.0");
+    for spec in [small_spec(""), CampaignSpec::from_toml(&wide).unwrap()] {
+        cluster.run(&spec).await;
+    }
+    let compare = "/compare?campaign=small-1&campaign=small-2";
+    let before = browser.page(compare).await;
+    assert!(
+        before.contains("Ask the judge for names") && before.contains("no class"),
+        "{before}"
+    );
+    let judged = browser.page(&format!("{compare}&judged=yes")).await;
+    assert!(!judged.contains("Ask the judge for names"), "{judged}");
+    // The page Taxonomy has the same words.
+    let mut named = 0;
+    for campaign in ["small-1", "small-2"] {
+        let cards = browser.page(&format!("/campaigns/{campaign}/taxonomy")).await;
+        let words = cards
+            .split("The judge says: ")
+            .skip(1)
+            .filter_map(|rest| rest.split('.').next());
+        for word in words.filter(|word| *word != "random") {
+            assert!(
+                judged.contains(&format!("<strong>{word}</strong>")),
+                "{word}: {judged}"
+            );
+            assert!(
+                !before.contains(&format!("<strong>{word}</strong>")),
+                "{word}: {before}"
+            );
+            named += 1;
+        }
+    }
+    assert!(named > 0, "{judged}");
     cluster.stop().await;
 }
 

@@ -65,7 +65,9 @@ fn framed(message: &impl Message) -> Vec<u8> {
 
 fn create() -> v1::CreateCampaignRequest {
     v1::CreateCampaignRequest {
-        spec: Some((&small_spec("")).into()),
+        campaign: Some(v1::create_campaign_request::Campaign::Spec(
+            (&small_spec("")).into(),
+        )),
         ..v1::CreateCampaignRequest::default()
     }
 }
