@@ -1,25 +1,25 @@
 //! Compiles the `.proto` files with protox, so that no `protoc` binary is needed.
 
 use prost::Message as _;
+use protox::prost_reflect::{DescriptorPool, FieldDescriptor, Kind, MessageDescriptor};
 use std::{error::Error, fs, path::PathBuf};
 
-/// Messages that people write in campaign files: they also read from and write to TOML.
-const WRITTEN_BY_PEOPLE: [&str; 15] = [
-    "Sensor",
-    "Robot",
-    "Species",
-    "Obstacle",
-    "StartShape",
-    "Noise",
-    "World",
-    "ImageFormat",
-    "ControllerSpace",
-    "Search",
-    "EvaluationParams",
-    "TaxonomyFormat",
-    "Dataset",
-    "Feedback",
-    "CampaignSpec",
+/// The message of a campaign file. It and the messages in it also read from and write to TOML.
+const CAMPAIGN: &str = "murmuration.v1.CampaignSpec";
+
+/// Messages and enums that a campaign file writes as one value, with the module that reads and writes a field of them.
+const VALUES: [(&str, &str); 4] = [
+    ("SensorAngle", "crate::robot::toml_names::angle"),
+    ("Ratio", "crate::robot::toml_names::ratios"),
+    ("Genes", "crate::toml_names::genes"),
+    ("Method", "crate::toml_names::method"),
+];
+
+/// Other fields that a campaign file writes otherwise than their type.
+const FIELDS: [(&str, &str); 3] = [
+    ("StartShape.poses", "crate::toml_names::poses"),
+    ("CampaignSpec.training", "crate::toml_names::table"),
+    ("Feedback.recipe", "crate::toml_names::table"),
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -37,7 +37,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     )?;
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
     fs::write(out.join("descriptors.bin"), files.encode_to_vec())?;
-    fs::write(out.join("comments.rs"), comments(&files))?;
+    let contract = DescriptorPool::from_file_descriptor_set(files.clone())?;
+    let campaign = contract
+        .get_message_by_name(CAMPAIGN)
+        .ok_or_else(|| format!("the contract has no message {CAMPAIGN}"))?;
+    let sections = sections(campaign);
+    fs::write(out.join("sections.rs"), listed(&sections))?;
 
     let onnx = protox::compile(["onnx/onnx.proto"], ["."])?;
     tonic_prost_build::configure().compile_fds(onnx)?;
@@ -46,84 +51,87 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut named = prost_build::Config::new();
     named.enable_type_names();
     let mut config = tonic_prost_build::configure().build_transport(true);
-    for message in WRITTEN_BY_PEOPLE {
+    for (_, message) in &sections {
         config = config
             .type_attribute(
-                format!("murmuration.v1.{message}"),
+                message.full_name(),
                 "#[derive(serde::Serialize, serde::Deserialize)]",
             )
-            .type_attribute(
-                format!("murmuration.v1.{message}"),
-                "#[serde(default, deny_unknown_fields)]",
-            );
+            .type_attribute(message.full_name(), "#[serde(default, deny_unknown_fields)]");
+        for field in message.fields() {
+            for attribute in attributes(&field) {
+                config = config.field_attribute(field.full_name(), attribute);
+            }
+        }
     }
-    for list in [
-        "ControllerSpace.angles",
-        "Sensor.angle_range",
-        "Sensor.angles",
-        "Sensor.sees",
-        "CampaignSpec.species",
-        "World.obstacles",
-    ] {
-        let skip = "#[serde(skip_serializing_if = \"Vec::is_empty\")]";
-        config = config.field_attribute(format!("murmuration.v1.{list}"), skip);
-    }
-    config
-        .field_attribute(
-            "murmuration.v1.Sensor.angle",
-            "#[serde(with = \"crate::robot::toml_names::angle\", skip_serializing_if = \"Option::is_none\")]",
-        )
-        .field_attribute(
-            "murmuration.v1.StartShape.poses",
-            "#[serde(with = \"crate::toml_names::poses\", skip_serializing_if = \"Vec::is_empty\")]",
-        )
-        .field_attribute(
-            "murmuration.v1.CampaignSpec.ratios",
-            "#[serde(with = \"crate::robot::toml_names::ratios\", skip_serializing_if = \"Vec::is_empty\")]",
-        )
-        .field_attribute(
-            "murmuration.v1.ControllerSpace.initial",
-            "#[serde(with = \"crate::toml_names::genes\", skip_serializing_if = \"Vec::is_empty\")]",
-        )
-        .field_attribute(
-            "murmuration.v1.CampaignSpec.method",
-            "#[serde(with = \"crate::toml_names::method\")]",
-        )
-        .field_attribute(
-            "murmuration.v1.CampaignSpec.training",
-            "#[serde(with = \"crate::toml_names::table\", skip_serializing_if = \"Option::is_none\")]",
-        )
-        .field_attribute(
-            "murmuration.v1.Feedback.recipe",
-            "#[serde(with = \"crate::toml_names::table\", skip_serializing_if = \"Option::is_none\")]",
-        )
-        .compile_fds_with_config(files, named)?;
+    config.compile_fds_with_config(files, named)?;
     println!("cargo:rerun-if-changed=murmuration");
     println!("cargo:rerun-if-changed=onnx");
     Ok(())
 }
 
-/// The comments on the fields that people write in campaign files, as a Rust list of message, field and comment.
-fn comments(files: &protox::prost_reflect::prost_types::FileDescriptorSet) -> String {
-    /// The numbers of `message_type` in a file and of `field` in a message, of which paths in a file are made.
-    const MESSAGE: i32 = 4;
-    const FIELD: i32 = 2;
-
-    let mut list = String::from("&[");
-    for file in &files.file {
-        let locations = file.source_code_info.iter().flat_map(|info| &info.location);
-        for location in locations {
-            let [MESSAGE, message, FIELD, field] = location.path[..] else {
+/// The messages of a campaign file by the paths of their tables, each once.
+fn sections(campaign: MessageDescriptor) -> Vec<(String, MessageDescriptor)> {
+    let mut sections = vec![(String::new(), campaign)];
+    let mut place = 0;
+    while let Some((path, message)) = sections.get(place).cloned() {
+        place += 1;
+        for field in message.fields() {
+            let Kind::Message(inner) = field.kind() else {
                 continue;
             };
-            let message = &file.message_type[message as usize];
-            if !WRITTEN_BY_PEOPLE.contains(&message.name()) {
-                continue;
+            let is_value = VALUES.iter().any(|(value, _)| *value == inner.name());
+            if !is_value && sections.iter().all(|(_, known)| *known != inner) {
+                let path = format!("{path}.{}", field.name());
+                sections.push((path.trim_start_matches('.').to_owned(), inner));
             }
-            let words: Vec<&str> = location.leading_comments().split_whitespace().collect();
-            let (field, comment) = (message.field[field as usize].name(), words.join(" "));
-            list += &format!("({:?}, {field:?}, {comment:?}), ", message.name());
         }
     }
+    sections
+}
+
+/// The serde attributes of a field of a campaign file.
+fn attributes(field: &FieldDescriptor) -> Vec<String> {
+    let kind = match field.kind() {
+        Kind::Message(message) => message.name().to_owned(),
+        Kind::Enum(values) => values.name().to_owned(),
+        _ => String::new(),
+    };
+    let name = format!("{}.{}", field.parent_message().name(), field.name());
+    let mut modules = VALUES.iter().chain(&FIELDS);
+    let module = modules.find(|(known, _)| *known == kind || *known == name);
+    let mut attributes: Vec<String> = Vec::new();
+    attributes.extend(module.map(|(_, module)| format!("#[serde(with = \"{module}\")]")));
+    if field.is_list() {
+        attributes.push("#[serde(skip_serializing_if = \"Vec::is_empty\")]".to_owned());
+    } else if module.is_some() && field.supports_presence() {
+        attributes.push("#[serde(skip_serializing_if = \"Option::is_none\")]".to_owned());
+    }
+    attributes
+}
+
+/// The sections as a Rust list of `Section`.
+fn listed(sections: &[(String, MessageDescriptor)]) -> String {
+    let mut list = String::from("&[");
+    for (path, message) in sections {
+        list += &format!("Section {{ path: {path:?}, fields: Cow::Borrowed(&[");
+        for field in message.fields() {
+            let explanation = comment(&field);
+            list += &format!(
+                "Field {{ name: {:?}, explanation: {explanation:?} }}, ",
+                field.name()
+            );
+        }
+        list += "]) }, ";
+    }
     list + "]"
+}
+
+/// The comment on a field, on one line.
+fn comment(field: &FieldDescriptor) -> Option<String> {
+    let file = field.parent_file().file_descriptor_proto().clone();
+    let locations = file.source_code_info.map_or_else(Vec::new, |info| info.location);
+    let location = locations.iter().find(|location| location.path == field.path())?;
+    let words: Vec<&str> = location.leading_comments().split_whitespace().collect();
+    Some(words.join(" "))
 }

@@ -10,7 +10,7 @@ mod tests;
 use crate::{
     BehaviourSpace, CapabilityModel, Choice, ControllerSpace, EmbedderSource, Features, Feedback,
     ImageFormat, Invalid, Method, Scale, Search, Starts, TomlError, World, embedder, invalid, robot, text,
-    toml_errors, v1,
+    toml_file, v1,
 };
 
 /// A campaign's name: 1 to 64 letters, digits, `-` and `_`, so that it fits into ids and paths.
@@ -65,7 +65,7 @@ impl CampaignSpec {
     /// # Errors
     /// Says where the text is not TOML, which field is unknown, or which value is not allowed.
     pub fn from_toml(text: &str) -> Result<Self, SpecFileError> {
-        Ok(toml_errors::campaign(text)?.try_into()?)
+        Ok(toml_file::campaign(text)?.try_into()?)
     }
 
     /// Reads a campaign file that was put together as a table; the fields are those of [`CampaignSpec::from_toml`].
@@ -73,7 +73,7 @@ impl CampaignSpec {
     /// # Errors
     /// As [`CampaignSpec::from_toml`], without the place in a file.
     pub fn from_table(table: toml::Table) -> Result<Self, SpecFileError> {
-        Ok(toml_errors::campaign_of_table(table)?.try_into()?)
+        Ok(toml_file::campaign_of_table(&table)?.try_into()?)
     }
 
     /// Reads the robots of a campaign file, and the world that they are in. The file need not be whole: other fields than those
@@ -82,7 +82,7 @@ impl CampaignSpec {
     /// # Errors
     /// As [`CampaignSpec::from_toml`].
     pub fn robots_from_toml(text: &str) -> Result<(CapabilityModel, World), SpecFileError> {
-        Ok(swarm::swarm(&toml_errors::campaign(text)?)?)
+        Ok(swarm::swarm(&toml_file::campaign(text)?)?)
     }
 
     /// Writes a campaign file with every field but those of obstacles, start and noise where the world has the paper's;

@@ -1,8 +1,8 @@
 //! Where a campaign's embedder comes from.
 
 use crate::{
-    BehaviourSpace, CheckpointDigest, Dataset, ImageFormat, Invalid, Method, toml_errors,
-    training::{Configuration, Recipe},
+    BehaviourSpace, CheckpointDigest, Dataset, ImageFormat, Invalid, Method,
+    training::{Configuration, ConfigurationError, Recipe},
     v1,
 };
 
@@ -109,11 +109,9 @@ fn configuration(
     if method == Method::Untrained {
         table.entry("recipe").or_insert(Recipe::Untrained.name().into());
     }
-    let configuration = Configuration::from_table(table).map_err(|error| match error {
-        crate::training::ConfigurationError::Value(invalid) => invalid.within("training"),
-        crate::training::ConfigurationError::Syntax(error) => {
-            unreadable(toml_errors::within("training", &error))
-        }
+    let configuration = Configuration::of_section("training", &table).map_err(|error| match error {
+        ConfigurationError::Value(invalid) => invalid.within("training"),
+        ConfigurationError::Syntax(error) => unreadable(error.to_string()),
     })?;
     let recipe = configuration.recipe();
     if (method == Method::Untrained) != (*recipe == Recipe::Untrained) && method != Method::Random {

@@ -1,6 +1,6 @@
 //! How people, or the synthetic annotator, teach a campaign.
 
-use crate::{Invalid, Purpose, RandomStream, invalid, toml_errors, training::Recipe, v1};
+use crate::{Invalid, Purpose, RandomStream, invalid, toml_file, training::Recipe, v1};
 use rand::RngExt as _;
 use std::fmt;
 
@@ -92,14 +92,8 @@ fn recipe(text: Option<&str>) -> Result<Recipe, Invalid> {
     let Some(text) = text else {
         return Recipe::named("labelled");
     };
-    let unreadable = |error: toml::de::Error| {
-        let allowed = format!(
-            "a recipe for labels: {}",
-            toml_errors::within("feedback.recipe", &error)
-        );
-        Invalid::new("recipe", "a table", allowed)
-    };
-    let recipe: Recipe = toml::from_str(text).map_err(unreadable)?;
+    let unreadable = |error| Invalid::new("recipe", "a table", format!("a recipe for labels: {error}"));
+    let recipe: Recipe = toml_file::read_section("feedback.recipe", text).map_err(unreadable)?;
     recipe.check().map_err(|error| error.within("recipe"))?;
     if recipe.is_labelled() {
         return Ok(recipe);

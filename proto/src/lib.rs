@@ -32,8 +32,9 @@ mod seen;
 mod space;
 pub mod spec_sections;
 mod starts;
+mod status;
 pub mod text;
-mod toml_errors;
+mod toml_file;
 mod toml_names;
 pub mod training;
 mod verdict;
@@ -68,13 +69,12 @@ pub use seen::SeenPictures;
 pub use space::{ControllerSpace, GeneSpace};
 pub use starts::Starts;
 pub use text::Text;
-pub use toml_errors::{TomlError, read_toml};
-pub use toml_names::{of_toml_line, to_toml_line};
+pub use toml_file::{TomlError, read_toml};
+pub use toml_names::{of_toml_line, to_differing_line};
 pub use verdict::{Class, Pattern, Verdict};
 pub use world::{Noise, Obstacle, StartShape, World};
 
 use std::fmt;
-use tonic::Status;
 
 /// The generated messages and services of the package `murmuration.v1`.
 #[allow(clippy::all)]
@@ -104,22 +104,5 @@ pub const REQUEST_ID: &str = "x-request-id";
 impl fmt::Display for v1::LeaseId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}-{}", self.epoch, self.number)
-    }
-}
-
-impl From<SpecFileError> for Status {
-    fn from(error: SpecFileError) -> Self {
-        match error {
-            SpecFileError::Value(invalid) => invalid.into(),
-            // With the line of the file that it is about.
-            SpecFileError::Syntax(error) => Self::invalid_argument(error.to_string()),
-        }
-    }
-}
-
-impl From<Invalid> for Status {
-    fn from(invalid: Invalid) -> Self {
-        // A value from outside may be of any length.
-        Self::invalid_argument(Text::line(&invalid.to_string()))
     }
 }

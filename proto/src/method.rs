@@ -45,8 +45,19 @@ impl Method {
         !matches!(self, Self::Exhaustive)
     }
 
+    /// The names of all methods, in their order.
+    pub(crate) const NAMES: [&str; 5] = {
+        let mut names = [""; 5];
+        let mut place = 0;
+        while place < names.len() {
+            names[place] = Self::ALL[place].name();
+            place += 1;
+        }
+        names
+    };
+
     fn one_of() -> String {
-        let names = Self::ALL.map(|method| format!("\"{}\"", method.name()));
+        let names = Self::NAMES.map(|name| format!("\"{name}\""));
         names.join(" or ")
     }
 }

@@ -1,81 +1,70 @@
-//! The sections of a campaign file and their fields.
+//! The sections of a campaign file and their fields: those of the message `CampaignSpec` and of the messages in it, and those of
+//! trainings.
 
 use crate::{
+    toml_file::field_names,
     training::{InBatch, Labelled, NetworkSettings, PaperLabelled, RandomTriplets, Settings},
-    v1,
 };
 use serde::de::DeserializeOwned;
+use std::borrow::Cow;
 
-/// The fields of every section, by the section's name (`world.start`); the top of the file has the name "".
-#[must_use]
-pub fn sections() -> [(&'static str, Vec<String>); 21] {
-    [
-        ("", fields::<v1::CampaignSpec>()),
-        ("robot", fields::<v1::Robot>()),
-        ("robot.sensors", fields::<v1::Sensor>()),
-        ("species", fields::<v1::Species>()),
-        ("world", fields::<v1::World>()),
-        ("world.obstacles", fields::<v1::Obstacle>()),
-        ("world.start", fields::<v1::StartShape>()),
-        ("world.noise", fields::<v1::Noise>()),
-        ("image", fields::<v1::ImageFormat>()),
-        ("controllers", fields::<v1::ControllerSpace>()),
-        ("search", fields::<v1::Search>()),
-        ("evaluation", fields::<v1::EvaluationParams>()),
-        ("taxonomy", fields::<v1::TaxonomyFormat>()),
-        ("dataset", fields::<v1::Dataset>()),
-        ("training", fields::<Settings>()),
-        ("training.network", fields::<NetworkSettings>()),
-        ("training.recipe.in-batch", fields::<InBatch>()),
-        ("training.recipe.paper", fields::<RandomTriplets>()),
-        ("feedback", fields::<v1::Feedback>()),
-        ("feedback.recipe.labelled", fields::<Labelled>()),
-        ("feedback.recipe.paper-labelled", fields::<PaperLabelled>()),
-    ]
+/// A table of a campaign file.
+#[derive(Debug, Clone)]
+pub struct Section {
+    /// Its name, such as `world.start`; that of the top of the file is "".
+    pub path: &'static str,
+    pub fields: Cow<'static, [Field]>,
 }
 
-/// The comments on the fields of messages: message, field, comment.
-const COMMENTS: &[(&str, &str, &str)] = include!(concat!(env!("OUT_DIR"), "/comments.rs"));
+/// A field of a campaign file.
+#[derive(Debug, Clone, Copy)]
+pub struct Field {
+    pub name: &'static str,
+    /// The comment in the contract; `None` for fields of trainings, which are no messages.
+    pub explanation: Option<&'static str>,
+}
 
-/// The messages of sections.
-const MESSAGES: [(&str, &str); 15] = [
-    ("", "CampaignSpec"),
-    ("robot", "Robot"),
-    ("robot.sensors", "Sensor"),
-    ("species", "Species"),
-    ("world", "World"),
-    ("world.obstacles", "Obstacle"),
-    ("world.start", "StartShape"),
-    ("world.noise", "Noise"),
-    ("image", "ImageFormat"),
-    ("controllers", "ControllerSpace"),
-    ("search", "Search"),
-    ("evaluation", "EvaluationParams"),
-    ("taxonomy", "TaxonomyFormat"),
-    ("dataset", "Dataset"),
-    ("feedback", "Feedback"),
-];
+impl Section {
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.fields.iter().any(|field| field.name == name)
+    }
+}
+
+/// Sections that are messages, from the contract's descriptors.
+const MESSAGES: &[Section] = include!(concat!(env!("OUT_DIR"), "/sections.rs"));
+
+/// Every section of a campaign file.
+#[must_use]
+pub fn sections() -> Vec<Section> {
+    let mut sections = MESSAGES.to_vec();
+    sections.extend([
+        of_training::<Settings>("training"),
+        of_training::<NetworkSettings>("training.network"),
+        of_training::<InBatch>("training.recipe.in-batch"),
+        of_training::<RandomTriplets>("training.recipe.paper"),
+        of_training::<Labelled>("feedback.recipe.labelled"),
+        of_training::<PaperLabelled>("feedback.recipe.paper-labelled"),
+    ]);
+    sections
+}
 
 /// Explanation of a field in the contract, such as `population` of the section `search`; `None` if it has none.
 #[must_use]
 pub fn explanation(section: &str, field: &str) -> Option<&'static str> {
-    let (_, message) = MESSAGES.iter().find(|(known, _)| *known == section)?;
-    let mut found = COMMENTS.iter();
-    let found = found.find(|(of, known, _)| (*of, *known) == (*message, field));
-    found.map(|(_, _, comment)| *comment)
+    let section = MESSAGES.iter().find(|known| known.path == section)?;
+    let field = section.fields.iter().find(|known| known.name == field)?;
+    field.explanation
 }
 
-/// The fields of a message. Serde lists them in its error about an unknown field.
-fn fields<T: DeserializeOwned>() -> Vec<String> {
-    match toml::from_str::<T>("'?' = 0") {
-        Ok(_) => Vec::new(),
-        Err(error) => quoted_names(error.message()).skip(1).map(str::to_owned).collect(),
+fn of_training<T: DeserializeOwned>(path: &'static str) -> Section {
+    let unexplained = |&name: &&'static str| Field {
+        name,
+        explanation: None,
+    };
+    Section {
+        path,
+        fields: field_names::<T>().iter().map(unexplained).collect(),
     }
-}
-
-/// The texts between backticks.
-pub(crate) fn quoted_names(message: &str) -> impl Iterator<Item = &str> {
-    message.split('`').skip(1).step_by(2)
 }
 
 #[cfg(test)]
@@ -84,13 +73,10 @@ mod tests {
 
     #[test]
     fn every_field_of_a_message_is_explained() {
-        for (section, fields) in sections() {
-            if !MESSAGES.iter().any(|(known, _)| *known == section) {
-                continue;
-            }
-            for field in fields {
-                let said = explanation(section, &field).unwrap_or_default();
-                assert!(said.ends_with('.'), "{section} {field}: {said:?}");
+        for section in MESSAGES {
+            for field in section.fields.iter() {
+                let said = field.explanation.unwrap_or_default();
+                assert!(said.ends_with('.'), "{} {}: {said:?}", section.path, field.name);
             }
         }
         let population = explanation("search", "population").unwrap();
@@ -103,10 +89,20 @@ mod tests {
     #[test]
     fn every_section_has_fields_and_every_table_of_a_campaign_file_is_a_section() {
         let sections = sections();
-        for (section, fields) in &sections {
-            assert!(!fields.is_empty(), "{section}");
+        for section in &sections {
+            assert!(!section.fields.is_empty(), "{}", section.path);
         }
-        let has = |name: &str| sections.iter().any(|(section, _)| *section == name);
+        let has = |path: &str| sections.iter().any(|section| section.path == path);
+        for known in [
+            "",
+            "robot",
+            "robot.sensors",
+            "species",
+            "world.start",
+            "world.noise",
+        ] {
+            assert!(has(known), "{known}");
+        }
         let spec = crate::CampaignSpec::from_toml("model = \"two-sensor\"\nmethod = \"latent\"").unwrap();
         let table: toml::Table = spec.to_toml().parse().unwrap();
         let mut open = vec![(String::new(), table)];

@@ -1,32 +1,35 @@
 //! Fields that campaign files write otherwise than the messages, and messages on one line for the cells of tables.
 
-use crate::{Invalid, text};
+use crate::{Invalid, text, toml_file};
 use serde::{Serialize, de::DeserializeOwned};
-use std::collections::BTreeMap;
 
-/// A message that people write in campaign files, as an inline table or list of TOML: `{ slip = 0.05 }`. [`of_toml_line`] reads
-/// it.
+/// The fields of a message that differ from those of `other`, as an inline table of TOML; `None` if none differs.
+/// [`of_toml_line`] reads it.
 #[must_use]
-pub fn to_toml_line(message: &impl Serialize) -> String {
-    toml::Value::try_from(message).map_or_else(|_| String::new(), |value| value.to_string())
+pub fn to_differing_line<T: Serialize>(message: &T, other: &T) -> Option<String> {
+    let mut fields = toml::Table::try_from(message).unwrap_or_default();
+    let others = toml::Table::try_from(other).unwrap_or_default();
+    fields.retain(|name, value| others.get(name) != Some(value));
+    (!fields.is_empty()).then(|| toml::Value::from(fields).to_string())
 }
 
-/// Reads what [`to_toml_line`] wrote.
+/// Reads a table of a campaign file that is written on one line, such as `example`, into a message.
 ///
 /// # Errors
-/// Names `field` if the line is no such table or list; `example` is one.
+/// Names `field` if the line is no such table, and says which field in it is wrong.
 pub fn of_toml_line<T: DeserializeOwned>(field: &str, line: &str, example: &str) -> Result<T, Invalid> {
-    let refused = || {
-        let allowed = format!("as in a campaign file, on one line, such as {example}");
+    let refused = |why: &str| {
+        let allowed = format!("a table of a campaign file on one line, such as {example}{why}");
         Invalid::new(field, text::quoted(line), allowed)
     };
-    let table = toml::from_str::<BTreeMap<String, T>>(&format!("line = {line}"));
+    let file: toml::Table = format!("line = {line}").parse().map_err(|_| refused(""))?;
     // A line break would begin a second field.
-    let lines = table.map_err(|_| refused())?;
-    let mut values = lines.into_values();
+    let mut values = file.into_iter().map(|(_, value)| value);
     match (values.next(), values.next()) {
-        (Some(value), None) => Ok(value),
-        _ => Err(refused()),
+        (Some(toml::Value::Table(table)), None) => {
+            toml_file::read_section(field, &table.to_string()).map_err(|error| refused(&format!("; {error}")))
+        }
+        _ => Err(refused("")),
     }
 }
 
@@ -69,9 +72,9 @@ pub(crate) mod method {
     }
 
     pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<i32, D::Error> {
-        let method: Method = String::deserialize(deserializer)?
-            .parse()
-            .map_err(D::Error::custom)?;
+        let name = String::deserialize(deserializer)?;
+        let method: Result<Method, _> = name.parse();
+        let method = method.map_err(|_| D::Error::unknown_variant(&name, &Method::NAMES))?;
         Ok(v1::Method::from(method) as i32)
     }
 }

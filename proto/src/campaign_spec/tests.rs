@@ -91,7 +91,7 @@ fn a_described_robot_is_read_and_written() {
     );
     check_refused(
         &THREE.replace("0.5, -0.5", "\"x\""),
-        "robot.sensors[1].angles must be a number",
+        "robot.sensors[1].angles[0] must be a number",
     );
 }
 

@@ -4,9 +4,8 @@ use super::{
     CapabilityModel, Drive, DriveKind, Preset, Robot, Seen, SeenRobots, Sensor, SensorAngle,
     SensorDescription, Species, SpeciesName, toml_names,
 };
-use crate::{Invalid, invalid, text, v1};
+use crate::{Invalid, invalid, of_toml_line, text, v1};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 
 const DIFFERENTIAL: &str = "differential";
 const UNICYCLE: &str = "unicycle";
@@ -343,12 +342,7 @@ impl CapabilityModel {
 
     /// Reads what [`CapabilityModel::to_line`] wrote; `default` holds where it does not say.
     pub(crate) fn of_line(field: &str, line: &str, default: &Defaults) -> Result<Self, Invalid> {
-        let table = toml::from_str::<BTreeMap<String, Written>>(&format!("line = {line}"));
-        let written = table.ok().and_then(|table| table.into_values().next());
-        let written = written.ok_or_else(|| {
-            let allowed = "a table such as { model = \"turbopi\" }, with the fields of a campaign file";
-            Invalid::new(field, text::quoted(line), allowed)
-        })?;
+        let written: Written = of_toml_line(field, line, "{ model = \"turbopi\" }")?;
         written.read(default).map_err(|error| error.within(field))
     }
 }

@@ -2,8 +2,10 @@
 
 use super::{Architecture, ArchitectureError, Layer, Recipe};
 use crate::{
-    Invalid, PictureShape,
+    Invalid, PictureShape, TomlError,
     invalid::{real, whole},
+    read_toml,
+    toml_file::read_section,
 };
 use serde::{Deserialize, Serialize};
 
@@ -81,7 +83,7 @@ impl Default for Configuration {
 pub enum ConfigurationError {
     /// Not TOML, or a field that does not exist, or a value of the wrong type; says where.
     #[error(transparent)]
-    Syntax(#[from] toml::de::Error),
+    Syntax(#[from] TomlError),
     #[error(transparent)]
     Value(#[from] Invalid),
 }
@@ -92,16 +94,13 @@ impl Configuration {
     /// # Errors
     /// Says where the text is not TOML, which field is unknown, or which value is not allowed.
     pub fn from_toml(text: &str) -> Result<Self, ConfigurationError> {
-        let settings: Settings = toml::from_str(text)?;
+        let settings: Settings = read_toml(text)?;
         Ok(settings.try_into()?)
     }
 
-    /// As [`Configuration::from_toml`], from a parsed table.
-    ///
-    /// # Errors
-    /// Says which field is unknown, or which value is not allowed.
-    pub fn from_table(table: toml::Table) -> Result<Self, ConfigurationError> {
-        let settings: Settings = table.try_into()?;
+    /// As [`Configuration::from_toml`], from the table `section` of a campaign file.
+    pub(crate) fn of_section(section: &str, table: &toml::Table) -> Result<Self, ConfigurationError> {
+        let settings: Settings = read_section(section, &table.to_string())?;
         Ok(settings.try_into()?)
     }
 
@@ -335,6 +334,6 @@ mod tests {
             "recipe.paper-labelled.margin = 0",
         );
         check_refused("[recipe.in-batch]\ncrop = [0.6, 0.5]", "a number from 0.6 to 2");
-        check_refused("[recipe.supervised]\n", "unknown variant `supervised`");
+        check_refused("[recipe.supervised]\n", "unknown value `supervised`");
     }
 }

@@ -1,6 +1,6 @@
 //! Every field of a campaign file is documented.
 
-use murmuration_proto::spec_sections::sections;
+use murmuration_proto::spec_sections::{Section, sections};
 use murmuration_tests::pages::{page, prose};
 
 /// Sections that robots.md describes in words and drawings instead of a table of their own.
@@ -46,12 +46,16 @@ fn documented(pages: &str, section: &str) -> String {
 pub fn every_field_of_a_campaign_file_is_in_a_table() {
     let pages = [page("docs/campaigns.md"), page("docs/robots.md")].map(|text| prose(&text));
     let tables = pages.concat();
-    for (section, fields) in sections() {
+    for Section {
+        path: section,
+        fields,
+    } in sections()
+    {
         let (text, place) = match IN_WORDS.contains(&section) {
             true => (pages[1].clone(), "docs/robots.md"),
             false => (documented(&tables, section), "a table"),
         };
-        for field in fields {
+        for field in fields.iter().map(|field| field.name) {
             let names = [
                 format!("`{field}`"),
                 format!("`network.{field}`"),

@@ -108,15 +108,19 @@ fn label_file(channels: &str) -> String {
     let model = spec("").model().clone();
     let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
     let head = format!(
-        "id,class,seed,horizon,robots,channels,{}\n",
+        "id,class,seed,world,robots,image,{}\n",
         model.gene_names().join(",")
     );
+    let image = match channels {
+        "" => String::new(),
+        channels => quoted(&format!("{{ channels = \"{channels}\" }}")),
+    };
     let row = |(id, class): (usize, &str)| {
         let genes = (0..model.genes())
             .map(|gene| format!("{}", [0.5, -0.25, 1.0][(gene + id) % 3] * (1.0 - id as f64 / 4.0)));
         let genes: Vec<_> = genes.take(model.genes() - 1).chain(["1".to_owned()]).collect();
         format!(
-            "{id},{class},{id},250,{},{channels},{}\n",
+            "{id},{class},{id},{{ horizon = 250 }},{},{image},{}\n",
             quoted(&model.to_line()),
             genes.join(",")
         )

@@ -1,6 +1,6 @@
 //! Names of the columns of label files: as in an export, and as in the labelled sets (tests/labelled).
 
-use murmuration_proto::{CapabilityModel, ImageFormat, Preset, World, to_toml_line, v1};
+use murmuration_proto::{CapabilityModel, ImageFormat, Preset, World, to_differing_line, v1};
 
 /// Column of the behaviour: of a campaign, the individual's index.
 pub(super) const INDEX: &str = "index";
@@ -28,27 +28,19 @@ pub(super) fn set_genes(model: &CapabilityModel) -> &'static [&'static str] {
     }
 }
 
-/// The columns of a behaviour's world and picture, with their values.
-pub(super) fn settings(world: &World, format: ImageFormat) -> [(&'static str, String); 16] {
-    let obstacles: Vec<v1::Obstacle> = world.obstacles().iter().map(Into::into).collect();
-    [
-        ("width", world.width().to_string()),
-        ("height", world.height().to_string()),
-        ("padding", world.padding().to_string()),
-        ("agents", world.agents().to_string()),
-        ("radius", world.radius().to_string()),
-        ("wheel_radius", world.wheel_radius().to_string()),
-        ("dt", world.dt().to_string()),
-        ("horizon", world.horizon().to_string()),
-        ("jitter", world.jitter().to_string()),
-        ("boundary", world.boundary().to_string()),
-        ("obstacles", to_toml_line(&obstacles)),
-        ("start", to_toml_line(&v1::StartShape::from(world.start()))),
-        ("noise", to_toml_line(&v1::Noise::from(world.noise()))),
-        ("resolution", format.resolution().to_string()),
-        ("window", format.window().to_string()),
-        ("channels", format.channels_name().to_owned()),
-    ]
+/// Column of the world, where it is not the paper's: a table of TOML on one line, `{ horizon = 600 }`.
+pub(super) const WORLD: &str = "world";
+/// Column of the picture's format, likewise.
+pub(super) const IMAGE: &str = "image";
+
+/// The columns of a behaviour's world and picture that are not the paper's, with the fields that differ.
+pub(super) fn settings(world: &World, format: ImageFormat) -> Vec<(&'static str, String)> {
+    let papers = v1::World::from(World::default());
+    let world = to_differing_line(&v1::World::from(world.clone()), &papers);
+    let papers = v1::ImageFormat::from(ImageFormat::default());
+    let image = to_differing_line(&v1::ImageFormat::from(format), &papers);
+    let columns = [(WORLD, world), (IMAGE, image)].into_iter();
+    columns.filter_map(|(name, line)| Some((name, line?))).collect()
 }
 
 #[cfg(test)]

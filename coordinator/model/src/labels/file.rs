@@ -5,7 +5,7 @@
 
 use super::{
     Annotator, Answer, LabelFileError,
-    columns::{ANGLE, FIRST_SPEEDS, INDEX, SET_ANGLE, SET_INDEX, SET_SPEED, set_genes},
+    columns::{ANGLE, FIRST_SPEEDS, IMAGE, INDEX, SET_ANGLE, SET_INDEX, SET_SPEED, WORLD, set_genes},
     of_cell,
     quotes::unclosed,
 };
@@ -15,6 +15,7 @@ use murmuration_proto::{
     CapabilityModel, Controller, FEATURE_NAMES, Features, ImageFormat, Invalid, Preset, World, counted,
     of_toml_line, text::quoted, v1,
 };
+use serde::de::DeserializeOwned;
 use std::{
     path::{Path, PathBuf},
     str::FromStr,
@@ -22,11 +23,6 @@ use std::{
 
 /// Column of robots that are not the paper's, as [`CapabilityModel::to_line`] writes them.
 pub(super) const ROBOTS: &str = "robots";
-
-/// Examples of what is in cells that hold several fields of a campaign file.
-const OBSTACLES: &str = "[{ x = 250.0, y = 250.0, radius = 30.0 }]";
-const START: &str = "{ shape = \"disc\", radius = 100.0 }";
-const NOISE: &str = "{ slip = 0.05 }";
 
 /// A file of labels, taken apart; nothing but its columns has been understood.
 #[derive(Debug, Clone)]
@@ -353,23 +349,7 @@ impl<'a> Row<'a> {
     /// # Errors
     /// Where a value is out of range.
     pub fn world(&self) -> Result<World, LabelFileError> {
-        let mut world = v1::World {
-            width: self.given("width", "a number")?,
-            height: self.given("height", "a number")?,
-            padding: self.given("padding", "a number")?,
-            agents: self.given("agents", "a whole number")?,
-            radius: self.given("radius", "a number")?,
-            wheel_radius: self.given("wheel_radius", "a number")?,
-            dt: self.given("dt", "a number")?,
-            horizon: self.given("horizon", "a whole number")?,
-            jitter: self.given("jitter", "true or false")?,
-            boundary: self.given("boundary", "walls, open or torus")?,
-            obstacles: self
-                .line("obstacles", |line| of_toml_line("obstacles", line, OBSTACLES))?
-                .unwrap_or_default(),
-            start: self.line("start", |line| of_toml_line("start", line, START))?,
-            noise: self.line("noise", |line| of_toml_line("noise", line, NOISE))?,
-        };
+        let mut world: v1::World = self.table(WORLD, "{ horizon = 600 }")?;
         // How many robots there are, and how large, is what the row says of them.
         if !self.cell(ROBOTS).is_empty() {
             let robots = World::default().robots_of_line(ROBOTS, self.cell(ROBOTS));
@@ -389,23 +369,15 @@ impl<'a> Row<'a> {
         world: &World,
         model: &CapabilityModel,
     ) -> Result<ImageFormat, LabelFileError> {
-        let format = v1::ImageFormat {
-            resolution: self.given("resolution", "a whole number")?,
-            window: self.given("window", "a whole number")?,
-            channels: self.given("channels", "one or species")?,
-        };
+        let format = self.table(IMAGE, "{ resolution = 100 }")?;
         ImageFormat::for_swarm(format, world, model).map_err(|error| self.refused(error))
     }
 
-    /// The value that `read` makes of a cell that is not empty.
-    fn line<T>(
-        &self,
-        column: &str,
-        read: impl Fn(&str) -> Result<T, Invalid>,
-    ) -> Result<Option<T>, LabelFileError> {
+    /// The table of TOML in a cell, such as `example`; with an empty cell, or without the column, none of its fields is given.
+    fn table<T: DeserializeOwned + Default>(&self, column: &str, example: &str) -> Result<T, LabelFileError> {
         match self.cell(column) {
-            "" => Ok(None),
-            line => read(line).map(Some).map_err(|error| self.refused(error)),
+            "" => Ok(T::default()),
+            line => of_toml_line(column, line, example).map_err(|error| self.refused(error)),
         }
     }
 

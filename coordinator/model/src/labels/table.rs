@@ -10,8 +10,7 @@ use super::{
 };
 use crate::Timestamp;
 use murmuration_proto::{
-    CampaignSpec, CapabilityModel, Controller, FEATURE_NAMES, ImageFormat, Invalid, Preset, World, counted,
-    v1,
+    CampaignSpec, CapabilityModel, Controller, FEATURE_NAMES, Invalid, Preset, counted, v1,
 };
 use std::path::Path;
 
@@ -161,15 +160,8 @@ pub fn to_csv<'a>(
         Some(Preset::SingleSensor | Preset::TwoSensor) => None,
         Some(Preset::Flockbots | Preset::TurboPi) | None => Some((ROBOTS, model.to_line())),
     };
-    let papers = settings(&World::default(), ImageFormat::default());
-    let own = settings(spec.world(), *spec.image());
-    let differing: Vec<_> = own
-        .into_iter()
-        .zip(papers)
-        .filter(|(own, papers)| own != papers)
-        .map(|(own, _)| own)
-        .chain(robots)
-        .collect();
+    let settings = settings(spec.world(), *spec.image());
+    let differing: Vec<_> = settings.into_iter().chain(robots).collect();
     let genes = genes.iter().map(String::as_str);
     let named = ANSWER_COLUMNS.into_iter().chain(["seed"]).chain(genes);
     let named = named.chain(FEATURE_NAMES);

@@ -145,17 +145,11 @@ impl Problem {
                 line: line_of_field(text, &invalid.field),
                 text: invalid.to_string(),
             },
-            SpecFileError::Syntax(error) => {
-                let text = error.to_string();
-                let said = text.split_once("line ").map_or("", |(_, rest)| rest);
-                let digits: String = said.chars().take_while(char::is_ascii_digit).collect();
-                let last = text.lines().last().unwrap_or_default();
-                Self {
-                    field: last.split(" must be ").next().unwrap_or_default().to_owned(),
-                    line: digits.parse().ok(),
-                    text,
-                }
-            }
+            SpecFileError::Syntax(error) => Self {
+                field: error.field().to_owned(),
+                line: error.line(),
+                text: error.to_string(),
+            },
         }
     }
 

@@ -19,11 +19,11 @@ pub(super) fn list() -> Markup {
         details.every-field {
             summary { "Every field of a campaign file" }
             p.reason { "A field that is left out has its default. " code { "murmuration show" } " prints all fields with the values that a campaign has." }
-            @for (section, fields) in spec_sections::sections() {
-                @let said: Vec<_> = fields.iter().filter_map(|field| Some((field, explanation(section, field)?))).collect();
+            @for section in spec_sections::sections() {
+                @let said: Vec<_> = section.fields.iter().filter_map(|field| Some((field.name, explanation(section.path, field.name)?))).collect();
                 @if !said.is_empty() {
-                    h3 { @if section.is_empty() { "At the top of the file" } @else { code { "[" (section) "]" } } }
-                    dl { @for (field, said) in said { div { dt { code { (path(section, field)) } } dd { (said) } } } }
+                    h3 { @if section.path.is_empty() { "At the top of the file" } @else { code { "[" (section.path) "]" } } }
+                    dl { @for (field, said) in said { div { dt { code { (path(section.path, field)) } } dd { (said) } } } }
                 }
             }
             h3 { code { "[training]" } " and " code { "[feedback.recipe]" } }
@@ -75,10 +75,14 @@ mod tests {
     #[test]
     fn every_field_of_a_campaign_file_is_listed() {
         let page = list().into_string();
-        for (section, fields) in spec_sections::sections() {
-            for field in fields {
-                let is_listed = match explanation(section, &field) {
-                    Some(_) => page.contains(&format!("<dt><code>{}</code></dt>", path(section, &field))),
+        for spec_sections::Section {
+            path: section,
+            fields,
+        } in spec_sections::sections()
+        {
+            for field in fields.iter().map(|field| field.name) {
+                let is_listed = match explanation(section, field) {
+                    Some(_) => page.contains(&format!("<dt><code>{}</code></dt>", path(section, field))),
                     // Tables name several fields in a cell, and those of a network with its name.
                     None => ["", "network."]
                         .iter()

@@ -286,8 +286,12 @@ mod tests {
     fn every_field_is_one_of_campaign_files_and_explained() {
         let sections = spec_sections::sections();
         for field in fields() {
-            let (_, known) = sections.iter().find(|(name, _)| *name == field.section).unwrap();
-            assert!(known.iter().any(|name| name == field.name), "{}", field.path());
+            let section = sections.iter().find(|known| known.path == field.section).unwrap();
+            assert!(
+                section.fields.iter().any(|known| known.name == field.name),
+                "{}",
+                field.path()
+            );
             assert!(
                 !field.explanation().is_empty() && field.meaning.ends_with('.'),
                 "{}",

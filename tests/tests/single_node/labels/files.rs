@@ -69,7 +69,7 @@ fn what_labels_writes_every_command_reads() {
     let columns = columns.lines().next().unwrap();
     assert!(
         columns.starts_with("index,class,annotator,time,seed,left_0,right_0,left_1,right_1,average_speed,")
-            && columns.ends_with(",horizon"),
+            && columns.ends_with(",world"),
         "{columns}"
     );
 

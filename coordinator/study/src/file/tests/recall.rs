@@ -54,7 +54,7 @@ fn recall_that_cannot_be_measured_is_refused() {
     check(
         "method = \"exhaustive\"",
         "method = \"exhaustve\"",
-        "the atlas of [recall]: method",
+        "the atlas of [recall]: unknown value `exhaustve` of method",
     );
     check(
         "method = \"exhaustive\"",

@@ -47,7 +47,7 @@ fn a_value_of_the_wrong_kind_is_told_what_is_allowed() {
     );
     check(
         "[controllers]\nangles = [\"x\"]",
-        "controllers.angles must be a number",
+        "controllers.angles[0] must be a number",
     );
     check(
         "[training]\nheld_out = true",
@@ -61,7 +61,26 @@ fn a_value_of_the_wrong_kind_is_told_what_is_allowed() {
         "[feedback.recipe.labelled]\nepochs = -3",
         "4 | epochs = -3\n  |          ^^\nfeedback.recipe.labelled.epochs must be a whole number, 0 or more",
     );
-    check("[training.recipe.in-batch]\ncrop = [1.0]", "must be a list of 2");
+    check(
+        "[training.recipe.in-batch]\ncrop = [1.0]",
+        "training.recipe.in-batch.crop must be a list of 2, not of 1",
+    );
+    check(
+        "[training]\nrecipe = \"paper\"",
+        "training.recipe must be a table such as { paper = {} }, not \"paper\"",
+    );
+    check(
+        "[training]\nrecipe = { paper = {}, in-batch = {} }",
+        "training.recipe must be a name, or a table of one name, not a table",
+    );
+    check(
+        "seed = 2024-01-01",
+        "seed must be a whole number, 0 or more, not 2024-01-01",
+    );
+    check(
+        "[robot]\nsensors = [{ angle = \"left\" }]",
+        "robot.sensors[0].angle must be a number of radians, or \"free\", not \"left\"",
+    );
 }
 
 #[test]
@@ -110,8 +129,19 @@ fn an_unknown_field_is_told_what_may_have_been_meant() {
     );
     check(
         "[training.recipe.inbatch]\nepochs = 3",
-        "unknown value `inbatch`: did you mean `in-batch`?",
+        "unknown value `inbatch` of training.recipe: did you mean `in-batch`?",
     );
+    check(
+        "[training]\nnetwork.layers = [{ dens = { units = 3 } }]",
+        "unknown value `dens` of training.network.layers[0]: did you mean `dense`? It may be",
+    );
+    check(
+        "[training]\nnetwork.layers = [{ dense = {} }]",
+        "training.network.layers[0].dense: the field `units` is missing",
+    );
+    let error = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"latnt\"").unwrap_err();
+    let words = "unknown value `latnt` of method: did you mean `latent`? It may be `random`,";
+    assert!(error.to_string().contains(words), "{error}");
     check(
         "xyzzy = 1",
         "unknown field `xyzzy`. The top of the file has `name`",
@@ -138,7 +168,7 @@ fn a_list_that_is_none_is_told_what_a_list_is() {
     );
     check(
         "ratios = [[-1, 4]]",
-        "ratios must be a whole number, 0 or more, not -1",
+        "ratios[0][0] must be a whole number, 0 or more, not -1",
     );
 }
 
@@ -158,7 +188,7 @@ fn a_field_of_another_section_is_told_where_it_belongs() {
     );
     check(
         "[image]\nstarts = 5",
-        "it belongs in [evaluation] or in [dataset] or in [feedback]",
+        "it belongs in [dataset] or in [feedback] or in [evaluation]",
     );
     check(
         "[image]\nmethod = 5",
@@ -174,7 +204,7 @@ fn a_field_of_another_section_is_told_where_it_belongs() {
     );
     check(
         "[[species]]\nname = \"a\"\nradius = 3",
-        "unknown field `radius` in [species]: it belongs in [robot] or in [world] or in",
+        "unknown field `radius` in [species]: it belongs in [world] or in [robot] or in",
     );
     check(
         "[training]\nmargin = 5",

@@ -1,0 +1,72 @@
+//! Reads the TOML files that people write. An error names the field and its line, and says what is allowed.
+
+mod deserializer;
+mod error;
+#[cfg(test)]
+mod tests;
+
+use crate::{
+    training::{Recipe, Settings},
+    v1,
+};
+use deserializer::Node;
+use serde::{Deserialize, de::DeserializeOwned};
+use toml::{
+    Spanned,
+    de::{DeTable, DeValue},
+};
+
+pub(crate) use deserializer::field_names;
+pub use error::TomlError;
+
+/// The tables that the message of a campaign holds as texts, without their places in the file.
+#[derive(Deserialize)]
+struct TextTables {
+    #[serde(rename = "training")]
+    _training: Option<Settings>,
+    #[serde(rename = "feedback")]
+    _feedback: Option<RecipeTable>,
+}
+
+#[derive(Deserialize)]
+struct RecipeTable {
+    #[serde(rename = "recipe")]
+    _recipe: Option<Recipe>,
+}
+
+/// Reads a campaign file.
+pub(crate) fn campaign(text: &str) -> Result<v1::CampaignSpec, TomlError> {
+    let message = read_toml(text)?;
+    read_toml::<TextTables>(text)?;
+    Ok(message)
+}
+
+/// Reads a campaign file that was put together as a table, so that errors have no line.
+pub(crate) fn campaign_of_table(table: &toml::Table) -> Result<v1::CampaignSpec, TomlError> {
+    campaign(&table.to_string()).map_err(TomlError::without_place)
+}
+
+/// Reads a file that people write, whose fields are those of `T`. A byte order mark and the kind of line ends make no
+/// difference.
+///
+/// # Errors
+/// Says where the text is not TOML, which field is unknown, or which value is of the wrong type.
+pub fn read_toml<T: DeserializeOwned>(text: &str) -> Result<T, TomlError> {
+    read(text, "")
+}
+
+/// Reads the table `section` of a campaign file from a text of its own, as messages have it, so that errors have no line.
+pub(crate) fn read_section<T: DeserializeOwned>(section: &str, text: &str) -> Result<T, TomlError> {
+    read(text, section).map_err(TomlError::without_place)
+}
+
+fn read<T: DeserializeOwned>(text: &str, section: &str) -> Result<T, TomlError> {
+    let text = text
+        .strip_prefix('\u{feff}')
+        .unwrap_or(text)
+        .replace("\r\n", "\n");
+    let table = DeTable::parse(&text).map_err(|error| TomlError::of_syntax(&text, &error))?;
+    let span = table.span();
+    let root = Spanned::new(span, DeValue::Table(table.into_inner()));
+    T::deserialize(Node(&root)).map_err(|error| TomlError::of_field(&text, section, error))
+}
