@@ -41,22 +41,22 @@ def whole(field: str, given: object, least: int, most: int) -> int:
     number = plain(given)
     if isinstance(number, (int, np.integer)) and not isinstance(number, bool) and least <= number <= most:
         return int(number)
-    said = f"{field} = {shown(number)}: must be a whole number from {least} to {most}"
+    limit = f"a whole number from {least} to {most}"
     if isinstance(number, (float, np.floating)):
-        said += (
+        limit += (
             ", and no float: in a row of a data frame, large numbers such as seeds have lost digits "
             "(take it from its column)"
         )
     elif isinstance(number, (bool, np.bool_)):
-        said += ", and no truth value: `numpy.flatnonzero(mask)` has the rows that a mask is true of"
-    raise InvalidError(said)
+        limit += ", and no truth value: `numpy.flatnonzero(mask)` has the rows that a mask is true of"
+    raise InvalidError.of(field, shown(number), limit)
 
 
 def flag(field: str, given: object) -> bool:
     """True or false, of Python or numpy."""
     if isinstance(given, (bool, np.bool_)):
         return bool(given)
-    raise InvalidError(f"{field} = {shown(given)}: must be True or False")
+    raise InvalidError.of(field, shown(given), "True or False")
 
 
 def index(number: object) -> int:
@@ -74,21 +74,21 @@ def text(field: str, given: object) -> str:
         except UnicodeEncodeError:
             # It has half of a pair of surrogates.
             pass
-    raise InvalidError(f"{field} = {shown(value)}: must be a text")
+    raise InvalidError.of(field, shown(value), "a text")
 
 
 def word(given: object) -> str:
     """A word of a command: a text, or the name of a file as Python reads those that are no text."""
     if isinstance(given, str) and _can_be_passed(given):
         return given
-    raise InvalidError(f"word = {shown(given)}: must be a text, as all words of a command must")
+    raise InvalidError.of("word", shown(given), "a text, as all words of a command must")
 
 
 def path(field: str, given: object, expected: str = "a path") -> str:
     """A path for a program, which must not take it for an option. `~` is the user's home, as in a shell."""
     name = os.fsdecode(given) if isinstance(given, (str, bytes, os.PathLike)) else ""
     if not name or not _can_be_passed(name):
-        raise InvalidError(f"{field} = {shown(given)}: must be {expected}")
+        raise InvalidError.of(field, shown(given), expected)
     # Of a user that there is not, it is a name like any other.
     with suppress(RuntimeError):
         name = os.fspath(Path(name).expanduser())

@@ -202,7 +202,7 @@ class Campaign:
             try:
                 asked = [index_(one) for one in indices]
             except TypeError:
-                raise InvalidError(f"indices = {shown(indices)}: must be a list of them, such as [3, 5]") from None
+                raise InvalidError.of("indices", shown(indices), "a list of them, such as [3, 5]") from None
             found: dict[int, bytes] = {}
             if len(asked) * _PICTURES_FOR_ONE_CALL > status.generations_done * status.spec.search.population:
                 wanted = set(asked)
@@ -316,7 +316,7 @@ class Campaign:
             ['milling', 'random']
         """
         if not isinstance(answers, Mapping):
-            raise InvalidError(f"answers = {type(answers).__name__}: must be a dict, with an answer for each index")
+            raise InvalidError.of("answers", type(answers).__name__, "a dict, with an answer for each index")
         annotator = text("annotator", annotator)
         request = label_v1.AppendLabelsRequest(
             campaign=self.id,

@@ -126,7 +126,7 @@ class Client:
             with _without_place(spec):
                 created = self.rpc.call("CampaignService/CreateCampaign", request, v1.Campaign)
         except InvalidError as error:
-            raise error if is_dict else InvalidError(f"{path('spec', spec)}: {error}") from None
+            raise error if is_dict else error.reworded(f"{path('spec', spec)}: {error}") from None
         return Campaign(self, created.id)
 
     def evaluate(
@@ -364,7 +364,7 @@ def connect(
     """
     url = text("url", url)
     if url.lower().startswith("https://") and ca is None:
-        raise InvalidError("ca is missing: must be the file of a certificate, where the URL begins with https://")
+        raise InvalidError.of("ca", None, "the file of a certificate, where the URL begins with https://")
     client = Client(url, ca=Path(path("ca", ca)).absolute() if ca is not None else None, token=token, programs=programs)
     try:
         client._found("latest", _SECONDS_TO_ANSWER)
@@ -400,4 +400,4 @@ def _without_place(spec: object) -> Iterator[None]:
         if not isinstance(spec, Mapping):
             raise
         # What is wrong comes after the place, on a line of its own.
-        raise InvalidError(str(error).rsplit("\n", 1)[-1]) from None
+        raise error.reworded(str(error).rsplit("\n", 1)[-1]) from None

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import re
-
 import grpc
-
-_VALUE = re.compile(r"(?P<field>[\w.\[\]-]+) = (?P<value>.*): must be (?P<limit>.*)", re.DOTALL)
-_MISSING = re.compile(r"(?P<field>[\w.\[\]-]+) is missing: must be (?P<limit>.*)", re.DOTALL)
-_TYPE = re.compile(r"(?P<field>[\w.\[\]-]+) must be (?P<limit>.*), not (?P<value>.*)", re.DOTALL)
-_UNKNOWN = re.compile(r"unknown field `(?P<name>[^`]*)`(?: in \[(?P<section>[^]]*)\])?(?P<limit>.*)", re.DOTALL)
+from google.rpc import error_details_pb2
+from grpc_status import rpc_status
 
 
 class MurmurationError(Exception):
@@ -32,21 +27,27 @@ class InvalidError(MurmurationError, ValueError):
         search.population must be a whole number from 1 to 100000
     """
 
-    def __init__(self, said: str) -> None:
+    def __init__(
+        self, said: str, field: str | None = None, value: str | None = None, limit: str | None = None
+    ) -> None:
         super().__init__(said)
-        self.field: str | None = None
-        self.value: str | None = None
-        self.limit: str | None = None
-        # A position in a file comes before the last line.
-        sentence = said.rsplit("\n", 1)[-1]
-        if found := _VALUE.search(sentence) or _TYPE.search(sentence):
-            self.field, self.value, self.limit = found["field"], found["value"], found["limit"]
-        elif found := _MISSING.search(sentence):
-            self.field, self.limit = found["field"], found["limit"]
-        elif found := _UNKNOWN.search(sentence):
-            section = found["section"]
-            self.field = f"{section}.{found['name']}" if section else found["name"]
-            self.limit = found["limit"].lstrip(":. ") or None
+        self.field = field
+        self.value = value
+        self.limit = limit
+
+    @classmethod
+    def of(cls, field: str, value: str | None, limit: str) -> InvalidError:
+        """The error about a field of this library; without `value` the field is missing."""
+        found = f"{field} is missing" if value is None else f"{field} = {value}"
+        return cls(f"{found}: must be {limit}", field, value, limit)
+
+    def reworded(self, said: str) -> InvalidError:
+        """The same error in other words."""
+        return InvalidError(said, self.field, self.value, self.limit)
+
+    def __reduce__(self) -> tuple[type[InvalidError], tuple[str, str | None, str | None, str | None]]:
+        # Processes of a pool send it to each other.
+        return type(self), (str(self), self.field, self.value, self.limit)
 
 
 class NotFoundError(MurmurationError, LookupError):
@@ -113,4 +114,23 @@ def of_status(error: grpc.RpcError) -> MurmurationError:
     if not isinstance(error, grpc.Call):
         return MurmurationError(str(error))
     said = error.details() or error.code().name
-    return _BY_CODE.get(error.code(), MurmurationError)(said)
+    kind = _BY_CODE.get(error.code(), MurmurationError)
+    return _invalid(said, error) if kind is InvalidError else kind(said)
+
+
+def _invalid(said: str, call: grpc.Call) -> InvalidError:
+    """The error with what the details of a status say of the field; a proxy may have dropped them."""
+    error = InvalidError(said)
+    try:
+        status = rpc_status.from_call(call)
+    except ValueError:
+        # Details of another status than the call's.
+        return error
+    for detail in status.details if status else ():
+        request, info = error_details_pb2.BadRequest(), error_details_pb2.ErrorInfo()
+        if detail.Unpack(request) and request.field_violations:
+            violation = request.field_violations[0]
+            error.field, error.limit = violation.field, violation.description or None
+        elif detail.Unpack(info):
+            error.value = info.metadata.get("value")
+    return error

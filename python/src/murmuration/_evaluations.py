@@ -67,7 +67,7 @@ def evaluate(
     """Has controllers evaluated as the text of a campaign file describes it."""
     genes = _numbers("controllers", controllers, "(controllers, genes)")
     if genes.ndim != 2 or not len(genes):
-        raise InvalidError(f"controllers = an array of shape {genes.shape}: must be (controllers, genes), at least one")
+        raise InvalidError.of("controllers", f"an array of shape {genes.shape}", "(controllers, genes), at least one")
     numbers = None if seeds is None else _seeds(seeds, len(genes))
     requests = _requests(description, genes, numbers, pictures)
     answered = rpc.exchange("EvaluationService/Evaluate", requests, v1.EvaluateResponse)
@@ -82,7 +82,7 @@ def _seeds(seeds: Iterable[Any] | int, controllers: int) -> list[int]:
         given = [whole("seeds", given, 0, _MOST_SEEDS - 1)] * controllers
     numbers = [whole(f"seeds[{place}]", seed, 0, _MOST_SEEDS - 1) for place, seed in enumerate(given)]
     if len(numbers) != controllers:
-        raise InvalidError(f"seeds = {len(numbers)} of them: must be one, or one for each of {controllers} controllers")
+        raise InvalidError.of("seeds", f"{len(numbers)} of them", f"one, or one for each of {controllers} controllers")
     return numbers
 
 
@@ -142,7 +142,7 @@ def replay(
     """Has the motion of a controller simulated, in a world as the text of a campaign file describes it."""
     genes = _numbers("controller", controller, "(genes,)")
     if genes.ndim != 1:
-        raise InvalidError(f"controller = an array of shape {genes.shape}: must be the genes of one, (genes,)")
+        raise InvalidError.of("controller", f"an array of shape {genes.shape}", "the genes of one, (genes,)")
     request = v1.SimulateRequest(
         description=v1.EvaluationDescription(toml=description),
         controller=genes.tolist(),
@@ -178,7 +178,7 @@ def _numbers(field: str, given: npt.ArrayLike, shape: str) -> npt.NDArray[np.flo
         return array.astype(np.float64, copy=False)
     except (TypeError, ValueError, OverflowError) as error:
         why = " ".join(str(error).split())
-        raise InvalidError(f"{field} = what is no array: must be numbers, {shape}: {why}") from None
+        raise InvalidError.of(field, "what is no array", f"numbers, {shape}: {why}") from None
 
 
 def _nothing_like(result: v1.EvaluateResult) -> list[worker.Evaluation]:

@@ -156,7 +156,7 @@ def _token(given: object) -> str:
     """A token that can be sent, without what a file has around it. Messages do not quote it."""
     token = given.strip() if isinstance(given, str) else ""
     if not token.isascii() or not token.isprintable() or not token or " " in token:
-        raise InvalidError("token = (not shown): must be a text of visible ASCII characters, such as mur_...")
+        raise InvalidError.of("token", "(not shown)", "a text of visible ASCII characters, such as mur_...")
     return token
 
 
@@ -168,5 +168,5 @@ def _address(url: str) -> tuple[str, str]:
     except (AttributeError, TypeError, ValueError):
         is_one = False
     if not is_one or "@" in parts.netloc or parts.path.strip("/") or parts.query or parts.fragment:
-        raise InvalidError(f"url = {url}: must be http://HOST:PORT or https://HOST:PORT, with a port from 1 to 65535")
+        raise InvalidError.of("url", url, "http://HOST:PORT or https://HOST:PORT, with a port from 1 to 65535")
     return parts.scheme, parts.netloc

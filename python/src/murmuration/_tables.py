@@ -49,21 +49,21 @@ def matrix(column: pa.ChunkedArray[Any] | pa.Array[Any] | Iterable[Any]) -> npt.
     if not (
         pa.types.is_list(array.type) or pa.types.is_fixed_size_list(array.type) or pa.types.is_large_list(array.type)
     ):
-        raise InvalidError(f"column = one of {array.type}: must be one of lists")
+        raise InvalidError.of("column", f"one of {array.type}", "one of lists")
     if array.null_count:
         raise InvalidError("the column has nulls, as that of embeddings in a campaign without embedder")
     flat = pc.list_flatten(array)
     kind = flat.type
     if flat.null_count or not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_null(kind)):
         what = "nulls" if flat.null_count else str(kind)
-        raise InvalidError(f"column = lists of {what}: must be of numbers")
+        raise InvalidError.of("column", f"lists of {what}", "of numbers")
     lengths = (
         {array.type.list_size}
         if pa.types.is_fixed_size_list(array.type)
         else set(pc.list_value_length(array).unique().to_pylist())
     )
     if len(lengths) > 1:
-        raise InvalidError(f"column = lists of {min(lengths)} to {max(lengths)} numbers: must be of one length")
+        raise InvalidError.of("column", f"lists of {min(lengths)} to {max(lengths)} numbers", "of one length")
     numbers: npt.NDArray[Any] = flat.to_numpy(zero_copy_only=False)
     if pa.types.is_null(kind):
         # Empty lists say nothing of their numbers.
@@ -83,7 +83,7 @@ def _array(column: pa.ChunkedArray[Any] | pa.Array[Any] | Iterable[Any]) -> pa.A
             raise TypeError(f"its `to_arrow` gives a {type(array).__name__}")
         return array
     except (TypeError, ValueError, OverflowError, pa.ArrowException) as error:
-        raise InvalidError(f"column = {type(column).__name__}: must be a column of lists: {error}") from None
+        raise InvalidError.of("column", type(column).__name__, f"a column of lists: {error}") from None
 
 
 def archive(individuals: Sequence[v1.Individual], classes: Mapping[int, str]) -> pa.Table:
