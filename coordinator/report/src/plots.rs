@@ -8,6 +8,7 @@ use crate::{
 };
 use maud::{Markup, html};
 use murmuration_model::colours;
+use serde::Serialize;
 
 /// Size in pixels for a wide page and for papers.
 pub(super) const WIDE: [f64; 2] = [1180.0, 340.0];
@@ -35,7 +36,7 @@ pub(super) struct Curves {
 }
 
 /// Where the values of a plot are in its picture.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Frame {
     /// Where the first generation and the `last` one are, as parts of the width from the left.
     pub(super) across: [f64; 2],

@@ -17,8 +17,7 @@ use murmuration_model::labels::{Annotator, Answer, ClassName, Label, Labels};
 use murmuration_proto::v1::{self, label_service_server::LabelService as _};
 use murmuration_report::picture::columns::column;
 use murmuration_service::OrStatus as _;
-use serde::Deserialize;
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use tonic::Request;
 
@@ -72,12 +71,24 @@ pub(super) async fn page(OfCampaign { record, visitor, .. }: OfCampaign) -> Resu
     Ok(campaign_page(&record, Part::Answers, &visitor, content))
 }
 
-/// The answers that stand, in columns: the individual, the place of the annotator, the place of the class, and when, in
-/// milliseconds since 1970-01-01 UTC.
+/// The answers that stand, in columns.
+#[derive(Debug, Serialize)]
+pub(super) struct AnswersView {
+    classes: Vec<teach::ClassView>,
+    annotators: Vec<String>,
+    individual: String,
+    /// Place in `annotators`.
+    annotator: String,
+    /// Place in `classes`, [`NOT_SURE`] or [`SKIP`].
+    answer: String,
+    /// Milliseconds since 1970-01-01 UTC.
+    time: String,
+}
+
 pub(super) async fn standing(
     State(web): State<Web>,
     Path(campaign): Path<String>,
-) -> Result<Json<Value>, Refused> {
+) -> Result<Json<AnswersView>, Refused> {
     let store = web.store.clone();
     let read = move || store.labels_of(&campaign);
     let labels = blocking(read).await.or_status()?.or_status()?;
@@ -85,7 +96,7 @@ pub(super) async fn standing(
     Ok(Json(told))
 }
 
-fn columns(labels: &Labels) -> Value {
+fn columns(labels: &Labels) -> AnswersView {
     let classes = labels.classes();
     let place: BTreeMap<&ClassName, u16> = classes.iter().map(|class| &class.name).zip(0..).collect();
     let standing: Vec<Label> = labels.standing().collect();
@@ -101,14 +112,15 @@ fn columns(labels: &Labels) -> Value {
     };
     let mut names: Vec<(&Annotator, u16)> = people.iter().map(|(name, place)| (*name, *place)).collect();
     names.sort_by_key(|(_, place)| *place);
-    json!({
-        "classes": classes.iter().map(teach::class).collect::<Vec<_>>(),
-        "annotators": names.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(),
-        "individual": column(standing.iter().map(|label| (label.index as u32).to_le_bytes())),
-        "annotator": column(standing.iter().map(|label| people.get(&label.annotator).copied().unwrap_or_default().to_le_bytes())),
-        "answer": column(standing.iter().map(|label| said(&label.answer).to_le_bytes())),
-        "time": column(standing.iter().map(|label| (label.time_ms as f64).to_le_bytes())),
-    })
+    let person = |label: &Label| people.get(&label.annotator).copied().unwrap_or_default();
+    AnswersView {
+        classes: classes.iter().map(Into::into).collect(),
+        annotators: names.iter().map(|(name, _)| name.to_string()).collect(),
+        individual: column(standing.iter().map(|label| (label.index as u32).to_le_bytes())),
+        annotator: column(standing.iter().map(|label| person(label).to_le_bytes())),
+        answer: column(standing.iter().map(|label| said(&label.answer).to_le_bytes())),
+        time: column(standing.iter().map(|label| (label.time_ms as f64).to_le_bytes())),
+    }
 }
 
 /// Answers of one annotator to withdraw.
@@ -125,7 +137,7 @@ pub(super) async fn withdraw(
     State(web): State<Web>,
     Path(campaign): Path<String>,
     Json(said): Json<Withdraw>,
-) -> Result<Json<Value>, Refused> {
+) -> Result<Json<teach::ClassesView>, Refused> {
     let request = v1::WithdrawLabelsRequest {
         campaign: campaign.clone(),
         request_id: said.request_id,

@@ -9,7 +9,7 @@ use super::{
     of_campaign::OfCampaign,
     page_error::PageError,
     parts,
-    play::described,
+    play::SwarmView,
 };
 use axum::{
     body::Bytes,
@@ -29,6 +29,7 @@ use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
 };
 use murmuration_store::{ArchivedIndividual, Store, StoreError, kept::LatestAnswers};
+use serde_json::json;
 use std::sync::Arc;
 use tonic::Status;
 
@@ -72,7 +73,7 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
     let layout = atlas_of(&record).ok_or(PageError::NoPage)?;
     let others = others::others(&web, &record).await?;
     let (id, spec) = (&record.id, &record.spec);
-    let swarm = described(spec.model(), spec.world());
+    let swarm = json!(SwarmView::of(spec.model(), spec.world()));
     let content = html! {
         div.wide-bar {
             h1 { "Atlas" }

@@ -19,8 +19,7 @@ use murmuration_model::{
 };
 use murmuration_proto::v1::{self, change_class_request::Change, label_service_server::LabelService as _};
 use murmuration_service::OrStatus as _;
-use serde::Deserialize;
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use tonic::Request;
 
@@ -70,11 +69,39 @@ pub(super) async fn page(OfCampaign { record, visitor, .. }: OfCampaign) -> Resu
     Ok(campaign_page(&record, Part::Classes, &visitor, content))
 }
 
-/// The classes, each with who named it and some of its individuals; and the changes of classes that stand, the newest first.
+#[derive(Debug, Serialize)]
+pub(super) struct DetailsView {
+    classes: Vec<NamedClassView>,
+    /// The changes of classes that stand, the newest first.
+    changes: Vec<ChangeView>,
+}
+
+#[derive(Debug, Serialize)]
+struct NamedClassView {
+    name: String,
+    colour: String,
+    shortcut: Option<String>,
+    labels: u64,
+    /// The annotators who named it.
+    people: BTreeSet<String>,
+    /// Some of its individuals.
+    individuals: BTreeSet<u64>,
+}
+
+#[derive(Debug, Serialize)]
+struct ChangeView {
+    /// Number of the entry in the label log.
+    entry: u64,
+    annotator: String,
+    /// In RFC 3339.
+    time: String,
+    said: String,
+}
+
 pub(super) async fn details(
     State(web): State<Web>,
     Path(campaign): Path<String>,
-) -> Result<Json<Value>, Refused> {
+) -> Result<Json<DetailsView>, Refused> {
     let store = web.store.clone();
     let read = move || store.labels_of(&campaign);
     let labels = blocking(read).await.or_status()?.or_status()?;
@@ -89,7 +116,7 @@ struct Named {
     individuals: BTreeSet<u64>,
 }
 
-fn told(labels: &Labels) -> Value {
+fn told(labels: &Labels) -> DetailsView {
     let mut named: BTreeMap<ClassName, Named> = BTreeMap::new();
     for label in labels.standing() {
         if let Answer::Class(class) = label.answer {
@@ -102,24 +129,27 @@ fn told(labels: &Labels) -> Value {
     }
     let classes = labels.classes().into_iter().map(|class| {
         let Named { people, individuals } = named.remove(&class.name).unwrap_or_default();
-        json!({
-            "name": class.name.as_str(),
-            "colour": class.colour.to_string(),
-            "shortcut": class.shortcut.map(|key| key.to_string()),
-            "labels": class.labels,
-            "people": people,
-            "individuals": individuals,
-        })
+        NamedClassView {
+            name: class.name.to_string(),
+            colour: class.colour.to_string(),
+            shortcut: class.shortcut.map(|key| key.to_string()),
+            labels: class.labels,
+            people,
+            individuals,
+        }
     });
-    let changes = labels.class_changes().rev().take(CHANGES).map(|(entry, change)| {
-        json!({
-            "entry": entry,
-            "annotator": change.annotator.as_str(),
-            "time": Timestamp::from_ms(change.time_ms).to_string(),
-            "said": said(&change.action),
-        })
+    let classes = classes.collect();
+    let changes = labels.class_changes().rev().take(CHANGES);
+    let changes = changes.map(|(entry, change)| ChangeView {
+        entry,
+        annotator: change.annotator.to_string(),
+        time: Timestamp::from_ms(change.time_ms).to_string(),
+        said: said(&change.action),
     });
-    json!({ "classes": classes.collect::<Vec<_>>(), "changes": changes.collect::<Vec<_>>() })
+    DetailsView {
+        classes,
+        changes: changes.collect(),
+    }
 }
 
 /// A change of a class in words, after the annotator's name.
@@ -165,7 +195,7 @@ pub(super) async fn change(
     State(web): State<Web>,
     Path(campaign): Path<String>,
     Json(said): Json<Changed>,
-) -> Result<Json<Value>, Refused> {
+) -> Result<Json<DetailsView>, Refused> {
     let change = match said.change {
         Wanted::Create { class } => Change::Create(v1::CreateClass { class }),
         Wanted::Rename { class, to } => Change::Rename(v1::RenameClass { class, to }),

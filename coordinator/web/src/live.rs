@@ -12,6 +12,7 @@ use murmuration_engine::{blocking::blocking, campaign::CampaignError};
 use murmuration_model::{CampaignState, Rounds};
 use murmuration_proto::CheckpointDigest;
 use murmuration_service::Followed;
+use serde::Serialize;
 use serde_json::json;
 use std::{convert::Infallible, sync::Arc, time::Duration};
 use tokio::sync::{Mutex, mpsc};
@@ -82,7 +83,22 @@ struct Rendered {
     history: Markup,
 }
 
-/// For scripts: the state of the archive, the length of its label log, and the current stage as a sentence.
+/// The state of a campaign, for scripts.
+#[derive(Debug, Serialize)]
+struct ChangesView {
+    /// When the archive was made, milliseconds since 1970-01-01 UTC, and how often it was rolled back.
+    created: String,
+    archive_state: String,
+    archive_version: String,
+    individuals: u64,
+    completed: bool,
+    /// Entries of the label log.
+    labels: u64,
+    /// The current stage as a sentence.
+    doing: Option<String>,
+}
+
+/// Sends the state of a campaign whenever it changes.
 pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, PageError> {
     let id = web.campaigns.status(&id).await?.record.id;
     let sights = web.sights.follow(format!("changes {id}"));
@@ -94,14 +110,14 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
             let record = status.record;
             let entries = blocking(move || web.store.label_entries(&id)).await??;
             let archive = ArchiveState::of(&record);
-            let seen = json!({
-                "created": record.archive_version().origin(),
-                "archive_state": archive.word(),
-                "archive_version": archive.version.to_string(),
-                "individuals": archive.individuals,
-                "completed": archive.completed,
-                "labels": entries,
-                "doing": doing,
+            let seen = json!(ChangesView {
+                created: record.archive_version().origin(),
+                archive_state: archive.word(),
+                archive_version: archive.version.to_string(),
+                individuals: archive.individuals,
+                completed: archive.completed,
+                labels: entries,
+                doing,
             });
             Ok::<_, CampaignError>(seen.to_string())
         }

@@ -26,7 +26,7 @@ use murmuration_report::{
 };
 use murmuration_search::medoids::Clustering;
 use murmuration_service::OrStatus as _;
-use serde_json::{Value, json};
+use serde::Serialize;
 
 /// The keys that nobody can change: those of the map itself, while it has the focus, and of the selection.
 const KEYS: [(&str, &str); 8] = [
@@ -122,7 +122,31 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
 }
 
 /// The properties of each point besides its place. While the archive grows, only its first individuals have a cluster.
-pub(super) async fn points(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct PointsView {
+    /// Number of individuals.
+    count: u64,
+    population: u32,
+    /// Whether the clusters are those of the taxonomy.
+    r#final: bool,
+    #[serde(rename = "archive_version")]
+    archive_version: String,
+    /// Places of the medoids.
+    medoids: Vec<usize>,
+    /// Trials of each individual.
+    starts: usize,
+    /// Columns: the trials that show an individual's own behaviour, and its cluster.
+    robust: String,
+    cluster: String,
+    cluster_names: Vec<Option<String>>,
+    cluster_colours: Vec<String>,
+}
+
+pub(super) async fn points(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+) -> Result<Json<PointsView>, Refused> {
     let record = web.campaigns.status(&id).await.or_status()?.record;
     let (individuals, population) = (record.individuals(), record.spec.search().population());
     let starts = record.spec.starts().get();
@@ -141,18 +165,24 @@ pub(super) async fn points(State(web): State<Web>, Path(id): Path<String>) -> Re
     let Clustering {
         medoids, clusters, ..
     } = &clustered.clustering;
-    Ok(Json(json!({
-        "count": individuals,
-        "population": population,
-        "final": clustered.is_taxonomy,
-        "archive_version": clustered.space.archive_version.to_string(),
-        "medoids": medoids,
-        "starts": starts,
-        "robust": column(clustered.robust_trials.iter().map(|&robust| [robust])),
-        "cluster": column(clusters.iter().map(|cluster| (*cluster as u16).to_le_bytes())),
-        "clusterNames": names.names.iter().map(|name| name.as_ref().map(in_words)).collect::<Vec<_>>(),
-        "clusterColours": (0..medoids.len()).map(|place| colours::hex(colours::cluster(place))).collect::<Vec<_>>(),
-    })))
+    Ok(Json(PointsView {
+        count: individuals,
+        population,
+        r#final: clustered.is_taxonomy,
+        archive_version: clustered.space.archive_version.to_string(),
+        medoids: medoids.clone(),
+        starts,
+        robust: column(clustered.robust_trials.iter().map(|&robust| [robust])),
+        cluster: column(clusters.iter().map(|cluster| (*cluster as u16).to_le_bytes())),
+        cluster_names: names
+            .names
+            .iter()
+            .map(|name| name.as_ref().map(in_words))
+            .collect(),
+        cluster_colours: (0..medoids.len())
+            .map(|place| colours::hex(colours::cluster(place)))
+            .collect(),
+    }))
 }
 
 /// The name of a cluster, with a word about where it comes from unless a person gave it to the medoid.
@@ -166,7 +196,10 @@ fn in_words(name: &ClusterName) -> String {
 }
 
 /// Places on the principal axes.
-pub(super) async fn axes(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
+pub(super) async fn axes(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+) -> Result<Json<PlacesView>, Refused> {
     let record = web.campaigns.status(&id).await.or_status()?.record;
     let maps = web.maps.clone();
     let axes = in_background(move |_| maps.axes(&record))
@@ -190,8 +223,20 @@ pub(super) async fn neighbours(State(web): State<Web>, Path(id): Path<String>) -
     })
 }
 
-fn places(points: &[[f64; 2]]) -> Value {
+/// The places of points: columns over the spans that they take.
+#[derive(Debug, Serialize)]
+pub(super) struct PlacesView {
+    x: String,
+    y: String,
+    spans: [f64; 2],
+}
+
+fn places(points: &[[f64; 2]]) -> PlacesView {
     let axis = |axis: usize| points.iter().map(move |point| point[axis]);
     let spans = [span(axis(0)), span(axis(1))];
-    json!({ "x": spread(axis(0)), "y": spread(axis(1)), "spans": spans })
+    PlacesView {
+        x: spread(axis(0)),
+        y: spread(axis(1)),
+        spans,
+    }
 }

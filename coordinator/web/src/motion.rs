@@ -22,9 +22,12 @@ use murmuration_proto::{
     parts::whole,
     v1::{self, campaign_service_server::CampaignService as _},
 };
-use murmuration_report::picture::{self, Animation, Bodies, columns};
+use murmuration_report::picture::{
+    self, Animation, Bodies,
+    columns::{self, MotionView, WorldView},
+};
 use murmuration_service::OrStatus as _;
-use serde_json::json;
+use serde::Serialize;
 use std::time::Duration;
 use tonic::{Request, Status};
 
@@ -60,6 +63,15 @@ async fn simulated(web: &Web, campaign: &str, index: u64) -> Result<Simulated, S
     })
 }
 
+/// What a script draws a motion from.
+#[derive(Debug, Serialize)]
+struct IndividualView {
+    world: WorldView,
+    /// Of the agents, or of the species.
+    colours: Vec<String>,
+    run: MotionView,
+}
+
 pub(super) async fn motion(
     State(web): State<Web>,
     Path((campaign, index)): Path<(String, u64)>,
@@ -72,12 +84,12 @@ pub(super) async fn motion(
     } = simulated(&web, &campaign, index).await?;
     let world = record.spec.world();
     let bodies = Bodies::of(&controller, world);
-    let told = json!({
-        "world": columns::world(world),
-        "colours": colours::AGENTS.map(colours::hex),
-        "run": columns::motion(&replay, world, bodies.colouring(), MOTION_BYTES),
-    });
-    Ok(([created.keep(&record)], Json(told)))
+    let view = IndividualView {
+        world: world.into(),
+        colours: colours::AGENTS.map(colours::hex).to_vec(),
+        run: columns::motion(&replay, world, bodies.colouring(), MOTION_BYTES),
+    };
+    Ok(([created.keep(&record)], Json(view)))
 }
 
 /// The whole motion as an animated GIF to download. An error is answered with a page.

@@ -10,13 +10,20 @@ use murmuration_model::{CampaignRecord, Stage};
 use murmuration_report::{GenerationSummary, condensed, picture::columns::column};
 use murmuration_service::OrStatus as _;
 use murmuration_store::StoreError;
-use serde_json::{Value, json};
+use serde::Serialize;
 
-/// The best and the mean novelty of each generation, as they were evaluated; of many generations, of several together.
+/// The best and the mean novelty of each generation, as they were evaluated, in columns; of many generations, of several together.
+#[derive(Debug, Serialize)]
+pub(super) struct GenerationsView {
+    generation: String,
+    best: String,
+    mean: String,
+}
+
 pub(super) async fn generations(
     State(web): State<Web>,
     Path(id): Path<String>,
-) -> Result<Json<Value>, Refused> {
+) -> Result<Json<GenerationsView>, Refused> {
     let id = web.campaigns.status(&id).await.or_status()?.record.id;
     let store = web.store.clone();
     let records = blocking(move || store.generations(&id))
@@ -33,16 +40,33 @@ pub(super) async fn generations(
         })
         .collect();
     let steps = condensed(&all);
-    Ok(Json(json!({
-        "generation": column(steps.iter().map(|step| step.generation.to_le_bytes())),
-        "best": column(steps.iter().map(|step| step.best_novelty.to_le_bytes())),
-        "mean": column(steps.iter().map(|step| step.mean_novelty.to_le_bytes())),
-    })))
+    Ok(Json(GenerationsView {
+        generation: column(steps.iter().map(|step| step.generation.to_le_bytes())),
+        best: column(steps.iter().map(|step| step.best_novelty.to_le_bytes())),
+        mean: column(steps.iter().map(|step| step.mean_novelty.to_le_bytes())),
+    }))
 }
 
-/// Measurements of each epoch of the trainings, in order, and events: the ends of rounds and the notices, each with the
-/// number of complete generations that there were then.
-pub(super) async fn epochs(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
+/// The trainings of a campaign.
+#[derive(Debug, Serialize)]
+pub(super) struct EpochsView {
+    /// Round, epoch, loss and accuracy of each epoch, in order.
+    epochs: Vec<(u32, u64, Option<f64>, Option<f64>)>,
+    events: Vec<EventView>,
+}
+
+/// The end of a round, or a notice.
+#[derive(Debug, Serialize)]
+struct EventView {
+    /// Generations that were complete then.
+    generation: u32,
+    text: String,
+}
+
+pub(super) async fn epochs(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+) -> Result<Json<EpochsView>, Refused> {
     let status = web.campaigns.status(&id).await.or_status()?;
     let (store, id) = (web.store.clone(), status.record.id.clone());
     let epochs = blocking(move || store.epochs(&id))
@@ -63,13 +87,16 @@ pub(super) async fn epochs(State(web): State<Web>, Path(id): Path<String>) -> Re
         events.push(learned(last.round, *at));
     }
     for notice in status.notices {
-        events.push(json!({ "generation": notice.generations, "text": notice.text }));
+        events.push(EventView {
+            generation: notice.generations,
+            text: notice.text,
+        });
     }
-    let epochs: Vec<Value> = epochs
+    let epochs = epochs
         .iter()
-        .map(|(epoch, _)| json!([epoch.round, epoch.epoch, epoch.loss, epoch.accuracy]))
+        .map(|(epoch, _)| (epoch.round, epoch.epoch, epoch.loss, epoch.accuracy))
         .collect();
-    Ok(Json(json!({ "epochs": epochs, "events": events })))
+    Ok(Json(EpochsView { epochs, events }))
 }
 
 /// Whether the training of a round ended, from which epochs are known: a campaign may be paused in the middle of one.
@@ -80,19 +107,28 @@ fn has_ended(record: &CampaignRecord, round: u32) -> bool {
     }
 }
 
-fn learned(round: u32, generation: u32) -> Value {
+fn learned(round: u32, generation: u32) -> EventView {
     let text = match round {
         0 => "first checkpoint".to_owned(),
         round => format!("new checkpoint, after round {round}"),
     };
-    json!({ "generation": generation, "text": text })
+    EventView { generation, text }
 }
 
 const SHOWN: u32 = super::pages::SHOWN as u32;
 
 /// The newest individuals and the most novel ones, for the moving pictures of a campaign that searches: of each its index, its
 /// generation and its novelty when evaluated.
-pub(super) async fn shown(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
+#[derive(Debug, Serialize)]
+pub(super) struct ShownView {
+    newest: Vec<(u64, u32, f64)>,
+    novel: Vec<(u64, u32, f64)>,
+}
+
+pub(super) async fn shown(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+) -> Result<Json<ShownView>, Refused> {
     let record = web.campaigns.status(&id).await.or_status()?.record;
     let store = web.store.clone();
     let (newest, novel) = blocking(move || {
@@ -104,11 +140,11 @@ pub(super) async fn shown(State(web): State<Web>, Path(id): Path<String>) -> Res
     .await
     .or_status()?
     .or_status()?;
-    let newest: Vec<_> = newest
+    let newest = newest
         .iter()
         .map(|one| (one.index, one.generation, one.novelty))
         .collect();
-    Ok(Json(json!({ "newest": newest, "novel": novel })))
+    Ok(Json(ShownView { newest, novel }))
 }
 
 #[cfg(test)]

@@ -14,12 +14,11 @@ use murmuration_proto::{
 };
 use murmuration_report::picture::columns::column;
 use murmuration_service::OrStatus as _;
-use serde::Deserialize;
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use tonic::Request;
 
-type Told = Result<Json<Value>, Refused>;
+type Told<T> = Result<Json<T>, Refused>;
 
 /// A request for questions; see `NextQueriesRequest`.
 #[derive(Debug, Deserialize)]
@@ -33,7 +32,28 @@ pub(super) struct Ask {
     again: Vec<u64>,
 }
 
-pub(super) async fn ask(State(web): State<Web>, Path(campaign): Path<String>, Json(ask): Json<Ask>) -> Told {
+/// The questions that a window holds now.
+#[derive(Debug, Serialize)]
+pub(super) struct QueriesView {
+    queries: Vec<QueryView>,
+    /// Individuals about which somebody, this annotator, or the rule-based judge alone has answered.
+    answered: u64,
+    own: u64,
+    synthetic: u64,
+    individuals: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct QueryView {
+    index: u64,
+    reason: String,
+}
+
+pub(super) async fn ask(
+    State(web): State<Web>,
+    Path(campaign): Path<String>,
+    Json(ask): Json<Ask>,
+) -> Told<QueriesView> {
     let strategy: Strategy = ask.strategy.parse()?;
     let request = v1::NextQueriesRequest {
         campaign,
@@ -45,14 +65,14 @@ pub(super) async fn ask(State(web): State<Web>, Path(campaign): Path<String>, Js
         again: ask.again,
     };
     let asked = web.labels.next_queries(Request::new(request)).await?.into_inner();
-    let query = |query: &v1::Query| json!({ "index": query.index, "reason": query.reason });
-    Ok(Json(json!({
-        "queries": asked.queries.iter().map(query).collect::<Vec<_>>(),
-        "answered": asked.answered,
-        "own": asked.own,
-        "synthetic": asked.synthetic,
-        "individuals": asked.individuals,
-    })))
+    let query = |v1::Query { index, reason }| QueryView { index, reason };
+    Ok(Json(QueriesView {
+        queries: asked.queries.into_iter().map(query).collect(),
+        answered: asked.answered,
+        own: asked.own,
+        synthetic: asked.synthetic,
+        individuals: asked.individuals,
+    }))
 }
 
 /// Answers of one annotator.
@@ -75,7 +95,7 @@ pub(super) async fn answer(
     State(web): State<Web>,
     Path(campaign): Path<String>,
     Json(said): Json<Answers>,
-) -> Told {
+) -> Told<ClassesView> {
     let answers = said.answers.into_iter().map(|answer| v1::Answer {
         index: answer.index,
         answer: answer.answer,
@@ -104,7 +124,7 @@ pub(super) async fn undo(
     State(web): State<Web>,
     Path(campaign): Path<String>,
     Json(said): Json<Undo>,
-) -> Told {
+) -> Told<ClassesView> {
     let request = v1::UndoLabelsRequest {
         campaign: campaign.clone(),
         request_id: said.request_id,
@@ -113,13 +133,37 @@ pub(super) async fn undo(
     let undone = web.labels.undo_labels(Request::new(request)).await?;
     let undone = whole(undone.into_inner()).await?;
     let answers = undone.undone.into_iter().filter_map(|label| label.answer);
-    let individuals: Vec<u64> = answers.map(|answer| answer.index).collect();
-    let Json(mut told) = classes(&web, campaign).await?;
-    told["individuals"] = json!(individuals);
-    Ok(Json(told))
+    let individuals = answers.map(|answer| answer.index).collect();
+    let Json(view) = classes(&web, campaign).await?;
+    Ok(Json(ClassesView {
+        individuals: Some(individuals),
+        ..view
+    }))
 }
 
-pub(super) async fn classes(web: &Web, campaign: String) -> Told {
+/// The classes after a request.
+#[derive(Debug, Serialize)]
+pub(super) struct ClassesView {
+    classes: Vec<ClassView>,
+    /// Individuals whose answers were undone, where that was asked.
+    individuals: Option<Vec<u64>>,
+}
+
+/// A class.
+#[derive(Debug, Serialize)]
+pub(super) struct ClassView {
+    name: String,
+    /// `#rrggbb`.
+    colour: String,
+    /// The key that somebody chose for it.
+    shortcut: Option<String>,
+    /// Number of standing answers that name it.
+    labels: u64,
+    /// Classes with nearly the same name.
+    near: Vec<String>,
+}
+
+pub(super) async fn classes(web: &Web, campaign: String) -> Told<ClassesView> {
     let request = v1::ListClassesRequest { campaign };
     let classes = web
         .labels
@@ -127,33 +171,57 @@ pub(super) async fn classes(web: &Web, campaign: String) -> Told {
         .await?
         .into_inner()
         .classes;
-    let class = |class: &v1::LabelClass| json!({ "name": class.name, "colour": class.colour, "shortcut": class.shortcut, "labels": class.labels, "near": class.near });
-    Ok(Json(
-        json!({ "classes": classes.iter().map(class).collect::<Vec<_>>() }),
-    ))
+    Ok(Json(ClassesView {
+        classes: classes.into_iter().map(Into::into).collect(),
+        individuals: None,
+    }))
 }
 
-pub(super) fn class(class: &Class) -> Value {
-    let near: Vec<&str> = class.near.iter().map(ClassName::as_str).collect();
-    json!({
-        "name": class.name.as_str(),
-        "colour": class.colour.to_string(),
-        "shortcut": class.shortcut.map(|key| key.to_string()),
-        "labels": class.labels,
-        "near": near,
-    })
+impl From<v1::LabelClass> for ClassView {
+    fn from(class: v1::LabelClass) -> Self {
+        Self {
+            name: class.name,
+            colour: class.colour,
+            shortcut: (!class.shortcut.is_empty()).then_some(class.shortcut),
+            labels: class.labels,
+            near: class.near,
+        }
+    }
 }
 
-/// The classes, and as columns the index of each individual with a class, the place of its class, and whether only the
-/// rule-based judge gave it.
-pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>) -> Told {
+impl From<&Class> for ClassView {
+    fn from(class: &Class) -> Self {
+        Self {
+            name: class.name.to_string(),
+            colour: class.colour.to_string(),
+            shortcut: class.shortcut.map(|key| key.to_string()),
+            labels: class.labels,
+            near: class.near.iter().map(ToString::to_string).collect(),
+        }
+    }
+}
+
+/// The classes and, in columns, each individual that has one.
+#[derive(Debug, Serialize)]
+pub(super) struct LabelsView {
+    classes: Vec<ClassView>,
+    annotators: Vec<String>,
+    /// Columns: the individual, the place of its class, and whether only the rule-based judge gave it.
+    individual: String,
+    class: String,
+    machine: String,
+}
+
+pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>) -> Told<LabelsView> {
     let store = web.store.clone();
     let read = move || store.labels_of(&campaign);
     let labels = blocking(read).await.or_status()?.or_status()?;
-    Ok(in_background(move |_| in_columns(&labels)).await.or_status()?)
+    Ok(Json(
+        in_background(move |_| in_columns(&labels)).await.or_status()?,
+    ))
 }
 
-fn in_columns(labels: &Labels) -> Json<Value> {
+fn in_columns(labels: &Labels) -> LabelsView {
     let classes = labels.classes();
     let place: BTreeMap<&ClassName, u16> = classes.iter().map(|class| &class.name).zip(0..).collect();
     let given = labels.given_classes();
@@ -164,11 +232,11 @@ fn in_columns(labels: &Labels) -> Json<Value> {
     let people = labels
         .annotators()
         .filter(|annotator| labels.answered_by(annotator) > 0);
-    Json(json!({
-        "classes": classes.iter().map(class).collect::<Vec<_>>(),
-        "annotators": people.map(Annotator::as_str).collect::<Vec<_>>(),
-        "individual": column(placed.iter().map(|(index, ..)| (*index as u32).to_le_bytes())),
-        "class": column(placed.iter().map(|(_, class, _)| class.to_le_bytes())),
-        "machine": column(placed.iter().map(|(.., by_machine)| [u8::from(*by_machine)])),
-    }))
+    LabelsView {
+        classes: classes.iter().map(Into::into).collect(),
+        annotators: people.map(Annotator::to_string).collect(),
+        individual: column(placed.iter().map(|(index, ..)| (*index as u32).to_le_bytes())),
+        class: column(placed.iter().map(|(_, class, _)| class.to_le_bytes())),
+        machine: column(placed.iter().map(|(.., by_machine)| [u8::from(*by_machine)])),
+    }
 }

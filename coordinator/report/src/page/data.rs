@@ -5,7 +5,7 @@ use crate::{
     Entry, Report, again,
     picture::{
         Bodies,
-        columns::{self, column, span, spread},
+        columns::{self, MotionView, WorldView, column, span, spread},
         thinned,
     },
     pictured::{COLUMNS, MOST_POINTS, TILES},
@@ -13,15 +13,68 @@ use crate::{
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{Markup, PreEscaped, html};
 use murmuration_model::colours;
-use serde_json::{Value, json};
+use serde::Serialize;
 
 /// Bytes for the motion of all medoids together, before base64.
 const MOTION_BYTES: usize = 6 << 20;
 
+/// What the report's script draws.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+struct ReportView {
+    world: WorldView,
+    agent_colours: Vec<String>,
+    cluster_colours: Vec<String>,
+    classes: Vec<String>,
+    runs: Vec<MotionView>,
+    archive: ArchiveView,
+    pictures: PicturesView,
+    /// The command that simulates individuals again.
+    simulator: String,
+}
+
+/// The individuals on the map, in columns.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+struct ArchiveView {
+    x: String,
+    y: String,
+    spans: [f64; 2],
+    cluster: String,
+    index: String,
+    class: String,
+    /// Whether the rule-based judge gave the class.
+    machine: String,
+    generation: String,
+    /// When evaluated.
+    novelty: String,
+    /// In units of `gene_unit`.
+    genes: String,
+    gene_unit: f64,
+    tile: String,
+    /// Trials that show the individual's own behaviour; 255 if it has one trial.
+    robust: String,
+    trials: usize,
+    medoids: Vec<usize>,
+}
+
+/// The sheets of pictures, and of the individual of each tile the exact genes and the seed, with which it can be simulated again.
+#[derive(Debug, Serialize)]
+struct PicturesView {
+    sheets: Vec<String>,
+    side: u32,
+    columns: usize,
+    tiles: usize,
+    genes: String,
+    seeds: String,
+}
+
 /// A block of JSON, which browsers do not run.
 pub(super) fn block(report: &Report) -> Markup {
     // `<` could end the block; written as an escape it is the same JSON.
-    let json = content(report).to_string().replace('<', "\\u003c");
+    let json = serde_json::json!(view(report))
+        .to_string()
+        .replace('<', "\\u003c");
     html! { script #data type="application/json" { (PreEscaped(json)) } }
 }
 
@@ -34,9 +87,9 @@ pub(super) fn shown_points(report: &Report) -> Vec<usize> {
     shown
 }
 
-fn content(report: &Report) -> Value {
+fn view(report: &Report) -> ReportView {
     let world = report.spec.world();
-    let runs: Vec<Value> = report
+    let runs = report
         .medoids
         .iter()
         .map(|medoid| {
@@ -46,20 +99,21 @@ fn content(report: &Report) -> Value {
             columns::motion(&medoid.replay, world, bodies.colouring(), most_bytes)
         })
         .collect();
-    json!({
-        "world": columns::world(world),
-        "agentColours": colours::AGENTS.map(colours::hex),
-        "clusterColours": (0..report.medoids.len()).map(|place| colours::hex(colours::cluster(place))).collect::<Vec<_>>(),
-        "classes": report.names.classes.iter().map(|class| class.name.shown()).collect::<Vec<_>>(),
-        "runs": runs,
-        "archive": archive(report),
-        "pictures": pictures(report),
-        "simulator": again::simulator(&report.spec),
-    })
+    let cluster_colour = |place| colours::hex(colours::cluster(place));
+    let classes = report.names.classes.iter();
+    ReportView {
+        world: world.into(),
+        agent_colours: colours::AGENTS.map(colours::hex).to_vec(),
+        cluster_colours: (0..report.medoids.len()).map(cluster_colour).collect(),
+        classes: classes.map(|class| class.name.shown()).collect(),
+        runs,
+        archive: archive(report),
+        pictures: pictures(report),
+        simulator: again::simulator(&report.spec),
+    }
 }
 
-/// The sheets of pictures, and of the individual of each tile the exact genes and the seed, with which it can be simulated again.
-fn pictures(report: &Report) -> Value {
+fn pictures(report: &Report) -> PicturesView {
     let pictured = &report.pictured;
     let entries = || {
         pictured
@@ -67,14 +121,19 @@ fn pictures(report: &Report) -> Value {
             .iter()
             .map(|&index| &report.individuals[index as usize])
     };
-    json!({
-        "sheets": pictured.sheets.iter().map(|sheet| STANDARD.encode(sheet)).collect::<Vec<_>>(),
-        "side": report.spec.image().resolution(),
-        "columns": COLUMNS,
-        "tiles": TILES,
-        "genes": column(entries().flat_map(|entry| entry.controller.genes()).map(|gene| gene.to_le_bytes())),
-        "seeds": column(entries().map(|entry| entry.seed.to_le_bytes())),
-    })
+    let genes = entries().flat_map(|entry| entry.controller.genes());
+    PicturesView {
+        sheets: pictured
+            .sheets
+            .iter()
+            .map(|sheet| STANDARD.encode(sheet))
+            .collect(),
+        side: report.spec.image().resolution(),
+        columns: COLUMNS,
+        tiles: TILES,
+        genes: column(genes.map(|gene| gene.to_le_bytes())),
+        seeds: column(entries().map(|entry| entry.seed.to_le_bytes())),
+    }
 }
 
 /// The tile of an individual without a picture of its own.
@@ -91,9 +150,8 @@ fn robust_starts(report: &Report, entry: &Entry) -> u8 {
         .map_or(u8::MAX, |robustness| (robustness * starts).round() as u8)
 }
 
-/// The individuals on the map: place, cluster, index, class, who gave that, generation, novelty when evaluated, genes in
-/// ten-thousandths, or coarser where genes are large, and tile.
-fn archive(report: &Report) -> Value {
+/// The individuals on the map. Genes are in ten-thousandths, or coarser where genes are large.
+fn archive(report: &Report) -> ArchiveView {
     let shown = shown_points(report);
     let entries = || shown.iter().map(|&index| &report.individuals[index]);
     let axis = |axis: usize| shown.iter().map(move |&index| report.map.points[index][axis]);
@@ -101,26 +159,39 @@ fn archive(report: &Report) -> Value {
     let genes = || entries().flat_map(|entry| entry.controller.genes());
     let largest = genes().fold(0.0, |largest: f64, gene| largest.max(gene.abs()));
     let gene_unit = f64::max(1e-4, largest / f64::from(i16::MAX));
-    json!({
-        "x": spread(axis(0)),
-        "y": spread(axis(1)),
-        "spans": [span(axis(0)), span(axis(1))],
-        "cluster": column(shown.iter().map(|&index| (report.clusters[index] as u16).to_le_bytes())),
-        "index": column(shown.iter().map(|&index| (index as u32).to_le_bytes())),
-        "class": column(shown.iter().map(|&index| {
-            report.names.of(index as u64).map_or(NAMELESS, |(place, _)| place as u16).to_le_bytes()
+    ArchiveView {
+        x: spread(axis(0)),
+        y: spread(axis(1)),
+        spans: [span(axis(0)), span(axis(1))],
+        cluster: column(
+            shown
+                .iter()
+                .map(|&index| (report.clusters[index] as u16).to_le_bytes()),
+        ),
+        index: column(shown.iter().map(|&index| (index as u32).to_le_bytes())),
+        class: column(shown.iter().map(|&index| {
+            let class = report.names.of(index as u64);
+            class.map_or(NAMELESS, |(place, _)| place as u16).to_le_bytes()
         })),
-        "machine": column(shown.iter().map(|&index| [u8::from(report.names.is_by_machine(index as u64))])),
-        "generation": column(entries().map(|entry| entry.generation.to_le_bytes())),
-        "novelty": column(entries().map(|entry| (entry.novelty_when_evaluated as f32).to_le_bytes())),
-        "genes": column(genes().map(|gene| ((gene / gene_unit).round() as i16).to_le_bytes())),
-        "geneUnit": gene_unit,
-        "tile": column(shown.iter().map(|&index| {
-            report.pictured.tile(index as u64).map_or(TILELESS, |tile| tile as u16).to_le_bytes()
+        machine: column(
+            shown
+                .iter()
+                .map(|&index| [u8::from(report.names.is_by_machine(index as u64))]),
+        ),
+        generation: column(entries().map(|entry| entry.generation.to_le_bytes())),
+        novelty: column(entries().map(|entry| (entry.novelty_when_evaluated as f32).to_le_bytes())),
+        genes: column(genes().map(|gene| ((gene / gene_unit).round() as i16).to_le_bytes())),
+        gene_unit,
+        tile: column(shown.iter().map(|&index| {
+            let tile = report.pictured.tile(index as u64);
+            tile.map_or(TILELESS, |tile| tile as u16).to_le_bytes()
         })),
-        // In starts, 255 where individuals have one.
-        "robust": column(entries().map(|entry| [robust_starts(report, entry)])),
-        "trials": report.spec.starts().get(),
-        "medoids": report.medoids.iter().map(|medoid| place_of(medoid.index)).collect::<Vec<_>>(),
-    })
+        robust: column(entries().map(|entry| [robust_starts(report, entry)])),
+        trials: report.spec.starts().get(),
+        medoids: report
+            .medoids
+            .iter()
+            .map(|medoid| place_of(medoid.index))
+            .collect(),
+    }
 }

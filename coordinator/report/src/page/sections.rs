@@ -12,7 +12,8 @@ use maud::{Markup, PreEscaped, html};
 use murmuration_model::colours;
 use murmuration_proto::{BehaviourSpace, Choice, FEATURE_NAMES, Method, Preset};
 use murmuration_sim::features::FEATURE_STEPS;
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::json;
 
 pub(super) fn map(report: &Report, files: Files) -> Markup {
     let [across, up] = &report.map.axis_titles;
@@ -252,7 +253,7 @@ pub(super) fn filtered(report: &Report) -> Markup {
 fn plot(name: &str, draw: impl Fn([f64; 2]) -> Curves) -> Markup {
     let (wide, narrow) = (draw(plots::WIDE), draw(plots::NARROW));
     html! {
-        div.plot role="img" aria-label=(name) data-plot=(told(&wide, &narrow).to_string()) {
+        div.plot role="img" aria-label=(name) data-plot=(json!(PlotView::of(&wide, &narrow))) {
             div.wide { (PreEscaped(&wide.svg)) }
             div.narrow { (PreEscaped(&narrow.svg)) }
         }
@@ -260,22 +261,36 @@ fn plot(name: &str, draw: impl Fn([f64; 2]) -> Curves) -> Markup {
     }
 }
 
-/// Values of a plot for the script that shows them: those of each line, and their places in the pictures. A value that is no
-/// number is null.
-fn told(wide: &Curves, narrow: &Curves) -> Value {
-    let frame = |Frame {
-                     across,
-                     down,
-                     last,
-                     top,
-                 }: Frame| json!({ "across": across, "down": down, "last": last, "top": top });
-    let values = |line: &Line| line.2.iter().map(|(_, value)| *value).collect::<Vec<_>>();
-    json!({
-        "x": wide.lines.first().map_or_else(Vec::new, |line| line.2.iter().map(|(generation, _)| *generation).collect()),
-        "lines": wide.lines.iter().map(|line| json!({ "name": line.0, "values": values(line) })).collect::<Vec<_>>(),
-        "wide": frame(wide.frame),
-        "narrow": frame(narrow.frame),
-    })
+/// Values of a plot for the script that shows them, and their places in the pictures.
+#[derive(Debug, Serialize)]
+struct PlotView {
+    x: Vec<u32>,
+    lines: Vec<LineView>,
+    wide: Frame,
+    narrow: Frame,
+}
+
+#[derive(Debug, Serialize)]
+struct LineView {
+    name: &'static str,
+    /// A value that is no number is null.
+    values: Vec<f64>,
+}
+
+impl PlotView {
+    fn of(wide: &Curves, narrow: &Curves) -> Self {
+        let x = |line: &Line| line.2.iter().map(|(generation, _)| *generation).collect();
+        let line = |line: &Line| LineView {
+            name: line.0,
+            values: line.2.iter().map(|(_, value)| *value).collect(),
+        };
+        Self {
+            x: wide.lines.first().map_or_else(Vec::new, x),
+            lines: wide.lines.iter().map(line).collect(),
+            wide: wide.frame,
+            narrow: narrow.frame,
+        }
+    }
 }
 
 /// The command that writes the files which a page alone does not have.

@@ -3,36 +3,83 @@
 use super::{Colouring, thinned};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use murmuration_proto::{Boundary, Frames, Obstacle, Replay, World};
-use serde_json::{Value, json};
+use serde::Serialize;
 
 /// Most frames of a motion.
 const MOST_FRAMES: usize = Frames::WATCHED as usize;
 const POSE_BYTES: usize = 5;
 
 /// The facts about a world that drawing a swarm needs.
-pub fn world(world: &World) -> Value {
-    json!({
-        "width": world.width(), "height": world.height(), "padding": world.padding(), "radius": world.radius(),
-        "walls": world.boundary() == Boundary::Walls,
-        "torus": world.boundary() == Boundary::Torus,
-        "obstacles": world.obstacles().iter().map(obstacle).collect::<Vec<_>>(),
-    })
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct WorldView {
+    width: f64,
+    height: f64,
+    padding: f64,
+    radius: f64,
+    walls: bool,
+    torus: bool,
+    obstacles: Vec<ObstacleView>,
 }
 
-fn obstacle(obstacle: &Obstacle) -> Value {
-    let [x, y] = obstacle.centre();
-    match *obstacle {
-        Obstacle::Disc { radius, .. } => json!({ "x": x, "y": y, "radius": radius }),
-        Obstacle::Box {
-            size: [width, height],
-            ..
-        } => json!({ "x": x, "y": y, "width": width, "height": height }),
+/// An obstacle about its centre: a disc has a radius, a box a width and a height.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct ObstacleView {
+    x: f64,
+    y: f64,
+    radius: Option<f64>,
+    width: Option<f64>,
+    height: Option<f64>,
+}
+
+impl From<&World> for WorldView {
+    fn from(world: &World) -> Self {
+        Self {
+            width: world.width(),
+            height: world.height(),
+            padding: world.padding(),
+            radius: world.radius(),
+            walls: world.boundary() == Boundary::Walls,
+            torus: world.boundary() == Boundary::Torus,
+            obstacles: world.obstacles().iter().map(ObstacleView::from).collect(),
+        }
     }
 }
 
-/// Steps, number of agents, the place of the species of each and the radii of the species if there are several, and for each frame and agent x and y (0 to 65535 over the world) and heading (0 to 255 over
-/// a turn), each as one column; frames are left out to keep to `most_bytes` before base64.
-pub fn motion(replay: &Replay, world: &World, colouring: Colouring<'_>, most_bytes: usize) -> Value {
+impl From<&Obstacle> for ObstacleView {
+    fn from(obstacle: &Obstacle) -> Self {
+        let [x, y] = obstacle.centre();
+        let (radius, size) = match *obstacle {
+            Obstacle::Disc { radius, .. } => (Some(radius), None),
+            Obstacle::Box { size, .. } => (None, Some(size)),
+        };
+        Self {
+            x,
+            y,
+            radius,
+            width: size.map(|[width, _]| width),
+            height: size.map(|[_, height]| height),
+        }
+    }
+}
+
+/// The motion of a swarm.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MotionView {
+    agents: usize,
+    /// Place of each agent's species, a column of bytes; only of several species.
+    species: Option<String>,
+    radii: Option<Vec<f64>>,
+    /// The step of each frame.
+    steps: Vec<u32>,
+    /// Columns with a value for each frame and agent: 0 to 65535 over the world.
+    x: String,
+    y: String,
+    /// Likewise, 0 to 255 over a turn.
+    heading: String,
+}
+
+/// The motion, with frames left out to keep to `most_bytes` before base64.
+pub fn motion(replay: &Replay, world: &World, colouring: Colouring<'_>, most_bytes: usize) -> MotionView {
     let agents = replay.agents();
     let most = (most_bytes / (POSE_BYTES * agents)).min(MOST_FRAMES);
     let frames: Vec<_> = replay.frames().collect();
@@ -46,18 +93,18 @@ pub fn motion(replay: &Replay, world: &World, colouring: Colouring<'_>, most_byt
         Colouring::Agents => (None, None),
         Colouring::Species { of_agents, radii } => {
             let places = column(of_agents.iter().map(|&place| [place as u8]));
-            (Some(places), Some(radii))
+            (Some(places), Some(radii.to_vec()))
         }
     };
-    json!({
-        "agents": agents,
-        "species": species,
-        "radii": radii,
-        "steps": shown.iter().map(|&frame| replay.steps()[frame]).collect::<Vec<_>>(),
-        "x": column(poses().map(|pose| sixteen_bits(f64::from(pose[0]) / world.width()).to_le_bytes())),
-        "y": column(poses().map(|pose| sixteen_bits(f64::from(pose[1]) / world.height()).to_le_bytes())),
-        "heading": column(poses().map(|pose| [turn(pose[2])])),
-    })
+    MotionView {
+        agents,
+        species,
+        radii,
+        steps: shown.iter().map(|&frame| replay.steps()[frame]).collect(),
+        x: column(poses().map(|pose| sixteen_bits(f64::from(pose[0]) / world.width()).to_le_bytes())),
+        y: column(poses().map(|pose| sixteen_bits(f64::from(pose[1]) / world.height()).to_le_bytes())),
+        heading: column(poses().map(|pose| [turn(pose[2])])),
+    }
 }
 
 /// Finite `values` over the span that they take, as 0 to 65535; in the middle where they are all the same.
@@ -91,8 +138,8 @@ mod tests {
 
     const MEGABYTES: usize = 1 << 20;
 
-    fn bytes(run: &Value, column: &str) -> Vec<u8> {
-        STANDARD.decode(run[column].as_str().unwrap()).unwrap()
+    fn bytes(column: &str) -> Vec<u8> {
+        STANDARD.decode(column).unwrap()
     }
 
     #[test]
@@ -100,9 +147,8 @@ mod tests {
         let world = world("width = 800.0");
         let replay = ring(&world, 1200, 3);
         let run = motion(&replay, &world, Colouring::Agents, MEGABYTES);
-        assert_eq!(run["steps"].as_array().unwrap().len(), 400);
-        assert_eq!(run["steps"][399], 1200);
-        let (xs, headings) = (bytes(&run, "x"), bytes(&run, "heading"));
+        assert_eq!((run.steps.len(), run.steps[399]), (400, 1200));
+        let (xs, headings) = (bytes(&run.x), bytes(&run.heading));
         let last = replay.frames().last().unwrap();
         for (agent, pose) in last.iter().enumerate() {
             let at = 399 * 24 + agent;
@@ -122,11 +168,7 @@ mod tests {
     fn huge_swarms_lose_frames_not_the_start_or_the_end() {
         let crowd = world("agents = 10000\nwidth = 5000.0\nheight = 5000.0");
         let run = motion(&ring(&crowd, 400, 10), &crowd, Colouring::Agents, MEGABYTES);
-        let steps = run["steps"].as_array().unwrap();
-        assert_eq!(
-            (steps[0].clone(), steps.last().unwrap().clone()),
-            (json!(0), json!(400))
-        );
-        assert!(bytes(&run, "x").len() < MEGABYTES);
+        assert_eq!((run.steps.first(), run.steps.last()), (Some(&0), Some(&400)));
+        assert!(bytes(&run.x).len() < MEGABYTES);
     }
 }

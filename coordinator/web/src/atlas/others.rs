@@ -4,7 +4,8 @@ use crate::{Web, layout::atlas_of, page_error::PageError};
 use maud::{Markup, html};
 use murmuration_model::{CampaignId, CampaignRecord};
 use murmuration_proto::{CampaignSpec, Method, v1};
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::json;
 use std::cmp::Ordering;
 
 /// Records of campaigns that are in memory at once.
@@ -19,6 +20,15 @@ pub(super) struct Others {
     noises: Vec<String>,
     /// Each atlas with its places in these lists; the first is the one that the others are like.
     atlases: Vec<(CampaignId, usize, usize)>,
+}
+
+/// The atlases that the script's sliders lead to.
+#[derive(Debug, Serialize)]
+struct OthersView<'a> {
+    robots: &'a [u32],
+    noise: &'a [String],
+    /// Each atlas with its places in these lists.
+    atlases: Vec<(&'a str, usize, usize)>,
 }
 
 /// The atlases that can be switched to from the atlas of a campaign; `None` if there are none.
@@ -83,19 +93,22 @@ impl Others {
             .map_or((0, 0), |(_, robots, noise)| (*robots, *noise));
         let numbers: Vec<String> = self.robots.iter().map(u32::to_string).collect();
         html! {
-            div.choices.others.scripted data-others=(self.data().to_string()) {
+            div.choices.others.scripted data-others=(json!(self.view())) {
                 (slider("robots", "Robots", &numbers, robots))
                 (slider("noise", "Noise", &self.noises, noise))
             }
         }
     }
 
-    fn data(&self) -> Value {
+    fn view(&self) -> OthersView<'_> {
         let atlases = self.atlases.iter();
-        let atlases: Vec<_> = atlases
-            .map(|(id, robots, noise)| json!([id.as_str(), robots, noise]))
-            .collect();
-        json!({ "robots": self.robots, "noise": self.noises, "atlases": atlases })
+        OthersView {
+            robots: &self.robots,
+            noise: &self.noises,
+            atlases: atlases
+                .map(|(id, robots, noise)| (id.as_str(), *robots, *noise))
+                .collect(),
+        }
     }
 }
 

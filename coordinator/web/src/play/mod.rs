@@ -13,7 +13,7 @@ mod view;
 
 pub(super) use archived::pieces;
 pub(super) use compare::like;
-pub(super) use view::described;
+pub(super) use view::SwarmView;
 
 use super::{
     Web,

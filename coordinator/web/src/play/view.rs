@@ -17,8 +17,9 @@ use murmuration_model::{CampaignId, colours};
 use murmuration_proto::{
     CampaignSpec, CapabilityModel, Invalid, Preset, Robot, Sensor, Species, World, grouped,
 };
-use murmuration_report::picture::{columns, sensor_reach};
-use serde_json::{Value, json};
+use murmuration_report::picture::{columns::WorldView, sensor_reach};
+use serde::Serialize;
+use serde_json::json;
 
 /// The page of an address.
 ///
@@ -103,7 +104,7 @@ fn playground(address: &Address, play: &Play) -> Markup {
         Robots::Described(_) => None,
     };
     html! {
-        div #play.columns.scripted data-model=[preset] data-swarm=(described(play.controller.model(), &play.world).to_string()) {
+        div #play.columns.scripted data-model=[preset] data-swarm=(json!(SwarmView::of(play.controller.model(), &play.world))) {
             section.watch aria-label="The swarm" {
                 div.player {
                     div.stage { canvas role="img" aria-label="Motion of the swarm" {} p.waiting hidden {} }
@@ -314,8 +315,44 @@ fn cone(robot: &Robot, sensor: &Sensor) -> (f64, Option<f64>) {
     (half, sensor_reach(sensor).or(drawn))
 }
 
-/// The data with which the script draws the swarm.
-pub(in super::super) fn described(model: &CapabilityModel, world: &World) -> Value {
+/// What the script draws a swarm from.
+#[derive(Debug, Serialize)]
+pub(in super::super) struct SwarmView {
+    world: WorldView,
+    species: Vec<SpeciesView>,
+    /// Numbers of robots of each species.
+    ratios: Vec<Vec<u32>>,
+}
+
+#[derive(Debug, Serialize)]
+struct SpeciesView {
+    colour: String,
+    radius: f64,
+    sensors: Vec<SensorView>,
+}
+
+#[derive(Debug, Serialize)]
+struct SensorView {
+    /// The angle, radians, or the gene that has it.
+    angle: Option<f64>,
+    gene: Option<usize>,
+    /// Half of the opening angle, radians.
+    half: f64,
+    /// How far it is drawn, world units.
+    reach: Option<f64>,
+}
+
+impl SwarmView {
+    pub(in super::super) fn of(model: &CapabilityModel, world: &World) -> Self {
+        Self {
+            world: world.into(),
+            species: species(model),
+            ratios: model.ratios().to_vec(),
+        }
+    }
+}
+
+fn species(model: &CapabilityModel) -> Vec<SpeciesView> {
     let mut first = 0;
     let mut species = Vec::new();
     for (place, of) in model.species().iter().enumerate() {
@@ -324,22 +361,23 @@ pub(in super::super) fn described(model: &CapabilityModel, world: &World) -> Val
         first += robot.genes();
         let sensor = |sensor: &Sensor| {
             let (half, reach) = cone(robot, sensor);
-            match sensor.angle().value() {
-                Some(angle) => json!({ "angle": angle, "half": half, "reach": reach }),
-                None => {
-                    gene += 1;
-                    json!({ "gene": gene - 1, "half": half, "reach": reach })
-                }
+            let angle = sensor.angle().value();
+            let free = angle.is_none().then_some(gene);
+            gene += usize::from(angle.is_none());
+            SensorView {
+                angle,
+                gene: free,
+                half,
+                reach,
             }
         };
-        let sensors: Vec<_> = robot.sensors().iter().map(sensor).collect();
-        species.push(json!({ "colour": colour(place), "radius": robot.radius(), "sensors": sensors }));
+        species.push(SpeciesView {
+            colour: colour(place),
+            radius: robot.radius(),
+            sensors: robot.sensors().iter().map(sensor).collect(),
+        });
     }
-    json!({
-        "world": columns::world(world),
-        "species": species,
-        "ratios": model.ratios(),
-    })
+    species
 }
 
 #[cfg(test)]

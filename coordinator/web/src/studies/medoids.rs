@@ -5,7 +5,7 @@ use crate::{
     Web,
     page_error::{PageError, Refused},
     parts,
-    play::described,
+    play::SwarmView,
 };
 use axum::{
     Json,
@@ -16,6 +16,7 @@ use maud::{Markup, html};
 use murmuration_proto::{Class, Invalid, counted, grouped};
 use murmuration_study::{JUDGE, MeasuredCell};
 use serde::Deserialize;
+use serde_json::json;
 
 /// The part of a study's page with the medoids: the script asks for those of a cell when somebody opens it.
 pub(super) fn section(loaded: &Loaded) -> Markup {
@@ -70,7 +71,7 @@ pub(crate) async fn of_cell(
     let loaded = web.studies.loaded(&name).await?;
     let cell = loaded.outcome.cell(&digest).ok_or(PageError::NoPage)?;
     let (measured, spec) = (cell.measured, &cell.cell.spec);
-    let swarm = described(spec.model(), spec.world());
+    let swarm = json!(SwarmView::of(spec.model(), spec.world()));
     let known = web.studies.known(&web.campaigns).await?;
     Ok(html! {
         @if known.lost(&measured.campaign, loaded.jobs.read) {

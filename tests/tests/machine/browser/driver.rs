@@ -42,6 +42,28 @@ const SHIFTS: &str = "new PerformanceObserver((list) => { \
     sessionStorage.setItem('shifts', JSON.stringify(noted)); \
 }).observe({ type: 'layout-shift', buffered: true })";
 
+/// Has a script fail that reads a field which the coordinator does not send: what `fetch` and events bring, and the JSON in
+/// attributes. What a page keeps by itself may lack fields, if another version wrote it.
+const UNSENT: &str = "(() => { \
+    const strict = (value) => (typeof value !== 'object' || value === null) ? value : new Proxy(value, { \
+        get(target, name, self) { \
+            const isMethod = ['then', 'toJSON'].includes(name); \
+            if (typeof name === 'string' && !(name in target) && !Array.isArray(target) && !isMethod) { \
+                throw new TypeError(`no field ${name} was sent, only ${Object.keys(target)}`); \
+            } \
+            return strict(Reflect.get(target, name, self)); \
+        } \
+    }); \
+    const { parse } = JSON; \
+    const kept = (text) => [localStorage, sessionStorage].some((store) => Object.values(store).includes(text)); \
+    JSON.parse = (text, ...rest) => { \
+        const value = parse(text, ...rest); \
+        return location.protocol === 'about:' || kept(text) ? value : strict(value); \
+    }; \
+    const { json } = Response.prototype; \
+    Response.prototype.json = async function () { return strict(await json.call(this)); }; \
+})()";
+
 /// chromedriver, ended with this.
 pub struct Driver {
     process: Child,
@@ -106,8 +128,10 @@ impl Driver {
         let driver = WebDriver::new(&self.url, Capabilities::from(chrome))
             .await
             .unwrap();
-        driver.goto(url).await.unwrap();
-        Window { driver }
+        let window = Window { driver };
+        window.before_pages(UNSENT).await;
+        window.driver.goto(url).await.unwrap();
+        window
     }
 }
 
