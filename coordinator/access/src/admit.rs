@@ -108,6 +108,10 @@ impl Gate {
         let answered = match endpoint.allows(asked, requirement, session.as_ref(), &request) {
             Ok(principal) => {
                 let class = requirement.class_for(principal, class);
+                let handle = request.extensions().get::<ConnectionHandle>();
+                if let Some(handle) = handle.filter(|_| class != CostClass::Stranger) {
+                    handle.authenticated();
+                }
                 let waits = speaks_grpc && class != CostClass::Stranger;
                 let patience = (!waits).then_some(SEAT_LIMIT);
                 self.seated(class, principal, patience, request, next).await

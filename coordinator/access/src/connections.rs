@@ -4,16 +4,19 @@
 //! sent on a connection.
 
 use crate::limits::{
-    HANDSHAKE_LIMIT, IDLE_LIMIT, MAX_CONNECTIONS, MAX_CONNECTIONS_PER_PEER, MAX_LOCAL_CONNECTIONS,
-    REQUEST_BURST, REQUESTS_PER_SECOND, RESERVED_FILES,
+    FIRST_REQUEST_LIMIT, HANDSHAKE_LIMIT, IDLE_LIMIT, MAX_CONNECTIONS, MAX_CONNECTIONS_PER_PEER,
+    MAX_LOCAL_CONNECTIONS, REQUEST_BURST, REQUESTS_PER_SECOND, RESERVED_FILES, STRANGER_IDLE_LIMIT,
 };
 use governor::{DefaultDirectRateLimiter, Quota, RateLimiter};
 use std::{
-    collections::HashMap,
+    collections::{BTreeMap, HashMap},
     io,
-    net::{IpAddr, SocketAddr},
+    net::{IpAddr, Ipv6Addr},
     pin::Pin,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicU8, Ordering},
+    },
     task::{Context, Poll, ready},
     time::Duration,
 };
@@ -36,14 +39,23 @@ const PAUSE: Duration = Duration::from_millis(100);
 pub struct ConnectionPermits {
     most: usize,
     most_per_peer: usize,
-    taken: Arc<Mutex<HashMap<IpAddr, usize>>>,
+    taken: Arc<Mutex<TakenPermits>>,
+}
+
+/// The open connections of each address; of IPv6, of each network of 64 bits.
+#[derive(Debug, Default)]
+struct TakenPermits {
+    /// By number, so the oldest first.
+    by_peer: HashMap<IpAddr, BTreeMap<u64, ConnectionHandle>>,
+    next: u64,
 }
 
 /// The permit of one connection, returned when it is dropped.
 #[derive(Debug)]
 struct ConnectionPermit {
     permits: ConnectionPermits,
-    peer: IpAddr,
+    network: IpAddr,
+    number: u64,
 }
 
 impl ConnectionPermits {
@@ -70,27 +82,65 @@ impl ConnectionPermits {
         }
     }
 
-    fn take(&self, peer: IpAddr) -> Option<ConnectionPermit> {
+    /// A permit for a connection of `peer`. If all are taken, the oldest unauthenticated connection of the address with the most
+    /// is closed, if that address has more than this one.
+    fn take(&self, peer: IpAddr, handle: &ConnectionHandle) -> Option<ConnectionPermit> {
+        let network = network_of(peer);
         let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
-        let of_peer = taken.get(&peer).copied().unwrap_or_default();
-        if taken.values().sum::<usize>() >= self.most || of_peer >= self.most_per_peer {
+        let of_peer = taken.by_peer.get(&network).map_or(0, BTreeMap::len);
+        let total: usize = taken.by_peer.values().map(BTreeMap::len).sum();
+        if of_peer >= self.most_per_peer || (total >= self.most && !taken.make_room(of_peer + 1)) {
             return None;
         }
-        taken.insert(peer, of_peer + 1);
+        let number = taken.next;
+        taken.next += 1;
+        let of_peer = taken.by_peer.entry(network).or_default();
+        of_peer.insert(number, handle.clone());
         Some(ConnectionPermit {
             permits: self.clone(),
-            peer,
+            network,
+            number,
         })
+    }
+}
+
+impl TakenPermits {
+    /// Closes the oldest unauthenticated connection of the address with the most, if that has more than `fewer`.
+    fn make_room(&mut self, fewer: usize) -> bool {
+        let has_more = self.by_peer.values_mut().filter(|of_peer| of_peer.len() > fewer);
+        let Some(most) = has_more.max_by_key(|of_peer| of_peer.len()) else {
+            return false;
+        };
+        let stranger = most.iter().find(|(_, handle)| !handle.is_authenticated());
+        let Some(number) = stranger.map(|(number, _)| *number) else {
+            return false;
+        };
+        if let Some(handle) = most.remove(&number) {
+            handle.close();
+        }
+        true
     }
 }
 
 impl Drop for ConnectionPermit {
     fn drop(&mut self) {
         let mut taken = self.permits.taken.lock().unwrap_or_else(PoisonError::into_inner);
-        match taken.get_mut(&self.peer) {
-            Some(count) if *count > 1 => *count -= 1,
-            _ => drop(taken.remove(&self.peer)),
+        let of_peer = taken.by_peer.get_mut(&self.network);
+        let is_last = of_peer.is_some_and(|of_peer| {
+            of_peer.remove(&self.number);
+            of_peer.is_empty()
+        });
+        if is_last {
+            taken.by_peer.remove(&self.network);
         }
+    }
+}
+
+/// The address, or its network of 64 bits of IPv6, which one machine may have to itself.
+pub(crate) fn network_of(address: IpAddr) -> IpAddr {
+    match address {
+        IpAddr::V6(address) => Ipv6Addr::from_bits(address.to_bits() >> 64 << 64).into(),
+        IpAddr::V4(_) => address,
     }
 }
 
@@ -114,15 +164,14 @@ pub fn connections(
                     continue;
                 }
             };
-            let Some(permit) = permits.take(peer.ip().to_canonical()) else {
+            let (close, told) = oneshot::channel();
+            let handle = ConnectionHandle::new(peer.ip().to_canonical(), close);
+            let Some(permit) = permits.take(handle.peer(), &handle) else {
                 tracing::debug!(%peer, "too many connections");
                 continue;
             };
-            if waiting
-                .send(Ok(Connection::new(stream, peer, permit)))
-                .await
-                .is_err()
-            {
+            let connection = Connection::new(stream, handle, told, permit);
+            if waiting.send(Ok(connection)).await.is_err() {
                 return;
             }
         }
@@ -135,9 +184,9 @@ pub fn connections(
 pub struct Connection {
     stream: TcpStream,
     handle: ConnectionHandle,
-    /// When a byte passed last, and how long the silence after it may be.
+    begun: Instant,
+    /// When a byte passed last.
     active: Instant,
-    silence_limit: Duration,
     alarm: Pin<Box<Sleep>>,
     /// Comes when the connection is to be closed; `None` once it has.
     close: Option<oneshot::Receiver<()>>,
@@ -149,8 +198,14 @@ pub struct Connection {
 pub struct ConnectionHandle {
     peer: IpAddr,
     pace: Arc<DefaultDirectRateLimiter>,
+    progress: Arc<AtomicU8>,
     close: Arc<Mutex<Option<oneshot::Sender<()>>>>,
 }
+
+/// Progress of a connection, each value beyond the former.
+const NO_REQUEST: u8 = 0;
+const REQUESTS: u8 = 1;
+const AUTHENTICATED: u8 = 2;
 
 impl ConnectionHandle {
     fn new(peer: IpAddr, close: oneshot::Sender<()>) -> Self {
@@ -158,6 +213,7 @@ impl ConnectionHandle {
         Self {
             peer,
             pace: Arc::new(RateLimiter::direct(quota)),
+            progress: Arc::new(AtomicU8::new(NO_REQUEST)),
             close: Arc::new(Mutex::new(Some(close))),
         }
     }
@@ -178,30 +234,53 @@ impl ConnectionHandle {
 
     /// Whether a further request may come now; counts it if so.
     pub(crate) fn may_ask(&self) -> bool {
+        self.progress.fetch_max(REQUESTS, Ordering::Relaxed);
         self.pace.check().is_ok()
+    }
+
+    /// Notes that a request on it was admitted for somebody who is known, or that everybody is.
+    pub(crate) fn authenticated(&self) {
+        self.progress.fetch_max(AUTHENTICATED, Ordering::Relaxed);
+    }
+
+    fn is_authenticated(&self) -> bool {
+        self.progress.load(Ordering::Relaxed) == AUTHENTICATED
     }
 }
 
 impl Connection {
-    fn new(stream: TcpStream, peer: SocketAddr, permit: ConnectionPermit) -> Self {
+    fn new(
+        stream: TcpStream,
+        handle: ConnectionHandle,
+        close: oneshot::Receiver<()>,
+        permit: ConnectionPermit,
+    ) -> Self {
         if let Err(error) = stream.set_nodelay(true) {
-            tracing::debug!(%peer, %error, "answers may be delayed");
+            tracing::debug!(peer = %handle.peer(), %error, "answers may be delayed");
         }
-        let (close, told) = oneshot::channel();
+        let now = Instant::now();
         Self {
             stream,
-            handle: ConnectionHandle::new(peer.ip().to_canonical(), close),
-            active: Instant::now(),
-            silence_limit: HANDSHAKE_LIMIT,
+            handle,
+            begun: now,
+            active: now,
             alarm: Box::pin(tokio::time::sleep(HANDSHAKE_LIMIT)),
-            close: Some(told),
+            close: Some(close),
             _permit: permit,
         }
     }
 
     fn passed(&mut self) {
         self.active = Instant::now();
-        self.silence_limit = IDLE_LIMIT;
+    }
+
+    /// When it is closed if nothing further passes.
+    fn end(&self) -> Instant {
+        match self.handle.progress.load(Ordering::Relaxed) {
+            NO_REQUEST => (self.active + HANDSHAKE_LIMIT).min(self.begun + FIRST_REQUEST_LIMIT),
+            REQUESTS => self.active + STRANGER_IDLE_LIMIT,
+            _ => self.active + IDLE_LIMIT,
+        }
     }
 
     /// Whether its handle was told to close it.
@@ -218,7 +297,7 @@ impl Connection {
     fn is_silent(&mut self, context: &mut Context<'_>) -> Poll<()> {
         loop {
             ready!(self.alarm.as_mut().poll(context));
-            let end = self.active + self.silence_limit;
+            let end = self.end();
             if end <= Instant::now() {
                 return Poll::Ready(());
             }

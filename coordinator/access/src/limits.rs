@@ -10,14 +10,18 @@ use std::{num::NonZeroU32, time::Duration};
 
 /// Connections at once, through the endpoint that other machines reach. Fewer where the system allows fewer open files.
 pub const MAX_CONNECTIONS: usize = 4096;
-/// Connections at once from one address; never more than half of all.
+/// Connections at once from one address, or one network of 64 bits of IPv6; never more than half of all.
 pub const MAX_CONNECTIONS_PER_PEER: usize = 1024;
 /// Connections at once, through the endpoint of this machine alone where access is restricted.
 pub(crate) const MAX_LOCAL_CONNECTIONS: usize = 128;
 /// Files that are kept free of connections: the store's, logs, the library of the operating system.
 pub(crate) const RESERVED_FILES: u64 = 256;
-/// Time that a connection has for its TLS handshake, and to say its first byte.
+/// Longest silence of a connection before its first request: in its TLS handshake, or within the request's headers.
 pub const HANDSHAKE_LIMIT: Duration = Duration::from_secs(10);
+/// Time that a connection has until the headers of its first request are complete.
+pub(crate) const FIRST_REQUEST_LIMIT: Duration = Duration::from_secs(30);
+/// Longest silence of a connection on which no request was admitted for somebody who is known: longer than a log-in takes.
+pub(crate) const STRANGER_IDLE_LIMIT: Duration = Duration::from_secs(20);
 /// Time after which a connection on which nothing passes, either way, is closed. HTTP/2 connections and pages that follow
 /// something are never silent for as long.
 pub const IDLE_LIMIT: Duration = Duration::from_secs(120);

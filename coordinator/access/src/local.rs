@@ -43,8 +43,11 @@ impl LocalToken {
         is_there(&path).map_err(unread)?;
         match local_token(data) {
             Ok(Some(token)) => return Ok(Self { token }),
-            Err(CredentialsError::File { source, .. }) if source.kind() != io::ErrorKind::InvalidData => {
-                return Err(unread(source));
+            Err(error) if !is_begun(&path) => {
+                return Err(unread(match error {
+                    CredentialsError::File { source, .. } => source,
+                    other => io::Error::other(other.to_string()),
+                }));
             }
             Ok(None) | Err(_) => {}
         }
@@ -69,6 +72,11 @@ impl LocalToken {
             certificates: false,
         }
     }
+}
+
+/// Whether a file is a token of which only the beginning was written; another file of that name is somebody else's.
+fn is_begun(path: &Path) -> bool {
+    fs::read(path).is_ok_and(|bytes| b"mur_".starts_with(&bytes) || bytes.starts_with(b"mur_"))
 }
 
 /// Writes a file that only its owner can read.
@@ -101,6 +109,11 @@ mod tests {
             use std::os::unix::fs::PermissionsExt as _;
             assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
         }
+        fs::write(&path, "somebody's notes").unwrap();
+        assert!(LocalToken::of(folder.path()).is_err());
+        assert_eq!(fs::read_to_string(&path).unwrap(), "somebody's notes");
+        fs::write(&path, "mur_a").unwrap();
+        LocalToken::of(folder.path()).unwrap();
         // One that cannot be read is not made anew: what it let in, it is to let in again.
         let kept = folder.path().join("kept");
         fs::rename(&path, &kept).unwrap();
@@ -110,7 +123,7 @@ mod tests {
         std::os::unix::fs::symlink(folder.path().join("unmounted"), &path).unwrap();
         assert!(LocalToken::of(folder.path()).is_err());
         fs::rename(&kept, &path).unwrap();
-        fs::write(&path, "torn").unwrap();
+        fs::write(&path, "mur_torn").unwrap();
         let other = LocalToken::of(folder.path()).unwrap();
         assert_ne!(other.token().digest(), made.token().digest());
         assert_eq!(

@@ -186,7 +186,7 @@ impl Shared {
         content.rest = Bytes::new();
         let waker = content.waker.take();
         drop(content);
-        // What it had prepared goes, and its seat.
+        // Drops the prepared bytes and the seat.
         drop(given_up);
         if let Some(waker) = waker {
             waker.wake();

@@ -5,9 +5,12 @@
 //! finds no seat waits: the next free one goes to the principal that has fewest. Streams last, so a stream that finds no seat
 //! is refused at once. Decisions have seats of their own, which nobody who reads or computes can take.
 
-use crate::limits::{
-    DECISION_BURST, DECISIONS_PER_SECOND, MAX_PACED, MAX_WAITING_PER_PRINCIPAL, READING_BURST,
-    READINGS_PER_SECOND, REQUEST_BURST, REQUESTS_PER_SECOND,
+use crate::{
+    connections::network_of,
+    limits::{
+        DECISION_BURST, DECISIONS_PER_SECOND, MAX_PACED, MAX_WAITING_PER_PRINCIPAL, READING_BURST,
+        READINGS_PER_SECOND, REQUEST_BURST, REQUESTS_PER_SECOND,
+    },
 };
 use governor::{DefaultKeyedRateLimiter, Quota};
 use murmuration_link::TokenDigest;
@@ -19,7 +22,8 @@ use murmuration_store::{
 use std::{
     collections::{HashMap, VecDeque},
     fmt,
-    net::{IpAddr, Ipv6Addr},
+    hash::BuildHasher as _,
+    net::IpAddr,
     num::NonZeroUsize,
     str::FromStr,
     sync::{
@@ -82,7 +86,7 @@ pub(crate) enum Principal {
     Token(TokenDigest),
     /// The machine with a certificate.
     Machine(MachineId),
-    /// Whoever asks from an address. Of IPv6 a network of 64 bits, which one machine may have to itself.
+    /// A client without credentials, by its address; of IPv6 by its network of 64 bits, which one machine may have to itself.
     Address(IpAddr),
     /// A request without a connection, as tests make it.
     Unknown,
@@ -258,11 +262,7 @@ impl FromStr for ClassSeats {
 
 impl Principal {
     pub(crate) fn at(address: IpAddr) -> Self {
-        let network = |address: Ipv6Addr| Ipv6Addr::from_bits(address.to_bits() >> 64 << 64);
-        Self::Address(match address {
-            IpAddr::V6(address) => network(address).into(),
-            v4 @ IpAddr::V4(_) => v4,
-        })
+        Self::Address(network_of(address))
     }
 }
 
@@ -308,7 +308,7 @@ impl Seats {
             Ok(coming) => coming,
             Err(refusal) => return refused(refusal),
         };
-        // Whoever asks too often waits in the seat, so that few wait so.
+        // A principal over its pace waits in the seat, so that only few requests wait.
         let seated = async {
             let seat = coming.await.map_err(|_| NoSeat::Closing)?;
             self.lanes[place].paced(principal).await;
@@ -375,7 +375,11 @@ impl Seats {
     pub(crate) fn label_budget(&self, annotator: Principal) -> LabelBudget {
         let mut budgets = self.labels.lock().unwrap_or_else(PoisonError::into_inner);
         budgets.retain(|_, budget| !budget.is_full());
-        budgets.entry(annotator).or_default().clone()
+        let number = budgets.hasher().hash_one(annotator);
+        let budget = budgets
+            .entry(annotator)
+            .or_insert_with(|| LabelBudget::of(number));
+        budget.clone()
     }
 
     /// Lets nobody read, compute or follow any more: whoever waits to is refused, and what is under way ends.
@@ -443,7 +447,7 @@ impl Room {
         }
     }
 
-    /// Whoever gets the next seat: of the principals that have fewest, the one that has waited longest.
+    /// Takes the request that gets the next seat: of the principals with the fewest seats, the one that has waited longest.
     fn next(&mut self, limits: SeatLimits) -> Option<Waiter> {
         if self.taken >= limits.total.get() {
             return None;
@@ -503,7 +507,7 @@ impl Seat {
         let next = room.next(lane.limits);
         drop(room);
         if let Some(Waiter { principal, seat }) = next {
-            // Who is gone gives it back.
+            // A client that has gone returns its seat.
             let _ = seat.send(self.seats.seat(place, principal));
         }
     }

@@ -97,7 +97,7 @@ pub fn routes(services: GuardedRouter, web: Web, probes: GuardedRouter) -> Guard
         .merge(services.wrapped(blame_the_client))
 }
 
-/// Those routes, served at an endpoint.
+/// The routes, served at an endpoint.
 pub fn behind(routes: GuardedRouter, endpoint: Arc<Endpoint>, seats: Seats) -> Routes {
     routes
         .behind(endpoint.clone(), seats, nowhere)
@@ -150,11 +150,11 @@ fn pages() -> GuardedRouter<Web> {
         .get(
             "/campaigns/{id}/generations",
             VIEWER,
-            Light,
+            Reading,
             progress::generations,
         )
-        .get("/campaigns/{id}/epochs", VIEWER, Light, progress::epochs)
-        .get("/campaigns/{id}/shown", VIEWER, Light, progress::shown)
+        .get("/campaigns/{id}/epochs", VIEWER, Reading, progress::epochs)
+        .get("/campaigns/{id}/shown", VIEWER, Reading, progress::shown)
         .get("/campaigns/{id}/robot", VIEWER, Light, pages::robot)
         .get("/campaigns/{id}/behaviour", VIEWER, Light, list::behaviour)
         .get("/campaigns/{id}/individuals/{index}", VIEWER, Light, pages::image)

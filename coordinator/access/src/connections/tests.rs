@@ -1,6 +1,7 @@
 //! ConnectionPermits, pace and silence, each at its limit.
 
 use super::*;
+use std::net::SocketAddr;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio_stream::StreamExt as _;
 
@@ -28,19 +29,68 @@ async fn one_too_many_is_closed_and_room_is_made_again() {
     assert_eq!(connection.read_u8().await.unwrap(), b'a');
 }
 
+/// A handle of a connection from `address`, and what is told when it is closed.
+fn handle(address: &str) -> (ConnectionHandle, oneshot::Receiver<()>) {
+    let (close, told) = oneshot::channel();
+    (ConnectionHandle::new(address.parse().unwrap(), close), told)
+}
+
+fn take(permits: &ConnectionPermits, handle: &ConnectionHandle) -> Option<ConnectionPermit> {
+    permits.take(handle.peer(), handle)
+}
+
 #[test]
 fn one_address_cannot_take_every_place() {
     let permits = ConnectionPermits::new(3, 2);
-    let peers: [IpAddr; 2] = ["10.0.0.1".parse().unwrap(), "10.0.0.2".parse().unwrap()];
-    let taken = [permits.take(peers[0]), permits.take(peers[0])];
+    let (first, second) = (handle("10.0.0.1").0, handle("10.0.0.2").0);
+    let taken = [take(&permits, &first), take(&permits, &first)];
     assert!(taken.iter().all(Option::is_some));
-    assert!(permits.take(peers[0]).is_none());
-    let third = permits.take(peers[1]);
-    assert!(third.is_some() && permits.take(peers[1]).is_none());
+    assert!(take(&permits, &first).is_none());
+    let third = take(&permits, &second);
+    assert!(third.is_some());
     drop(taken);
-    assert!(permits.take(peers[1]).is_some());
+    assert!(take(&permits, &second).is_some());
     drop(third);
-    assert!(permits.taken.lock().unwrap().is_empty());
+    assert!(permits.taken.lock().unwrap().by_peer.is_empty());
+}
+
+#[test]
+fn addresses_of_one_network_are_one_peer() {
+    let permits = ConnectionPermits::new(9, 2);
+    let taken = ["fd77::1", "fd77::2"].map(|address| take(&permits, &handle(address).0));
+    assert!(taken.iter().all(Option::is_some));
+    assert!(take(&permits, &handle("fd77::3").0).is_none());
+    assert!(take(&permits, &handle("fd77:0:0:1::3").0).is_some());
+}
+
+#[test]
+fn a_newcomer_takes_the_place_of_a_stranger_with_many_connections() {
+    let permits = ConnectionPermits::new(5, 3);
+    let of_first = [(); 3].map(|()| handle("10.0.0.1"));
+    let of_second = [(); 2].map(|()| handle("10.0.0.2"));
+    // The oldest has somebody who is known.
+    of_first[0].0.authenticated();
+    let held = of_first.iter().chain(&of_second);
+    let mut held: Vec<_> = held.map(|(handle, _)| take(&permits, handle).unwrap()).collect();
+    let newcomer = take(&permits, &handle("10.0.0.3").0);
+    assert!(newcomer.is_some());
+    let [(_, mut known), (_, mut oldest), (_, mut newest)] = of_first;
+    assert!(known.try_recv().is_err() && oldest.try_recv().is_ok() && newest.try_recv().is_err());
+    // Returning the permit of the closed connection frees no second place.
+    drop(held.remove(1));
+    assert_eq!(
+        permits
+            .taken
+            .lock()
+            .unwrap()
+            .by_peer
+            .values()
+            .map(BTreeMap::len)
+            .sum::<usize>(),
+        5
+    );
+    // Nobody has more than this one would have.
+    assert!(take(&permits, &handle("10.0.0.3").0).is_none());
 }
 
 #[test]
@@ -52,7 +102,7 @@ fn a_process_has_room_for_many() {
 
 #[test]
 fn requests_come_in_bursts_and_then_at_a_pace() {
-    let handle = ConnectionHandle::new([127, 0, 0, 1].into(), oneshot::channel().0);
+    let (handle, _) = handle("127.0.0.1");
     let burst = REQUEST_BURST.get();
     assert!((0..burst).all(|_| handle.may_ask()));
     // Some time may have passed, and made room for a few.
@@ -74,9 +124,26 @@ async fn who_says_nothing_is_let_go() {
     let mut connection = taken.next().await.unwrap().unwrap();
     client.write_all(b"a").await.unwrap();
     assert_eq!(connection.read_u8().await.unwrap(), b'a');
+    connection.handle.authenticated();
     let begun = Instant::now();
     assert!(connection.read_u8().await.is_err());
     assert!(begun.elapsed() >= IDLE_LIMIT);
+}
+
+#[tokio::test(start_paused = true)]
+async fn bytes_that_are_no_request_do_not_keep_a_connection() {
+    let (address, mut taken) = listen(ConnectionPermits::new(4, 4)).await;
+    let mut client = TcpStream::connect(address).await.unwrap();
+    let mut connection = taken.next().await.unwrap().unwrap();
+    let begun = Instant::now();
+    while begun.elapsed() < FIRST_REQUEST_LIMIT {
+        if client.write_all(b"a").await.is_err() || connection.read_u8().await.is_err() {
+            break;
+        }
+        tokio::time::sleep(HANDSHAKE_LIMIT / 2).await;
+    }
+    assert!(connection.read_u8().await.is_err());
+    assert!(begun.elapsed() < FIRST_REQUEST_LIMIT + HANDSHAKE_LIMIT);
 }
 
 #[tokio::test]
