@@ -62,6 +62,7 @@ fn answer(index: u64) -> Done<Change> {
 fn question() -> Done<QueryRequest> {
     Ok(QueryRequest {
         holder: AnnotatorSession {
+            token: None,
             annotator: "ana".parse()?,
             session: String::new(),
         },

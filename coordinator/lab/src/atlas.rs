@@ -225,7 +225,7 @@ async fn gather(
     while let Some(chunk) = chunks.message().await? {
         for individual in chunk.individuals {
             let entry = entry(&spec, &individual)?;
-            // What took the place of a poisoned task is out of order, and has no place of its own in a tile.
+            // The substitute of a poisoned task is out of order, and has no place of its own in a tile.
             let is_listed = listed.is_some_and(|all| {
                 individual.index < all.len() && all.controller(individual.index) == entry.controller
             });

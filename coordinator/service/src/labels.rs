@@ -29,7 +29,7 @@ const MAX_ANSWERS: usize = 50_000;
 const LISTED_AT_ONCE: u64 = 2_000;
 /// Most entries of a request that is applied in a moment.
 const FEW_ENTRIES: usize = 100;
-/// Whoever had the store for many entries leaves it to the others for this many times as long, and at most for [`MOST_REST`].
+/// A request that held the store for many entries leaves it to the others for this many times as long, and at most for [`MOST_REST`].
 const REST: u32 = 3;
 const MOST_REST: Duration = Duration::from_secs(2);
 
@@ -163,6 +163,10 @@ impl v1::label_service_server::LabelService for LabelApi {
         let (record, before) = self.made(message.campaign, request.clone()).await?;
         messages::check_synthetic(&before, &request).or_status()?;
         let entries = if before.is_empty() {
+            // Before workers simulate for what could not be added.
+            if let Some(budget) = LabelBudget::current() {
+                budget.check(count).map_err(LabelError::from).or_status()?;
+            }
             let done = Arc::default();
             let interrupt = self.queries.interrupt();
             let answers = self.annotator.answers(&record, strategy, count, done, interrupt);
@@ -183,7 +187,7 @@ impl v1::label_service_server::LabelService for LabelApi {
             request_id,
             annotator,
         } = request.into_inner();
-        // Whoever may answer may also undo what the synthetic annotator answered last.
+        // Every annotator may also undo the last answers of the synthetic annotator.
         let (request, annotator) = (request_id.parse()?, Annotator::known(&annotator)?);
         let undone = self
             .within_budget(campaign, request, 0, move |store, id, request| {
@@ -313,7 +317,8 @@ impl v1::label_service_server::LabelService for LabelApi {
     ) -> Answered<v1::NextQueriesResponse> {
         let message = request.into_inner();
         let campaign = message.campaign.clone();
-        let request: QueryRequest = message.try_into()?;
+        let mut request: QueryRequest = message.try_into()?;
+        request.holder.token = LabelBudget::current().map(|budget| budget.holder());
         let asked = self
             .queries
             .next(&campaign, request, Instant::now())

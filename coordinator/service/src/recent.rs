@@ -47,7 +47,7 @@ impl<T: Clone> Followed<T> {
     /// The value that was made less than `age` ago, or else the one that `make` makes now.
     ///
     /// # Errors
-    /// Those of `make`.
+    /// The errors of `make`.
     pub async fn within<E>(&self, age: Duration, make: impl Future<Output = Result<T, E>>) -> Result<T, E> {
         let mut latest = self.0.lock().await;
         if let Some((made, value)) = latest.as_ref()

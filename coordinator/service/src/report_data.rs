@@ -54,12 +54,12 @@ pub enum ReportDataError {
     /// A bug, while pictures were drawn.
     #[error(transparent)]
     Broken(#[from] Broken),
-    /// Whoever wanted the report is gone.
+    /// The client that asked for the report has gone.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }
 
-/// What carries requests to a service: this process or a connection.
+/// The carrier of requests to a service: this process or a connection.
 pub trait Transport:
     GrpcService<
         Body,
@@ -131,9 +131,9 @@ fn class(class: &v1::LabelClass) -> Result<Class, Invalid> {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PicturesOf {
-    /// Those of the medoids and of evenly chosen individuals.
+    /// The pictures of the medoids and of evenly chosen individuals.
     Individuals,
-    /// Those of the medoids and of the members that show how far their clusters reach.
+    /// The pictures of the medoids and of the members that show how far their clusters reach.
     Medoids,
 }
 

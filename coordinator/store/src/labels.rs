@@ -35,7 +35,7 @@ pub enum LabelError {
     /// A former request of the same id said something else.
     #[error("request \"{0}\" was made before, and said something else")]
     OtherRequest(RequestId),
-    /// Who asks may not add as much now.
+    /// The token may not add as many entries now.
     #[error(transparent)]
     OverBudget(#[from] OverBudget),
 }

@@ -434,7 +434,7 @@ impl Campaigns {
         mut record: CampaignRecord,
         notices: Vec<Notice>,
     ) -> CampaignStatus {
-        // What the store could not take. Where it says something else, that was decided later.
+        // A state that the store could not write. If the store has another state, that was decided later.
         if let Some(error) = progress.failed
             && record.state == CampaignState::Running
         {

@@ -28,7 +28,7 @@ impl Campaigns {
     /// If there is no such campaign, its state does not allow it, or it was begun with another simulator.
     pub async fn resume(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let record = self.record(id).await?;
-        // What may not be resumed at all is told so first.
+        // A campaign that cannot be resumed at all is refused first.
         if record.state.after(Change::Resume).is_some() {
             check_simulator(&record)?;
         }

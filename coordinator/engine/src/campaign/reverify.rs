@@ -76,7 +76,7 @@ async fn first_wrong(
     suspects: &Suspects,
     handle: &mut RunHandle,
 ) -> Result<Option<Wrong>, CampaignError> {
-    // What is stored and what is found again.
+    // The stored evaluation and the repeated one.
     let at_once = pictures_at_once(record.spec.image(), 2 * CHUNK).div_ceil(2);
     let individuals_at_once = individuals_at_once(&record.spec, 2 * CHUNK).div_ceil(2);
     for chunk in suspects.pictures.chunks(at_once) {
@@ -142,7 +142,7 @@ async fn wrong_individual(
     let new = again.evaluations.iter().zip(&again.makers);
     let mut both = suspects.iter().zip(&archived).zip(new);
     let differs = both.find(|((suspect, old), (new, maker))| {
-        // What was there when the archive moved was embedded again then, maybe by others.
+        // Individuals that were there when the archive moved were embedded again then, maybe by other workers.
         let embedded = embedder.is_some() && old.index >= moved;
         old.trials.iter().zip(*new).any(|(old, new)| {
             old.features.map(f64::to_bits) != new.features().map(f64::to_bits)

@@ -63,7 +63,7 @@ pub(super) async fn evolve(
     loop {
         let id = search.campaign.id.clone();
         let committed = commit(context.clone(), handle.commit_handle(), id, uncommitted.take());
-        // What they did may be in this archive: that is looked at between stages.
+        // Results of these workers may be in this archive: they are verified between stages.
         if quarantined.borrow().len() != seen || search.next_generation >= generations {
             return committed.await;
         }

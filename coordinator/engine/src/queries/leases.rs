@@ -1,7 +1,7 @@
 //! With whom a query is: leases as a pure state machine, without clock or content.
 //!
 //! Invariants, each tested below: a behaviour is with one holder at most; whoever asks again is given what they have
-//! first; what is not answered in time is given to others.
+//! first; what is not answered in time is given to others; no token holds all queries.
 
 use super::Query;
 use murmuration_model::labels::Annotator;
@@ -13,9 +13,14 @@ use std::{
 /// How long a query stays with a holder who does not ask for more.
 pub(super) const QUERY_LEASE_TIME: Duration = Duration::from_secs(5 * 60);
 
+/// Most queries that an annotator's token holds at once, in all its windows. More are taken from the windows that asked longest ago.
+const MAX_HELD: usize = 1000;
+
 /// The holder of a query: an annotator, and which of their windows, should they have several.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct AnnotatorSession {
+    /// The number of the annotator's token; `None` for operators, who may hold all queries.
+    pub token: Option<u64>,
     pub annotator: Annotator,
     /// The window, as its page calls it; may be empty.
     pub session: String,
@@ -40,7 +45,7 @@ struct QueryLease<K> {
 
 impl<K: PartialEq + Copy> QueryLeases<K> {
     /// Puts `query` before all others of `holder`, unless somebody else holds it.
-    pub fn give_first(&mut self, holder: &AnnotatorSession, kind: K, query: Query, now: Instant) {
+    pub(crate) fn give_first(&mut self, holder: &AnnotatorSession, kind: K, query: Query, now: Instant) {
         let other = self.by_index.get(&query.index);
         if other.is_some_and(|lease| lease.holder != *holder && lease.until > now) {
             return;
@@ -62,7 +67,7 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
     /// Gives `holder` up to `count` queries of `kind` at time `now`: those that they have and that
     /// are still open, oldest first, then the first of `ranking` that are open and with nobody. All are theirs for
     /// another `QUERY_LEASE_TIME`; whatever else they had is given back.
-    pub fn top_up(
+    pub(crate) fn top_up(
         &mut self,
         holder: &AnnotatorSession,
         kind: K,
@@ -72,6 +77,7 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
         now: Instant,
     ) -> Vec<Query> {
         let mut own = self.keep(holder, kind, &open, now);
+        self.make_room_for(holder, count);
         own.truncate(count);
         let kept = own.iter().map(|(_, query)| query.index).collect::<Vec<_>>();
         self.by_index
@@ -100,8 +106,33 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
         own.into_iter().map(|(_, query)| query).collect()
     }
 
+    /// Takes queries back from the other windows of the holder's token that asked longest ago, until it holds few enough for
+    /// `count` more.
+    fn make_room_for(&mut self, holder: &AnnotatorSession, count: usize) {
+        let Some(token) = holder.token else {
+            return;
+        };
+        // The leases of a window end together.
+        let mut others: BTreeMap<(Instant, &AnnotatorSession), usize> = BTreeMap::new();
+        for lease in self.by_index.values() {
+            if lease.holder.token == Some(token) && lease.holder != *holder {
+                *others.entry((lease.until, &lease.holder)).or_default() += 1;
+            }
+        }
+        let mut held: usize = others.values().sum();
+        let mut taken = Vec::new();
+        for ((_, other), queries) in others {
+            if held + count <= MAX_HELD {
+                break;
+            }
+            held -= queries;
+            taken.push(other.clone());
+        }
+        self.by_index.retain(|_, lease| !taken.contains(&lease.holder));
+    }
+
     /// Whether nothing is with anybody any more at time `now`.
-    pub fn are_over(&self, now: Instant) -> bool {
+    pub(crate) fn are_over(&self, now: Instant) -> bool {
         self.by_index.values().all(|lease| lease.until <= now)
     }
 

@@ -27,6 +27,7 @@ impl TryFrom<v1::NextQueriesRequest> for QueryRequest {
         }
         Ok(Self {
             holder: AnnotatorSession {
+                token: None,
                 annotator: message.annotator.parse()?,
                 session: message.session,
             },

@@ -91,7 +91,7 @@ pub fn by_uncertainty(behaviours: &Behaviours, clustering: &Clustering) -> Vec<Q
 ///
 /// # Errors
 /// [`Interrupted`] once `interrupt` is raised.
-pub fn by_coverage(
+pub(crate) fn by_coverage(
     behaviours: &Behaviours,
     clustering: &Clustering,
     spec: &CampaignSpec,

@@ -12,7 +12,10 @@ const PER_SECOND: f64 = 1.0;
 
 /// The entries that the holder of a token may still add. Cheap to clone.
 #[derive(Debug, Clone)]
-pub struct LabelBudget(Arc<Mutex<Left>>);
+pub struct LabelBudget {
+    holder: u64,
+    left: Arc<Mutex<Left>>,
+}
 
 #[derive(Debug)]
 struct Left {
@@ -36,16 +39,26 @@ tokio::task_local! {
     static BUDGET: LabelBudget;
 }
 
-impl Default for LabelBudget {
-    fn default() -> Self {
-        Self(Arc::new(Mutex::new(Left {
+impl LabelBudget {
+    /// A full budget of the token with this number.
+    #[must_use]
+    pub fn of(holder: u64) -> Self {
+        let left = Left {
             entries: AT_ONCE,
             at: Instant::now(),
-        })))
+        };
+        Self {
+            holder,
+            left: Arc::new(Mutex::new(left)),
+        }
     }
-}
 
-impl LabelBudget {
+    /// The number of its token, the same for as long as the process lives.
+    #[must_use]
+    pub const fn holder(&self) -> u64 {
+        self.holder
+    }
+
     /// Runs `task`, whose requests are within this budget.
     pub async fn scope<F: Future>(self, task: F) -> F::Output {
         BUDGET.scope(self, task).await
@@ -87,7 +100,7 @@ impl LabelBudget {
     }
 
     fn left<T>(&self, now: Instant, change: impl FnOnce(&mut Left) -> T) -> T {
-        let mut left = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut left = self.left.lock().unwrap_or_else(PoisonError::into_inner);
         let passed: Duration = now.saturating_duration_since(left.at);
         left.entries = (left.entries + passed.as_secs_f64() * PER_SECOND).min(AT_ONCE);
         left.at = now;
@@ -101,7 +114,7 @@ mod tests {
 
     #[test]
     fn what_was_added_comes_back_slowly_and_no_more_than_that() {
-        let budget = LabelBudget::default();
+        let budget = LabelBudget::of(1);
         assert!(budget.is_full());
         assert_eq!(budget.check(50_001), Err(OverBudget { left: 50_000 }));
         assert_eq!(budget.check(50_000), Ok(()));
@@ -125,7 +138,7 @@ mod tests {
     #[tokio::test]
     async fn a_task_has_the_budget_that_it_was_given() {
         assert!(LabelBudget::current().is_none());
-        let budget = LabelBudget::default();
+        let budget = LabelBudget::of(1);
         let charged = async { LabelBudget::current().unwrap().charge(1) };
         budget.clone().scope(charged).await;
         assert!(!budget.is_full());

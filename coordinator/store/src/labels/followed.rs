@@ -72,7 +72,7 @@ impl Store {
         let kept = self.followed.of(campaign);
         let mut labels = {
             let mut kept = locked(&kept);
-            // Whoever adds to the log waits for these labels: the reading waits for none of low priority.
+            // Adding to the log waits for these labels, so their reading does not wait for reads of low priority.
             let is_current = self.read_in(false, |connection| {
                 let number = number_of(connection, campaign)?;
                 let new = entries_of(connection, number)?.saturating_sub(kept.entries());
@@ -111,7 +111,7 @@ impl Store {
     /// comes to. What is refused must be refused before a row is written: the transaction is committed then too.
     ///
     /// # Errors
-    /// Those of `change`, or if it cannot be written; nothing has changed then.
+    /// The errors of `change` and of writing; then nothing has changed.
     pub(crate) fn add_to_log<T>(
         &self,
         campaign: &CampaignId,
@@ -135,7 +135,7 @@ impl Store {
             }
         });
         let done = done.map_err(LabelError::Store).and_then(|changed| changed);
-        // What was taken in and is not on disk cannot be taken out again: the log is read anew then.
+        // Entries that were applied but are not on disk cannot be undone one by one: the log is read anew.
         if let Some(mut kept) = held
             && (done.is_ok() || before == Some(labels.entries()))
         {

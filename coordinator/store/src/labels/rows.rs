@@ -37,7 +37,7 @@ pub(crate) fn insert(
     Ok(())
 }
 
-/// Those that are as `which` says, a clause behind the table's name, in order.
+/// The entries that `which`, a clause behind the table's name, selects, in order.
 pub(crate) fn entries(
     connection: &Connection,
     which: &str,

@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 
 fn holder(annotator: &str, session: &str) -> AnnotatorSession {
     AnnotatorSession {
+        token: None,
         annotator: annotator.parse().unwrap(),
         session: session.to_owned(),
     }
@@ -68,6 +69,32 @@ fn who_asks_again_keeps_what_they_have() {
     assert_eq!(table.ask(&ana, 'a', 3), [0, 2, 5]);
     assert_eq!(table.ask(&ana, 'a', 1), [0]);
     assert_eq!(table.ask(&ben, 'a', 4), [3, 4, 2, 5]);
+}
+
+#[test]
+fn no_token_holds_more_than_its_most_whatever_names_and_windows_it_gives() {
+    let window = |name: &str, token| AnnotatorSession {
+        token,
+        ..holder(name, "")
+    };
+    let ranking = ranking(MAX_HELD + 300);
+    let mut leases = QueryLeases::<char>::default();
+    let mut now = Instant::now();
+    let mut ask = |holder: &AnnotatorSession, count| {
+        now += QUERY_LEASE_TIME / 1000;
+        let given = leases.top_up(holder, 'a', count, &ranking, |_| true, now);
+        given.iter().map(|query| query.index).collect::<Vec<_>>()
+    };
+    for place in 0..MAX_HELD / 100 {
+        let given = ask(&window(&format!("ana{place}"), Some(1)), 100);
+        assert_eq!(given, (100 * place..100 * (place + 1)).collect::<Vec<_>>());
+    }
+    // One more window takes the place of the oldest, which then takes that of the next.
+    let further = ask(&window("ana-again", Some(1)), 100);
+    assert_eq!(further, (0..100).collect::<Vec<_>>());
+    assert_eq!(ask(&window("ana0", Some(1)), 100), (100..200).collect::<Vec<_>>());
+    assert_eq!(ask(&window("ben", Some(2)), 300).len(), 300);
+    assert!(ask(&window("carl", None), 50).is_empty());
 }
 
 #[test]

@@ -65,6 +65,7 @@ impl Campaign {
     async fn ask(&self, annotator: &str, strategy: Strategy, agreement: bool) -> BTreeSet<usize> {
         let request = QueryRequest {
             holder: AnnotatorSession {
+                token: None,
                 annotator: annotator.parse().unwrap(),
                 session: String::new(),
             },
@@ -237,6 +238,7 @@ async fn what_was_forgotten_is_made_again_and_the_same_is_asked() {
     (0..3).for_each(|generation| campaign.grow(generation));
     let request = |who: &str| QueryRequest {
         holder: AnnotatorSession {
+            token: None,
             annotator: who.parse().unwrap(),
             session: String::new(),
         },
