@@ -94,7 +94,8 @@ pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), CliError> {
 /// Begins a file that [`finish`] gives its name. Refuses files of a data directory, which only a coordinator may change.
 pub fn begin(path: &Path) -> Result<NewFile, CliError> {
     let whole = files::without_links(path).unwrap_or_else(|_| path.to_owned());
-    if let Some(folder) = whole.parent().filter(|folder| folder.join(Store::FILE).exists()) {
+    let mut folders = whole.ancestors().skip(1);
+    if let Some(folder) = folders.find(|folder| folder.join(Store::FILE).exists()) {
         return Err(CliError::Input(format!(
             "{} is in the data directory {}: name a file elsewhere",
             path.display(),
@@ -107,7 +108,7 @@ pub fn begin(path: &Path) -> Result<NewFile, CliError> {
 /// Gives a whole file the name `path`, and says so.
 pub fn finish(file: NewFile, path: &Path) -> Result<(), CliError> {
     let written = file
-        .finish()
+        .finish_unless_taken()
         .map_err(|error| CliError::unwritable(path, &error))?;
     errln!("{written} {}", path.display());
     Ok(())

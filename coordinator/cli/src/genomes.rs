@@ -20,7 +20,7 @@ pub(super) fn read(path: &Path, text: &[u8], genes: &[&str]) -> Result<Option<Ve
     let mut rows = Vec::new();
     for (place, record) in reader.into_records().enumerate() {
         let Ok(record) = record else {
-            // What is no CSV at all is refused by whoever reads the header.
+            // The reader of the header refuses a file that is not CSV.
             return Ok(None);
         };
         if place == 0 && is_header(&record, genes) {

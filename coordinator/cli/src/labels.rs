@@ -104,7 +104,7 @@ pub struct AgreementCommand {
 
 impl LabelCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        // What is wrong with the file is to be known before anything is started.
+        // Errors in the file are reported before anything is started.
         let table = match &self.csv {
             Some(file) => {
                 let text = read(file, InputKind::Labels)?;

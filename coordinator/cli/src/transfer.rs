@@ -12,9 +12,9 @@ use murmuration_export::{CheckedExport, ExportError, Exported, NewFolder};
 use murmuration_link::{errln, outln, termination};
 use murmuration_model::CampaignState;
 use murmuration_proto::{PART_BYTES, counted, v1};
-use murmuration_store::{DataDirectory, Store, StoreError};
+use murmuration_store::{DataDirectory, Store, StoreError, remove_new};
 use std::{
-    fs, mem,
+    mem,
     path::{Path, PathBuf},
 };
 use tokio::sync::mpsc;
@@ -135,7 +135,7 @@ impl Import {
     }
 }
 
-/// Removes a data directory that this command made, if there is nothing in it. What cannot be removed is in nobody's way.
+/// Removes a data directory that this command made, if it has no campaigns.
 fn remove_empty(data: &Path) {
     let Ok(_held) = DataDirectory::watch(data) else {
         return;
@@ -146,7 +146,7 @@ fn remove_empty(data: &Path) {
         Err(_) => false,
     };
     if is_empty {
-        let _ = fs::remove_dir_all(data);
+        remove_new(data);
     }
 }
 

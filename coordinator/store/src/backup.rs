@@ -156,25 +156,35 @@ pub async fn restore(from: &Path, data: &Path, interrupt: &Interrupt) -> Result<
     if fs::read_dir(data).map_err(failed("look into", data))?.count() > 1 {
         return Err(TargetError::NotEmpty(data.to_path_buf()).into());
     }
-    let restored = put_back(from, data, &manifest, interrupt).await;
+    let mut placed = Vec::new();
+    let restored = put_back(from, data, (&manifest, interrupt), &mut placed).await;
     if restored.is_err() {
-        // It was empty: what is there now is in the way of the next try. What cannot be removed is said then.
-        let _ = clear(data, is_new);
+        // Leftovers would be in the way of the next try, which reports those that cannot be removed here.
+        clear(data, &placed);
+        if is_new {
+            // Not if somebody else has put something there.
+            let _ = fs::remove_file(data.join(DataDirectory::LOCK));
+            let _ = fs::remove_dir(data);
+        }
     }
     drop(held);
     restored.map(|()| manifest)
 }
 
-/// Fills an empty folder from a backup that is whole.
+/// Folder of a data directory that is being restored.
+const RESTORING: &str = "restoring";
+
+/// Fills an empty folder from a backup that is whole. `placed` gets the names of what it made.
 async fn put_back(
     from: &Path,
     data: &Path,
-    manifest: &Manifest,
-    interrupt: &Interrupt,
+    (manifest, interrupt): (&Manifest, &Interrupt),
+    placed: &mut Vec<&'static str>,
 ) -> Result<(), BackupError> {
     // Under its own name only when everything that it names is there.
-    let arriving = data.join("restoring");
+    let arriving = data.join(RESTORING);
     fs::create_dir(&arriving).map_err(failed("make", &arriving))?;
+    placed.push(RESTORING);
     let location = manifest.checkpoint_store.as_deref();
     copy(from, location, &arriving, interrupt).await?;
     check(&arriving, location, from).await?;
@@ -183,25 +193,21 @@ async fn put_back(
         let (copied, place) = (arriving.join(name), data.join(name));
         if is_there(&copied).map_err(failed("find", &copied))? {
             fs::rename(&copied, &place).map_err(failed("write", &place))?;
+            placed.push(name);
         }
     }
     fs::remove_dir(&arriving).map_err(failed("remove", &arriving))?;
     sync(data)
 }
 
-/// Empties a folder; removes it if it is to go as well.
-fn clear(folder: &Path, and_folder: bool) -> io::Result<()> {
-    for entry in fs::read_dir(folder)? {
-        let entry = entry?;
-        match entry.file_type()?.is_dir() {
-            true => fs::remove_dir_all(entry.path())?,
-            false => fs::remove_file(entry.path())?,
-        }
-    }
-    if and_folder {
-        fs::remove_dir(folder)
-    } else {
-        Ok(())
+/// Removes what a restore has made in a folder, and nothing else.
+fn clear(folder: &Path, placed: &[&str]) {
+    for name in placed {
+        let path = folder.join(name);
+        let _ = match path.is_dir() {
+            true => fs::remove_dir_all(&path),
+            false => fs::remove_file(&path),
+        };
     }
 }
 

@@ -95,7 +95,7 @@ pub async fn in_background<T: Send + 'static>(
     run(threads, work).await
 }
 
-/// Those of this task; none if it has normal priority.
+/// The turns of this task; none if it has normal priority.
 fn turns() -> Option<Turns> {
     let turns = TASK.try_with(|(_, priority)| match priority {
         Priority::Low(turns) => Some(turns.clone()),

@@ -344,7 +344,7 @@ mod tests {
         );
         let said = checkpoints.verify().await.unwrap_err().to_string();
         assert!(said.contains("murmuration doctor"), "{said}");
-        // What is gone stops nobody who does not need it, and comes back with the same bytes.
+        // A missing checkpoint stops nobody who does not need it, and comes back with the same bytes.
         std::fs::remove_file(folder.path().join(format!("checkpoints/{digest}.onnx"))).unwrap();
         checkpoints.verify().await.unwrap();
         let error = checkpoints.fetch(digest).await.unwrap_err();

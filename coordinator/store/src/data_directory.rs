@@ -7,6 +7,24 @@ use std::{
     path::{Path, PathBuf},
 };
 
+/// Removes what a process made in a data directory that did not exist before, and the directory, if that leaves it empty. What cannot
+/// be removed is in nobody's way.
+pub fn remove_new(data: &Path) {
+    let database = super::Store::FILE;
+    for name in [
+        database.to_owned(),
+        format!("{database}-wal"),
+        format!("{database}-shm"),
+    ] {
+        let _ = fs::remove_file(data.join(name));
+    }
+    for name in [DataDirectory::LOCK, "local-token", "sessions.json"] {
+        let _ = fs::remove_file(data.join(name));
+    }
+    let _ = fs::remove_dir_all(data.join(super::checkpoints::BlobStore::FOLDER));
+    let _ = fs::remove_dir(data);
+}
+
 /// A data directory that this process holds until the value is dropped (or the process dies).
 #[derive(Debug)]
 pub struct DataDirectory {
@@ -16,7 +34,7 @@ pub struct DataDirectory {
 
 impl DataDirectory {
     /// Name of the lock file.
-    const LOCK: &str = "lock.json";
+    pub(crate) const LOCK: &str = "lock.json";
 
     /// Holds `path`, creating the folder if it does not exist.
     ///
@@ -35,6 +53,14 @@ impl DataDirectory {
         if fs::symlink_metadata(&lock_path).is_ok_and(|about| about.is_symlink()) {
             let link = io::Error::other("it is a link to another place: remove it");
             return Err(failed("open the lock file", &lock_path)(link));
+        }
+        #[cfg(unix)]
+        if fs::metadata(&lock_path).is_ok_and(|about| std::os::unix::fs::MetadataExt::nlink(&about) > 1) {
+            let link = io::Error::other("it is a hard link, so another file would change with it: remove it");
+            return Err(failed("open the lock file", &lock_path)(link));
+        }
+        if super::find_database(&path.join(super::Store::FILE)).is_ok_and(|found| !found) {
+            expect_ours(&lock_path).map_err(failed("use the lock file", &lock_path))?;
         }
         let lock = fs::File::options()
             .read(true)
@@ -127,6 +153,25 @@ impl DataDirectory {
     }
 }
 
+/// Refuses a file of that name that somebody else made, in a folder that was no data directory so far. A lock file may be empty: it is
+/// made before it is written.
+fn expect_ours(lock: &Path) -> io::Result<()> {
+    let text = match fs::read(lock) {
+        Ok(text) => text,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(error),
+    };
+    let fields: Option<serde_json::Map<String, serde_json::Value>> = serde_json::from_slice(&text).ok();
+    let is_ours =
+        fields.is_some_and(|fields| fields.contains_key("process") && fields.contains_key("address"));
+    match text.is_empty() || is_ours {
+        true => Ok(()),
+        false => Err(io::Error::other(
+            "it is not Murmuration's: name another folder as the data directory",
+        )),
+    }
+}
+
 /// Reads the holder from the lock file, which it may be writing just now.
 fn read_holder(mut lock: fs::File) -> LockHolder {
     let mut text = String::new();
@@ -139,6 +184,29 @@ fn read_holder(mut lock: fs::File) -> LockHolder {
 #[cfg(all(test, unix))]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_file_that_is_called_like_a_lock_file_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let lock = folder.path().join(DataDirectory::LOCK);
+        for foreign in ["{\"dependencies\":{}}", "notes"] {
+            fs::write(&lock, foreign).unwrap();
+            let error = DataDirectory::hold(folder.path()).unwrap_err().to_string();
+            assert!(
+                error.contains("lock.json") && error.contains("another folder"),
+                "{error}"
+            );
+            assert_eq!(fs::read_to_string(&lock).unwrap(), foreign);
+        }
+        // Of one that was killed while it began.
+        fs::write(&lock, "").unwrap();
+        drop(DataDirectory::hold(folder.path()).unwrap());
+        drop(DataDirectory::hold(folder.path()).unwrap());
+        let other = folder.path().join("other.txt");
+        fs::hard_link(&lock, &other).unwrap();
+        let error = DataDirectory::hold(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("hard link"), "{error}");
+    }
 
     #[test]
     fn a_lock_file_that_is_a_link_is_not_written_through() {

@@ -58,7 +58,7 @@ impl<State: PartialEq, Answer: Clone> LatestAnswers<State, Answer> {
     /// goes away, the next has it made. `bytes` is what an answer weighs.
     ///
     /// # Errors
-    /// Those of `make`; they are told to whoever had it made.
+    /// The errors of `make`, for the task that had it made.
     pub async fn of<E>(
         &self,
         campaign: &CampaignId,
@@ -198,7 +198,7 @@ mod tests {
         assert_eq!(*made.lock().unwrap(), 1);
         assert_eq!(ask(2).await, Ok(20));
         assert_eq!(*made.lock().unwrap(), 2);
-        // Who has it made goes away.
+        // The task that had it made is cancelled.
         tokio::select! {
             biased;
             _ = ask(3) => unreachable!(),

@@ -40,7 +40,7 @@ pub mod transfer;
 pub use archive::GenerationRecord;
 pub use campaigns::Started;
 pub use checkpoint_rows::CheckpointRecord;
-pub use data_directory::DataDirectory;
+pub use data_directory::{DataDirectory, remove_new};
 pub use deletion::{Deletion, DeletionError};
 pub use embeddings::Switch;
 pub use epochs::EpochRecord;
@@ -69,7 +69,7 @@ use std::{
 /// The open store; clones share its connections.
 #[derive(Debug, Clone)]
 pub struct Store {
-    /// Those that read, where there is one that writes; dropped before it, which empties the log as the last to be closed.
+    /// Reading connections, if there is a writing one; dropped before it, because the last connection to close empties the log.
     readers: Option<Arc<Readers>>,
     /// The one that writes, as SQLite has one writer; or the only one, of a store that is looked at.
     connection: Arc<Mutex<Connection>>,
@@ -153,7 +153,7 @@ impl Store {
     ) -> Result<T, StoreError> {
         let mut connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
         if self.sync_failed.load(Ordering::Relaxed) {
-            // Whoever reads what the log holds keeps it from being emptied.
+            // A reader of the log keeps it from being emptied.
             let _kept_away = self.readers.as_ref().map(|readers| readers.keep_away());
             open::settle(&connection, &self.path)?;
             self.sync_failed.store(false, Ordering::Relaxed);

@@ -29,7 +29,7 @@ pub(super) struct Readers {
 #[derive(Debug, Default)]
 struct Turns {
     reading: usize,
-    /// Those of `reading` that are in the background.
+    /// Connections of `reading` that are in the background.
     in_background: usize,
     kept_away: bool,
 }

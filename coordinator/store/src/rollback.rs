@@ -162,7 +162,7 @@ fn withdraw_answers(
     labels: &mut Labels,
     first: u64,
 ) -> Result<(), StoreError> {
-    // Those of a class that was deleted would stand again if somebody reverted that.
+    // Answers of a deleted class would stand again if somebody reverted the deletion.
     let said = labels.standing().chain(labels.set_aside());
     let about: Vec<_> = said.filter(|label| label.index >= first).collect();
     let withdrawn = about.into_iter().map(|label| {

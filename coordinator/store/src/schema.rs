@@ -280,7 +280,7 @@ mod tests {
         migrate_by(&further, &mut connection, 2).unwrap();
         assert_eq!(version_of(&connection), 3);
         assert_eq!(page(&connection), ("kept".to_owned(), "search".to_owned()));
-        // What is of the newest version already stays as it is.
+        // A specification of the newest version stays as it is.
         migrate_by(&further, &mut connection, 3).unwrap();
     }
 

@@ -116,6 +116,19 @@ impl NewFile {
     /// # Errors
     /// The system's error. Then the former file is still there.
     pub fn finish(self) -> io::Result<Written> {
+        self.place(true)
+    }
+
+    /// As [`NewFile::finish`], unless a file of this name has appeared since there was none: it stays, and the new one keeps the
+    /// temporary name that the error says.
+    ///
+    /// # Errors
+    /// As [`NewFile::finish`], and `AlreadyExists`.
+    pub fn finish_unless_taken(self) -> io::Result<Written> {
+        self.place(false)
+    }
+
+    fn place(self, over_newer: bool) -> io::Result<Written> {
         let (file, target, former) = match self.0 {
             Place::Beside { file, target, former } => (file, target, former),
             Place::Itself { mut file, .. } => return file.flush().map(|()| Written::New),
@@ -125,6 +138,7 @@ impl NewFile {
             Some(_) => Written::Replaced,
             None => Written::New,
         };
+        let is_new = former.is_none();
         if let Some(Former {
             user,
             group,
@@ -137,10 +151,33 @@ impl NewFile {
             file.as_file().set_permissions(permissions)?;
         }
         file.as_file().sync_all()?;
-        file.persist(&target)?;
+        if is_new && !over_newer {
+            persist_beside(file, &target)?;
+        } else {
+            file.persist(&target)?;
+        }
         File::open(folder_of(&target))?.sync_all()?;
         Ok(written)
     }
+}
+
+/// Gives a file its name, unless another has it by now: then it stays under its temporary name.
+fn persist_beside(file: NamedTempFile, target: &Path) -> io::Result<()> {
+    let refused = match file.persist_noclobber(target) {
+        Ok(_) => return Ok(()),
+        Err(refused) => refused,
+    };
+    // Some file systems can only replace.
+    if refused.error.kind() != io::ErrorKind::AlreadyExists && !target.exists() {
+        refused.file.persist(target)?;
+        return Ok(());
+    }
+    let (_, kept) = refused.file.keep()?;
+    let said = format!(
+        "a file of this name appeared meanwhile, and stays; what was to be written is in {}",
+        kept.display()
+    );
+    Err(io::Error::new(io::ErrorKind::AlreadyExists, said))
 }
 
 impl Write for NewFile {
@@ -247,6 +284,28 @@ mod tests {
         assert_eq!(write_file(&path, "new").unwrap(), Written::Replaced);
         assert_eq!(fs::read_to_string(&path).unwrap(), "new");
         assert_eq!(names(folder.path()), ["table.csv"]);
+    }
+
+    #[test]
+    fn a_file_that_appears_meanwhile_stays_and_nothing_is_lost() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.csv");
+        let mut file = NewFile::create(&path).unwrap();
+        file.write_all(b"mine").unwrap();
+        fs::write(&path, "another's").unwrap();
+        let refused = file.finish_unless_taken().unwrap_err();
+        assert_eq!(refused.kind(), io::ErrorKind::AlreadyExists);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "another's");
+        let kept = names(folder.path())
+            .into_iter()
+            .find(|name| name != "table.csv")
+            .unwrap();
+        assert!(refused.to_string().contains(&kept), "{refused}");
+        assert_eq!(fs::read_to_string(folder.path().join(kept)).unwrap(), "mine");
+        // A file that was there from the beginning is replaced.
+        let mut file = NewFile::create(&path).unwrap();
+        file.write_all(b"newer").unwrap();
+        assert_eq!(file.finish_unless_taken().unwrap(), Written::Replaced);
     }
 
     #[test]

@@ -28,6 +28,7 @@ impl UnfinishedFolder {
         for _ in 0..ATTEMPTS {
             let folder = tempfile::Builder::new()
                 .prefix(prefix)
+                .rand_bytes(RANDOM_CHARS)
                 .permissions(Permissions::from_mode(0o755))
                 .tempdir_in(parent)?;
             // Another process may have taken it for a leftover, and may have removed it.
@@ -54,13 +55,19 @@ impl UnfinishedFolder {
     }
 }
 
-/// Removes the folders in `parent` whose names begin with `prefix` if the processes that filled them have ended. A name with an
-/// extension stays.
+/// Letters and digits that follow the prefix of a name.
+const RANDOM_CHARS: usize = 6;
+
+/// Removes the folders in `parent` whose names are `prefix` and [`RANDOM_CHARS`] letters and digits, if the processes that filled them
+/// have ended.
 pub fn remove_leftovers(parent: &Path, prefix: &str) {
     let entries = fs::read_dir(parent).into_iter().flatten().flatten();
     for entry in entries {
         let (name, path) = (entry.file_name(), entry.path());
-        let is_one = name.to_string_lossy().starts_with(prefix) && path.extension().is_none();
+        let name = name.to_string_lossy();
+        let is_one = name.strip_prefix(prefix).is_some_and(|rest| {
+            rest.len() == RANDOM_CHARS && rest.bytes().all(|byte| byte.is_ascii_alphanumeric())
+        });
         if !is_one || !entry.file_type().is_ok_and(|kind| kind.is_dir()) {
             continue;
         }
@@ -83,15 +90,16 @@ mod tests {
     fn folders_of_processes_that_have_ended_are_removed() {
         let parent = tempfile::tempdir().unwrap();
         let at = |name: &str| parent.path().join(name);
-        for name in [".new-left", ".new-kept.replaced", "new-other"] {
+        let others = [".new-kept.replaced", "new-other", ".new-mynotes", ".new-x"];
+        for name in [".new-left0a"].iter().chain(&others) {
             fs::create_dir(at(name)).unwrap();
         }
         let living = UnfinishedFolder::new(parent.path(), ".new-").unwrap();
         let other = UnfinishedFolder::new(parent.path(), ".new-").unwrap();
-        assert!(!at(".new-left").exists());
-        assert!(at(".new-kept.replaced").exists() && at("new-other").exists());
+        assert!(!at(".new-left0a").exists());
+        assert!(others.iter().all(|name| at(name).exists()));
         assert!(living.path().exists() && other.path().exists());
         drop((living, other));
-        assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 2);
+        assert_eq!(fs::read_dir(parent.path()).unwrap().count(), others.len());
     }
 }
