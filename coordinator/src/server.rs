@@ -296,7 +296,7 @@ impl Coordinator {
     }
 
     /// Stops the searches between two commits, and whatever else is computed; running campaigns stay running in the store.
-    pub async fn stop_searches(&self) {
+    pub(crate) async fn stop_searches(&self) {
         self.readiness.set(false).await;
         self.interrupt.raise();
         self.campaigns.stop().await;

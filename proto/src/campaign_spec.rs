@@ -192,9 +192,9 @@ impl CampaignSpec {
     /// Maximum number of bytes of a generation's pictures (4 GiB): a coordinator holds them all until the generation is on disk.
     pub const MAX_GENERATION_BYTES: u64 = 4 << 30;
     /// Maximum number of bytes of the pictures of an individual's trials: a worker's answer has those of many individuals.
-    pub const MAX_INDIVIDUAL_BYTES: usize = 1_000_000;
+    pub(crate) const MAX_INDIVIDUAL_BYTES: usize = 1_000_000;
     /// Maximum number of bytes of the pictures and motions of a report's behaviours (1 GiB): a report holds them all.
-    pub const MAX_TAXONOMY_BYTES: u64 = 1 << 30;
+    pub(crate) const MAX_TAXONOMY_BYTES: u64 = 1 << 30;
 
     /// Bytes of the pictures of an individual, one a trial.
     #[must_use]

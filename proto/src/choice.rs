@@ -5,7 +5,7 @@ use crate::{BehaviourSpace, Invalid, text};
 /// How the behaviours that a taxonomy shows are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Choice {
-    /// Those that cover the behaviour space: each is the farthest from those before it. If labels were learned from, each of
+    /// Behaviours that cover the behaviour space: each is the farthest from those before it. If labels were learned from, each of
     /// their classes is shown first.
     Coverage,
     /// The medoids of all individuals, where these are many (the paper's).

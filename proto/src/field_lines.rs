@@ -90,7 +90,7 @@ mod tests {
             ("species[1].share", Some(9)),
             ("species[1].robot.sensors[0].sees", Some(12)),
             ("species[1].robot.sensors[1].sees", Some(13)),
-            // What is not there is on the line of the closest that is.
+            // A missing field is on the line of the closest list or item.
             ("species[0].count", Some(4)),
             ("species[1].robot.sensors[1].angle", Some(13)),
             ("species[7].name", Some(4)),

@@ -14,7 +14,7 @@ pub struct PictureShape {
 
 impl PictureShape {
     /// Maximum number of channels.
-    pub const MAX_CHANNELS: usize = 4;
+    pub(crate) const MAX_CHANNELS: usize = 4;
     /// Maximum number of pixels along a side.
     pub const MAX_SIDE: usize = 1000;
     /// The paper's: one channel of 50 x 50 pixels.

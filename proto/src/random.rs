@@ -193,7 +193,7 @@ mod tests {
         assert_eq!(stream.below((1 << 63) + 1), 6670947447661383948);
         let chances = [(); 8].map(|()| stream.chance(0.3));
         assert_eq!(chances, [false, true, false, false, false, true, false, false]);
-        // What is certain takes a number too.
+        // A certain outcome takes a number too.
         assert!(stream.chance(1.0));
         let mut list = [0, 1, 2, 3, 4, 5, 6, 7];
         stream.shuffle(&mut list);

@@ -18,7 +18,7 @@ impl Text {
     /// Maximum number of characters; a longer text is cut and ends with an ellipsis.
     pub const MAX_CHARS: usize = 2_000;
     /// Maximum number of characters of a text of several lines.
-    pub const MAX_CHARS_OF_LINES: usize = 64 << 10;
+    pub(crate) const MAX_CHARS_OF_LINES: usize = 64 << 10;
 
     /// `words` as one line: line ends and tabs become spaces.
     #[must_use]

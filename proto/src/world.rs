@@ -55,7 +55,7 @@ impl World {
     /// Longest side of a world, in units.
     pub const MAX_SIDE: f64 = 10_000.0;
     /// Maximum number of agents in a world.
-    pub const MAX_AGENTS: u32 = CapabilityModel::MAX_ROBOTS;
+    pub(crate) const MAX_AGENTS: u32 = CapabilityModel::MAX_ROBOTS;
 
     /// The paper's world, for robots of this model.
     ///

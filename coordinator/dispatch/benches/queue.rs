@@ -49,7 +49,7 @@ impl Agree for Answer {
     }
 }
 
-/// What happens at a moment of the simulated clock.
+/// Event at a moment of the simulated clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Happens {
     Join(u64),
@@ -70,9 +70,9 @@ struct Cluster {
     stream: RandomStream,
     /// When each worker will have done everything it holds, and its process.
     alive: BTreeMap<WorkerId, (Instant, u64)>,
-    /// What reading the clock takes.
+    /// Time that reading the clock takes.
     clock_takes: Duration,
-    /// What the table has taken.
+    /// Time that the table has taken.
     spent: Duration,
     messages: u64,
     leases: u64,
@@ -134,7 +134,7 @@ impl Cluster {
         self.agenda.push(Reverse((at, self.number, happens)));
     }
 
-    /// Has the table do something, and counts its time.
+    /// Runs an operation of the table, and counts its time.
     fn timed<T>(&mut self, act: impl FnOnce(&mut LeaseTable<Answer>, Instant) -> T) -> T {
         let begun = cpu_time();
         let done = act(&mut self.table, self.clock);

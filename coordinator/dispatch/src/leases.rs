@@ -38,7 +38,7 @@ pub const MAX_BATCH: usize = 64;
 /// Tasks that a worker's thread does at once where it can: a swarm for each lane of the widest vectors.
 pub const AT_ONCE: usize = 8;
 /// Workers that a task may take with it before it is poisoned.
-pub const MOST_LOST: usize = 3;
+pub(crate) const MOST_LOST: usize = 3;
 /// Shortest and longest time after which a lease is also given to an idle worker.
 const SPECULATION_DELAY: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(5));
 /// A lease is late after so many times the usual time of one.
@@ -409,7 +409,7 @@ impl<R: Agree> LeaseTable<R> {
     }
 
     /// A lease is getting on: what takes so long has not taken anybody before.
-    pub fn get_on(&mut self, number: LeaseNumber) {
+    pub(crate) fn get_on(&mut self, number: LeaseNumber) {
         if let Some(Lease { job, tasks, .. }) = self.leases.get(&number)
             && let Some(job) = self.jobs.get_mut(job)
         {

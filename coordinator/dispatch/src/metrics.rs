@@ -170,7 +170,7 @@ impl Families {
     #[must_use]
     pub fn of(&self, peer: PeerKind) -> DispatchMetrics {
         let labels = [("peer", peer.name())];
-        // What has not happened yet is nought, not absent: a rate over it is one from the first scrape on.
+        // Events that have not happened yet count zero instead of being absent, so that rates are right from the first scrape on.
         for kind in WorkKind::ALL.into_iter().filter(|kind| kind.peer() == peer) {
             drop(self.done.get_or_create(&kind.labels()));
             drop(self.turnaround.get_or_create(&kind.labels()));

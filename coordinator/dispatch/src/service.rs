@@ -166,7 +166,7 @@ impl Service {
                 lease,
                 reply,
             } => {
-                // Whoever asked may be gone.
+                // The client may have gone.
                 let _ = reply.send(self.training_lease(worker, epoch, lease));
             }
             Request::LeasedTraining {
@@ -175,11 +175,11 @@ impl Service {
                 lease,
                 reply,
             } => {
-                // Whoever asked may be gone.
+                // The client may have gone.
                 let _ = reply.send(self.leased_training(machine, epoch, lease));
             }
             Request::Connected { reply } => {
-                // Whoever asked may be gone.
+                // The client may have gone.
                 let _ = reply.send(self.connected());
             }
             Request::Report { worker, report } => {

@@ -90,7 +90,7 @@ impl<W: Work> Submitted<W> {
     }
 
     fn reply(self, outcomes: Outcomes<W>) {
-        // Whoever waited may have stopped waiting.
+        // The waiting task may have been cancelled.
         let _ = self.reply.send(outcomes);
     }
 }

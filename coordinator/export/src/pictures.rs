@@ -31,7 +31,7 @@ pub(crate) fn shape(spec: &CampaignSpec, individuals: u64) -> Vec<u64> {
 fn header(shape: &[u64]) -> Vec<u8> {
     let sizes = shape.iter().map(u64::to_string).collect::<Vec<_>>().join(", ");
     let said = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({sizes}), }}");
-    // What comes before the numbers is a multiple of 64 bytes long, and ends with a new line.
+    // The header before the numbers is a multiple of 64 bytes long, and ends with a new line.
     let unpadded = 10 + said.len() + 1;
     let padding = unpadded.next_multiple_of(64) - unpadded;
     let said = format!("{said}{}\n", " ".repeat(padding));

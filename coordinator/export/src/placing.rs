@@ -81,7 +81,7 @@ pub(crate) fn place(folder: UnfinishedFolder, target: &Path, replaces: bool) -> 
     let (folder, _lock) = folder.keep();
     let placed = rename(&folder, target, replaces);
     if placed.is_err() {
-        // What is half there is in the way of the next try; what cannot be removed is said then.
+        // A half-written folder would be in the way of the next try, which reports it if it cannot be removed here.
         let _ = fs::remove_dir_all(&folder);
     }
     placed
@@ -210,7 +210,7 @@ mod tests {
         let filled = new_folder(&target).unwrap();
         export_in(filled.path(), "new");
         place(filled, &target, false).unwrap();
-        // Whoever is in it sees the files, and a volume may be mounted there.
+        // A shell in that folder keeps seeing its files, and a volume may be mounted there.
         assert_eq!(fs::metadata(folder.path()).unwrap().ino(), before);
         assert!(digests::is_alone(folder.path()).unwrap());
     }

@@ -147,7 +147,7 @@ mod tests {
                 let [full, deficient] = if i < 12 { [0.12, 0.06] } else { [0.07, 0.035] };
                 assert!(seen > full, "{} and {} are {seen:.3} apart", hex(a), hex(b));
                 for rows in DEFICIENCIES {
-                    // What a screen cannot show is cut off.
+                    // Values that a screen cannot show are clamped.
                     let [a, b] =
                         [a, b].map(|colour| times(rows, linear(colour)).map(|part| part.clamp(0.0, 1.0)));
                     assert!(

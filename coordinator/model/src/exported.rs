@@ -15,11 +15,11 @@ pub struct ExportedCampaign {
 
 impl ExportedCampaign {
     /// Maximum number of entries of a label log that is transferred: what follows from a log is held in memory, up to 0.8 kB an entry.
-    pub const MAX_LABEL_ENTRIES: u64 = 1_000_000;
+    pub(crate) const MAX_LABEL_ENTRIES: u64 = 1_000_000;
     /// Maximum number at the end of the id of a campaign that is transferred.
-    pub const MAX_NUMBER: u64 = 1_000_000_000_000;
+    pub(crate) const MAX_NUMBER: u64 = 1_000_000_000_000;
     /// Maximum number of rounds of feedback of a campaign that is transferred.
-    pub const MAX_ROUNDS: u32 = 10_000;
+    pub(crate) const MAX_ROUNDS: u32 = 10_000;
 
     /// A campaign that a store may take over.
     ///

@@ -103,7 +103,7 @@ impl<'a> BelowOptions<'a> {
     }
 }
 
-/// What an example is for stands apart from it: a shell takes it for a comment.
+/// The purpose of an example follows it as a comment of the shell.
 fn as_a_shell_takes_it(example: &str) -> String {
     match example.split_once("  ") {
         Some((command, purpose)) => format!("{command}  # {}", purpose.trim_start()),

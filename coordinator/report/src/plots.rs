@@ -277,7 +277,7 @@ mod tests {
                 let text = circle.split_once(axis).unwrap().1;
                 text.split('"').nth(1).unwrap().parse().unwrap()
             };
-            // Those of the individuals come first.
+            // The points of the individuals come first.
             let circles: Vec<&str> = svg
                 .split("<circle")
                 .skip(1)

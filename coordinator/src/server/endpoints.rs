@@ -106,7 +106,7 @@ impl Served {
                 limits::UNREAD_BYTES_PER_STREAM * limits::MAX_STREAMS_PER_CONNECTION,
             )
             .max_concurrent_streams(limits::MAX_STREAMS_PER_CONNECTION)
-            // What browsers speak on a plain connection.
+            // Browsers speak this on a plain connection.
             .accept_http1(true);
         if let Some(tls) = tls {
             server = server.tls_config(tls)?;

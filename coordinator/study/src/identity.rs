@@ -104,7 +104,10 @@ impl Study {
 ///
 /// # Errors
 /// If the cell's method takes none.
-pub fn with_checkpoint(spec: &CampaignSpec, checkpoint: CheckpointDigest) -> Result<CampaignSpec, Invalid> {
+pub(crate) fn with_checkpoint(
+    spec: &CampaignSpec,
+    checkpoint: CheckpointDigest,
+) -> Result<CampaignSpec, Invalid> {
     let mut message = v1::CampaignSpec::from(spec);
     message.checkpoint = Some(checkpoint.to_string());
     message.dataset = None;

@@ -43,7 +43,7 @@ pub use corrections::{Corrections, CorrectionsError, JUDGE};
 pub use figure::{Figure, Measure};
 pub use file::StudyError;
 pub use folder::{FolderError, KeptStudy, StudyFolder, lock_beginning, studies};
-pub use identity::{cell_digest, embedder_spec, measures_digest, with_checkpoint};
+pub use identity::{cell_digest, embedder_spec, measures_digest};
 pub use judge_errors::JudgeErrors;
 pub use maps::{BehavioursError, MappedIndividual, Maps, measure_maps};
 pub use measured::{AccuracyFigures, JudgedBehaviours, JudgedIndividual, Measured, MedoidsOf, SearchFigures};

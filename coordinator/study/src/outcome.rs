@@ -83,7 +83,7 @@ impl Outcome {
 
     /// The same with what there is to find, which recall is measured by.
     #[must_use]
-    pub fn with_reference(self, reference: Option<Reference>) -> Self {
+    pub(crate) fn with_reference(self, reference: Option<Reference>) -> Self {
         Self {
             reference: reference.map(Arc::new),
             tables: OnceLock::new(),
@@ -195,7 +195,7 @@ impl Outcome {
 
     fn table(&self, measure: Measure) -> Table {
         let rows: Vec<_> = self.study.rows().into_iter().enumerate().collect();
-        // What people named alone has no errors of the judge.
+        // Classes named by people alone have no errors of the judge.
         let has_errors = measure != Measure::Behaviours || self.is_any_by_judge();
         let row =
             |(number, values): (usize, Vec<usize>)| self.row(measure, values, number as u64, has_errors);

@@ -50,7 +50,7 @@ impl PhaseDiagram<'_> {
 impl Outcome {
     /// The phase diagrams of the study, one for each combination of the values of its other axes; none if the study file asks
     /// for none.
-    pub fn phase_diagrams(&self) -> Vec<PhaseDiagram<'_>> {
+    pub(crate) fn phase_diagrams(&self) -> Vec<PhaseDiagram<'_>> {
         let Some(phase) = self.study().phase else {
             return Vec::new();
         };

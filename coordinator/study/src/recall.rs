@@ -110,12 +110,12 @@ impl RecallStage {
     }
 
     /// The number of classes and patterns that there are, estimated.
-    pub fn richness_of_verdicts(&self) -> Option<Richness> {
+    pub(crate) fn richness_of_verdicts(&self) -> Option<Richness> {
         Richness::of(&self.verdicts.values().copied().collect::<Vec<_>>())
     }
 
     /// The number of niches that the same draws would reach in the end, estimated.
-    pub fn richness_of_niches(&self) -> Option<Richness> {
+    pub(crate) fn richness_of_niches(&self) -> Option<Richness> {
         Richness::of(&self.niches)
     }
 

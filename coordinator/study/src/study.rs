@@ -97,13 +97,13 @@ pub(crate) struct Published {
 }
 
 impl Study {
-    pub const MAX_CELLS: usize = 2000;
+    pub(crate) const MAX_CELLS: usize = 2000;
 
     /// The end of the name of a quick study, and of no other name.
     pub const QUICK: &str = "-quick";
 
     /// Whether `--quick` shortened it.
-    pub fn is_quick(&self) -> bool {
+    pub(crate) fn is_quick(&self) -> bool {
         self.name.as_str().ends_with(Self::QUICK)
     }
 
@@ -120,7 +120,7 @@ impl Study {
     }
 
     /// A row in words: `single sensor · latent`; the name of the study if it has no axes.
-    pub fn row_in_words(&self, values: &[usize]) -> String {
+    pub(crate) fn row_in_words(&self, values: &[usize]) -> String {
         let names: Vec<&str> = self.names(values).collect();
         match names.is_empty() {
             true => self.name.as_str().to_owned(),
@@ -146,7 +146,7 @@ impl Study {
     }
 
     /// The seed of the embedder of a replicate, if the replicates share embedders.
-    pub fn embedder_seed(&self, replicate: usize) -> Option<u64> {
+    pub(crate) fn embedder_seed(&self, replicate: usize) -> Option<u64> {
         let embedders = self.embedders?.get() as usize;
         self.seeds.get(replicate % embedders).copied()
     }

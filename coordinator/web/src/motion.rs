@@ -63,7 +63,7 @@ async fn simulated(web: &Web, campaign: &str, index: u64) -> Result<Simulated, S
     })
 }
 
-/// What a script draws a motion from.
+/// Data that a script draws a motion from.
 #[derive(Debug, Serialize)]
 struct IndividualView {
     world: WorldView,

@@ -30,9 +30,9 @@ impl Preset {
     ];
 
     /// Radius of the paper's robots, world units.
-    pub const PAPER_RADIUS: f64 = 5.0;
+    pub(crate) const PAPER_RADIUS: f64 = 5.0;
     /// Radius of their wheels, world units.
-    pub const PAPER_WHEEL_RADIUS: f64 = 2.0;
+    pub(crate) const PAPER_WHEEL_RADIUS: f64 = 2.0;
     /// The paper's two.
     pub const PAPER: [Self; 2] = [Self::SingleSensor, Self::TwoSensor];
 

@@ -75,7 +75,7 @@ pub enum SeenRobots {
 
 impl Sensor {
     /// Largest range, world units.
-    pub const MAX_RANGE: f64 = 1e6;
+    pub(crate) const MAX_RANGE: f64 = 1e6;
 
     /// The angle from the robot's heading to the middle of the cone.
     #[must_use]

@@ -50,7 +50,7 @@ impl TomlError {
         self.wrong_type.as_ref().map(|wrong| wrong.found.as_str())
     }
 
-    /// What is allowed instead of [`TomlError::value`].
+    /// The allowed values, if [`TomlError::value`] is of a wrong type.
     #[must_use]
     pub fn allowed(&self) -> Option<&str> {
         self.wrong_type.as_ref().map(|wrong| wrong.allowed.as_str())
@@ -138,7 +138,7 @@ impl Place {
     }
 }
 
-/// What is wrong with the field at `path`.
+/// The error about the field at `path`, as a sentence.
 fn field_words(path: &[&str], kind: &ErrorKind) -> String {
     let (name, section) = match path.split_last() {
         Some((name, outer)) => (*name, outer.join(".")),

@@ -26,7 +26,7 @@ impl Noise {
     /// Normal numbers are truncated at this many standard deviations, so that there is a limit to how fast a robot can be.
     pub const MAX_DEVIATIONS: f64 = 4.0;
     /// Largest delay, in steps.
-    pub const MAX_DELAY: u32 = 1000;
+    pub(crate) const MAX_DELAY: u32 = 1000;
 
     /// Whether there is none.
     #[must_use]

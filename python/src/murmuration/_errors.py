@@ -27,9 +27,7 @@ class InvalidError(MurmurationError, ValueError):
         search.population must be a whole number from 1 to 100000
     """
 
-    def __init__(
-        self, said: str, field: str | None = None, value: str | None = None, limit: str | None = None
-    ) -> None:
+    def __init__(self, said: str, field: str | None = None, value: str | None = None, limit: str | None = None) -> None:
         super().__init__(said)
         self.field = field
         self.value = value

@@ -9,7 +9,7 @@ pub struct Pictures {
     shape: PictureShape,
     views: usize,
     bytes: Vec<u8>,
-    /// Those of the first view of each behaviour; empty if they are not known.
+    /// The features of the first view of each behaviour; empty if they are not known.
     features: Vec<Features>,
 }
 

@@ -12,7 +12,7 @@ mod runtime;
 pub use cache::{Cache, CacheError, FetchError, checkpoint_folder};
 pub use embedder::{EmbedError, Embedder, MAX_BATCH};
 pub use embedders::{Embedders, OpenError};
-pub use runtime::{ONNX_RUNTIME_VERSION, Runtime, RuntimeError, cache_folder};
+pub use runtime::{Runtime, RuntimeError, cache_folder};
 
 #[cfg(test)]
 mod tests;

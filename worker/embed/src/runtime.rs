@@ -11,7 +11,7 @@ use std::{
 
 /// The version of ONNX Runtime that `make runtime` fetches. Versions from 1.17 on work. It is the last whose build for Linux
 /// does not contain its vendor's telemetry.
-pub const ONNX_RUNTIME_VERSION: &str = "1.28.0";
+pub(crate) const ONNX_RUNTIME_VERSION: &str = "1.28.0";
 
 /// Names of a system's library: in the development package, then in the library's own package.
 #[cfg(not(target_os = "macos"))]

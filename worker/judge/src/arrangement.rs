@@ -58,7 +58,7 @@ impl Arrangement {
 
     /// Share of agents in the two largest clusters.
     #[must_use]
-    pub fn in_two_clusters(&self) -> f64 {
+    pub(crate) fn in_two_clusters(&self) -> f64 {
         let agents: usize = self.clusters.iter().sum();
         self.clusters.iter().take(2).sum::<usize>() as f64 / agents.max(1) as f64
     }

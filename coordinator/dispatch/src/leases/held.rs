@@ -18,7 +18,7 @@ impl<R: Agree> LeaseTable<R> {
 
     /// The job of a lease that is with a worker of this machine.
     #[must_use]
-    pub fn held_by(&self, machine: MachineId, lease: LeaseNumber) -> Option<JobId> {
+    pub(crate) fn held_by(&self, machine: MachineId, lease: LeaseNumber) -> Option<JobId> {
         let lease = self.leases.get(&lease)?;
         (lease.holder.is_some() && lease.process.machine == machine).then_some(lease.job)
     }

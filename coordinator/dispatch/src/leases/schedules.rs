@@ -343,7 +343,7 @@ impl SimulatedCluster {
             self.die(instance);
         }
         if self.table.jobs.values().any(|job| !job.speculative) {
-            // What is not given twice waits for its worker until somebody ends it.
+            // A task that is not given twice waits for its worker until it is ended.
             let hung = self.processes.iter().filter(|(_, process)| process.hangs);
             for instance in hung.map(|(&instance, _)| instance).collect::<Vec<_>>() {
                 self.die(instance);

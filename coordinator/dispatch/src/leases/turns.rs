@@ -287,7 +287,7 @@ impl<R: Agree> LeaseTable<R> {
                 job.file(place, before);
                 concerned.insert(id);
             } else if task.votes.is_empty() && !anybody_works {
-                // Whoever found it impossible may have been stopped for that, and another be on its way.
+                // The worker that failed may have been stopped for that, and another may be on its way.
                 task.alone_since = None;
             } else if now.saturating_duration_since(*task.alone_since.get_or_insert(now))
                 >= self.dispute_timeout

@@ -163,7 +163,7 @@ impl<R: Agree> LeaseTable<R> {
     }
 
     #[must_use]
-    pub fn takes_work(&self, worker: WorkerId) -> bool {
+    pub(crate) fn takes_work(&self, worker: WorkerId) -> bool {
         self.workers.get(worker).is_some_and(|worker| worker.capacity > 0)
     }
 
@@ -175,7 +175,7 @@ impl<R: Agree> LeaseTable<R> {
 
     /// Whether workers are there, and none of them embeds.
     #[must_use]
-    pub const fn lacks_embedders(&self) -> bool {
+    pub(crate) const fn lacks_embedders(&self) -> bool {
         self.workers.working() > 0 && self.workers.embedders() == 0
     }
 

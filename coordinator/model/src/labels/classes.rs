@@ -236,7 +236,7 @@ impl Classes {
         self.all[self.today(class).0].deleted
     }
 
-    /// Those that go on, each with its name, its colour and the key that was chosen for it.
+    /// The classes that remain, each with its name, its colour and the key that was chosen for it.
     pub(super) fn iter(&self) -> impl Iterator<Item = (ClassNumber, &ClassName, Colour, Option<Shortcut>)> {
         let all = self.all.iter().enumerate();
         all.filter(|(_, known)| known.goes_on())

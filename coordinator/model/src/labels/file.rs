@@ -53,7 +53,7 @@ impl LabelFile {
     }
 
     /// The column that says which behaviour a row is about: `index`, or else `id`.
-    pub fn behaviour_column(&self) -> &'static str {
+    pub(crate) fn behaviour_column(&self) -> &'static str {
         match !self.has(INDEX) && self.has(SET_INDEX) {
             true => SET_INDEX,
             false => INDEX,

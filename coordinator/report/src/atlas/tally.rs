@@ -31,7 +31,7 @@ impl Tally {
 
     /// How sure the class is, over 0 to under 1: the share of trials that are of it, times how likely annotators are to
     /// call them so too.
-    pub fn sureness(&self) -> f64 {
+    pub(crate) fn sureness(&self) -> f64 {
         self.share * precision(self.class)
     }
 }

@@ -18,7 +18,7 @@ use serde::Serialize;
 /// Bytes for the motion of all medoids together, before base64.
 const MOTION_BYTES: usize = 6 << 20;
 
-/// What the report's script draws.
+/// Data that the report's script draws.
 #[derive(Debug, Serialize)]
 #[serde(rename_all = "camelCase")]
 struct ReportView {

@@ -40,7 +40,7 @@ pub fn ring(world: &World, steps: u32, stride: u32) -> Replay {
 }
 
 /// Width, height and the bytes of the pixels.
-pub fn decode_png(file: &[u8]) -> (u32, u32, Vec<u8>) {
+pub(crate) fn decode_png(file: &[u8]) -> (u32, u32, Vec<u8>) {
     let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().unwrap();
     let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
     let info = reader.next_frame(&mut pixels).unwrap();

@@ -175,7 +175,7 @@ impl<const D: usize> WithSimd for SumOf<'_, D> {
             let squared = lanes.squared_distances::<D>(block, place);
             let mut nearness = [0.0; LANES];
             for lane in 0..LANES {
-                // What a block lacks is infinitely far.
+                // The missing points of a block are infinitely far.
                 let counts = squared[lane] > 0.0 && squared[lane] < f64::INFINITY;
                 let distance = squared[lane].sqrt();
                 distances[lane] += if counts { distance } else { 0.0 };

@@ -50,7 +50,7 @@ pub enum Algorithm {
 impl Algorithm {
     /// The one for so many points.
     #[must_use]
-    pub const fn for_size(points: usize) -> Self {
+    pub(crate) const fn for_size(points: usize) -> Self {
         if points <= MOST_EXACT {
             Self::FasterPam
         } else {

@@ -71,7 +71,7 @@ impl Behaviours {
         Ok(())
     }
 
-    /// Those at `indices`, in their order.
+    /// The behaviours at `indices`, in their order.
     ///
     /// # Panics
     /// If an index is not below [`Behaviours::len`].
@@ -149,7 +149,7 @@ impl Behaviours {
     /// # Panics
     /// If `origin` is not below [`Behaviours::len`].
     #[inline]
-    pub fn each_squared_distance(&self, origin: usize, visit: impl FnMut(usize, f64)) {
+    pub(crate) fn each_squared_distance(&self, origin: usize, visit: impl FnMut(usize, f64)) {
         // A loop of known length takes half the time.
         match self.dims {
             2 => self.each_from::<2>(origin, visit),

@@ -225,7 +225,7 @@ impl Field {
             "" => table,
             section => {
                 let entry = table.entry(section).or_insert_with(|| Value::Table(Table::new()));
-                // What is no table is refused when the whole is read.
+                // A value that is not a table is refused when the whole is read.
                 let Some(table) = entry.as_table_mut() else { return };
                 table
             }

@@ -315,7 +315,7 @@ fn cone(robot: &Robot, sensor: &Sensor) -> (f64, Option<f64>) {
     (half, sensor_reach(sensor).or(drawn))
 }
 
-/// What the script draws a swarm from.
+/// Data that the script draws a swarm from.
 #[derive(Debug, Serialize)]
 pub(in super::super) struct SwarmView {
     world: WorldView,
@@ -430,10 +430,10 @@ mod tests {
         let text = "[robot]\nradius = 6\nsensors = [{ half_angle = 0.25, range = 120 }, { half_angle = 0.5 }, { range = 40 }, {}]\n";
         let page = shown(&[("robot", text)]).replace("&quot;", "\"");
         for sensor in [
-            r#"{"angle":0.0,"half":0.25,"reach":120.0}"#,
-            r#"{"angle":0.0,"half":0.5,"reach":72.0}"#,
-            r#"{"angle":0.0,"half":0.0,"reach":40.0}"#,
-            r#"{"angle":0.0,"half":0.0,"reach":null}"#,
+            r#"{"angle":0.0,"gene":null,"half":0.25,"reach":120.0}"#,
+            r#"{"angle":0.0,"gene":null,"half":0.5,"reach":72.0}"#,
+            r#"{"angle":0.0,"gene":null,"half":0.0,"reach":40.0}"#,
+            r#"{"angle":0.0,"gene":null,"half":0.0,"reach":null}"#,
         ] {
             assert!(page.contains(sensor), "{sensor}: {page}");
         }

@@ -232,7 +232,7 @@ impl Studies {
         });
         let kept: Result<(), Unusable> = kept.await?;
         kept?;
-        // What is shown next has this answer, also where the clock of the disk has not moved.
+        // The next view has this answer, even if the clock of the disk has not moved.
         if let Some(read) = read.as_mut() {
             read.stamp.classes = None;
         }

@@ -29,7 +29,7 @@ impl Sight {
     pub(super) fn of(jobs: &Jobs, known: &Known) -> Self {
         let seen = |job: &Job| {
             let found = job.digest.as_ref().and_then(|digest| known.get(digest));
-            // What was measured names its campaign, which need not be the oldest.
+            // A measurement names its campaign, which need not be the oldest.
             let named = job.done.clone().filter(|campaign| !campaign.is_empty());
             let campaign = named.or_else(|| found.map(|(id, _)| id.clone()));
             Seen {

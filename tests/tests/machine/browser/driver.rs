@@ -55,7 +55,8 @@ const UNSENT: &str = "(() => { \
         } \
     }); \
     const { parse } = JSON; \
-    const kept = (text) => [localStorage, sessionStorage].some((store) => Object.values(store).includes(text)); \
+    const kept = (text) => text === '{}' || \
+        [localStorage, sessionStorage].some((store) => Object.values(store).includes(text)); \
     JSON.parse = (text, ...rest) => { \
         const value = parse(text, ...rest); \
         return location.protocol === 'about:' || kept(text) ? value : strict(value); \

@@ -41,7 +41,7 @@ pub struct FeatureBounds {
 }
 
 impl FeatureBounds {
-    /// Those of swarms of this model in `world`.
+    /// The bounds of swarms of this model in `world`.
     #[must_use]
     pub fn of(model: &CapabilityModel, world: &World) -> Self {
         let speed = speed(model, world);

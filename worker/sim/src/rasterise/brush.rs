@@ -115,7 +115,7 @@ fn erase_pixels(canvas: &mut Canvas, centre: [i32; 2], end: [i32; 2]) {
 }
 
 impl<S: Simd, const SENSORS: usize> Ends<S, SENSORS> {
-    /// Those of agents on canvases of `size` pixels.
+    /// The brushes of agents on canvases of `size` pixels.
     #[inline(always)]
     pub(super) fn new(
         simd: S,

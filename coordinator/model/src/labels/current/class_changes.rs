@@ -51,7 +51,7 @@ impl Labels {
         let reverted = newest.ok_or(Refusal::NotNewestChange(entry))?.remove();
         Arc::make_mut(&mut self.classes).restore(reverted.replaced);
         for answer in reverted.set_aside {
-            // What its annotator has said since counts.
+            // Later answers of its annotator count.
             let given = self.given.get(&answer);
             let answered = given.and_then(|given| self.standing_of(given.index, &given.annotator));
             if answered.is_none() {

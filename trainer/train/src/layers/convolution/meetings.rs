@@ -64,7 +64,7 @@ pub(super) struct Place {
 }
 
 impl Places {
-    /// Those of the first samples.
+    /// The places of the first samples.
     pub(super) fn of(&self, samples: usize) -> &[Place] {
         &self.places[..samples * self.per_sample]
     }

@@ -6,7 +6,7 @@ use crate::{
 };
 use pulp::Simd;
 
-/// Those that the agent of each lane touches.
+/// The agents that the agent of each lane touches.
 #[derive(Clone, Copy)]
 pub(super) struct Touched<S: Simd> {
     /// How many.

@@ -105,7 +105,7 @@ impl Opening {
 }
 
 impl<const SENSORS: usize> Moved<SENSORS> {
-    /// Those of these sensors, for bodies of this radius; `None` where an apex would be too far back.
+    /// The cones of these sensors, for bodies of this radius; `None` where an apex would be too far back.
     fn new(sensors: &[Sensor; SENSORS], radius: f64) -> Option<Self> {
         let openings: Option<Vec<_>> = sensors
             .iter()

@@ -266,7 +266,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         let heading = rotate(simd, body.heading, gait.rotation);
         self.bodies[i].0.heading = heading;
         self.place(i, at);
-        // Who was crowded a step ago is likely to be so now, and the look in vain.
+        // An agent that was crowded a step ago is likely to be crowded now, and the test would be in vain.
         if !body.crowded
             && let Some(Seen { touched, hits }) = self.glance(simd, i, at, heading)
             && !any(simd, touched)
