@@ -1,8 +1,8 @@
 //! Where a campaign's embedder comes from.
 
 use crate::{
-    BehaviourSpace, CheckpointDigest, Dataset, ImageFormat, Invalid, Method,
-    training::{Configuration, ConfigurationError, Recipe},
+    BehaviourSpace, CheckpointDigest, Dataset, ImageFormat, Invalid, Method, toml_file,
+    training::{Configuration, Recipe, Settings},
     v1,
 };
 
@@ -109,10 +109,9 @@ fn configuration(
     if method == Method::Untrained {
         table.entry("recipe").or_insert(Recipe::Untrained.name().into());
     }
-    let configuration = Configuration::of_section("training", &table).map_err(|error| match error {
-        ConfigurationError::Value(invalid) => invalid.within("training"),
-        ConfigurationError::Syntax(error) => unreadable(error.to_string()),
-    })?;
+    let settings: Settings = toml_file::read_section("training", &table.to_string())
+        .map_err(|error| unreadable(error.to_string()))?;
+    let configuration = Configuration::try_from(settings).map_err(|invalid| invalid.within("training"))?;
     let recipe = configuration.recipe();
     if (method == Method::Untrained) != (*recipe == Recipe::Untrained) && method != Method::Random {
         let allowed = format!("another: the method is \"{method}\"");

@@ -17,6 +17,7 @@ mod enumeration;
 mod evaluation;
 mod feedback;
 mod field_lines;
+mod field_names;
 mod image_format;
 mod invalid;
 mod method;

@@ -2,7 +2,7 @@
 //! trainings.
 
 use crate::{
-    toml_file::field_names,
+    field_names::field_names,
     training::{InBatch, Labelled, NetworkSettings, PaperLabelled, RandomTriplets, Settings},
 };
 use serde::de::DeserializeOwned;

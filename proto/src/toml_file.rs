@@ -16,7 +16,6 @@ use toml::{
     de::{DeTable, DeValue},
 };
 
-pub(crate) use deserializer::field_names;
 pub use error::TomlError;
 
 /// The tables that the message of a campaign holds as texts, without their places in the file.

@@ -2,10 +2,8 @@
 
 use super::{Architecture, ArchitectureError, Layer, Recipe};
 use crate::{
-    Invalid, PictureShape, TomlError,
+    Invalid, PictureShape,
     invalid::{real, whole},
-    read_toml,
-    toml_file::read_section,
 };
 use serde::{Deserialize, Serialize};
 
@@ -83,7 +81,7 @@ impl Default for Configuration {
 pub enum ConfigurationError {
     /// Not TOML, or a field that does not exist, or a value of the wrong type; says where.
     #[error(transparent)]
-    Syntax(#[from] TomlError),
+    Syntax(#[from] toml::de::Error),
     #[error(transparent)]
     Value(#[from] Invalid),
 }
@@ -94,13 +92,7 @@ impl Configuration {
     /// # Errors
     /// Says where the text is not TOML, which field is unknown, or which value is not allowed.
     pub fn from_toml(text: &str) -> Result<Self, ConfigurationError> {
-        let settings: Settings = read_toml(text)?;
-        Ok(settings.try_into()?)
-    }
-
-    /// As [`Configuration::from_toml`], from the table `section` of a campaign file.
-    pub(crate) fn of_section(section: &str, table: &toml::Table) -> Result<Self, ConfigurationError> {
-        let settings: Settings = read_section(section, &table.to_string())?;
+        let settings: Settings = toml::from_str(text)?;
         Ok(settings.try_into()?)
     }
 
@@ -334,6 +326,6 @@ mod tests {
             "recipe.paper-labelled.margin = 0",
         );
         check_refused("[recipe.in-batch]\ncrop = [0.6, 0.5]", "a number from 0.6 to 2");
-        check_refused("[recipe.supervised]\n", "unknown value `supervised`");
+        check_refused("[recipe.supervised]\n", "unknown variant `supervised`");
     }
 }
