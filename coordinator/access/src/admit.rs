@@ -108,8 +108,10 @@ impl Gate {
         let answered = match endpoint.allows(asked, requirement, session.as_ref(), &request) {
             Ok(principal) => {
                 let class = requirement.class_for(principal, class);
+                let is_known = requirement != Requirement::Nothing
+                    || matches!(principal, Principal::Token(_) | Principal::Machine(_));
                 let handle = request.extensions().get::<ConnectionHandle>();
-                if let Some(handle) = handle.filter(|_| class != CostClass::Stranger) {
+                if let Some(handle) = handle.filter(|_| is_known) {
                     handle.authenticated();
                 }
                 let waits = speaks_grpc && class != CostClass::Stranger;

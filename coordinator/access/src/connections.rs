@@ -9,6 +9,7 @@ use crate::limits::{
 };
 use governor::{DefaultDirectRateLimiter, Quota, RateLimiter};
 use std::{
+    cmp::Reverse,
     collections::{BTreeMap, HashMap},
     io,
     net::{IpAddr, Ipv6Addr},
@@ -83,13 +84,13 @@ impl ConnectionPermits {
     }
 
     /// A permit for a connection of `peer`. If all are taken, the oldest unauthenticated connection of the address with the most
-    /// is closed, if that address has more than this one.
+    /// is closed, if that address has more than this one has without it.
     fn take(&self, peer: IpAddr, handle: &ConnectionHandle) -> Option<ConnectionPermit> {
         let network = network_of(peer);
         let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
         let of_peer = taken.by_peer.get(&network).map_or(0, BTreeMap::len);
         let total: usize = taken.by_peer.values().map(BTreeMap::len).sum();
-        if of_peer >= self.most_per_peer || (total >= self.most && !taken.make_room(of_peer + 1)) {
+        if of_peer >= self.most_per_peer || (total >= self.most && !taken.make_room(of_peer)) {
             return None;
         }
         let number = taken.next;
@@ -105,20 +106,20 @@ impl ConnectionPermits {
 }
 
 impl TakenPermits {
-    /// Closes the oldest unauthenticated connection of the address with the most, if that has more than `fewer`.
+    /// Closes an unauthenticated connection of an address with more than `fewer` connections: the oldest of the address with the
+    /// most.
     fn make_room(&mut self, fewer: usize) -> bool {
-        let has_more = self.by_peer.values_mut().filter(|of_peer| of_peer.len() > fewer);
-        let Some(most) = has_more.max_by_key(|of_peer| of_peer.len()) else {
-            return false;
+        let oldest_stranger = |of_peer: &BTreeMap<u64, ConnectionHandle>| {
+            let stranger = of_peer.iter().find(|(_, handle)| !handle.is_authenticated());
+            stranger.map(|(number, _)| *number)
         };
-        let stranger = most.iter().find(|(_, handle)| !handle.is_authenticated());
-        let Some(number) = stranger.map(|(number, _)| *number) else {
-            return false;
-        };
-        if let Some(handle) = most.remove(&number) {
-            handle.close();
-        }
-        true
+        let with_strangers = self.by_peer.values_mut().filter_map(|of_peer| {
+            let number = oldest_stranger(of_peer).filter(|_| of_peer.len() > fewer)?;
+            Some((of_peer, number))
+        });
+        let most = with_strangers.max_by_key(|(of_peer, number)| (of_peer.len(), Reverse(*number)));
+        let closed = most.and_then(|(of_peer, number)| of_peer.remove(&number));
+        closed.map(|handle| handle.close()).is_some()
     }
 }
 
@@ -342,12 +343,18 @@ impl AsyncWrite for Connection {
         context: &mut Context<'_>,
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
+        if self.is_closed(context) {
+            return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
+        }
         let written = ready!(Pin::new(&mut self.stream).poll_write(context, bytes));
         self.passed();
         Poll::Ready(written)
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        if self.is_closed(context) {
+            return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
+        }
         Pin::new(&mut self.stream).poll_flush(context)
     }
 
@@ -360,6 +367,9 @@ impl AsyncWrite for Connection {
         context: &mut Context<'_>,
         slices: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
+        if self.is_closed(context) {
+            return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
+        }
         let written = ready!(Pin::new(&mut self.stream).poll_write_vectored(context, slices));
         self.passed();
         Poll::Ready(written)

@@ -16,7 +16,7 @@ pub const MAX_CONNECTIONS_PER_PEER: usize = 1024;
 pub(crate) const MAX_LOCAL_CONNECTIONS: usize = 128;
 /// Files that are kept free of connections: the store's, logs, the library of the operating system.
 pub(crate) const RESERVED_FILES: u64 = 256;
-/// Longest silence of a connection before its first request: in its TLS handshake, or within the request's headers.
+/// Time of a TLS handshake, and the longest silence of a connection before its first request.
 pub const HANDSHAKE_LIMIT: Duration = Duration::from_secs(10);
 /// Time that a connection has until the headers of its first request are complete.
 pub(crate) const FIRST_REQUEST_LIMIT: Duration = Duration::from_secs(30);

@@ -374,7 +374,7 @@ impl Seats {
     /// The label budget of an annotator, shared by all their requests.
     pub(crate) fn label_budget(&self, annotator: Principal) -> LabelBudget {
         let mut budgets = self.labels.lock().unwrap_or_else(PoisonError::into_inner);
-        budgets.retain(|_, budget| !budget.is_full());
+        budgets.retain(|_, budget| !budget.is_unused());
         let number = budgets.hasher().hash_one(annotator);
         let budget = budgets
             .entry(annotator)

@@ -41,7 +41,11 @@ pub struct Overwrite {
 impl Overwrite {
     /// Refuses a file that exists, which may be the work of hours, unless it may be replaced.
     pub fn check(self, path: &Path) -> Result<(), CliError> {
-        match !self.force && path.is_file() {
+        // Standard output may be redirected to a file, which is appended to.
+        let is_descriptor = ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"]
+            .iter()
+            .any(|place| path.starts_with(place));
+        match !self.force && !is_descriptor && path.is_file() {
             true => Err(CliError::Input(format!(
                 "{} exists already: name another file, or replace it with --force",
                 path.display()
@@ -91,8 +95,14 @@ pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), CliError> {
     finish(file, path)
 }
 
-/// Begins a file that [`finish`] gives its name. Refuses files of a data directory, which only a coordinator may change.
+/// Begins a file that [`finish`] gives its name.
 pub fn begin(path: &Path) -> Result<NewFile, CliError> {
+    expect_outside_data(path)?;
+    NewFile::create(path).map_err(|error| CliError::unwritable(path, &error))
+}
+
+/// Refuses a place in a data directory, which only a coordinator may change.
+pub fn expect_outside_data(path: &Path) -> Result<(), CliError> {
     let whole = files::without_links(path).unwrap_or_else(|_| path.to_owned());
     let mut folders = whole.ancestors().skip(1);
     if let Some(folder) = folders.find(|folder| folder.join(Store::FILE).exists()) {
@@ -102,7 +112,7 @@ pub fn begin(path: &Path) -> Result<NewFile, CliError> {
             folder.display()
         )));
     }
-    NewFile::create(path).map_err(|error| CliError::unwritable(path, &error))
+    Ok(())
 }
 
 /// Gives a whole file the name `path`, and says so.

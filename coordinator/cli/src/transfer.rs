@@ -3,7 +3,7 @@
 use super::{
     CliError, Global,
     connection::{self, Connection},
-    files::is_there,
+    files::{expect_outside_data, is_there},
     json,
     validation::validated,
 };
@@ -60,6 +60,7 @@ pub struct Import {
 
 impl Export {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        expect_outside_data(&self.folder.join(Store::FILE))?;
         // A command that is ended removes what it has half written.
         let export = async |connection: &mut Connection| {
             tokio::select! {

@@ -83,9 +83,9 @@ impl LabelApi {
                 Some(budget) if store.request_entries(&id, &request)?.is_empty() => budget,
                 _ => return add(store, &id, &request),
             };
-            budget.check(wanted)?;
+            let reserved = budget.reserve(wanted)?;
             let added = add(store, &id, &request)?;
-            budget.charge(added.len());
+            reserved.settle(added.len());
             Ok(added)
         })
         .await
@@ -165,7 +165,7 @@ impl v1::label_service_server::LabelService for LabelApi {
         let entries = if before.is_empty() {
             // Before workers simulate for what could not be added.
             if let Some(budget) = LabelBudget::current() {
-                budget.check(count).map_err(LabelError::from).or_status()?;
+                budget.reserve(count).map_err(LabelError::from).or_status()?;
             }
             let done = Arc::default();
             let interrupt = self.queries.interrupt();

@@ -89,8 +89,44 @@ fn a_newcomer_takes_the_place_of_a_stranger_with_many_connections() {
             .sum::<usize>(),
         5
     );
-    // Nobody has more than this one would have.
+    // One with as many as others takes the place of their oldest stranger.
+    let [(_, mut first_of_second), (_, mut second_of_second)] = of_second;
+    let further = take(&permits, &handle("10.0.0.3").0);
+    assert!(further.is_some());
+    assert!(newest.try_recv().is_ok() && known.try_recv().is_err());
+    assert!(first_of_second.try_recv().is_err() && second_of_second.try_recv().is_err());
+    // With as many as the others have, it takes no more.
     assert!(take(&permits, &handle("10.0.0.3").0).is_none());
+}
+
+#[test]
+fn places_that_many_addresses_hold_go_to_newcomers_too() {
+    let permits = ConnectionPermits::new(3, 2);
+    let strangers = ["10.0.0.1", "10.0.0.2", "10.0.0.3"].map(handle);
+    let held = strangers
+        .each_ref()
+        .map(|(handle, _)| take(&permits, handle).unwrap());
+    let [(known, mut of_known), (_, mut oldest), (_, mut newest)] = strangers;
+    known.authenticated();
+    assert!(take(&permits, &handle("10.0.0.4").0).is_some());
+    assert!(of_known.try_recv().is_err() && oldest.try_recv().is_ok() && newest.try_recv().is_err());
+    drop(held);
+}
+
+#[tokio::test]
+async fn a_connection_that_only_writes_is_closed() {
+    let (address, mut taken) = listen(ConnectionPermits::new(4, 4)).await;
+    let _client = TcpStream::connect(address).await.unwrap();
+    let mut connection = taken.next().await.unwrap().unwrap();
+    let handle = connection.connect_info();
+    let closing = async {
+        tokio::time::sleep(Duration::from_millis(50)).await;
+        handle.close();
+    };
+    // More than the buffers of both ends hold, and nobody reads.
+    let bytes = vec![0; 64 << 20];
+    let (written, ()) = tokio::join!(connection.write_all(&bytes), closing);
+    assert_eq!(written.unwrap_err().kind(), io::ErrorKind::TimedOut);
 }
 
 #[test]

@@ -70,41 +70,66 @@ impl LabelBudget {
         BUDGET.try_with(Clone::clone).ok()
     }
 
-    /// Whether `wanted` entries may be added now; none, as for an undo, always may.
+    /// Takes `wanted` entries from what is left; none, as for an undo, may always be added.
     ///
     /// # Errors
     /// [`OverBudget`].
-    pub fn check(&self, wanted: usize) -> Result<(), OverBudget> {
-        self.check_at(wanted, Instant::now())
+    pub fn reserve(&self, wanted: usize) -> Result<Reserved, OverBudget> {
+        self.reserve_at(wanted, Instant::now())
     }
 
-    /// Takes `added` entries from what is left, also beyond it.
-    pub fn charge(&self, added: usize) {
-        self.left(Instant::now(), |left| left.entries -= added as f64);
-    }
-
-    /// Whether nothing was taken lately, so that a new one would do as well.
+    /// Whether nothing was taken lately and no request holds it, so that a new one would do as well.
     #[must_use]
-    pub fn is_full(&self) -> bool {
-        self.left(Instant::now(), |left| left.entries >= AT_ONCE)
+    pub fn is_unused(&self) -> bool {
+        Arc::strong_count(&self.left) == 1 && self.left(Instant::now(), |left| left.entries >= AT_ONCE)
     }
 
-    fn check_at(&self, wanted: usize, now: Instant) -> Result<(), OverBudget> {
-        let left = self.left(now, |left| left.entries);
-        match wanted > 0 && wanted as f64 > left {
+    fn reserve_at(&self, wanted: usize, now: Instant) -> Result<Reserved, OverBudget> {
+        let entries = wanted as f64;
+        self.left(now, |left| match wanted > 0 && entries > left.entries {
             true => Err(OverBudget {
-                left: left.max(0.0) as u64,
+                left: left.entries.max(0.0) as u64,
             }),
-            false => Ok(()),
-        }
+            false => {
+                left.entries -= entries;
+                Ok(())
+            }
+        })?;
+        Ok(Reserved {
+            budget: self.clone(),
+            entries,
+        })
     }
 
     fn left<T>(&self, now: Instant, change: impl FnOnce(&mut Left) -> T) -> T {
         let mut left = self.left.lock().unwrap_or_else(PoisonError::into_inner);
         let passed: Duration = now.saturating_duration_since(left.at);
         left.entries = (left.entries + passed.as_secs_f64() * PER_SECOND).min(AT_ONCE);
-        left.at = now;
+        left.at = left.at.max(now);
         change(&mut left)
+    }
+}
+
+/// Entries that a request may add. They are given back when it is dropped.
+#[derive(Debug)]
+pub struct Reserved {
+    budget: LabelBudget,
+    entries: f64,
+}
+
+impl Reserved {
+    /// Takes `added` entries for good instead of those that were reserved, also beyond what is left.
+    pub fn settle(mut self, added: usize) {
+        self.entries -= added as f64;
+    }
+}
+
+impl Drop for Reserved {
+    fn drop(&mut self) {
+        let back = self.entries;
+        self.budget.left(Instant::now(), |left| {
+            left.entries = (left.entries + back).min(AT_ONCE)
+        });
     }
 }
 
@@ -115,32 +140,41 @@ mod tests {
     #[test]
     fn what_was_added_comes_back_slowly_and_no_more_than_that() {
         let budget = LabelBudget::of(1);
-        assert!(budget.is_full());
-        assert_eq!(budget.check(50_001), Err(OverBudget { left: 50_000 }));
-        assert_eq!(budget.check(50_000), Ok(()));
-        budget.charge(50_000);
+        assert!(budget.is_unused());
+        let over = |wanted, now| budget.reserve_at(wanted, now).map(drop).unwrap_err().left;
         let now = Instant::now();
-        assert_eq!(budget.check_at(1, now), Err(OverBudget { left: 0 }));
+        assert_eq!(over(50_001, now), 50_000);
+        budget.reserve_at(50_000, now).unwrap().settle(50_000);
+        assert_eq!(over(1, now), 0);
         let later = now + Duration::from_secs(10);
-        assert_eq!(budget.check_at(12, later), Err(OverBudget { left: 10 }));
-        assert_eq!(budget.check_at(10, later), Ok(()));
+        assert_eq!(over(12, later), 10);
+        drop(budget.reserve_at(10, later).unwrap());
         // Undoing is always allowed, and counts.
-        budget.charge(100);
-        assert_eq!(budget.check_at(0, later), Ok(()));
-        assert_eq!(budget.check_at(1, later), Err(OverBudget { left: 0 }));
+        budget.reserve_at(0, later).unwrap().settle(100);
+        assert_eq!(over(1, later), 0);
         let much_later = now + Duration::from_secs(1_000_000);
-        assert_eq!(
-            budget.check_at(50_001, much_later),
-            Err(OverBudget { left: 50_000 })
-        );
+        assert_eq!(over(50_001, much_later), 50_000);
+    }
+
+    #[test]
+    fn requests_at_once_share_what_is_left_and_keep_the_budget() {
+        let budget = LabelBudget::of(1);
+        // A request that has begun and added nothing yet.
+        let other = budget.clone();
+        assert!(!budget.is_unused());
+        let reserved = budget.reserve(45_000).unwrap();
+        assert!(other.reserve(45_000).is_err());
+        // A request that fails costs nothing.
+        drop(reserved);
+        assert!(other.reserve(45_000).is_ok());
     }
 
     #[tokio::test]
     async fn a_task_has_the_budget_that_it_was_given() {
         assert!(LabelBudget::current().is_none());
         let budget = LabelBudget::of(1);
-        let charged = async { LabelBudget::current().unwrap().charge(1) };
+        let charged = async { LabelBudget::current().unwrap().reserve(1).unwrap().settle(1) };
         budget.clone().scope(charged).await;
-        assert!(!budget.is_full());
+        assert!(!budget.is_unused());
     }
 }
