@@ -58,8 +58,7 @@ impl UnfinishedFolder {
 /// Letters and digits that follow the prefix of a name.
 const RANDOM_CHARS: usize = 6;
 
-/// Removes the folders in `parent` whose names are `prefix` and [`RANDOM_CHARS`] letters and digits, if the processes that filled them
-/// have ended.
+/// Removes the folders in `parent` whose names are `prefix` and six letters and digits, if the processes that filled them have ended.
 pub fn remove_leftovers(parent: &Path, prefix: &str) {
     let entries = fs::read_dir(parent).into_iter().flatten().flatten();
     for entry in entries {
