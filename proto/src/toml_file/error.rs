@@ -154,13 +154,13 @@ fn field_words(path: &[&str], kind: &ErrorKind) -> String {
         }
         ErrorKind::UnknownValue { value, known } => {
             let meant = nearest(value, known.iter().copied());
-            let meant = meant.map_or(String::new(), |meant| format!("did you mean `{meant}`? "));
+            let meant = meant.map_or(".".to_owned(), |meant| format!(": did you mean `{meant}`?"));
             let named = match path {
                 [] => String::new(),
                 path => format!(" of {}", path.join(".")),
             };
             format!(
-                "unknown value `{value}`{named}: {meant}It may be {}",
+                "unknown value `{value}`{named}{meant} It may be {}",
                 list(known, "or")
             )
         }
