@@ -9,7 +9,7 @@ use crate::{
     training::{Recipe, Settings},
     v1,
 };
-use deserializer::Node;
+use deserializer::{FieldError, Node};
 use serde::{Deserialize, de::DeserializeOwned};
 use toml::{
     Spanned,
@@ -35,9 +35,11 @@ struct RecipeTable {
 
 /// Reads a campaign file.
 pub(crate) fn campaign(text: &str) -> Result<v1::CampaignSpec, TomlError> {
-    let message = read_toml(text)?;
-    read_toml::<TextTables>(text)?;
-    Ok(message)
+    read(text, "", |file| {
+        let message = v1::CampaignSpec::deserialize(file)?;
+        TextTables::deserialize(file)?;
+        Ok(message)
+    })
 }
 
 /// Reads a campaign file that was put together as a table, so that errors have no line.
@@ -51,15 +53,20 @@ pub(crate) fn campaign_of_table(table: &toml::Table) -> Result<v1::CampaignSpec,
 /// # Errors
 /// Says where the text is not TOML, which field is unknown, or which value is of the wrong type.
 pub fn read_toml<T: DeserializeOwned>(text: &str) -> Result<T, TomlError> {
-    read(text, "")
+    read(text, "", |file| T::deserialize(file))
 }
 
 /// Reads the table `section` of a campaign file from a text of its own, as messages have it, so that errors have no line.
 pub(crate) fn read_section<T: DeserializeOwned>(section: &str, text: &str) -> Result<T, TomlError> {
-    read(text, section).map_err(TomlError::without_place)
+    read(text, section, |file| T::deserialize(file)).map_err(TomlError::without_place)
 }
 
-fn read<T: DeserializeOwned>(text: &str, section: &str) -> Result<T, TomlError> {
+/// Parses a text once; `fields` reads it, as the table `section` of a campaign file.
+fn read<T>(
+    text: &str,
+    section: &str,
+    fields: impl FnOnce(Node<'_>) -> Result<T, FieldError>,
+) -> Result<T, TomlError> {
     let text = text
         .strip_prefix('\u{feff}')
         .unwrap_or(text)
@@ -67,5 +74,5 @@ fn read<T: DeserializeOwned>(text: &str, section: &str) -> Result<T, TomlError> 
     let table = DeTable::parse(&text).map_err(|error| TomlError::of_syntax(&text, &error))?;
     let span = table.span();
     let root = Spanned::new(span, DeValue::Table(table.into_inner()));
-    T::deserialize(Node(&root)).map_err(|error| TomlError::of_field(&text, section, error))
+    fields(Node(&root)).map_err(|error| TomlError::of_field(&text, section, error))
 }
