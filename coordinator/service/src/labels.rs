@@ -65,8 +65,8 @@ impl LabelApi {
         .await
     }
 
-    /// Runs `add`, which adds entries to a campaign's log, if the budget of who asks has `wanted` left; 0 is always allowed. A request
-    /// that was made before adds nothing, and costs nothing.
+    /// Runs `add`, which adds entries to a campaign's log, if the budget of the request's token has `wanted` left; 0 is always allowed.
+    /// A request that was made before adds nothing, and costs nothing.
     async fn within_budget<T: Send + 'static>(
         &self,
         campaign: String,

@@ -42,8 +42,8 @@ const SHIFTS: &str = "new PerformanceObserver((list) => { \
     sessionStorage.setItem('shifts', JSON.stringify(noted)); \
 }).observe({ type: 'layout-shift', buffered: true })";
 
-/// Has a script fail that reads a field which the coordinator does not send: what `fetch` and events bring, and the JSON in
-/// attributes. What a page keeps by itself may lack fields, if another version wrote it.
+/// Makes a page's script fail when it reads a field that the coordinator did not send, in the JSON of `fetch`, events and attributes.
+/// JSON that a page keeps by itself may lack fields, if another version wrote it.
 const UNSENT: &str = "(() => { \
     const strict = (value) => (typeof value !== 'object' || value === null) ? value : new Proxy(value, { \
         get(target, name, self) { \

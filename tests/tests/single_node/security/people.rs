@@ -127,7 +127,7 @@ async fn an_annotator_cannot_fill_a_label_log_and_an_operator_can() {
     let refused = label(&people.annotator, "more", 500).await.unwrap_err();
     assert_eq!(refused.code(), Code::ResourceExhausted, "{refused}");
     assert!(refused.message().contains("ask an operator"), "{refused}");
-    // What is said again costs nothing.
+    // A repeated request costs nothing.
     label(&people.annotator, "most", 49_990).await.unwrap();
     // A few are left, and operators have no such limit.
     label(&people.annotator, "few", 5).await.unwrap();
