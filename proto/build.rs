@@ -4,7 +4,7 @@ use prost::Message as _;
 use protox::prost_reflect::{DescriptorPool, FieldDescriptor, Kind, MessageDescriptor};
 use std::{error::Error, fs, path::PathBuf};
 
-/// The message of a campaign file. It and the messages in it also read from and write to TOML.
+/// The message of a campaign file. It and its inner messages can also be read from and written to TOML.
 const CAMPAIGN: &str = "murmuration.v1.CampaignSpec";
 
 /// Messages and enums that a campaign file writes as one value, with the module that reads and writes a field of them.
@@ -15,7 +15,7 @@ const VALUES: [(&str, &str); 4] = [
     ("Method", "crate::toml_names::method"),
 ];
 
-/// Other fields that a campaign file writes otherwise than their type.
+/// Other fields whose form in a campaign file differs from their type.
 const FIELDS: [(&str, &str); 3] = [
     ("StartShape.poses", "crate::toml_names::poses"),
     ("CampaignSpec.training", "crate::toml_names::table"),
@@ -45,12 +45,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     fs::write(out.join("sections.rs"), listed(&sections))?;
 
     let onnx = protox::compile(["onnx/onnx.proto"], ["."])?;
-    tonic_prost_build::configure().compile_fds(onnx)?;
+    let models = DescriptorPool::from_file_descriptor_set(onnx.clone())?;
+    fs::write(out.join("shapes.rs"), shapes(&[&contract, &models]))?;
+    tonic_prost_build::configure().compile_fds_with_config(onnx, named())?;
 
-    // With its name, a message finds its descriptor.
-    let mut named = prost_build::Config::new();
-    named.enable_type_names();
-    let mut config = tonic_prost_build::configure().build_transport(true);
+    let mut config = tonic_prost_build::configure()
+        .build_transport(true)
+        .codec_path("crate::codec::BoundedCodec");
     for (_, message) in &sections {
         config = config
             .type_attribute(
@@ -64,10 +65,40 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
         }
     }
-    config.compile_fds_with_config(files, named)?;
+    config.compile_fds_with_config(files, named())?;
     println!("cargo:rerun-if-changed=murmuration");
     println!("cargo:rerun-if-changed=onnx");
     Ok(())
+}
+
+/// Generates the names of messages, by which their descriptors are found.
+fn named() -> prost_build::Config {
+    let mut config = prost_build::Config::new();
+    config.enable_type_names();
+    config
+}
+
+/// The messages of `pools` as a Rust list of `MessageShape`, in the order of names.
+fn shapes(pools: &[&DescriptorPool]) -> String {
+    let mut messages: Vec<MessageDescriptor> = pools.iter().flat_map(|pool| pool.all_messages()).collect();
+    messages.sort_by(|a, b| a.full_name().cmp(b.full_name()));
+    let services = pools.iter().flat_map(|pool| pool.services());
+    let requests: Vec<MessageDescriptor> = services
+        .flat_map(|service| service.methods().map(|method| method.input()).collect::<Vec<_>>())
+        .collect();
+    let mut list = String::from("&[");
+    for message in &messages {
+        let fields = message.fields().filter_map(|field| match field.kind() {
+            Kind::Message(inner) => Some((field.number(), inner)),
+            _ => None,
+        });
+        let nested: Vec<(u32, usize)> = fields
+            .filter_map(|(number, inner)| Some((number, messages.iter().position(|known| *known == inner)?)))
+            .collect();
+        let (name, is_request) = (message.full_name(), requests.contains(message));
+        list += &format!("MessageShape {{ name: {name:?}, is_request: {is_request}, nested: &{nested:?} }}, ");
+    }
+    list + "]"
 }
 
 /// The messages of a campaign file by the paths of their tables, each once.

@@ -1,8 +1,8 @@
 //! The contract: messages, services, and the validated vocabulary built on them.
 //!
-//! [`v1`] has the messages on the wire, which may hold anything. The rest of the project works with the types beside it. They
-//! can be constructed only through `TryFrom<message>`, or a constructor with the same checks, so no invalid value exists
-//! behind the edge.
+//! [`v1`] has the messages on the wire, which may hold any values. The rest of the project uses the validated types of this
+//! crate. They can be constructed only through `TryFrom<message>`, or a constructor with the same checks, so no invalid value
+//! exists behind the edge.
 //!
 //! Depends on no other crate of the workspace.
 
@@ -10,6 +10,7 @@ mod behaviour_space;
 mod campaign_spec;
 mod checkpoint;
 mod choice;
+pub mod codec;
 mod counted;
 mod dataset;
 mod embedder;
@@ -39,6 +40,7 @@ mod toml_file;
 mod toml_names;
 pub mod training;
 mod verdict;
+mod wire;
 mod world;
 
 pub use behaviour_space::{BehaviourSpace, Scale};

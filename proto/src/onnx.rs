@@ -7,7 +7,6 @@ mod limits;
 mod operators;
 mod shape;
 mod tensor;
-mod wire;
 
 pub use embedder_model::{EmbedderModel, ModelError};
 pub use image_shape::ImageShape;

@@ -6,14 +6,16 @@
 use super::{
     EMBEDDING_DIMENSIONS, GraphProto, IMAGE_SIDES, ImageShape, MAX_MODEL_BYTES, MAX_NODES, ModelProto,
     NodeProto, TypeProto, ValueInfoProto, budget::Budget, operators, shape::Value, tensor,
-    tensor_proto::DataType, tensor_shape_proto::dimension, wire,
+    tensor_proto::DataType, tensor_shape_proto::dimension,
 };
-use crate::PictureShape;
+use crate::{PictureShape, wire::PartLimit};
 use prost::Message as _;
 use std::{collections::BTreeMap, ops::RangeInclusive};
 
-/// The oldest version of ONNX's operators that is read; it broadcasts as today's versions do.
+/// Oldest accepted version of ONNX's operators. It broadcasts as today's versions do.
 const OLDEST_OPSET: i64 = 9;
+/// Maximum number of messages, texts and lists in a model file: enough for 1024 nodes with 90 each.
+const MAX_PARTS: usize = 100_000;
 
 /// An embedder as an ONNX model: B x C x H x W raw grey values (0 to 255, as floats) to B x N numbers, for any B. C is 1 to 4.
 ///
@@ -28,22 +30,22 @@ pub struct EmbedderModel {
     largest_value: usize,
 }
 
-/// Why a file is not an embedder.
+/// Error in a file that should be an embedder.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ModelError {
-    /// It is longer than [`MAX_MODEL_BYTES`].
+    /// The file is longer than [`MAX_MODEL_BYTES`].
     #[error("the model has {0} bytes: at most {MAX_MODEL_BYTES} are allowed")]
     TooLarge(usize),
-    /// It is not an ONNX model.
+    /// The file is not an ONNX model.
     #[error("this is not an ONNX model: {0}")]
     NotOnnx(String),
-    /// Its input is not a batch of images, or it has more inputs.
+    /// The model's input is not a batch of images, or it has more inputs.
     #[error(
         "the model's input {0}: an embedder takes floats of shape batch x channels x height x width, batch open, 1 to 4 \
          channels"
     )]
     Input(String),
-    /// Its output is not a batch of vectors, or it has more outputs.
+    /// The model's output is not a batch of vectors, or it has more outputs.
     #[error("the model's output {0}: an embedder makes floats of shape batch x N, N from 1 to 1024")]
     Output(String),
     /// A constant that cannot be used.
@@ -51,7 +53,6 @@ pub enum ModelError {
     Constant {
         /// The constant's name in the graph.
         name: String,
-        /// The fault.
         problem: String,
     },
     /// A node that cannot be executed.
@@ -59,7 +60,6 @@ pub enum ModelError {
     Node {
         /// The node's operator and output.
         node: String,
-        /// The fault.
         problem: String,
     },
 }
@@ -75,7 +75,9 @@ impl EmbedderModel {
         if file.len() > MAX_MODEL_BYTES {
             return Err(ModelError::TooLarge(file.len()));
         }
-        wire::check_fields(file).map_err(|problem| ModelError::NotOnnx(problem.to_owned()))?;
+        if let Some(limit) = PartLimit::of::<ModelProto>(MAX_PARTS) {
+            limit.check(file).map_err(|refused| ModelError::NotOnnx(refused.to_string()))?;
+        }
         let model = ModelProto::decode(file).map_err(|error| ModelError::NotOnnx(error.to_string()))?;
         let graph = graph(&model)?;
         let constants = constants(graph)?;
@@ -94,7 +96,7 @@ impl EmbedderModel {
         })
     }
 
-    /// The model, without the other contents of its file. The checkpoint's digest is not of these bytes.
+    /// The model, without the other contents of its file. The checkpoint's digest is of the file, not of these bytes.
     #[must_use]
     pub fn encoded(&self) -> &[u8] {
         &self.encoded
@@ -131,7 +133,7 @@ impl EmbedderModel {
     }
 }
 
-/// The graph, if there is one and nothing else computes.
+/// The model's graph, if it is the only computation, and its version and size are allowed.
 fn graph(model: &ModelProto) -> Result<&GraphProto, ModelError> {
     let Some(graph) = &model.graph else {
         return Err(ModelError::NotOnnx("it holds no graph".to_owned()));
@@ -258,7 +260,7 @@ fn shown(sizes: &[Option<i64>]) -> String {
     format!("[{}]", sizes.join(", "))
 }
 
-/// Every value of the graph by name, from the constants and the images through all nodes.
+/// The shape of every value of the graph by name, from the constants and the images through all nodes.
 fn follow(
     graph: &GraphProto,
     constants: BTreeMap<String, Value>,

@@ -11,7 +11,7 @@ use super::{
     tensor_proto::DataType,
 };
 
-/// Every operator that [`output`] knows, for messages.
+/// Every operator that [`output`] knows, for error messages.
 const ALLOWED: &str = "Abs, Add, AveragePool, BatchNormalization, Cast, Constant, Conv, Div, Elu, Flatten, Gemm, \
     GlobalAveragePool, GlobalMaxPool, GroupNormalization, Identity, InstanceNormalization, LeakyRelu, MatMul, MaxPool, \
     Mul, Neg, ReduceMean, Relu, Reshape, Sigmoid, Softplus, Sqrt, Sub, Tanh";
@@ -47,7 +47,7 @@ pub(super) fn output(node: &NodeProto, inputs: &[&Value], budget: &mut Budget) -
         }
         ("Gemm", [x, weights, bias @ ..]) if bias.len() <= 1 => dense(attributes, x, weights, bias, budget),
         ("MatMul", [x, weights]) => product_with(x.batched()?, weights.floats()?, budget),
-        // Its axes became an input with version 18 of the operators.
+        // The axes became an input with version 18 of the operators.
         ("ReduceMean", [x]) => mean(attributes, x, attributes.integers("axes")?),
         ("ReduceMean", [x, axes]) => mean(attributes, x, axes.integers()?),
         ("Flatten", [x]) => match attributes.integer("axis", 1)? {
@@ -67,7 +67,7 @@ pub(super) fn output(node: &NodeProto, inputs: &[&Value], budget: &mut Budget) -
     }
 }
 
-/// The same shape, of floats.
+/// A value of floats with the shape of `x`.
 fn floats(x: &Value) -> Result<Value, String> {
     if let Value::Constant { .. } = x {
         x.floats()?;

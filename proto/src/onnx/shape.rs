@@ -3,11 +3,10 @@
 /// A value of the graph: one per image of the batch, or one for all.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Value {
-    /// Floats that depend on the image: the sizes after the first one, which is the batch's.
+    /// Floats that depend on the image. The first size, the batch's, is left out.
     Batched(Vec<usize>),
-    /// A constant.
     Constant {
-        /// Its shape; empty for a single number.
+        /// Empty for a single number.
         sizes: Vec<usize>,
         /// Its values if they are integers, `None` for floats.
         integers: Option<Vec<i64>>,
@@ -68,7 +67,7 @@ pub(super) fn broadcast(a: &Value, b: &Value) -> Result<Value, String> {
         (Value::Batched(_), Value::Batched(_)) => Err("it mixes the images of a batch".to_owned()),
         (Value::Batched(batched), constant) | (constant, Value::Batched(batched)) => {
             let sizes = match constant.floats()? {
-                // One size more than an image's: the batch's.
+                // The constant has one size more than an image: the batch's.
                 [1, sizes @ ..] if sizes.len() == batched.len() => sizes,
                 sizes if sizes.len() <= batched.len() => sizes,
                 sizes => return Err(format!("a constant of shape {sizes:?} does not fit the images")),
@@ -98,9 +97,9 @@ fn broadcast_sizes(a: &[usize], b: &[usize]) -> Result<Vec<usize>, String> {
         .collect()
 }
 
-/// Sizes of images of `sizes` after a reshape to `target`, in which 0 keeps a size and one -1 stands for the rest.
+/// Sizes of images of `sizes` after a reshape to `target`, in which 0 keeps a size and one -1 takes the rest.
 ///
-/// The first entry stands for the batch, which must stay whole.
+/// The first entry is for the batch, which must stay whole.
 pub(super) fn reshape(sizes: &[usize], target: &[i64]) -> Result<Vec<usize>, String> {
     let refused = || format!("it reshapes images of {sizes:?} to {target:?}, which does not keep the batch");
     let (&batch, rest) = target.split_first().ok_or_else(refused)?;

@@ -19,15 +19,15 @@ fn graph(model: &mut ModelProto) -> &mut GraphProto {
     model.graph.as_mut().unwrap()
 }
 
-/// Changes the small model's graph and expects it to be refused with words that contain `said`.
+/// Changes the small model's graph and expects an error that contains `expected`.
 #[track_caller]
-fn check_refused(said: &str, change: impl FnOnce(&mut GraphProto)) {
+fn check_refused(expected: &str, change: impl FnOnce(&mut GraphProto)) {
     let mut model = small();
     change(graph(&mut model));
     let error = EmbedderModel::read(&model.encode_to_vec())
         .unwrap_err()
         .to_string();
-    assert!(error.contains(said), "{error}\nnot {said:?}");
+    assert!(error.contains(expected), "{error}\nnot {expected:?}");
 }
 
 /// The node that makes `output`.
@@ -72,7 +72,7 @@ fn an_embedder_is_read() {
         ("12 x 8", 3)
     );
     assert_eq!((model.input(), model.output()), ("images", "embedding"));
-    // The constants included: 8 x 24 weights; the images have 96 values, the convolution makes 4 x 6 x 4.
+    // Includes the constants: 8 x 24 weights. The images have 96 values, the convolution makes 4 x 6 x 4.
     assert_eq!(model.largest_value(), 192);
 }
 
@@ -84,9 +84,9 @@ fn what_was_read_is_an_embedder_again() {
 
 #[test]
 fn what_is_no_model_is_refused() {
-    let check = |bytes: &[u8], said: &str| {
+    let check = |bytes: &[u8], expected: &str| {
         let error = EmbedderModel::read(bytes).unwrap_err().to_string();
-        assert!(error.contains(said), "{error}\nnot {said:?}");
+        assert!(error.contains(expected), "{error}\nnot {expected:?}");
     };
     check(b"", "it holds no graph");
     check(b"\x89PNG\r\n\x1a\n", "not an ONNX model");
@@ -98,13 +98,13 @@ fn what_is_no_model_is_refused() {
 
 #[test]
 fn old_operators_and_operators_of_its_own_are_refused() {
-    let check = |said: &str, change: fn(&mut ModelProto)| {
+    let check = |expected: &str, change: fn(&mut ModelProto)| {
         let mut model = small();
         change(&mut model);
         let error = EmbedderModel::read(&model.encode_to_vec())
             .unwrap_err()
             .to_string();
-        assert!(error.contains(said), "{error}\nnot {said:?}");
+        assert!(error.contains(expected), "{error}\nnot {expected:?}");
     };
     check("of version 8", |model| model.opset_import[0].version = 8);
     check("of version 0", |model| {
