@@ -1,4 +1,4 @@
-//! Files that a command reads and writes where a person says.
+//! Files that a command reads and writes at paths given by the user.
 
 use super::CliError;
 use murmuration_files::{InputKind, NewFile, Replaces, read_bytes, read_text};
@@ -30,7 +30,7 @@ pub const fn replaces(force: bool) -> Replaces {
     }
 }
 
-/// The option of commands that write files where a person says.
+/// The option of commands that write files at paths given by the user.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct Overwrite {
     /// Replace files that exist
@@ -39,9 +39,9 @@ pub struct Overwrite {
 }
 
 impl Overwrite {
-    /// Refuses a file that exists, which may be the work of hours, unless it may be replaced.
+    /// Refuses an existing file, which may be the work of hours, unless the option allows replacing it.
     pub fn check(self, path: &Path) -> Result<(), CliError> {
-        // Standard output may be redirected to a file, which is appended to.
+        // Output may be appended to a standard output that is redirected to a file.
         let is_descriptor = ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"]
             .iter()
             .any(|place| path.starts_with(place));
@@ -66,7 +66,7 @@ pub fn check_outputs<'a>(
     let read = taken.len();
     for (option, path) in outputs {
         let file = whole(path);
-        // A device or pipe takes the bytes of several.
+        // Several options may write to one device or pipe.
         let is_device = fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir());
         match taken.iter().position(|other| *other == file) {
             Some(place) if !is_device => {
@@ -87,7 +87,7 @@ pub fn check_outputs<'a>(
     Ok(())
 }
 
-/// Writes a file whole, with the folders above it where they do not exist, and says so.
+/// Writes a whole file, creates missing folders above it, and reports it.
 pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), CliError> {
     let mut file = begin(path)?;
     let written = file.write_all(bytes.as_ref());
@@ -95,7 +95,7 @@ pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), CliError> {
     finish(file, path)
 }
 
-/// Begins a file that [`finish`] gives its name.
+/// Begins a file that gets its name from [`finish`].
 pub fn begin(path: &Path) -> Result<NewFile, CliError> {
     expect_outside_data(path)?;
     NewFile::create(path).map_err(|error| CliError::unwritable(path, &error))
@@ -104,10 +104,13 @@ pub fn begin(path: &Path) -> Result<NewFile, CliError> {
 /// Refuses a place in a data directory, which only a coordinator may change.
 pub fn expect_outside_data(path: &Path) -> Result<(), CliError> {
     let whole = files::without_links(path).unwrap_or_else(|_| path.to_owned());
-    let mut folders = whole.ancestors().skip(1);
+    let whole = std::path::absolute(&whole).unwrap_or(whole);
+    let existing = whole.ancestors().find_map(|part| part.canonicalize().ok());
+    let existing = existing.unwrap_or_default();
+    let mut folders = existing.ancestors();
     if let Some(folder) = folders.find(|folder| folder.join(Store::FILE).exists()) {
         return Err(CliError::Input(format!(
-            "{} is in the data directory {}: name a file elsewhere",
+            "{} is in the data directory {}: name a place elsewhere",
             path.display(),
             folder.display()
         )));
@@ -115,7 +118,7 @@ pub fn expect_outside_data(path: &Path) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Gives a whole file the name `path`, and says so.
+/// Gives a complete file the name `path`, and reports it.
 pub fn finish(file: NewFile, path: &Path) -> Result<(), CliError> {
     let written = file
         .finish_unless_taken()
@@ -124,7 +127,7 @@ pub fn finish(file: NewFile, path: &Path) -> Result<(), CliError> {
     Ok(())
 }
 
-/// A file that a command writes where an option says.
+/// A type of files that options write.
 #[derive(Debug, Clone, Copy)]
 pub enum FileType {
     Gif,
@@ -136,7 +139,7 @@ pub enum FileType {
 }
 
 impl FileType {
-    /// Refuses a name that ends as those of other files do; one without an ending says nothing else.
+    /// Refuses a name with the extension of another type. A name without an extension is accepted.
     pub fn check(self, option: &str, path: &Path) -> Result<(), CliError> {
         let (what, ending) = match self {
             Self::Gif => ("an animated GIF", "gif"),

@@ -1,10 +1,10 @@
-//! `report`: has what the report shows gathered from the coordinator, and written.
+//! `report`: collects the data of a report from the coordinator, and writes it.
 
 use super::{
     CliError, Global,
     connection::{self, Connection},
     error::report_folder,
-    files::replaces,
+    files::{expect_outside_data, replaces},
     json,
     validation::{self, get_campaign},
 };
@@ -31,6 +31,9 @@ pub struct ReportCommand {
 
 impl ReportCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        if let Some(folder) = &self.out {
+            expect_outside_data(folder)?;
+        }
         let crew = InProcess {
             workers: 1,
             trainers: 0,
@@ -65,7 +68,7 @@ impl ReportCommand {
     }
 }
 
-/// Writes the report of a completed campaign into `folder`; the path of its page.
+/// Writes the report of a completed campaign into `folder`. Returns the path of its page.
 pub(super) async fn write_report(
     connection: &mut Connection,
     campaign: &CampaignId,

@@ -60,8 +60,8 @@ pub struct Import {
 
 impl Export {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        expect_outside_data(&self.folder.join(Store::FILE))?;
-        // A command that is ended removes what it has half written.
+        expect_outside_data(&self.folder)?;
+        // A command that is interrupted removes its unfinished files.
         let export = async |connection: &mut Connection| {
             tokio::select! {
                 exported = self.export(connection) => exported,
@@ -106,7 +106,7 @@ impl Export {
 impl Import {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let folder = self.folder.clone();
-        // Everything is checked before a data directory is made, or a coordinator asked, for it.
+        // Checks everything before the command creates a data directory or contacts a coordinator.
         let export = on_disk(move || CheckedExport::open(&folder)).await?;
         let id = export.campaign().clone();
         let import = async |connection: &mut Connection| {
@@ -136,7 +136,7 @@ impl Import {
     }
 }
 
-/// Removes a data directory that this command made, if it has no campaigns.
+/// Removes a data directory that this command created, if it has no campaigns.
 fn remove_empty(data: &Path) {
     let Ok(_held) = DataDirectory::watch(data) else {
         return;
@@ -166,7 +166,7 @@ async fn import(connection: &mut Connection, export: CheckedExport) -> Result<v1
     }
 }
 
-/// Sends a database part by part, until all of it is sent or nobody takes more.
+/// Sends a database part by part, until all of it is sent or the receiver stops.
 fn send(mut export: CheckedExport, parts: &mpsc::Sender<v1::CampaignPart>) -> Result<(), ExportError> {
     let mut campaign = export.campaign().to_string();
     loop {

@@ -1,4 +1,4 @@
-//! `atlas`: every controller of a space evaluated and judged, as a table, a picture and a page.
+//! `atlas`: every controller of a space, evaluated and judged, as a table, a picture and a page.
 
 use crate::{
     json,
@@ -7,7 +7,7 @@ use crate::{
 use murmuration_cli::{
     CliError, Global, InProcessArgs,
     connection::{self, Connection},
-    files::replaces,
+    files::{expect_outside_data, replaces},
     follow::{Show, View},
     next_step, read_spec,
     validation::{self, get_campaign, get_digest},
@@ -49,9 +49,9 @@ pub struct AtlasCommand {
 
 /// The campaign that an atlas is made of.
 enum Source {
-    /// A campaign file: its campaign is continued if there is one.
+    /// A campaign file. Its campaign continues if it exists already.
     Spec(Box<CampaignSpec>),
-    /// A campaign that there is.
+    /// An existing campaign.
     Campaign(String),
 }
 
@@ -59,6 +59,11 @@ impl AtlasCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let source = self.source()?;
         let crew = self.crew.some()?;
+        if let Some(folder) = &self.out {
+            expect_outside_data(folder)?;
+            // Detects files in the way now, before hours of evaluations.
+            drop(atlas::folder(folder, replaces(self.force))?);
+        }
         let make = async |connection: &mut Connection| {
             let begun = match source {
                 Source::Spec(spec) => {
@@ -96,7 +101,7 @@ impl AtlasCommand {
         Ok(outln!("atlas     {path}")?)
     }
 
-    /// Whether a file is named, not a campaign, whose id has no dot.
+    /// Whether the argument is a file. A campaign's id has no dot and no slash.
     fn is_file(&self) -> bool {
         self.campaign.contains(['.', '/'])
     }
@@ -104,8 +109,8 @@ impl AtlasCommand {
     fn source(&self) -> Result<Source, CliError> {
         if !self.is_file() {
             if self.values.is_some() {
-                let said = "--values: the campaign is there already; name a campaign file";
-                return Err(CliError::Input(said.to_owned()));
+                let message = "--values: the campaign is there already; name a campaign file";
+                return Err(CliError::Input(message.to_owned()));
             }
             return Ok(Source::Campaign(self.campaign.clone()));
         }
@@ -135,8 +140,8 @@ impl AtlasCommand {
         let (digest, controllers) = (atlas.digest.clone(), atlas.entries.len() as u64);
         let write = move || atlas::write(&atlas, folder);
         let Ok(files) = tokio::task::spawn_blocking(write).await else {
-            let said = "the atlas could not be written because of a bug";
-            return Err(CliError::Failed(said.to_owned()));
+            let message = "the atlas could not be written because of a bug";
+            return Err(CliError::Failed(message.to_owned()));
         };
         Ok(json::Atlas {
             campaign: campaign.id.clone(),
@@ -147,18 +152,18 @@ impl AtlasCommand {
     }
 }
 
-/// Where `murmuration` keeps the atlas of a campaign.
+/// The folder in which `murmuration` keeps the atlas of a campaign.
 fn atlas_folder(data: &Path, campaign: &CampaignId) -> PathBuf {
     data.join("atlases").join(campaign.as_str())
 }
 
-/// The same campaign over a grid of so many values of each speed.
+/// The same campaign over a grid with this number of values of each speed.
 fn with_values(spec: &CampaignSpec, values: u32) -> Result<CampaignSpec, CliError> {
     if values < 3 || values.is_multiple_of(2) {
-        let said = format!(
+        let text = format!(
             "--values {values}: must be an odd number from 3 on, so that a speed of 0 is among the values"
         );
-        return Err(CliError::Input(said));
+        return Err(CliError::Input(text));
     }
     let mut message = v1::CampaignSpec::from(spec);
     let controllers = message.controllers.get_or_insert_default();
@@ -168,7 +173,7 @@ fn with_values(spec: &CampaignSpec, values: u32) -> Result<CampaignSpec, CliErro
     Ok(message.try_into()?)
 }
 
-/// Refuses a specification whose trials nobody judges.
+/// Refuses a specification whose trials are not judged.
 fn check(spec: &CampaignSpec, of: &str) -> Result<(), CliError> {
     if spec.judges() {
         return Ok(());
@@ -178,7 +183,7 @@ fn check(spec: &CampaignSpec, of: &str) -> Result<(), CliError> {
     )))
 }
 
-/// The campaign once it is completed; it continues if it stands still.
+/// Waits until the campaign is completed, and resumes it if necessary.
 async fn finish(
     connection: &mut Connection,
     global: &Global,
@@ -204,8 +209,8 @@ async fn finish(
     }
 }
 
-/// Collects the archive of a campaign; the pictures of its swarms go into `folder` at once, since together they may
-/// not fit in memory.
+/// Collects the archive of a campaign. Writes the pictures of its swarms into `folder` at once, since together they may not fit in
+/// memory.
 async fn gather(
     connection: &mut Connection,
     campaign: &v1::Campaign,
@@ -225,7 +230,7 @@ async fn gather(
     while let Some(chunk) = chunks.message().await? {
         for individual in chunk.individuals {
             let entry = entry(&spec, &individual)?;
-            // The substitute of a poisoned task is out of order, and has no place of its own in a tile.
+            // The substitute of a poisoned task is out of order, and has no position in a tile.
             let is_listed = listed.is_some_and(|all| {
                 individual.index < all.len() && all.controller(individual.index) == entry.controller
             });

@@ -7,8 +7,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Removes what a process made in a data directory that did not exist before, and the directory, if that leaves it empty. What cannot
-/// be removed is in nobody's way.
+/// Removes the files that a process made in a new data directory, and the directory if it is empty then. Ignores failures, because
+/// leftovers do no harm.
 pub fn remove_new(data: &Path) {
     let database = super::Store::FILE;
     for name in [
@@ -24,6 +24,9 @@ pub fn remove_new(data: &Path) {
     let _ = fs::remove_dir_all(data.join(super::checkpoints::BlobStore::FOLDER));
     let _ = fs::remove_dir(data);
 }
+
+/// Most bytes of a lock file that are read; ours have some 60.
+const MAX_LOCK_BYTES: u64 = 4 << 10;
 
 /// A data directory that this process holds until the value is dropped (or the process dies).
 #[derive(Debug)]
@@ -47,9 +50,9 @@ impl DataDirectory {
         };
         super::find(path)?;
         super::expect_folder(path)?;
-        fs::create_dir_all(path).map_err(failed("create the data directory", path))?;
+        create_private(path).map_err(failed("create the data directory", path))?;
         let lock_path = path.join(Self::LOCK);
-        // In a folder of somebody else it could lead to any file of this user, which would be written over.
+        // In another user's folder, a link could lead to any file of this user, which would be overwritten.
         if fs::symlink_metadata(&lock_path).is_ok_and(|about| about.is_symlink()) {
             let link = io::Error::other("it is a link to another place: remove it");
             return Err(failed("open the lock file", &lock_path)(link));
@@ -86,8 +89,8 @@ impl DataDirectory {
         }
     }
 
-    /// Keeps others from holding a folder while somebody looks at it, and changes nothing there: a file that is locked for as
-    /// long as it lives, or `None` where no coordinator has ever been.
+    /// Keeps others from holding a folder while it is examined, and changes nothing there. Returns a file that is locked for as
+    /// long as it lives, or `None` if no coordinator has ever used the folder.
     ///
     /// # Errors
     /// [`StoreError::InUse`] if a process holds it; otherwise says which file cannot be used.
@@ -126,7 +129,7 @@ impl DataDirectory {
         }
     }
 
-    /// Says where the coordinator of this process listens.
+    /// Writes the address of this process's coordinator into the lock file.
     ///
     /// # Errors
     /// If the lock file cannot be written.
@@ -153,14 +156,30 @@ impl DataDirectory {
     }
 }
 
-/// Refuses a file of that name that somebody else made, in a folder that was no data directory so far. A lock file may be empty: it is
-/// made before it is written.
+/// Creates a folder that other users cannot read, and its parents; an existing folder keeps its permissions.
+fn create_private(path: &Path) -> io::Result<()> {
+    if let Some(parent) = path.parent() {
+        fs::create_dir_all(parent)?;
+    }
+    let mut folder = fs::DirBuilder::new();
+    #[cfg(unix)]
+    std::os::unix::fs::DirBuilderExt::mode(&mut folder, 0o700);
+    match folder.create(path) {
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists && path.is_dir() => Ok(()),
+        created => created,
+    }
+}
+
+/// Refuses a file of the lock file's name that Murmuration did not make, in a folder that was no data directory so far. An empty
+/// file is accepted, because a lock file is made before it is written.
 fn expect_ours(lock: &Path) -> io::Result<()> {
-    let text = match fs::read(lock) {
-        Ok(text) => text,
+    let file = match fs::File::open(lock) {
+        Ok(file) => file,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
         Err(error) => return Err(error),
     };
+    let mut text = Vec::new();
+    file.take(MAX_LOCK_BYTES).read_to_end(&mut text)?;
     let fields: Option<serde_json::Map<String, serde_json::Value>> = serde_json::from_slice(&text).ok();
     let is_ours =
         fields.is_some_and(|fields| fields.contains_key("process") && fields.contains_key("address"));
@@ -172,10 +191,10 @@ fn expect_ours(lock: &Path) -> io::Result<()> {
     }
 }
 
-/// Reads the holder from the lock file, which it may be writing just now.
-fn read_holder(mut lock: fs::File) -> LockHolder {
+/// Reads the holder from the lock file, which the holder may be writing just now.
+fn read_holder(lock: fs::File) -> LockHolder {
     let mut text = String::new();
-    match lock.read_to_string(&mut text) {
+    match lock.take(MAX_LOCK_BYTES).read_to_string(&mut text) {
         Ok(_) => serde_json::from_str(&text).unwrap_or_default(),
         Err(_) => LockHolder::default(),
     }
@@ -198,7 +217,7 @@ mod tests {
             );
             assert_eq!(fs::read_to_string(&lock).unwrap(), foreign);
         }
-        // Of one that was killed while it began.
+        // The lock file of a process that was killed while it started.
         fs::write(&lock, "").unwrap();
         drop(DataDirectory::hold(folder.path()).unwrap());
         drop(DataDirectory::hold(folder.path()).unwrap());
