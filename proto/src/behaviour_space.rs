@@ -1,4 +1,4 @@
-//! The behaviour space: what novelty, clusters, questions and maps are measured in.
+//! The behaviour space, in which novelty, clusters, queries and maps are measured.
 
 use crate::{Features, Invalid, Method};
 use std::fmt;
@@ -6,9 +6,9 @@ use std::fmt;
 /// The parts of a behaviour vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BehaviourSpace {
-    /// The five hand-crafted features as they are (Brown et al.).
+    /// The five hand-crafted features, unscaled (Brown et al.).
     Features,
-    /// The embedding of the picture as it is (the paper's).
+    /// The embedding of the picture, unscaled (the paper's).
     Embedding,
     /// The embedding followed by the features, each part scaled ([`Scale`]).
     Both,
@@ -49,7 +49,7 @@ impl BehaviourSpace {
     /// The space of this name, or the default of `method`.
     ///
     /// # Errors
-    /// If there is no such space, or not with `method`.
+    /// If there is no such space, or `method` cannot use it.
     pub fn from_field(name: Option<&str>, method: Method) -> Result<Self, Invalid> {
         let spaces = Self::of_method(method);
         let Some(name) = name else {
@@ -73,9 +73,9 @@ impl fmt::Display for BehaviourSpace {
 
 /// A behaviour space with the factors of its values.
 ///
-/// In [`BehaviourSpace::Both`] each feature is divided by its standard deviation over the first generation and by the root of
+/// In [`BehaviourSpace::Both`], each feature is divided by its standard deviation over the first generation and by the root of
 /// five, and the embedding by the root of its total variance there. So each part has a total variance of 1 in the first
-/// generation, and a distance rests on both. In the other spaces every factor is 1.
+/// generation, and distances depend on both. In the other spaces every factor is 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale {
     space: BehaviourSpace,
@@ -84,8 +84,8 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// The scale of an archive that begins with this generation: features and embedding of each individual, all embeddings of
-    /// one length. A value that does not vary keeps the factor 1.
+    /// The scale of an archive whose first generation has these features and embeddings, all embeddings of one length. A value
+    /// that does not vary keeps the factor 1.
     #[must_use]
     pub fn of(space: BehaviourSpace, first: &[(Features, Vec<f32>)]) -> Self {
         let unscaled = Self::unscaled(space);
@@ -133,7 +133,7 @@ impl Scale {
     }
 }
 
-/// The variance of these values over their number.
+/// The population variance: the sum of squares divided by the number of values.
 fn variance(values: impl ExactSizeIterator<Item = f64> + Clone) -> f64 {
     let count = values.len().max(1) as f64;
     let mean = values.clone().fold(0.0, |sum, value| sum + value) / count;

@@ -68,16 +68,16 @@ impl CampaignSpec {
         Ok(toml_file::campaign(text)?.try_into()?)
     }
 
-    /// Reads a campaign file that was put together as a table; the fields are those of [`CampaignSpec::from_toml`].
+    /// Reads a campaign file from a table in memory; the fields are those of [`CampaignSpec::from_toml`].
     ///
     /// # Errors
-    /// As [`CampaignSpec::from_toml`], without the place in a file.
+    /// As [`CampaignSpec::from_toml`], without a line.
     pub fn from_table(table: toml::Table) -> Result<Self, SpecFileError> {
         Ok(toml_file::campaign_of_table(&table)?.try_into()?)
     }
 
-    /// Reads the robots of a campaign file, and the world that they are in. The file need not be whole: other fields than those
-    /// are not looked at.
+    /// Reads the robots of a campaign file and their world. The file may be incomplete: the values of other fields are not
+    /// checked.
     ///
     /// # Errors
     /// As [`CampaignSpec::from_toml`].
@@ -85,7 +85,7 @@ impl CampaignSpec {
         Ok(swarm::swarm(&toml_file::campaign(text)?)?)
     }
 
-    /// Writes a campaign file with every field but those of obstacles, start and noise where the world has the paper's;
+    /// Writes a campaign file with every field, except those of obstacles, start and noise if the world has the paper's.
     /// [`CampaignSpec::from_toml`] reads the same specification back.
     #[must_use]
     pub fn to_toml(&self) -> String {
@@ -191,12 +191,13 @@ impl CampaignSpec {
 
     /// Maximum number of bytes of a generation's pictures (4 GiB): a coordinator holds them all until the generation is on disk.
     pub const MAX_GENERATION_BYTES: u64 = 4 << 30;
-    /// Maximum number of bytes of the pictures of an individual's trials: a worker's answer has those of many individuals.
+    /// Maximum number of bytes of the pictures of an individual's trials: one result of a worker carries those of many
+    /// individuals.
     pub(crate) const MAX_INDIVIDUAL_BYTES: usize = 1_000_000;
     /// Maximum number of bytes of the pictures and motions of a report's behaviours (1 GiB): a report holds them all.
     pub(crate) const MAX_TAXONOMY_BYTES: u64 = 1 << 30;
 
-    /// Bytes of the pictures of an individual, one a trial.
+    /// Bytes of the pictures of an individual, one per trial.
     #[must_use]
     pub const fn individual_bytes(&self) -> usize {
         self.starts.get() * self.image.bytes()
@@ -339,10 +340,10 @@ impl From<&CampaignSpec> for v1::CampaignSpec {
     }
 }
 
-/// Why a campaign file cannot be used.
+/// Error in a campaign file.
 #[derive(Debug, thiserror::Error)]
 pub enum SpecFileError {
-    /// Not TOML, or a field that does not exist, or a value of the wrong type; says where.
+    /// Not TOML, an unknown field, or a value of the wrong type, with its place.
     #[error(transparent)]
     Syntax(#[from] TomlError),
     #[error(transparent)]

@@ -48,7 +48,7 @@ pub struct Lineage {
     pub configuration: String,
     /// Figures measured on it, by name (1 to 64 visible characters), each at most [`Lineage::MAX_FIGURE`]; at most 100.
     pub metrics: BTreeMap<String, f64>,
-    /// The pictures whose classes it was told.
+    /// The pictures whose classes it or its ancestors learned from.
     pub labelled: SeenPictures,
 }
 
@@ -165,8 +165,8 @@ mod tests {
         let digest = CheckpointDigest::of(b"model");
         assert_eq!(digest.to_string().parse::<CheckpointDigest>().unwrap(), digest);
         for bad in ["", "abc", &"x".repeat(64), &"a".repeat(65)] {
-            let said = bad.parse::<CheckpointDigest>().unwrap_err().to_string();
-            assert!(said.ends_with("must be 64 hexadecimal digits"), "{said}");
+            let message = bad.parse::<CheckpointDigest>().unwrap_err().to_string();
+            assert!(message.ends_with("must be 64 hexadecimal digits"), "{message}");
         }
     }
 
@@ -194,30 +194,30 @@ mod tests {
     #[test]
     fn words_that_hide_or_are_too_long_are_refused_by_name() {
         let refused = |message: v1::Checkpoint| Lineage::try_from(message).unwrap_err().to_string();
-        let said = refused(v1::Checkpoint {
+        let text = refused(v1::Checkpoint {
             metrics: [("lo\u{202e}ss".to_owned(), 0.5)].into(),
             ..Default::default()
         });
         assert!(
-            said.starts_with("metrics = ") && said.contains("U+202E"),
-            "{said}"
+            text.starts_with("metrics = ") && text.contains("U+202E"),
+            "{text}"
         );
-        let said = refused(v1::Checkpoint {
+        let text = refused(v1::Checkpoint {
             metrics: [("x".repeat(1 << 20), 0.5)].into(),
             ..Default::default()
         });
-        assert!(said.starts_with("metrics = ") && said.len() < 200, "{said}");
+        assert!(text.starts_with("metrics = ") && text.len() < 200, "{text}");
         for configuration in ["seed = 1\u{1b}[2J", "# \u{200b}"] {
-            let said = refused(v1::Checkpoint {
+            let text = refused(v1::Checkpoint {
                 configuration: configuration.to_owned(),
                 ..Default::default()
             });
-            assert!(said.contains("without characters that cannot be seen"), "{said}");
+            assert!(text.contains("without characters that cannot be seen"), "{text}");
         }
-        let said = refused(v1::Checkpoint {
+        let text = refused(v1::Checkpoint {
             data_digest: "a".repeat(65),
             ..Default::default()
         });
-        assert!(said.contains("at most 64 hexadecimal digits"), "{said}");
+        assert!(text.contains("at most 64 hexadecimal digits"), "{text}");
     }
 }

@@ -5,12 +5,12 @@ use crate::{BehaviourSpace, Invalid, text};
 /// How the behaviours that a taxonomy shows are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Choice {
-    /// Behaviours that cover the behaviour space: each is the farthest from those before it. If labels were learned from, each of
-    /// their classes is shown first.
+    /// Behaviours that cover the behaviour space: each is the farthest from those before it. If the embedder learned from
+    /// labels, a behaviour of each of their classes comes first.
     Coverage,
-    /// The medoids of all individuals, where these are many (the paper's).
+    /// The medoids of all individuals, which lie where individuals are many (the paper's).
     Medoids,
-    /// The medoids of each class, once labels were learned from.
+    /// The medoids of each class, if the embedder learned from labels.
     ByClass,
 }
 
@@ -27,10 +27,10 @@ impl Choice {
         }
     }
 
-    /// The choice of this name; the default without one.
+    /// The choice of this name; the default if there is none.
     ///
     /// # Errors
-    /// If there is no such choice, or `space` has no embedding that learns from labels where it needs one.
+    /// If there is no such choice, or it needs an embedding that learns from labels and `space` has none.
     pub(crate) fn from_field(name: Option<&str>, space: BehaviourSpace) -> Result<Self, Invalid> {
         let Some(name) = name else {
             return Ok(Self::Coverage);

@@ -23,7 +23,7 @@ pub fn rounded(value: f64, decimals: usize) -> String {
     }
 }
 
-/// A number to its last digit, with an exponent if it has many digits otherwise.
+/// A number in full precision, with an exponent if it would otherwise have many digits.
 #[must_use]
 pub fn in_full(value: f64) -> String {
     let size = value.abs();

@@ -24,7 +24,7 @@ impl Dataset {
         self.controllers as u64 * self.starts as u64
     }
 
-    /// Validates a dataset. `default` supplies absent fields; a picture has `bytes`.
+    /// Validates a dataset. `default` fills absent fields; `bytes` is the size of a picture.
     ///
     /// # Errors
     /// Names the field that is out of range.

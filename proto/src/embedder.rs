@@ -1,4 +1,4 @@
-//! Where a campaign's embedder comes from.
+//! The source of a campaign's embedder.
 
 use crate::{
     BehaviourSpace, CheckpointDigest, Dataset, ImageFormat, Invalid, Method, toml_file,
@@ -6,7 +6,7 @@ use crate::{
     v1,
 };
 
-/// Where a campaign's embedder comes from.
+/// The source of a campaign's embedder.
 #[derive(Debug, Clone, PartialEq)]
 pub enum EmbedderSource {
     Published(CheckpointDigest),
@@ -145,9 +145,9 @@ mod tests {
     }
 
     #[track_caller]
-    fn check_refused(text: &str, said: &str) {
+    fn check_refused(text: &str, expected: &str) {
         let error = spec(text).unwrap_err();
-        assert!(error.contains(said), "{error:?} does not say {said:?}");
+        assert!(error.contains(expected), "{error:?} does not say {expected:?}");
     }
 
     fn trained(text: &str) -> (Dataset, Configuration) {

@@ -1,13 +1,13 @@
-//! The controllers of a space of finitely many, one after the other, mirror images once.
+//! The controllers of a finite space in a fixed order, mirror images once.
 
 use crate::{Controller, ControllerSpace, DriveKind, GeneSpace, StartShape, World};
 use std::f64::consts::PI;
 
-/// All controllers of a space of finitely many, in a fixed order.
+/// All controllers of a finite space, in a fixed order.
 ///
-/// Two controllers are *mirror images* if one does in a mirror what the other does. Of such a pair the first in the
-/// order of genes is listed and the other left out, where both behave alike: a swarm of one species whose sensors
-/// all look straight ahead or straight back, in a world without obstacles, given poses or jitter.
+/// Two controllers are *mirror images* if the robots of one move like those of the other in a mirror. If both behave alike,
+/// only the first of the pair in the order of genes is listed. They behave alike in a swarm of one species whose sensors all
+/// look straight ahead or straight back, in a world without obstacles, given poses or jitter.
 #[derive(Debug, Clone, Copy)]
 pub struct Enumeration<'a> {
     space: &'a ControllerSpace,
@@ -15,16 +15,16 @@ pub struct Enumeration<'a> {
     mirror: Option<Mirror>,
 }
 
-/// Mirror image of a controller: the same change of each pair of speeds.
+/// How to mirror a controller: by the same change of each pair of speeds.
 #[derive(Debug, Clone, Copy)]
 struct Mirror {
     values: u64,
-    /// Pairs of speeds, one for each sensor state.
+    /// Number of pairs of speeds, one for each sensor state.
     pairs: u32,
     kind: Swap,
 }
 
-/// Change of a pair of speeds in a mirror.
+/// How a mirror changes a pair of speeds.
 #[derive(Debug, Clone, Copy)]
 enum Swap {
     /// Left and right wheel change places.
@@ -34,8 +34,7 @@ enum Swap {
 }
 
 impl<'a> Enumeration<'a> {
-    /// The controllers of `space`, of robots in `world`; `None` if a gene can have any value, or there are more than
-    /// 2^64 - 1.
+    /// Enumerates `space` for robots in `world`; `None` if a gene is continuous, or there are more than 2^64 - 1 controllers.
     #[must_use]
     pub fn of(space: &'a ControllerSpace, world: &World) -> Option<Self> {
         let all = space
@@ -85,14 +84,14 @@ impl<'a> Enumeration<'a> {
         places
     }
 
-    /// The mirror image of a controller of the space; `None` where mirror images are listed each by itself.
+    /// The mirror image of a controller of the space; `None` if the enumeration lists mirror images separately.
     #[must_use]
     pub fn mirrored(&self, controller: &Controller) -> Option<Controller> {
         let kind = self.mirror?.kind;
         let pairs = controller.genes().as_chunks().0.iter();
         let genes = pairs.flat_map(|&[a, b]: &[f64; 2]| match kind {
             Swap::Wheels => [b, a],
-            // No minus zero, which has other bits than the zero of the space.
+            // `0.0 - b` is never -0.0, whose bits differ from those of the space's zero.
             Swap::Turn => [a, 0.0 - b],
         });
         Some(self.space.controller(&genes.collect::<Vec<_>>()))
@@ -121,11 +120,11 @@ impl Mirror {
         Some(Self { values, pairs, kind })
     }
 
-    /// The places of speeds whose mirror image they are not after, at `index` among them.
+    /// The places of the speeds at `index`, among controllers that do not come after their mirror image.
     fn places(self, index: u64) -> Vec<u64> {
         let mut places = Vec::with_capacity(2 * self.pairs as usize);
         let mut rest = index;
-        // Whether a pair before decided which of the two images comes first.
+        // Whether an earlier pair decides which of the two images comes first.
         let mut decided = false;
         for after in (0..self.pairs).rev() {
             let pair = if decided {
@@ -140,8 +139,8 @@ impl Mirror {
         places
     }
 
-    /// The pair of speeds with `after` pairs after it, where all before are their own images; takes what comes before
-    /// it off `rest`.
+    /// The pair of speeds with `after` pairs after it, if all earlier pairs are their own mirror images. Subtracts from `rest`
+    /// the number of controllers with a lower pair here.
     fn first_pair(self, rest: &mut u64, after: u32, decided: &mut bool) -> u64 {
         let pairs = self.values * self.values;
         for pair in 0..pairs {
@@ -164,12 +163,12 @@ impl Mirror {
         pairs - 1
     }
 
-    /// Controllers of so many pairs.
+    /// Number of controllers of this many pairs.
     const fn all(self, pairs: u32) -> u64 {
         (self.values * self.values).pow(pairs)
     }
 
-    /// Controllers of so many pairs that are their own mirror images.
+    /// Number of controllers of this many pairs that are their own mirror images.
     const fn own_images(self, pairs: u32) -> u64 {
         self.values.pow(pairs)
     }
@@ -203,7 +202,7 @@ mod tests {
         assert_eq!(len(two, "[controllers]\nstep = 1"), Some(3_u64.pow(8)));
         let six = "[robot]\nsensors = [{}, {}, {}, {}, {}, {}]";
         assert_eq!(len(six, ""), None);
-        // A mirror image of such a world is another one.
+        // The mirror image of such a world is another world.
         let uneven = "[world]\njitter = true\n[controllers]\nstep = 1";
         assert_eq!(len(SINGLE, uneven), Some(81));
         let obstacle = "[controllers]\nstep = 1\n[[world.obstacles]]\nx = 100\ny = 100\nradius = 20";

@@ -19,11 +19,11 @@ pub const FEATURE_NAMES: [&str; 5] = [
 /// enough to compute distances.
 pub const MAX_FEATURE: f64 = 1e12;
 
-/// Largest magnitude of a number of an embedding: well above any of a network that tells pictures apart, and small enough to
+/// Largest magnitude of a number of an embedding: well above those of a network that tells pictures apart, and small enough to
 /// compute distances.
 pub const MAX_EMBEDDING: f32 = 1e12;
 
-/// The mean of the features of an individual's trials; zeros without one. Of one trial they are that trial's, to the bit.
+/// Mean features of an individual's trials; zeros without trials. The mean of one trial has that trial's bits.
 pub fn mean_features<'a>(trials: impl Iterator<Item = &'a Features>) -> Features {
     let mut count = 0_u32;
     let sum = trials
@@ -33,8 +33,8 @@ pub fn mean_features<'a>(trials: impl Iterator<Item = &'a Features>) -> Features
     sum.unwrap_or_default().map(|sum| sum / f64::from(count.max(1)))
 }
 
-/// The mean of the embeddings of an individual's trials, all of one length; empty without one. Each number is summed in f64, and
-/// rounded once. Of one trial it is that trial's, to the bit.
+/// Mean embedding of an individual's trials, all of one length; empty without trials. Each number is summed in f64 and rounded
+/// once, so the mean of one trial has that trial's bits.
 pub fn mean_embedding<'a>(trials: impl Iterator<Item = &'a [f32]>) -> Vec<f32> {
     let mut count = 0_u32;
     let trials = trials.inspect(|_| count += 1);
@@ -52,18 +52,18 @@ pub fn mean_embedding<'a>(trials: impl Iterator<Item = &'a [f32]>) -> Vec<f32> {
 pub struct Evaluation {
     features: Features,
     image: Vec<u8>,
-    /// Empty if it was not requested.
+    /// Empty if not requested.
     embedding: Vec<f32>,
-    /// Absent if it was not requested.
+    /// `None` if not requested.
     verdict: Option<Verdict>,
 }
 
 /// Optional outputs of an evaluation, besides features and picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Extras {
-    /// Length of the embedding, if there is to be one.
+    /// Length of the requested embedding; `None` if none is requested.
     pub dimensions: Option<usize>,
-    /// Whether the judge is to name the class of the motion.
+    /// Whether the judge names the class of the motion.
     pub judge: bool,
 }
 
@@ -95,7 +95,7 @@ impl Evaluation {
         })
     }
 
-    /// Adds what the judge says of the motion.
+    /// Adds the judge's verdict on the motion.
     #[must_use]
     pub fn judged(self, verdict: Option<Verdict>) -> Self {
         Self { verdict, ..self }
@@ -115,8 +115,8 @@ impl Evaluation {
     /// Validates an evaluation from a worker that was asked for pictures in `format` and for these `extras`.
     ///
     /// # Errors
-    /// As [`Evaluation::new`] and [`Evaluation::embedded`], if there are not five features, or if there is a verdict that was not
-    /// requested or none that was.
+    /// As [`Evaluation::new`] and [`Evaluation::embedded`]. Also if there are not five features, if there is a verdict that was
+    /// not requested, or if a requested verdict is missing.
     pub fn for_format(
         message: v1::Evaluation,
         format: &ImageFormat,
@@ -184,8 +184,8 @@ impl Evaluation {
     }
 }
 
-/// An embedding kind. Machines of one kind embed a picture to the same bits; machines of different kinds embed it nearly
-/// alike.
+/// Kind of a machine that embeds. Machines of one kind embed a picture to the same bits, machines of different kinds to nearly
+/// equal numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EmbeddingKind(u64);
 
@@ -198,7 +198,7 @@ impl EmbeddingKind {
     pub fn of(description: &str) -> Self {
         let hash = blake3::hash(description.as_bytes());
         let first = hash.as_bytes().first_chunk().copied().unwrap_or_default();
-        // 0 stands for unknown.
+        // 0 means unknown.
         Self(u64::from_le_bytes(first) | 1)
     }
 
@@ -221,11 +221,11 @@ impl From<u64> for EmbeddingKind {
 }
 
 /// Largest difference between embeddings of one picture by machines of different kinds, relative to their size and absolute.
-/// Rounding a thousand sums in another order makes a hundredth of this.
+/// Rounding a thousand sums in another order differs by a hundredth of this.
 const NEAR: f32 = 1e-3;
 
 /// Whether two embeddings, each with the kind of its machine, can be of the same picture. Embeddings by machines of one known
-/// kind must have the same bits. Others may differ by a thousandth of the largest value, or of 1.
+/// kind must have the same bits. Others may differ by a thousandth of the largest value, or of 1 if that is larger.
 #[must_use]
 pub fn embeddings_agree(
     (one, kind): (&[f32], EmbeddingKind),
@@ -254,7 +254,7 @@ fn same_embedding(one: &[f32], other: &[f32]) -> bool {
 /// Validates an embedding from outside, which must have `dimensions` numbers, finite and at most [`MAX_EMBEDDING`].
 ///
 /// # Errors
-/// If the length or a number differs from that.
+/// If the length or a number is not allowed.
 pub fn check_embedding(embedding: Vec<f32>, dimensions: usize) -> Result<Vec<f32>, Invalid> {
     if embedding.len() != dimensions {
         let allowed = counted(dimensions as u64, "value");

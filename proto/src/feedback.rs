@@ -39,7 +39,7 @@ impl Feedback {
         self.labels
     }
 
-    /// How these individuals are chosen.
+    /// How the synthetic annotator's individuals are chosen.
     #[must_use]
     pub const fn strategy(&self) -> Strategy {
         self.strategy
@@ -57,7 +57,8 @@ impl Feedback {
         &self.recipe
     }
 
-    /// Simulations of each labelled controller to learn from, 1 to 16: the labelled one, and others from random starts.
+    /// Number of simulations of each labelled controller to learn from, 1 to 16: the labelled one, and others from random
+    /// starts.
     #[must_use]
     pub const fn starts(&self) -> u32 {
         self.starts
@@ -186,9 +187,9 @@ mod tests {
     }
 
     #[track_caller]
-    fn check_refused(text: &str, said: &str) {
+    fn check_refused(text: &str, expected: &str) {
         let error = spec(text).unwrap_err();
-        assert!(error.contains(said), "{error:?} does not say {said:?}");
+        assert!(error.contains(expected), "{error:?} does not say {expected:?}");
     }
 
     #[test]

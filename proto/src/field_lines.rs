@@ -1,10 +1,10 @@
-//! Where in a campaign file a field is.
+//! Finds the line of a field in a campaign file.
 
 use toml::de::{DeTable, DeValue};
 
-/// The line, from 1, on which a campaign file gives a field a value, such as `search.population` or `species[1].name`; `None` if
-/// it does not. What a list has no line for is on that of its item, or of the list. A field whose tables are not named, or are
-/// not in the file, is sought by its last name where it occurs once.
+/// The line, from 1, on which a campaign file sets a field, such as `search.population` or `species[1].name`; `None` if it does
+/// not. For a field missing in a list, the line is that of the closest item or list. If the path is not in the file, as when
+/// the field is named without its tables, the line is that of the only field with the same last name.
 #[must_use]
 pub fn line_of_field(text: &str, field: &str) -> Option<usize> {
     let table = DeTable::parse(text).ok()?;
@@ -22,20 +22,21 @@ pub fn line_of_field(text: &str, field: &str) -> Option<usize> {
     Some(1 + text.get(..*start)?.matches('\n').count())
 }
 
-/// Lists that contain a field, the closest first: `species[1]` and `species` of `species[1].name`. None of another field.
+/// Lists that contain a field, the closest first: `species[1]` and `species` of `species[1].name`. Empty for a field outside
+/// lists.
 fn lists_of(field: &str) -> impl Iterator<Item = &str> {
     let ends = field.rmatch_indices(['.', '[']).map(|(end, _)| end);
     ends.filter(move |_| field.contains('['))
         .filter_map(move |end| field.get(..end))
 }
 
-/// `sees` of `robot.sensors[0].sees`, and `angles` of `controllers.angles[3]`.
+/// The last name of a path: `sees` of `robot.sensors[0].sees`, and `angles` of `controllers.angles[3]`.
 fn last_name(path: &str) -> &str {
     let last = path.rsplit('.').next().unwrap_or_default();
     last.split('[').next().unwrap_or_default()
 }
 
-/// The paths of the fields of a table and of the tables in it, and where each begins.
+/// The paths of the fields of a table and of the tables in it, with the place in the text where each begins.
 fn fields_of(table: &DeTable<'_>, path: &str, places: &mut Vec<(String, usize)>) {
     for (name, value) in table {
         let path = match path {

@@ -7,12 +7,12 @@ use serde::{
 };
 use std::fmt;
 
-/// The names of the fields of `T`, as serde's derive lists them; none of what is no struct.
+/// The names of the fields of `T`, as serde's derive lists them; empty if `T` is not a struct.
 pub(crate) fn field_names<'de, T: Deserialize<'de>>() -> &'static [&'static str] {
     T::deserialize(FieldNames).err().map_or(&[], |names| names.0)
 }
 
-/// Deserializes nothing: its error is the list of the fields that a struct asks for.
+/// Deserializes nothing: its error is the list of fields that a struct requests.
 struct FieldNames;
 
 #[derive(Debug, thiserror::Error)]

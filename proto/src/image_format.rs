@@ -51,7 +51,7 @@ impl ImageFormat {
     /// Validates a format for simulations of swarms of `model` in `world`.
     ///
     /// # Errors
-    /// Names the field that is out of range, too large for the world, or not for such swarms.
+    /// Names the field that is out of range, too large for the world, or not allowed for such swarms.
     pub fn for_swarm(
         message: v1::ImageFormat,
         world: &World,
@@ -77,7 +77,7 @@ impl ImageFormat {
     /// Checks that swarms of `model` can have such pictures.
     ///
     /// # Errors
-    /// If there are several channels, and the model has another number of species.
+    /// If there are several channels, and their number is not the model's number of species.
     pub fn check_species(&self, model: &CapabilityModel) -> Result<(), Invalid> {
         match (self.shape.channels(), model.species().len()) {
             (1, _) => Ok(()),
@@ -165,17 +165,17 @@ mod tests {
 
     #[test]
     fn what_the_channels_cannot_show_is_refused() {
-        let said = |species, channels| of_species(species, channels).unwrap_err().to_string();
+        let message = |species, channels| of_species(species, channels).unwrap_err().to_string();
         assert_eq!(
-            said(1, "species"),
+            message(1, "species"),
             "channels = \"species\": must be \"one\": all robots are of one species"
         );
         assert_eq!(
-            said(5, "species"),
+            message(5, "species"),
             "channels = \"species\": must be \"one\" where there are 5 species: a picture has at most 4 channels"
         );
         assert_eq!(
-            said(2, "rgb"),
+            message(2, "rgb"),
             "channels = \"rgb\": must be \"one\" or \"species\""
         );
     }

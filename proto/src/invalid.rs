@@ -12,7 +12,7 @@ const SHOWN_CHARS: usize = 240;
 pub struct Invalid {
     /// Path of the field from the outermost message, as in a campaign file (`search.population`).
     pub field: String,
-    /// The beginning of the value; `None` if there is none.
+    /// The beginning of the value; `None` if the field has no value.
     pub value: Option<String>,
     pub allowed: String,
 }
@@ -40,7 +40,7 @@ impl Invalid {
         }
     }
 
-    /// The same error, seen from the message that holds `outer`.
+    /// The same error, with `outer` before its path.
     #[must_use]
     pub fn within(mut self, outer: &str) -> Self {
         self.field = format!("{outer}.{}", self.field);
@@ -96,22 +96,22 @@ mod tests {
 
     #[test]
     fn a_value_is_shown_briefly_and_none_is_said_to_be_missing() {
-        let said = |value: f64| real("x", value, -1.0..=1.0).unwrap_err().to_string();
-        assert_eq!(said(-1e300), "x = -1e300: must be a number from -1 to 1");
-        assert_eq!(said(1.5), "x = 1.5: must be a number from -1 to 1");
-        assert_eq!(said(f64::NAN), "x = NaN: must be a number from -1 to 1");
-        assert_eq!(said(f64::INFINITY), "x = inf: must be a number from -1 to 1");
+        let message = |value: f64| real("x", value, -1.0..=1.0).unwrap_err().to_string();
+        assert_eq!(message(-1e300), "x = -1e300: must be a number from -1 to 1");
+        assert_eq!(message(1.5), "x = 1.5: must be a number from -1 to 1");
+        assert_eq!(message(f64::NAN), "x = NaN: must be a number from -1 to 1");
+        assert_eq!(message(f64::INFINITY), "x = inf: must be a number from -1 to 1");
         let tiny = positive("x", -f64::MIN_POSITIVE, 1.0).unwrap_err();
         assert_eq!(tiny.value.as_deref(), Some("-2.2250738585072014e-308"));
         let long = Invalid::new("x", "9".repeat(300), "short");
         assert_eq!(long.value, Some(format!("{}…", "9".repeat(240))));
-        let said = |invalid: Invalid| invalid.to_string();
+        let message = |invalid: Invalid| invalid.to_string();
         assert_eq!(
-            said(Invalid::missing("x", "given")),
+            message(Invalid::missing("x", "given")),
             "x is missing: must be given"
         );
         assert_eq!(
-            said(Invalid::new("x", "nothing", "given")),
+            message(Invalid::new("x", "nothing", "given")),
             "x = nothing: must be given"
         );
     }

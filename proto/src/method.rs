@@ -14,7 +14,7 @@ pub enum Method {
     Latent,
     /// Novelty search with the embedding by an untrained network, for comparison only.
     Untrained,
-    /// Every controller of a space of finitely many, mirror images once, or an evenly spread sample; no novelty.
+    /// Every controller of a finite space, mirror images once, or an evenly spread sample; no novelty.
     Exhaustive,
 }
 
@@ -39,7 +39,7 @@ impl Method {
         }
     }
 
-    /// Whether novelty is measured, and children are bred by it.
+    /// Whether novelty is measured.
     #[must_use]
     pub const fn has_novelty(self) -> bool {
         !matches!(self, Self::Exhaustive)

@@ -23,8 +23,8 @@ pub async fn whole<M: Message + Default>(
         let part = part?.encode_to_vec();
         bytes += part.len() as u64;
         if bytes > MAX_BYTES {
-            let said = format!("the answer is longer than {MAX_BYTES} bytes");
-            return Err(Status::resource_exhausted(said));
+            let message = format!("the answer is longer than {MAX_BYTES} bytes");
+            return Err(Status::resource_exhausted(message));
         }
         let merged = whole.merge(part.as_slice());
         merged.map_err(|error| Status::internal(error.to_string()))?;
@@ -32,8 +32,8 @@ pub async fn whole<M: Message + Default>(
     Ok(whole)
 }
 
-/// Splits `items` into lists of about [`PART_BYTES`](crate::PART_BYTES) each, and returns the messages that `part` makes of
-/// them; none if there are no items.
+/// Splits `items` into lists of about [`PART_BYTES`](crate::PART_BYTES) each, and returns the message that `part` makes of each
+/// list. Without items there are no messages.
 pub fn parts<T: Message, M>(
     items: impl IntoIterator<Item = T>,
     part: impl Fn(Vec<T>) -> M,
@@ -88,7 +88,7 @@ mod tests {
     #[tokio::test]
     async fn a_stream_that_breaks_is_no_answer() {
         let sent = [Ok(list(vec![campaign(1, 1)])), Err(Status::unavailable("gone"))];
-        let said = whole(tokio_stream::iter(sent)).await.unwrap_err();
-        assert_eq!(said.message(), "gone");
+        let text = whole(tokio_stream::iter(sent)).await.unwrap_err();
+        assert_eq!(text.message(), "gone");
     }
 }

@@ -13,7 +13,6 @@ pub struct PictureShape {
 }
 
 impl PictureShape {
-    /// Maximum number of channels.
     pub(crate) const MAX_CHANNELS: usize = 4;
     /// Maximum number of pixels along a side.
     pub const MAX_SIDE: usize = 1000;
@@ -82,12 +81,12 @@ mod tests {
 
     #[test]
     fn what_no_network_takes_is_refused() {
-        let said = |channels, side| PictureShape::new(channels, side).unwrap_err().to_string();
-        assert_eq!(said(0, 50), "channels = 0: must be a whole number from 1 to 4");
-        assert_eq!(said(5, 50), "channels = 5: must be a whole number from 1 to 4");
-        assert_eq!(said(1, 0), "side = 0: must be a whole number from 1 to 1000");
+        let message = |channels, side| PictureShape::new(channels, side).unwrap_err().to_string();
+        assert_eq!(message(0, 50), "channels = 0: must be a whole number from 1 to 4");
+        assert_eq!(message(5, 50), "channels = 5: must be a whole number from 1 to 4");
+        assert_eq!(message(1, 0), "side = 0: must be a whole number from 1 to 1000");
         assert_eq!(
-            said(1, 1001),
+            message(1, 1001),
             "side = 1001: must be a whole number from 1 to 1000"
         );
     }

@@ -17,40 +17,39 @@ pub enum Purpose {
     Jitter,
     /// First weights of a network; the index is the layer's.
     Initialise,
-    /// Which images make up an epoch's batches; the seed is the training's, the index the epoch's.
+    /// Assignment of images to an epoch's batches; the seed is the training's, the index the epoch's.
     Train,
     /// Augmentation of one image; the seed is one of a batch, the index the image's place in it.
     Augment,
-    /// Which images are held out of a training, and the triplets made of them; the index is 0.
+    /// Choice of the images held out of a training, and of the triplets made of them; the index is 0.
     HeldOut,
     /// Sampling a controller of a dataset; the index is the controller's.
     Dataset,
     /// Seeds of a dataset's starts; the index is the picture's.
     DatasetStart,
-    /// Which behaviours people are asked about; the index is 0.
+    /// Choice of the behaviours to ask annotators about; the index is 0.
     Query,
-    /// The substitute of an individual whose task is poisoned; the index is made of the individual's and the attempt's.
+    /// Substitute for an individual whose task is poisoned; the index is made of the individual's and the attempt's.
     Substitute,
-    /// The substitute of a dataset's controller whose task is poisoned; the index is made of the controller's and the
-    /// attempt's.
+    /// Substitute for a dataset's controller whose task is poisoned; the index is made of the controller's and the attempt's.
     DatasetSubstitute,
-    /// Which tasks are audited; the seed is the coordinator's epoch, the index 0. No result depends on it.
+    /// Choice of the tasks to audit; the seed is the coordinator's epoch, the index 0. No result depends on it.
     Audit,
-    /// Seeds of the further starts of labelled controllers; the index is 16 times the individual's, and the start's.
+    /// Seeds of the further starts of labelled controllers; the index is 16 times the individual's plus the start's.
     FurtherStart,
-    /// Slip of a robot's drive, two numbers a step; the seed is the start's, the index the robot's.
+    /// Slip of a robot's drive, two numbers per step; the seed is the start's, the index the robot's.
     Slip,
     /// A robot's own gains; the seed is the start's, the index the robot's.
     Gain,
-    /// Which readings of a robot's sensors are missed or false, a number for each sensor and step; the seed is the start's, the
-    /// index the robot's.
+    /// Missed and false readings of a robot's sensors, one number per sensor and step; the seed is the start's, the index the
+    /// robot's.
     Misreading,
-    /// Seeds of the further starts of an individual; the seed is that of its first start, the index the start's, from 1.
+    /// Seeds of the further starts of an individual; the seed is that of the first start, the index the start's, from 1.
     FurtherTrial,
-    /// Resampling the trials of a study and the judge's errors; the seed is 0, the index the row's of a table. No result of a
-    /// campaign depends on it.
+    /// Resampling of a study's trials and of the judge's errors; the seed is 0, the index that of a table's row. No campaign's
+    /// result depends on it.
     Resample,
-    /// How the digits of an evenly spread sample are permuted, and what it is shifted by; the index is the gene's.
+    /// Permutation of the digits of an evenly spread sample, and its shift; the index is the gene's.
     Spread,
 }
 
@@ -71,7 +70,7 @@ impl Purpose {
             Self::Substitute => "substitute",
             Self::DatasetSubstitute => "dataset substitute",
             Self::Audit => "audit",
-            // An older word for them, which the digests of campaigns with feedback rest on.
+            // The name of an earlier version: the digests of campaigns with feedback depend on it.
             Self::FurtherStart => "lesson start",
             Self::Slip => "slip",
             Self::Gain => "gain",
@@ -85,9 +84,9 @@ impl Purpose {
 
 /// A reproducible stream of random numbers (ChaCha with 8 rounds, keyed by BLAKE3 of seed, purpose and index).
 ///
-/// It is a generator of [`rand`], whose `random` gives it uniform bits and numbers from 0 to 1. The methods here stay beside rand's
-/// because campaigns' digests depend on their bits: for the same distributions rand takes other bits of the generator, and may take
-/// others again in its next version. Where no stored result depends on the numbers, rand's own are used.
+/// Implements [`rand`]'s generator, whose `random` returns uniform bits, or numbers from 0 to 1. Campaigns' digests depend on
+/// the bits of the methods here, so rand's own methods cannot replace them: rand draws the same distributions from other bits,
+/// and may change that in its next version. Where no stored result depends on the numbers, callers use rand's methods.
 #[derive(Debug, Clone)]
 pub struct RandomStream(ChaCha8Rng);
 
@@ -131,7 +130,7 @@ impl RandomStream {
     }
 }
 
-/// The seed of the first start of a controller, by its number, among those that are evaluated without a campaign.
+/// Seed of the first start of controller `number` in an evaluation without a campaign.
 #[must_use]
 pub fn start_seed(seed: u64, number: u64) -> u64 {
     RandomStream::derive(seed, Purpose::Start, number).random()
@@ -170,7 +169,7 @@ mod tests {
         );
     }
 
-    /// Beyond the blocks that are made at once, too.
+    /// Also beyond the blocks that the generator computes at once.
     #[test]
     fn long_streams_are_the_same_for_ever() {
         let mut stream = RandomStream::derive(1, Purpose::Start, 7);
@@ -193,7 +192,7 @@ mod tests {
         assert_eq!(stream.below((1 << 63) + 1), 6670947447661383948);
         let chances = [(); 8].map(|()| stream.chance(0.3));
         assert_eq!(chances, [false, true, false, false, false, true, false, false]);
-        // A certain outcome takes a number too.
+        // A certain outcome consumes a number too.
         assert!(stream.chance(1.0));
         let mut list = [0, 1, 2, 3, 4, 5, 6, 7];
         stream.shuffle(&mut list);

@@ -1,7 +1,7 @@
 //! A macro for validated records: private fields, one documented getter each.
 
-/// Declares a struct whose fields can be read but not written from outside its module. Getters return copies; of fields under
-/// `by reference` they return a reference to what stands behind `as`.
+/// Declares a struct whose fields can be read but not written from outside its module. Getters return copies. For fields under
+/// `by reference`, they return a reference to the type after `as`.
 macro_rules! record {
     (
         $(#[$outer:meta])*

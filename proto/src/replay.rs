@@ -1,9 +1,9 @@
-//! The motion of a swarm, to be watched.
+//! The recorded motion of a swarm.
 
 use crate::{Invalid, World, counted, v1};
 use std::num::NonZeroU32;
 
-/// Where an agent is: x, y (world units, y points down the screen) and heading (radians).
+/// Position and heading of an agent: x, y (world units, y points down the screen) and heading (radians).
 pub type Pose = [f32; 3];
 
 /// The motion of one swarm: its poses at ascending steps, the start (step 0) first.
@@ -15,7 +15,7 @@ pub struct Replay {
 }
 
 /// The frames of a motion to record: the start, one every `stride` steps from the step `first` on, and the end. Together they
-/// fit in one message.
+/// have at most [`Frames::MAX_POSES`] poses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Frames {
     first: u32,
@@ -23,7 +23,7 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// Maximum number of poses of a motion in messages (48 MB): number of frames times number of agents.
+    /// Maximum number of poses of a motion (48 MB): number of frames times number of agents.
     pub const MAX_POSES: u64 = 4_000_000;
     /// Enough frames to watch a motion; a screen shows no more.
     pub const WATCHED: u32 = 400;
@@ -70,7 +70,7 @@ impl Frames {
         }
     }
 
-    /// The smallest stride with which this many steps fit.
+    /// The smallest stride at which this many steps have at most [`Frames::MAX_POSES`] poses.
     fn least_stride(steps: u32, world: &World) -> NonZeroU32 {
         // Start and end take one frame each.
         let frames = Self::MAX_POSES / u64::from(world.agents()) - 2;
@@ -119,7 +119,7 @@ impl Replay {
     /// A replay of `agents` agents with one block of `agents` poses for each of `steps`.
     ///
     /// # Errors
-    /// Names what is missing: no frame, no agent, steps out of order, poses too few, too many or not finite.
+    /// Names the fault: no frame, no agent, steps out of order, poses too few, too many or not finite.
     pub fn new(steps: Vec<u32>, agents: usize, poses: Vec<Pose>) -> Result<Self, Invalid> {
         if steps.first() != Some(&0) || !steps.is_sorted_by(|a, b| a < b) {
             return Err(Invalid::new(
@@ -238,9 +238,9 @@ mod tests {
     #[test]
     fn what_cannot_be_sent_is_refused_with_the_numbers() {
         let crowd = world(1200, 10_000);
-        let said = Frames::new(0, 1, &crowd).unwrap_err().to_string();
+        let message = Frames::new(0, 1, &crowd).unwrap_err().to_string();
         assert_eq!(
-            said,
+            message,
             "stride = 1: must be larger: 1201 frames of 10000 agents are 12010000 poses, and a motion may have 4000000"
         );
         assert!(Frames::new(0, 4, &world(10_000_000, 24)).is_err());

@@ -1,4 +1,4 @@
-//! The pictures whose classes an embedder was told, so that it is not judged by them.
+//! The pictures whose classes an embedder learned from, so that it is not judged by them.
 
 use crate::Invalid;
 use std::collections::BTreeSet;
@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 /// Bytes of a fingerprint: among a million pictures, the chance that two share one is one in ten million.
 const BYTES: usize = 8;
 
-/// The pictures whose classes an embedder or its ancestors have learned, as the first eight bytes of their BLAKE3 digests.
+/// The pictures whose classes an embedder or its ancestors learned from, as the first eight bytes of their BLAKE3 digests.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct SeenPictures(BTreeSet<[u8; BYTES]>);
 
@@ -20,7 +20,7 @@ impl SeenPictures {
         Self(pictures.map(fingerprint).collect())
     }
 
-    /// Whether a picture is among them. Once in ten million times the answer is wrongly yes.
+    /// Whether a picture is among them. A wrong yes has a chance of one in ten million.
     #[must_use]
     pub fn has(&self, picture: &[u8]) -> bool {
         self.0.contains(&fingerprint(picture))
@@ -37,7 +37,7 @@ impl SeenPictures {
         self.0.iter().flatten().copied().collect()
     }
 
-    /// Reads what [`SeenPictures::to_bytes`] wrote.
+    /// Reads the bytes of [`SeenPictures::to_bytes`].
     ///
     /// # Errors
     /// If the bytes are not a whole number of fingerprints, or too many.

@@ -4,13 +4,13 @@ use crate::{CapabilityModel, Controller, Invalid, Preset, RandomStream, SensorAn
 use std::f64::consts::PI;
 
 /// The controller space U(C): speeds on a grid (or continuous), and sets or ranges of sensor angles (paper, appendix "Informed
-/// Heuristic Filtering"); where there are several species, their controllers side by side, and a ratio.
+/// Heuristic Filtering"). With several species, a controller has the genes of each in turn, and a ratio.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ControllerSpace {
     model: CapabilityModel,
     /// Grid steps from 0 to a largest speed; 0 for a continuous space.
     steps: u32,
-    /// Choices for every free angle that has no list of its own; empty: any in its range.
+    /// Choices for every free angle without a list of its own; empty: any in its range.
     angles: Vec<f64>,
     genes: Vec<GeneSpace>,
     initial: Vec<Controller>,
@@ -20,7 +20,7 @@ pub struct ControllerSpace {
 #[derive(Debug, Clone, PartialEq)]
 pub enum GeneSpace {
     Speed {
-        /// Its largest magnitude.
+        /// Largest magnitude.
         limit: f64,
         /// Grid steps from 0 to `limit`; 0 for any value.
         steps: u32,
@@ -29,7 +29,7 @@ pub enum GeneSpace {
     Among(Vec<f64>),
     /// Any angle from the lowest to the highest, radians.
     Within([f64; 2]),
-    /// The place of one of so many ratios.
+    /// The index of a ratio; the field is the number of ratios.
     Ratio(usize),
 }
 
@@ -78,8 +78,8 @@ impl ControllerSpace {
         &self.genes
     }
 
-    /// The controllers that the first generation begins with, at most [`ControllerSpace::MAX_INITIAL`]: any that the model has, also
-    /// those between the points of the grid.
+    /// The controllers that the first generation begins with, at most [`ControllerSpace::MAX_INITIAL`]. They may lie between
+    /// the points of the grid.
     #[must_use]
     pub fn initial(&self) -> &[Controller] {
         &self.initial
@@ -91,7 +91,7 @@ impl ControllerSpace {
         self.controller(&genes)
     }
 
-    /// The controller of these genes, each already a member of the space.
+    /// The controller with these genes, all of which are in the space.
     #[expect(clippy::expect_used, reason = "members of the space are valid genes")]
     pub fn controller(&self, genes: &[f64]) -> Controller {
         Controller::new(&self.model, genes).expect("genes taken from the controller space")
@@ -110,7 +110,7 @@ impl GeneSpace {
         }
     }
 
-    /// Number of values; `None` if there is one between any two.
+    /// Number of values; `None` if the gene is continuous.
     #[must_use]
     pub fn values(&self) -> Option<u64> {
         match *self {
@@ -121,7 +121,7 @@ impl GeneSpace {
         }
     }
 
-    /// The value at `place`, which is under [`GeneSpace::values`]; 0 where there is one between any two.
+    /// The value at `place`, which is under [`GeneSpace::values`]; 0 if the gene is continuous.
     #[must_use]
     pub fn value(&self, place: u64) -> f64 {
         match *self {
@@ -132,7 +132,7 @@ impl GeneSpace {
         }
     }
 
-    /// The value that a `share` (0 to under 1) of all values is below.
+    /// The quantile of all values at `share`, 0 to under 1.
     #[must_use]
     pub fn at(&self, share: f64) -> f64 {
         match (self, self.values()) {
@@ -145,7 +145,7 @@ impl GeneSpace {
         }
     }
 
-    /// The speed of the space nearest to `share` of the limit; 0 where the gene is not a speed.
+    /// The allowed speed nearest to `share` of the limit; 0 if the gene is not a speed.
     #[must_use]
     pub fn nearest_speed(&self, share: f64) -> f64 {
         let inside = share.clamp(-1.0, 1.0);
@@ -157,7 +157,7 @@ impl GeneSpace {
     }
 }
 
-/// The controllers that people name.
+/// Checks the controllers that the first generation begins with.
 fn initial(controllers: &[v1::Genes], model: &CapabilityModel) -> Result<Vec<Controller>, Invalid> {
     if controllers.len() > ControllerSpace::MAX_INITIAL {
         let value = counted(controllers.len() as u64, "controller");

@@ -11,7 +11,7 @@ use std::borrow::Cow;
 /// A table of a campaign file.
 #[derive(Debug, Clone)]
 pub struct Section {
-    /// Its name, such as `world.start`; that of the top of the file is "".
+    /// Its name, such as `world.start`; empty for the top of the file.
     pub path: &'static str,
     pub fields: Cow<'static, [Field]>,
 }
@@ -20,7 +20,7 @@ pub struct Section {
 #[derive(Debug, Clone, Copy)]
 pub struct Field {
     pub name: &'static str,
-    /// The comment in the contract; `None` for fields of trainings, which are no messages.
+    /// The comment in the contract; `None` for fields of trainings, which are not messages.
     pub explanation: Option<&'static str>,
 }
 
@@ -75,8 +75,8 @@ mod tests {
     fn every_field_of_a_message_is_explained() {
         for section in MESSAGES {
             for field in section.fields.iter() {
-                let said = field.explanation.unwrap_or_default();
-                assert!(said.ends_with('.'), "{} {}: {said:?}", section.path, field.name);
+                let message = field.explanation.unwrap_or_default();
+                assert!(message.ends_with('.'), "{} {}: {message:?}", section.path, field.name);
             }
         }
         let population = explanation("search", "population").unwrap();

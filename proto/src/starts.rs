@@ -1,4 +1,4 @@
-//! How many trials an individual has, and where they start.
+//! The number of an individual's trials, and the seeds of their starts.
 
 use crate::{Invalid, Purpose, RandomStream, invalid};
 use rand::RngExt as _;
@@ -26,7 +26,7 @@ impl Starts {
         self.0 as usize
     }
 
-    /// The seeds of the starts of an individual: `seed`, and those that follow from it.
+    /// The seeds of the starts of an individual: `seed`, and those derived from it.
     pub fn seeds(self, seed: u64) -> impl Iterator<Item = u64> {
         let further = move |start| RandomStream::derive(seed, Purpose::FurtherTrial, start).random();
         std::iter::once(seed).chain((1..u64::from(self.0)).map(further))

@@ -22,7 +22,7 @@ impl From<SpecFileError> for Status {
 
 impl From<TomlError> for Status {
     fn from(error: TomlError) -> Self {
-        // With the line of the file that it is about.
+        // The message includes the line of the file.
         let message = error.to_string();
         invalid_argument(
             message,
@@ -36,7 +36,7 @@ impl From<TomlError> for Status {
 
 impl From<Invalid> for Status {
     fn from(invalid: Invalid) -> Self {
-        // A value from outside may be of any length.
+        // A value from outside may have any length.
         let message = Text::line(&invalid.to_string()).into();
         let Invalid {
             field,

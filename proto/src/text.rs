@@ -1,8 +1,8 @@
 //! Text from outside, made safe to store, log, and show on a terminal or a page.
 //!
-//! Text from a stranger may have any length, move the cursor of a terminal (control characters), reverse the text around it
-//! (bidirectional overrides) or hide (zero-width characters). Free text is cleaned and cut. A bad name is refused, so that
-//! its author chooses another.
+//! A stranger's text may have any length, move the cursor of a terminal (control characters), reverse the text around it
+//! (bidirectional overrides) or be invisible (zero-width characters). Free text is cleaned and cut. A bad name is refused, so
+//! that its author chooses another.
 
 pub use crate::invalid::beginning;
 
@@ -60,14 +60,14 @@ impl From<Text> for String {
     }
 }
 
-/// `words` as a terminal may be sent them: without hidden characters, but with their line ends and tabs.
+/// `words` made safe for a terminal: without hidden characters, but with their line ends and tabs.
 #[must_use]
 pub fn printable(words: &str) -> String {
     visible(words.chars()).collect()
 }
 
-/// A message for people of one or more lines, as a terminal may be sent it. A line of more than [`Text::MAX_CHARS`] characters is cut, and
-/// says how many are left out.
+/// A message of one or more lines, made safe for a terminal. A line of more than [`Text::MAX_CHARS`] characters is cut, and
+/// ends with the number of characters left out.
 #[must_use]
 pub fn message(words: &str) -> String {
     let lines = words.split('\n').map(|line| {
@@ -133,7 +133,7 @@ pub fn masked_url(url: &str) -> String {
     }
 }
 
-/// The characters that are not hidden, line ends and tabs among them.
+/// The characters that are not hidden, including line ends and tabs.
 fn visible(words: impl Iterator<Item = char>) -> impl Iterator<Item = char> {
     let mut before = None;
     words.filter(move |&c| {
@@ -157,12 +157,12 @@ const fn is_space(c: char) -> bool {
     matches!(c, '\n' | '\r' | '\t' | '\u{85}' | '\u{2028}' | '\u{2029}')
 }
 
-/// Code points that stand for no character, ever. XML, and so SVG, may not have some of them.
+/// Whether Unicode assigns no character to this code point, ever. XML, and so SVG, forbids some of them.
 const fn is_noncharacter(c: char) -> bool {
     matches!(c, '\u{fdd0}'..='\u{fdef}') || c as u32 & 0xfffe == 0xfffe
 }
 
-/// Characters that join others, or say how the one before is drawn.
+/// Whether the character joins others, or selects how the one before is drawn.
 const fn is_joiner(c: char) -> bool {
     matches!(c, '\u{200c}' | '\u{200d}' | '\u{fe0e}' | '\u{fe0f}')
 }
@@ -173,7 +173,7 @@ fn is_hidden(c: char, before: Option<char>) -> bool {
         return c.is_ascii_control();
     }
     if is_joiner(c) {
-        // Indic scripts, Persian and compound emoji need them; after Latin letters they only serve to hide.
+        // Indic scripts, Persian and compound emoji need joiners; after Latin letters they only hide text.
         let joins = |before: char| {
             !before.is_ascii() && !before.is_whitespace() && before != c && !is_joiner_of_letters(before)
         };
@@ -281,10 +281,10 @@ mod tests {
         check("e\u{301}toile", "e\u{301}toile");
         check("क्‍ष", "क्‍ष");
         check("👩‍🚀", "👩‍🚀");
-        let refused = |given: &str, said: &str| {
+        let refused = |given: &str, expected: &str| {
             let error = name("class", given, 64).unwrap_err();
             assert_eq!(error.field, "class");
-            assert!(error.allowed.contains(said), "{given:?}: {error}");
+            assert!(error.allowed.contains(expected), "{given:?}: {error}");
         };
         refused("", "1 to 64 characters that can be seen");
         refused("\u{2800}", "1 to 64 characters that can be seen");

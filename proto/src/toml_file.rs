@@ -18,7 +18,7 @@ use toml::{
 
 pub use error::TomlError;
 
-/// The tables that the message of a campaign holds as texts, without their places in the file.
+/// The tables that a campaign's message holds as text, without their places in the file.
 #[derive(Deserialize)]
 struct TextTables {
     #[serde(rename = "training")]
@@ -42,13 +42,12 @@ pub(crate) fn campaign(text: &str) -> Result<v1::CampaignSpec, TomlError> {
     })
 }
 
-/// Reads a campaign file that was put together as a table, so that errors have no line.
+/// Reads a campaign file from a table in memory, so that errors have no line.
 pub(crate) fn campaign_of_table(table: &toml::Table) -> Result<v1::CampaignSpec, TomlError> {
     campaign(&table.to_string()).map_err(TomlError::without_place)
 }
 
-/// Reads a file that people write, whose fields are those of `T`. A byte order mark and the kind of line ends make no
-/// difference.
+/// Reads a file that people write, whose fields are those of `T`. Ignores a byte order mark, and accepts any kind of line ends.
 ///
 /// # Errors
 /// Says where the text is not TOML, which field is unknown, or which value is of the wrong type.
@@ -56,7 +55,7 @@ pub fn read_toml<T: DeserializeOwned>(text: &str) -> Result<T, TomlError> {
     read(text, "", |file| T::deserialize(file))
 }
 
-/// Reads the table `section` of a campaign file from a text of its own, as messages have it, so that errors have no line.
+/// Reads the table `section` of a campaign file from a text of its own, as messages hold it, so that errors have no line.
 pub(crate) fn read_section<T: DeserializeOwned>(section: &str, text: &str) -> Result<T, TomlError> {
     read(text, section, |file| T::deserialize(file)).map_err(TomlError::without_place)
 }

@@ -1,4 +1,4 @@
-//! Fields that campaign files write otherwise than the messages, and messages on one line for the cells of tables.
+//! Fields whose form in campaign files differs from the messages', and messages on one line for the cells of tables.
 
 use crate::{Invalid, text, toml_file};
 use serde::{Serialize, de::DeserializeOwned};
@@ -16,7 +16,7 @@ pub fn to_differing_line<T: Serialize>(message: &T, other: &T) -> Option<String>
 /// Reads a table of a campaign file that is written on one line, such as `example`, into a message.
 ///
 /// # Errors
-/// Names `field` if the line is no such table, and says which field in it is wrong.
+/// Names `field` if the line is not such a table; otherwise names the field in it that is wrong.
 pub fn of_toml_line<T: DeserializeOwned>(field: &str, line: &str, example: &str) -> Result<T, Invalid> {
     let refused = |why: &str| {
         let allowed = format!("a table of a campaign file on one line, such as {example}{why}");

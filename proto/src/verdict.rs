@@ -38,7 +38,7 @@ pub enum Pattern {
 /// The judge's verdict on a motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Verdict {
-    /// A class; of [`Class::Random`], without a pattern.
+    /// A class; if it is [`Class::Random`], without a pattern.
     Class(Class),
     /// A motion of [`Class::Random`] with this pattern.
     Pattern(Pattern),
@@ -79,7 +79,7 @@ impl Class {
 }
 
 impl Class {
-    /// Why no motion in `world` can be of this class; `None` if one can.
+    /// Reason why no motion in `world` can be of this class; `None` if one can.
     #[must_use]
     pub fn without_meaning(self, world: &World) -> Option<&'static str> {
         match self {
@@ -115,7 +115,7 @@ impl Pattern {
     }
 }
 
-/// A name as people read it.
+/// Replaces the underscores of a name by spaces.
 fn in_words(name: &str) -> String {
     name.replace('_', " ")
 }

@@ -31,7 +31,7 @@ record! {
         agents: u32,
         /// Radius of the largest agent's body, 0.001 to 1,000.
         radius: f64,
-        /// Radius of the wheels of an agent that does not say its own, over 0.
+        /// Wheel radius of agents without one of their own, over 0.
         wheel_radius: f64,
         /// Duration of one step, over 0.
         dt: f64,
@@ -40,7 +40,6 @@ record! {
         /// Whether collisions add the authors' seeded jitter.
         jitter: bool,
         boundary: Boundary,
-        /// Noise of the agents.
         noise: Noise,
     }
     by reference {
@@ -69,7 +68,7 @@ impl World {
         })
     }
 
-    /// The model of a swarm of these robots in this world, whose body and wheels the paper's two have.
+    /// The model of a swarm of this preset in this world. The paper's presets have the body and wheels of the world.
     ///
     /// # Errors
     /// If the radii of the world are not allowed for a robot.
@@ -77,10 +76,10 @@ impl World {
         CapabilityModel::of_one(preset.sized(self.radius, self.wheel_radius)?)
     }
 
-    /// Reads what [`CapabilityModel::to_line`] wrote; bodies and wheels are those of this world where it does not say.
+    /// Reads a line of [`CapabilityModel::to_line`]. Absent radii of bodies and wheels default to this world's.
     ///
     /// # Errors
-    /// Names `field` if the line is no table of TOML with robots in it, and otherwise the field that is not allowed.
+    /// Names `field` if the line is not a TOML table of robots, otherwise the field in it that is not allowed.
     pub fn robots_of_line(&self, field: &str, line: &str) -> Result<CapabilityModel, Invalid> {
         CapabilityModel::of_line(field, line, &defaults(&self.clone().into()))
     }
@@ -91,7 +90,7 @@ impl World {
         (self.width * self.width + self.height * self.height).sqrt() / 2.0
     }
 
-    /// The way from one place of the world to another, world units: on a torus the shorter way around, on each axis.
+    /// Displacement from one point of the world to another, world units; on a torus, the shorter way around on each axis.
     #[must_use]
     pub fn way(&self, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
         let sides = [self.width, self.height];

@@ -3,18 +3,19 @@
 use super::CampaignSpec;
 use crate::{Controller, Invalid, World, robot, v1};
 
-/// Name of such a campaign.
+/// Name of a campaign that begins with one controller.
 const NAME: &str = "play";
-/// Controllers of a generation, and generations: half a minute with the paper's robots on two cores, as `examples/quick.toml`.
+/// Controllers per generation. With [`GENERATIONS`], half a minute with the paper's robots on two cores, as
+/// `examples/quick.toml`.
 const POPULATION: u32 = 100;
 const GENERATIONS: u32 = 30;
 
 impl CampaignSpec {
-    /// Evaluations of a campaign of [`CampaignSpec::begun_with`].
+    /// Number of evaluations of a campaign of [`CampaignSpec::begun_with`].
     pub const BEGUN_EVALUATIONS: u32 = POPULATION * GENERATIONS;
 
-    /// A small search on hand-crafted features for what the robots of a controller can do in a world. Its first generation begins
-    /// with that controller; `seed` is that of the search.
+    /// A small search on hand-crafted features for the behaviours of a controller's robots in a world. Its first generation
+    /// begins with that controller; `seed` is that of the search.
     ///
     /// # Errors
     /// If the robots do not fit the world, or the search does not fit in memory.

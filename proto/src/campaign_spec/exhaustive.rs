@@ -1,17 +1,15 @@
-//! Campaigns that evaluate every controller of a space: how many generations those are, and what such a campaign cannot
-//! have.
+//! Campaigns that evaluate every controller of a space: their number of generations, and the fields that they cannot have.
 
 use crate::{ControllerSpace, Enumeration, Invalid, Method, Search, Starts, World, counted, grouped, v1};
 
-/// Largest generation that is chosen where the file says none.
+/// Largest population that is chosen if the file names none.
 const POPULATION: u64 = 1000;
 
-/// The search with population and generations, where the file leaves one of them to the number of controllers.
+/// The search. If the file gives no number of generations, it and an absent population follow from the number of controllers.
 ///
 /// # Errors
-/// Names the field that people would change: a population into which the controllers cannot be divided, more
-/// evaluations than there are controllers, or no number of generations where there are too many controllers for a
-/// campaign.
+/// Names the field to change: a population that does not divide the number of controllers, more evaluations than controllers,
+/// or absent generations if there are too many controllers for a campaign.
 pub(super) fn search(
     search: v1::Search,
     method: Method,
@@ -42,7 +40,7 @@ pub(super) fn search(
     }
 }
 
-/// The search of all controllers, of which there are so many.
+/// The search over all controllers, whose number is `all`.
 fn whole(search: v1::Search, all: u64) -> Result<v1::Search, Invalid> {
     let population = match search.population {
         None => (1..=POPULATION.min(all))
@@ -83,7 +81,7 @@ fn too_many(all: Option<u64>, most: u64) -> Invalid {
     Invalid::missing("search.generations", allowed)
 }
 
-/// Refuses what an exhaustive campaign has no use for.
+/// Refuses fields that an exhaustive campaign does not use.
 ///
 /// # Errors
 /// Names the field.
@@ -135,9 +133,9 @@ mod tests {
 
     #[test]
     fn what_cannot_be_exhaustive_is_refused() {
-        let check = |rest: &str, said: &str| {
+        let check = |rest: &str, expected: &str| {
             let refused = spec(rest).unwrap_err();
-            assert!(refused.contains(said), "{refused:?} does not say {said:?}");
+            assert!(refused.contains(expected), "{refused:?} does not say {expected:?}");
         };
         check(
             "[search]\npopulation = 1000",

@@ -4,10 +4,10 @@ use super::CampaignSpec;
 use crate::{Frames, Invalid, Pose, Search, StartShape, Starts, counted};
 
 impl CampaignSpec {
-    /// Checks what no field alone can say.
+    /// Checks limits that depend on several fields.
     ///
     /// # Errors
-    /// Names the field that people would change.
+    /// Names the field to change.
     pub(super) fn check_limits(&self) -> Result<(), Invalid> {
         self.check_memory()?;
         self.check_initial()?;
@@ -96,7 +96,8 @@ impl CampaignSpec {
         }
     }
 
-    /// Checks that no round of feedback evaluates too often. Without planned rounds, one counts: a person may request it.
+    /// Checks that no round of feedback has too many evaluations. Without planned rounds, one counts, because a person may
+    /// request it.
     fn check_round(&self) -> Result<(), Invalid> {
         let round = self.feedback.as_ref().map_or(0, |feedback| {
             u64::from(feedback.generations()) * u64::from(self.search.population())
@@ -112,7 +113,7 @@ impl CampaignSpec {
         Err(Invalid::new("feedback.generations", value, allowed))
     }
 
-    /// Checks that the trials of an individual can differ, and that a campaign does not simulate too often.
+    /// Checks that the trials of an individual can differ, and that a campaign does not need too many simulations.
     fn check_trials(&self) -> Result<(), Invalid> {
         let starts = u32::from(self.starts);
         let noise = self.world.noise();

@@ -1,9 +1,9 @@
-//! The robots of a campaign, and the world that they are in.
+//! The robots of a campaign, and their world.
 
 use crate::{CapabilityModel, Drive, Invalid, World, robot, v1, world};
 use std::f64::consts::PI;
 
-/// The name of a campaign that has none.
+/// The default name of a campaign.
 pub(super) fn default_name(model: &CapabilityModel) -> &'static str {
     match (model.preset(), model.ratios()) {
         (Some(preset), _) => preset.name(),
@@ -12,7 +12,7 @@ pub(super) fn default_name(model: &CapabilityModel) -> &'static str {
     }
 }
 
-/// The robots, and the world that they are in: its agents are as many as the robots, and its radius is that of the largest.
+/// The robots and their world. The world's agents are as many as the robots, and its radius is that of the largest robot.
 pub(super) fn swarm(message: &v1::CampaignSpec) -> Result<(CapabilityModel, World), Invalid> {
     let mut world_message = message.world.clone().unwrap_or_default();
     let angles = message
@@ -35,7 +35,7 @@ pub(super) fn swarm(message: &v1::CampaignSpec) -> Result<(CapabilityModel, Worl
     Ok((model, world))
 }
 
-/// Checks that no robot drives farther in a step than the longest world is wide.
+/// Checks that no robot drives farther in a step than the maximum side of a world.
 fn check_step(model: &CapabilityModel, world: &World) -> Result<(), Invalid> {
     let drives = model.species().iter().map(|species| species.robot().drive());
     let fastest = drives.map(Drive::top_speed).fold(0.0, f64::max) * world.noise().largest_factor();
@@ -65,15 +65,15 @@ fn capability_model(
         ratios: message.ratios.clone(),
         species,
     };
-    // Only the sizes that a preset takes from the world have no table of their own.
+    // An error that names only a radius is about the size that a preset takes from the world.
     written.read(default).map_err(|error| match error.field.as_str() {
         "radius" | "wheel_radius" => error.within("world"),
         _ => error,
     })
 }
 
-/// The same robot, its sensors with a free angle of which nothing is said free in a whole turn: the angles of the controller
-/// space are what they choose from.
+/// The same robot, with the range of a whole turn for each free angle without a range or list: such angles are chosen from the
+/// controller space's angles.
 fn with_range(mut robot: v1::Robot, angles: &[f64]) -> v1::Robot {
     for sensor in &mut robot.sensors {
         let is_free = sensor.angle.is_some_and(|angle| angle.fixed.is_none());

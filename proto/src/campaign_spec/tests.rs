@@ -1,13 +1,13 @@
-//! Campaign files: what they say by default, and what is wrong with them.
+//! Campaign files: their defaults, and errors in them.
 
 use super::*;
 use crate::Controller;
 use proptest::prelude::*;
 
 #[track_caller]
-fn check_refused(text: &str, said: &str) {
+fn check_refused(text: &str, expected: &str) {
     let error = CampaignSpec::from_toml(text).unwrap_err().to_string();
-    assert!(error.contains(said), "{error:?} does not say {said:?}");
+    assert!(error.contains(expected), "{error:?} does not say {expected:?}");
 }
 
 const MINIMAL: &str = "model = \"single-sensor\"\nmethod = \"hand-crafted\"\n";
@@ -319,7 +319,7 @@ fn a_first_generation_may_begin_with_named_controllers() {
     let named = |genes: &str, search: &str| {
         format!("{MINIMAL}[controllers]\ninitial = {genes}\n[search]\n{search}\n")
     };
-    // One is between the points of the grid.
+    // The second controller is off the grid.
     let spec = CampaignSpec::from_toml(&named("[[-0.7, 0.3, 1, 1], [0.123, 0, 0, 0]]", "")).unwrap();
     let genes: Vec<_> = spec
         .controllers()

@@ -11,8 +11,8 @@ pub enum Boundary {
     Walls,
     /// Nothing: robots may leave the world, and no sensor sees a wall.
     Open,
-    /// Nothing, and robots that leave at one side come in at the other: distances, collisions and sensors go by the nearest
-    /// image of a robot. A ray without limit sees that image only, not those farther on. No sensor sees a wall.
+    /// No edges: robots that leave at one side come in at the other. Distances, collisions and sensors go by the nearest image
+    /// of a robot. A ray without limit sees that image only, not those farther on. No sensor sees a wall.
     Torus,
 }
 

@@ -14,26 +14,24 @@ pub struct CapabilityModel(Arc<Described>);
 #[derive(PartialEq)]
 struct Described {
     species: Vec<Species>,
-    /// Numbers of robots of each species, to choose from; none where all robots are of one species.
+    /// Ratios to choose from: the number of robots of each species. Empty if all robots are of one species.
     ratios: Vec<Vec<u32>>,
     genes: usize,
     preset: Option<Preset>,
 }
 
 impl CapabilityModel {
-    /// Maximum number of robots.
     pub const MAX_ROBOTS: u32 = 10_000;
-    /// Maximum number of species.
     pub const MAX_SPECIES: usize = 8;
     /// Maximum number of ratios to choose from.
     pub const MAX_RATIOS: usize = 1000;
     /// Name of the gene that chooses the ratio.
     pub const RATIO_GENE: &str = "ratio";
 
-    /// A swarm whose robots are all of one kind, however many there are.
+    /// A swarm of any number of robots of one kind.
     ///
     /// # Errors
-    /// If a sensor sees one species: there are none.
+    /// If a sensor sees a species: this swarm has none.
     pub fn of_one(robot: Robot) -> Result<Self, Invalid> {
         for (s, sensor) in robot.sensors().iter().enumerate() {
             if let SeenRobots::Species(seen) = sensor.robots() {
@@ -57,13 +55,13 @@ impl CapabilityModel {
         }))
     }
 
-    /// A swarm of these species; of each ratio, the number of robots of each species. If there are several ratios, one is
-    /// chosen by a gene.
+    /// A swarm of these species. Each ratio is the number of robots of each species. If there are several ratios, a gene
+    /// chooses one.
     ///
     /// # Errors
-    /// If there are not 1 to [`CapabilityModel::MAX_SPECIES`], two have one name, a sensor sees a species that is not here,
-    /// there are not 1 to [`CapabilityModel::MAX_RATIOS`] different ratios, a ratio does not have a number of at least one
-    /// robot for each species, or not all come to the same number of robots, which is at most [`CapabilityModel::MAX_ROBOTS`].
+    /// If there are not 1 to [`CapabilityModel::MAX_SPECIES`] species, two have one name, or a sensor sees a species that is
+    /// not here. If there are not 1 to [`CapabilityModel::MAX_RATIOS`] ratios, two are equal, one lacks a species or has no
+    /// robot of it, or their totals differ or exceed [`CapabilityModel::MAX_ROBOTS`].
     pub fn new(species: Vec<Species>, ratios: Vec<Vec<u32>>) -> Result<Self, Invalid> {
         check_species(&species)?;
         check_ratios(species.len(), &ratios)?;
@@ -83,14 +81,13 @@ impl CapabilityModel {
         &self.0.species
     }
 
-    /// Numbers of robots of each species, to choose from; none where all robots are of one species and there may be any
-    /// number.
+    /// Ratios to choose from: the number of robots of each species. Empty if all robots are of one species, in any number.
     #[must_use]
     pub fn ratios(&self) -> &[Vec<u32>] {
         &self.0.ratios
     }
 
-    /// How many robots there are in all; `None` if there may be any number.
+    /// Total number of robots; `None` if any number is allowed.
     #[must_use]
     pub fn robots(&self) -> Option<u32> {
         self.0.ratios.first().map(|counts| counts.iter().sum())
@@ -119,7 +116,8 @@ impl CapabilityModel {
         speeds.fold(0.0, f64::max)
     }
 
-    /// The preset that its robots are, if all of them are and there may be any number; the paper's robots whatever the radius of their bodies and wheels.
+    /// The preset of all its robots, if it is one and any number is allowed. The paper's presets match whatever the radius of
+    /// their bodies and wheels.
     #[must_use]
     pub fn preset(&self) -> Option<Preset> {
         self.0.preset
@@ -131,8 +129,8 @@ impl CapabilityModel {
         self.0.genes
     }
 
-    /// Names of the genes, in order: [`Robot::gene_names`], after the name of the species and a point if there are several
-    /// species (`b.left_01`); at last [`CapabilityModel::RATIO_GENE`] if there are several ratios.
+    /// Names of the genes, in order: [`Robot::gene_names`], with the species' name and a point before each if there are several
+    /// species (`b.left_01`), and [`CapabilityModel::RATIO_GENE`] last if there are several ratios.
     #[must_use]
     pub fn gene_names(&self) -> Vec<String> {
         let mut names: Vec<_> = match self.species() {

@@ -21,11 +21,11 @@ pub struct RobotController<'a> {
 }
 
 impl Controller {
-    /// A controller for `model` from its genes: of each species, a pair of speeds for each sensor state, then the free angles;
-    /// at last the ratio, if there are several.
+    /// A controller for `model` from its genes: for each species, a pair of speeds for each sensor state, then the free angles.
+    /// The ratio is last, if there are several.
     ///
     /// # Errors
-    /// Says which gene is out of range, or how many genes there should have been.
+    /// Names the gene that is out of range, or the expected number of genes.
     pub fn new(model: impl Into<CapabilityModel>, genes: &[f64]) -> Result<Self, Invalid> {
         let model = model.into();
         if genes.len() != model.genes() {
@@ -70,7 +70,7 @@ impl Controller {
         })
     }
 
-    /// How many robots there are of each species in a swarm of `robots`, which is [`CapabilityModel::robots`] unless that is
+    /// Number of robots of each species in a swarm of `robots` robots, which must be [`CapabilityModel::robots`] unless that is
     /// `None`.
     #[must_use]
     pub fn counts(&self, robots: u32) -> Vec<u32> {
@@ -103,15 +103,15 @@ impl<'a> RobotController<'a> {
         self.genes
     }
 
-    /// The pair of each sensor state, in order: `[left, right]`, or `[speed, turn]` of a unicycle.
+    /// One pair of numbers per sensor state, in order: `[left, right]`, or `[speed, turn]` of a unicycle.
     ///
-    /// The state is the number whose highest bit is S1: `sum S_j 2^(k - j)`.
+    /// A state is the number whose highest bit is S1: `sum S_j 2^(k - j)`.
     #[must_use]
     pub fn pairs(self) -> &'a [[f64; 2]] {
         self.genes[..self.robot.speeds()].as_chunks().0
     }
 
-    /// The angle of each sensor, S1 first, radians: the fixed ones too.
+    /// The angle of each sensor, S1 first, radians, including fixed angles.
     pub fn angles(self) -> impl Iterator<Item = f64> + use<'a> {
         let mut free = self.genes[self.robot.speeds()..].iter();
         let sensors = self.robot.sensors().iter();
@@ -123,7 +123,7 @@ impl<'a> RobotController<'a> {
 }
 
 impl fmt::Display for Controller {
-    /// `[0.6, 1, 0.4, 0.5]`; angles with four decimals.
+    /// `[0.6, 1, 0.4, 0.5]`; angles have four decimals.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut shown = Vec::with_capacity(self.genes.len());
         for robot in self.robots() {
@@ -136,7 +136,7 @@ impl fmt::Display for Controller {
     }
 }
 
-/// Appends all genes to `checked`, up to the first that is out of range.
+/// Appends the genes to `checked`, up to the first that is out of range.
 fn check_all(model: &CapabilityModel, genes: &[f64], checked: &mut Vec<f64>) -> Result<(), Invalid> {
     for species in model.species() {
         let own = &genes[checked.len()..][..species.robot().genes()];
@@ -148,7 +148,7 @@ fn check_all(model: &CapabilityModel, genes: &[f64], checked: &mut Vec<f64>) -> 
     Ok(())
 }
 
-/// Appends the genes of one robot to `checked`, which has those of the robots before.
+/// Appends the genes of one robot to `checked`, after those of the robots before.
 fn check_genes(robot: &Robot, genes: &[f64], checked: &mut Vec<f64>) -> Result<(), Invalid> {
     let (speeds, angles) = genes.split_at(robot.speeds());
     for (i, &speed) in speeds.iter().enumerate() {

@@ -1,26 +1,26 @@
-//! How robots move: what a pair of a controller's numbers means.
+//! Drives: how a pair of a controller's numbers moves a robot.
 
 use crate::{Invalid, invalid};
 
-/// How a robot moves, with the limits of what its controllers may ask for.
+/// How a robot moves, with the limits of its controllers' numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drive {
     kind: DriveKind,
     limits: [f64; 2],
 }
 
-/// Motion by the two numbers of a pair (a, b) in one step of duration dt, with the heading as it was before the step.
+/// Motion by the two numbers of a pair (a, b) in one step of duration dt, with the heading before the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DriveKind {
-    /// Two wheels, a left and b right: ahead by `(wheel_radius / 2) (a + b) dt`, and a turn by `(a - b) / (2 radius) dt`
-    /// radians, where `radius` is the body's.
+    /// Two wheels: a is the speed of the left wheel, b that of the right. The robot moves ahead by `(wheel_radius / 2) (a + b)
+    /// dt` and turns by `(a - b) / (2 radius) dt` radians, where `radius` is the body's.
     ///
     /// The turn does not depend on the radius of the wheels, as in the simulator behind the paper.
     Differential {
         /// Radius of a wheel, world units, over 0.
         wheel_radius: f64,
     },
-    /// A speed a and a turning rate b: ahead by `a dt`, and a turn by `b dt` radians.
+    /// A speed a and a turning rate b: the robot moves ahead by `a dt` and turns by `b dt` radians.
     Unicycle,
 }
 
@@ -40,8 +40,8 @@ impl Drive {
         })
     }
 
-    /// A robot that is told a speed, in world units a unit of time and of magnitude at most `max_speed`, and a turning rate, in
-    /// radians a unit of time and of magnitude at most `max_turn`.
+    /// A robot driven by a speed of magnitude at most `max_speed`, world units per unit of time, and a turning rate of
+    /// magnitude at most `max_turn`, radians per unit of time.
     ///
     /// # Errors
     /// If either is not over 0 and at most [`Drive::MAX`].

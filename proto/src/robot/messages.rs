@@ -34,7 +34,7 @@ impl TryFrom<v1::Sensor> for Sensor {
     }
 }
 
-/// The angle of a sensor, from what a message says of it.
+/// The angle of a sensor, from the fields of a message.
 fn angle(angle: Option<v1::SensorAngle>, range: &[f64], among: &[f64]) -> Result<SensorAngle, Invalid> {
     let is_free = angle.is_some_and(|angle| angle.fixed.is_none());
     for (field, given) in [("angle_range", range), ("angles", among)] {
@@ -85,7 +85,7 @@ impl From<&Sensor> for v1::Sensor {
 }
 
 impl Robot {
-    /// The robot of a message; `default` holds where the message does not say.
+    /// The robot of a message; `default` fills absent fields.
     ///
     /// # Errors
     /// Names the field that is not allowed.
@@ -151,7 +151,7 @@ impl From<&Robot> for v1::Robot {
     }
 }
 
-/// The robot of a preset, or of a description: exactly one of the two is given.
+/// The robot of a preset or of a description, of which exactly one must be given.
 fn robot(preset: Option<&str>, described: Option<v1::Robot>, default: &Defaults) -> Result<Robot, Invalid> {
     match (preset, described) {
         (Some(name), None) => name
@@ -173,7 +173,7 @@ fn robot(preset: Option<&str>, described: Option<v1::Robot>, default: &Defaults)
 }
 
 impl CapabilityModel {
-    /// The model of these species and ratios; `default` holds where a species does not say, and shares are of its agents.
+    /// The model of these species and ratios. `default` fills absent fields, and shares are shares of its agents.
     ///
     /// # Errors
     /// Names the field that is not allowed.
@@ -201,7 +201,7 @@ impl CapabilityModel {
     }
 }
 
-/// The number of robots of a species; none where there are ratios.
+/// The number of robots of a species; `None` if there are ratios.
 fn count(species: &v1::Species, has_ratios: bool, agents: u32) -> Result<Option<u32>, Invalid> {
     match (species.count, species.share) {
         (None, None) if has_ratios => Ok(None),
@@ -222,7 +222,7 @@ fn count(species: &v1::Species, has_ratios: bool, agents: u32) -> Result<Option<
     }
 }
 
-/// Checks that shares, if there are any, are those of all species and the whole together.
+/// Checks that no species has a share, or that all have one and the shares sum to 1.
 fn check_shares(shares: &[Option<f64>]) -> Result<(), Invalid> {
     let given: f64 = shares.iter().flatten().sum();
     let all = shares.iter().all(Option::is_some);
@@ -250,7 +250,7 @@ fn counted_share(share: f64, agents: u32) -> Result<u32, Invalid> {
 impl TryFrom<v1::CapabilityModel> for CapabilityModel {
     type Error = Invalid;
 
-    /// Reads a model whose species are described in full: a preset has its paper's body and wheels.
+    /// Reads a model whose species are described in full. A preset has the paper's body and wheels.
     fn try_from(message: v1::CapabilityModel) -> Result<Self, Invalid> {
         let within = |error: Invalid| error.within("model");
         // Every field of a message is filled in.
@@ -290,7 +290,7 @@ pub(crate) struct Written {
 }
 
 impl Written {
-    /// Reads a model; `default` holds where the file does not say.
+    /// Reads a model; `default` fills absent fields.
     ///
     /// # Errors
     /// Names the field that is not allowed.
@@ -333,14 +333,14 @@ impl From<&CapabilityModel> for Written {
 }
 
 impl CapabilityModel {
-    /// The model as an inline table of TOML, with the fields that a campaign file has for it: `{ model = "turbopi" }`.
+    /// The model as an inline table of TOML, with the fields of a campaign file: `{ model = "turbopi" }`.
     /// [`World::robots_of_line`](crate::World::robots_of_line) reads it.
     #[must_use]
     pub fn to_line(&self) -> String {
         toml::Value::try_from(Written::from(self)).map_or_else(|_| String::new(), |value| value.to_string())
     }
 
-    /// Reads what [`CapabilityModel::to_line`] wrote; `default` holds where it does not say.
+    /// Reads a line of [`CapabilityModel::to_line`]; `default` fills absent fields.
     pub(crate) fn of_line(field: &str, line: &str, default: &Defaults) -> Result<Self, Invalid> {
         let written: Written = of_toml_line(field, line, "{ model = \"turbopi\" }")?;
         written.read(default).map_err(|error| error.within(field))

@@ -4,7 +4,7 @@ use super::{Drive, DriveKind, Robot, Sensor, SensorAngle, SensorDescription};
 use crate::Invalid;
 use std::{f64::consts::PI, fmt, str::FromStr};
 
-/// A robot that is known by name.
+/// A robot with a name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Preset {
     /// The paper's robot with one sensor, a ray straight ahead.
@@ -47,7 +47,7 @@ impl Preset {
         }
     }
 
-    /// The robot, with the body and wheels of the paper's world for the paper's two.
+    /// The robot. The paper's presets have the body and wheels of the paper's world.
     #[must_use]
     #[expect(clippy::expect_used, reason = "a preset is a valid robot: a test makes each")]
     pub fn robot(self) -> Robot {
@@ -57,7 +57,7 @@ impl Preset {
 }
 
 impl Preset {
-    /// The preset that a robot is; the paper's robots whatever the radius of their bodies and wheels.
+    /// The preset that a robot is. The paper's presets match whatever the radius of their bodies and wheels.
     pub(super) fn of(robot: &Robot) -> Option<Self> {
         let is = |preset: &Self| match (preset, robot.drive().kind()) {
             (Self::SingleSensor | Self::TwoSensor, DriveKind::Differential { wheel_radius }) => {
@@ -69,8 +69,7 @@ impl Preset {
         Self::ALL.into_iter().find(is)
     }
 
-    /// The robot with a body and wheels of these radii (world units), which the paper's two may have; the others are what they
-    /// are.
+    /// The robot. The paper's presets get a body and wheels of these radii (world units), which the other presets ignore.
     ///
     /// # Errors
     /// If a radius is not over 0 and at most [`Robot::MAX_RADIUS`] or [`Drive::MAX`].

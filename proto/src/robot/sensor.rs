@@ -10,9 +10,9 @@ use std::{
 
 /// A binary sensor: it is on while anything that it can see is in its cone.
 ///
-/// A robot is seen when its centre is within the range, and an edge of the cone meets its body or its centre lies in the cone.
-/// Obstacles hide nothing. A disc is seen as a robot is, but where its nearest point is within the range; a box where the cone,
-/// cut at the range, meets it.
+/// A robot is seen if its centre is within the range, and an edge of the cone meets its body or its centre lies in the cone. A
+/// disc is seen like a robot, except that its nearest point must be within the range. A box is seen if the cone, cut at the
+/// range, meets it. Obstacles hide nothing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensor {
     angle: SensorAngle,
@@ -23,7 +23,7 @@ pub struct Sensor {
     obstacles: bool,
 }
 
-/// A sensor as people describe it. [`Sensor::try_from`] checks it.
+/// A sensor's description, not yet checked. [`Sensor::try_from`] checks it.
 ///
 /// The default looks straight ahead along a ray without limit, and sees all robots: the paper's sensor.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,9 +34,9 @@ pub struct SensorDescription {
     pub half_angle: f64,
     /// Largest distance to a robot's centre, or to the nearest point of an obstacle, world units, over 0; `None`: no limit.
     pub range: Option<f64>,
-    /// Kinds of things that it sees; nothing twice, and either all robots or one species.
+    /// Kinds of things that it sees, each once; either all robots or one species.
     pub sees: Vec<Seen>,
-    /// Largest distance at which it sees walls, if that is not `range`.
+    /// Largest distance at which it sees walls, if that differs from `range`.
     pub wall_range: Option<f64>,
 }
 
@@ -65,7 +65,6 @@ pub enum Seen {
 /// The robots that a sensor sees.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum SeenRobots {
-    /// None.
     None,
     /// Robots of every species.
     All,
@@ -135,7 +134,8 @@ impl Default for SensorDescription {
 impl TryFrom<SensorDescription> for Sensor {
     type Error = Invalid;
 
-    /// Names the invalid field: a cone over pi, a range that is not over 0, walls without a range, or what is seen named twice.
+    /// Names the invalid field: a cone over pi, a range that is not over 0, walls without a range, or a kind of thing named
+    /// twice.
     fn try_from(described: SensorDescription) -> Result<Self, Invalid> {
         let range = |field, range: Option<f64>| {
             let check = |range| invalid::positive(field, range, Self::MAX_RANGE);
@@ -158,7 +158,7 @@ impl TryFrom<SensorDescription> for Sensor {
         };
         Ok(Self {
             angle: described.angle,
-            // Of equal sensors all bits are equal.
+            // Negative zero becomes zero, so that equal sensors have equal bits.
             half_angle: half_angle + 0.0,
             range: robot_range,
             robots: seen_robots(&described.sees)?,
@@ -197,7 +197,7 @@ fn seen_robots(sees: &[Seen]) -> Result<SeenRobots, Invalid> {
 impl SensorAngle {
     /// Maximum number of angles in a list.
     pub const MAX_CHOICES: usize = 1000;
-    /// Angles of a controller this near to an angle of the list are that angle.
+    /// Tolerance, radians: a controller's angle this near to an angle of the list counts as that angle.
     const NEAR: f64 = 1e-9;
 
     /// An angle that never changes, -2 pi to 2 pi.
@@ -208,10 +208,10 @@ impl SensorAngle {
         Ok(Self(Angle::Fixed(checked("angle", angle)?)))
     }
 
-    /// An angle that is a gene: any `within` a lowest and a highest one, or one `among` a list; all from -2 pi to 2 pi.
+    /// An angle that is a gene: any `within` a lowest and a highest angle, or one `among` a list. All are from -2 pi to 2 pi.
     ///
     /// # Errors
-    /// If there is neither a range nor a list, or both; if the lowest is not below the highest; if there are more than
+    /// If there is neither a range nor a list, or both; if the lowest is not below the highest; if the list has more than
     /// [`SensorAngle::MAX_CHOICES`]; if an angle is out of range.
     pub fn free(within: Option<[f64; 2]>, among: &[f64]) -> Result<Self, Invalid> {
         let one_of_both =
@@ -272,7 +272,7 @@ impl SensorAngle {
         }
     }
 
-    /// The angle that a controller asks for.
+    /// The sensor's angle if a controller asks for `angle`.
     ///
     /// # Errors
     /// Names `field` if the angle is not allowed.

@@ -35,8 +35,8 @@ impl Species {
     }
 }
 
-/// The name of a species: 1 to 32 letters (of English), digits, `-` and `_`, the first a letter; none of the words `all`,
-/// `robots`, `walls`, `obstacles`, which say what a sensor sees.
+/// The name of a species: 1 to 32 letters (of English), digits, `-` and `_`, the first a letter. `all`, `robots`, `walls` and
+/// `obstacles` are not allowed, because they name what a sensor sees.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct SpeciesName(String);
 

@@ -1,4 +1,4 @@
-//! Which robots there can be, and how their genes are called.
+//! Robots that are allowed, and the names of their genes.
 
 use super::*;
 use std::f64::consts::PI;

@@ -1,4 +1,4 @@
-//! Fields of robots that files write otherwise than the messages.
+//! Fields of robots whose form in files differs from the messages'.
 
 /// `angle = 0.5` or `angle = "free"`.
 pub(crate) mod angle {

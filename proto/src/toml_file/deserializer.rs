@@ -14,9 +14,9 @@ use toml::{
 /// An error about a field: which one, where in the text, and what is wrong.
 #[derive(Debug)]
 pub(super) struct FieldError {
-    /// The names of its tables and its own name; `sensors[1]` is an item of a list.
+    /// The names of the tables around the field, then its own name; `sensors[1]` is an item of a list.
     pub(super) path: Vec<String>,
-    /// Bytes of the text; `None` until a value knows where it is.
+    /// Byte range in the text; `None` until the error passes a value that has one.
     pub(super) span: Option<Range<usize>>,
     pub(super) kind: ErrorKind,
 }
@@ -39,7 +39,7 @@ pub(super) enum ErrorKind {
         found: String,
         allowed: String,
     },
-    /// A domain type's own words.
+    /// The message of a domain type.
     Other(String),
 }
 
@@ -62,7 +62,7 @@ impl FieldError {
     /// The error, seen from the table or list that holds `name` at `span`.
     fn within(mut self, name: &str, span: Range<usize>) -> Self {
         match self.path.first_mut() {
-            // `sensors` and `[1]` are `sensors[1]`.
+            // `sensors` and `[1]` become `sensors[1]`.
             Some(first) if first.starts_with('[') => first.insert_str(0, name),
             _ => self.path.insert(0, name.to_owned()),
         }
@@ -131,7 +131,7 @@ impl<'a> Node<'a> {
         self.0.get_ref()
     }
 
-    /// The error that the value is not `allowed`.
+    /// The error for a value that is not `allowed`.
     fn must_be(self, allowed: &str) -> FieldError {
         let found = match self.value() {
             DeValue::Table(_) => A_TABLE.to_owned(),
@@ -148,7 +148,7 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// A whole number; `None` if it is none, or has more than 128 bits.
+    /// The value as a whole number; `None` if it is not one, or has more than 128 bits.
     fn integer(self) -> Option<i128> {
         let number = self.value().as_integer()?;
         i128::from_str_radix(number.as_str(), number.radix()).ok()
@@ -396,7 +396,7 @@ impl<'de> de::SeqAccess<'de> for List<'_> {
     }
 }
 
-/// A name, as a text or as the only field of a table.
+/// The variant of an enum: a text, or the only key of a table.
 struct Variant<'a> {
     name: &'a str,
     content: Option<Node<'a>>,
@@ -404,7 +404,7 @@ struct Variant<'a> {
 }
 
 impl Variant<'_> {
-    /// The error within the table of this name.
+    /// The error, seen from the table of the variant.
     fn within(&self, error: FieldError) -> FieldError {
         error.within(self.name, self.place.0.span())
     }

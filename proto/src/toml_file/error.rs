@@ -1,4 +1,4 @@
-//! The words of an error in a file that people write. Serde's own are for programmers.
+//! Messages of errors in files that people write. Serde's own messages are for programmers.
 
 use super::deserializer::{ErrorKind, FieldError};
 use crate::{
@@ -8,7 +8,7 @@ use crate::{
 };
 use std::{fmt, ops::Range};
 
-/// Characters of the longest line of a file that is repeated in an error.
+/// Maximum number of characters of a line that an error quotes.
 const LONGEST_QUOTED: usize = 400;
 
 /// An error in a file that people write: where it is, what is wrong, and what is allowed.
@@ -30,10 +30,10 @@ struct WrongType {
 /// A place in a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Place {
-    /// From 1, as the column.
+    /// From 1, like the column.
     line: usize,
     column: usize,
-    /// The line with marks below it; empty for a line that is too long to be read.
+    /// The line with marks below it; empty if the line is too long to read.
     quoted: String,
 }
 
@@ -44,13 +44,13 @@ impl TomlError {
         &self.field
     }
 
-    /// The value, if it is of a wrong type.
+    /// The value, if its type is wrong.
     #[must_use]
     pub fn value(&self) -> Option<&str> {
         self.wrong_type.as_ref().map(|wrong| wrong.found.as_str())
     }
 
-    /// The allowed values, if [`TomlError::value`] is of a wrong type.
+    /// The allowed values, if the type of [`TomlError::value`] is wrong.
     #[must_use]
     pub fn allowed(&self) -> Option<&str> {
         self.wrong_type.as_ref().map(|wrong| wrong.allowed.as_str())
@@ -173,7 +173,7 @@ fn field_words(path: &[&str], kind: &ErrorKind) -> String {
     }
 }
 
-/// The parser's `message` about a text that is not TOML, in plain words where it has an example.
+/// The parser's `message` about a text that is not TOML. Messages of frequent errors become plain words.
 fn not_toml(message: &str) -> String {
     match message {
         "invalid basic string, expected `\"`" => {
@@ -191,8 +191,8 @@ fn not_toml(message: &str) -> String {
     }
 }
 
-/// The message about an unknown field: which field may have been meant, judging by its name and contents, and which fields
-/// exist.
+/// The message about an unknown field, with the field that may have been meant, judging by its name and contents, and the known
+/// fields.
 fn unknown_field(name: &str, inner: &[String], section: &str, known: &[&str]) -> String {
     let sections = sections();
     // The path of a recipe's field contains the recipe's name, but the path of an error about it does not. A robot's sensors may
@@ -212,7 +212,7 @@ fn unknown_field(name: &str, inner: &[String], section: &str, known: &[&str]) ->
     format!("unknown field `{name}`{within}{meant} {here} has {fields}")
 }
 
-/// `species.robot.sensors` of `species[0].robot.sensors[1]`.
+/// Removes the places in lists: `species.robot.sensors` of `species[0].robot.sensors[1]`.
 fn without_places(section: &str) -> String {
     let mut parts = section.split('[');
     let first = parts.next().unwrap_or_default().to_owned();

@@ -3,10 +3,10 @@ use crate::CampaignSpec;
 const BEGINNING: &str = "model = \"single-sensor\"\nmethod = \"latent\"\n";
 
 #[track_caller]
-fn check(rest: &str, said: &str) {
+fn check(rest: &str, words: &str) {
     let text = format!("{BEGINNING}{rest}");
     let error = CampaignSpec::from_toml(&text).unwrap_err().to_string();
-    assert!(error.contains(said), "{error:?} does not say {said:?}");
+    assert!(error.contains(words), "{error:?} does not say {words:?}");
     assert!(
         !error.contains("expected u") && !error.ends_with('\n'),
         "{error:?}"

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shape {
     pub channels: usize,
-    /// Pixels along a side of each.
+    /// Pixels along a side of each channel.
     pub side: usize,
 }
 
@@ -73,13 +73,13 @@ pub enum Layer {
     },
     /// x, or 0 where x is negative.
     Relu,
-    /// Means over a grid of equal windows. With a picture of side s they have side s - (grid - 1) (s / grid), where
-    /// s / grid is rounded down, and so overlap where grid does not divide s.
+    /// Means over a grid of equal windows. For a picture of side s, a window has side s - (grid - 1) (s / grid), with s / grid
+    /// rounded down. So windows overlap if grid does not divide s.
     AveragePooling {
         /// Windows along a side, 1 or more.
         grid: usize,
     },
-    /// Every value to every unit, with a bias. What comes before is flattened.
+    /// Connects every value to every unit, with a bias. The input is flattened.
     Dense {
         /// Values out, 1 to 65,536.
         units: usize,
@@ -90,7 +90,7 @@ const fn one() -> usize {
     1
 }
 
-/// Why layers do not form a network. `layer` counts from 0.
+/// Error in a list of layers. `layer` counts from 0.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ArchitectureError {
     #[error("no network is called \"{0}\": there are \"compact\" and \"paper\", or give its layers")]
@@ -119,9 +119,8 @@ pub enum ArchitectureError {
     #[error("layer {layer}: more than {limit} {what}")]
     TooLarge {
         layer: usize,
-        /// The things of which there are too many.
+        /// `values` or `weights`.
         what: &'static str,
-        /// The limit.
         limit: usize,
     },
 }
@@ -144,7 +143,7 @@ impl Architecture {
     /// Layers for pictures of this shape.
     ///
     /// # Errors
-    /// Says which layer cannot follow the one before it.
+    /// Names the layer that cannot follow the one before it.
     pub fn new(pictures: PictureShape, layers: Vec<Layer>) -> Result<Self, ArchitectureError> {
         if layers.len() > 100 {
             return Err(ArchitectureError::TooManyLayers(layers.len()));
@@ -386,7 +385,7 @@ mod tests {
     }
 
     #[track_caller]
-    fn check_refused(layers: &str, said: &str) {
+    fn check_refused(layers: &str, expected: &str) {
         #[derive(Deserialize)]
         struct File {
             layers: Vec<Layer>,
@@ -395,7 +394,7 @@ mod tests {
         let error = Architecture::new(PictureShape::PAPER, file.layers)
             .unwrap_err()
             .to_string();
-        assert!(error.contains(said), "{error:?} does not say {said:?}");
+        assert!(error.contains(expected), "{error:?} does not say {expected:?}");
     }
 
     #[test]

@@ -7,9 +7,9 @@ use crate::{
 };
 use serde::{Deserialize, Serialize};
 
-/// The network of a configuration that names none.
+/// The default network.
 const NETWORK: &str = "compact";
-/// Length of the embedding of a configuration that says none: that of the hand-crafted features.
+/// Default length of the embedding: that of the hand-crafted features.
 const DIMENSIONS: usize = 5;
 
 /// A configuration as written, not yet checked. Absent fields take their defaults.
@@ -41,7 +41,7 @@ pub struct NetworkSettings {
 }
 
 impl NetworkSettings {
-    /// Says what the defaults are: another version may have others.
+    /// Writes out the defaults, because another version may have others.
     fn spell_out(&mut self) {
         if self.layers.is_none() {
             self.name.get_or_insert_with(|| NETWORK.to_owned());
@@ -76,10 +76,10 @@ impl Default for Configuration {
     }
 }
 
-/// Why a text is not a configuration.
+/// Error in a training configuration.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigurationError {
-    /// Not TOML, or a field that does not exist, or a value of the wrong type; says where.
+    /// Not TOML, an unknown field, or a value of the wrong type, with its place.
     #[error(transparent)]
     Syntax(#[from] toml::de::Error),
     #[error(transparent)]
@@ -139,14 +139,14 @@ impl Configuration {
         &self.settings.recipe
     }
 
-    /// How many behaviours are held out: at least two, and at least two are left to train on.
+    /// Number of held-out behaviours out of `behaviours`: at least 2 and at most 1,000, with at least 2 left to train on.
     #[must_use]
     pub fn held_out(&self, behaviours: usize) -> usize {
         let share = (self.settings.held_out * behaviours as f64) as usize;
         share.min(1000).clamp(2, behaviours - 2)
     }
 
-    /// Whether embedders of both are judged by the same triplets, if they are trained on the same pictures.
+    /// Whether embedders of both configurations are judged by the same triplets if they are trained on the same pictures.
     #[must_use]
     pub fn judges_as(&self, other: &Self) -> bool {
         let triplets = |of: &Self| {
@@ -183,7 +183,7 @@ impl Configuration {
 }
 
 impl Configuration {
-    /// Maximum number of bytes of a snapshot of such a training on pictures of this shape: four numbers per weight (the weight,
+    /// Maximum number of bytes of a snapshot of this training on pictures of this shape: four numbers per weight (the weight,
     /// the optimiser's two moments, the best weight so far), a loss per epoch, the configuration, and some figures.
     ///
     /// # Errors
@@ -226,9 +226,9 @@ mod tests {
     use super::*;
 
     #[track_caller]
-    fn check_refused(text: &str, said: &str) {
+    fn check_refused(text: &str, expected: &str) {
         let error = Configuration::from_toml(text).unwrap_err().to_string();
-        assert!(error.contains(said), "{error:?} does not say {said:?}");
+        assert!(error.contains(expected), "{error:?} does not say {expected:?}");
     }
 
     #[test]

@@ -7,11 +7,11 @@ use crate::{
 };
 use serde::{Deserialize, Serialize};
 
-/// The numbers of the labelled recipe. A step has equally many pictures of every class, and all of their violated triplets
-/// count, weighed by the number of labels of the negative's class times the square root of the number of labels of the
-/// anchor's class. Anchors of the class `random` count less, because two behaviours that fit no other class need not be
-/// alike. Triplets of unlabelled behaviours, as in [`InBatch`](super::InBatch), keep behaviours apart that nobody has named
-/// yet. The weights after the last epoch are published: no labels are held out, because there may be few.
+/// The numbers of the labelled recipe. A step has equally many pictures of every class, and its loss counts all violated
+/// triplets. A triplet's weight is the number of labels of the negative's class times the square root of the number of labels
+/// of the anchor's class. Anchors of the class `random` count less, because two behaviours that fit no other class need not be
+/// alike. Triplets of unlabelled behaviours, as in [`InBatch`](super::InBatch), keep behaviours apart that no annotator has
+/// named yet. The weights after the last epoch are published: no labels are held out, because there may be few.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Labelled {
@@ -25,11 +25,11 @@ pub struct Labelled {
     pub random_anchors: f64,
     /// Unlabelled anchors per step, each with a positive, 2 to 65,536 (fewer if there are fewer behaviours).
     pub unlabelled: usize,
-    /// Weight of their loss relative to that of labelled triplets, 0 to 1,000.
+    /// Weight of the loss of unlabelled triplets relative to that of labelled triplets, 0 to 1,000.
     pub unlabelled_weight: f64,
-    /// Number of labels from which on `steps` and `unlabelled_weight` apply in full, 1 to 1,000,000.
-    /// With a fraction of it, an epoch has that fraction of the steps, and unlabelled triplets count more by the same factor,
-    /// because few labels are soon learned by heart.
+    /// Number of labels from which on `steps` and `unlabelled_weight` apply in full, 1 to 1,000,000. With a fraction of it, an
+    /// epoch has that fraction of the steps, and unlabelled triplets count more by the same factor, because a network soon
+    /// memorises few labels.
     pub enough_labels: usize,
     /// Steps per epoch, 1 to 100,000.
     pub steps: usize,
@@ -39,8 +39,8 @@ pub struct Labelled {
     pub learning_rate: f64,
     /// Share of the weights that is added to the gradient, 0 to 1.
     pub weight_decay: f64,
-    /// Smallest and largest share of width and height that a crop of a labelled picture keeps, over 0 to 2. Over 1 the
-    /// picture shrinks, on black.
+    /// Smallest and largest share of width and height that a crop of a labelled picture keeps, over 0 to 2. Above 1, the
+    /// picture shrinks on a black background.
     pub crop: [f64; 2],
     /// The same for unlabelled pictures.
     pub unlabelled_crop: [f64; 2],

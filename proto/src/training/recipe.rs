@@ -60,7 +60,7 @@ impl Recipe {
         matches!(self, Self::Labelled(_) | Self::PaperLabelled(_))
     }
 
-    /// The in-batch recipe's flattening, for which it needs the features of what it is trained on; 0 for other recipes.
+    /// The in-batch recipe's flattening; 0 for other recipes. Unless it is 0, training needs the features of its behaviours.
     #[must_use]
     pub const fn flattening(&self) -> u32 {
         match self {
@@ -69,8 +69,8 @@ impl Recipe {
         }
     }
 
-    /// Smallest and largest share of width and height that a random crop of a picture without a class keeps; over 1 the picture
-    /// shrinks, on black. Embedders are judged by such pictures, too.
+    /// Smallest and largest share of width and height that a random crop of a picture without a class keeps. Above 1, the
+    /// picture shrinks on a black background. Embedders are judged on such crops, too.
     #[must_use]
     pub fn unlabelled_crop(&self) -> [f64; 2] {
         match self {
@@ -82,7 +82,8 @@ impl Recipe {
         }
     }
 
-    /// Whether pictures are also reflected at random, and may stay as they are. The paper's recipes always turn them, and no more.
+    /// Whether pictures are also reflected at random, and may stay unchanged. The paper's recipes always turn them, and never
+    /// reflect them.
     #[must_use]
     pub const fn reflects(&self) -> bool {
         match self {

@@ -21,7 +21,7 @@ pub struct RandomTriplets {
     pub learning_rate: f64,
     /// Share of the weights that is added to the gradient, 0 to 1.
     pub weight_decay: f64,
-    /// Consecutive epochs without a lower loss that are tolerated, 1 to 100,000. After one more the learning rate falls.
+    /// Consecutive epochs that are tolerated without a lower loss, 1 to 100,000. One more lowers the learning rate.
     pub plateau: u64,
     /// The factor by which the learning rate falls, over 0 to 1.
     pub plateau_factor: f64,
@@ -31,8 +31,8 @@ pub struct RandomTriplets {
     pub enough: f64,
     /// Number of epochs in the mean for `enough`, 1 to 10,000.
     pub enough_over: usize,
-    /// Smallest and largest share of width and height that a crop keeps, over 0 to 2; over 1 the picture shrinks,
-    /// on black.
+    /// Smallest and largest share of width and height that a crop keeps, over 0 to 2. Above 1, the picture shrinks on a black
+    /// background.
     pub crop: [f64; 2],
 }
 
@@ -82,15 +82,15 @@ pub struct InBatch {
     pub learning_rate: f64,
     /// Share of the weights that is added to the gradient, 0 to 1.
     pub weight_decay: f64,
-    /// How much more often rare behaviours are shown than common ones, 0 to 8: each is drawn by the distance to its 15th neighbour
-    /// in the features, to this power. With 0 an epoch shows each once.
+    /// Exponent by which rare behaviours are shown more often than common ones, 0 to 8: a behaviour is drawn with the distance
+    /// to its 15th neighbour in the features, to this power, as its weight. With 0, an epoch shows each behaviour once.
     pub flattening: u32,
     /// Maximum number of epochs, 1 to 100,000. An epoch shows as many behaviours as are not held out.
     pub epochs: u64,
     /// Consecutive epochs without a better accuracy on held-out triplets after which training stops, 1 to 100,000.
     pub patience: u64,
-    /// Smallest and largest share of width and height that a crop keeps, over 0 to 2; over 1 the picture shrinks,
-    /// on black.
+    /// Smallest and largest share of width and height that a crop keeps, over 0 to 2. Above 1, the picture shrinks on a black
+    /// background.
     pub crop: [f64; 2],
 }
 

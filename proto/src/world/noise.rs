@@ -3,21 +3,21 @@
 use crate::{Invalid, invalid, record::record, v1};
 
 record! {
-    /// The noise of a world. The default is none; what is random is a function of the seed of the start.
+    /// The noise of a world, off by default. The seed of the start determines everything random.
     #[derive(Debug, Clone, Copy, Default, PartialEq)]
     pub struct Noise {
-        /// Standard deviation of the factor 1 + N(0, slip^2) on each of the two numbers that drive a robot, 0 to 1: for wheels
-        /// on the speed of each, for a unicycle on speed and turning rate. Drawn anew for each robot, number and step.
+        /// Standard deviation of the factor 1 + N(0, slip^2) on each of the two numbers that drive a robot, 0 to 1: the speed
+        /// of each wheel, or the speed and turning rate of a unicycle. Drawn anew for each robot, number and step.
         slip: f64,
-        /// Standard deviation of a factor 1 + N(0, gain^2) on each of the two numbers, 0 to 1. Each robot has two factors of its
-        /// own, which never change.
+        /// Standard deviation of a factor 1 + N(0, gain^2) on each of the two numbers, 0 to 1. Each robot has its own two
+        /// factors, which never change.
         gain: f64,
         /// Probability that a sensor that is on reads off, 0 to 1; drawn for each sensor and step.
         missed: f64,
         /// Probability that a sensor that is off reads on, 0 to 1; drawn for each sensor and step.
         false_detection: f64,
-        /// Steps by which the reading that a robot moves by is late, 0 to 1,000. Until there is one it moves as with all
-        /// sensors off.
+        /// Delay of the readings that a robot moves by, steps, 0 to 1,000. Before the first reading arrives, it moves as with
+        /// all sensors off.
         delay: u32,
     }
 }
@@ -28,25 +28,25 @@ impl Noise {
     /// Largest delay, in steps.
     pub(crate) const MAX_DELAY: u32 = 1000;
 
-    /// Whether there is none.
+    /// Whether there is no noise.
     #[must_use]
     pub fn is_off(&self) -> bool {
         *self == Self::default()
     }
 
-    /// Whether robots do not move just as their controllers say.
+    /// Whether noise changes how robots move.
     #[must_use]
     pub fn moves(&self) -> bool {
         self.slip > 0.0 || self.gain > 0.0
     }
 
-    /// Whether sensors do not always read what they see.
+    /// Whether noise changes what sensors read.
     #[must_use]
     pub fn misreads(&self) -> bool {
         self.missed > 0.0 || self.false_detection > 0.0
     }
 
-    /// The largest factor on a number that drives a robot.
+    /// The largest factor of noise on a number that drives a robot.
     #[must_use]
     pub fn largest_factor(&self) -> f64 {
         let largest = |deviation: f64| 1.0 + Self::MAX_DEVIATIONS * deviation;

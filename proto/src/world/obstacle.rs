@@ -20,7 +20,7 @@ pub enum Obstacle {
     },
 }
 
-/// Places along a side that are tried when room is looked for: finer gaps than that are no arena.
+/// Places along each side at which `leave_room` looks for room. An arena with only finer gaps counts as full.
 const TRIED: u32 = 256;
 
 impl Obstacle {
@@ -35,7 +35,7 @@ impl Obstacle {
         }
     }
 
-    /// How far it reaches from its centre to the right and down, world units.
+    /// Distances from its centre to its right and lower ends, world units.
     #[must_use]
     pub fn half_size(&self) -> [f64; 2] {
         match *self {
@@ -105,7 +105,7 @@ impl Obstacle {
             return refused("such that at least a part of the obstacle is in the world");
         }
         let corners = [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]];
-        // Obstacles are convex: one that holds all corners holds all between them.
+        // Obstacles are convex: an obstacle that contains all corners contains everything between them.
         if corners.into_iter().all(|corner| self.distance(corner) == 0.0) {
             let field = if matches!(self, Self::Disc { .. }) {
                 "radius"
@@ -135,8 +135,8 @@ pub(super) fn obstacles(messages: Vec<v1::Obstacle>, sides: [f64; 2]) -> Result<
     messages.into_iter().enumerate().map(read).collect()
 }
 
-/// Whether a body of this radius fits between obstacles somewhere, with its centre at least `margin` from the edges of a world of
-/// these sides: tried on a grid of [`TRIED`] by as many places.
+/// Whether a body of this radius fits between obstacles somewhere, with its centre at least `margin` from the edges of a world
+/// of these sides. Tries a grid of [`TRIED`] by [`TRIED`] places.
 pub(super) fn leave_room(obstacles: &[Obstacle], sides: [f64; 2], (radius, margin): (f64, f64)) -> bool {
     let place = |axis: usize, k: u32| {
         let share = (f64::from(k) + 0.5) / f64::from(TRIED);

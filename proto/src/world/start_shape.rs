@@ -8,7 +8,7 @@ const DISC: &str = "disc";
 const LINE: &str = "line";
 const POSES: &str = "poses";
 
-/// Where the robots of a world start. Headings are uniform in \[0, 2 pi) but for those of poses.
+/// Where the robots of a world start. Headings are uniform in \[0, 2 pi), except those of poses.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub enum StartShape {
     /// Uniform in the whole world (the paper's).
@@ -19,7 +19,8 @@ pub enum StartShape {
         /// Radius of the disc, world units, over 0 and at most half the smaller side of the world.
         radius: f64,
     },
-    /// Evenly spaced on a horizontal line about the centre of the world, the first robot leftmost; a robot alone in the centre.
+    /// Evenly spaced on a horizontal line about the centre of the world, the first robot leftmost. A single robot starts in the
+    /// centre.
     Line {
         /// Distance of the last robot from the first, world units, 0 to the width of the world.
         length: f64,
@@ -33,7 +34,7 @@ impl StartShape {
     /// Largest magnitude of a heading, radians.
     pub const MAX_ANGLE: f64 = 1000.0;
 
-    /// The shape of a message, for so many agents in a world of this width and height.
+    /// The shape of a message, for this number of agents in a world of this width and height.
     pub(super) fn in_world(message: v1::StartShape, agents: u32, sides: [f64; 2]) -> Result<Self, Invalid> {
         let shape = message.shape.as_deref().unwrap_or(UNIFORM);
         let absent = |field: &str, is_given: bool, of: &str| match is_given && shape != of {
@@ -70,7 +71,7 @@ impl StartShape {
     }
 }
 
-/// The poses of so many agents, from their numbers one after the other.
+/// The poses of this number of agents, from the numbers of all poses in one list.
 fn poses(numbers: &[f64], agents: u32, [width, height]: [f64; 2]) -> Result<Arc<[[f64; 3]]>, Invalid> {
     let (poses, rest) = numbers.as_chunks::<3>();
     if !rest.is_empty() || poses.len() != agents as usize {

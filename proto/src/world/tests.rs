@@ -1,4 +1,4 @@
-//! Worlds as people write them: what is read and written, and what is refused.
+//! Worlds in campaign files: reading, writing and errors.
 
 use crate::{CampaignSpec, Noise, Obstacle, StartShape, World};
 
@@ -11,9 +11,9 @@ fn world(text: &str) -> Result<World, String> {
 }
 
 #[track_caller]
-fn check_refused(text: &str, said: &str) {
+fn check_refused(text: &str, expected: &str) {
     let error = world(text).unwrap_err();
-    assert!(error.contains(said), "{error:?} does not say {said:?}");
+    assert!(error.contains(expected), "{error:?} does not say {expected:?}");
 }
 
 #[test]
@@ -64,9 +64,9 @@ fn starts_are_read_and_written() {
         poses,
         Ok(StartShape::Poses([[1.0, 2.5, -3.0], [500.0, 0.0, 4.0]].into()))
     );
-    let refused = |text: &str, said: &str| {
+    let refused = |text: &str, expected: &str| {
         let error = start(text).unwrap_err();
-        assert!(error.contains(said), "{error:?} does not say {said:?}");
+        assert!(error.contains(expected), "{error:?} does not say {expected:?}");
     };
     refused(
         "shape = \"ring\"",
@@ -116,9 +116,9 @@ fn obstacles_are_read_and_written() {
     assert_eq!(both, expected);
     let table = world("[[world.obstacles]]\nx = 100\ny = 120\nradius = 30").unwrap();
     assert_eq!(table.obstacles(), &expected[..1]);
-    let refused = |last: &str, said: &str| {
+    let refused = |last: &str, words: &str| {
         let error = of(&format!("{disc}, {disc}, {last}")).unwrap_err();
-        assert!(error.contains(said), "{error:?} does not say {said:?}");
+        assert!(error.contains(words), "{error:?} does not say {words:?}");
     };
     refused(
         "{ x = 1, y = 1, radius = 0 }",
