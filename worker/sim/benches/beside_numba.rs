@@ -1,7 +1,7 @@
-//! Evaluations of the paper's world a second of CPU time, beside the loop in numba, in turns: each figure is the best of
-//! its rounds, and what else the machine does disturbs all alike.
+//! Evaluations of the paper's world per second of CPU time, compared with the same loop in numba. The two take turns, so that other
+//! load on the machine disturbs both alike; each figure is the best of its rounds.
 //!
-//! `PYTHON` names a Python that has numba; without one, the rates of this library stand alone.
+//! `PYTHON` names a Python that has numba; without numba, the benchmark prints this library's rates only.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 #![expect(clippy::print_stdout, reason = "what it prints is what it is for")]
 
@@ -26,7 +26,7 @@ use std::{
 
 /// Swarms in a population: a vector of AVX-512.
 const SWARMS: u64 = 8;
-/// Populations drawn uniformly: they differ.
+/// Number of uniformly drawn populations, because their rates differ.
 const DRAWS: u64 = 6;
 
 type Tasks = Vec<(Controller, Start)>;
@@ -60,7 +60,7 @@ fn main() {
     }
 }
 
-/// Seconds for the loop in numba, for each swarm simulated alone, for all at once without and with a picture.
+/// Seconds for the loop in numba, for swarms simulated one by one, and for all at once without and with a picture.
 fn measured(tasks: &Tasks, rounds: u32) -> [f64; 4] {
     let world = World::default();
     let picture = |window| {
@@ -70,7 +70,7 @@ fn measured(tasks: &Tasks, rounds: u32) -> [f64; 4] {
         };
         ImageFormat::for_swarm(message, &world, &Preset::SingleSensor.into()).unwrap()
     };
-    // The first step of a window clears the canvas: the shortest window draws one step.
+    // The first step of a window clears the canvas, so a window of 2 draws one step.
     let mut bare = Evaluator::new(&world, &picture(Some(2))).unwrap();
     let mut full = Evaluator::new(&world, &picture(None)).unwrap();
     let mut numba = Numba::start(tasks, &world);
@@ -95,7 +95,7 @@ fn measured(tasks: &Tasks, rounds: u32) -> [f64; 4] {
     best
 }
 
-/// The paper's controllers, those that clump, uniform samples, those that the filter passes, and an evolved generation.
+/// The paper's controllers, an aggregation controller, uniform samples, samples that pass the filter, and an evolved generation.
 fn populations() -> Vec<(&'static str, Vec<Tasks>)> {
     let milling = [0.6, 1.0, 0.4, 0.5];
     let aggregation = [-0.7, -1.0, 1.0, -1.0];
@@ -148,7 +148,7 @@ fn listed(kind: &str, name: &str, model: Preset) -> Vec<Tasks> {
     tasks.chunks(SWARMS as usize).map(<[_]>::to_vec).collect()
 }
 
-/// The same tasks in a process of Python.
+/// The same tasks in a Python process.
 struct Numba {
     process: Child,
     to: ChildStdin,
@@ -156,7 +156,7 @@ struct Numba {
 }
 
 impl Numba {
-    /// `None` where there is no numba.
+    /// `None` without numba.
     fn start(tasks: &Tasks, world: &World) -> Option<Self> {
         let python = env::var("PYTHON").unwrap_or_else(|_| "python3".to_owned());
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/numba_loop.py");

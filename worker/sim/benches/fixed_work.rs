@@ -1,4 +1,4 @@
-//! Fixed work for `scripts/instruction-counts`, which counts its instructions: one item, so many times.
+//! Fixed work for `scripts/instruction-counts`, which counts its instructions: runs one item a given number of times.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 
 use murmuration_proto::{Controller, ImageFormat, Preset, World};
@@ -50,7 +50,7 @@ fn controller((model, genes): (Preset, &[f64])) -> Controller {
     Controller::new(model, genes).unwrap()
 }
 
-/// The loop of a swarm alone.
+/// Steps a swarm, without observing it.
 fn simulate(of: (Preset, &[f64])) {
     let mut swarm = Swarm::new(&controller(of), &World::default(), &Start::seeded(1)).unwrap();
     swarm.advance(600);

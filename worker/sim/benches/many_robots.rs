@@ -1,7 +1,8 @@
-//! CPU time of one robot's step in swarms of 24 to 10,000 robots: every robot looking at every other, beside what a swarm does
-//! by itself, in turns; each figure is the best of its rounds. Worlds grow with their swarms: the paper's room for each robot, up to the largest world there is.
+//! CPU time of one robot's step in swarms of 24 to 10,000 robots: with all pairs, compared with the swarm's default lookup. The two
+//! take turns; each figure is the best of its rounds. Worlds grow with their swarms: each robot has the paper's area, up to the
+//! largest allowed world.
 //!
-//! With `ROUNDS=20 cargo bench --workspace --bench many_robots`, more rounds than 5.
+//! `ROUNDS=20 cargo bench --workspace --bench many_robots` sets the number of rounds; the default is 5.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 #![expect(clippy::print_stdout, reason = "what it prints is what it is for")]
 
@@ -13,13 +14,13 @@ use murmuration_sim::simulate::{Arch, Start, Swarm};
 use std::{env, hint::black_box};
 
 const ROBOTS: [u32; 6] = [24, 100, 256, 512, 1_000, 10_000];
-/// The paper's milling, what clumps, and robots that go straight on.
+/// The paper's milling controller, one that aggregates, and one that goes straight on.
 const CONTROLLERS: [(&str, [f64; 4]); 3] = [
     ("milling", [0.6, 1.0, 0.4, 0.5]),
     ("aggregation", [-0.7, -1.0, 1.0, -1.0]),
     ("straight on", [1.0, 1.0, 1.0, 1.0]),
 ];
-/// Steps before those that are measured.
+/// Number of steps before the measured ones.
 const SETTLING: u32 = 400;
 
 fn main() {
@@ -40,7 +41,7 @@ fn main() {
     }
 }
 
-/// Nanoseconds of a step of one robot: looking at all, and as it is.
+/// Nanoseconds per step of one robot: with all pairs, and with the default lookup.
 fn measured(controller: &Controller, robots: u32, rounds: u32) -> [f64; 2] {
     let side = (500.0 * (f64::from(robots) / 24.0).sqrt()).min(10_000.0);
     let message = v1::World {

@@ -1,7 +1,7 @@
-//! CPU time of evaluations of described robots, a vector of swarms at once: 1 to 6 rays, and as many cones, beside the paper's
-//! two-sensor model. All take turns; each figure is the best of its rounds.
+//! CPU time of evaluations of described robots, a vector of swarms at once: 1 to 6 rays, or 1 to 6 cones, compared with the paper's
+//! two-sensor model. Items take turns; each figure is the best of its rounds.
 //!
-//! With `ROUNDS=20 cargo bench --workspace --bench sensors`, more rounds than 7.
+//! `ROUNDS=20 cargo bench --workspace --bench sensors` sets the number of rounds; the default is 7.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 #![expect(clippy::print_stdout, reason = "what it prints is what it is for")]
 
@@ -15,7 +15,7 @@ use murmuration_proto::{
 use murmuration_sim::{evaluate::Evaluator, simulate::Start};
 use std::{env, f64::consts::FRAC_PI_3, hint::black_box};
 
-/// A measured item: a name, and evaluations to do at once.
+/// A measured item: a name, and evaluations to run at once.
 struct Item {
     name: String,
     sensors: usize,
@@ -23,9 +23,9 @@ struct Item {
     best: f64,
 }
 
-/// The wheel speeds of all robots, whatever they see: they all do the same, and collide as often.
+/// The wheel speeds of all robots in every sensor state, so that all items have the same motion and collisions.
 const MOTION: [f64; 2] = [0.9, 0.8];
-/// Evaluations at once: a few vectors.
+/// Number of evaluations at once: a few vectors.
 const TASKS: u64 = 32;
 
 fn main() {
@@ -81,7 +81,7 @@ fn tasks(controller: &Controller) -> Vec<(Controller, Start)> {
     starts.map(|start| (controller.clone(), start)).collect()
 }
 
-/// Sensors that look in as many directions.
+/// Robots with this number of sensors in different directions.
 fn described(name: &str, sensors: usize, half_angle: f64, range: Option<f64>) -> Item {
     let eyes = (0..sensors).map(|s| {
         Sensor::try_from(SensorDescription {

@@ -1,4 +1,4 @@
-//! The evaluation of a controller: simulates it, computes the features, draws the picture; and that of a swarm that was tracked.
+//! Evaluates controllers: simulates them, computes the features, draws the picture. Also evaluates recorded motions.
 
 mod batch;
 mod observed;
@@ -22,7 +22,7 @@ pub struct Evaluator {
     format: ImageFormat,
     rasteriser: Rasteriser,
     arch: Arch,
-    /// Controllers that are evaluated at once.
+    /// Number of controllers that are evaluated at once.
     lanes: usize,
     judges: bool,
 }
@@ -36,7 +36,7 @@ impl Evaluator {
         Self::on(Arch::new(), world, format)
     }
 
-    /// As [`Evaluator::new`], with the instructions of `arch`. The bits are the same.
+    /// Like [`Evaluator::new`], with the instructions of `arch`. The bits are the same.
     ///
     /// # Errors
     /// As [`Evaluator::new`].
@@ -51,7 +51,7 @@ impl Evaluator {
         })
     }
 
-    /// The same, and whether it also lets the judge name the class of each motion.
+    /// Sets whether the evaluator also has the judge name the class of each motion.
     #[must_use]
     pub fn judging(self, judges: bool) -> Self {
         Self { judges, ..self }
@@ -59,12 +59,12 @@ impl Evaluator {
 
     /// Simulates `controller` from `start` over the world's horizon.
     ///
-    /// The features are means over the last 100 steps. The picture shows all steps of the format's window but the first,
-    /// which clears the canvas. The verdict is the judge's of the motion, if this evaluator judges.
+    /// The features are means over the last 100 steps. The picture shows all steps of the format's window except the first, which
+    /// clears the canvas. The verdict is the judge's, if this evaluator judges.
     ///
     /// # Errors
-    /// As [`Swarm::new`]; if the format has a channel for each species of another swarm; or if a feature is not finite (which no
-    /// robot of a sensible size reaches).
+    /// As [`Swarm::new`]; if the picture's channels are for another number of species; or if a feature is not finite (which does
+    /// not happen with robots of a sensible size).
     pub fn evaluate(&mut self, controller: &Controller, start: &Start) -> Result<Evaluation, Invalid> {
         self.format
             .check_species(controller.model())
@@ -91,19 +91,18 @@ impl Evaluator {
         Ok(evaluation.judged(verdicts.and_then(|verdicts| verdicts.first().copied())))
     }
 
-    /// As [`Evaluator::evaluate`] of each of `tasks` in turn: the bits are the same. It is faster for swarms of one species of
-    /// up to 64 robots whose sensors see all robots and nothing else, in worlds without noise or obstacles
-    /// that are no torus.
+    /// Evaluates each of `tasks`, with the same bits as [`Evaluator::evaluate`]. This is faster for swarms of one species with up
+    /// to 64 robots, whose sensors see robots only, in worlds without noise or obstacles that are not a torus.
     ///
     /// # Errors
-    /// The first error that [`Evaluator::evaluate`] has.
+    /// The first error of [`Evaluator::evaluate`].
     pub fn evaluate_all(&mut self, tasks: &[(Controller, Start)]) -> Result<Vec<Evaluation>, Invalid> {
         let mut evaluations = Vec::with_capacity(tasks.len());
         for alike in tasks.chunk_by(|(a, _), (b, _)| a.model() == b.model()) {
             let one_channel = self.format.shape().channels() == 1;
             let can_batch = one_channel && self.lanes > 1 && batch_is_for(alike[0].0.model(), &self.world);
             for tasks in alike.chunks(self.lanes) {
-                // A vector with half its lanes empty is no faster than its swarms one by one.
+                // A vector with half of its lanes empty is no faster than its swarms one by one.
                 let batch = (can_batch && 2 * tasks.len() > self.lanes).then(|| self.evaluate_batch(tasks));
                 if let Some(batch) = batch.flatten() {
                     evaluations.extend(batch?);
@@ -143,7 +142,7 @@ pub fn evaluate(
     Evaluator::new(world, format)?.evaluate(controller, start)
 }
 
-/// The observations of the last steps of a simulation: features and picture.
+/// Observations of the last steps of a simulation: features and picture.
 pub(crate) struct Ending<'a> {
     pub(crate) features: FeatureMeans,
     pub(crate) rasteriser: &'a mut Rasteriser,
@@ -160,7 +159,7 @@ impl<'a> Ending<'a> {
         }
     }
 
-    /// Number of first steps without anything to observe.
+    /// Number of initial steps without observations.
     pub(crate) const fn first_step(&self) -> u32 {
         self.window.first_step()
     }
@@ -179,9 +178,9 @@ impl<'a> Ending<'a> {
 /// The steps that features and picture are taken from.
 #[derive(Debug, Clone, Copy)]
 struct Window {
-    /// Steps after which features are computed.
+    /// Features are computed after this number of steps.
     features_after: u32,
-    /// Steps after which agents are drawn.
+    /// Agents are drawn after this number of steps.
     drawn_after: u32,
 }
 
@@ -193,7 +192,7 @@ impl Window {
         }
     }
 
-    /// Steps before which nothing is taken.
+    /// Number of initial steps without features or drawing.
     const fn first_step(self) -> u32 {
         if self.features_after < self.drawn_after {
             self.features_after

@@ -1,7 +1,7 @@
 //! The five hand-crafted features of Brown et al. (paper, Table 1), averaged over the last steps.
 //!
-//! On a torus there is no one centroid. The formulas stay what they are, on coordinates in the world: a swarm across an edge counts
-//! as one that is far apart. Speeds are those of the motion.
+//! On a torus there is no unique centroid. The same formulas apply to coordinates in the world, so a swarm across an edge counts as
+//! spread out. Speeds are those of the motion, without jumps.
 
 mod bounds;
 
@@ -14,24 +14,24 @@ use crate::{
 use murmuration_proto::{Features, World};
 use pulp::{Scalar, Simd};
 
-/// Steps that a feature is averaged over (fewer where the simulation is shorter).
+/// Number of steps that a feature is averaged over (fewer if the simulation is shorter).
 pub const FEATURE_STEPS: u32 = 100;
 
 /// Radial variance is multiplied by this in the authors' simulator, though not in the paper.
 const RADIAL_VARIANCE_SCALE: f64 = 20.0;
 
-/// The mean of the features over the steps observed.
+/// Mean of the features over the observed steps.
 #[derive(Debug, Clone)]
 pub struct FeatureMeans(LaneMeans<Scalar>);
 
 impl FeatureMeans {
-    /// No step observed yet, for swarms in `world`.
+    /// Means for swarms in `world`, without any step yet.
     #[must_use]
     pub fn new(world: &World) -> Self {
         Self(LaneMeans::new(Scalar::new(), world))
     }
 
-    /// Adds the swarm as it is now, displacements taken as velocities.
+    /// Adds the current state of the swarm, with displacements as velocities.
     pub fn observe(&mut self, swarm: &Swarm) {
         let agents = swarm.agents().map(|agent| Agents {
             position: agent.position,
@@ -48,7 +48,7 @@ impl FeatureMeans {
     }
 }
 
-/// As [`FeatureMeans`], of several swarms at once.
+/// Like [`FeatureMeans`], for several swarms at once.
 #[derive(Debug, Clone)]
 pub(crate) struct LaneMeans<S: Simd> {
     half_diagonal: f64,
@@ -65,7 +65,7 @@ impl<S: Simd> LaneMeans<S> {
         }
     }
 
-    /// Adds the swarms as they are now.
+    /// Adds the current states of the swarms.
     #[inline(always)]
     pub(crate) fn observe(&mut self, simd: S, agents: impl ExactSizeIterator<Item = Agents<S>> + Clone) {
         let step = features(simd, agents, self.half_diagonal);
@@ -110,7 +110,7 @@ fn features<S: Simd>(
         let cross = cross(simd, velocity, offset);
         speed = simd.add_f64s(speed, simd.sqrt_f64s(dot(simd, velocity, velocity)));
         momentum = simd.add_f64s(momentum, cross);
-        // An agent in the very centre turns about nothing.
+        // An agent exactly at the centroid has no rotation about it.
         let apart = simd.greater_than_f64s(distance, zero);
         let turning = simd.select_f64s(apart, simd.div_f64s(cross, distance), zero);
         rotation = simd.add_f64s(rotation, turning);

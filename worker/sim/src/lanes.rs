@@ -1,6 +1,7 @@
-//! Vectors that hold one number of each of several swarms, a swarm a lane.
+//! Vectors that hold one number for each of several swarms, one swarm per lane.
 //!
-//! No function here takes a closure, or maps an array: what is not inlined is not compiled for the CPU at hand.
+//! No function here takes a closure or maps an array: those may not be inlined, and only inlined code is compiled for the CPU at
+//! hand.
 
 use pulp::{Simd, bytemuck};
 use std::slice;
@@ -8,7 +9,7 @@ use std::slice;
 /// A point or a direction in the plane.
 pub(crate) type Planar<S> = [<S as Simd>::f64s; 2];
 
-/// A value that begins a cache line: no vector in it straddles two.
+/// A value aligned to a cache line, so that no vector in it straddles two.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub(crate) struct Aligned<T>(pub(crate) T);
@@ -19,13 +20,13 @@ pub(crate) fn lanes<S: Simd>(vector: &S::f64s) -> &[f64] {
     bytemuck::cast_slice(slice::from_ref(vector))
 }
 
-/// As [`lanes`], to be changed.
+/// Like [`lanes`], but mutable.
 #[inline(always)]
 pub(crate) fn lanes_mut<S: Simd>(vector: &mut S::f64s) -> &mut [f64] {
     bytemuck::cast_slice_mut(slice::from_mut(vector))
 }
 
-/// As [`lanes`], of a vector of whole numbers.
+/// Like [`lanes`], for a vector of whole numbers.
 #[inline(always)]
 pub(crate) fn words<S: Simd>(vector: &S::u64s) -> &[u64] {
     bytemuck::cast_slice(slice::from_ref(vector))
@@ -37,7 +38,7 @@ pub(crate) fn point<S: Simd>(points: &Planar<S>, lane: usize) -> [f64; 2] {
     [lanes::<S>(&points[0])[lane], lanes::<S>(&points[1])[lane]]
 }
 
-/// The vectors whose lanes hold these points.
+/// Gathers points into vectors, one point per lane.
 pub(crate) fn gathered<S: Simd>(simd: S, points: impl Iterator<Item = [f64; 2]>) -> Planar<S> {
     let mut vectors = splat(simd, [0.0; 2]);
     let [xs, ys] = &mut vectors;
@@ -92,14 +93,14 @@ pub(crate) fn select<S: Simd>(simd: S, mask: S::m64s, a: Planar<S>, b: Planar<S>
     ]
 }
 
-/// A number without its sign. The vectors' own function for it is not always inlined.
+/// Absolute value. `pulp`'s own function is not always inlined.
 #[inline(always)]
 pub(crate) fn magnitude<S: Simd>(simd: S, value: S::f64s) -> S::f64s {
     let all_but_the_sign = simd.splat_f64s(f64::from_bits(i64::MAX as u64));
     simd.and_f64s(all_but_the_sign, value)
 }
 
-/// Whether the mask has a lane.
+/// Whether the mask is set in any lane.
 #[inline(always)]
 pub(crate) fn any<S: Simd>(simd: S, mask: S::m64s) -> bool {
     simd.first_true_m64s(mask) < S::F64_LANES

@@ -1,6 +1,6 @@
 //! Evaluation as pure functions: (controller, world, seed) -> evaluation. There is no I/O and no clock.
 //!
-//! The tests in `tests` step whole swarms; unit tests beside the code do not, so that they need not compile the kernels for
+//! The tests in `tests` step whole swarms. Unit tests beside the code do not, so that their build need not compile the kernels for
 //! every instruction set again.
 
 pub mod case;

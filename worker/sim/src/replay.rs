@@ -43,11 +43,11 @@ pub fn replay_frames(
     record(swarm, frames.steps(world), frames.poses(world))
 }
 
-/// Simulates `controller` from `start` over the world's horizon: the pose (x, y, heading) of each robot before the first step and
-/// after every step, in full precision.
+/// Simulates `controller` from `start` over the world's horizon. Returns the pose (x, y, heading) of each robot before the first
+/// step and after every step, in full precision.
 ///
 /// # Errors
-/// If `start` does not fit the world, or there would be more than [`MAX_POSES`].
+/// If `start` does not fit the world, or there are more than [`MAX_POSES`].
 pub fn poses(controller: &Controller, world: &World, start: &Start) -> Result<Vec<Vec<[f64; 3]>>, Invalid> {
     let motion = motion(controller, world, start)?;
     let frames = u64::from(world.horizon()) + 1;
@@ -59,8 +59,8 @@ pub fn poses(controller: &Controller, world: &World, start: &Start) -> Result<Ve
     Ok(motion.take(frames as usize).collect())
 }
 
-/// Simulates `controller` from `start` for as long as frames are taken, whatever the world's horizon: the pose (x, y, heading) of
-/// each robot before the first step, and then after every step, in full precision.
+/// Simulates `controller` from `start` without end, regardless of the world's horizon. Yields the pose (x, y, heading) of each
+/// robot before the first step and after every step, in full precision.
 ///
 /// # Errors
 /// If `start` does not fit the world.
@@ -84,7 +84,7 @@ pub fn motion(
     Ok(iter::once(start).chain(after_each_step))
 }
 
-/// The motion of a swarm at these steps, ascending from 0, with this number of poses.
+/// Records the poses of a swarm at the `wanted` steps, which ascend from 0; `count` is the total number of poses.
 fn record(mut swarm: Swarm, wanted: impl Iterator<Item = u32>, count: u64) -> Result<Replay, Invalid> {
     let agents = swarm.agents().count();
     let mut steps = Vec::new();

@@ -1,4 +1,4 @@
-//! The CPU time of this thread, which other programs on the machine disturb less than the clock.
+//! The CPU time of this thread, which other programs on the machine disturb less than wall-clock time.
 
 use rustix::time::{ClockId, clock_gettime};
 

@@ -72,7 +72,7 @@ fn whole(key: &str, value: &Value) -> Result<u32, Invalid> {
     whole.ok_or_else(|| Invalid::new(key, shown(value), "a whole number"))
 }
 
-/// A value in an error, shortened.
+/// A value as text for an error, shortened.
 pub(super) fn shown(value: &Value) -> String {
     let text = value.to_string();
     if text.len() <= 60 {

@@ -1,12 +1,11 @@
-//! Cases: one simulation as a JSON object, to compare this simulator with others number by number.
+//! Cases: a simulation as a JSON object, to compare this simulator with others number by number.
 //!
-//! A case names a controller, a world and a start (`model`, `controller`, `initial`, `agents`, `agent_radius`,
-//! `wheel_radius`, `dt`, `world`, `padding`, `steps`, `jitter`) and the outcome of simulating them
-//! (`checkpoints`, `features`, `image`, `image_raw`, `jitter_events`, `reference`). Running a case replaces the outcome by
-//! this simulator's; everything else stays as it is.
+//! A case names a controller, a world and a start (`model`, `controller`, `initial`, `agents`, `agent_radius`, `wheel_radius`,
+//! `dt`, `world`, `padding`, `steps`, `jitter`) and the outcome of simulating them (`checkpoints`, `features`, `image`,
+//! `image_raw`, `jitter_events`, `reference`). Running a case replaces the outcome with this simulator's, and changes nothing else.
 //!
-//! A case with `species` has swarms of described robots in place of `model`, `controller`, `agent_radius` and `wheel_radius`:
-//! for each species `name`, `count`, `radius`, `drive`, `sensors` and `controller`; `walls` says whether the world has any.
+//! In a case of described robots, `species` replaces `model`, `controller`, `agent_radius` and `wheel_radius`. Each species has
+//! `name`, `count`, `radius`, `drive`, `sensors` and `controller`. `walls` is whether the world has walls.
 
 mod keys;
 mod outcome;
@@ -29,14 +28,14 @@ pub struct Case {
     world: World,
     image: ImageFormat,
     start: Start,
-    /// Steps to report, as spelled in the case and as numbers.
+    /// Steps to report, as written in the case and as numbers.
     checkpoints: Vec<(String, u32)>,
 }
 
 /// Why a text is not a case.
 #[derive(Debug, thiserror::Error)]
 pub enum CaseError {
-    /// It is not JSON.
+    /// The text is not JSON.
     #[error("not JSON: {0}")]
     Syntax(#[from] serde_json::Error),
     /// A key is missing, or its value cannot be simulated.
@@ -47,11 +46,11 @@ pub enum CaseError {
 impl Case {
     /// Reads a case.
     ///
-    /// `initial` is required, and `controller` or `species`. Other missing keys take the paper's values. `initial` determines
-    /// the number of agents, and the number of genes determines the model.
+    /// `initial` is required, and either `controller` or `species`. The defaults of other keys are the paper's values. `initial`
+    /// determines the number of agents, and the number of genes determines the model.
     ///
     /// # Errors
-    /// Says where the text is not JSON, or which key has a value that cannot be simulated.
+    /// The place where the text is not JSON, or the key whose value cannot be simulated.
     pub fn from_json(text: &str) -> Result<Self, CaseError> {
         let document: Value = serde_json::from_str(text)?;
         Ok(read::case(document)?)
@@ -62,8 +61,8 @@ impl Case {
         self.checkpoints.iter().map(|&(_, step)| step)
     }
 
-    /// Simulates the case. Returns the same object with this simulator's values, in the same order, and missing keys at the
-    /// end.
+    /// Simulates the case. Returns the same object with this simulator's values, keys in the same order, and keys that were missing
+    /// at the end.
     ///
     /// # Errors
     /// If a resulting number is not finite.

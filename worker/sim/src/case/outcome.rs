@@ -11,7 +11,7 @@ use murmuration_proto::{Invalid, SIMULATOR_VERSION};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
-/// The name, in cases, of the rules of motion that are simulated.
+/// Name, in cases, of the rules of motion that this simulator implements.
 const PHYSICS: &str = "feb2023";
 
 /// The case's object with this simulator's values.
@@ -56,7 +56,7 @@ pub(super) fn of(case: &Case) -> Result<Value, Invalid> {
     ] {
         document.insert(key.into(), value);
     }
-    // Whatever physics the case is of, these are the numbers of ours.
+    // The numbers are of this simulator's physics, whatever the case named.
     if let Some(physics) = document.get_mut("physics") {
         *physics = json!(PHYSICS);
     }

@@ -11,7 +11,7 @@ use murmuration_proto::{
 };
 use serde_json::Value;
 
-/// Steps to report if a case names none (those within its horizon, and its end).
+/// Steps to report if a case names none: those within its horizon, and its end.
 const USUAL_CHECKPOINTS: [u32; 11] = [1, 2, 5, 10, 20, 50, 100, 200, 400, 800, 1200];
 
 pub(super) fn case(document: Value) -> Result<Case, Invalid> {
@@ -47,7 +47,7 @@ pub(super) fn case(document: Value) -> Result<Case, Invalid> {
     })
 }
 
-/// The preset of a case without species: that of its name, or the paper's with as many genes.
+/// The preset of a case without species: the named one, or the paper's model with this number of genes.
 fn model(keys: Keys<'_>) -> Result<Preset, Invalid> {
     let Some(value) = keys.get("model") else {
         let genes = array("controller", keys.required("controller")?)?.len();
@@ -125,7 +125,7 @@ fn world(keys: Keys<'_>, poses: usize, radius: f64) -> Result<World, Invalid> {
     World::try_from(message).map_err(in_case)
 }
 
-/// The same error, its field by its name in a case.
+/// Renames the field of an error to its key in a case.
 fn in_case(error: Invalid) -> Invalid {
     Invalid {
         field: match error.field.as_str() {

@@ -1,4 +1,4 @@
-//! Reads what cases of several species have in place of a model and a controller.
+//! Reads the species of a case, which replace model and controller.
 
 use super::keys::{Keys, array, number, numbers, shown};
 use murmuration_proto::{
@@ -52,7 +52,7 @@ fn one(described: &Value) -> Result<(Species, u32, Vec<f64>), Invalid> {
     Ok((Species::new(name, robot), count, genes))
 }
 
-/// The drive of a species. A case only simulates: its speeds are whatever they are.
+/// The drive of a species. Its speeds have no bounds, because a case is only simulated.
 fn drive(keys: Keys<'_>) -> Result<Drive, Invalid> {
     let described = keys.required("drive")?;
     let keys = Keys::of("drive", described)?;
@@ -114,7 +114,7 @@ fn sensor(described: &Value) -> Result<Sensor, Invalid> {
     })
 }
 
-/// Checks that agents of the first species come first, as everywhere here.
+/// Checks that agents are ordered by species, as the simulator requires.
 fn check_order(keys: Keys<'_>, model: &CapabilityModel) -> Result<(), Invalid> {
     let Some(value) = keys.get("species_of_agent") else {
         return Ok(());

@@ -1,4 +1,4 @@
-//! Several controllers evaluated at once, a swarm a lane.
+//! Evaluates several controllers at once, one swarm per lane.
 
 use super::{
     Window,
@@ -13,11 +13,10 @@ use crate::{
 use murmuration_proto::{Controller, Evaluation, ImageFormat, Invalid, Sensor, World};
 use pulp::{Arch, Simd, WithSimd};
 
-/// Most pixels of a canvas of which there is one a lane: beyond, they leave the caches.
+/// Maximum number of pixels of a canvas when there is one per lane: larger ones do not fit the caches.
 const MOST_PIXELS: f64 = 1_048_576.0;
 
-/// How many swarms of this world are simulated at once on the instructions of `arch`; one where a vector of swarms does not
-/// pay.
+/// Number of swarms of this world to simulate at once with the instructions of `arch`; 1 if a vector of swarms would be no faster.
 pub(super) fn lanes(arch: Arch, world: &World) -> usize {
     if world.agents() <= MOST_AGENTS && world.width() * world.height() <= MOST_PIXELS {
         arch.dispatch(Lanes)
@@ -37,8 +36,8 @@ impl WithSimd for Lanes {
     }
 }
 
-/// Swarms of robots that are alike but for their controllers, to evaluate at once: at least one and at most as many as there
-/// are lanes, of a model that a batch is for.
+/// Swarms to evaluate at once: at least one, at most one per lane. They differ in controllers and starts only, and their model
+/// suits a batch.
 pub(super) struct Tasks<'a> {
     pub(super) world: &'a World,
     pub(super) format: &'a ImageFormat,
@@ -61,8 +60,8 @@ impl WithSimd for Tasks<'_> {
 }
 
 impl Tasks<'_> {
-    /// Evaluates the tasks on the vectors of `arch`; `None` if it has none. A batch of one lane is no faster than its swarm: not
-    /// compiling it saves a third of the time that this crate takes to compile.
+    /// Evaluates the tasks on the vectors of `arch`; `None` if it has none. A batch of one lane is no faster than a single swarm,
+    /// and omitting it saves a third of this crate's compile time.
     pub(super) fn evaluate_on(self, arch: Arch) -> Option<Result<Vec<Evaluation>, Invalid>> {
         match arch {
             #[cfg(target_arch = "x86_64")]
@@ -131,7 +130,7 @@ impl Tasks<'_> {
     }
 }
 
-/// Records where the swarms of a batch are, if they are recorded.
+/// Records the positions of a batch if there is a recorder.
 #[inline(always)]
 fn record<S: Simd, const SENSORS: usize, const CONES: bool>(
     simd: S,

@@ -7,19 +7,18 @@ use crate::{
 };
 use murmuration_proto::{Controller, Evaluation, ImageFormat, Invalid, World, counted, v1};
 
-/// Features and picture of a swarm that moved like this: `frames` has the pose (x, y, heading; world units and radians) of each
-/// robot before the first step and after every step, at least one. The length of the simulation is theirs, whatever `world`
-/// says.
+/// Features and picture of a recorded motion. `frames` has the pose (x, y, heading; world units and radians) of each robot before
+/// the first step and after every step, for at least one step. The number of frames, not `world`, determines the horizon.
 ///
-/// Of a simulated swarm they are those of its evaluation, except in two cases. Headings come from angles here and from rotations
-/// in a simulation, so they differ by rounding; this moves a pixel where a line ends between two. And on a torus a displacement
-/// differs by rounding.
+/// For a simulated swarm the result equals that of its evaluation, except for rounding in two cases. Headings are computed from
+/// angles here and by rotations in a simulation, which can move a pixel where a line ends between two. On a torus, displacements
+/// differ by rounding.
 ///
-/// Of the controller only what says how robots look is used: where their sensors point, and how many there are of each species.
+/// Uses only what the picture shows of the controller: the directions of sensors, and the number of robots of each species.
 ///
 /// # Errors
-/// If the swarm does not fit the world or the picture (or has another number of species than the picture has channels), a frame has another number of poses, or a pose is not finite or over
-/// [`World::MAX_SIDE`] away from the world.
+/// If the swarm does not fit the world or the picture, the picture's channels are for another number of species, a frame has a
+/// wrong number of poses, or a pose is not finite or over [`World::MAX_SIDE`] away from the world.
 pub fn observe(
     controller: &Controller,
     world: &World,

@@ -1,19 +1,19 @@
-//! Records what the judge looks at of motions, and lets it judge them.
+//! Records the frames of motions that the judge needs, and has it judge them.
 
 use murmuration_judge as judge;
 use murmuration_proto::{Invalid, Pose, Replay, Verdict, World};
 
-/// The frames that the judge looks at, of swarms that are simulated together.
+/// Frames for the judge, of swarms that are simulated together.
 pub(super) struct Recorder {
     /// The steps with a frame, ascending from 0.
     steps: Vec<u32>,
-    /// Frames so far, and the poses of all agents in them, by swarm.
+    /// Number of frames so far, and the poses in them, by swarm.
     frames: usize,
     poses: Vec<Vec<Pose>>,
 }
 
 impl Recorder {
-    /// For so many swarms in `world`.
+    /// A recorder for this number of swarms in `world`.
     pub(super) fn new(world: &World, swarms: usize) -> Self {
         let steps: Vec<u32> = judge::frames(world).steps(world).collect();
         let poses = steps.len() * world.agents() as usize;
@@ -29,7 +29,7 @@ impl Recorder {
         self.steps.get(self.frames).copied()
     }
 
-    /// Records the frame of `step`, if it has one: `position` says where each agent of each swarm is.
+    /// Records a frame if `step` has one. `positions` returns the positions of the agents of a swarm.
     #[inline(always)]
     pub(super) fn observe<Agents: Iterator<Item = [f64; 2]>>(
         &mut self,
@@ -41,7 +41,7 @@ impl Recorder {
         }
         self.frames += 1;
         for (swarm, poses) in self.poses.iter_mut().enumerate() {
-            // The judge looks at no heading.
+            // The judge ignores headings.
             poses.extend(positions(swarm).map(|[x, y]| [x as f32, y as f32, 0.0]));
         }
     }
@@ -62,8 +62,8 @@ impl Recorder {
     }
 }
 
-/// Steps from `step` on after which neither features, picture nor recorder, if there is one, observe anything, one of
-/// which at least is before the next that does; `observed_after` is the last step before features and picture begin.
+/// Number of steps that can follow `step` before one that is observed, whether by features and picture, which begin after step
+/// `observed_after`, or by the recorder.
 pub(super) fn quiet(step: u32, observed_after: u32, recorder: Option<&Recorder>) -> u32 {
     let recorded = recorder
         .and_then(Recorder::next_step)

@@ -1,26 +1,26 @@
-//! Upper bounds of the features of a swarm in a given world: results beyond them were not simulated.
+//! Bounds of the features of a swarm in a given world: results outside them were not simulated.
 //!
 //! The bounds hold for every controller and start, and follow from what a step does to an agent (`simulate`):
 //!
-//! - It drives at most as far as its drive's top speed takes it in `dt`, times the largest factor of the noise, and is clamped to
-//!   the walls, if there are any: a projection, which takes it no further from where it was than the drive did, and besides as far
-//!   as it was outside the walls before.
-//! - Then it is pushed out of others, in a few passes. All that a pass pushes it out of are within a diameter of where it
-//!   was when the pass began, and each push leaves it a diameter and a gap from one of them, give or take the jitter. So no
-//!   pass takes it further than two diameters and that; nor do all of them together, by the same argument, for each other
-//!   agent there is. Where two agents nearly coincide, the direction of a push is a unit vector up to a factor of 1.42, for
-//!   which there is room in [`push`].
+//! - It drives at most its drive's top speed times `dt` times the largest factor of the noise, and is clamped to the walls, if
+//!   there are any. Clamping is a projection: it moves the agent no further than the drive did, plus the agent's distance outside
+//!   the walls before the step.
+//! - Then it is pushed out of others, in a few passes. All agents that a pass pushes it out of are within a diameter of its
+//!   position at the beginning of the pass, and each push leaves it a diameter and a gap from one of them, plus or minus the
+//!   jitter. So a pass moves it at most two diameters plus gap and jitter; by the same argument all passes together move it at most
+//!   that far for each other agent. If two agents nearly coincide, the length of a push's direction is up to 1.42 instead of 1, for
+//!   which [`push`] has room.
 //!
-//! Between the two, obstacles push it:
+//! Between drive and collisions, obstacles push it:
 //!
-//! - Where there are walls, they leave it within the walls or where a way out ends, which is within the rectangle about the
-//!   obstacles and a body around them; without walls, they leave it where it was or within that rectangle.
-//! - On a torus they push it the shorter way around, so at most half a diagonal; and so do the others.
+//! - With walls, it ends within the walls or at the end of a way out, which is within the rectangle about the obstacles and a body
+//!   around them; without walls, it ends where it was or within that rectangle.
+//! - On a torus, obstacles push it the shorter way around, so at most half a diagonal; and so do other agents.
 //!
-//! So after its step every agent is within a push of the walls or that rectangle; without walls, within as many drives and pushes
-//! of the world or that rectangle as there are steps; on a torus, in the world. Distances from the centroid have a mean square of
-//! at most a quarter of the squared diagonal of where agents can be (Popoviciu), and all else follows from that and the speed. On a
-//! torus they are distances of coordinates, and the centroid is a mean of coordinates: features know nothing of images.
+//! So after its step every agent is within a push of the walls or that rectangle. Without walls, it is within as many drives and
+//! pushes of the world or that rectangle as there are steps. On a torus, it is in the world. Distances from the centroid have a
+//! mean square of at most a quarter of the squared diagonal of the region that agents can reach (Popoviciu); the other bounds
+//! follow from that and the speed. On a torus, features use plain coordinates, not images, for distances and centroid.
 
 use super::{FEATURE_STEPS, RADIAL_VARIANCE_SCALE};
 use crate::simulate::{GAP, JITTER, PASSES};
@@ -30,10 +30,10 @@ use murmuration_proto::{
 };
 use std::f64::consts::SQRT_2;
 
-/// Room for what is rounded: in proportion, and absolutely.
+/// Room for rounding errors: relative, and absolute.
 const ROUNDING: (f64, f64) = (1e-6, 1e-9);
 
-/// The least and most that each feature of a swarm in one world can be.
+/// Minimum and maximum of each feature of a swarm in one world.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FeatureBounds {
     least: Features,
@@ -41,7 +41,7 @@ pub struct FeatureBounds {
 }
 
 impl FeatureBounds {
-    /// The bounds of swarms of this model in `world`.
+    /// Bounds for swarms of this model in `world`.
     #[must_use]
     pub fn of(model: &CapabilityModel, world: &World) -> Self {
         let speed = speed(model, world);
@@ -56,12 +56,12 @@ impl FeatureBounds {
             speed,
         ];
         let most = most.map(|most| most * (1.0 + ROUNDING.0) + ROUNDING.1);
-        // Only momentum and rotation have a direction.
+        // Only momentum and rotation can be negative.
         let least = [0.0, -most[1], 0.0, 0.0, -most[4]];
         Self { least, most }
     }
 
-    /// The evaluation of a swarm that a message from outside holds, with a picture in `format` and with `extras`.
+    /// Validates the evaluation in a message, which must have a picture in `format` and the given `extras`.
     ///
     /// # Errors
     /// As [`Evaluation::for_format`] and [`FeatureBounds::check`].
@@ -76,10 +76,10 @@ impl FeatureBounds {
         Ok(evaluation)
     }
 
-    /// Whether a swarm can have these.
+    /// Checks that a swarm can have these features.
     ///
     /// # Errors
-    /// Names the first feature that none has.
+    /// Names the first feature that is out of bounds.
     pub fn check(&self, features: &Features) -> Result<(), Invalid> {
         let allowed = self.least.iter().zip(self.most);
         for ((name, &value), (&least, most)) in FEATURE_NAMES.iter().zip(features).zip(allowed) {
@@ -96,10 +96,10 @@ impl FeatureBounds {
     }
 }
 
-/// Whether agents of a swarm of this model in `world` can be there, at its start or after any step.
+/// Checks that agents of a swarm of this model in `world` can reach these positions, at the start or after any step.
 ///
 /// # Errors
-/// Names the first coordinate that none has.
+/// Names the first coordinate that is out of bounds.
 pub fn check_positions(
     model: &CapabilityModel,
     world: &World,
@@ -108,7 +108,7 @@ pub fn check_positions(
     let reached = hull(region(model, world), whole(world));
     for position in positions {
         for ((axis, value), [low, high]) in ["x", "y"].into_iter().zip(position).zip(reached) {
-            // Poses may come in single precision.
+            // Poses may have single precision.
             let room = (high - low) * ROUNDING.0 + ROUNDING.1;
             let (low, high) = (low - room, high + room);
             if !(low..=high).contains(&value) {
@@ -124,7 +124,7 @@ pub fn check_positions(
     Ok(())
 }
 
-/// Furthest that a step moves an agent.
+/// Maximum distance that a step moves an agent.
 fn speed(model: &CapabilityModel, world: &World) -> f64 {
     let (push, drive) = (push(world), drive(model, world));
     let region = region(model, world);
@@ -155,13 +155,13 @@ fn speed(model: &CapabilityModel, world: &World) -> f64 {
 /// A rectangle: lowest and highest coordinate by axis.
 type Rectangle = [[f64; 2]; 2];
 
-/// Where agents can be after any step.
+/// Region that contains all agents after any step.
 fn region(model: &CapabilityModel, world: &World) -> Rectangle {
     let sides = [world.width(), world.height()];
     let (room, beyond) = match world.boundary() {
         Boundary::Torus => return sides.map(|side| [0.0, side]),
         Boundary::Walls => {
-            // The smallest robots get nearest to the walls.
+            // The smallest robots can get nearest to the walls.
             let radii = model.species().iter().map(|species| species.robot().radius());
             let margin = world.padding() + radii.fold(world.radius(), f64::min);
             (
@@ -180,7 +180,7 @@ fn whole(world: &World) -> Rectangle {
     [[0.0, world.width()], [0.0, world.height()]]
 }
 
-/// The rectangle about all obstacles, a body and a gap around each.
+/// The rectangle about all obstacles, with a body and a gap around each.
 fn around_obstacles(world: &World) -> Option<Rectangle> {
     let around = |obstacle: &Obstacle| {
         let (centre, half) = (obstacle.centre(), obstacle.half_size());
@@ -192,7 +192,7 @@ fn around_obstacles(world: &World) -> Option<Rectangle> {
     world.obstacles().iter().map(around).reduce(hull)
 }
 
-/// The smallest rectangle that holds both.
+/// The smallest rectangle that contains both.
 fn hull(a: Rectangle, b: Rectangle) -> Rectangle {
     [0, 1].map(|axis| [a[axis][0].min(b[axis][0]), a[axis][1].max(b[axis][1])])
 }
@@ -203,17 +203,17 @@ fn size(rectangle: Rectangle) -> f64 {
     x.hypot(y)
 }
 
-/// Furthest that an agent gets by itself in a whole simulation without walls.
+/// Maximum distance of an agent from its start in a simulation without walls or obstacles.
 fn roam(model: &CapabilityModel, world: &World) -> f64 {
     f64::from(world.horizon()) * (drive(model, world) + push(world))
 }
 
-/// Furthest that an agent drives in a step.
+/// Maximum distance that an agent drives in a step.
 fn drive(model: &CapabilityModel, world: &World) -> f64 {
     model.top_speed() * world.noise().largest_factor() * world.dt()
 }
 
-/// Furthest that an agent is pushed out of others in a step.
+/// Maximum distance that collisions push an agent in a step.
 fn push(world: &World) -> f64 {
     let once = 5.0 * world.radius() + 2.0 * (GAP + JITTER);
     let passes = (world.agents() as usize - 1).min(PASSES);

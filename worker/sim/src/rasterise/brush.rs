@@ -1,4 +1,4 @@
-//! How an agent looks: rays that erase, an outline and a heading.
+//! Draws an agent: rays that erase, an outline and a heading.
 
 use super::{canvas::Canvas, shapes, stamps::Stamps};
 use crate::lanes::{Planar, any, minus, plus, scaled, words};
@@ -8,7 +8,7 @@ use pulp::Simd;
 const RAY_RADII: f64 = 3.0;
 /// Length of a drawn heading, in radii.
 const HEADING_RADII: f64 = 2.0;
-/// Added to a number below 2^51 in magnitude, it leaves no bits for a fraction, and the whole number in the low ones.
+/// 1.5 * 2^52. Adding it to a number below 2^51 in magnitude rounds away the fraction, and leaves the whole number in the low bits.
 const WHOLE: f64 = 6_755_399_441_055_744.0;
 
 /// Draws agents of one radius.
@@ -21,15 +21,15 @@ pub(super) struct Brush {
     bodies: Stamps,
 }
 
-/// Pixels that the lines of several swarms' agents run between, in the low halves of words.
+/// End pixels of the lines of an agent of each swarm, in the low halves of words.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ends<S: Simd, const SENSORS: usize> {
     centre: [S::u64s; 2],
     heading: [S::u64s; 2],
     rays: [[S::u64s; 2]; SENSORS],
-    /// Whether all centres are on the canvas, and all stamps have places.
+    /// Whether all centres are on the canvas, and all stamps exist.
     stamped: bool,
-    /// Where the stamps are: of the body, and of each ray.
+    /// Places of the stamps in [`Stamps`]: of the body, and of each ray.
     body_stamp: S::u64s,
     ray_stamps: [S::u64s; SENSORS],
 }
@@ -47,12 +47,12 @@ impl Brush {
         }
     }
 
-    /// The radius of the bodies that it draws.
+    /// Radius of the bodies that the brush draws.
     pub(super) const fn radius(&self) -> f64 {
         self.radius
     }
 
-    /// Draws an agent over what is there; pixels outside the canvas are dropped.
+    /// Draws an agent over the existing pixels; pixels outside the canvas are dropped.
     #[inline(always)]
     pub(super) fn draw<S: Simd, const SENSORS: usize>(
         &self,
@@ -66,7 +66,7 @@ impl Brush {
         self.paint_body(canvas, ends, lane);
     }
 
-    /// The part of [`Brush::draw`] that is for one of the sensors; the body comes after all of them.
+    /// The part of [`Brush::draw`] for one sensor. [`Brush::paint_body`] follows all sensors.
     #[inline(always)]
     pub(super) fn erase_ray<S: Simd, const SENSORS: usize>(
         &self,
@@ -115,7 +115,7 @@ fn erase_pixels(canvas: &mut Canvas, centre: [i32; 2], end: [i32; 2]) {
 }
 
 impl<S: Simd, const SENSORS: usize> Ends<S, SENSORS> {
-    /// The brushes of agents on canvases of `size` pixels.
+    /// The end pixels of agents on canvases of `size` pixels.
     #[inline(always)]
     pub(super) fn new(
         simd: S,
@@ -179,7 +179,7 @@ fn pixel<S: Simd>(simd: S, [x, y]: Planar<S>) -> [S::u64s; 2] {
     [in_low_bits(simd, x), in_low_bits(simd, y)]
 }
 
-/// Whole numbers in the low 32 bits.
+/// Whole numbers, moved into the low 32 bits.
 #[inline(always)]
 fn in_low_bits<S: Simd>(simd: S, whole: S::f64s) -> S::u64s {
     simd.transmute_u64s_f64s(simd.add_f64s(whole, simd.splat_f64s(WHOLE)))
@@ -190,12 +190,12 @@ fn truncated<S: Simd>(simd: S, [x, y]: Planar<S>) -> Planar<S> {
     [without_fraction(simd, x), without_fraction(simd, y)]
 }
 
-/// Numbers without their fractions.
+/// Truncates numbers towards zero.
 #[inline(always)]
 fn without_fraction<S: Simd>(simd: S, value: S::f64s) -> S::f64s {
     let (whole, zero, one) = (simd.splat_f64s(WHOLE), simd.splat_f64s(0.0), simd.splat_f64s(1.0));
     let nearest = simd.sub_f64s(simd.add_f64s(value, whole), whole);
-    // To the nearest, it may have been rounded away from zero.
+    // Rounding to the nearest may have gone away from zero.
     let above = simd.select_f64s(simd.greater_than_f64s(nearest, value), one, zero);
     let below = simd.select_f64s(simd.less_than_f64s(nearest, value), one, zero);
     let positive = simd.greater_than_or_equal_f64s(value, zero);

@@ -1,16 +1,17 @@
-//! A black and white canvas, one bit a pixel, which stamps are put on sixteen columns at a time.
+//! A black and white canvas with one bit per pixel, stamped sixteen columns at a time.
 
 use super::stamps::{SIDE, Stamp};
 
-/// Rows in a band: as many as a stamp has.
+/// Number of rows in a band, which is that of a stamp.
 pub(super) const BAND: usize = u16::BITS as usize;
-/// Columns on either side that are never looked at, so that a stamp about a pixel of the canvas stays within.
+/// Number of padding columns on either side, so that a stamp about a pixel of the canvas stays within the words. Padding is never
+/// read.
 const MARGIN: usize = SIDE;
 
-/// A bitmap: small enough for the first-level cache at the paper's 500 x 500, for memory at 10,000 x 10,000.
+/// A bitmap: at the paper's 500 x 500 it fits the first-level cache, at 10,000 x 10,000 the memory.
 ///
-/// A word holds 16 pixels of a column, one below the other; such words of neighbouring columns follow each other, in
-/// bands. A stamp is then half a cache line of each of two bands. A band above the canvas and one below are never looked at.
+/// A word holds 16 pixels of a column. The words of neighbouring columns follow each other and make a band, so a stamp covers half
+/// a cache line in each of two bands. One band above the canvas and one below are padding, and never read.
 #[derive(Debug, Clone)]
 pub(super) struct Canvas {
     width: u32,
@@ -64,7 +65,7 @@ impl Canvas {
     /// Whether the canvas has this pixel.
     #[inline(always)]
     pub(super) const fn contains(&self, [x, y]: [i32; 2]) -> bool {
-        // Negative ones wrap to far outside.
+        // Negative coordinates wrap to far outside.
         (x as u32) < self.width && (y as u32) < self.height
     }
 
@@ -104,8 +105,8 @@ impl Canvas {
         else {
             return;
         };
-        // Both bands, though most stamps lie in one: which do cannot be predicted. Copies, so that it is known that they do not
-        // overlap.
+        // Updates both bands, though most stamps lie in one: a branch would be mispredicted. Works on copies, so that the compiler
+        // knows that they do not overlap.
         let (mut above, mut below) = (*upper, *lower);
         for ((above, below), bits) in above.iter_mut().zip(&mut below).zip(stamp.columns) {
             *above = change(*above, bits << shift);
@@ -114,7 +115,7 @@ impl Canvas {
         (*upper, *lower) = (above, below);
     }
 
-    /// The words of a band of 16 rows, one a column; none beyond the canvas. What they hold of rows below it is anything.
+    /// The words of a band of 16 rows, one per column; empty beyond the canvas. Bits of rows below the canvas are unspecified.
     #[inline(always)]
     pub(super) fn band(&self, band: usize) -> &[u16] {
         let first = (band + 1) * self.pitch + MARGIN;

@@ -1,11 +1,11 @@
-//! From white pixels to grey values: averages of cells, and the stretch to the full range.
+//! Turns white pixels into grey values: averages cells, and stretches the values to the full range.
 
 use super::canvas::{BAND, Canvas};
 use pulp::{Arch, Simd, WithSimd};
 
-/// Columns that are looked at in one word of a machine.
+/// Number of columns that one machine word holds.
 const ABREAST: usize = 4;
-/// A bit for the first row of each of them.
+/// The bit of the first row of each of those columns.
 const FIRST_ROWS: u64 = 0x0001_0001_0001_0001;
 
 /// The cells of a picture: pixel p of a side of `size` pixels belongs to cell floor(p * resolution / size).
@@ -14,9 +14,9 @@ pub(super) struct Cells {
     resolution: usize,
     /// First x of each cell, and one for the end.
     columns: Vec<usize>,
-    /// By band, its part of each row of cells.
+    /// For each band, its parts of the rows of cells.
     bands: Vec<Vec<Part>>,
-    /// Pixels across each cell, by axis.
+    /// Number of pixels across each cell, by axis.
     extent: [Vec<u32>; 2],
 }
 
@@ -24,7 +24,7 @@ pub(super) struct Cells {
 #[derive(Debug, Clone, Copy)]
 struct Part {
     row: usize,
-    /// Its rows in each of the columns abreast.
+    /// Its rows, in each column of a machine word.
     mask: u64,
 }
 
@@ -81,8 +81,8 @@ fn parts(rows: &[u32]) -> Vec<Part> {
     parts
 }
 
-/// The number of white pixels in each cell, as something that can be compiled for several kinds of CPU: not all
-/// count the bits of a word in one instruction.
+/// Counts the white pixels in each cell. A type, so that it is compiled for several kinds of CPU: not all count the bits of a word
+/// in one instruction.
 struct Count<'a> {
     cells: &'a Cells,
     canvas: &'a Canvas,
@@ -120,7 +120,7 @@ impl WithSimd for Count<'_> {
 
 /// round-half-to-even(255 * `white` / `area`), for `white <= area`, `area` over 0.
 fn share(white: u32, area: u32) -> u8 {
-    // Most cells are black, and a division is slow.
+    // Most cells are black, and division is slow.
     if white == 0 {
         return 0;
     }
@@ -130,9 +130,9 @@ fn share(white: u32, area: u32) -> u8 {
     (whole + u64::from(up)) as u8
 }
 
-/// The values stretched so that they run from 0 to (nearly) 255; all 0 where they are all the same.
+/// Stretches the values to run from 0 to (nearly) 255; all 0 if all values are equal.
 ///
-/// As the authors' pictures were stretched on their way to a file, rounding included.
+/// Matches how the authors' pictures were stretched when written to a file, rounding included.
 pub(super) fn stretched(values: &[u8]) -> Vec<u8> {
     let low = values.iter().copied().min().unwrap_or(0);
     let high = values.iter().copied().max().unwrap_or(0);
@@ -148,7 +148,7 @@ fn stretch(value: u8, low: u8, high: u8) -> u8 {
         return 0;
     }
     let t = f64::from(value - low) / f64::from(high - low);
-    // Truncations, as theirs: 1/255 * 255 loses one for some.
+    // Truncates as the authors' code does: for some levels 1/255 * 255 loses one.
     let level = f64::from(((t * 256.0) as u32).min(255));
     (level * (1.0 / 255.0) * 255.0) as u8
 }
@@ -163,7 +163,7 @@ mod tests {
             let theirs = (255.0 * f64::from(white) / 100.0).round_ties_even();
             assert_eq!(f64::from(share(white, 100)), theirs, "{white} of 100");
         }
-        // The ties, as their pictures have them (2.55 * 50 in f64 would give 127).
+        // Ties, as in the authors' pictures (2.55 * 50 in f64 would give 127).
         assert_eq!(
             [10, 30, 50, 70, 90].map(|white| share(white, 100)),
             [26, 76, 128, 178, 230]

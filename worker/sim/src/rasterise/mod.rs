@@ -1,4 +1,4 @@
-//! The picture of a behaviour: where its agents went in the last steps, as grey values.
+//! The picture of a behaviour: the paths of its agents in the last steps, as grey values.
 
 mod brush;
 mod canvas;
@@ -13,23 +13,23 @@ use grey::Cells;
 use murmuration_proto::{ImageFormat, Invalid, Robot, World};
 use pulp::{Arch, Scalar, Simd, WithSimd};
 
-/// Draws swarms on a canvas of one pixel a unit and averages it down (paper, "Simulation and Data").
+/// Draws swarms on a canvas of one pixel per world unit, and averages it down (paper, "Simulation and Data").
 ///
-/// For each agent in turn: its sensor rays in black, which erase, then its outline and its heading in white.
+/// Draws each agent in turn: its sensor rays in black, which erase, then its outline and its heading in white.
 ///
-/// There is a canvas for each channel of the picture. With several, agents are drawn on the canvas of their species, so a ray
-/// erases no other species, and each canvas is averaged and stretched by itself: a channel is the picture that the robots of its
-/// species would have if they alone were drawn.
+/// There is one canvas per channel of the picture. With several channels, agents are drawn on the canvas of their species, and each
+/// canvas is averaged and stretched separately. So a ray erases no other species, and a channel is the picture that its species
+/// would have alone.
 #[derive(Debug)]
 pub struct Rasteriser {
     arch: Arch,
     size: [usize; 2],
-    /// Canvases of a swarm alone.
+    /// Number of canvases for one swarm.
     channels: usize,
-    /// For a swarm alone the first, one for each channel; for several swarms at once, one a lane.
+    /// For one swarm, the first `channels` are used, one per channel; for several swarms at once, one per lane.
     canvases: Vec<Canvas>,
     cells: Cells,
-    /// For each size of bodies that was drawn; the first is the world's largest.
+    /// One for each body size drawn so far; the first is for the world's radius, the largest.
     brushes: Vec<Brush>,
 }
 
@@ -37,12 +37,12 @@ impl Rasteriser {
     /// A black canvas for swarms in `world`.
     ///
     /// # Errors
-    /// Where the world is smaller than the picture.
+    /// If the world is smaller than the picture.
     pub fn new(world: &World, format: &ImageFormat) -> Result<Self, Invalid> {
         Self::on(Arch::new(), world, format)
     }
 
-    /// As [`Rasteriser::new`], on the instructions of `arch`: the pictures are the same.
+    /// Like [`Rasteriser::new`], with the instructions of `arch`. The pictures are the same.
     ///
     /// # Errors
     /// As [`Rasteriser::new`].
@@ -66,7 +66,7 @@ impl Rasteriser {
         canvases.for_each(Canvas::clear);
     }
 
-    /// Makes as many canvases black, for swarms whose pictures have one channel.
+    /// Makes one canvas per lane black, for swarms whose pictures have one channel.
     pub(crate) fn clear_lanes(&mut self, lanes: usize) {
         let size = self.size;
         if self.canvases.len() < lanes {
@@ -75,7 +75,7 @@ impl Rasteriser {
         self.canvases.iter_mut().take(lanes).for_each(Canvas::clear);
     }
 
-    /// Draws every agent as it is now, in index order, over what is there.
+    /// Draws the current state of every agent, in index order, over the existing pixels.
     pub fn draw(&mut self, swarm: &Swarm) {
         for radius in swarm.radii() {
             if self.brushes.iter().all(|brush| brush.radius() != radius) {
@@ -89,7 +89,7 @@ impl Rasteriser {
         });
     }
 
-    /// Draws the agents of each swarm on its canvas, those of the first `lanes` lanes.
+    /// Draws the swarms of the first `lanes` lanes, each on its own canvas.
     #[inline(always)]
     pub(crate) fn draw_lanes<S: Simd, const SENSORS: usize, const CONES: bool>(
         &mut self,
@@ -102,11 +102,11 @@ impl Rasteriser {
         } in batch.agents(simd)
         {
             let rays = batch.sensor_directions(simd, heading);
-            // Swarms of a batch have bodies of one size.
+            // All bodies of a batch have the same size.
             let brush = &self.brushes[0];
             let size = self.size.map(|side| side as u32);
             let ends = Ends::new(simd, (brush, size), position, heading, rays);
-            // All lanes in between: a load of what was stored just before, at another address, would wait for the store.
+            // Alternates between lanes: a load that overlaps the store just before, at another address, would wait for it.
             for sensor in 0..SENSORS {
                 for (lane, canvas) in self.canvases.iter_mut().take(lanes).enumerate() {
                     brush.erase_ray(canvas, &ends, lane, sensor);
@@ -120,7 +120,7 @@ impl Rasteriser {
 
     /// The picture: of each channel, the share of white in each cell, stretched to the channel's own minimum and maximum.
     ///
-    /// Grey values channel by channel, each with index `x * resolution + y`. It is what the network sees.
+    /// Grey values channel by channel; a cell of a channel has index `x * resolution + y`. This is the network's input.
     #[must_use]
     pub fn image(&self) -> Vec<u8> {
         self.of_channels(|canvas| grey::stretched(&self.cells.average(self.arch, canvas)))
@@ -137,17 +137,17 @@ impl Rasteriser {
         self.of_channels(|canvas| self.cells.average(self.arch, canvas))
     }
 
-    /// The values of all channels, one after the other.
+    /// Concatenates the values of all channels.
     fn of_channels(&self, values: impl Fn(&Canvas) -> Vec<u8>) -> Vec<u8> {
         let canvases = self.canvases.iter().take(self.channels);
         canvases.map(values).collect::<Vec<_>>().concat()
     }
 }
 
-/// The drawing of a swarm, as something that can be compiled for several kinds of CPU.
+/// Draws a swarm. A type, so that it is compiled for several kinds of CPU.
 struct Drawing<'a> {
     brushes: &'a [Brush],
-    /// One for each channel.
+    /// One per channel.
     canvases: &'a mut [Canvas],
     swarm: &'a Swarm,
 }
@@ -165,7 +165,7 @@ impl WithSimd for Drawing<'_> {
                 (None, _) => self.draw(i, brush, &agent, [first]),
                 (Some(second), None) => self.draw(i, brush, &agent, [first, second]),
                 (Some(second), Some(third)) => {
-                    // To erase a ray twice changes nothing.
+                    // Erasing a ray twice changes nothing.
                     let mut rays = [third; Robot::MAX_SENSORS];
                     rays[..2].copy_from_slice(&[first, second]);
                     rays[3..]
@@ -208,7 +208,7 @@ impl<'a> Drawing<'a> {
         }
     }
 
-    /// The canvas for agent `i`. None where its species has no channel, which evaluations refuse before they draw.
+    /// The canvas for agent `i`. `None` if its species has no channel; evaluations refuse such pictures before they draw.
     #[inline(always)]
     fn canvas_for(&mut self, i: usize) -> Option<&mut Canvas> {
         match &mut *self.canvases {

@@ -36,7 +36,7 @@ pub(super) fn line(from: [i32; 2], to: [i32; 2]) -> impl Iterator<Item = [i32; 2
     let mut next = from;
     (0..=dx.max(dy)).map(move |_| {
         let pixel = next;
-        // No branches: which way a line turns cannot be predicted.
+        // No branches: a line's turns would be mispredicted.
         let across = i32::from(error > -dx);
         let along = i32::from(error < dy);
         error += along * dx - across * dy;

@@ -1,18 +1,18 @@
-//! Small drawings as columns of bits, drawn once and put on the canvas many times.
+//! Small drawings as columns of bits, drawn once and stamped on the canvas many times.
 
 use crate::lanes::{Planar, plus, splat};
 use pulp::Simd;
 
-/// Most columns, and rows, of a stamp.
+/// Maximum number of columns, and of rows, of a stamp.
 pub(super) const SIDE: usize = 16;
 
-/// A drawing about a pixel, in a cache line of its own.
+/// A drawing about a pixel, in its own cache line.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(align(64))]
 pub(super) struct Stamp {
-    /// Its columns, the first row the lowest bit.
+    /// Columns; the lowest bit is the first row.
     pub(super) columns: [u16; SIDE],
-    /// How far its first column and row are before that pixel: less than [`SIDE`].
+    /// Distance of the first column and row before that pixel: less than [`SIDE`].
     pub(super) before: [u8; 2],
 }
 
@@ -21,14 +21,14 @@ pub(super) struct Stamp {
 pub(super) struct Stamps {
     /// Largest component of an offset.
     reach: i32,
-    /// Offsets along an axis: 0 where there are no stamps.
+    /// Number of offsets along an axis; 0 if there are no stamps.
     side: u32,
-    /// By x, then y, from `-reach`; none where a drawing does not fit.
+    /// Ordered by x, then y, from `-reach`; `None` if a drawing does not fit.
     stamps: Vec<Option<Stamp>>,
 }
 
 impl Stamp {
-    /// Some pixels as a stamp, unless they do not fit in one.
+    /// A stamp of some pixels; `None` if they do not fit.
     pub(super) fn of(offsets: &[[i32; 2]]) -> Option<Self> {
         let first = |axis: usize| offsets.iter().map(|offset| offset[axis]).chain([0]).min();
         let corner = [first(0)?, first(1)?];
@@ -49,7 +49,7 @@ impl Stamp {
 }
 
 impl Stamps {
-    /// The drawings with lines up to `length` long; none if those would not fit.
+    /// Stamps of the drawings with lines up to `length` long; empty if those would not fit.
     pub(super) fn new(length: f64, drawing: impl Fn([i32; 2]) -> Vec<[i32; 2]>) -> Self {
         let fits = length < SIDE as f64;
         let (reach, side) = if fits {
@@ -67,8 +67,8 @@ impl Stamps {
         }
     }
 
-    /// For each lane the place, for [`Stamps::at`], of the stamp with a line to the offset there, and whether there is a place.
-    /// Offsets are whole numbers, and so are places.
+    /// For each lane, the place (for [`Stamps::at`]) of the stamp with a line to that offset, and whether the place exists. Offsets
+    /// and places are whole numbers.
     #[inline(always)]
     pub(super) fn places<S: Simd>(&self, simd: S, offset: Planar<S>) -> (S::f64s, S::m64s) {
         let (zero, side) = (simd.splat_f64s(0.0), simd.splat_f64s(f64::from(self.side)));
@@ -85,7 +85,7 @@ impl Stamps {
         (place, simd.and_m64s(column, row))
     }
 
-    /// The stamp at a place; none where that drawing does not fit in one.
+    /// The stamp at a place; `None` if its drawing does not fit in a stamp.
     #[inline(always)]
     pub(super) fn at(&self, place: usize) -> Option<&Stamp> {
         self.stamps.get(place)?.as_ref()

@@ -4,16 +4,16 @@ use super::{Start, gaze::Group, others::Others, sight::Reach};
 use murmuration_proto::{Purpose, RandomStream, World};
 use pulp::Simd;
 
-/// Times that an agent is pushed out of all that it touches, at most.
+/// Maximum number of passes that push an agent out of all agents that it touches.
 pub(crate) const PASSES: usize = 10;
 /// Gap between two agents after a push.
 pub(crate) const GAP: f64 = 0.001;
 /// Largest component of the authors' jitter.
 pub(crate) const JITTER: f64 = 0.001;
-/// Where both components of the offset are below this, the authors' simulator jitters.
+/// The authors' simulator jitters if both components of the offset are below this.
 const JITTER_BELOW: f64 = 1e-4;
 
-/// The rule of collisions in one world, and what it has to remember.
+/// The collision rule of one world, and its state.
 #[derive(Debug, Clone)]
 pub(super) struct Collisions {
     /// All agents, by size, in index order.
@@ -24,12 +24,12 @@ pub(super) struct Collisions {
     centre: [f64; 2],
     jitter: Option<RandomStream>,
     jitter_events: u64,
-    /// The agents touched, kept for its memory.
+    /// Buffer for the agents touched, kept to reuse its memory.
     touched: Vec<usize>,
 }
 
 impl Collisions {
-    /// The rule among all agents of a world, which `groups` has in index order.
+    /// The rule for all agents of a world; `groups` has them by size, in index order.
     pub(super) fn new(world: &World, groups: Vec<Group>, start: &Start) -> Self {
         let radius = groups.iter().map(|group| group.radius).fold(0.0, f64::max);
         Self {
@@ -68,7 +68,7 @@ impl Collisions {
         self.jitter_events
     }
 
-    /// Where agent `me` of radius `radius`, now at `at`, ends once it is pushed out of all others.
+    /// Pushes agent `me` of radius `radius` at `at` out of all others, and returns its new position.
     #[inline(always)]
     pub(super) fn push_out<S: Simd>(
         &mut self,
@@ -106,13 +106,13 @@ impl Collisions {
         at
     }
 
-    /// Where an agent at `at` ends that is pushed out of one at `other`, if they touch.
+    /// Pushes an agent at `at` out of one at `other`, if they touch, and returns its new position.
     #[inline(always)]
     pub(super) fn pushed(&mut self, at: [f64; 2], other: [f64; 2]) -> [f64; 2] {
         self.pushed_to(self.diameter, at, other)
     }
 
-    /// As [`Collisions::pushed`], the two touching where their centres are nearer than `touch`.
+    /// Like [`Collisions::pushed`], for agents that touch if their centres are nearer than `touch`.
     #[inline(always)]
     fn pushed_to(&mut self, touch: f64, at: [f64; 2], other: [f64; 2]) -> [f64; 2] {
         let away = [at[0] - other[0], at[1] - other[1]];
@@ -136,7 +136,7 @@ impl Collisions {
         at
     }
 
-    /// The way out of an agent at the very same place, which the authors' simulator does not find.
+    /// Direction of the push if both agents are at the same place, a case that the authors' simulator does not resolve.
     fn towards_centre(&self, at: [f64; 2]) -> [f64; 2] {
         let inward = [self.centre[0] - at[0], self.centre[1] - at[1]];
         let distance = length(inward);

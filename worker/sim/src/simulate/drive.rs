@@ -1,4 +1,5 @@
-//! Motion of a robot in one step by a pair of its controller's numbers; wheel speeds: paper, appendix "Swarm Kinematics".
+//! Motion of a robot in one step, from a pair of its controller's numbers. For wheel speeds see the paper, appendix "Swarm
+//! Kinematics".
 
 use murmuration_proto::{DriveKind, Robot, RobotController};
 
@@ -13,7 +14,7 @@ pub(super) struct Gait {
     pub(super) rotation: [f64; 2],
 }
 
-/// Makes a gait of a pair of numbers.
+/// Turns a pair of numbers into a gait.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Drivetrain {
     kind: DriveKind,
@@ -21,7 +22,7 @@ pub(super) struct Drivetrain {
     dt: f64,
 }
 
-/// The gait of each sensor state, by its number.
+/// The gaits, in order of sensor states.
 ///
 /// The paper's equation has the two middle rows exchanged; its pictures follow this order.
 pub(super) fn gaits(controller: RobotController<'_>, dt: f64) -> impl Iterator<Item = Gait> {
@@ -30,7 +31,7 @@ pub(super) fn gaits(controller: RobotController<'_>, dt: f64) -> impl Iterator<I
 }
 
 impl Drivetrain {
-    /// That of a robot, for steps of `dt`.
+    /// The drivetrain of a robot, for steps of `dt`.
     pub(super) fn of(robot: &Robot, dt: f64) -> Self {
         Self {
             kind: robot.drive().kind(),
@@ -57,7 +58,7 @@ impl Drivetrain {
 }
 
 impl Gait {
-    /// Where an agent at `from` that heads along the unit vector `heading` gets to.
+    /// The position to which an agent at `from` drives, with the unit vector `heading`.
     #[inline(always)]
     pub(super) fn drive(&self, from: [f64; 2], heading: [f64; 2]) -> [f64; 2] {
         [
@@ -78,7 +79,7 @@ pub(super) fn rotate([x, y]: [f64; 2], [cos, sin]: [f64; 2]) -> [f64; 2] {
     [x * cos - y * sin, x * sin + y * cos]
 }
 
-/// A vector of length nearly 1, with the length nearer to 1: one Newton step of the inverse square root.
+/// Brings the length of a vector nearer to 1 by one Newton step of the inverse square root. The length must be nearly 1.
 #[inline(always)]
 pub(super) fn renormalised([x, y]: [f64; 2]) -> [f64; 2] {
     let factor = 1.5 - 0.5 * (x * x + y * y);

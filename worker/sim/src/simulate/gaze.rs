@@ -1,13 +1,13 @@
-//! The sensor of a described robot: what it sees when it looks.
+//! The sensor of a described robot, and the rule of what it sees.
 //!
-//! With e from the observer to another's centre, rho the radius of the other, and c, l, r the unit vectors along the middle and
-//! the two edges of the cone, the other is seen where its centre is within range (`e.e <= R^2`) and one of these holds:
+//! Let e be the vector from the observer to another robot's centre, rho the other's radius, and c, l, r unit vectors along the
+//! middle and the two edges of the cone. The other is seen if its centre is within range (`e.e <= R^2`) and one of these holds:
 //!
 //! - an edge u meets its body: `e.u >= 0` and `rho^2 - e.e + (e.u)^2 >= 0`, the rule of the paper's rays;
 //! - its centre is inside a cone that is no ray: with A = `cross(r, e) >= 0` and B = `cross(l, e) <= 0`, A and B and `e.c >= 0` if
 //!   the half-angle is at most a right angle, else A or B.
 //!
-//! A ray is a cone whose edges are one: its bits are those of [`sight`](super::sight).
+//! A ray is a cone whose edges coincide; its bits are those of [`sight`](super::sight).
 
 use super::{
     drive::{direction, rotate},
@@ -18,10 +18,10 @@ use murmuration_proto::{Sensor, World};
 use pulp::Simd;
 use std::f64::consts::FRAC_PI_2;
 
-/// Which points of the plane are between the edges of a cone.
+/// The region between the edges of a cone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Shape {
-    /// Nothing is between the edges, which are one.
+    /// Empty: the edges coincide.
     Ray,
     /// At most a half plane.
     Narrow,
@@ -35,23 +35,23 @@ pub(super) struct Eye {
     shape: Shape,
     /// Square of the range.
     range: f64,
-    /// Unit vectors along the middle and the edges of its cone, as seen from a robot that heads along x.
+    /// Unit vectors along the middle and the edges of the cone, for a robot that heads along x.
     middle: [f64; 2],
     edges: [[f64; 2]; 2],
 }
 
-/// A sensor as it looks now: the same in the frame of the world.
+/// A sensor turned to its robot's current heading, in world coordinates.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Gaze {
     eye: Eye,
 }
 
-/// Some robots with consecutive numbers and bodies of one size.
+/// Robots with consecutive indices and the same size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Group {
-    /// Number of the first one.
+    /// Index of the first robot.
     pub(super) first: usize,
-    /// One more than the number of the last one.
+    /// Index after the last robot.
     pub(super) end: usize,
     /// Radius of their bodies.
     pub(super) radius: f64,
@@ -103,8 +103,8 @@ impl Eye {
         self.middle
     }
 
-    /// Whether the line from 0 along the unit vector `edge`, as long as the range, meets the box between these sides: low and
-    /// high by axis.
+    /// Whether the line from the origin along the unit vector `edge`, as long as the range, meets a box. `sides` are the box's low
+    /// and high coordinates by axis.
     fn meets_box(&self, edge: [f64; 2], sides: [[f64; 2]; 2]) -> bool {
         let mut within = [0.0, self.range.sqrt()];
         for (along, side) in edge.into_iter().zip(sides) {
@@ -120,7 +120,7 @@ impl Eye {
         within[0] <= within[1]
     }
 
-    /// Where it looks from a robot with this heading.
+    /// The gaze from a robot with this heading.
     #[inline(always)]
     pub(super) fn turned(&self, heading: [f64; 2]) -> Gaze {
         let turned = |direction| rotate(heading, direction);
@@ -135,17 +135,17 @@ impl Eye {
 }
 
 impl Gaze {
-    /// Largest distance to a centre that it sees.
+    /// Largest distance of a centre that is seen.
     pub(super) fn range(&self) -> f64 {
         self.eye.range.sqrt()
     }
 
-    /// Where it looks, if it is a ray.
+    /// Its direction, if it is a ray.
     pub(super) fn ray(&self) -> Option<[f64; 2]> {
         (self.eye.shape == Shape::Ray).then_some(self.eye.middle)
     }
 
-    /// Whether it sees, from `at`, a body whose square of the radius is `body` at `other`.
+    /// Whether a body at `other` is seen from `at`; `body` is the square of its radius.
     pub(super) fn sees(&self, other: [f64; 2], at: [f64; 2], body: f64) -> bool {
         let e = [other[0] - at[0], other[1] - at[1]];
         let squared = e[0] * e[0] + e[1] * e[1];
@@ -157,7 +157,8 @@ impl Gaze {
         squared <= self.eye.range && (self.eye.edges.iter().any(meets) || self.holds(e))
     }
 
-    /// Whether it sees, from `at`, a disc: as a body of that radius, but where the disc's nearest point is within range.
+    /// Whether a disc is seen from `at`: by the rule for bodies, except that its nearest point, not its centre, must be within
+    /// range.
     pub(super) fn sees_disc(&self, centre: [f64; 2], radius: f64, at: [f64; 2]) -> bool {
         let e = [centre[0] - at[0], centre[1] - at[1]];
         let squared = e[0] * e[0] + e[1] * e[1];
@@ -171,8 +172,8 @@ impl Gaze {
 
     /// Whether the cone at `at`, cut at the range, meets a box.
     ///
-    /// The part of the box within range is one piece: if neither edge of the cone meets it, all of it is between the edges,
-    /// or nothing, and so is the nearest point.
+    /// The part of the box within range is connected. So if neither edge of the cone meets it, either all of it is between the
+    /// edges or none, and the nearest point decides.
     pub(super) fn sees_box(&self, centre: [f64; 2], half: [f64; 2], at: [f64; 2]) -> bool {
         let e = [centre[0] - at[0], centre[1] - at[1]];
         let sides = [0, 1].map(|axis| [e[axis] - half[axis], e[axis] + half[axis]]);
@@ -198,7 +199,7 @@ impl Gaze {
         }
     }
 
-    /// How far the cone, cut at distance 1, reaches along the unit vector `normal` at most; its apex is at 0.
+    /// Maximum extent along the unit vector `normal` of the cone with its apex at the origin, cut at distance 1.
     pub(super) fn reach(&self, normal: [f64; 2]) -> f64 {
         if self.holds(normal) {
             return 1.0;
@@ -210,7 +211,7 @@ impl Gaze {
         left.max(right).max(0.0)
     }
 
-    /// Whether it sees, from `at`, a robot of `group` other than `me`.
+    /// Whether a robot of `group` other than `me` is seen from `at`.
     #[inline(always)]
     pub(super) fn sees_any<S: Simd>(
         &self,
@@ -220,7 +221,7 @@ impl Gaze {
         at: [f64; 2],
         group: &Group,
     ) -> bool {
-        // Each arm is a loop of its own, without a choice in it.
+        // Each arm is a separate loop without a branch on the shape.
         match self.eye.shape {
             Shape::Ray => self.scan(simd, positions, me, at, group, Shape::Ray),
             Shape::Narrow => self.scan(simd, positions, me, at, group, Shape::Narrow),
@@ -277,7 +278,7 @@ impl<S: Simd> Vectors<S> {
         }
     }
 
-    /// The gaze of an eye that looks elsewhere in each lane.
+    /// The gaze of an eye whose direction differs by lane.
     pub(super) fn turned(simd: S, eye: &Eye, middle: Planar<S>, edges: [Planar<S>; 2]) -> Self {
         Self {
             middle,
@@ -286,13 +287,13 @@ impl<S: Simd> Vectors<S> {
         }
     }
 
-    /// Whether a centre is within range, by the square of its distance.
+    /// Whether a centre is within range, given the square of its distance.
     #[inline(always)]
     pub(super) fn within_range(&self, simd: S, squared: S::f64s) -> S::m64s {
         simd.less_than_or_equal_f64s(squared, self.range)
     }
 
-    /// Whether what is within range is seen: bodies whose squares of radii are `inside` more than e.e.
+    /// Whether bodies within range are seen; `inside` is the square of the radius less e.e.
     #[inline(always)]
     pub(super) fn meet(&self, simd: S, e: Planar<S>, inside: S::f64s, shape: Shape) -> S::m64s {
         let [left, right] = self.edges;
@@ -314,7 +315,7 @@ impl<S: Simd> Vectors<S> {
     }
 }
 
-/// Whether the half-line along `edge` meets a body whose square of the radius is `inside` more than e.e.
+/// Whether the half-line along `edge` meets a body; `inside` is the square of its radius less e.e.
 #[inline(always)]
 fn meets<S: Simd>(simd: S, e: Planar<S>, edge: Planar<S>, inside: S::f64s) -> S::m64s {
     let zero = simd.splat_f64s(0.0);

@@ -1,8 +1,6 @@
-//! Where the agents of a large swarm are, by cells of a grid: who touches one, and whether a ray meets one, is asked of a few
-//! cells and not of all agents.
+//! The agents of a large swarm in the cells of a grid, so that tests for contacts and rays check a few cells and not all agents.
 //!
-//! The cells only choose whom to ask: every answer comes from the operations of [`sight`](super::sight), so the bits do not
-//! depend on there being a grid.
+//! Cells only select candidates. The tests use the operations of [`sight`](super::sight), so the grid changes no bits.
 
 use super::{
     gaze::{Gaze, Group},
@@ -10,18 +8,18 @@ use super::{
 };
 use murmuration_proto::World;
 
-/// Fewest agents that a grid is faster for: `cargo bench -p murmuration-worker --bench many_robots`.
+/// Minimum number of agents for which a grid is faster: `cargo bench -p murmuration-worker --bench many_robots`.
 pub(super) const WORTH: u32 = 512;
-/// Cells for each agent, about.
+/// Approximate number of cells per agent.
 const CELLS_AN_AGENT: f64 = 0.25;
-/// Room for what is rounded, as a part of the largest coordinate c. A ray is a unit vector up to 10^-12, and squares of
-/// distances, at most 8 c^2, are off by less: roots of that are below 3 * 10^-6 c.
+/// Room for rounding, relative to the largest coordinate c. The length of a ray is 1 up to 10^-12, and squares of distances, at
+/// most 8 c^2, have smaller relative errors. Roots of these errors are below 3 * 10^-6 c.
 const ROUNDING: f64 = 1e-5;
 
-/// The agents of a swarm by cells. Cells at the border hold what is beyond it too.
+/// The agents of a swarm by cells. Cells at the border include agents beyond it.
 #[derive(Debug, Clone)]
 pub(super) struct Grid {
-    /// Length of a cell's side, and its inverse: a division is slow.
+    /// Length of a cell's side, and its inverse, because division is slow.
     side: f64,
     inverse: f64,
     /// Columns and rows.
@@ -29,9 +27,9 @@ pub(super) struct Grid {
     /// By column, then row.
     members: Vec<Vec<Member>>,
     positions: Vec<[f64; 2]>,
-    /// No coordinate was ever below or above, by axis.
+    /// Lower and upper bound of all coordinates so far, by axis.
     range: [[f64; 2]; 2],
-    /// Of the largest body.
+    /// Radius of the largest body.
     radius: f64,
 }
 
@@ -50,12 +48,12 @@ struct Course {
     grows: bool,
     /// Change across for each unit along the main axis.
     slope: f64,
-    /// How far from the ray, across, a centre can be that it meets.
+    /// Maximum distance from the ray, across, of a centre that the ray meets.
     breadth: f64,
 }
 
 impl Grid {
-    /// The grid of agents at `positions`, none of whose bodies is larger than `radius`.
+    /// The grid of agents at `positions`, whose bodies have at most this radius.
     pub(super) fn new(world: &World, radius: f64, positions: &[[f64; 2]]) -> Self {
         let size = [world.width(), world.height()];
         let share = (size[0] * size[1] / (CELLS_AN_AGENT * positions.len() as f64)).sqrt();
@@ -78,12 +76,12 @@ impl Grid {
         grid
     }
 
-    /// How many agents there are.
+    /// Number of agents.
     pub(super) const fn count(&self) -> usize {
         self.positions.len()
     }
 
-    /// Where agent `i` is.
+    /// Position of agent `i`.
     pub(super) fn get(&self, i: usize) -> [f64; 2] {
         self.positions[i]
     }
@@ -103,12 +101,12 @@ impl Grid {
         }
     }
 
-    /// Whether an agent other than `me` touches one at `at`.
+    /// Whether an agent other than `me` touches a body at `at`.
     pub(super) fn touches_any(&self, me: usize, at: [f64; 2], reach: Reach) -> bool {
         self.touching(me, at, reach).next().is_some()
     }
 
-    /// The agents other than `me` that touch one at `at`, in no order.
+    /// The agents other than `me` that touch a body at `at`, in no particular order.
     pub(super) fn touching(&self, me: usize, at: [f64; 2], reach: Reach) -> impl Iterator<Item = usize> {
         let near = self.near(at, 2.0 * self.radius);
         let touching = near.filter(move |member| member.agent != me && reach.touches(member.at, at));
@@ -125,13 +123,13 @@ impl Grid {
         })
     }
 
-    /// The sensor state of `observer`: 0 or 1, with two sensors 2 S1 + S2.
+    /// The sensor state of `observer`: 0 or 1; with two sensors 2 S1 + S2.
     pub(super) fn sense<const SENSORS: usize>(&self, observer: &Observer<SENSORS>, reach: Reach) -> u8 {
         let hit = |ray: &[f64; 2]| u8::from(self.meets(observer.index, observer.at, *ray, reach));
         observer.rays.iter().fold(0, |state, ray| 2 * state + hit(ray))
     }
 
-    /// Whether an agent of `group` other than `me` is seen from `at`: those in range are asked, of a ray without limit those
+    /// Whether an agent of `group` other than `me` is seen from `at`. Checks the agents in range, or for a ray without limit those
     /// along it.
     pub(super) fn sees(&self, gaze: &Gaze, group: &Group, me: usize, at: [f64; 2]) -> bool {
         let body = group.radius * group.radius;
@@ -150,7 +148,7 @@ impl Grid {
         })
     }
 
-    /// Whether any of the agents whom the ray from `at` may meet is `wanted`.
+    /// Whether any agent that the ray from `at` may meet is `wanted`.
     fn any_along(&self, at: [f64; 2], ray: [f64; 2], wanted: impl Fn(&Member) -> bool) -> bool {
         let course = Course::new(at, ray, self.radius);
         let slack = self.slack();
@@ -180,7 +178,7 @@ impl Grid {
         }
     }
 
-    /// More than anything computed from coordinates here is off by.
+    /// Upper bound of the rounding errors of everything computed from coordinates here.
     fn slack(&self) -> f64 {
         let [x, y] = self.range.map(|[low, high]| high.max(-low));
         ROUNDING * x.max(y)
@@ -213,9 +211,9 @@ impl Grid {
         self.cell(0, at[0]) * self.cells[1] + self.cell(1, at[1])
     }
 
-    /// Number of the cell that a coordinate is in along an axis.
+    /// Number, along an axis, of the cell that contains a coordinate.
     fn cell(&self, axis: usize, value: f64) -> usize {
-        // A negative number becomes 0.
+        // The cast turns negative numbers into 0.
         ((value * self.inverse) as usize).min(self.cells[axis] - 1)
     }
 
@@ -234,12 +232,12 @@ impl Course {
             from,
             grows: ray[main] > 0.0,
             slope,
-            // A strip about the ray, cut across at an angle; its half width a little more than the radius.
+            // Half the width, across, of a strip about the ray. The strip extends slightly more than the radius to either side.
             breadth: 1.000_001 * radius * (1.0 + slope * slope).sqrt(),
         }
     }
 
-    /// Least and largest coordinate across of centres that the ray meets where their main coordinate is in `bounds`.
+    /// Smallest and largest coordinate, across, of centres that the ray meets, if their main coordinate is in `bounds`.
     fn across(&self, bounds: [f64; 2], slack: f64) -> [f64; 2] {
         let at = |main: f64| self.from[1 - self.main] + self.slope * (main - self.from[self.main]);
         let ends = bounds.map(at);

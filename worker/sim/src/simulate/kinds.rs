@@ -1,6 +1,7 @@
 //! Swarms of described robots: several species, each with its own sensors, body and drive.
 //!
-//! A robot whose sensors are the paper's, among robots of its size, takes the paper's path and has its bits.
+//! A robot with the paper's sensors, among robots of its size, takes the same code path as the paper's robots and has the same
+//! bits.
 
 use super::{
     Walls,
@@ -17,13 +18,13 @@ use murmuration_proto::{
 };
 use pulp::Simd;
 
-/// The species of a swarm, ready to be stepped.
+/// The species of a swarm, prepared for stepping.
 #[derive(Debug, Clone)]
 pub(super) struct Kinds {
     kinds: Vec<Kind>,
-    /// The kind of each robot.
+    /// Index of each robot's kind.
     kind_of: Vec<u8>,
-    /// Sides of the rectangle that sensors see, as (normal, distance from the origin); none where there are no walls.
+    /// Sides of the rectangle that sensors see, as (normal, distance from the origin); empty without walls.
     sides: Vec<([f64; 2], f64)>,
     obstacles: Obstacles,
 }
@@ -33,15 +34,15 @@ pub(super) struct Kinds {
 struct Kind {
     radius: f64,
     walls: Walls,
-    /// By sensor state: a power of two of them.
+    /// By sensor state; the length is a power of two.
     gaits: Vec<Gait>,
-    /// By sensor state, the pair of the controller's numbers behind the gait.
+    /// By sensor state: the pair of the controller's numbers that the gait comes from.
     pairs: Vec<[f64; 2]>,
     drive: Drivetrain,
     sensors: Vec<Sensing>,
-    /// Whether all sensors are the paper's and all robots of the swarm have one size.
+    /// Whether all sensors are the paper's and all robots of the swarm have the same size.
     plain: bool,
-    /// Unit vectors along which its sensors look, as seen from a robot that heads along x.
+    /// Directions of its sensors as unit vectors, for a robot that heads along x.
     directions: Vec<[f64; 2]>,
 }
 
@@ -49,14 +50,14 @@ struct Kind {
 #[derive(Debug, Clone)]
 struct Sensing {
     eye: Eye,
-    /// The robots that it sees.
+    /// The robots that the sensor sees.
     seen: Vec<Group>,
     wall_range: Option<f64>,
     sees_obstacles: bool,
 }
 
 impl Kinds {
-    /// The species of a swarm whose robots are, by size, those of `groups`.
+    /// The species of a swarm; `groups` are its robots by size.
     pub(super) fn new(controller: &Controller, groups: &[Group], world: &World) -> Self {
         let model = controller.model();
         let by_species = by_species(controller, world);
@@ -96,7 +97,7 @@ impl Kinds {
         }
     }
 
-    /// The place of the species of robot `i`.
+    /// Index of the species of robot `i`.
     pub(super) fn species(&self, i: usize) -> usize {
         usize::from(self.kind_of[i])
     }
@@ -106,7 +107,7 @@ impl Kinds {
         self.kind(i).radius
     }
 
-    /// Unit vectors along which the sensors of robot `i` look when it heads along x.
+    /// Directions of the sensors of robot `i` as unit vectors, when it heads along x.
     pub(super) fn directions(&self, i: usize) -> &[[f64; 2]] {
         &self.kind(i).directions
     }
@@ -140,14 +141,14 @@ impl Kinds {
 }
 
 impl Kinds {
-    /// How robot `i` moves after it sensed `sensed`.
+    /// The gait of robot `i` in the sensor state `sensed`.
     #[inline(always)]
     pub(super) fn gait(&self, i: usize, sensed: u8) -> Gait {
         let gaits = &self.kind(i).gaits;
         gaits[usize::from(sensed) % gaits.len()]
     }
 
-    /// The pair that drives robot `i` after it sensed `sensed`, and what makes a gait of it.
+    /// The drivetrain of robot `i`, and the pair of numbers that drives it in the sensor state `sensed`.
     #[inline(always)]
     pub(super) fn driven_by(&self, i: usize, sensed: u8) -> (Drivetrain, [f64; 2]) {
         let Kind { pairs, drive, .. } = self.kind(i);
@@ -159,7 +160,7 @@ impl Kinds {
         &self.obstacles
     }
 
-    /// Where the centre of robot `i` may be.
+    /// The walls for the centre of robot `i`.
     #[inline(always)]
     pub(super) fn walls(&self, i: usize) -> &Walls {
         &self.kind(i).walls
@@ -218,7 +219,7 @@ impl Mind for &Kinds {
     }
 }
 
-/// Checks that `world` is for as many robots as a model has, and for bodies as large as theirs.
+/// Checks that `world` has the model's number of robots, and the radius of its largest body.
 pub(super) fn check_fit(model: &CapabilityModel, world: &World) -> Result<(), Invalid> {
     if let Some(robots) = model.robots().filter(|&robots| robots != world.agents()) {
         let allowed = format!("{robots}: as many as all species have together");
@@ -232,7 +233,7 @@ pub(super) fn check_fit(model: &CapabilityModel, world: &World) -> Result<(), In
     Ok(())
 }
 
-/// A robot that looks along `SENSORS` rays.
+/// An observer with `SENSORS` rays, turned to the robot's heading.
 #[inline(always)]
 fn turned<const SENSORS: usize>(robot: Driven, directions: &[[f64; 2]]) -> Observer<SENSORS> {
     let mut rays = [robot.heading; SENSORS];
@@ -264,7 +265,7 @@ pub(super) fn by_species(controller: &Controller, world: &World) -> Vec<Group> {
         .collect()
 }
 
-/// The robots of all species, neighbouring species of one size as one group.
+/// Merges the groups of neighbouring species of one size.
 pub(super) fn by_size(by_species: &[Group]) -> Vec<Group> {
     let of_one_size = by_species.chunk_by(|a, b| a.radius == b.radius);
     let whole = |groups: &[Group]| Group {
@@ -287,7 +288,7 @@ fn seen(sensor: &Sensor, model: &CapabilityModel, by_species: &[Group], by_size:
     }
 }
 
-/// The sides of the rectangle at the world's padding, their normals pointing outwards.
+/// The sides of the rectangle at the world's padding, with outward normals.
 fn sides(world: &World) -> Vec<([f64; 2], f64)> {
     let (low, width, height) = (world.padding(), world.width(), world.height());
     vec![

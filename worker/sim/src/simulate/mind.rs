@@ -1,4 +1,4 @@
-//! Differences between kinds of robots in a step: the gait, the boundary, and what follows the drive.
+//! The parts of a step that differ by kind of robot: the gait, the boundary, and pushing and sensing after the drive.
 
 use super::{
     Walls,
@@ -12,19 +12,19 @@ use pulp::Simd;
 
 /// The kinds of robots of a swarm.
 pub(super) trait Mind {
-    /// How robot `i` moves after it sensed `sensed`.
+    /// The gait of robot `i` in the sensor state `sensed`.
     fn gait(&mut self, i: usize, sensed: u8) -> Gait;
 
     /// Keeps robot `i`, which has driven from `before` to `driven`, inside the edges and outside of obstacles.
     fn bound(&self, i: usize, before: [f64; 2], driven: [f64; 2]) -> Bound;
 
-    /// The place of a robot at `at` once it has been pushed out of others.
+    /// Moves a robot, pushed by others to `at`, back into the world if the world wraps.
     #[inline(always)]
     fn home(&self, at: [f64; 2]) -> [f64; 2] {
         at
     }
 
-    /// Pushes robot `i`, which has driven to `at`, out of the others; then it looks. Where it ends, and what it senses.
+    /// Pushes a robot that has driven out of the others, and then has it look. Returns its position and its sensor state.
     fn settle<S: Simd>(
         &mut self,
         simd: S,
@@ -34,11 +34,11 @@ pub(super) trait Mind {
     ) -> ([f64; 2], u8);
 }
 
-/// Where a robot is before it is pushed out of others.
+/// Position of a robot before it is pushed out of others.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bound {
     pub(super) at: [f64; 2],
-    /// Where it was before the step, as seen from `at`: what it moves by counts from there.
+    /// Position before the step, in the frame of `at`; the displacement counts from there.
     pub(super) from: [f64; 2],
 }
 
@@ -59,14 +59,14 @@ pub(super) struct Paper {
     pub(super) second_sensor: Option<[f64; 2]>,
 }
 
-/// [`Paper`] robots with what turns a heading into their rays.
+/// [`Paper`] robots, with the function that turns a heading into rays.
 pub(super) struct PaperMind<R> {
     pub(super) paper: Paper,
     pub(super) rays: R,
 }
 
 impl Paper {
-    /// Robots of a preset of the paper's.
+    /// Robots of one of the paper's presets.
     pub(super) fn new(controller: RobotController<'_>, world: &World) -> Self {
         let mut gaits = [Gait::default(); 4];
         for (gait, of_state) in gaits.iter_mut().zip(drive::gaits(controller, world.dt())) {

@@ -1,8 +1,8 @@
-//! The swarm: agents stepped one after the other, each seeing the positions as they are at that moment.
+//! The swarm: agents step one after the other, and each sees the others' current positions.
 //!
-//! One step of one agent (order as in the authors' simulator): drive with
-//! the wheel speeds of what it last sensed, clamp to the walls, be pushed out of obstacles, be pushed out of others, sense. A
-//! step that is longer than an obstacle is thick passes through it.
+//! One step of one agent, in the order of the authors' simulator: drive with the wheel speeds of the last sensor state, clamp to
+//! the walls, be pushed out of obstacles, be pushed out of other agents, sense. A step longer than an obstacle's thickness can pass
+//! through the obstacle.
 
 mod batch;
 mod collide;
@@ -39,12 +39,12 @@ use pulp::{Simd, WithSimd};
 use situated::Situated;
 use torus::Torus;
 
-/// Steps between two renormalisations of the headings.
+/// Number of steps between renormalisations of the headings.
 const RENORMALISE_EVERY: u32 = 256;
 
-/// A swarm in its world, to be stepped and looked at.
+/// A swarm in its world.
 ///
-/// Its bits depend on controller, world and start alone: not on the CPU, nor on how the steps are grouped.
+/// Its bits depend on controller, world and start only, not on the CPU or on how steps are grouped.
 #[derive(Debug, Clone)]
 pub struct Swarm {
     arch: Arch,
@@ -61,7 +61,7 @@ enum Minds {
     Situated(Situated),
 }
 
-/// The robots of a swarm without their places.
+/// State of a swarm's robots, except for the lookup of others.
 #[derive(Debug, Clone)]
 struct Robots {
     collisions: Collisions,
@@ -69,15 +69,15 @@ struct Robots {
     steps: u32,
 }
 
-/// Where all agents are.
+/// Positions of all agents.
 #[derive(Debug, Clone)]
 enum Lookup {
-    /// To be looked at one and all.
+    /// Every agent checks every other.
     All(Positions),
     Near(Grid),
 }
 
-/// An agent as it is between two steps.
+/// State of an agent between two steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Agent {
     /// x and y, world units; y points down the screen.
@@ -86,11 +86,10 @@ pub struct Agent {
     pub heading: [f64; 2],
     /// Heading in radians, not wrapped.
     pub theta: f64,
-    /// Displacement by the last step, walls, obstacles and collisions included; zero at the start. On a torus it is the motion,
-    /// not the jump to the other side.
+    /// Displacement by the last step, walls, obstacles and collisions included; zero at the start. On a torus it excludes jumps to
+    /// the other side.
     pub displacement: [f64; 2],
-    /// Last reading of its sensors, as a number with a bit for each of its k sensors, S1 the highest: 0 to 2^k - 1, 0 at the
-    /// start.
+    /// Last sensor state: a bit for each of the k sensors, S1 the highest. From 0 to 2^k - 1; 0 at the start.
     pub sensed: u8,
 }
 
@@ -104,7 +103,7 @@ struct Body {
     sensed: u8,
 }
 
-/// Where the centre of an agent may be before collisions.
+/// Bounds of an agent's centre before collisions.
 #[derive(Debug, Clone, Copy)]
 struct Walls {
     low: f64,
@@ -112,16 +111,16 @@ struct Walls {
 }
 
 impl Swarm {
-    /// A swarm at its start, on the fastest instructions that this CPU has.
+    /// A swarm at its start, which uses the fastest instructions of this CPU.
     ///
     /// # Errors
-    /// If there are not as many robots as the world has agents, the largest body is not what the world says, or `start` does not
-    /// have one pose for each.
+    /// If the controller's number of robots or largest radius differs from the world's, or `start` does not have one pose per
+    /// agent.
     pub fn new(controller: &Controller, world: &World, start: &Start) -> Result<Self, Invalid> {
         Self::on(Arch::new(), controller, world, start)
     }
 
-    /// As [`Swarm::new`], on the instructions of `arch`: the bits are the same.
+    /// Like [`Swarm::new`], with the instructions of `arch`. The bits are the same.
     ///
     /// # Errors
     /// As [`Swarm::new`].
@@ -131,8 +130,7 @@ impl Swarm {
         Ok(if is_large { swarm.with_grid(world) } else { swarm })
     }
 
-    /// As [`Swarm::on`], every agent looking at every other however many there are: the bits are the same. It is there to be
-    /// compared with.
+    /// Like [`Swarm::on`], but never uses a grid: every agent checks every other. The bits are the same. For comparisons.
     ///
     /// # Errors
     /// As [`Swarm::new`].
@@ -164,8 +162,7 @@ impl Swarm {
         })
     }
 
-    /// The same swarm, whose agents look for others in the cells of a grid, as those of large swarms do: the bits are the same.
-    /// Cells do not wrap: it is not for a torus.
+    /// Makes the swarm use a grid, as large swarms do. The bits are the same. Cells do not wrap, so the world must not be a torus.
     #[must_use]
     pub fn with_grid(mut self, world: &World) -> Self {
         let positions: Vec<_> = self.agents().map(|agent| agent.position).collect();
@@ -187,7 +184,7 @@ impl Swarm {
         }
     }
 
-    /// Steps done since the start.
+    /// Number of steps since the start.
     #[must_use]
     pub const fn steps(&self) -> u32 {
         self.robots.steps
@@ -205,7 +202,7 @@ impl Swarm {
         })
     }
 
-    /// Where the sensors of agent `i` look when it has this heading, as unit vectors, S1 first: along the middles of their cones.
+    /// Directions of the sensors of agent `i` when it has this heading: unit vectors along the middles of their cones, S1 first.
     #[inline]
     pub fn sensor_directions(&self, i: usize, heading: [f64; 2]) -> impl Iterator<Item = [f64; 2]> {
         let (first, others) = match &self.minds {
@@ -217,7 +214,7 @@ impl Swarm {
         first.into_iter().chain(others)
     }
 
-    /// The place of the species of agent `i` among those of its model, from 0.
+    /// Index of the species of agent `i` among those of its model.
     #[must_use]
     pub fn species(&self, i: usize) -> usize {
         match &self.minds {
@@ -237,13 +234,12 @@ impl Swarm {
         }
     }
 
-    /// The radii of bodies that there are, world units; neighbouring species of one size have one.
+    /// The radii of bodies, world units; neighbouring species of one size share one entry.
     pub(crate) fn radii(&self) -> impl Iterator<Item = f64> {
         self.robots.collisions.groups().iter().map(|group| group.radius)
     }
 
-    /// Sensor readings of all agents now, without moving and without noise, in index order: numbers as
-    /// [`Agent::sensed`].
+    /// Current sensor states of all agents, without moving and without noise, in index order; format of [`Agent::sensed`].
     #[must_use]
     pub fn readings(&self) -> Vec<u8> {
         let looking = |(index, body): (usize, &Body)| {
@@ -269,7 +265,7 @@ impl Swarm {
         }
     }
 
-    /// How often a push was one that the authors' simulator adds its jitter to, whether or not the world has it.
+    /// Number of pushes to which the authors' simulator adds jitter, whether or not this world has jitter.
     #[must_use]
     pub const fn jitter_events(&self) -> u64 {
         self.robots.collisions.jitter_events()
@@ -291,7 +287,7 @@ impl Minds {
     }
 }
 
-/// Whether there is nothing in a world but robots and walls, and nothing goes wrong.
+/// Whether a world has only robots and walls: no noise, no obstacles, no torus.
 fn is_plain(world: &World) -> bool {
     world.noise().is_off() && world.obstacles().is_empty() && world.boundary() != Boundary::Torus
 }
@@ -361,9 +357,9 @@ impl Robots {
     }
 }
 
-/// Some steps of a swarm, as something that can be compiled for several kinds of CPU.
+/// Some steps of a swarm. A type, so that it is compiled for several kinds of CPU.
 ///
-/// Everything below it is inlined by force: only what is inlined is compiled for the kind at hand.
+/// Everything that it calls must be inlined, because only inlined code is compiled for the CPU at hand.
 struct Run<'a, O, M> {
     robots: &'a mut Robots,
     others: &'a mut O,
@@ -399,7 +395,7 @@ impl Walls {
         high: [f64::INFINITY; 2],
     };
 
-    /// Where the centre of this robot may be.
+    /// The walls for the centre of this robot.
     fn of(robot: &Robot, world: &World) -> Self {
         match world.boundary() {
             Boundary::Walls => Self::within(world, robot.radius() + world.padding()),

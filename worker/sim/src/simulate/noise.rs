@@ -1,7 +1,7 @@
-//! Noise: drives that slip, sensors that misread, readings that come late.
+//! Noise: drives that slip, sensors that misread, readings that arrive late.
 //!
-//! Each robot draws from streams of its own, in the order of its steps: what it draws depends neither on other robots nor on how
-//! the steps are computed.
+//! Each robot draws from its own streams, in the order of its steps, so its noise does not depend on other robots or on how the
+//! steps are computed.
 
 use super::{
     Start,
@@ -22,16 +22,16 @@ pub(super) struct Noise {
 #[derive(Debug, Clone)]
 struct Own {
     gains: [f64; 2],
-    /// If its drive slips.
+    /// Stream of its slip, if its drive slips.
     slip: Option<RandomStream>,
-    /// If its sensors misread.
+    /// Stream of its misreadings, if its sensors misread.
     misreading: Option<RandomStream>,
-    /// The readings that it does not move by yet, oldest first.
+    /// The delayed readings that it has not acted on yet, oldest first.
     late: VecDeque<u8>,
 }
 
 impl Noise {
-    /// The noise of a world; none if there is none.
+    /// The noise of a world; `None` if it is off.
     pub(super) fn new(world: &World, start: &Start) -> Option<Self> {
         let asked = world.noise();
         let robots = (0..u64::from(world.agents())).map(|robot| Own::new(asked, start.seed(), robot));
@@ -48,7 +48,7 @@ impl Noise {
         late.pop_front().unwrap_or(sensed)
     }
 
-    /// How robot `i` moves when it is driven by `pair`; `None` if that is just what its controller says.
+    /// The noisy gait of robot `i` for `pair`; `None` if noise does not change gaits.
     pub(super) fn gait(&mut self, i: usize, drive: Drivetrain, pair: [f64; 2]) -> Option<Gait> {
         if !self.asked.moves() {
             return None;
@@ -62,9 +62,9 @@ impl Noise {
         Some(drive.gait([pair[0] * factors[0], pair[1] * factors[1]]))
     }
 
-    /// Noisy reading of the sensors of robot `i`, of which there are `sensors`, in the state `sensed`.
+    /// Noisy reading of robot `i` with this number of `sensors`, in the sensor state `sensed`.
     ///
-    /// One number for each sensor decides, on or off, so that what is drawn does not depend on what is seen.
+    /// Draws one number per sensor, whether the sensor is on or off, so that the stream does not depend on what is seen.
     pub(super) fn read(&mut self, i: usize, sensors: usize, sensed: u8) -> u8 {
         let Some(stream) = &mut self.robots[i].misreading else {
             return sensed;
@@ -94,22 +94,22 @@ impl Own {
             },
             slip: (asked.slip() > 0.0).then(|| stream(Purpose::Slip)),
             misreading: asked.misreads().then(|| stream(Purpose::Misreading)),
-            // Zeros: it senses nothing before the first step.
+            // Zeros, because the robot senses nothing before the first step.
             late: vec![0; asked.delay() as usize].into(),
         }
     }
 }
 
-/// 1 and a normal number with this standard deviation, twice.
+/// Two factors: 1 plus a normal number with this standard deviation.
 fn factors_about_one(stream: &mut RandomStream, deviation: f64) -> [f64; 2] {
     normals(stream).map(|normal| 1.0 + deviation * normal)
 }
 
-/// Two independent normal numbers with mean 0 and standard deviation 1, truncated at [`proto::Noise::MAX_DEVIATIONS`]: Box and
-/// Muller's method, drawn again where one is beyond (one time in 8,000).
+/// Two independent normal numbers with mean 0 and standard deviation 1, truncated at [`proto::Noise::MAX_DEVIATIONS`]: by Box and
+/// Muller's method, redrawn if one is beyond (one time in 8,000).
 fn normals(stream: &mut RandomStream) -> [f64; 2] {
     loop {
-        // 1 - u is never 0, whose logarithm is infinite.
+        // 1 - u is never 0, so the logarithm is finite.
         let radius = (-2.0 * libm::log(1.0 - stream.random::<f64>())).sqrt();
         let angle = TAU * stream.random::<f64>();
         let pair = [radius * libm::cos(angle), radius * libm::sin(angle)];
@@ -136,7 +136,7 @@ mod tests {
             let within = |&&number: &&f64| from <= number && number < to;
             numbers.iter().filter(within).count() as f64 / numbers.len() as f64
         };
-        // The normal distribution's own, within four standard errors.
+        // The shares of the normal distribution, within four standard errors.
         for (from, to, expected) in [
             (-9.0, 0.0, 0.5),
             (-1.0, 1.0, 0.682_69),
@@ -158,6 +158,6 @@ mod tests {
         );
     }
 
-    /// If they change, every evaluation with noise changes.
+    /// If these change, every evaluation with noise changes.
     const FIRST_NORMALS: [u64; 2] = [4604181779928804211, 4601090845706885158];
 }

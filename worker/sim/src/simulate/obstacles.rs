@@ -1,4 +1,4 @@
-//! Obstacles: how robots are pushed out of them, and how sensors see them.
+//! Obstacles: pushes robots out of them, and tests whether sensors see them.
 
 use super::{
     collide::{GAP, PASSES},
@@ -27,12 +27,12 @@ impl Obstacles {
         self.all.is_empty()
     }
 
-    /// Whether any of them, or on a torus any image near `at`, is `wanted`.
+    /// Whether any obstacle, or on a torus any image near `at`, is `wanted`.
     fn any(&self, at: [f64; 2], wanted: impl FnMut(&Obstacle) -> bool) -> bool {
         self.find(at, wanted).is_some()
     }
 
-    /// As [`Obstacles::any`], the first.
+    /// The first obstacle of [`Obstacles::any`].
     fn find(&self, at: [f64; 2], mut wanted: impl FnMut(&Obstacle) -> bool) -> Option<Obstacle> {
         match &self.torus {
             None => self.all.iter().find(|obstacle| wanted(obstacle)).copied(),
@@ -43,15 +43,15 @@ impl Obstacles {
         }
     }
 
-    /// Where a robot of this radius ends that was at `before` and is now at `at`, which is inside the edges; `home` takes a place
-    /// back inside them.
+    /// Pushes a robot of this radius, which moved from `before` to `at`, out of all obstacles, and returns its new position. `at`
+    /// is inside the edges; `home` moves a position back inside them.
     ///
-    /// It ends inside no obstacle (on a torus that obstacles do not fill), in the first of these ways that leads there:
+    /// The result is outside of all obstacles (unless obstacles fill a torus), by the first of these ways that succeeds:
     ///
-    /// 1. It is pushed out of one obstacle after the other, in their order, each time to the nearest place a little way from it;
-    ///    then it is taken back inside the edges; and so again, in [`PASSES`] passes at most.
-    /// 2. It stays where it was before.
-    /// 3. It leaves along an axis, the shortest way that ends inside the edges, or else the shortest.
+    /// 1. Push it out of one obstacle after the other, in their order, each time to the nearest place plus a small gap; then
+    ///    move it back inside the edges. Repeat for at most [`PASSES`] passes.
+    /// 2. Leave it at `before`.
+    /// 3. Move it out along an axis: the shortest way that ends inside the edges, or else the shortest.
     #[inline(never)]
     pub(super) fn push_out(
         &self,
@@ -60,7 +60,7 @@ impl Obstacles {
         mut at: [f64; 2],
         home: impl Fn([f64; 2]) -> [f64; 2],
     ) -> [f64; 2] {
-        // A robot whose place is not finite is nowhere near.
+        // A robot at a position that is not finite is near no obstacle.
         if !at.iter().all(|value| value.is_finite()) {
             return at;
         }
@@ -93,8 +93,8 @@ impl Obstacles {
         !self.any(at, |obstacle| obstacle.distance(at) < radius)
     }
 
-    /// Where a robot gets out of all obstacles that moves along an axis in this direction. It passes each of them once; on a
-    /// torus there may be no end of them.
+    /// The position where a robot that moves along an axis in this direction gets out of all obstacles. It passes each obstacle at
+    /// most once, because on a torus the obstacles may have no end.
     fn way_out(&self, radius: f64, mut at: [f64; 2], (axis, sign): (usize, f64)) -> [f64; 2] {
         for _ in 0..self.all.len() {
             let Some(inside) = self.find(at, |obstacle| obstacle.distance(at) < radius) else {
@@ -105,7 +105,7 @@ impl Obstacles {
         at
     }
 
-    /// Whether a sensor sees any of them from `at`.
+    /// Whether a sensor sees any obstacle from `at`.
     pub(super) fn seen(&self, gaze: &Gaze, at: [f64; 2]) -> bool {
         self.any(at, |obstacle| match *obstacle {
             Obstacle::Disc { centre, radius } => gaze.sees_disc(centre, radius, at),
@@ -114,15 +114,15 @@ impl Obstacles {
     }
 }
 
-/// Where a robot ends that is pushed out of one obstacle, if it is inside: to the nearest place.
+/// Pushes a robot out of one obstacle, if it is inside, to the nearest place outside.
 fn pushed(obstacle: &Obstacle, radius: f64, at: [f64; 2]) -> [f64; 2] {
     if obstacle.distance(at) >= radius {
         return at;
     }
     let centre = obstacle.centre();
     let off = [at[0] - centre[0], at[1] - centre[1]];
-    // A disc is the room about its centre, a box that about the rectangle: the point of either that is nearest, and the distance
-    // from it that is enough.
+    // The robot must keep a distance from the disc's centre, or from the box's rectangle. `core` is the nearest point of either,
+    // `enough` the distance from it.
     let (core, enough) = match *obstacle {
         Obstacle::Disc { radius: own, .. } => ([0.0; 2], own + radius + GAP),
         Obstacle::Box { .. } => {
@@ -138,13 +138,13 @@ fn pushed(obstacle: &Obstacle, radius: f64, at: [f64; 2]) -> [f64; 2] {
     let distance = (away[0] * away[0] + away[1] * away[1]).sqrt();
     let direction = match distance > 0.0 {
         true => away.map(|value| value / distance),
-        // In the very centre of a disc all ways are as near.
+        // At the exact centre of a disc all directions are equally near.
         false => [1.0, 0.0],
     };
     [0, 1].map(|axis| centre[axis] + core[axis] + enough * direction[axis])
 }
 
-/// Where a robot ends whose centre is in a box, at `off` from the box's own: out of the nearest side.
+/// Pushes a robot whose centre is in a box, at `off` from the box's centre, out of the nearest side.
 fn out_of_side(centre: [f64; 2], half: [f64; 2], off: [f64; 2], radius: f64) -> [f64; 2] {
     let depth = |axis: usize| half[axis] - off[axis].abs();
     let axis = usize::from(depth(1) < depth(0));

@@ -1,4 +1,4 @@
-//! The other agents, as one that moves asks for them: all of them, or those near in a grid. The answers are the same.
+//! Access to the other agents for the one that moves: by all positions, or by a grid. The results are the same.
 
 use super::{
     gaze::{Gaze, Group},
@@ -8,9 +8,9 @@ use super::{
 };
 use pulp::Simd;
 
-/// Where all agents are.
+/// Positions of all agents.
 pub(super) trait Everyone: Others {
-    /// How many there are.
+    /// Number of agents.
     fn count(&self) -> usize;
 
     /// Position of agent `i`.
@@ -20,15 +20,15 @@ pub(super) trait Everyone: Others {
     fn set<S: Simd>(&mut self, simd: S, i: usize, at: [f64; 2]);
 }
 
-/// The agents as one of them finds them.
+/// The other agents, as one agent perceives them.
 pub(super) trait Others {
-    /// Position of agent `i` to one at `at`.
+    /// Position of agent `i`, as seen from `at`.
     fn near(&self, i: usize, at: [f64; 2]) -> [f64; 2];
 
     /// The sensor state of `observer`.
     fn sense<S: Simd, const SENSORS: usize>(&self, simd: S, observer: Observer<SENSORS>, reach: Reach) -> u8;
 
-    /// Its sensor state if nobody touches it.
+    /// The sensor state of `observer`; `None` if another agent touches it.
     fn sense_unless_touched<S: Simd, const SENSORS: usize>(
         &self,
         simd: S,

@@ -1,13 +1,13 @@
-//! Swarms that somebody else moves: those that a camera tracked. Features and pictures are computed of them as of any other.
+//! Swarms with given motion, such as a camera's tracks. Their features and pictures are computed like those of simulated swarms.
 
 use super::{Lookup, Minds, Swarm, drive::direction};
 use pulp::Scalar;
 
 impl Swarm {
-    /// Takes a step that leaves every agent at its pose (x, y, theta), world units and radians, whatever its controller says. On a
-    /// torus it went the shorter way around.
+    /// Takes a step that puts every agent at its pose (x, y, theta), world units and radians, regardless of its controller. On a
+    /// torus, agents move the shorter way around.
     ///
-    /// There is one pose for each agent, with finite numbers.
+    /// `poses` has one pose of finite numbers per agent.
     pub(crate) fn place(&mut self, poses: &[[f64; 3]]) {
         let torus = match &self.minds {
             Minds::Situated(situated) => situated.torus(),

@@ -5,15 +5,14 @@ use pulp::Simd;
 /// Agents in a block.
 pub(super) const LANES: usize = 8;
 
-/// Positions in blocks of eight, the last one filled up with NaN: a comparison with NaN is false, so that what
-/// is not there is never hit.
+/// Positions in blocks of eight. NaN fills up the last block: comparisons with NaN are false, so empty lanes are never hit.
 #[derive(Debug, Clone)]
 pub(super) struct Positions {
     blocks: Vec<Block>,
     count: usize,
 }
 
-/// Eight agents, one a lane; aligned so that a vector of them never straddles two cache lines.
+/// Eight agents, one per lane; aligned so that no vector straddles two cache lines.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub(super) struct Block {
@@ -21,12 +20,12 @@ pub(super) struct Block {
     y: [f64; LANES],
 }
 
-/// As many agents as a vector holds.
+/// The agents in one vector.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lanes<S: Simd> {
     pub(super) x: S::f64s,
     pub(super) y: S::f64s,
-    /// Whether the lane is another agent than the one left out.
+    /// Lanes other than the one left out.
     pub(super) other: S::m64s,
 }
 
@@ -61,7 +60,7 @@ impl Positions {
         &self.blocks
     }
 
-    /// How many there are.
+    /// Number of agents.
     pub(super) const fn count(&self) -> usize {
         self.count
     }
@@ -73,8 +72,8 @@ impl Positions {
         [block.x[i % LANES], block.y[i % LANES]]
     }
 
-    /// Moves agent `i` by writing its whole block: the vector loads that follow at once can then be served from
-    /// the store buffer, which a store of one lane would stall.
+    /// Moves agent `i` by writing its whole block: vector loads that follow immediately can then be served from the store buffer.
+    /// After a store of a single lane they would stall.
     #[inline(always)]
     pub(super) fn set<S: Simd>(&mut self, simd: S, i: usize, [x, y]: [f64; 2]) {
         let block = &mut self.blocks[i / LANES];
@@ -90,7 +89,7 @@ impl Positions {
 }
 
 impl Block {
-    /// The block in vectors, lane `left_out` masked (none, if it is beyond the block).
+    /// The block as vectors, with lane `left_out` masked (no lane, if it is beyond the block).
     #[inline(always)]
     pub(super) fn vectors<S: Simd>(&self, simd: S, left_out: usize) -> impl Iterator<Item = Lanes<S>> {
         let left_out = simd.splat_u64s(left_out as u64);
@@ -107,7 +106,7 @@ impl Block {
         )
     }
 
-    /// As [`Block::vectors`], lanes before the first and from the second of `members` on masked too.
+    /// Like [`Block::vectors`], but also masks lanes outside `first..end`.
     #[inline(always)]
     pub(super) fn members<S: Simd>(
         &self,

@@ -1,13 +1,13 @@
-//! Sensor readings of an agent by its lines of sight, and whether another touches it.
+//! Sensor readings of an agent with rays, and whether another agent touches it.
 
 use super::positions::{Block, LANES, Positions};
 use pulp::Simd;
 
-/// Blocks that are gone through before one asks whether to stop. The paper's 24 agents are far fewer: to ask costs
-/// a branch that is often mispredicted.
+/// Number of blocks to scan before checking whether to stop, because the check is a branch that is often mispredicted. The paper's
+/// 24 agents have far fewer blocks.
 const BLOCKS_BETWEEN_EXITS: usize = 32;
 
-/// Distances that matter, squared.
+/// Squares of the distances within which agents are seen and touch.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Reach {
     /// Square of the radius.
@@ -26,7 +26,7 @@ impl Reach {
         }
     }
 
-    /// The reach of collisions alone: centres nearer than `touch`.
+    /// The reach for collisions alone: agents touch if their centres are nearer than `touch`.
     pub(super) const fn touching(touch: f64) -> Self {
         Self {
             body: 0.0,
@@ -41,7 +41,7 @@ impl Reach {
         ex * ex + ey * ey < self.touch
     }
 
-    /// Whether the ray from `at` along the unit vector `ray` meets an agent at `other`: what [`Observer::look`] computes.
+    /// Whether the ray from `at` along the unit vector `ray` meets an agent at `other`. Same rule as [`Observer::look`].
     #[inline(always)]
     pub(super) fn meets(&self, other: [f64; 2], at: [f64; 2], ray: [f64; 2]) -> bool {
         let (ex, ey) = (other[0] - at[0], other[1] - at[1]);
@@ -56,16 +56,16 @@ impl Reach {
 pub(super) struct Observer<const SENSORS: usize> {
     pub(super) index: usize,
     pub(super) at: [f64; 2],
-    /// Unit vectors along which its sensors look, without limit.
+    /// Unit vectors along the rays of its sensors, which have no limit.
     pub(super) rays: [[f64; 2]; SENSORS],
 }
 
 impl<const SENSORS: usize> Observer<SENSORS> {
     const ALL_HIT: u8 = (1 << SENSORS) - 1;
 
-    /// Its sensor state if nobody touches it; `None` as soon as somebody does.
+    /// The sensor state, or `None` if another agent touches this one.
     ///
-    /// The state is 0 or 1, with two sensors 2 S1 + S2.
+    /// The state is 0 or 1; with two sensors it is 2 S1 + S2.
     #[inline(always)]
     pub(super) fn sense_unless_touched<S: Simd>(
         self,
@@ -88,7 +88,7 @@ impl<const SENSORS: usize> Observer<SENSORS> {
         Some(sensed)
     }
 
-    /// Its sensor state.
+    /// The sensor state.
     #[inline(always)]
     pub(super) fn sense<S: Simd>(self, simd: S, positions: &Positions, reach: Reach) -> u8 {
         let mut sensed = 0;
@@ -101,8 +101,8 @@ impl<const SENSORS: usize> Observer<SENSORS> {
         sensed
     }
 
-    /// The blocks in groups, each with the observer as seen from there: its index counts from the group's start
-    /// (and is no lane of it where it lies in another group).
+    /// The blocks in groups, each with the observer's index relative to the group's start. The index is no lane of the group if the
+    /// observer is in another group.
     #[inline(always)]
     fn groups(self, positions: &Positions) -> impl Iterator<Item = (Self, &[Block])> {
         let groups = positions.blocks().chunks(BLOCKS_BETWEEN_EXITS).enumerate();
@@ -125,7 +125,7 @@ impl<const SENSORS: usize> Observer<SENSORS> {
         }
     }
 
-    /// One look at the agents of some blocks. With e from here to another's centre, a ray u hits where e.u >= 0 and
+    /// Looks at the agents of some blocks. With e the vector from here to another agent's centre, a ray u hits it if e.u >= 0 and
     /// r^2 - e.e + (e.u)^2 >= 0.
     #[inline(always)]
     fn look<S: Simd>(self, simd: S, blocks: &[Block], reach: Reach) -> Seen {
@@ -171,7 +171,7 @@ impl<const SENSORS: usize> Observer<SENSORS> {
 /// Result of one look.
 #[derive(Debug, Clone, Copy)]
 struct Seen {
-    /// Whether the centre of another is nearer than two radii.
+    /// Whether the centre of another agent is nearer than two radii.
     touched: bool,
     /// The sensors that hit, S1 the highest bit.
     hits: u8,

@@ -1,4 +1,4 @@
-//! Described robots in worlds where there is more than robots and walls: noise, obstacles, a torus.
+//! Described robots in worlds with noise, obstacles or a torus.
 
 use super::{
     Start,
@@ -13,7 +13,7 @@ use super::{
 use murmuration_proto::{Boundary, World};
 use pulp::Simd;
 
-/// A swarm of described robots, and what its world does to them.
+/// Described robots, with the noise and the torus of their world.
 #[derive(Debug, Clone)]
 pub(super) struct Situated {
     kinds: Kinds,
@@ -22,7 +22,7 @@ pub(super) struct Situated {
 }
 
 impl Situated {
-    /// A swarm of these robots in its world.
+    /// These robots in their world.
     pub(super) fn new(kinds: Kinds, world: &World, start: &Start) -> Self {
         Self {
             kinds,
@@ -117,7 +117,7 @@ impl Mind for &mut Situated {
             Some(torus) => {
                 let others = Images { torus, others };
                 let (at, sensed) = self.kinds.settle(simd, &others, collisions, robot);
-                // Others push it the shorter way around, too.
+                // Other robots push it the shorter way around, too.
                 (torus.nearest(at, robot.at), sensed)
             }
         };

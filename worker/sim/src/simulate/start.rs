@@ -1,4 +1,4 @@
-//! Where a swarm starts.
+//! Initial poses of a swarm.
 
 use super::drive::direction;
 use murmuration_proto::{Invalid, Purpose, RandomStream, StartShape, World, counted};
@@ -16,15 +16,15 @@ enum Kind {
 }
 
 impl Start {
-    /// A random start, as the world says. Unless it says otherwise: for each agent x in \[0, width), y in \[0, height) and
-    /// heading in \[0, 2 pi), uniform, in that order (paper, "Simulation and Data").
+    /// A random start of the world's shape. By default, for each agent: x in \[0, width), y in \[0, height) and heading in \[0, 2
+    /// pi), uniform, in that order (paper, "Simulation and Data").
     #[must_use]
     pub const fn seeded(seed: u64) -> Self {
         Self(Kind::Seed(seed))
     }
 
-    /// A given start, whatever the world says: (x, y, theta) for each agent, world units and radians. Jitter and noise have the
-    /// seed 0.
+    /// A given start, regardless of the world's shape: (x, y, theta) for each agent, world units and radians. Jitter and noise have
+    /// the seed 0.
     ///
     /// # Errors
     /// Names the first number that is not finite.
@@ -41,7 +41,7 @@ impl Start {
         Ok(Self(Kind::Poses(poses)))
     }
 
-    /// Seed of what else is random in the simulation.
+    /// Seed of jitter and noise.
     pub(super) const fn seed(&self) -> u64 {
         match &self.0 {
             Kind::Seed(seed) => *seed,
@@ -52,7 +52,7 @@ impl Start {
     /// The pose (x, y, heading in radians) of each agent of `world`.
     ///
     /// # Errors
-    /// If the start is given, and not for as many agents.
+    /// If the start is given, and has another number of agents.
     pub fn poses_for(&self, world: &World) -> Result<Cow<'_, [[f64; 3]]>, Invalid> {
         let agents = world.agents() as usize;
         match &self.0 {
@@ -70,7 +70,7 @@ impl Start {
     }
 }
 
-/// The poses that `seed` gives, of which each agent draws its own after the agents before it.
+/// Random poses from `seed`, drawn in order of agents.
 fn drawn(seed: u64, world: &World) -> Vec<[f64; 3]> {
     let mut stream = RandomStream::derive(seed, Purpose::Start, 0);
     let [width, height] = [world.width(), world.height()];
@@ -83,7 +83,7 @@ fn drawn(seed: u64, world: &World) -> Vec<[f64; 3]> {
         }
         StartShape::Disc { radius } => {
             let mut pose = || {
-                // Areas are as the squares of radii.
+                // The root makes positions uniform over the disc's area.
                 let from_centre = radius * stream.random::<f64>().sqrt();
                 let [x, y] = direction(stream.between(0.0, TAU));
                 let heading = stream.between(0.0, TAU);

@@ -1,7 +1,6 @@
-//! A world without edges: what leaves at one side comes in at the other.
+//! A world without edges: a robot that leaves at one side enters at the other.
 //!
-//! Of the nine images of a robot, in the world and around it, the one nearest along each axis is the one that touches and is
-//! seen.
+//! A robot has nine images, in the world and around it. Only the image that is nearest along each axis touches others and is seen.
 
 use super::{
     gaze::{Gaze, Group},
@@ -15,9 +14,9 @@ use pulp::Simd;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Torus([f64; 2]);
 
-/// The other robots as one of them finds them on a torus, each by its nearest image.
+/// The other robots as one robot perceives them on a torus: the nearest image of each.
 ///
-/// It asks one after the other: a grid whose cells wrap is not worth its code, and neither is a vector.
+/// Checks robots one by one: neither a grid with wrapping cells nor vectors are worth their code.
 pub(super) struct Images<'a, O> {
     pub(super) torus: Torus,
     pub(super) others: &'a O,
@@ -28,17 +27,17 @@ impl Torus {
         Self([world.width(), world.height()])
     }
 
-    /// The same place in the world: each coordinate from 0 to below the side.
+    /// Wraps a position into the world: each coordinate from 0 to below the side.
     pub(super) fn wrap(&self, at: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|axis| {
             let side = self.0[axis];
             let wrapped = at[axis].rem_euclid(side);
-            // A little below 0, the remainder rounds to the whole side.
+            // For values slightly below 0, the remainder rounds to the whole side.
             if wrapped == side { 0.0 } else { wrapped }
         })
     }
 
-    /// The image of `other` that is nearest to `at` along each axis; both are at most some pushes out of the world.
+    /// The image of `other` that is nearest to `at` along each axis; both may be a few pushes outside of the world.
     pub(super) fn nearest(&self, mut other: [f64; 2], at: [f64; 2]) -> [f64; 2] {
         for axis in [0, 1] {
             let side = self.0[axis];
@@ -52,8 +51,8 @@ impl Torus {
         other
     }
 
-    /// The image of an obstacle whose centre is nearest to `at`, and the eight around that: one alone may be wider than half the
-    /// world.
+    /// The image of an obstacle whose centre is nearest to `at`, and the eight around it, because an obstacle may be wider than
+    /// half the world.
     pub(super) fn images(&self, obstacle: &Obstacle, at: [f64; 2]) -> impl Iterator<Item = Obstacle> {
         let nearest = self.nearest(obstacle.centre(), at);
         let obstacle = *obstacle;
@@ -67,7 +66,7 @@ impl Torus {
     }
 }
 
-/// Sides of the world from an image to those around it, itself first.
+/// Offsets from an image to itself and to those around it, in sides of the world.
 const SHIFTS: [[f64; 2]; 9] = [
     [0.0, 0.0],
     [-1.0, 0.0],
@@ -81,7 +80,7 @@ const SHIFTS: [[f64; 2]; 9] = [
 ];
 
 impl<O: Everyone> Images<'_, O> {
-    /// The images of the robots of `group` other than `me` that are nearest to `at`, with their numbers.
+    /// For each robot of `group` other than `me`: its index, and its image nearest to `at`.
     fn of(&self, group: &Group, me: usize, at: [f64; 2]) -> impl Iterator<Item = (usize, [f64; 2])> {
         let others = (group.first..group.end).filter(move |&i| i != me);
         others.map(move |i| (i, self.near(i, at)))

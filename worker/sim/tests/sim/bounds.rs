@@ -20,7 +20,7 @@ fn features(controller: &Controller, world: &World, seed: u64) -> Features {
 }
 
 fn controllers() -> impl Strategy<Value = Controller> {
-    // The fastest, and those that stand or turn, more often than chance has them.
+    // Oversamples the fastest controllers, and those that stand or turn.
     let speed = || prop_oneof![Just(1.0), Just(-1.0), Just(0.0), -1.0..=1.0];
     let single = prop::collection::vec(speed(), 4)
         .prop_map(|genes| Controller::new(Preset::SingleSensor, &genes).unwrap());
@@ -31,7 +31,7 @@ fn controllers() -> impl Strategy<Value = Controller> {
     prop_oneof![single, two]
 }
 
-/// Ten to the power of what is in this range.
+/// Ten to the power of a number in this range.
 fn decades(from: f64, to: f64) -> impl Strategy<Value = f64> {
     (from..to).prop_map(|power| 10_f64.powf(power))
 }
@@ -76,7 +76,7 @@ fn stretched(obstacle: v1::Obstacle, width: f64, height: f64) -> v1::Obstacle {
     }
 }
 
-/// Everything that a specification may say, from specks of dust to a world that its robots fill.
+/// All valid worlds, from tiny robots to robots that fill the world.
 fn worlds() -> impl Strategy<Value = World> {
     let sides = (decades(0.0, 4.0), decades(0.0, 4.0));
     let bodies = (
@@ -147,7 +147,7 @@ proptest! {
         let controller = sized(&controller, &world);
         let mut swarm = Swarm::new(&controller, &world, &Start::seeded(seed)).unwrap();
         for _ in 0..=world.horizon() {
-            // As motions are sent.
+            // Single precision, in which motions are sent.
             let positions = swarm.agents().map(|agent| agent.position.map(|value| f64::from(value as f32)));
             let checked = check_positions(controller.model(), &world, positions);
             prop_assert!(checked.is_ok(), "{checked:?} {world:?}");
@@ -178,7 +178,7 @@ fn what_no_swarm_has_is_named() {
         }
     }
     assert!(paper.check(&[2.0, -0.5, 0.1, 0.9, -1.0]).is_ok());
-    // Nothing has less than no speed, variance or scatter.
+    // Speed, variance and scatter cannot be negative.
     for place in [0, 2, 3] {
         let mut features = [0.0; 5];
         features[place] = -1e-3;

@@ -4,7 +4,7 @@ use murmuration_sim::case::{Case, CaseError};
 use serde_json::{Value, json};
 use std::num::NonZeroU32;
 
-/// The smallest case, with more keys.
+/// The smallest case, with additional keys.
 fn case(more: Value) -> Value {
     let mut case = json!({"controller": [0.6, 1.0, 0.4, 0.5], "initial": [[100, 100.5, 0], [300, 200, 1.5]]});
     for (key, value) in more.as_object().unwrap() {
@@ -151,7 +151,7 @@ fn what_is_no_object_is_no_case() {
     assert_eq!(error.to_string(), "case = [1]: must be a JSON object");
 }
 
-/// A case of two species, one of which has more keys.
+/// A case of two species, the first with additional keys.
 fn of_species(more: Value) -> Value {
     let sensor =
         json!({"angle": 0.1, "half_angle": 0.2, "range": 90, "sees_species": "all", "sees_walls": false});

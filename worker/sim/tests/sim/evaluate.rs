@@ -1,4 +1,4 @@
-//! Evaluations: their bits, whatever they are made with, and what is refused.
+//! Evaluations: their bits do not depend on how they are computed; invalid ones are refused.
 
 use crate::simulate;
 use murmuration_proto::{
@@ -30,7 +30,7 @@ fn controllers() -> Vec<Controller> {
     ]
 }
 
-/// Each controller from two starts, the way `evaluate` does it.
+/// Evaluations of each controller from two starts, by `evaluate`.
 fn all(mut evaluate: impl FnMut(&Controller, &Start) -> Evaluation) -> Vec<Evaluation> {
     let mut outcomes = Vec::new();
     for controller in controllers() {
@@ -126,7 +126,7 @@ fn a_channel_for_each_species_of_another_swarm_is_refused() {
     }
 }
 
-/// A picture that every one of `simulate::worlds` has room for.
+/// A picture small enough for every world of `simulate::worlds`.
 fn small_picture() -> ImageFormat {
     let message = v1::ImageFormat {
         resolution: Some(10),
@@ -148,7 +148,7 @@ proptest! {
         let message = v1::World { horizon: Some(horizon), ..world.into() };
         let (world, format) = (World::try_from(message).unwrap(), small_picture());
         let starts = (0..).map(|i| Start::seeded(seed.wrapping_add(i)));
-        // Those of one model come together, as in a campaign.
+        // Controllers of the same model are adjacent, as in a campaign.
         let (single, two): (Vec<_>, Vec<_>) = controllers
             .into_iter()
             .zip(starts)
@@ -189,7 +189,7 @@ fn the_papers_swarms_have_the_same_bits_at_once_and_alone() {
     }
 }
 
-/// FNV-1a of all bits of 16 evaluations: the same on every machine, for as long as the version of the simulator is.
+/// FNV-1a of all bits of 16 evaluations: the same on every machine, until the simulator's version changes.
 const BITS: u64 = 0xc3a4_ccb5_3942_e185;
 
 #[test]
@@ -229,7 +229,7 @@ fn what_is_wrong_with_one_of_many_is_an_error() {
 proptest! {
     #![proptest_config(crate::proptest_cases::at_most(48))]
 
-    /// Evaluations alone take the whole of another code: what is seen by the definition.
+    /// A single evaluation uses entirely different code, which sees by the definition.
     #[test]
     fn described_swarms_together_have_the_bits_of_each_alone(
         model in simulate::described::alone(),

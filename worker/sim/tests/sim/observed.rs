@@ -19,7 +19,7 @@ const SPECIES: &str = r#"
     robot.sensors = [{}]
 "#;
 
-/// A swarm that a description stands for, with speeds that differ by sensor state.
+/// A swarm of described robots, with speeds that differ by sensor state.
 fn swarm(robots: &str) -> (Controller, World) {
     let (model, world) = CampaignSpec::robots_from_toml(robots).unwrap();
     let genes: Vec<f64> = (0..model.genes())
@@ -39,7 +39,7 @@ fn a_simulated_swarm_that_is_observed_has_its_own_features_and_picture() {
             let frames = poses(&controller, &world, &start).unwrap();
             let observed = observe(&controller, &world, &format, &frames).unwrap();
             assert!(observed.same_simulation(&simulated), "{robots}, seed {seed}");
-            // The end alone has all that is looked at.
+            // The last frames alone contain everything that is observed.
             let end = observe(&controller, &world, &format, &frames[frames.len() - 160..]).unwrap();
             assert!(end.same_simulation(&simulated), "{robots}, seed {seed}");
         }

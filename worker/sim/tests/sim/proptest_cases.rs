@@ -1,10 +1,10 @@
-//! How many cases a property is tested with.
+//! The number of cases that a property is tested with.
 
 use proptest::test_runner::Config;
 
-/// So many cases; fewer where the environment's PROPTEST_CASES says fewer, as on a machine that is emulated.
+/// At most `cases` cases, and at most the environment's PROPTEST_CASES, for example on an emulated machine.
 pub(crate) fn at_most(cases: u32) -> Config {
-    let said = std::env::var("PROPTEST_CASES");
-    let said = said.ok().and_then(|said| said.parse().ok());
-    Config::with_cases(said.map_or(cases, |said: u32| said.min(cases)))
+    let message = std::env::var("PROPTEST_CASES");
+    let message = message.ok().and_then(|message| message.parse().ok());
+    Config::with_cases(message.map_or(cases, |message: u32| message.min(cases)))
 }

@@ -1,4 +1,4 @@
-//! Pictures of swarms whose robots differ.
+//! Pictures of swarms with different robots.
 
 use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, ImageFormat, World, v1};
 use murmuration_sim::{
@@ -6,7 +6,7 @@ use murmuration_sim::{
     simulate::{Start, Swarm},
 };
 
-/// The share of white of a swarm at its start, before averages are stretched.
+/// The picture of a swarm at these poses, before stretching.
 fn drawn(robots: &str, poses: &[[f64; 3]]) -> Vec<u8> {
     let mut rasteriser = Rasteriser::new(&robots_of(robots).1, &ImageFormat::default()).unwrap();
     rasteriser.draw(&still(robots, poses.to_vec()));
@@ -40,7 +40,7 @@ fn every_body_has_its_own_size() {
     assert_eq!(both, sum);
 }
 
-/// Three species, the second one of the size of the first, in a world so small that they meet and erase each other.
+/// Three species, the first two of the same size, in a world so small that they meet and erase each other.
 const SPECIES: [&str; 3] = [
     "[[species]]\nname = \"a\"\ncount = 5\nrobot.sensors = [{}, { angle = 1.0 }]\n",
     "[[species]]\nname = \"b\"\ncount = 4\nrobot.sensors = [{ angle = 0.5 }]\n",
@@ -48,14 +48,14 @@ const SPECIES: [&str; 3] = [
 ];
 const WORLD: &str = "[world]\nwidth = 120\nheight = 120\n";
 
-/// The images in a channel and in channels of all species, before and after stretching; and those of each species alone.
+/// Pictures of the same motion: in one channel, in one channel per species, and of each species alone.
 struct Drawn {
     together: Rasteriser,
     apart: Rasteriser,
     alone: Vec<Rasteriser>,
 }
 
-/// Draws the same motion in every way.
+/// Draws the same motion in all these ways.
 fn motion() -> Drawn {
     let robots = format!("{}{WORLD}", SPECIES.concat());
     let (model, world) = robots_of(&robots);
@@ -102,7 +102,7 @@ fn a_channel_is_the_picture_of_its_species_alone() {
     assert_eq!(apart.image(), images.concat());
     let raw: Vec<Vec<u8>> = alone.iter().map(Rasteriser::raw_image).collect();
     assert_eq!(apart.raw_image(), raw.concat());
-    // In one channel, the rays of a species erase the others too: there is no more white than the channels have together.
+    // In one channel, the rays of a species erase the others too, so there is at most as much white as in all channels together.
     let mut erased = 0;
     for (pixel, &white) in together.raw_image().iter().enumerate() {
         let sum: u16 = raw.iter().map(|image| u16::from(image[pixel])).sum();

@@ -1,4 +1,4 @@
-//! Properties of the simulator: its bits, its collisions, and an oracle without any of the machinery.
+//! Properties of the simulator: its bits, its collisions, and a comparison with a simple oracle.
 
 pub(crate) mod described;
 mod mirror;
@@ -12,7 +12,7 @@ use murmuration_sim::simulate::{Agent, Arch, Start, Swarm};
 use proptest::prelude::*;
 use std::f64::consts::{PI, TAU};
 
-/// Every kind of CPU that this one can pass for.
+/// Every instruction set that this CPU supports.
 pub(crate) fn arches() -> Vec<Arch> {
     let mut arches = vec![Arch::Scalar, Arch::new()];
     #[cfg(target_arch = "x86_64")]
@@ -66,7 +66,7 @@ pub(crate) fn controllers() -> impl Strategy<Value = Controller> {
     prop_oneof![single, two]
 }
 
-/// Worlds of all shapes, crowded ones too.
+/// Worlds of all shapes, including crowded ones.
 pub(crate) fn worlds(agents: impl Strategy<Value = u32>) -> impl Strategy<Value = World> {
     (
         (10.0..400.0, 10.0..400.0, 0.01..5.0, 0.0..1.0),
@@ -123,7 +123,7 @@ proptest! {
         }
     }
 
-    /// Worlds of few and of many, sparse and so crowded that all touch; starts beyond the walls too.
+    /// Worlds of any density, up to so crowded that all agents touch; also starts beyond the walls.
     #[test]
     fn a_grid_changes_no_bit(
         controller in controllers(),
@@ -178,8 +178,8 @@ proptest! {
         }
     }
 
-    /// Agents that touch nobody: the step by hand, and what they then sense. The counts cross the groups in
-    /// which large swarms are looked at.
+    /// For agents that touch no other: computes the step and the sensor state by the definition. The numbers of agents cross the
+    /// boundaries of groups of blocks.
     #[test]
     fn a_step_is_what_the_definition_says(
         controller in controllers(),
@@ -218,7 +218,7 @@ proptest! {
             let agents: Vec<[f64; 2]> = swarm.agents().map(|agent| agent.position).collect();
             let [dx, dy] = [agents[0][0] - agents[1][0], agents[0][1] - agents[1][1]];
             prop_assert!(dx.hypot(dy) >= 10.0 - 1e-9, "{:?}", agents);
-            // One push out of one agent, at most.
+            // At most one push out of one agent.
             let walls = 6.0 - 10.001 - 1e-9..=54.0 + 10.001 + 1e-9;
             prop_assert!(agents.iter().flatten().all(|value| walls.contains(value)), "{:?}", agents);
         }
@@ -242,7 +242,7 @@ fn the_heading_follows_theta_however_long() {
     let mut swarm = Swarm::new(&single([1.0, -0.7, 0.3, 0.9]), &world, &Start::seeded(1)).unwrap();
     swarm.advance(10_000);
     for agent in swarm.agents() {
-        // Theta itself is off by as much: each addition rounds at a magnitude of some thousands.
+        // The error of theta itself is as large: each addition rounds at a magnitude of some thousands.
         assert!((agent.heading[0] - agent.theta.cos()).abs() < 1e-8);
         assert!((agent.heading[1] - agent.theta.sin()).abs() < 1e-8);
     }
@@ -267,7 +267,7 @@ fn agents_at_the_very_same_place_part_towards_the_centre() {
     );
 }
 
-/// As in a large swarm, where several starts snap into one corner.
+/// Such a pile occurs in a large swarm if several starts are clamped into one corner.
 #[test]
 fn a_pile_of_agents_comes_apart() {
     let world = square(200.0, 12);
@@ -284,7 +284,7 @@ fn a_pile_of_agents_comes_apart() {
 
 #[test]
 fn jitter_is_seeded_and_only_where_it_is_asked_for() {
-    // A start that is given has the seed 0.
+    // A given start has the seed 0.
     let drawn = Start::seeded(9);
     let run = |jitter, given| {
         let world = world(v1::World {

@@ -1,4 +1,5 @@
-//! Collisions of a batch: whom the agent of each lane touches, then the rule of [`Collisions`] in all lanes at once.
+//! Collisions of a batch: finds the agents that the agent of each lane touches, then applies the rule of [`Collisions`] in all
+//! lanes at once.
 
 use crate::{
     lanes::{Aligned, Planar, any, dot, gathered, lanes_mut, minus, plus, point, scaled, select, words},
@@ -9,9 +10,9 @@ use pulp::Simd;
 /// The agents that the agent of each lane touches.
 #[derive(Clone, Copy)]
 pub(super) struct Touched<S: Simd> {
-    /// How many.
+    /// Number of agents touched.
     count: S::u64s,
-    /// Where the first is; anywhere in a lane without any.
+    /// Position of the first one; unspecified in a lane without any.
     first: Planar<S>,
 }
 
@@ -22,7 +23,7 @@ impl<S: Simd> Touched<S> {
         let one = simd.splat_u64s(1);
         let mut count = simd.splat_u64s(0);
         let mut first = at;
-        // From the last on, so that the first is what stays.
+        // From the last to the first, so that the first one remains.
         for &Aligned(other) in positions.iter().rev() {
             let near = touches(simd, other, at, touch);
             count = simd.select_u64s(near, simd.add_u64s(count, one), count);
@@ -37,7 +38,7 @@ impl<S: Simd> Touched<S> {
         simd.greater_than_u64s(self.count, simd.splat_u64s(0))
     }
 
-    /// Whether an agent touches more than one.
+    /// Whether the agent of any lane touches more than one.
     #[inline(always)]
     fn several(self, simd: S) -> bool {
         any(simd, simd.greater_than_u64s(self.count, simd.splat_u64s(1)))
@@ -50,7 +51,7 @@ fn touches<S: Simd>(simd: S, other: Planar<S>, at: Planar<S>, touch: S::f64s) ->
     simd.less_than_f64s(dot(simd, e, e), touch)
 }
 
-/// As [`Touched`], a bit for each, the first the lowest.
+/// The agents of [`Touched`] as bits; the lowest bit is the first agent.
 #[inline(always)]
 fn touched_bits<S: Simd>(
     simd: S,
@@ -68,7 +69,7 @@ fn touched_bits<S: Simd>(
     bits
 }
 
-/// Where the first agent of each lane is; the place of some agent in a lane without bits.
+/// Position of the first agent of each lane; of any agent in a lane without bits.
 #[inline(always)]
 fn first_of<S: Simd>(positions: &[Aligned<Planar<S>>], bits: S::u64s) -> Planar<S> {
     let mut place = positions[0].0;
@@ -81,10 +82,10 @@ fn first_of<S: Simd>(positions: &[Aligned<Planar<S>>], bits: S::u64s) -> Planar<
     place
 }
 
-/// One pass: where an agent now at `at` is once it was pushed out of all that it touches there. `None` where it is at the
-/// very place of one of them, which is rare and for [`pass_by_lane`].
+/// One pass: pushes an agent at `at` out of all agents that it touches there, and returns its new position. `None` if it coincides
+/// with one of them, a rare case for [`pass_by_lane`].
 ///
-/// It is [`Collisions::pushed`] in all lanes at once, without jitter.
+/// Computes [`Collisions::pushed`] in all lanes at once, without jitter.
 #[inline(always)]
 pub(super) fn pass<S: Simd>(
     simd: S,
@@ -108,7 +109,7 @@ pub(super) fn pass<S: Simd>(
     Some(out)
 }
 
-/// Where an agent is once it was pushed out of one at `other`, in the lanes that are `touching`.
+/// Pushes an agent out of one at `other`, in the lanes that are `touching`, and returns its new position.
 #[inline(always)]
 fn pushed<S: Simd>(
     simd: S,
@@ -130,7 +131,7 @@ fn pushed<S: Simd>(
     Some(select(simd, simd.and_m64s(touching, within), out, at))
 }
 
-/// As [`pass`], lane by lane: each has its own jitter to draw.
+/// Like [`pass`], lane by lane, because each lane draws its own jitter.
 pub(super) fn pass_by_lane<S: Simd>(
     simd: S,
     rules: &mut [Collisions],

@@ -1,18 +1,19 @@
-//! Sensor readings of one agent of each swarm by its cones, and whether another touches it.
+//! Sensor readings of one agent of each swarm with cones, and whether another agent touches it.
 //!
-//! The rule is that of [`gaze`](crate::simulate::gaze), and so are the answers; the way there is shorter. With h the half-angle and
-//! rho the radius of bodies, another is seen where its centre is in the cone, or less than rho beside it: in a cone of the same
-//! opening whose apex is k = rho / sin(h) further back. With e from here to the centre, |e'| its distance from that apex and
-//! a' = e.c + k how far along the middle c it is from there, it is inside that cone where
+//! The rule and its results are those of [`gaze`](crate::simulate::gaze), but the computation is shorter. Let h be the half-angle
+//! and rho the radius of bodies. Another agent is seen if its centre is in the cone or less than rho beside it: in a moved cone of
+//! the same opening whose apex is k = rho / sin(h) further back. Let e be the vector from here to that centre, |e'| the centre's
+//! distance from the moved apex, and a' = e.c + k its distance from there along the middle c. The centre is inside the moved cone
+//! if
 //!
 //! ```text
 //! C |e'|^2 - a' |a'| <= 0,   C = cos(h) |cos(h)|,   |e'|^2 = e.e + 2 k a' - k^2
 //! ```
 //!
-//! which holds for wide cones too, whose cosine is negative, and with k = 0 in |e'|^2 - rho^2 for rays. Around the apex of a cone
-//! the other one has a tip behind the robot that the rule does not have. Nobody is in the tip who does not touch the robot where k
-//! is at most 2 rho; where it is more, nobody but who is more than 1.5 rho behind, and nobody is seen who is more than rho / 2
-//! behind. Where rounding could decide, the definition does.
+//! This holds for wide cones too, whose cosine is negative, and for rays with k = 0 and |e'|^2 - rho^2 for |e'|^2. Behind the
+//! robot, the moved cone has a tip that the rule does not have. If k is at most 2 rho, agents in the tip touch the robot. If k is
+//! more, agents in the tip touch the robot or are more than 1.5 rho behind it, and by the rule no agent more than rho / 2 behind is
+//! seen. If rounding could change the result, the definition decides.
 
 use super::look::{Seen, Viewer};
 use crate::{
@@ -26,20 +27,20 @@ use murmuration_proto::{Robot, Sensor};
 use pulp::Simd;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Headings are unit vectors up to 10^-12, twice that in their squares: what that and rounding put into a length, relative to
-/// the lengths at hand, is below this.
+/// Upper bound of relative errors of lengths, from rounding and from headings. The length of a heading is 1 up to 10^-12, its
+/// square up to twice that.
 const ROUNDING: f64 = 1e-10;
-/// The same of a square of a length, which headings are no part of.
+/// Upper bound of relative errors of squares of lengths that do not depend on headings.
 const SQUARE_ROUNDING: f64 = 1e-13;
-/// The smallest sine of a half-angle for which the apex is moved back; the definition alone decides for other cones.
+/// The smallest sine of a half-angle for which the apex is moved back; for narrower cones the definition decides.
 const SMALLEST_SINE: f64 = 0.01;
 
-/// The sensors of all agents of a batch, some of which are cones or have a range.
+/// The sensors of all agents of a batch, if some of them are cones or have a range.
 #[derive(Debug, Clone)]
 pub(super) struct Cones<S: Simd, const SENSORS: usize> {
     cones: [Cone<S>; SENSORS],
     radius: f64,
-    /// The same cones with their apexes further back; `None` where only the definition decides.
+    /// The moved cones; `None` if only the definition decides.
     moved: Option<Moved<SENSORS>>,
 }
 
@@ -47,34 +48,34 @@ pub(super) struct Cones<S: Simd, const SENSORS: usize> {
 #[derive(Debug, Clone)]
 struct Moved<const SENSORS: usize> {
     openings: [Opening; SENSORS],
-    /// How far the apexes are moved back at most.
+    /// Largest distance that an apex is moved back.
     furthest: f64,
 }
 
-/// One sensor: all lanes have its shape, and each its direction.
+/// One sensor: its shape is the same in all lanes, its direction differs.
 #[derive(Debug, Clone, Copy)]
 struct Cone<S: Simd> {
-    /// One of the lanes, for what they have in common.
+    /// The sensor of one lane, for its shape and range, which all lanes share.
     eye: Eye,
     edges: [Planar<S>; 2],
     /// Offset to e.e - rho^2 that makes it negative within range.
     range: Option<f64>,
 }
 
-/// The cone with the apex further back, as coefficients: of `C |e'|^2` by e.e - rho^2, by a', and whatever they are.
+/// A moved cone: the coefficients of `C |e'|^2` for e.e - rho^2 and for a', and its constant.
 #[derive(Debug, Clone, Copy)]
 struct Opening {
-    /// How far the apex is moved back: k.
+    /// Distance that the apex is moved back: k.
     back: f64,
     outside: f64,
     along: f64,
     constant: f64,
-    /// Coefficient by a' and constant of what is positive in the tip, if somebody may be in the tip who does not touch.
+    /// Coefficient of a', and constant, of a number that is positive in the tip; `None` if all agents in the tip touch.
     tip: Option<[f64; 2]>,
 }
 
 impl Opening {
-    /// That of cones of this half-angle, for bodies of this radius; `None` where the apex would be too far back.
+    /// The moved cone for this half-angle and bodies of this radius; `None` if the apex would be too far back.
     fn new(half_angle: f64, radius: f64) -> Option<Self> {
         let square = radius * radius;
         let without_apex = |outside, constant| Self {
@@ -87,7 +88,7 @@ impl Opening {
         if half_angle == 0.0 {
             return Some(without_apex(1.0, 0.0));
         }
-        // All around: -e.e - rho^2 - a |a| is negative wherever the other is.
+        // All around: -e.e - rho^2 - a |a| is negative everywhere.
         if half_angle >= PI {
             return Some(without_apex(-1.0, -2.0 * square));
         }
@@ -105,7 +106,7 @@ impl Opening {
 }
 
 impl<const SENSORS: usize> Moved<SENSORS> {
-    /// The cones of these sensors, for bodies of this radius; `None` where an apex would be too far back.
+    /// The moved cones of these sensors, for bodies of this radius; `None` if an apex would be too far back.
     fn new(sensors: &[Sensor; SENSORS], radius: f64) -> Option<Self> {
         let openings: Option<Vec<_>> = sensors
             .iter()
@@ -128,7 +129,7 @@ pub(super) struct ConeViewer<S: Simd, const SENSORS: usize> {
 }
 
 impl<S: Simd, const SENSORS: usize> ConeViewer<S, SENSORS> {
-    /// An agent with this heading, with cones about its rays.
+    /// An agent with this heading, and cones about its rays.
     #[inline(always)]
     pub(super) fn of(viewer: Viewer<S, SENSORS>, heading: Planar<S>) -> Self {
         Self {
@@ -141,7 +142,7 @@ impl<S: Simd, const SENSORS: usize> ConeViewer<S, SENSORS> {
 }
 
 impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
-    /// The cones of a robot whose sensors look at these angles, by lane and sensor.
+    /// The cones of a robot whose sensors have these angles, by lane and sensor.
     pub(super) fn new(simd: S, robot: &Robot, angles: &[Vec<f64>]) -> Option<Self> {
         let sensors: &[Sensor; SENSORS] = robot.sensors().try_into().ok()?;
         let radius = robot.radius();
@@ -162,7 +163,7 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         })
     }
 
-    /// The look by the formulas above, unless rounding may decide. As [`Viewer::glance`](super::look::Viewer::glance).
+    /// Looks by the formulas above; `None` if rounding may change the result. Like [`Viewer::glance`](super::look::Viewer::glance).
     #[inline(always)]
     pub(super) fn glance(
         &self,
@@ -178,7 +179,7 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         let mut nearest = simd.splat_f64s(f64::INFINITY);
         let mut deepest = [nearest; SENSORS];
         for other in others {
-            // The way back, which is as long.
+            // The opposite vector, which has the same length.
             let e = minus(simd, viewer.at, other.0);
             let outside = simd.mul_add_e_f64s(e[0], e[0], simd.mul_add_e_f64s(e[1], e[1], body));
             nearest = simd.min_f64s(nearest, outside);
@@ -188,7 +189,7 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
                 *deepest = simd.min_f64s(*deepest, beyond);
             }
         }
-        // Whether another touches is of squares, as for rays.
+        // Contact is a comparison of squares, as for rays.
         let touches = simd.sub_f64s(nearest, simd.splat_f64s(viewer.reach.touch - viewer.reach.body));
         let touch_margin = simd.mul_add_e_f64s(
             simd.mul_f64s(far, far),
@@ -205,12 +206,12 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         (!any(simd, simd.not_m64s(sure))).then_some(Seen { touched, hits })
     }
 
-    /// A number of [`Cone::beyond`] below this decides nothing, where no coordinate is over `far` and no apex is moved back
-    /// by more than `back`.
+    /// Margin below which a result of [`Cone::beyond`] is not certain, if no coordinate exceeds `far` and no apex is moved back by
+    /// more than `back`.
     ///
-    /// Rounding and headings change the distance from an edge of the cone by at most `ROUNDING (rho + far + far^2 / rho)`:
-    /// the definition squares it. The number is that distance times the distance from the other edge, which is at most |e'|,
-    /// 3 far + k; 4 times that leaves room. The number itself is rounded in squares of far + k.
+    /// Rounding and headings change the distance from an edge of the cone by at most `ROUNDING (rho + far + far^2 / rho)`, because
+    /// the definition squares the distance. The result is that distance times the distance from the other edge, which is at most
+    /// |e'|, so at most 3 far + k; 4 times that leaves room. Rounding of the result itself is relative to the square of far + k.
     #[inline(always)]
     fn margin(&self, simd: S, far: S::f64s, back: f64) -> S::f64s {
         let constant = simd.splat_f64s(ROUNDING * self.radius);
@@ -223,7 +224,7 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         simd.mul_add_e_f64s(beside, across, own)
     }
 
-    /// Whether each sensor hits, by the operations that the definition has.
+    /// Whether each sensor hits, by the operations of the definition.
     #[inline(always)]
     pub(super) fn by_definition(
         &self,
@@ -254,7 +255,7 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
 }
 
 impl<S: Simd> Cone<S> {
-    /// Negative where another that does not touch is seen; positive where it is not. `e` is the way from its centre to here;
+    /// Negative if another agent that does not touch is seen; positive if it is not. `e` is the vector from its centre to here;
     /// `outside` is e.e - rho^2.
     #[inline(always)]
     fn beyond(

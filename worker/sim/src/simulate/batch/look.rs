@@ -1,4 +1,4 @@
-//! Sensor readings of one agent of each swarm by its lines of sight, and whether another touches it.
+//! Sensor readings of one agent of each swarm with rays, and whether another agent touches it.
 
 use crate::{
     lanes::{Aligned, Planar, any, dot, magnitude, minus},
@@ -6,16 +6,16 @@ use crate::{
 };
 use pulp::Simd;
 
-/// Largest rounding error of what [`Viewer::glance`] computes, and of what the definition does, together: so many times the
-/// squares of the lengths at hand. Each is a sum of a few products, which round by 2^-53 each; this is 64 times that.
+/// Largest sum of the rounding errors of [`Viewer::glance`] and of the definition, relative to the squares of the lengths at hand.
+/// Each computes a sum of a few products, which round by 2^-53 each; this is 64 times that.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 /// Result of a look at all others.
 #[derive(Clone, Copy)]
 pub(super) struct Seen<S: Simd, const SENSORS: usize> {
-    /// Whether another touches.
+    /// Whether another agent touches.
     pub(super) touched: S::m64s,
-    /// Whether each sensor hits; where another touches, and nothing else is said, anything.
+    /// Whether each sensor hits; unless documented otherwise, unspecified where another agent touches.
     pub(super) hits: [S::m64s; SENSORS],
 }
 
@@ -23,22 +23,22 @@ pub(super) struct Seen<S: Simd, const SENSORS: usize> {
 #[derive(Clone, Copy)]
 pub(super) struct Viewer<S: Simd, const SENSORS: usize> {
     pub(super) at: Planar<S>,
-    /// Unit vectors along which its sensors look.
+    /// Unit vectors along the rays of its sensors.
     pub(super) rays: [Planar<S>; SENSORS],
     pub(super) reach: Reach,
 }
 
 impl<S: Simd, const SENSORS: usize> Viewer<S, SENSORS> {
-    /// A look at `others`, none of whom is farther from the origin than `far` along an axis, nor is the viewer: with fused
-    /// multiply-add, unless that rounds too near to a decision to be sure of it. `hits` are right only where nobody touches.
+    /// Looks at `others` with fused multiply-add; `None` if rounding may change the result. No coordinate of the others or the
+    /// viewer may exceed `far` in magnitude. `hits` are correct only where no agent touches.
     ///
-    /// A ray u hits where e.u >= 0 and r^2 - e.e + (e.u)^2 >= 0, e being the way from here to another's centre. Where nobody
-    /// touches, r^2 - e.e is negative: r^2 - e.e + (e.u)|e.u| is negative too where e.u is, and the same number otherwise. So its
-    /// sign alone decides, and the largest of all others decides for all; here it is the smallest, signs being the other way
-    /// around.
+    /// With e the vector from here to another agent's centre, a ray u hits if e.u >= 0 and r^2 - e.e + (e.u)^2 >= 0. If no agent
+    /// touches, r^2 - e.e is negative. Then r^2 - e.e + (e.u)|e.u| is negative if e.u is, and the same number as above otherwise.
+    /// So its sign alone decides, and the maximum over all others decides for the ray. The code negates the number and takes the
+    /// minimum.
     ///
-    /// The decision depends on how far e.e - r^2 is from 3 r^2, and e.e - r^2 - (e.u)|e.u| from 0; the difference between two ways to
-    /// compute them is within [`ROUNDING`] of what e.e can be.
+    /// The result depends on whether e.e - r^2 is below 3 r^2, and e.e - r^2 - (e.u)|e.u| below 0. Two ways to compute these
+    /// numbers differ by at most [`ROUNDING`] times the largest possible e.e.
     #[inline(always)]
     pub(super) fn glance(
         self,
@@ -51,7 +51,7 @@ impl<S: Simd, const SENSORS: usize> Viewer<S, SENSORS> {
         let mut nearest = simd.splat_f64s(f64::INFINITY);
         let mut deepest = [nearest; SENSORS];
         for other in others {
-            // The way back, which is as long: the subtraction may take the position from memory.
+            // The opposite vector, which has the same length, so that the subtraction can take the position from memory.
             let e = minus(simd, self.at, other.0);
             let outside = simd.mul_add_e_f64s(e[0], e[0], simd.mul_add_e_f64s(e[1], e[1], body));
             nearest = simd.min_f64s(nearest, outside);
@@ -78,7 +78,7 @@ impl<S: Simd, const SENSORS: usize> Viewer<S, SENSORS> {
         (!any(simd, simd.not_m64s(sure))).then_some(Seen { touched, hits })
     }
 
-    /// Whether each sensor hits, by the operations that the definition has, also where others touch.
+    /// Whether each sensor hits, by the operations of the definition; correct also where others touch.
     #[inline(always)]
     pub(super) fn look_among(self, simd: S, others: &[Aligned<Planar<S>>]) -> [S::m64s; SENSORS] {
         let zero = simd.splat_f64s(0.0);

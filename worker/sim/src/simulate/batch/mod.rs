@@ -1,8 +1,8 @@
-//! Swarms of one world stepped together, one in each lane of a vector.
+//! Steps swarms of one world together, one in each lane of a vector.
 //!
-//! It is the arithmetic of [`Swarm`](super::Swarm), in the same order, so the bits are the same. A vector of agents of one
-//! swarm leaves lanes empty, and all that is done once an agent (driving, clamping, choosing a gait) uses one lane; here
-//! every lane works. The price is collisions: a lane whose agent touches none waits for those that do.
+//! The arithmetic is that of [`Swarm`](super::Swarm), in the same order, so the bits are the same. Vectors of agents of one swarm
+//! leave lanes empty, and work done once per agent (driving, clamping, choosing a gait) uses a single lane; here every lane works.
+//! Collisions cost more: a lane whose agent touches none waits for the lanes whose agents do.
 
 mod collide;
 mod cones;
@@ -21,17 +21,17 @@ use look::{Seen, Viewer};
 use murmuration_proto::{CapabilityModel, Controller, Invalid, RobotController, SeenRobots, Sensor, World};
 use pulp::Simd;
 
-/// Most agents in a swarm of a batch: whom an agent touches is a word of bits.
+/// Maximum number of agents per swarm of a batch: the agents that one touches are the bits of a word.
 pub(crate) const MOST_AGENTS: u32 = u64::BITS;
 
-/// As many swarms as a vector has lanes, their robots alike but for their controllers, with so many sensors: rays without
-/// limit, or `CONES`.
+/// One swarm per lane of a vector. Robots differ in their controllers only, and have `SENSORS` sensors: rays without limit, or
+/// `CONES`.
 pub(crate) struct Batch<S: Simd, const SENSORS: usize, const CONES: bool> {
     walls: Walls,
     reach: Reach,
-    /// By sensor state, of robots with one or two sensors.
+    /// Gaits by sensor state, of robots with one or two sensors.
     few_gaits: [Gait<S>; 4],
-    /// The same of robots with more.
+    /// Gaits by sensor state, of robots with more sensors.
     many_gaits: Vec<Gait<S>>,
     /// (cos, sin) of each sensor's angle.
     directions: [Planar<S>; SENSORS],
@@ -44,12 +44,12 @@ pub(crate) struct Batch<S: Simd, const SENSORS: usize, const CONES: bool> {
     collisions: Vec<Collisions>,
     /// Whether a push may draw random numbers.
     jitters: bool,
-    /// Where each agent is, and after the last each once more: [`Batch::others`].
+    /// Positions of all agents, and then all of them again for [`Batch::others`].
     positions: Vec<Aligned<Planar<S>>>,
-    /// Where each agent was when [`Batch::watch`] was called last.
+    /// Positions of all agents at the last call of [`Batch::watch`].
     watched: Vec<Aligned<Planar<S>>>,
     bodies: Vec<Aligned<Body<S, SENSORS>>>,
-    /// No agent's x or y was ever larger in magnitude.
+    /// Upper bound of the magnitudes of all coordinates so far.
     far: S::f64s,
     steps: u32,
 }
@@ -60,7 +60,7 @@ struct Body<S: Simd, const SENSORS: usize> {
     heading: Planar<S>,
     /// Whether each sensor hit.
     sensed: [S::m64s; SENSORS],
-    /// Whether it touched another in its last step, in any lane.
+    /// Whether the agent touched another in its last step, in any lane.
     crowded: bool,
 }
 
@@ -83,21 +83,21 @@ pub(crate) fn is_for(model: &CapabilityModel, world: &World) -> bool {
     }
 }
 
-/// The task of each lane: lanes beyond repeat the last.
+/// The task of each lane; lanes without a task repeat the last one.
 fn in_lanes<S: Simd, T>(tasks: &[T]) -> Vec<&T> {
     (0..S::F64_LANES)
         .map(|lane| &tasks[lane.min(tasks.len() - 1)])
         .collect()
 }
 
-/// The motion of one step: that of [`drive::Gait`] less the change of theta, which nothing reads here.
+/// The motion of one step: [`drive::Gait`] without the change of theta, which is not needed here.
 #[derive(Debug, Clone, Copy)]
 struct Gait<S: Simd> {
     ahead: S::f64s,
     rotation: Planar<S>,
 }
 
-/// An agent as it is between two steps.
+/// State of an agent of each swarm between two steps.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Agents<S: Simd> {
     pub(crate) position: Planar<S>,
@@ -106,8 +106,8 @@ pub(crate) struct Agents<S: Simd> {
 }
 
 impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> {
-    /// Swarms at their starts, one for each of `tasks`, of which there are at least one and at most as many as lanes;
-    /// lanes beyond repeat the last. Their robots, which [`is_for`] says it is for, have `SENSORS` sensors.
+    /// Swarms at their starts, one for each of `tasks`: at least one, at most one per lane; further lanes repeat the last. Requires
+    /// [`is_for`] and robots with `SENSORS` sensors.
     ///
     /// # Errors
     /// As [`Swarm::new`](super::Swarm::new).
@@ -216,19 +216,19 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         }
     }
 
-    /// Steps done since the start.
+    /// Number of steps since the start.
     pub(crate) const fn steps(&self) -> u32 {
         self.steps
     }
 
-    /// Begins the displacements that [`Batch::agents`] tells.
+    /// Begins to measure the displacements of [`Batch::agents`].
     #[inline(always)]
     pub(crate) fn watch(&mut self) {
         let agents = self.bodies.len();
         self.watched.copy_from_slice(&self.positions[..agents]);
     }
 
-    /// The agents, in index order; displacements are those since [`Batch::watch`].
+    /// The agents, in index order; displacements are since [`Batch::watch`].
     #[inline(always)]
     pub(crate) fn agents(&self, simd: S) -> impl ExactSizeIterator<Item = Agents<S>> + Clone {
         self.bodies.iter().zip(&self.positions).zip(&self.watched).map(
@@ -241,11 +241,12 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         )
     }
 
-    /// Where the sensors of agents with `heading` look, as unit vectors.
+    /// Directions of the sensors of agents with `heading`, as unit vectors.
     #[inline(always)]
     pub(crate) fn sensor_directions(&self, simd: S, heading: Planar<S>) -> [Planar<S>; SENSORS] {
         let mut directions = [heading; SENSORS];
-        // A turn by nothing costs a hundredth of a step with one sensor, and with more the choice costs more than that.
+        // Skipping a rotation by 0 saves a hundredth of a step with one sensor. With more sensors the branch costs more than it
+        // saves.
         if SENSORS == 1 && self.first_is_ahead {
             return directions;
         }
@@ -266,7 +267,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         let heading = rotate(simd, body.heading, gait.rotation);
         self.bodies[i].0.heading = heading;
         self.place(i, at);
-        // An agent that was crowded a step ago is likely to be crowded now, and the test would be in vain.
+        // An agent that was crowded a step ago is probably crowded now, so the glance would be wasted.
         if !body.crowded
             && let Some(Seen { touched, hits }) = self.glance(simd, i, at, heading)
             && !any(simd, touched)
@@ -277,7 +278,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         }
     }
 
-    /// Puts agent `i` somewhere.
+    /// Moves agent `i` to `at`.
     #[inline(always)]
     fn place(&mut self, i: usize, at: Planar<S>) {
         let agents = self.bodies.len();
@@ -294,7 +295,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         }
     }
 
-    /// Sensor reading of agent `i`, and whether another touches it, unless rounding may decide.
+    /// Sensor reading of agent `i`, and whether another agent touches it; `None` if rounding may change the result.
     #[inline(always)]
     fn glance(&mut self, simd: S, i: usize, at: Planar<S>, heading: Planar<S>) -> Option<Seen<S, SENSORS>> {
         let viewer = self.viewer(simd, at, heading);
@@ -307,14 +308,14 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         }
     }
 
-    /// Notes that an agent is or will be at `at`.
+    /// Extends `far` to an agent that is or will be at `at`.
     #[inline(always)]
     fn reach_to(&mut self, simd: S, at: Planar<S>) {
         let here = simd.max_f64s(magnitude(simd, at[0]), magnitude(simd, at[1]));
         self.far = simd.max_f64s(self.far, here);
     }
 
-    /// An agent that is at `at` and looks about.
+    /// A viewer at `at`.
     #[inline(always)]
     fn viewer(&self, simd: S, at: Planar<S>, heading: Planar<S>) -> Viewer<S, SENSORS> {
         Viewer {
@@ -324,8 +325,8 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         }
     }
 
-    /// The positions of all agents but `i`, as a run of the same length for each: the end of a loop whose length changes
-    /// is mispredicted.
+    /// The positions of all agents except `i`, as a slice of the same length for each: the end of a loop of varying length is
+    /// mispredicted.
     #[inline(always)]
     fn others(&self, i: usize) -> &[Aligned<Planar<S>>] {
         &self.positions[i + 1..i + self.bodies.len()]
@@ -342,7 +343,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
     }
 }
 
-/// The gait that each lane has for what it sensed.
+/// The gait of each lane for its sensor state.
 #[inline(always)]
 fn chosen<S: Simd, const SENSORS: usize>(
     simd: S,
@@ -359,7 +360,7 @@ fn chosen<S: Simd, const SENSORS: usize>(
     }
 }
 
-/// As [`chosen`], of many gaits: to choose by halves would take as many choices as there are gaits.
+/// Like [`chosen`], for many gaits: choosing by halves would take as many selections as there are gaits.
 #[inline(always)]
 fn chosen_by_lane<S: Simd, const SENSORS: usize>(
     simd: S,

@@ -1,4 +1,4 @@
-//! Agents that touch others: they are pushed out, and then look.
+//! Pushes agents out of those that they touch, and then has them look.
 
 use super::{
     Batch,
@@ -13,33 +13,33 @@ use crate::{
 use pulp::{Simd, WithSimd};
 
 impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> {
-    /// Pushes agent `i` out of all that it touches in any lane, and lets it look.
+    /// Pushes agent `i` out of all agents that it touches in any lane, and then has it look.
     ///
-    /// It is a function of its own: what it needs registers for would otherwise leave none to agents that touch nobody.
+    /// A separate function, because its need for registers would slow down agents that touch no other.
     #[inline(never)]
     pub(super) fn settle_apart(&mut self, simd: S, i: usize) {
         simd.vectorize(Settling::<_, SENSORS, CONES, false> { batch: self, simd, i });
     }
 
-    /// As [`Batch::settle_apart`], lane by lane.
+    /// Like [`Batch::settle_apart`], lane by lane.
     #[inline(never)]
     fn settle_by_lane(&mut self, simd: S, i: usize) {
         simd.vectorize(Settling::<_, SENSORS, CONES, true> { batch: self, simd, i });
     }
 
-    /// Pushes lane by lane where `BY_LANE`. Otherwise it pushes all lanes at once; it returns `false`, and the agent is where it
-    /// was, where that cannot be done.
+    /// Pushes lane by lane if `BY_LANE`. Otherwise pushes all lanes at once; if that is impossible, returns `false` and leaves the
+    /// agent where it was.
     #[inline(always)]
     fn settle<const BY_LANE: bool>(&mut self, simd: S, i: usize) -> bool {
         let agents = self.bodies.len();
         let heading = self.bodies[i].0.heading;
         let mut at = self.positions[agents + i].0;
-        // So that it does not touch itself.
+        // Keeps the agent from touching itself.
         self.positions[i].0 = splat(simd, [f64::INFINITY; 2]);
         let touch = simd.splat_f64s(self.reach.touch);
         let mut passes = 0;
         let sensed = loop {
-            // One pass is mostly enough. Whoever needs two is likely to need all.
+            // One pass is usually enough. An agent that needs two probably needs all.
             if passes == 1
                 && let Some(Seen { touched, hits }) = self.glance(simd, i, at, heading)
                 && !any(simd, touched)
@@ -68,7 +68,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         true
     }
 
-    /// Sensor reading of agent `i`; `crowded` says whether another touches it in any lane.
+    /// Sensor reading of agent `i`; `crowded` is whether another agent touches it in any lane.
     #[inline(always)]
     fn look(
         &mut self,
@@ -92,7 +92,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
     }
 }
 
-/// [`Batch::settle`], as something that is compiled for the instructions at hand though it is not inlined.
+/// [`Batch::settle`] as a type, so that it is compiled for the instructions at hand without being inlined.
 struct Settling<'a, S: Simd, const SENSORS: usize, const CONES: bool, const BY_LANE: bool> {
     batch: &'a mut Batch<S, SENSORS, CONES>,
     simd: S,

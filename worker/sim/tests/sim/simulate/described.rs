@@ -1,4 +1,4 @@
-//! Swarms of described robots: what they see by the definition, and that they are the paper's where they are described so.
+//! Swarms of described robots: they see by the definition, and equal the paper's swarms if their description does.
 
 use super::*;
 use murmuration_proto::{
@@ -12,7 +12,7 @@ fn name(name: &str) -> SpeciesName {
     SpeciesName::parse("name", name).unwrap()
 }
 
-/// The same robots as a species with a number, which makes them no preset.
+/// The same robots as a species with a name and a number, so that they are no preset.
 fn described(controller: &Controller, world: &World) -> Controller {
     let robot = controller.model().species()[0].robot().clone();
     let model = CapabilityModel::new(vec![Species::new(name("a"), robot)], vec![vec![world.agents()]]);
@@ -70,7 +70,7 @@ fn robots_with(sensor: impl Strategy<Value = Sensor>) -> impl Strategy<Value = R
         .prop_map(|(sensors, radius, drive)| Robot::new(sensors, radius, drive).unwrap())
 }
 
-/// Models that a batch is for.
+/// Models that suit a batch.
 pub(crate) fn alone() -> impl Strategy<Value = CapabilityModel> {
     let rays = Just(Sensor::try_from(SensorDescription::default()).unwrap());
     let robots = prop_oneof![
@@ -84,7 +84,7 @@ pub(crate) fn boundaries() -> impl Strategy<Value = Boundary> {
     prop_oneof![Just(Boundary::Walls), Just(Boundary::Open)]
 }
 
-/// Two species, or three so that one size comes twice, and their genes.
+/// Two species, or three of which two have the same size, with genes.
 pub(super) fn swarms(count: u32) -> impl Strategy<Value = Controller> {
     (robots(), robots(), any::<bool>(), any::<u64>()).prop_map(move |(a, b, thrice, seed)| {
         let species = |called, robot: &Robot| Species::new(name(called), robot.clone());
@@ -114,7 +114,7 @@ pub(super) fn world_of(model: &CapabilityModel, side: f64, boundary: Boundary) -
     })
 }
 
-/// Sensor reading of a robot by the definition in words: no rotated vectors but angles.
+/// Sensor reading of a robot by the definition, with angles instead of rotated vectors.
 fn sensed_by_angles(controller: &Controller, robots: &[Agent], i: usize, world: &World) -> u8 {
     let counts = controller.counts(world.agents()).into_iter().enumerate();
     let of: Vec<usize> = counts
@@ -155,7 +155,7 @@ fn sensed_by_angles(controller: &Controller, robots: &[Agent], i: usize, world: 
                     me.position[1] + range * angle.sin(),
                 ]
             };
-            // A collision may have pushed the robot beyond a wall, whichever way it looks.
+            // A collision may have pushed the robot beyond a wall; then it sees the wall in any direction.
             let is_seen = is_beyond(me.position) || on_arc.into_iter().map(end).any(is_beyond);
             world.boundary() == Boundary::Walls && is_seen
         });
@@ -184,8 +184,8 @@ proptest! {
         prop_assert_eq!(same.jitter_events(), paper.jitter_events());
     }
 
-    /// The general path, which the paper's robots take once there is a robot of another size: here one so far off that nobody
-    /// sees it but by chance, in a world without walls.
+    /// The paper's robots take the general path if a robot has another size. Here that robot is so far away, in a world without
+    /// walls, that others rarely see it.
     #[test]
     fn the_general_path_has_the_papers_bits_too(controller in controllers(), seed: u64) {
         let without = square(10_000.0, 39);
@@ -232,7 +232,7 @@ proptest! {
         prop_assert_eq!(&run(Arch::new(), true), &scalar);
     }
 
-    /// Angles instead of vectors, which round otherwise: a few readings in ten thousand may differ, none should.
+    /// Angles round differently from vectors, so a few readings in ten thousand may differ, though ideally none does.
     #[test]
     fn what_is_seen_is_what_the_definition_says(
         controller in swarms(6),

@@ -1,17 +1,17 @@
-//! Mirror images: a swarm that begins as another's mirror image, with wheels exchanged, moves as its mirror image.
+//! Mirror images: a swarm that starts as another's mirror image, with wheels exchanged, moves as its mirror image.
 //!
-//! The mirror stands along the diagonal of a square world: it exchanges x and y, which rounds nothing. (The mirror
-//! image of x in an upright mirror is `width - x`, which does.)
+//! The mirror lies on the diagonal of a square world: it exchanges x and y, which rounds nothing. (In an upright mirror the image
+//! of x is `width - x`, which rounds.)
 
 use super::*;
 use rand::RngExt as _;
 
-/// The unit vector that a swarm makes of a heading.
+/// The unit vector of a heading, as the swarm computes it.
 fn direction(theta: f64) -> [f64; 2] {
     [libm::cos(theta), libm::sin(theta)]
 }
 
-/// The heading that a mirror on the diagonal shows; `None` where no angle has exactly this cosine and sine.
+/// The mirror image of a heading; `None` if no angle has exactly this cosine and sine.
 fn mirrored_heading(theta: f64) -> Option<f64> {
     let [cos, sin] = direction(theta);
     let near = PI / 2.0 - theta;
@@ -21,7 +21,7 @@ fn mirrored_heading(theta: f64) -> Option<f64> {
         .find(|&angle| direction(angle) == [sin, cos])
 }
 
-/// Random poses, and the same in the mirror.
+/// Random poses, and their mirror images.
 fn starts(world: &World, stream: &mut RandomStream) -> [Start; 2] {
     let pose = |_| loop {
         let [x, y] = [0, 1].map(|_| stream.random_range(0.0..world.width()));
@@ -38,7 +38,7 @@ fn starts(world: &World, stream: &mut RandomStream) -> [Start; 2] {
 fn poses(swarm: &Swarm) -> Vec<[u64; 4]> {
     let pose = |agent: Agent| {
         let ([x, y], [hx, hy]) = (agent.position, agent.heading);
-        // The two zeros are one place.
+        // Makes -0 and 0 equal.
         [x, y, hx, hy].map(|number| (number + 0.0).to_bits())
     };
     swarm.agents().map(pose).collect()

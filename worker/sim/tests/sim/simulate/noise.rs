@@ -1,4 +1,4 @@
-//! Noise: what it does, and that its bits depend on the seed alone.
+//! Noise: its effects, and that its bits depend on the seed alone.
 
 use super::*;
 use murmuration_proto::{CapabilityModel, Drive, ImageFormat, Noise, Robot, Seen, Sensor, SensorDescription};
@@ -12,7 +12,7 @@ fn noisy(world: &World, noise: v1::Noise) -> World {
     World::try_from(message).unwrap()
 }
 
-/// Some of every kind, or of one.
+/// Random noise of some kinds.
 fn noises() -> impl Strategy<Value = v1::Noise> {
     let part = || prop::option::of(0.0..0.3);
     let parts = (part(), part(), part(), part(), prop::option::of(0..9_u32));
@@ -82,7 +82,7 @@ proptest! {
         }
     }
 
-    /// Where nothing goes wrong, the path of noise has the bits of the others.
+    /// If noise changes nothing, its code path has the same bits as the others.
     #[test]
     fn slip_too_small_to_matter_changes_no_bit(controller in controllers(), seed: u64) {
         let start = Start::seeded(seed);
@@ -111,7 +111,7 @@ fn one_robot(noise: v1::Noise) -> World {
     noisy(&square(10_000.0, 1), noise)
 }
 
-/// The motion of a lone robot of [`before_walls`], which finds no walls, in each of `steps` steps: speed and turn.
+/// Speed and turn, in each of `steps` steps, of a lone robot of [`before_walls`] in a world without walls.
 fn motions(noise: v1::Noise, pair: [f64; 2], seed: u64, steps: usize) -> Vec<[f64; 2]> {
     let open = v1::World {
         boundary: Some("open".to_owned()),
@@ -182,7 +182,7 @@ fn gains_are_a_robots_own_and_never_change() {
     }
 }
 
-/// Readings of two robots that stand still, of which one sees the other.
+/// Readings of two robots that stand still; one sees the other.
 fn readings(noise: v1::Noise, steps: u32) -> [Vec<u8>; 2] {
     let world = noisy(&square(300.0, 2), noise);
     let start = Start::at(vec![[100.0, 100.0, 0.0], [200.0, 100.0, 0.0]]).unwrap();
@@ -213,7 +213,7 @@ fn readings_are_missed_and_false_as_often_as_asked() {
     assert!((shares[1] - 0.1).abs() < 0.009, "{shares:?}");
 }
 
-/// A robot that drives to a wall and stops once it senses it, which it does between two known steps.
+/// A robot drives to a wall and stops once it senses the wall, at a known step.
 #[test]
 fn a_delayed_robot_moves_by_what_it_read_so_many_steps_ago() {
     // Padding 1: the sensor is on from x = 9979 on, which a robot at 9970 reaches with its 9th step.

@@ -1,4 +1,4 @@
-//! Obstacles: who is pushed out of them, and who sees them.
+//! Obstacles push robots out, and sensors see them.
 
 use super::*;
 use murmuration_proto::{CapabilityModel, Drive, Robot, Seen, Sensor, SensorAngle, SensorDescription};
@@ -85,7 +85,7 @@ proptest! {
     }
 }
 
-/// Where a paper's robot ends that drives from `from` along x for some steps, by 2 a step.
+/// Final position of a paper's robot that drives from `from` at heading `theta`, 2 units per step.
 fn end(obstacles: Vec<v1::Obstacle>, from: [f64; 2], theta: f64, steps: u32) -> [f64; 2] {
     let world = with(obstacles, Boundary::Walls, square(200.0, 1));
     let start = Start::at(vec![[from[0], from[1], theta]]).unwrap();
@@ -108,7 +108,7 @@ fn a_robot_stops_before_what_it_drives_straight_into() {
     );
     let side = rectangle(150.0, 100.0, 40.0, 100.0);
     assert_near(end(vec![side], [100.0, 100.0], 0.0, 50), [124.999, 100.0]);
-    // Not between the steps before it is there.
+    // It is not stopped before it reaches the side.
     assert_near(end(vec![side], [100.0, 100.0], 0.0, 12), [124.0, 100.0]);
     // It slides along a side that it drives into at an angle.
     let slid = end(vec![side], [100.0, 100.0], 0.5, 40);
@@ -136,7 +136,7 @@ fn a_robot_that_starts_inside_leaves_by_the_nearest_way() {
     );
 }
 
-/// Two discs that leave a gap too small for it.
+/// Two discs with a gap that is too small for the robot.
 #[test]
 fn a_robot_that_does_not_fit_through_stays_before() {
     let gap = vec![disc(150.0, 84.0, 12.0), disc(150.0, 116.0, 12.0)];
@@ -146,7 +146,7 @@ fn a_robot_that_does_not_fit_through_stays_before() {
 
 #[test]
 fn a_robot_shut_in_by_the_wall_leaves_along_it() {
-    // The disc reaches over the wall; pushes and walls alternate for ever.
+    // The disc extends beyond the wall; pushes and walls would alternate for ever.
     let start = end(vec![disc(5.0, 100.0, 40.0)], [6.0, 100.0], PI, 1);
     assert!(
         (start[0] - 5.0).hypot(start[1] - 100.0) >= 45.0 && start[0] >= 6.0,
@@ -206,13 +206,13 @@ fn a_ray_sees_the_edges_and_corners_of_a_box_within_its_range() {
 fn a_cone_sees_what_lies_in_it_or_meets_its_edge() {
     let cone = |half, range| ray_that_sees_obstacles(half, range, 0.0);
     let side = rectangle(140.0, 140.0, 20.0, 20.0);
-    // Its corners that are seen under the least angle lie at (50, 30).
+    // The corner that is seen at the smallest angle is at (50, 30).
     let least = (30.0_f64 / 50.0).atan();
     assert!(sees(cone(least + 1e-6, None), side) && !sees(cone(least - 1e-6, None), side));
-    // All of it between the edges: by its nearest point, the corner at (30, 30).
+    // The whole box is between the edges: its nearest point, the corner at (30, 30), decides.
     let corner = 30.0 * f64::sqrt(2.0);
     assert!(sees(cone(1.5, Some(corner + 0.01)), side) && !sees(cone(1.5, Some(corner - 0.01)), side));
-    // Behind a wide one, and all around.
+    // A box behind a wide cone, and a cone all around.
     let behind = rectangle(60.0, 100.0, 20.0, 20.0);
     assert!(!sees(cone(2.0, None), behind) && sees(cone(PI, Some(30.0)), behind));
 }

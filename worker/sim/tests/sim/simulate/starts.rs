@@ -1,4 +1,4 @@
-//! Where the robots of a world start.
+//! Starts of swarms, by the world's shape.
 
 use super::*;
 
