@@ -28,22 +28,22 @@ pub struct Options {
     pub coordinator: String,
     /// Credentials for the coordinator, and the authority to trust.
     pub credentials: Credentials,
-    /// Its name, for people.
+    /// Display name.
     pub name: String,
     /// Address of this machine to connect from; `None` leaves the choice to the system.
     pub local_address: Option<IpAddr>,
-    /// Is told whether the worker is connected.
+    /// Reports whether the worker is connected.
     pub health: Health,
-    /// Number of evaluations at once, one per thread; at most 4,096.
+    /// Number of simultaneous evaluations, one per thread; at most 4,096.
     pub threads: NonZeroUsize,
     /// Folder for up to 1 GiB of checkpoints, created at its first use. Workers may share one.
     pub cache: PathBuf,
 }
 
-/// Why a worker gave up. It retries temporary errors for ever.
+/// Why a worker gave up. Temporary errors are retried for ever.
 #[derive(Debug, thiserror::Error)]
 pub enum WorkerError {
-    /// It cannot work for this coordinator.
+    /// The worker cannot work for this coordinator.
     #[error(transparent)]
     Link(#[from] LinkError),
     /// A thread could not be started.
@@ -51,10 +51,10 @@ pub enum WorkerError {
     Thread(#[from] std::io::Error),
 }
 
-/// A worker that runs. Boxed, so that it is compiled here and not once more in each program that awaits it.
+/// A running worker. Boxed, so that it is compiled here only, and not again in each program that awaits it.
 pub type Working = Pin<Box<dyn Future<Output = Result<(), WorkerError>> + Send>>;
 
-/// Works until `stop` becomes true. Then it returns leases that it has not begun, finishes the rest, and leaves.
+/// Runs a worker until `stop` becomes true. The worker then returns leases that it has not begun, finishes the rest, and leaves.
 ///
 /// # Errors
 /// See [`WorkerError`].

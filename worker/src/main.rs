@@ -26,7 +26,7 @@ struct Arguments {
     cache: Option<PathBuf>,
 }
 
-/// More threads than any machine has would take all of its memory, and no coordinator would have them.
+/// Parses a number of threads. Coordinators refuse capacities over 4,096, and so many threads would fill the memory.
 fn threads(text: &str) -> Result<NonZeroUsize, String> {
     let number = text
         .parse()

@@ -12,19 +12,19 @@ use std::{
     time::SystemTime,
 };
 
-/// Suffixes of files: of a checkpoint, after its digest, and of an unfinished file, after a random name.
+/// Suffixes of checkpoints, after the digest, and of unfinished files, after a random name.
 const SUFFIX: &str = ".onnx";
 const WRITING: &str = ".writing";
 
 /// A folder of checkpoints with bounded size.
 ///
-/// Several processes may share a folder. A file appears complete or not at all, is checked at every reading, and may
-/// disappear at any time.
+/// Several processes may share a folder. A file appears complete or not at all, is checked at every read, and may disappear at any
+/// time.
 #[derive(Debug)]
 pub struct Cache {
     folder: PathBuf,
     max_bytes: u64,
-    /// Locked while a checkpoint is fetched, so that threads that want the same checkpoint wait and then find it.
+    /// Locked during a fetch, so that other threads wait for the checkpoint instead of fetching it too.
     fetching: Mutex<()>,
 }
 
@@ -44,7 +44,7 @@ pub enum FetchError {
         digest: CheckpointDigest,
         error: Box<dyn Error + Send + Sync>,
     },
-    /// Other bytes were received.
+    /// Bytes with another digest were received.
     #[error("checkpoint {digest}: other bytes came, of digest {got}")]
     Mismatch {
         digest: CheckpointDigest,
@@ -56,7 +56,7 @@ pub enum FetchError {
     Cache(#[from] CacheError),
 }
 
-/// The default folder of checkpoints: in the [`cache_folder`], or among temporary files if there is no home directory.
+/// The default folder of checkpoints: in the [`cache_folder`], or in the folder for temporary files if there is no home directory.
 #[must_use]
 pub fn checkpoint_folder() -> PathBuf {
     cache_folder()
@@ -65,8 +65,8 @@ pub fn checkpoint_folder() -> PathBuf {
 }
 
 impl Cache {
-    /// A cache of at most `max_bytes` in `folder`, which is created if needed. The checkpoint used last stays even if it
-    /// alone is larger.
+    /// A cache of at most `max_bytes` in `folder`, which is created if needed. The most recently used checkpoint stays even if it
+    /// alone exceeds the limit.
     ///
     /// # Errors
     /// If the folder cannot be created.
@@ -85,7 +85,7 @@ impl Cache {
     /// One thread at a time calls `fetch`, and only for checkpoints that the folder still lacks.
     ///
     /// # Errors
-    /// If `fetch` fails or gives other bytes than those of `digest`, or the folder cannot be read.
+    /// If `fetch` fails or returns bytes with another digest, or the folder cannot be read.
     pub fn get_or_fetch<E: Into<Box<dyn Error + Send + Sync>>>(
         &self,
         digest: CheckpointDigest,
@@ -104,13 +104,13 @@ impl Cache {
             return Err(FetchError::Mismatch { digest, got });
         }
         if let Err(error) = self.insert(digest, &bytes) {
-            // On a full disk, say. The bytes are right all the same; the next call fetches them again.
+            // For example on a full disk. The bytes are correct nevertheless; the next call fetches them again.
             tracing::warn!(%error, "a checkpoint is not kept");
         }
         Ok(bytes)
     }
 
-    /// The bytes of a checkpoint if the folder has them, and marks them as used. A file with other bytes is removed.
+    /// The bytes of a checkpoint if the folder has it. Marks it as used. Removes a file whose bytes do not match the digest.
     ///
     /// # Errors
     /// If the folder cannot be read or written.
@@ -128,7 +128,7 @@ impl Cache {
             remove(&path)?;
             return Ok(None);
         }
-        // Only the order of eviction depends on it, so a read-only folder can still be used.
+        // Only the order of eviction depends on the time, so errors are ignored and a read-only folder can be used.
         let _ = file.set_modified(SystemTime::now());
         Ok(Some(bytes))
     }
@@ -146,7 +146,7 @@ impl Cache {
         self.trim(&path)
     }
 
-    /// Removes the least recently used files until the rest is within the bound; never `kept`.
+    /// Removes the least recently used files, but never `kept`, until the rest fits the limit.
     fn trim(&self, kept: &Path) -> Result<(), CacheError> {
         let mut files = Vec::new();
         let mut total = 0;
@@ -156,8 +156,7 @@ impl Cache {
                 .file_name()
                 .and_then(|name| name.to_str())
                 .unwrap_or_default();
-            // Another process may have removed it; other files are left alone. Unfinished files count, so that they are
-            // evicted too.
+            // Skips files of others, and files that another process removed. Unfinished files count, so that they are evicted too.
             let ours = name.ends_with(SUFFIX) || name.ends_with(WRITING);
             let Some(facts) = fs::metadata(&path).ok().filter(|facts| ours && facts.is_file()) else {
                 continue;
@@ -190,7 +189,7 @@ fn at(path: &Path) -> impl Fn(io::Error) -> CacheError {
     }
 }
 
-/// Removes a file, unless another process did.
+/// Removes a file; it may already be gone.
 fn remove(path: &Path) -> Result<(), CacheError> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(at(path)(error)),

@@ -11,7 +11,7 @@ use ort::{
 /// Maximum number of images in a batch: larger batches are no faster and take more memory.
 pub const MAX_BATCH: usize = 32;
 
-/// Maximum number of elements of a model's largest value for a whole batch (64 MiB of floats).
+/// Maximum number of elements of a model's largest tensor for a whole batch (64 MiB of floats).
 const MAX_BATCH_ELEMENTS: usize = 16 << 20;
 
 /// A checkpoint in its own single-threaded session.
@@ -30,7 +30,7 @@ pub enum EmbedError {
     /// ONNX Runtime cannot run the model, or failed to.
     #[error("ONNX Runtime: {0}")]
     Runtime(#[from] ort::Error),
-    /// An image is not of the size that the model takes.
+    /// An image does not have the size that the model takes.
     #[error("image {index} has {pixels} pixels: this embedder takes {images}")]
     ImageSize {
         /// Which of the images, from 0.
@@ -80,13 +80,12 @@ impl Embedder {
 
     /// The embeddings of `images`, in order.
     ///
-    /// An image is raw grey values, channel by channel, each with index `x * width + y` (axis 0 is x), as in an evaluation. An
-    /// embedding has [`EmbedderModel::dimensions`] numbers, all finite. On one kind of CPU and one build of ONNX Runtime, its bits do
-    /// not depend on the other images or on how many there are.
+    /// An image is raw grey values, channel by channel; a pixel of a channel has index `x * width + y` (axis 0 is x), as in an
+    /// evaluation. An embedding has [`EmbedderModel::dimensions`] numbers, all finite. On one kind of CPU and one build of ONNX
+    /// Runtime, its bits do not depend on the other images or on how many there are.
     ///
     /// # Errors
-    /// If an image is of the wrong size, or an embedding of the wrong shape or not finite; then nothing is
-    /// returned for any image.
+    /// If an image has the wrong size, or an embedding has the wrong shape or is not finite; then no embedding is returned.
     pub fn embed(&mut self, images: &[&[u8]]) -> Result<Vec<Vec<f32>>, EmbedError> {
         let shape = self.model.images();
         if let Some((index, image)) = images
@@ -154,7 +153,7 @@ fn session(runtime: &Runtime, model: &[u8]) -> ort::Result<Session> {
         .with_deterministic_compute(true)?
         // Failures are returned as errors; the library would also write them to stderr.
         .with_log_level(LogLevel::Fatal)?
-        // It would keep a pattern for each batch size.
+        // ONNX Runtime would keep one memory pattern per batch size.
         .with_memory_pattern(false)?
         .commit_from_memory(model)
 }

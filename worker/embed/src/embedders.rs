@@ -7,7 +7,7 @@ use murmuration_proto::{
 };
 use std::{error::Error, sync::Arc};
 
-/// Number of embedders that a thread keeps open: enough for two campaigns that are both moving to their next checkpoints.
+/// Number of embedders that a thread keeps open: enough for two campaigns that both change to their next checkpoints.
 const MOST_OPEN: usize = 4;
 
 /// Opens checkpoints for one thread; threads share the cache.
@@ -15,23 +15,23 @@ const MOST_OPEN: usize = 4;
 pub struct Embedders {
     runtime: Runtime,
     cache: Arc<Cache>,
-    /// The most recently used one comes first.
+    /// Most recently used first.
     open: Vec<(CheckpointDigest, Embedder)>,
 }
 
-/// Why there is no embedder with a digest.
+/// Why an embedder is not available.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
-    /// Its bytes are not available.
+    /// The checkpoint's bytes are not available.
     #[error(transparent)]
     Fetch(#[from] FetchError),
-    /// Its bytes are not an embedder.
+    /// The bytes are not an embedder.
     #[error("checkpoint {digest}: {error}")]
     Model {
         digest: CheckpointDigest,
         error: ModelError,
     },
-    /// ONNX Runtime cannot run it.
+    /// ONNX Runtime cannot run the embedder.
     #[error("checkpoint {digest}: {error}")]
     Open {
         digest: CheckpointDigest,

@@ -1,4 +1,4 @@
-//! The ONNX Runtime library: finds it, and loads it before anything else uses it.
+//! Finds the ONNX Runtime library, and loads it before its first use.
 
 use murmuration_proto::EmbeddingKind;
 use ort::environment::Environment;
@@ -9,24 +9,24 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-/// The version of ONNX Runtime that `make runtime` fetches. Versions from 1.17 on work. It is the last whose build for Linux
-/// does not contain its vendor's telemetry.
+/// The version of ONNX Runtime that `make runtime` fetches. Versions from 1.17 on work. It is the last version whose Linux build
+/// does not contain the vendor's telemetry.
 pub(crate) const ONNX_RUNTIME_VERSION: &str = "1.28.0";
 
-/// Names of a system's library: in the development package, then in the library's own package.
+/// Names of the system's library: of the development package, then of the runtime package.
 #[cfg(not(target_os = "macos"))]
 const SYSTEM_NAMES: &[&str] = &["libonnxruntime.so", "libonnxruntime.so.1"];
 #[cfg(target_os = "macos")]
 const SYSTEM_NAMES: &[&str] = &["libonnxruntime.dylib"];
 
-/// Where the folder of a Python environment has packages: in a version's folder of these.
+/// Folders of a Python environment that contain a folder for each Python version.
 const LIBRARY_FOLDERS: [&str; 2] = ["lib", "lib64"];
-/// There: in most environments, and in those of Debian that pip shares with the system.
+/// Package folders of a Python version: the usual one, and Debian's, which pip shares with the system.
 const PACKAGE_FOLDERS: [&str; 2] = ["site-packages", "dist-packages"];
 
 /// ONNX Runtime, loaded into this process.
 ///
-/// A process has one; copies of this value are handles to it.
+/// A process loads it once; clones of this value are handles to it.
 #[derive(Clone)]
 pub struct Runtime {
     environment: Environment,
@@ -52,12 +52,12 @@ pub enum RuntimeError {
 impl Runtime {
     /// Loads ONNX Runtime, if it is not loaded yet.
     ///
-    /// Takes the library that `ORT_DYLIB_PATH` names; without it, the one in the package `onnxruntime` of the Python environment
-    /// whose program this is, if it is one's, then the pinned version beside this program or in the [`cache_folder`]; otherwise
-    /// the system's. Fetches nothing.
+    /// Uses the library that `ORT_DYLIB_PATH` names. Without that variable, uses the first of: the package `onnxruntime` of the
+    /// Python environment that this program is installed in, the pinned version beside this program or in the [`cache_folder`], the
+    /// system's library. Fetches nothing.
     ///
     /// # Errors
-    /// If the library is missing ([`RuntimeError::Missing`] says how to get it), or does not load.
+    /// If the library is missing ([`RuntimeError::Missing`], whose text tells how to get it), or does not load.
     pub fn load() -> Result<Self, RuntimeError> {
         static LOADED: Mutex<Option<Runtime>> = Mutex::new(None);
         let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -81,8 +81,8 @@ impl Runtime {
         ort::info()
     }
 
-    /// The embedding kind of this machine. ONNX Runtime chooses kernels by the processor's features, and its builds differ.
-    /// If both are the same, embeddings have the same bits.
+    /// The embedding kind of this machine. ONNX Runtime chooses kernels by the processor's features, and builds differ. On machines
+    /// of the same kind, embeddings have the same bits.
     #[must_use]
     pub fn kind(&self) -> EmbeddingKind {
         EmbeddingKind::of(&format!("{ARCH} {} {}", instructions().join(" "), self.build()))
@@ -153,7 +153,7 @@ fn named_library() -> Option<PathBuf> {
         .map(PathBuf::from)
 }
 
-/// The possible places of the library: in Python's package, then of the pinned version.
+/// Possible paths of the library: in the Python package, then of the pinned version.
 fn known_libraries() -> Vec<PathBuf> {
     let file = match cfg!(target_os = "macos") {
         true => format!("libonnxruntime.{ONNX_RUNTIME_VERSION}.dylib"),
@@ -171,8 +171,8 @@ fn known_libraries() -> Vec<PathBuf> {
     of_python.chain(beside).chain(cached).collect()
 }
 
-/// The libraries in the packages `onnxruntime` of the Python environment that has its programs in this folder: there pip puts the
-/// package that a wheel of Murmuration depends on.
+/// Libraries of the packages `onnxruntime` in the Python environment with this folder of programs. pip installs that package there
+/// as a dependency of Murmuration's wheel.
 fn of_python_environment(programs: &Path) -> Vec<PathBuf> {
     let within = |folder: PathBuf, is_wanted: fn(&str) -> bool| -> Vec<PathBuf> {
         let entries = fs::read_dir(folder).into_iter().flatten().flatten();
@@ -185,7 +185,7 @@ fn of_python_environment(programs: &Path) -> Vec<PathBuf> {
         return Vec::new();
     };
     let folders = LIBRARY_FOLDERS.map(|folder| environment.join(folder));
-    // Debian has one folder for packages of all versions, `python3`.
+    // Debian has one folder for all versions, `python3`.
     let versions = folders
         .into_iter()
         .flat_map(|folder| within(folder, |name| name.starts_with("python3")));
@@ -195,13 +195,13 @@ fn of_python_environment(programs: &Path) -> Vec<PathBuf> {
         .collect()
 }
 
-/// Whether a file of Python's package `onnxruntime` is the library: its version is after `so`, or before `dylib`.
+/// Whether a file of the Python package `onnxruntime` is the library. Its version follows `so`, or precedes `dylib`.
 fn is_library(file: &str) -> bool {
     let version = file.strip_prefix("libonnxruntime.");
     version.is_some_and(|version| version.starts_with("so.") || version.ends_with(".dylib"))
 }
 
-/// Loads the named library, else the library at the first pinned place that has it, else the system's.
+/// Loads the named library, else the first pinned library that exists, else the system's.
 fn find(named: Option<PathBuf>, pinned: &[PathBuf]) -> Result<Runtime, RuntimeError> {
     if let Some(library) = certain(named, pinned) {
         return load(library);
@@ -212,7 +212,7 @@ fn find(named: Option<PathBuf>, pinned: &[PathBuf]) -> Result<Runtime, RuntimeEr
         .collect();
     for &name in SYSTEM_NAMES {
         match load(PathBuf::from(name)) {
-            // Here the loader does not distinguish an absent library from one that is too old.
+            // The loader's error does not distinguish a missing library from one that is too old.
             Err(error) => tried.push(format!("{name} of the system: {error}")),
             loaded => return loaded,
         }
@@ -222,7 +222,7 @@ fn find(named: Option<PathBuf>, pinned: &[PathBuf]) -> Result<Runtime, RuntimeEr
 
 /// The library that must load, if there is one.
 fn certain(named: Option<PathBuf>, pinned: &[PathBuf]) -> Option<PathBuf> {
-    // An unreadable file counts as present: another library in its place would compute other bits.
+    // An unreadable file counts as present: a different library would compute different bits.
     let is_absent = |library: &Path| {
         fs::symlink_metadata(library).is_err_and(|error| error.kind() == io::ErrorKind::NotFound)
     };
@@ -234,7 +234,7 @@ fn load(library: PathBuf) -> Result<Runtime, RuntimeError> {
         library: library.clone(),
         reason,
     };
-    // Always with a path, and before any other use of `ort`, which panics if the library that it loads by itself fails.
+    // Loads by path, before any other use of `ort`: if `ort` loads a library by itself and fails, it panics.
     let builder = ort::init_from(&library).map_err(|error| unusable(error.to_string()))?;
     let environment = builder
         .with_name("murmuration")
@@ -256,7 +256,7 @@ mod tests {
         let pinned = [absent.clone(), fetched.clone()];
         assert_eq!(certain(Some(absent.clone()), &pinned), Some(absent.clone()));
         assert_eq!(certain(None, &pinned), Some(fetched));
-        // An unreadable file counts as present: no other library takes its place.
+        // An unreadable file counts as present: no other library is used instead.
         let unmounted = folder.path().join("unmounted");
         std::os::unix::fs::symlink(&absent, &unmounted).unwrap();
         let pinned = [unmounted.clone(), pinned[1].clone()];
@@ -269,7 +269,7 @@ mod tests {
         let environment = tempfile::tempdir().unwrap();
         let programs = environment.path().join("bin");
         assert_eq!(of_python_environment(&programs), Vec::<PathBuf>::new());
-        // As pip puts it on Linux, on macOS, on Fedora, and on Debian outside of an environment.
+        // Where pip installs it on Linux, on macOS, on Debian outside of an environment, and on Fedora.
         let places = [
             ("lib/python3.12/site-packages", "libonnxruntime.so.1.28.0"),
             ("lib/python3.13/site-packages", "libonnxruntime.1.28.0.dylib"),
@@ -294,7 +294,7 @@ mod tests {
 
     #[test]
     fn what_is_missing_says_how_to_get_it() {
-        let said = RuntimeError::Missing(vec!["/here".into(), "/there".into()]).to_string();
+        let message = RuntimeError::Missing(vec!["/here".into(), "/there".into()]).to_string();
         assert!(
             [
                 "`make runtime`",
@@ -302,10 +302,10 @@ mod tests {
                 "ORT_DYLIB_PATH"
             ]
             .iter()
-            .all(|way| said.contains(way)),
-            "{said}"
+            .all(|way| message.contains(way)),
+            "{message}"
         );
-        assert!(said.ends_with("Looked for:\n  /here\n  /there"), "{said}");
+        assert!(message.ends_with("Looked for:\n  /here\n  /there"), "{message}");
     }
 
     #[test]

@@ -31,7 +31,7 @@ fn slices(images: &[Vec<u8>]) -> Vec<&[u8]> {
     images.iter().map(Vec::as_slice).collect()
 }
 
-/// The embeddings of the first three by Python's onnxruntime 1.28.0 (printed by `small.py`).
+/// Embeddings of the first three images by Python's onnxruntime 1.28.0 (printed by `small.py`).
 const EMBEDDINGS: [[f32; 3]; 3] = [
     [-2.362_514_3, 2.525_938_3, -0.120_045_6],
     [-2.363_031_1, 2.542_569_6, -0.138_085_54],
@@ -44,7 +44,7 @@ fn embeddings_are_those_of_the_python_package() {
     assert_eq!(embeddings.len(), 3);
     for (embedding, expected) in embeddings.iter().zip(EMBEDDINGS) {
         for (value, expected) in embedding.iter().zip(expected) {
-            // Not bit for bit: other kinds of CPU have other kernels.
+            // Not bit for bit, because kernels depend on the kind of CPU.
             assert!((value - expected).abs() < 1e-5, "{embeddings:?}");
         }
     }
@@ -135,7 +135,7 @@ proptest! {
     }
 }
 
-/// The small model's images, through one node with these attributes, flattened.
+/// A model that passes its images through one node with these attributes, and flattens the result.
 fn flattened(op_type: &str, attribute: Vec<AttributeProto>) -> Vec<u8> {
     let mut model = ModelProto::decode(SMALL).unwrap();
     let graph = model.graph.as_mut().unwrap();
@@ -183,7 +183,7 @@ proptest! {
         if op_type != "Conv" {
             attributes.push(AttributeProto::integer("ceil_mode", i64::from(round_up)));
         }
-        // It may be refused only if a window does not fit.
+        // The model may be refused only if a window does not fit.
         let Ok(model) = EmbedderModel::read(&flattened(op_type, attributes)) else { return Ok(()) };
         let dimensions = model.dimensions();
         let mut embedder = Embedder::open(&Runtime::load().unwrap(), model).unwrap();
@@ -316,7 +316,7 @@ fn what_was_used_longest_ago_goes_first() {
 fn embedders_are_opened_once_and_only_so_many() {
     let (_folder, cache) = cache(1 << 20);
     let mut embedders = Embedders::new(Runtime::load().unwrap(), Arc::new(cache));
-    // The same model under different digests: a remark after the last field makes the difference.
+    // The same model under different digests: they differ in a text field appended to its bytes.
     let checkpoints: Vec<Vec<u8>> = (b'a'..b'g')
         .map(|name| [SMALL, &[0x12, 1, name]].concat())
         .collect();

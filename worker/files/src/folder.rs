@@ -1,4 +1,5 @@
-//! A folder of files that one command writes, such as a report, and the list of them by which a later command knows its own.
+//! A folder of files that one command writes, such as a report. A list in the folder tells later commands which files are
+//! Murmuration's.
 
 use crate::{listed::digest_of, listed::listed_file, new_file::write_file, unfinished::UnfinishedFolder};
 use murmuration_proto::counted;
@@ -10,29 +11,29 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// The list of the files that commands wrote into a folder.
+/// Name of the list of files that commands wrote into a folder.
 const LIST: &str = ".murmuration-files";
-/// Its first line.
+/// First line of the list.
 const EXPLANATION: &str = "# Files that murmuration wrote into this folder, each with its BLAKE3 digest. It replaces and removes no others.";
-/// Most bytes of the list that are read: some 100,000 files.
+/// Maximum length of the list in bytes: some 100,000 files.
 const MAX_LIST_BYTES: u64 = 16 << 20;
 /// Prefix of a folder that is being filled.
 const UNFINISHED: &str = ".murmuration-unfinished-";
-/// The folder of the files that are replaced, within that.
+/// Subfolder of the unfinished folder for the files that are replaced.
 const FORMER: &str = ".former";
-/// Most files that an error names.
+/// Maximum number of files that an error names.
 const NAMED: usize = 8;
 
 /// A folder being filled. Its files lie in a hidden folder within it until [`Folder::finish`] gives them their names.
 ///
-/// The folder may hold files of its owner. `finish` replaces a file, or removes one that this command did not write again, only if the
-/// folder's list names it and its bytes are those that were written; otherwise nothing changes. So the files of an earlier report go,
-/// and nothing else does.
+/// The folder may hold the user's own files. By default `finish` replaces only listed files whose bytes did not change since a
+/// command wrote them, and otherwise fails without changing anything. It also removes unchanged listed files that this command did
+/// not write again, so files of an earlier report disappear, and nothing else does.
 #[derive(Debug)]
 pub struct Folder {
     path: PathBuf,
     unfinished: UnfinishedFolder,
-    /// The files of this folder that were written, the last one last.
+    /// Files written so far, in order.
     files: Vec<(String, blake3::Hash)>,
     replaces: Replaces,
 }
@@ -40,11 +41,11 @@ pub struct Folder {
 /// The files that a new one of the same name may replace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Replaces {
-    /// Files that a command wrote and nobody changed.
+    /// Files that a command wrote, if unchanged.
     Unchanged,
     /// Files that a command wrote, changed or not.
     Changed,
-    /// Every file: for the folders of a data directory, where nobody else writes.
+    /// Every file: for the folders of a data directory, where only Murmuration writes.
     All,
 }
 
@@ -53,7 +54,7 @@ pub enum Replaces {
 pub enum FolderError {
     #[error("cannot write {}: {source}", path.display())]
     Write { path: PathBuf, source: io::Error },
-    /// Files of its owner have the names of new ones.
+    /// The user's own files have the names of new ones.
     #[error(
         "cannot write into {}: murmuration did not write {}, which {} in the way: name another folder, or move what is there",
         folder.display(),
@@ -61,7 +62,7 @@ pub enum FolderError {
         if names.len() == 1 { "is" } else { "are" }
     )]
     Foreign { folder: PathBuf, names: Vec<String> },
-    /// Somebody changed files that an earlier command wrote.
+    /// Files that an earlier command wrote have changed.
     #[error(
         "cannot write into {}: {} changed since murmuration wrote {}: name another folder, or replace {} with --force",
         folder.display(),
@@ -72,7 +73,7 @@ pub enum FolderError {
     Changed { folder: PathBuf, names: Vec<String> },
 }
 
-/// The first of some names, and the number of the others.
+/// Displays the first names, and the number of the others.
 struct Names<'a>(&'a [String]);
 
 impl fmt::Display for Names<'_> {
@@ -86,11 +87,11 @@ impl fmt::Display for Names<'_> {
     }
 }
 
-/// Files by path within a folder, each with the digests that it may have.
+/// Acceptable digests of each file, by its path within the folder.
 type Listed = BTreeMap<String, Vec<blake3::Hash>>;
 
 impl Folder {
-    /// Begins to fill `path`, which is made if it does not exist.
+    /// Begins to fill `path`, which is created if it does not exist.
     ///
     /// # Errors
     /// [`FolderError::Write`] if nothing can be written there.
@@ -120,7 +121,7 @@ impl Folder {
         self.write(name, |file| file.write_all(bytes))
     }
 
-    /// Writes a file, which `fill` gives its bytes.
+    /// Writes a file whose bytes come from `fill`.
     ///
     /// # Errors
     /// [`FolderError::Write`].
@@ -136,7 +137,7 @@ impl Folder {
         Ok(())
     }
 
-    /// Checks that these files can be written, before the work of making them.
+    /// Checks that these files can be written, before the work of computing them.
     ///
     /// # Errors
     /// As [`Folder::finish`].
@@ -173,13 +174,13 @@ impl Folder {
         }
     }
 
-    /// Gives the files their names, the one that was written last at the end. Then removes files that an earlier command wrote here,
-    /// that are as it wrote them, and that this one did not write. Returns the paths of the new files in the order of writing.
+    /// Moves the files to their names, in the order of writing. Then removes unchanged files of earlier commands that this command
+    /// did not write again. Returns the paths of the new files in the order of writing.
     ///
     /// # Errors
-    /// [`FolderError::Foreign`] or [`FolderError::Changed`] names the files that are in the way; then the folder is as before.
+    /// [`FolderError::Foreign`] or [`FolderError::Changed`] with the files that are in the way; then the folder is unchanged.
     pub fn finish(self) -> Result<Vec<PathBuf>, FolderError> {
-        // Another command waits until this one has written its list.
+        // Other commands wait until this one has written its list.
         let locked = File::open(&self.path).and_then(|folder| folder.lock().map(|()| folder));
         let _lock = locked.map_err(failed(&self.path))?;
         let mut listed = self.listed()?;
@@ -190,7 +191,7 @@ impl Folder {
             .filter(|name| !names().any(|new| new == *name))
             .cloned()
             .collect();
-        // Old and new: a command that is killed from here on leaves no file that the next one does not know.
+        // The list names old and new files: if this command is killed from here on, the next one still recognises every file.
         for (name, digest) in &self.files {
             listed.entry(name.clone()).or_default().push(*digest);
         }
@@ -200,7 +201,7 @@ impl Folder {
             if self.state_of(&name, &listed) == State::Ours {
                 let path = self.path.join(&name);
                 fs::remove_file(&path).map_err(failed(&path))?;
-                // The folder of the file goes with its last file.
+                // Removes the file's folder too if it is empty.
                 let _ = path.parent().map(fs::remove_dir);
             }
         }
@@ -212,7 +213,7 @@ impl Folder {
         Ok(names().map(|name| self.path.join(name)).collect())
     }
 
-    /// Moves every file to its place. Where one cannot be moved, those that were replaced come back.
+    /// Moves every file to its place. If one cannot be moved, restores the files replaced so far.
     fn place_all(&self) -> Result<(), FolderError> {
         let former = self.unfinished.path().join(FORMER);
         fs::create_dir(&former).map_err(failed(&self.path))?;
@@ -224,7 +225,7 @@ impl Folder {
         let mut was_there = Vec::new();
         for (name, _) in &self.files {
             let target = self.path.join(name);
-            // A second name, so that the file is there at every moment. Not all file systems have them.
+            // A hard link, so that the file exists at every moment. Not all file systems support hard links.
             let _ = fs::hard_link(&target, former.join(was_there.len().to_string()));
             let found = fs::symlink_metadata(&target).is_ok();
             if let Err(error) = fs::rename(self.unfinished.path().join(name), &target) {
@@ -236,8 +237,8 @@ impl Folder {
         Ok(())
     }
 
-    /// Puts the first files back that were replaced, and removes those that were not there before. Where a former file has no second
-    /// name, the new one stays, and the list names it.
+    /// Restores the files replaced so far, and removes the new files that replaced none. If a previous file has no hard link, the
+    /// new file stays, and the list names it.
     fn put_back(&self, former: &Path, was_there: &[bool]) {
         for (place, (was_there, (name, _))) in was_there.iter().zip(&self.files).enumerate() {
             let target = self.path.join(name);
@@ -251,7 +252,7 @@ impl Folder {
     /// The folder's list; empty if it has none.
     ///
     /// # Errors
-    /// [`FolderError::Foreign`] if something else has its name.
+    /// [`FolderError::Foreign`] if something else has the list's name.
     fn listed(&self) -> Result<Listed, FolderError> {
         let path = self.path.join(LIST);
         let foreign = || FolderError::Foreign {
@@ -314,13 +315,13 @@ impl Folder {
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum State {
     Absent,
-    /// A file as a command wrote it.
+    /// A file that a command wrote, unchanged.
     Ours,
-    /// A file that a command wrote and somebody changed.
+    /// A file that a command wrote, changed since.
     Changed,
     /// A file that no command wrote.
     Unlisted,
-    /// No file, but something else: in its own place, or what is in place of a folder above it.
+    /// Something other than a file in its place, or other than a folder in the place of a parent. Holds its path.
     Foreign(String),
 }
 
@@ -365,7 +366,7 @@ mod tests {
         folder.finish()
     }
 
-    /// Every file of a folder but for the list, with its text.
+    /// Text of every file in a folder, except the list.
     fn contents(path: &Path) -> BTreeMap<String, String> {
         let mut found = BTreeMap::new();
         let mut folders = vec![path.to_owned()];
@@ -516,7 +517,7 @@ mod tests {
         for name in ["a", "c", "b"] {
             folder.text(name, "2").unwrap();
         }
-        // It is no longer there to be moved.
+        // Moving it will fail.
         fs::remove_file(folder.unfinished.path().join("b")).unwrap();
         folder.finish().unwrap_err();
         for name in ["a", "b"] {
@@ -537,7 +538,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever commands write into a folder one after the other, files of its owner stay as they are.
+        /// No sequence of commands changes the user's own files in a folder.
         #[test]
         fn files_of_the_owner_stay(
             owned in prop::collection::btree_map("[a-f]", "[x-z]{0,3}", 0..4),

@@ -1,6 +1,6 @@
 //! Reads files that a person names, up to a limit for their kind.
 //!
-//! A named file may be a pipe or a device that never ends. Limits: knows how long a file may be, not what is in it.
+//! A named file may be a pipe or a device that never ends. This module checks lengths, not contents.
 
 use murmuration_proto::{grouped, onnx::MAX_MODEL_BYTES};
 use std::{
@@ -9,7 +9,7 @@ use std::{
     path::Path,
 };
 
-/// The kind of a file, which determines its maximum length. Every limit is ten times what people have.
+/// The kind of a file, which determines its maximum length. Every limit is ten times the usual length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InputKind {
     /// A campaign, TOML.

@@ -1,7 +1,7 @@
-//! Files that people name: read up to a limit, and written so that nothing of theirs is lost.
+//! Files that users name: reads them up to a limit, and writes them without losing other data.
 //!
-//! [`NewFile`] writes one file, [`Folder`] a folder of files. Both leave what was there before until the new files are whole and on
-//! disk. A [`Folder`] replaces and removes only files that an earlier command wrote into it.
+//! [`NewFile`] writes one file, [`Folder`] a folder of files. Both keep existing files until the new ones are complete and on disk.
+//! A [`Folder`] replaces and removes only files that an earlier command wrote into it.
 
 mod folder;
 mod input;

@@ -1,4 +1,4 @@
-//! Lists of files with their digests, a line each, as `b3sum` prints them.
+//! Lists of files with their digests, one per line, in the format of `b3sum`.
 
 use murmuration_proto::text;
 use std::{
@@ -7,11 +7,11 @@ use std::{
     path::{Component, Path},
 };
 
-/// Most characters of a path in a list.
+/// Maximum number of characters of a path in a list.
 const MAX_NAME_CHARS: usize = 200;
 
-/// A line of a list: the digest of a file, and its path, which stays within the folder and has no characters that cannot be seen.
-/// `None` if the line is something else.
+/// Parses a line of a list: a file's digest and path. `None` if the line has another format, or the path leaves the folder or has
+/// invisible characters.
 #[must_use]
 pub fn listed_file(line: &str) -> Option<(blake3::Hash, &str)> {
     let (digest, name) = line.split_once("  ")?;
@@ -22,7 +22,7 @@ pub fn listed_file(line: &str) -> Option<(blake3::Hash, &str)> {
     (is_within && can_be_seen).then_some((digest, name))
 }
 
-/// The BLAKE3 digest of a file that is open.
+/// The BLAKE3 digest of an open file, from its current position.
 ///
 /// # Errors
 /// The system's error.

@@ -1,4 +1,4 @@
-//! A file that is written beside its place, and moved there once it is whole and on disk.
+//! Writes a file under a temporary name beside its target, and renames it once it is complete and on disk.
 
 use rustix::process::geteuid;
 use std::{
@@ -10,14 +10,14 @@ use std::{
 };
 use tempfile::NamedTempFile;
 
-/// Most links that are followed.
+/// Maximum number of symbolic links to follow.
 const MAX_LINKS: u32 = 40;
 
-/// A file being written. The file that has its name is replaced by [`NewFile::finish`], and stays if that is never called.
+/// A file being written. [`NewFile::finish`] replaces the existing file of that name; without it, the existing file stays.
 ///
-/// A link is followed, and what it leads to is replaced. A device or pipe is written to directly: it has no content to lose. So is
-/// what a process has open, such as `/dev/stdout`. The new file has the permissions and, where the system allows that, the owner of
-/// the file that it replaces.
+/// Follows links and replaces their target. Writes directly to devices and pipes, which have no content to lose, and to files that
+/// a process has open, such as `/dev/stdout`. The new file keeps the permissions and, where the system allows it, the owner of the
+/// file that it replaces.
 #[derive(Debug)]
 pub struct NewFile(Place);
 
@@ -34,7 +34,7 @@ enum Place {
     },
 }
 
-/// Properties that the new file takes from the one that it replaces.
+/// Properties of the replaced file that the new file keeps.
 #[derive(Debug)]
 struct Former {
     user: u32,
@@ -59,7 +59,7 @@ impl fmt::Display for Written {
 }
 
 impl NewFile {
-    /// Begins the file `path`. Makes the folders above it where they do not exist.
+    /// Begins the file `path`, and creates missing parent folders.
     ///
     /// # Errors
     /// The system's error, or that `path` is a folder.
@@ -77,12 +77,12 @@ impl NewFile {
             Err(error) => return Err(error),
         };
         if former.is_some() {
-            // Replacing needs permission for the folder alone. A file that is protected from writing keeps its content.
+            // Renaming needs write permission only for the folder. This check keeps a write-protected file from being replaced.
             File::options().write(true).open(&target)?;
         }
         let folder = folder_of(&target);
         fs::create_dir_all(folder)?;
-        // Temporary files are for their owner's eyes alone; this one becomes a file like any other.
+        // The default mode of temporary files, 0600, is too strict for the final file.
         let file = tempfile::Builder::new()
             .permissions(Permissions::from_mode(0o666))
             .tempfile_in(folder)?;
@@ -93,7 +93,7 @@ impl NewFile {
         }))
     }
 
-    /// Writes to a device, a pipe, or what a process has open.
+    /// Writes directly to a device, a pipe, or a file that a process has open.
     fn directly(path: &Path) -> io::Result<Self> {
         let file = BufWriter::new(File::options().append(true).open(path)?);
         Ok(Self(Place::Itself {
@@ -102,7 +102,7 @@ impl NewFile {
         }))
     }
 
-    /// Where the bytes go until [`NewFile::finish`]: for a program that writes the file itself.
+    /// Path of the unfinished file, for a program that writes the file itself.
     #[must_use]
     pub fn path(&self) -> &Path {
         match &self.0 {
@@ -111,16 +111,16 @@ impl NewFile {
         }
     }
 
-    /// Waits until the file is on disk, and gives it its name.
+    /// Waits until the file is on disk, and renames it to its target.
     ///
     /// # Errors
-    /// The system's error. Then the former file is still there.
+    /// The system's error; then the previous file is unchanged.
     pub fn finish(self) -> io::Result<Written> {
         self.place(true)
     }
 
-    /// As [`NewFile::finish`], unless a file of this name has appeared since there was none: it stays, and the new one keeps the
-    /// temporary name that the error says.
+    /// Like [`NewFile::finish`], but does not replace a file that appeared after [`NewFile::create`] found none: then the new file
+    /// keeps its temporary name, which the error contains.
     ///
     /// # Errors
     /// As [`NewFile::finish`], and `AlreadyExists`.
@@ -145,7 +145,7 @@ impl NewFile {
             permissions,
         }) = former
         {
-            // Only root may give a file away. Others may give it to a group of theirs.
+            // Only root may change the owner. Other users may change the group to one of their own.
             let _ = fchown(file.as_file(), Some(user), Some(group))
                 .or_else(|_| fchown(file.as_file(), None, Some(group)));
             file.as_file().set_permissions(permissions)?;
@@ -161,23 +161,23 @@ impl NewFile {
     }
 }
 
-/// Gives a file its name, unless another has it by now: then it stays under its temporary name.
+/// Renames a file to `target`. If `target` exists by now, the file keeps its temporary name.
 fn persist_beside(file: NamedTempFile, target: &Path) -> io::Result<()> {
     let refused = match file.persist_noclobber(target) {
         Ok(_) => return Ok(()),
         Err(refused) => refused,
     };
-    // Some file systems can only replace.
+    // Some file systems do not support renaming without replacing.
     if refused.error.kind() != io::ErrorKind::AlreadyExists && !target.exists() {
         refused.file.persist(target)?;
         return Ok(());
     }
     let (_, kept) = refused.file.keep()?;
-    let said = format!(
+    let message = format!(
         "a file of this name appeared meanwhile, and stays; what was to be written is in {}",
         kept.display()
     );
-    Err(io::Error::new(io::ErrorKind::AlreadyExists, said))
+    Err(io::Error::new(io::ErrorKind::AlreadyExists, message))
 }
 
 impl Write for NewFile {
@@ -196,17 +196,17 @@ impl Write for NewFile {
     }
 }
 
-/// Writes a file whole.
+/// Writes a complete file.
 ///
 /// # Errors
-/// As [`NewFile::create`] and [`NewFile::finish`]; then the former file is still there.
+/// As [`NewFile::create`] and [`NewFile::finish`]; then the previous file is unchanged.
 pub fn write_file(path: &Path, bytes: impl AsRef<[u8]>) -> io::Result<Written> {
     let mut file = NewFile::create(path)?;
     file.write_all(bytes.as_ref())?;
     file.finish()
 }
 
-/// The path that links lead to, whether there is a file or not; of a descriptor its link.
+/// Resolves links; the target need not exist. Does not resolve links to descriptors.
 fn without_links(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..MAX_LINKS {
@@ -225,24 +225,24 @@ fn without_links(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::other("too many links lead to one another"))
 }
 
-/// Refuses another user's link in a folder such as `/tmp`, as Linux does with `fs.protected_symlinks`: they may have put it there to
-/// have a file of this user replaced.
+/// Refuses another user's link in a folder such as `/tmp`, as Linux does with `fs.protected_symlinks`: the link may be an attempt
+/// to have one of this user's files replaced.
 fn check_owner(link: &Path, found: &Metadata) -> io::Result<()> {
     const STICKY_FOR_ALL: u32 = 0o1002;
     let folder = fs::metadata(folder_of(link))?;
     let is_shared = folder.mode() & STICKY_FOR_ALL == STICKY_FOR_ALL;
     if is_shared && ![folder.uid(), geteuid().as_raw()].contains(&found.uid()) {
-        let said = format!(
+        let message = format!(
             "{} is a link that another user made in a shared folder",
             link.display()
         );
-        return Err(io::Error::new(io::ErrorKind::PermissionDenied, said));
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, message));
     }
     Ok(())
 }
 
-/// Whether a link is to what a process has open, as `/dev/stdout` leads to `/proc/self/fd/1`. That may be a file that other output
-/// shares, which must not be replaced.
+/// Whether a link leads to an open file descriptor, as `/dev/stdout` leads to `/proc/self/fd/1`. Other output may share that file,
+/// so it must not be replaced.
 fn is_descriptor(link: &Path) -> io::Result<bool> {
     Ok(fs::canonicalize(folder_of(link))?.starts_with("/proc"))
 }
@@ -302,7 +302,7 @@ mod tests {
             .unwrap();
         assert!(refused.to_string().contains(&kept), "{refused}");
         assert_eq!(fs::read_to_string(folder.path().join(kept)).unwrap(), "mine");
-        // A file that was there from the beginning is replaced.
+        // A file that existed from the beginning is replaced.
         let mut file = NewFile::create(&path).unwrap();
         file.write_all(b"newer").unwrap();
         assert_eq!(file.finish_unless_taken().unwrap(), Written::Replaced);
@@ -331,7 +331,7 @@ mod tests {
         write_file(&at("link"), "new").unwrap();
         if geteuid().is_root() {
             lchown(at("link"), Some(1), None).unwrap();
-            // Root owns the folder, and anybody may have made the link.
+            // Root owns the folder, and any user may have made the link.
             let refused = write_file(&at("link"), "newer").unwrap_err();
             assert_eq!(refused.kind(), io::ErrorKind::PermissionDenied, "{refused}");
         }

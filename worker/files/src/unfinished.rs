@@ -1,4 +1,4 @@
-//! Folders that are being filled, and those that processes left behind which were killed meanwhile.
+//! Folders that are being filled, and leftovers of processes that were killed while filling them.
 
 use std::{
     fs::{self, File, Permissions, TryLockError},
@@ -8,10 +8,10 @@ use std::{
 };
 use tempfile::TempDir;
 
-/// How often a folder is made that disappears.
+/// Attempts at creating a folder, because another process may remove a new one as a leftover.
 const ATTEMPTS: u32 = 8;
 
-/// A folder that is being filled. A lock on it says that its process lives. It is removed when it is dropped.
+/// A folder that is being filled. Its lock shows other processes that it is in use. Dropping it removes the folder.
 #[derive(Debug)]
 pub struct UnfinishedFolder {
     folder: TempDir,
@@ -19,7 +19,7 @@ pub struct UnfinishedFolder {
 }
 
 impl UnfinishedFolder {
-    /// A new folder in `parent`, which exists, whose name begins with `prefix`. Removes leftovers there first.
+    /// Creates a folder in `parent`, which must exist, with a name that begins with `prefix`. Removes leftovers there first.
     ///
     /// # Errors
     /// The system's error, or that the file system has no locks.
@@ -48,7 +48,8 @@ impl UnfinishedFolder {
         self.folder.path()
     }
 
-    /// The folder, which is no longer removed by itself, and its lock. Without the lock it is a leftover until it has another name.
+    /// The folder, which is no longer removed automatically, and its lock. Once the lock is dropped, other processes take it for a
+    /// leftover unless it was renamed.
     #[must_use]
     pub fn keep(self) -> (PathBuf, File) {
         (self.folder.keep(), self.lock)
@@ -58,7 +59,7 @@ impl UnfinishedFolder {
 /// Letters and digits that follow the prefix of a name.
 const RANDOM_CHARS: usize = 6;
 
-/// Removes the folders in `parent` whose names are `prefix` and six letters and digits, if the processes that filled them have ended.
+/// Removes folders in `parent` with names of `prefix` and six letters or digits, if the processes that filled them have ended.
 pub fn remove_leftovers(parent: &Path, prefix: &str) {
     let entries = fs::read_dir(parent).into_iter().flatten().flatten();
     for entry in entries {
@@ -75,7 +76,7 @@ pub fn remove_leftovers(parent: &Path, prefix: &str) {
             Err(TryLockError::WouldBlock | TryLockError::Error(_)) => None,
         });
         if let Ok(Some(_held)) = held {
-            // A folder that cannot be removed is in nobody's way.
+            // A folder that cannot be removed does no harm.
             let _ = fs::remove_dir_all(&path);
         }
     }

@@ -67,7 +67,7 @@ impl Arrangement {
 /// Distance from each point to its `RANK`-th nearest other point; infinite if there are fewer points.
 fn neighbours<const RANK: usize>(points: &[Point]) -> Vec<f64> {
     let nearest = |(i, &point): (usize, &Point)| {
-        // Squares, ascending: a root keeps their order.
+        // Squares of the smallest distances, ascending; roots have the same order.
         let mut least = [f64::INFINITY; RANK];
         for (_, &other) in points.iter().enumerate().filter(|&(j, _)| j != i) {
             let way = minus(other, point);

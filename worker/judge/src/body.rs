@@ -15,7 +15,7 @@ const STRAY: f64 = 2.5;
 /// Depth in the outline of all paths from which on an agent is inside, not on the rim.
 const INSIDE: f64 = 0.2;
 
-/// Measures of the main body, which is the agents whose paths touch, if they are most of the swarm.
+/// Measures of the main body: the largest group of agents connected by touching paths, if it is most of the swarm.
 ///
 /// Depths are distances from the convex outline over the radius of a circle of the same area: 0 on a convex ring, up to
 /// 1 in its middle.
@@ -75,7 +75,7 @@ impl Body {
         }
     }
 
-    /// For a swarm whose paths lie on one line, or that stands still on one.
+    /// For a swarm whose paths all lie on one line.
     const fn flat() -> Self {
         Self {
             depth: 1.0,
@@ -119,7 +119,7 @@ fn deepest(end: Vec<Point>) -> f64 {
     })
 }
 
-/// Angle that a path goes round `centre`, radians.
+/// Signed angle that a path goes round `centre`, radians.
 fn around(path: &[Point], centre: Point) -> f64 {
     path.windows(2)
         .map(|pair| angle_between(minus(pair[0], centre), minus(pair[1], centre)))

@@ -1,5 +1,5 @@
-//! Motions made by hand, whose class follows from how they were made: the judge has to know them at any size and speed, and not
-//! only where a labelled set has some.
+//! Synthetic motions with known classes: the judge must name them at any size and speed, also beyond the examples of a labelled
+//! set.
 
 use super::judge;
 use murmuration_proto::{Class, Replay, World, v1};
@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 /// Steps between two frames.
 const STRIDE: u32 = 4;
-/// Distance between the middles of two robots that touch, world units.
+/// Distance between the centres of two touching robots, world units.
 const TOUCHING: f64 = 10.0;
 const MIDDLE: f64 = 250.0;
 
@@ -36,19 +36,19 @@ fn on_circle([x, y]: [f64; 2], radius: f64, turns: f64) -> [f64; 2] {
     [x + radius * cosine, y + radius * sine]
 }
 
-/// The radius of a ring of so many robots that touch.
+/// The radius of a ring of this many touching robots.
 fn tight(agents: u32) -> f64 {
     f64::from(agents) * TOUCHING / TAU
 }
 
-/// A swarm that goes round: its middle, and the way that an agent on a circle goes in a step, to the left or to the right.
+/// A rotating swarm: its centre, and the arc that an agent moves along in a step, signed by direction.
 fn turning() -> impl Strategy<Value = ([f64; 2], f64)> {
     let middle = MIDDLE - 30.0..MIDDLE + 30.0_f64;
     let speed = prop_oneof![-1.9..-0.3_f64, 0.3..1.9_f64];
     ([middle.clone(), middle], speed)
 }
 
-/// The place of an agent among robots that touch each other: the nearest places to the middle of a triangular lattice.
+/// Places of agents in a packed clump: the places of a triangular lattice that are nearest to its centre.
 fn packed(agents: u32, spacing: f64) -> Vec<[f64; 2]> {
     let places = (-12..=12).flat_map(|row: i32| {
         (-12..=12).map(move |column: i32| {

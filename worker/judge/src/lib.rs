@@ -1,8 +1,8 @@
 //! The judge: names the class of a behaviour from its motion, by rules that people can read.
 //!
-//! It sees what annotators are shown, the paths of the last 160 steps and where they end, and no embeddings or features.
-//! [`Measures`] are geometry and kinematics in units of the bodies and the arena. [`Measures::class`] is the list of
-//! rules. `murmuration lab judge` and `tests/tests/single_node/judge.rs` measure its agreement with labels.
+//! Its input is what annotators see: the paths of the last 160 steps and where they end. It uses no embeddings or features.
+//! [`Measures`] are geometry and kinematics in units of the bodies and the arena. [`Measures::class`] is the list of rules.
+//! `murmuration lab judge` and `tests/tests/single_node/judge.rs` measure its agreement with labels.
 
 mod arrangement;
 mod body;
@@ -23,7 +23,7 @@ pub use walls::Walls;
 use murmuration_proto::{Class, Frames, Replay, Verdict, World};
 use window::Window;
 
-/// The frames of a motion in `world` that the judge needs: every fourth of its last 160 steps.
+/// The frames of a motion in `world` that the judge needs: every fourth of the last 160 steps.
 #[must_use]
 pub fn frames(world: &World) -> Frames {
     Frames::of_end(window::WINDOW_STEPS, window::STRIDE, world)
@@ -73,7 +73,7 @@ pub struct Scale {
     pub radius: f64,
     /// Radius of a disc with the total area of the bodies: body radius times the square root of their number.
     pub packed: f64,
-    /// Distance between neighbours if the agents stood on a square grid over the whole arena.
+    /// Distance between neighbours if the agents were on a square grid over the whole arena.
     pub spacing: f64,
 }
 
@@ -85,7 +85,7 @@ impl Scale {
         Self {
             radius: world.radius(),
             packed: world.radius() * agents.sqrt(),
-            // If the walls leave no room to move, there is still the room of a body.
+            // If the walls leave no room to move, counts the room of one body.
             spacing: (sides.map(|side| side.max(world.radius())).iter().product::<f64>() / agents).sqrt(),
         }
     }

@@ -1,4 +1,4 @@
-//! The motion of agents, and the relation of their paths.
+//! Measures of the agents' motion, and of how their paths relate.
 
 use super::{
     Scale,
@@ -17,7 +17,7 @@ const SAME_WAY: f64 = 0.85;
 const ACROSS: f64 = 0.35;
 /// Movement in a fortieth of the window below which an agent has no direction; in radii.
 const STANDS: f64 = 0.08;
-/// The same for a twentieth of the window, for measuring turns.
+/// Movement in a twentieth of the window below which an agent's turns are not measured; in radii.
 const TURNS_ON_THE_SPOT: f64 = 0.2;
 
 /// Measures of the agents' paths.
@@ -27,7 +27,7 @@ pub struct Motion {
     pub net: f64,
     /// Median of an agent's largest distance from the centre of its own path; in spacings.
     pub reach: f64,
-    /// Upper quartile of the same.
+    /// Upper quartile of that distance; in spacings.
     pub far_reach: f64,
     /// Median angle that an agent's direction of motion turns through, radians.
     pub turning: f64,
@@ -42,7 +42,7 @@ pub struct Motion {
 /// Which paths touch each other.
 #[derive(Debug, Clone)]
 pub(super) struct SharedPaths {
-    /// For each agent, ascending, those whose paths come near the middles of its own path's pieces.
+    /// For each agent, the agents whose paths come near the midpoints of its own path's pieces, ascending.
     near: Vec<Vec<usize>>,
 }
 
@@ -84,7 +84,7 @@ fn reach(path: &[Point]) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Angle that the direction of motion turns through, signed, and with every turn counted as positive.
+/// Sum of the turns of the direction of motion: signed, and absolute.
 fn turned(path: &[Point], scale: &Scale) -> [f64; 2] {
     let coarse: Vec<Point> = path.iter().copied().step_by(2).collect();
     let moves: Vec<Point> = coarse.windows(2).map(|pair| minus(pair[1], pair[0])).collect();
@@ -100,12 +100,12 @@ fn segments(path: &[Point]) -> impl Iterator<Item = [Point; 2]> {
     path.windows(2).map(|pair| [pair[0], pair[1]])
 }
 
-/// Share of path points on another agent's path in its direction; and which paths touch.
+/// Share of path points where another agent's path passes in the same direction; and the paths that touch.
 fn following(paths: &[Vec<Point>], pieces: &Pieces, scale: &Scale) -> (f64, SharedPaths) {
     let reach = SHARED * scale.radius;
     let mut near = Vec::with_capacity(paths.len());
     let mut followed = Vec::new();
-    // For each agent, the last one whose path its own was found to be near to.
+    // For each agent, the last agent `i` whose path was found to be near its own.
     let mut found = vec![None; paths.len()];
     for (i, path) in paths.iter().enumerate() {
         let mut touched = Vec::new();
@@ -115,7 +115,7 @@ fn following(paths: &[Vec<Point>], pieces: &Pieces, scale: &Scale) -> (f64, Shar
             let here = mean(&[from, to]);
             let mut nearest = (f64::INFINITY, usize::MAX, [0.0; 2]);
             for piece in pieces.near(here, reach).filter(|piece| piece.agent != i) {
-                // Where nobody follows, it matters only whether the paths touch.
+                // A standing agent follows nobody: it matters only whether the paths touch.
                 if !moves && found[piece.agent] == Some(i) {
                     continue;
                 }

@@ -1,11 +1,11 @@
-//! The pieces of all agents' paths by where they are, so that only near ones are compared.
+//! A spatial index of the pieces of all agents' paths, so that only nearby pieces are compared.
 
 use super::{
     geometry::{length, minus},
     window::{Point, mean},
 };
 
-/// Cells per piece, at most: an empty cell costs less than a piece that is looked at in vain.
+/// Maximum number of cells per piece: an empty cell costs less than a needless comparison.
 const CELLS: f64 = 4.0;
 /// Largest error of a piece by rounding, relative to the reach.
 const SLACK: f64 = 1e-9;
@@ -14,18 +14,18 @@ const SLACK: f64 = 1e-9;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Piece {
     pub(super) agent: usize,
-    /// Where it begins and ends.
+    /// Start and end points.
     pub(super) ends: [Point; 2],
-    /// Its place among the pieces of all agents: agent by agent, in the order of time.
+    /// Index among the pieces of all agents, ordered by agent, then by time.
     pub(super) place: usize,
 }
 
-/// Pieces in the cells of a square grid, each in that of its middle.
+/// Pieces in a square grid, each in the cell of its midpoint.
 #[derive(Debug)]
 pub(super) struct Pieces {
-    /// Cell by cell.
+    /// Pieces ordered by cell.
     sorted: Vec<Piece>,
-    /// Where the pieces of each cell begin in `sorted`, and the end of the last.
+    /// Index in `sorted` of each cell's first piece, and the length of `sorted` at the end.
     begins: Vec<usize>,
     /// The corner of the first cell.
     corner: Point,
@@ -37,7 +37,7 @@ pub(super) struct Pieces {
 }
 
 impl Pieces {
-    /// The pieces of these paths; looks that reach about as far as `reach` are fast.
+    /// Indexes the pieces of these paths. Queries with a reach of about `reach` are fast.
     pub(super) fn of(paths: &[Vec<Point>], reach: f64) -> Self {
         let pieces: Vec<Piece> = paths
             .iter()
@@ -79,7 +79,7 @@ impl Pieces {
         grid
     }
 
-    /// Every piece with a point within `reach` of `point`, and others; in no particular order.
+    /// All pieces with a point within `reach` of `point`, and some others; in no particular order.
     pub(super) fn near(&self, point: Point, reach: f64) -> impl Iterator<Item = &Piece> {
         let reach = (reach + self.half) * (1.0 + SLACK);
         let [columns, rows] = [0, 1]
@@ -94,14 +94,14 @@ impl Pieces {
         })
     }
 
-    /// Every piece that may cross one between these ends, and others.
+    /// All pieces that may cross the one with these ends, and some others.
     pub(super) fn across(&self, ends: [Point; 2]) -> impl Iterator<Item = &Piece> {
         self.near(mean(&ends), length(minus(ends[1], ends[0])) / 2.0)
     }
 
-    /// The column or row of a coordinate; beyond the grid, the nearest.
+    /// The column or row of a coordinate; the nearest one for coordinates beyond the grid.
     fn column(&self, axis: usize, value: f64) -> usize {
-        // A number under 0 becomes 0.
+        // The cast turns negative numbers into 0.
         let column = ((value - self.corner[axis]) / self.side) as usize;
         column.min(self.cells[axis] - 1)
     }

@@ -1,8 +1,8 @@
-//! The rules that lead from measures to a class: the first rule that holds decides.
+//! The rules from measures to a class: the first rule that holds decides.
 //!
-//! Thresholds were chosen on the training parts of the labelled sets: on the motions that the annotators saw, and on this
-//! simulator's motions from the same starts, which differ if a swarm is chaotic. Lengths are in the units of
-//! [`Scale`](super::Scale). `docs/judge.md` says how far to trust the rules.
+//! Thresholds were chosen on the training parts of the labelled sets, both on the motions that annotators saw and on this
+//! simulator's motions from the same starts. The two differ for chaotic swarms. Lengths are in the units of
+//! [`Scale`](super::Scale). For the accuracy of the rules see `docs/judge.md`.
 
 use super::{Arrangement, Body, Measures, Motion, Walls};
 use murmuration_proto::{Class, Pattern, World};
@@ -13,8 +13,7 @@ const CLUMP_SPREAD: f64 = 1.78;
 const CLUSTER: usize = 3;
 
 impl Measures {
-    /// The class of a motion with these measures in `world`: [`Class::Random`] where the rules lead to a class that has no
-    /// meaning there.
+    /// The class of a motion with these measures in `world`: [`Class::Random`] if the rules' class has no meaning in that world.
     #[must_use]
     pub fn class(&self, world: &World) -> Class {
         let class = self.class_by_rules();
@@ -85,9 +84,9 @@ impl Measures {
     }
 }
 
-/// A ring pressed on walls, or a stream along all walls, for which agents inside do not matter.
+/// A ring pressed on walls, or a stream along all walls; ignores agents inside.
 fn follows_walls(body: &Body, walls: &Walls) -> bool {
-    // A ring off the walls that grazes one is there for less than a quarter of the time.
+    // A ring that only grazes a wall is near it for less than a quarter of the time.
     let pressed = walls.near >= 0.27 && body.one_way >= 0.95 && body.tangential >= 0.78;
     pressed || walls.along >= 0.69 && walls.circulation >= 0.6 && walls.way >= 0.4
 }
@@ -102,19 +101,20 @@ fn is_nested(body: &Body) -> bool {
     body.deepest >= 0.22
 }
 
-/// A rim without gaps, however slowly it turns, with few agents inside: a tight clump has a rim too. One as wide as the
-/// arena is a dispersal at the walls.
+/// A rim without gaps, at any speed of rotation. It has few agents inside, because a tight clump has a rim too. A rim as wide as
+/// the arena is a dispersal at the walls.
 fn is_closed_rim(arrangement: &Arrangement, body: &Body) -> bool {
     let rim = body.depth <= 0.047 && body.gap <= 0.9 && body.inside <= 0.25;
     rim && arrangement.spread <= 6.4
 }
 
-/// Single file around the middle, at least four tenths of a turn in the window: paths that wave leave the rim.
+/// Single file around the centre, for at least four tenths of a turn in the window. Agents may leave the rim, because paths may be
+/// wavy.
 fn is_loop(motion: &Motion, body: &Body) -> bool {
     body.round >= 2.75 && motion.following >= 0.55 && body.deepest <= 0.48
 }
 
-/// A loop as small and tight as a clump, except for its empty middle: its agents have fewer neighbours at their sides.
+/// A loop as small as a clump, but with an empty middle: its agents have fewer neighbours at their sides.
 fn is_small_loop(arrangement: &Arrangement, motion: &Motion, body: &Body) -> bool {
     let loose = arrangement.packing >= 2.8 && body.hollow >= 0.25;
     arrangement.spread <= CLUMP_SPREAD && loose && motion.following >= 0.5
@@ -134,7 +134,7 @@ fn are_two_clumps(arrangement: &Arrangement, motion: &Motion) -> bool {
     arrangement.in_two_clusters() >= 0.9 && arrangement.packing <= 4.4 && motion.net <= 0.45
 }
 
-/// A disc or band that turns as a whole, with each agent on its own curve. Motion along walls is wider than that.
+/// A disc or band that turns as a whole, with each agent on its own curve. Excludes motion along walls.
 fn swirls(arrangement: &Arrangement, motion: &Motion, body: &Body, walls: &Walls) -> bool {
     let turns = body.round >= 0.42 && motion.turning >= 1.08;
     turns && arrangement.crowded >= 0.33 && walls.along <= 0.4

@@ -7,9 +7,9 @@ use super::{
 };
 use murmuration_proto::{Boundary, World};
 
-/// An agent is near a wall when it could move this far to it; in radii.
+/// Distance from touching a wall within which an agent is near it; in radii.
 const NEAR: f64 = 4.0;
-/// It moves along a wall if its path is closer than this; in radii.
+/// Distance from touching a wall within which an agent moves along it; in radii.
 const ALONG: f64 = 3.0;
 
 /// Measures of motion at the walls.
@@ -19,14 +19,15 @@ pub struct Walls {
     pub near: f64,
     /// Share of all motion that is within three radii of touching one.
     pub along: f64,
-    /// How much of that goes one way around the arena: 1 if all of it, 0 if half goes either way, or straight at the walls.
+    /// Share of that motion that goes one way around the arena: 1 if all of it does, 0 if half of it goes each way, or if it goes
+    /// straight at the walls.
     pub circulation: f64,
     /// Mean length of an agent's path along walls; in spacings.
     pub way: f64,
 }
 
 impl Walls {
-    /// Where there are no walls.
+    /// Measures in a world without walls.
     const NONE: Self = Self {
         near: 0.0,
         along: 0.0,

@@ -20,8 +20,8 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// The window at the end of a replay; positions between two frames are interpolated. On a torus paths go on across the
-    /// edges, and are all shown about the middle of the swarm: a group across an edge is one group.
+    /// The window at the end of a replay; positions between two frames are interpolated. On a torus, paths continue across the
+    /// edges and are shifted to lie around the swarm's centre, so that a group across an edge is one group.
     pub(super) fn of(replay: &Replay, world: &World) -> Self {
         let frames: Vec<&[Pose]> = replay.frames().collect();
         let end = replay.steps().last().copied().unwrap_or(0);
@@ -57,7 +57,7 @@ impl Window {
         &self.paths
     }
 
-    /// Number of times.
+    /// Number of sampled times.
     pub(super) fn times(&self) -> usize {
         self.paths.first().map_or(0, Vec::len)
     }
@@ -78,7 +78,7 @@ impl Window {
     }
 }
 
-/// Makes paths on a torus continuous, and moves each by whole sides so that its mean is near the middle of the swarm.
+/// Makes paths on a torus continuous, and moves each by whole sides so that its mean is near the swarm's centre.
 fn unroll(paths: &mut [Vec<Point>], torus: &World) {
     for path in &mut *paths {
         for place in 1..path.len() {
@@ -98,7 +98,7 @@ fn unroll(paths: &mut [Vec<Point>], torus: &World) {
     }
 }
 
-/// The middle of places on a circle of this length.
+/// Circular mean of places on a circle of length `side`.
 fn circular_mean(places: impl Iterator<Item = f64>, side: f64) -> f64 {
     let (sine, cosine) = places.fold((0.0, 0.0), |(sine, cosine), place| {
         let (s, c) = libm::sincos(place / side * TAU);

@@ -7,11 +7,11 @@ use std::{future::Future, time::Duration};
 use tonic::{Code, Request, Status, metadata::MetadataValue};
 use tracing::Span;
 
-/// Number of attempts at a call after the first, and the pause before each.
+/// Number of retries of a call, and the pause before each.
 const FURTHER_ATTEMPTS: usize = 2;
 const PAUSE: Duration = Duration::from_millis(500);
 
-/// A request on behalf of a lease. Its id is the lease's, so that the coordinator's log shows it too, and it belongs to the
+/// A request on behalf of a lease. The lease's id becomes the request's id, for the coordinator's log. The request belongs to the
 /// current span's trace.
 pub fn for_lease<T>(message: T, lease: v1::LeaseId) -> Request<T> {
     let mut request = Request::new(message);
@@ -28,7 +28,7 @@ pub fn for_lease<T>(message: T, lease: v1::LeaseId) -> Request<T> {
     request
 }
 
-/// Makes a call, with up to three attempts half a second apart, as long as its error [may pass](may_pass).
+/// Makes up to three attempts at a call, half a second apart, as long as its error [may pass](may_pass).
 ///
 /// # Errors
 /// The error of the last attempt.
@@ -42,8 +42,8 @@ where
         .await
 }
 
-/// Whether the same call may succeed later, because the coordinator is unavailable or the connection broke. It will not if
-/// the coordinator received the request and refused it.
+/// Whether the same call may succeed later: true if the coordinator is unavailable or the connection broke, false if the
+/// coordinator refused the request.
 #[must_use]
 pub fn may_pass(status: &Status) -> bool {
     !matches!(
@@ -72,7 +72,7 @@ mod tests {
     use super::*;
     use std::cell::Cell;
 
-    /// The number of attempts of a call that fails with these errors, one after the other, and its result.
+    /// Number of attempts at a call that fails with these errors in order, and its result.
     async fn calls(failures: &[Code]) -> (usize, Option<Code>) {
         let made = Cell::new(0);
         let outcome = attempts(|| async {

@@ -3,11 +3,11 @@
 use backon::{BackoffBuilder as _, ExponentialBackoff, ExponentialBuilder};
 use std::time::Duration;
 
-/// Shortest and longest pause before connecting again: half of what they grow from and to, as jitter adds up to as much.
+/// First and longest pause before reconnecting, without jitter. Jitter at most doubles a pause.
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
 const LAST_PAUSE: Duration = Duration::from_millis(2500);
 
-/// Exponential pauses without end, with jitter so that many workers do not come back in step.
+/// Endless exponential backoff, with jitter so that many workers do not reconnect simultaneously.
 pub(crate) struct Backoff(ExponentialBackoff);
 
 impl Backoff {

@@ -14,7 +14,7 @@ use tonic::{
     transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity},
 };
 
-/// The variable with the token itself, if no file is named.
+/// Environment variable that holds the token if no file is named.
 const TOKEN: &str = "MURMURATION_TOKEN";
 
 /// A connection to a coordinator that sends the token, if there is one, with every request.
@@ -78,7 +78,7 @@ pub enum CredentialsError {
          MURMURATION_CA"
     )]
     NoAuthority(String),
-    /// The certificate would not be used.
+    /// A certificate is given for an unencrypted connection, which would not use it.
     #[error("{0} is not encrypted, and takes no certificate: say https://, or leave --certificate out")]
     Plain(String),
     /// Certificate, key or authority cannot be used.
@@ -104,7 +104,7 @@ impl Credentials {
     /// Reads the named files, and `MURMURATION_TOKEN` if no file is named for a token.
     ///
     /// # Errors
-    /// Names the file or variable that cannot be used, never its contents.
+    /// The file or variable that cannot be used; never its contents.
     pub fn read(trust: &TrustFiles, identity: &IdentityFiles) -> Result<Self, CredentialsError> {
         let ca = trust.ca.as_deref().map(|path| read_pem(path, "certificate"));
         let identity = match (&identity.certificate, &identity.key) {
@@ -127,7 +127,7 @@ impl Credentials {
         })
     }
 
-    /// Only a token: for processes of the coordinator's own machine.
+    /// Credentials of only a token, for processes on the coordinator's own machine.
     #[must_use]
     pub fn token(token: Token) -> Self {
         Self {
@@ -243,7 +243,7 @@ fn token_of_environment() -> Result<Option<Token>, CredentialsError> {
     }
 }
 
-/// The causes of an error, in words: transports themselves only say that they failed.
+/// Text of an error's root cause: transport errors themselves only tell that they failed.
 #[must_use]
 pub fn root_cause(error: &(dyn std::error::Error + 'static)) -> String {
     let causes = std::iter::successors(Some(error), |error| error.source());

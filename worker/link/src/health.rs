@@ -11,8 +11,8 @@ use tonic_health::{
     server::{HealthReporter, HealthService},
 };
 
-/// The service name for ready: a worker or trainer is connected, a coordinator has resumed interrupted campaigns. The empty
-/// name stands for alive.
+/// Service name for readiness: a worker or trainer is ready once it is connected, a coordinator once it has resumed interrupted
+/// campaigns. The empty service name means liveness.
 pub const READY: &str = "ready";
 
 /// The health of a process; cheap to clone. At first the process is alive and not ready.
@@ -50,7 +50,7 @@ impl Health {
         HealthServer::new(HealthService::from_health_reporter(self.0.clone()))
     }
 
-    /// Reports that a gRPC service of that name is served.
+    /// Reports a gRPC service of that name as serving.
     pub async fn serves(&self, service: &str) {
         self.0.set_service_status(service, ServingStatus::Serving).await;
     }

@@ -1,7 +1,6 @@
-//! The connection of a worker or trainer to its coordinator: connects, keeps alive, and reconnects.
+//! The connection of a worker or trainer to its coordinator: connects, sends keep-alives, and reconnects.
 //!
-//! [`keep`] does all of it. A [`Peer`] defines what happens while it is connected, by means of a [`Link`]. Knows nothing of
-//! the work itself.
+//! [`keep`] does all of this. A [`Peer`] handles one connection, a [`Link`]. The crate knows nothing of the work itself.
 
 mod attempts;
 mod backoff;
@@ -45,9 +44,9 @@ use tonic::{service::interceptor::InterceptedService, transport::Endpoint};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     Worker {
-        /// Number of evaluations at once, 1 to 4,096.
+        /// Number of simultaneous evaluations, 1 to 4,096.
         capacity: u32,
-        /// Its embedding kind; unknown if it does not embed.
+        /// Embedding kind of its machine; unknown if the worker does not embed.
         kind: EmbeddingKind,
     },
     /// A trainer, which runs one training at a time.
@@ -85,7 +84,7 @@ impl Role {
     }
 }
 
-/// Why a worker or trainer gave up. It retries temporary errors for ever.
+/// Why a worker or trainer gave up. Temporary errors are retried for ever.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// The URL is not valid, or the credentials do not fit it.
@@ -94,7 +93,7 @@ pub enum LinkError {
     /// The health service could not be started.
     #[error("cannot listen on {listen} to be asked for this process's health: {source}")]
     Health { listen: SocketAddr, source: io::Error },
-    /// The coordinator refuses it: its version differs, or its credentials are missing.
+    /// The coordinator refused the process: its version differs, or its credentials are missing.
     #[error("the coordinator refused this {who}: {reason}")]
     Refused {
         /// "worker" or "trainer".
@@ -111,13 +110,13 @@ pub struct Address {
     bearer: Bearer,
     role: Role,
     name: String,
-    /// Identifies the process over all of its connections; not 0.
+    /// Identifies the process across connections; not 0.
     instance: u64,
 }
 
 impl Address {
-    /// The coordinator at `url` (`http://HOST:PORT` or `https://HOST:PORT`), for a peer with this name (for people; at most
-    /// 128 bytes) and these credentials.
+    /// The coordinator at `url` (`http://HOST:PORT` or `https://HOST:PORT`), for a peer with these credentials and this display
+    /// name (at most 128 bytes).
     ///
     /// # Errors
     /// If `url` is not valid, or the credentials do not fit it.
@@ -134,7 +133,7 @@ impl Address {
             bearer: credentials.bearer(),
             role,
             name: name.to_owned(),
-            // Keyed at random by the system, so that two processes get different numbers.
+            // `RandomState` has random keys, so two processes get different numbers.
             instance: RandomState::new().build_hasher().finish() | 1,
         })
     }
@@ -164,7 +163,7 @@ pub trait Peer {
     ) -> impl Future<Output = Result<(), Broken>> + Send;
 }
 
-/// Keeps `peer` connected until it leaves after `stop` became true, and reports to `health` whether it is connected.
+/// Keeps `peer` connected until it leaves after `stop` becomes true, and reports to `health` whether it is connected.
 ///
 /// # Errors
 /// If the coordinator refuses it.

@@ -20,10 +20,10 @@ use tonic::{Code, Status, Streaming, service::interceptor::InterceptedService};
 const MAX_MESSAGE: usize = 64 << 20;
 /// Maximum number of messages that wait to be sent.
 const OUTBOX: usize = 64;
-/// How long the coordinator may take to read the last messages.
+/// Time for the coordinator to read the last messages.
 const LAST_WORDS: Duration = Duration::from_secs(5);
 
-/// A connection to a coordinator that has sent its Welcome.
+/// A connection on which the coordinator has sent its Welcome.
 #[derive(Debug)]
 pub struct Link {
     outbox: mpsc::Sender<v1::WorkerMessage>,
@@ -34,12 +34,12 @@ pub struct Link {
 /// Why a connection ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum Broken {
-    /// It could not be made.
+    /// The connection could not be made.
     #[error("no connection: {}", root_cause(.0))]
     Connect(#[from] tonic::transport::Error),
     #[error("{}", words(.0))]
     Stream(#[from] Status),
-    /// The coordinator ended it.
+    /// The coordinator ended the connection.
     #[error("the coordinator closed the stream")]
     Closed,
     /// The coordinator refuses this peer for good.
@@ -90,7 +90,7 @@ impl Link {
         }
     }
 
-    /// The next message; sends heartbeats while there is none. Dropping the future loses nothing.
+    /// Waits for the next message, and meanwhile sends heartbeats. Dropping the future loses nothing.
     ///
     /// # Errors
     /// If the stream is broken or has ended.
@@ -99,7 +99,7 @@ impl Link {
             tokio::select! {
                 message = self.inbox.message() => {
                     let message = message?.ok_or(Broken::Closed)?;
-                    // A kind of message from a later version is ignored.
+                    // Unknown kinds of messages, from later versions, are ignored.
                     if let Some(message) = message.message {
                         return Ok(message);
                     }
@@ -126,7 +126,7 @@ impl Link {
         } = self;
         drop(outbox);
         let ended = async { while let Ok(Some(_)) = inbox.message().await {} };
-        // In time or not, the connection ends here.
+        // The connection ends here even after a timeout.
         let _ = timeout(LAST_WORDS, ended).await;
     }
 }

@@ -4,8 +4,8 @@
 //! to standard output returns the error. A message that cannot be written to standard error is dropped, because there is
 //! nowhere else to report it.
 //!
-//! Messages, and what a terminal shows of data, have no hidden characters: words of a file or of a stranger neither move the cursor nor
-//! turn the text around them.
+//! Messages, and data on a terminal, have hidden characters removed: text from files or other machines cannot move the cursor or
+//! reverse the text around it.
 
 use clap::{
     Command, Parser,
@@ -23,10 +23,10 @@ use std::{
 /// Why data did not reach standard output.
 #[derive(Debug, thiserror::Error)]
 pub enum OutputError {
-    /// Nobody reads it any more, as in `murmuration list | head -1`.
+    /// Its reader left, as in `murmuration list | head -1`.
     #[error("nobody reads standard output any more")]
     Closed,
-    /// It cannot be written, for instance because the disk is full.
+    /// Writing failed, for instance because the disk is full.
     #[error("cannot write to standard output: {0}")]
     Write(io::Error),
 }
@@ -41,7 +41,7 @@ impl From<io::Error> for OutputError {
 }
 
 impl OutputError {
-    /// The exit code of a process that ends with this error: 0 if the reader left, because it had all it wanted; otherwise 1.
+    /// The exit code of a process that ends with this error: 0 if the reader left, because it had read enough; otherwise 1.
     #[must_use]
     pub fn exit_code(&self) -> ExitCode {
         match self {
@@ -51,8 +51,8 @@ impl OutputError {
     }
 }
 
-/// Prints text on standard output, all of it before this returns; see [`outln!`](crate::outln). A terminal gets it without hidden
-/// characters; a file or program gets it as it is.
+/// Prints text on standard output and flushes it; see [`outln!`](crate::outln). Removes hidden characters on a terminal, but not in
+/// a file or pipe.
 ///
 /// # Errors
 /// [`OutputError`].
@@ -65,28 +65,28 @@ pub fn print(text: impl fmt::Display) -> Result<(), OutputError> {
     Ok(stdout.flush()?)
 }
 
-/// Writes a message to standard error, or drops it if that fails: its lines, without hidden characters and of bounded length. See
+/// Writes a message to standard error, without hidden characters and of bounded length. Drops it if that fails. See
 /// [`errln!`](crate::errln).
-pub fn say(said: impl fmt::Display) {
-    let said = text::message(&with_words_in_line(said.to_string(), env::args_os()));
+pub fn say(words: impl fmt::Display) {
+    let words = text::message(&with_words_in_line(words.to_string(), env::args_os()));
     // One write per message, so that lines of several processes do not mix.
-    let _ = io::stderr().lock().write_all(format!("{said}\n").as_bytes());
+    let _ = io::stderr().lock().write_all(format!("{words}\n").as_bytes());
 }
 
-/// `said` without the line ends within these words of the command line: the name of a file that has some must not look like lines of
-/// ours.
-fn with_words_in_line(said: String, words: impl Iterator<Item = OsString>) -> String {
-    words.fold(said, |said, word| {
+/// Removes from `message` the line ends within these words of the command line: a file name with line ends must not look like
+/// several lines of output.
+fn with_words_in_line(message: String, words: impl Iterator<Item = OsString>) -> String {
+    words.fold(message, |message, word| {
         let word = word.to_string_lossy();
         let value = word.split_once('=').map_or(&*word, |(_, value)| value);
         match value.contains('\n') {
-            true => said.replace(value, Text::line(value).as_str()),
-            false => said,
+            true => message.replace(value, Text::line(value).as_str()),
+            false => message,
         }
     })
 }
 
-/// Prints a line of data on standard output: like `println!`, but a `Result` ([`OutputError`]) instead of a panic.
+/// Prints a line of data on standard output: like `println!`, but returns a `Result` ([`OutputError`]) instead of panicking.
 #[macro_export]
 macro_rules! outln {
     ($($text:tt)*) => { $crate::print(format_args!("{}\n", format_args!($($text)*))) };
@@ -119,23 +119,23 @@ pub fn parse_arguments<A: Parser>(words: impl IntoIterator<Item = OsString>) -> 
     })
 }
 
-/// Takes out of an error what a terminal should not be sent: clap repeats words of the command line as they are.
+/// Removes hidden characters from an error, because clap repeats words of the command line unchanged.
 fn clean(error: &mut clap::Error) {
-    let said = |(kind, value): (ContextKind, &ContextValue)| match value {
+    let message = |(kind, value): (ContextKind, &ContextValue)| match value {
         ContextValue::String(word) => Some((kind, ContextValue::String(Text::line(word).into()))),
         _ => None,
     };
-    let cleaned: Vec<_> = error.context().filter_map(said).collect();
+    let cleaned: Vec<_> = error.context().filter_map(message).collect();
     for (kind, value) in cleaned {
         error.insert(kind, value);
     }
 }
 
-/// Names the command that takes the fewest changes of letters, where one was mistyped. clap compares by likeness, by which
-/// `rn` is nearer to `quarantine` than to `run`.
+/// For a mistyped command, suggests the one with the smallest edit distance. By clap's own measure of similarity `rn` is nearer to
+/// `quarantine` than to `run`.
 fn suggest(error: &mut clap::Error, command: Command, words: &[OsString]) {
     if error.kind() == ErrorKind::UnknownArgument {
-        // Nobody means an option that there is not as a value, which is what clap suggests.
+        // clap suggests passing the unknown option as a value, which is never the intention.
         error.remove(ContextKind::Suggested);
     }
     let Some(ContextValue::String(mistyped)) = error.get(ContextKind::InvalidSubcommand) else {
@@ -175,12 +175,12 @@ mod tests {
     #[test]
     fn line_ends_of_words_are_not_lines_of_a_message() {
         let words = ["murmuration", "--data=a\nerror: b", "c\nd"].map(OsString::from);
-        let said = |said: &str| with_words_in_line(said.to_owned(), words.clone().into_iter());
+        let message = |message: &str| with_words_in_line(message.to_owned(), words.clone().into_iter());
         assert_eq!(
-            said("cannot read c\nd/e:\n  a\nerror: b"),
+            message("cannot read c\nd/e:\n  a\nerror: b"),
             "cannot read c d/e:\n  a error: b"
         );
-        assert_eq!(said("one\ntwo"), "one\ntwo");
+        assert_eq!(message("one\ntwo"), "one\ntwo");
     }
 
     #[test]
@@ -194,10 +194,10 @@ mod tests {
             let words = [&["murmuration"], &words[..]].concat();
             let mut error = Arguments::try_parse_from(&words).unwrap_err();
             clean(&mut error);
-            let said = error.render().ansi().to_string();
-            assert!(said.contains("]0;owned5 error: gone"), "{said:?}");
+            let message = error.render().ansi().to_string();
+            assert!(message.contains("]0;owned5 error: gone"), "{message:?}");
             for hidden in ["\u{1b}]", "\u{7}", "\u{202e}", "\nerror: gone"] {
-                assert!(!said.contains(hidden), "{said:?}");
+                assert!(!message.contains(hidden), "{message:?}");
             }
         }
     }

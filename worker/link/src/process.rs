@@ -1,4 +1,4 @@
-//! The common part of worker and trainer processes, from their command line to their end.
+//! Code that worker and trainer processes share, from command line to exit.
 
 use crate::{Credentials, Health, IdentityFiles, LinkError, TrustFiles, errln, stop::termination, telemetry};
 use std::{
@@ -37,9 +37,9 @@ pub struct Post {
     pub credentials: Credentials,
     /// Address of this machine to connect from; `None` leaves the choice to the system.
     pub local_address: Option<IpAddr>,
-    /// Its health, for others to query.
+    /// Health of the process, for other processes to query.
     pub health: Health,
-    /// True once it must leave, after SIGTERM or Ctrl-C.
+    /// True once the process must leave, after SIGTERM or Ctrl-C.
     pub stop: watch::Receiver<bool>,
 }
 
@@ -69,7 +69,7 @@ pub async fn run_peer<E: Display + From<LinkError>>(
 
 impl PeerArguments {
     async fn post(self, leaving: &'static str) -> Result<Post, LinkError> {
-        // First of all, so that a process that is told to leave while it starts leaves cleanly.
+        // Comes first, so that a signal during the start also leads to a clean exit.
         let terminated = termination();
         let credentials = Credentials::read(&self.trust, &self.identity)?;
         let health = Health::new();

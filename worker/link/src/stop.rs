@@ -2,26 +2,26 @@
 
 use tokio::sync::watch;
 
-/// Exit code of a process that was told twice to leave: a shell's for one that Ctrl-C ended.
+/// Exit code after a second signal: the one that shells report for a process that Ctrl-C ended.
 #[cfg(unix)]
 const IMPATIENT: i32 = 130;
 
-/// Waits until `stop` is true.
+/// Waits until `stop` is true or its sender is dropped.
 pub async fn stopped(stop: &mut watch::Receiver<bool>) {
-    // Nobody is left who could say stop, so stop.
+    // An error means that the sender is gone, so stop.
     let _ = stop.wait_for(|&stop| stop).await;
 }
 
-/// Waits for Ctrl-C ("interrupted") or, where it exists, SIGTERM ("terminated"), and returns which one came. From this call
-/// on neither ends the process, whether the future is polled or not; but once one came, the next ends it at once with exit
-/// code 130, because what the process finishes first may take long. Must be called within a runtime.
+/// Waits for Ctrl-C or SIGTERM, and returns "interrupted" or "terminated". From this call on the first signal does not end the
+/// process, whether the future is polled or not. A second signal ends it at once with exit code 130, because the clean exit may
+/// take long. Must be called within a runtime.
 #[cfg(unix)]
 pub fn termination() -> impl Future<Output = &'static str> + Send {
     use tokio::signal::unix::{Signal, SignalKind, signal};
     async fn heard(signal: Option<&mut Signal>) {
         match signal {
             Some(signal) => drop(signal.recv().await),
-            // Without a way to hear of it, run until killed.
+            // Signals cannot be received: run until killed.
             None => std::future::pending().await,
         }
     }
@@ -48,7 +48,7 @@ pub fn termination() -> impl Future<Output = &'static str> + Send {
 pub async fn termination() -> &'static str {
     match tokio::signal::ctrl_c().await {
         Ok(()) => "interrupted",
-        // Without a way to hear of it, run until killed.
+        // Signals cannot be received: run until killed.
         Err(_) => std::future::pending().await,
     }
 }

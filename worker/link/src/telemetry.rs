@@ -12,19 +12,19 @@ use tracing::Span;
 use tracing_opentelemetry::OpenTelemetrySpanExt as _;
 use tracing_subscriber::{filter::Targets, layer::SubscriberExt as _, util::SubscriberInitExt as _};
 
-/// The variable with a collector's URL. The exporter reads its other variables too, as it documents.
+/// Environment variable with the collector's URL. The exporter also reads the other `OTEL_` variables that it documents.
 const COLLECTOR: &str = "OTEL_EXPORTER_OTLP_ENDPOINT";
-/// The header that carries a trace from one process to the next, by the W3C's Trace Context.
+/// Header that passes a trace from one process to the next (W3C Trace Context).
 pub const TRACE_PARENT: &str = "traceparent";
 
-/// A process's telemetry, for as long as it runs.
+/// Telemetry of a process; [`Telemetry::end`] sends its last spans.
 #[derive(Debug)]
 #[must_use = "what is not ended may lose its last spans"]
 pub struct Telemetry(Option<SdkTracerProvider>);
 
-/// Starts telemetry. The log goes to stderr, with colours only on a terminal; `RUST_LOG` filters it by level and
-/// module, or else the level `default`. If `OTEL_EXPORTER_OTLP_ENDPOINT` names a collector, the spans go there too, by gRPC, as spans
-/// of `service`. Call it once per process, on a tokio runtime.
+/// Starts telemetry. The log goes to stderr, with colours only on a terminal; `RUST_LOG` filters it by level and module; its
+/// default is the level `default`. If `OTEL_EXPORTER_OTLP_ENDPOINT` names a collector, spans go there by gRPC, as spans of
+/// `service`. Call this once per process, on a tokio runtime.
 pub fn telemetry(service: &'static str, default: tracing::Level) -> Telemetry {
     let asked = env::var("RUST_LOG").ok().filter(|asked| !asked.is_empty());
     let asked = asked.map(|asked| asked.parse::<Targets>());
@@ -58,8 +58,8 @@ pub fn telemetry(service: &'static str, default: tracing::Level) -> Telemetry {
     }))
 }
 
-/// Writes lines of the log to stderr without hidden characters, but for our own colours: errors of libraries repeat words of
-/// strangers.
+/// Writes the log to stderr without hidden characters, except for its own colours: errors of libraries may repeat text from other
+/// machines.
 #[derive(Debug)]
 struct LogLines;
 
@@ -74,7 +74,7 @@ impl io::Write for LogLines {
     }
 }
 
-/// `lines` without hidden characters, but for the sequences that choose a colour.
+/// Removes hidden characters from `lines`, except for escape sequences of colours.
 fn shown(lines: &str) -> String {
     let mut parts = lines.split("\u{1b}[");
     let mut all = text::printable(parts.next().unwrap_or_default());
@@ -91,12 +91,12 @@ fn shown(lines: &str) -> String {
     all
 }
 
-/// Whether the log on stderr may have colours: on a terminal, unless `NO_COLOR` or `TERM` says otherwise.
+/// Whether the log on stderr may have colours: on a terminal, unless `NO_COLOR` or `TERM` forbids it.
 fn in_colour() -> bool {
     anstream::AutoStream::choice(&io::stderr()) != anstream::ColorChoice::Never
 }
 
-/// The sender of spans to the collector; none if no collector is named.
+/// The exporter of spans; `None` if no collector is named.
 fn collector(
     service: &'static str,
 ) -> Result<Option<SdkTracerProvider>, opentelemetry_otlp::ExporterBuildError> {
@@ -115,7 +115,7 @@ impl Telemetry {
     /// Sends the remaining spans, for five seconds at most.
     pub async fn end(self) {
         let Some(provider) = self.0 else { return };
-        // It blocks on an answer that this runtime must deliver.
+        // `shutdown` blocks until this runtime has delivered the collector's answer, so it needs its own thread.
         let ended = tokio::task::spawn_blocking(move || provider.shutdown()).await;
         if let Ok(Err(error)) = ended {
             tracing::warn!(%error, "the last spans were not sent");
@@ -136,7 +136,7 @@ pub fn follow(span: &Span, parent: &str) {
     let carrier = HashMap::from([(TRACE_PARENT.to_owned(), parent.to_owned())]);
     let context = TraceContextPropagator::new().extract(&carrier);
     if context.span().span_context().is_valid() {
-        // An error means that nothing is traced here.
+        // An error means that tracing is off.
         let _ = span.set_parent(context);
     }
 }

@@ -1,11 +1,11 @@
 //! Bearer tokens: the credentials of people, and of processes on the coordinator's own machine.
 //!
-//! A token is 32 random bytes as text. A coordinator stores only its digest, from which nobody learns the token.
+//! A token is 32 random bytes as text. A coordinator stores only its digest, from which the token cannot be derived.
 
 use base64::{Engine as _, engine::general_purpose::URL_SAFE_NO_PAD};
 use std::{fmt, str::FromStr};
 
-/// The prefix of every token, by which scanners for leaked secrets recognise it.
+/// Prefix of every token, which lets scanners for leaked secrets recognise it.
 const PREFIX: &str = "mur_";
 /// Random bytes in a token.
 const BYTES: usize = 32;
@@ -38,7 +38,7 @@ impl Token {
         Ok(Self(format!("{PREFIX}{}", URL_SAFE_NO_PAD.encode(bytes))))
     }
 
-    /// Its text, to send it, or to show it once to its holder.
+    /// The token's text, to send it, or to show it once to its holder.
     #[must_use]
     pub fn reveal(&self) -> &str {
         &self.0
@@ -52,7 +52,7 @@ impl Token {
 }
 
 impl TokenDigest {
-    /// The digest of a text that somebody presents as a token.
+    /// The digest of a text that a client presents as a token.
     #[must_use]
     pub fn of(shown: &str) -> Self {
         Self(blake3::hash(shown.as_bytes()))

@@ -1,4 +1,4 @@
-//! Published embedders for the evaluation threads: fetched from the coordinator, kept on disk.
+//! Published embedders for the evaluation threads: fetched from the coordinator and cached on disk.
 
 use murmuration_embed::{
     Cache, CacheError, Embedders, FetchError, OpenError, Runtime as OnnxRuntime, RuntimeError,
@@ -19,14 +19,14 @@ const MAX_CACHE_BYTES: u64 = 1 << 30;
 /// The source of checkpoints for all threads of a worker.
 pub(super) struct Checkpoints {
     coordinator: Coordinator,
-    /// The runtime that fetches, while the threads wait.
+    /// The tokio runtime that fetches while the threads wait.
     runtime: Handle,
     folder: PathBuf,
     /// Opened at its first use.
     cache: Mutex<Option<Arc<Cache>>>,
 }
 
-/// Why there is no embedder.
+/// Why no embedder is available.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Unavailable {
     #[error(transparent)]
@@ -38,8 +38,8 @@ pub(super) enum Unavailable {
 }
 
 impl Unavailable {
-    /// Whether another machine may succeed, or this one later. Problems with ONNX Runtime, the cache's disk, or permission to
-    /// fetch are this machine's; or the coordinator was unavailable.
+    /// Whether another machine may succeed, or this one later: if the problem is this machine's ONNX Runtime, cache or permission
+    /// to fetch, or if the coordinator was unavailable.
     pub(super) fn may_be_had_elsewhere(&self) -> bool {
         match self {
             Self::Runtime(_) | Self::Cache(_) => true,
@@ -55,14 +55,13 @@ impl Unavailable {
     }
 }
 
-/// The coordinator did not send it.
+/// The coordinator did not send the checkpoint.
 #[derive(Debug, thiserror::Error)]
 #[error("{}", .0.message())]
 pub(super) struct NotFetched(Status);
 
 impl Checkpoints {
-    /// The checkpoints of the coordinator at the other end of `coordinator`, cached in `folder`. Must be called on a tokio
-    /// runtime.
+    /// Checkpoints from `coordinator`, cached in `folder`. Must be called on a tokio runtime.
     pub(super) fn new(coordinator: Coordinator, folder: PathBuf) -> Self {
         Self {
             coordinator,
@@ -83,12 +82,12 @@ impl Checkpoints {
         Ok(Embedders::new(runtime, cache.clone()))
     }
 
-    /// Fetches the bytes of a checkpoint for a lease, unchecked. Blocks, so it is for threads outside the runtime.
+    /// Fetches the bytes of a checkpoint for a lease, unchecked. Blocks, so call it from threads outside the runtime.
     pub(super) fn fetch(&self, digest: CheckpointDigest, lease: v1::LeaseId) -> Result<Vec<u8>, NotFetched> {
         let (reply, answer) = oneshot::channel();
         let coordinator = self.coordinator.clone();
         let fetching = async move {
-            // The thread blocks on it.
+            // The receiver exists, because the calling thread blocks on it.
             let _ = reply.send(fetch_checkpoint(&coordinator, digest, lease).await);
         };
         self.runtime.spawn(fetching.in_current_span());

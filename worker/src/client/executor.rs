@@ -13,7 +13,7 @@ pub(super) struct Executor {
     checkpoints: Arc<Checkpoints>,
     /// The evaluator of the last batch, and its parameters.
     evaluator: Option<(EvaluatorParams, Evaluator)>,
-    /// Absent until a checkpoint is requested, because workers without ONNX Runtime can evaluate too.
+    /// `None` until a lease needs a checkpoint, because workers without ONNX Runtime can evaluate too.
     embedders: Option<Embedders>,
 }
 
@@ -24,7 +24,7 @@ struct EvaluatorParams {
     judges: bool,
 }
 
-/// Why a lease was not done.
+/// Why a lease failed.
 #[derive(Debug, thiserror::Error)]
 enum Undone {
     #[error(transparent)]
@@ -90,7 +90,7 @@ impl Executor {
         })
     }
 
-    /// One evaluation a trial; the trials of a task are adjacent.
+    /// Returns one evaluation per trial; the trials of a task are adjacent.
     fn evaluate(
         &mut self,
         params: EvaluatorParams,

@@ -12,7 +12,7 @@ const MAX_BATCH: usize = 4096;
 #[derive(Debug)]
 pub(super) struct Lease {
     pub(super) id: v1::LeaseId,
-    /// Its campaign, for the log.
+    /// Name of the campaign, for the log.
     pub(super) campaign: String,
     pub(super) trace_parent: String,
     pub(super) work: Work,
@@ -23,9 +23,9 @@ pub(super) enum Work {
     Evaluations {
         world: World,
         image: ImageFormat,
-        /// Trials of each task.
+        /// Number of trials per task.
         starts: Starts,
-        /// Controllers, and the seeds of their first starts.
+        /// Controllers with the seeds of their first starts.
         tasks: Vec<(Controller, u64)>,
         /// The checkpoint to embed the pictures with, if any.
         checkpoint: Option<CheckpointDigest>,
@@ -34,7 +34,7 @@ pub(super) enum Work {
     },
     Embeddings {
         checkpoint: CheckpointDigest,
-        /// Pictures of each task.
+        /// Number of pictures per task.
         starts: Starts,
         images: Vec<Vec<u8>>,
     },
@@ -47,7 +47,7 @@ pub(super) enum Work {
 }
 
 impl Work {
-    /// Credits that it uses.
+    /// Number of credits that the work uses.
     pub(super) fn len(&self) -> usize {
         match self {
             Self::Evaluations { tasks, .. } => tasks.len(),
@@ -70,7 +70,7 @@ pub(super) enum Outcome {
 }
 
 impl Outcome {
-    /// The work itself is at fault, as far as this worker can tell. The coordinator asks another worker.
+    /// As far as this worker can tell, the work itself is invalid. The coordinator tries another worker.
     pub(super) fn fatal(message: String) -> Self {
         Self::Failure {
             class: v1::FailureClass::Fatal,
@@ -182,7 +182,7 @@ fn replay(task: v1::ReplayTask) -> Result<Work, Invalid> {
     let (controller, seed) = self::task(&model, &task.task.unwrap_or_default())?;
     let world = world(task.world)?;
     Ok(Work::Replay {
-        // Frames that could not be sent are refused before they are computed.
+        // Refuses too many frames before they are computed.
         frames: Frames::new(task.first, task.stride, &world)?,
         world,
         controller,
@@ -282,9 +282,9 @@ mod tests {
     }
 
     #[track_caller]
-    fn check_refused(work: v1::lease::Work, said: &str) {
+    fn check_refused(work: v1::lease::Work, expected: &str) {
         let error = taken_in(work).unwrap_err();
-        assert!(error.contains(said), "{error:?} does not say {said:?}");
+        assert!(error.contains(expected), "{error:?} does not say {expected:?}");
     }
 
     #[test]

@@ -21,15 +21,15 @@ use std::{
 };
 use tokio::sync::mpsc;
 
-/// The most work that one thread should have queued: enough until the next lease arrives from far away.
+/// Maximum work that one thread should have queued: enough until the next lease arrives from a distant coordinator.
 const MOST_WORK_IN_HAND: Duration = Duration::from_millis(100);
-/// Work in hand, as a multiple of the time until a lease arrives: a lease that is done and one that waits, each with as much to
-/// spare.
+/// Queued work, as a multiple of the time until a lease arrives: one lease in work and one waiting, each with a reserve of the same
+/// length.
 const LATENCIES_IN_HAND: u32 = 4;
-/// Evaluations in hand that are worth waiting a little longer for the last of a job: two full vectors of swarms, of which one is
-/// simulated while the next is sent.
+/// Minimum number of queued evaluations: two full vectors of swarms, one of which is simulated while the next is sent. This is
+/// worth a slightly later end of a job.
 const TWO_VECTORS: usize = 16;
-/// Number of evaluations that one thread accepts: at first, and at most.
+/// Number of evaluations that one thread accepts: initially, and at most.
 const FIRST_CREDITS: usize = 4;
 const MOST_CREDITS: usize = 64;
 
@@ -48,7 +48,7 @@ pub(super) struct Pool {
 struct Finished {
     id: v1::LeaseId,
     outcome: Outcome,
-    /// Number of credits that it used.
+    /// Number of credits that the lease used.
     credits: usize,
     took: Duration,
 }
@@ -56,7 +56,7 @@ struct Finished {
 impl Pool {
     pub(super) fn start(threads: NonZeroUsize, checkpoints: Checkpoints) -> io::Result<Self> {
         let (leases, queue) = blocking::channel();
-        // Bounded by the credits given, which the coordinator cannot exceed by more than it is served.
+        // Bounded by the credits granted to the coordinator.
         let (outcomes, finished) = mpsc::unbounded_channel();
         let queue = Arc::new(Mutex::new(queue));
         let checkpoints = Arc::new(checkpoints);
@@ -79,7 +79,8 @@ impl Pool {
         })
     }
 
-    /// Number of evaluations that it can accept now. A picture to embed counts as one, although it takes far less.
+    /// Number of evaluations that the pool can accept now. A picture to embed counts as one evaluation, although it takes far less
+    /// time.
     pub(super) fn room(&self) -> usize {
         let each = self.cost.map_or(FIRST_CREDITS, |cost| {
             let latency = self.latency.usual().unwrap_or(MOST_WORK_IN_HAND);
@@ -121,13 +122,13 @@ impl Pool {
         Some((id, outcome))
     }
 
-    /// From now on queued leases are returned undone.
+    /// From now on the threads return queued leases undone.
     pub(super) fn begin_nothing_more(&self) {
         self.draining.store(true, Ordering::Relaxed);
     }
 }
 
-/// Evaluations that one thread should have in hand, if each takes `cost` and a lease arrives `latency` after it was asked for.
+/// Number of evaluations that one thread should have queued, if each takes `cost` and a lease arrives `latency` after its request.
 fn credits_for(cost: Duration, latency: Duration) -> usize {
     let fitting = |span: Duration| {
         let fitting = span.as_nanos() / cost.as_nanos().max(1);
@@ -141,7 +142,7 @@ fn credits_for(cost: Duration, latency: Duration) -> usize {
 /// How long leases take to arrive.
 #[derive(Debug, Default)]
 struct Latency {
-    /// When the first request was made that no lease has answered yet.
+    /// Time of the first request that no lease has answered yet.
     asked: Option<Instant>,
     recent: VecDeque<Duration>,
 }
@@ -160,7 +161,7 @@ impl Latency {
         self.recent.push_back(now.saturating_duration_since(asked));
     }
 
-    /// The lower quartile: a lease may have waited for work, or been on its way before it was asked for.
+    /// The lower quartile, because a lease may have waited for work, or may have been sent before the request.
     fn usual(&self) -> Option<Duration> {
         let mut recent: Vec<_> = self.recent.iter().copied().collect();
         recent.sort_unstable();
@@ -211,15 +212,15 @@ mod tests {
 
     #[test]
     fn a_thread_has_in_hand_what_it_does_until_the_next_lease_arrives() {
-        // Cheap evaluations beside the coordinator: two vectors of swarms, so that others get the rest.
+        // Cheap evaluations near the coordinator: two vectors of swarms, so that other workers get the rest.
         assert_eq!(
             credits_for(Duration::from_micros(500), Duration::from_micros(300)),
             16
         );
-        // The same far away.
+        // The same far from the coordinator.
         assert_eq!(credits_for(Duration::from_micros(500), ms(5)), 40);
         assert_eq!(credits_for(Duration::from_micros(500), ms(60)), MOST_CREDITS);
-        // Long ones: never more than a tenth of a second, but for one in work and one that waits.
+        // Long evaluations: at most a tenth of a second of work, but at least one evaluation in work and one waiting.
         assert_eq!(credits_for(ms(20), Duration::from_micros(300)), 5);
         assert_eq!(credits_for(ms(2_000), ms(60)), 2);
         assert_eq!(credits_for(Duration::ZERO, ms(1)), MOST_CREDITS);
@@ -238,7 +239,7 @@ mod tests {
         ] {
             latency.asked = Some(begun + ms(asked));
             latency.answered(begun + ms(answered));
-            // It was asked for once.
+            // Only the first lease answers the request.
             latency.answered(begun + ms(answered));
         }
         assert_eq!(latency.usual(), Some(ms(3)));

@@ -28,7 +28,7 @@ use tonic::{Code, Request, Response, Status, transport::Server};
 
 const SMALL: &[u8] = include_bytes!("../../../tests/models/small.onnx");
 
-/// A coordinator that returns the same bytes for every digest, or fails, and counts requests.
+/// A fake coordinator that returns the same bytes or error for every digest, and counts requests.
 #[derive(Clone)]
 struct Fake {
     answer: Result<Vec<u8>, Code>,
@@ -145,10 +145,10 @@ fn pictures(checkpoint: CheckpointDigest) -> Work {
 }
 
 #[track_caller]
-fn check_failure(outcome: &Outcome, class: v1::FailureClass, said: &str) {
+fn check_failure(outcome: &Outcome, class: v1::FailureClass, expected: &str) {
     match outcome {
-        Outcome::Failure { class: got, message } if *got == class && message.contains(said) => {}
-        other => panic!("not {class:?} with {said:?}: {other:?}"),
+        Outcome::Failure { class: got, message } if *got == class && message.contains(expected) => {}
+        other => panic!("not {class:?} with {expected:?}: {other:?}"),
     }
 }
 

@@ -51,9 +51,9 @@ fn files_that_hold_something_else_are_named_and_not_quoted() {
         read_token(&folder.path().join("missing")).unwrap_err(),
     ];
     for error in errors {
-        let said = error.to_string();
-        assert!(said.contains(&folder.path().display().to_string()), "{said}");
-        assert!(!format!("{said} {error:?}").contains("swordfish"), "{error:?}");
+        let message = error.to_string();
+        assert!(message.contains(&folder.path().display().to_string()), "{message}");
+        assert!(!format!("{message} {error:?}").contains("swordfish"), "{error:?}");
     }
 }
 
