@@ -33,18 +33,18 @@ pub struct Options {
     pub name: String,
     /// Address of this machine to connect from; `None` leaves the choice to the system.
     pub local_address: Option<IpAddr>,
-    /// Is told whether the trainer is connected.
+    /// Receives whether the trainer is connected.
     pub health: Health,
 }
 
-/// A trainer that runs. Boxed, so that it is compiled here and not once more in each program that awaits it.
+/// A running trainer. Boxed, so that it is compiled once here and not again in each program that awaits it.
 pub type Training = Pin<Box<dyn Future<Output = Result<(), TrainerError>> + Send>>;
 
-/// Trains, in rayon's global pool, until `stop` becomes true. Then it finishes the epoch, returns the training as a snapshot,
-/// and leaves.
+/// Trains, in rayon's global pool, until `stop` becomes true. Then finishes the epoch, returns the training as a snapshot, and
+/// disconnects.
 ///
 /// # Errors
-/// If the URL is not valid, or the coordinator refuses this trainer. Temporary errors are retried for ever.
+/// If the URL is not valid, or the coordinator refuses this trainer. Temporary errors are retried without end.
 pub fn run(options: Options, stop: watch::Receiver<bool>) -> Training {
     Box::pin(train(options, stop))
 }

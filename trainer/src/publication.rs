@@ -1,4 +1,4 @@
-//! Publishing a finished training: its checkpoint is tried on ONNX Runtime before anyone else gets it.
+//! Publishes a finished training, after a test of its checkpoint on ONNX Runtime.
 
 use murmuration_embed::{EmbedError, Embedder, Runtime};
 use murmuration_proto::{
@@ -18,11 +18,11 @@ use std::collections::BTreeMap;
 
 /// Number of pictures that both the network and ONNX Runtime embed.
 const COMPARED: usize = 256;
-/// How much a number of the two embeddings, whose spread is 1, may differ because of rounding. The limit is proportional to
-/// the sums in the last layer if these are larger than the embeddings. Embeddings of a network that is not trained, or was
-/// trained with the paper's learning rate, can lie close together and far from 0; then their last digits are all rounding.
+/// Maximum difference by rounding between a number of the two embeddings, whose spread is 1. The limit is proportional to the
+/// sums in the last layer if these are larger than the embeddings. Embeddings of a network that is not trained, or was trained
+/// with the paper's learning rate, can lie close together and far from 0; then their last digits are all rounding.
 const MOST_DIFFERENCE: f32 = 1e-5;
-/// The limit however large the sums are.
+/// Upper bound of the scaled limit.
 const MOST_SCALED_DIFFERENCE: f32 = 1e-2;
 /// Spread below which an embedding counts as collapsed: scaling it to 1 would make rounding errors large.
 const LEAST_SPREAD: f64 = 1e-6;
@@ -126,8 +126,8 @@ impl Publication {
     }
 }
 
-/// Proportional to the biases of the last layer, which come last: its sums are as large as these if they are larger than the
-/// embeddings.
+/// Proportional to the biases of the last layer, which are the last parameters: sums larger than the embeddings are as large as
+/// the biases.
 fn allowed_difference(network: &Network) -> f32 {
     let biases = network.parameters().len() - network.architecture().dimensions();
     let largest = network.parameters()[biases..]
@@ -136,7 +136,7 @@ fn allowed_difference(network: &Network) -> f32 {
     (MOST_DIFFERENCE * largest).min(MOST_SCALED_DIFFERENCE)
 }
 
-/// The largest difference between the embeddings of the two, over pictures from first to last.
+/// The largest difference between the embeddings of the two, over evenly chosen pictures.
 fn difference(network: &Network, embedder: &mut Embedder, pictures: &Pictures) -> Result<f32, Unpublishable> {
     let count = pictures.behaviours().min(COMPARED);
     let compared = (0..count).map(|i| i * pictures.behaviours() / count);
@@ -161,7 +161,7 @@ mod tests {
     use rand::RngExt as _;
     use std::sync::Arc;
 
-    /// Bars in one of two channels: which of them is all that tells a behaviour from its neighbour.
+    /// Bars in one of two channels; neighbouring behaviours differ only in the channel.
     fn bars(shape: PictureShape) -> Pictures {
         let mut stream = RandomStream::derive(5, Purpose::Train, 0);
         let mut bytes = Vec::new();
@@ -201,7 +201,7 @@ mod tests {
                 "{network}"
             );
             assert!(read(PictureShape::new(1, 12).unwrap()).is_err(), "{network}");
-            // The channels are not exchanged on the way to ONNX Runtime.
+            // ONNX Runtime receives the channels in the same order.
             let [mut one, mut other] = [vec![0; shape.bytes()], vec![0; shape.bytes()]];
             one[..24].fill(200);
             other[shape.pixels()..][..24].fill(200);

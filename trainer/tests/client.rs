@@ -1,4 +1,4 @@
-//! A trainer and its coordinator: publishing, and trainings that are disturbed. Needs ONNX Runtime (`make runtime`).
+//! Tests a trainer with a fake coordinator: publication, and disturbed trainings. Needs ONNX Runtime (`make runtime`).
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod coordinator;
@@ -18,12 +18,12 @@ const SIDE: usize = 9;
 const VIEWS: usize = 2;
 const BEHAVIOURS: usize = 40;
 const SHORT: &str = "[recipe.in-batch]\nbatch = 12\nepochs = 6\n";
-/// Shows every behaviour equally often, for which it needs no features.
+/// Shows every behaviour equally often, which needs no features.
 const EQUALLY: &str = "[recipe.in-batch]\nbatch = 12\nepochs = 6\nflattening = 0\n";
-/// Longer than any test.
+/// A training that outlasts any test.
 const LONG: &str = "[recipe.in-batch]\nbatch = 12\nepochs = 100000\npatience = 100000\n";
 
-/// Bars, each behaviour with one width and brightness, at two places.
+/// Bars: each behaviour has one width and brightness, and two places.
 fn bars() -> Vec<u8> {
     let bar = |behaviour: usize, view: usize| {
         let columns = 3 * view..3 * view + 1 + behaviour % 5;
@@ -73,14 +73,14 @@ fn checkpoint(digest: CheckpointDigest) -> Outcome {
 }
 
 #[track_caller]
-fn check_failure(outcome: Outcome, class: v1::FailureClass, said: &str) {
+fn check_failure(outcome: Outcome, class: v1::FailureClass, expected: &str) {
     let Outcome::Failure(failure) = outcome else {
         panic!("not a failure: {outcome:?}")
     };
     assert_eq!(failure.class(), class, "{}", failure.message);
     assert!(
-        failure.message.contains(said),
-        "{:?} does not say {said:?}",
+        failure.message.contains(expected),
+        "{:?} does not say {expected:?}",
         failure.message
     );
 }
@@ -174,7 +174,7 @@ async fn a_training_that_is_withdrawn_stops_and_makes_room() {
     session.withdraw(7).await;
     session.withdraw(1).await;
     while !matches!(session.hear().await, Message::Credits(_)) {}
-    // An outcome of the first lease would not be one of the second.
+    // An outcome of the first lease would fail the checks on the second.
     session.lease_for_credit(2, task(SHORT)).await;
     assert_eq!(session.report(2).await.epoch, 0);
     assert_eq!(session.result(2).await.0, checkpoint(expected(SHORT)));

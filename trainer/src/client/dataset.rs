@@ -21,7 +21,7 @@ const MAX_SAVED_BYTES: usize = 300 << 20;
 
 pub(super) struct TrainingInputs {
     pub(super) pictures: Arc<Pictures>,
-    /// Present if it learns from labels.
+    /// Present if the training learns from labels.
     pub(super) fine_tuning: Option<FineTuning>,
     /// The snapshot; empty if there is none.
     pub(super) saved: Vec<u8>,
@@ -64,7 +64,7 @@ pub(super) async fn fetch(task: &Task, coordinator: &Coordinator) -> Result<Trai
     })
 }
 
-/// The labelled pictures, made of the parts that came.
+/// The labelled pictures from the received parts.
 fn labelled(
     task: &Task,
     fine_tuning: &FineTuningTask,

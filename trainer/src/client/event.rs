@@ -25,7 +25,7 @@ pub(super) struct Undone {
 }
 
 impl Undone {
-    /// It would fail anywhere, as far as this trainer can tell. The coordinator asks another trainer.
+    /// The training would fail anywhere, as far as this trainer can tell. The coordinator tries another trainer.
     pub(super) fn fatal(message: impl fmt::Display) -> Self {
         Self {
             class: v1::FailureClass::Fatal,

@@ -71,8 +71,8 @@ async fn train(
     mut stop: watch::Receiver<bool>,
     events: mpsc::Sender<Event>,
 ) -> Result<CheckpointDigest, Undone> {
-    // First of all, because a long training would be lost if its result cannot be checked. Another trainer may have the
-    // library.
+    // Loads ONNX Runtime first, because a long training would be lost if its result cannot be checked. Another trainer may have
+    // the library.
     let runtime = spawn_blocking(Runtime::load).await?.map_err(Undone::retryable)?;
     let (lease, turn) = (task.lease, turn.lock_owned().await);
     let material = tokio::select! {

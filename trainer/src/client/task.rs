@@ -16,12 +16,12 @@ pub(super) struct Task {
     pub(super) views: usize,
     /// Bytes of all pictures.
     pub(super) bytes: usize,
-    /// The checkpoint and labelled pictures, if it learns from labels.
+    /// The checkpoint and labelled pictures, if the training learns from labels.
     pub(super) fine_tuning: Option<FineTuningTask>,
 }
 
 impl Task {
-    /// Number of features that come with the pictures: five of each behaviour if its recipe flattens, otherwise none.
+    /// Number of features that come with the pictures: five for each behaviour if the recipe flattens, otherwise none.
     pub(super) fn features(&self) -> usize {
         match self.configuration.recipe().flattening() {
             0 => 0,
@@ -121,9 +121,9 @@ mod tests {
     }
 
     #[track_caller]
-    fn check_refused(lease: v1::Lease, said: &str) {
+    fn check_refused(lease: v1::Lease, expected: &str) {
         let error = Task::try_from(lease).unwrap_err().to_string();
-        assert!(error.contains(said), "{error:?} does not say {said:?}");
+        assert!(error.contains(expected), "{error:?} does not say {expected:?}");
     }
 
     #[test]

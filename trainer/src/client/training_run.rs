@@ -19,7 +19,7 @@ pub(super) struct TrainingRun {
     pub(super) task: Task,
     pub(super) material: TrainingInputs,
     pub(super) runtime: Runtime,
-    /// Closed once nobody wants the training.
+    /// Closed once the training is no longer wanted.
     pub(super) events: mpsc::Sender<Event>,
     pub(super) stop: watch::Receiver<bool>,
 }

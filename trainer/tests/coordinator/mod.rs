@@ -1,4 +1,4 @@
-//! A fake coordinator for trainers; tests decide every message.
+//! A fake coordinator for trainers. Tests control every message.
 
 use murmuration_link::{Credentials, Health};
 use murmuration_proto::{
@@ -43,7 +43,7 @@ pub struct Session {
 }
 
 impl Fake {
-    /// A coordinator with these pictures, and the features of their behaviours one after the other.
+    /// A coordinator with these pictures and the features of their behaviours.
     pub async fn start(pictures: Vec<u8>, features: Vec<f64>) -> Self {
         Self::with(State {
             pictures,
@@ -93,7 +93,7 @@ impl Fake {
         }
     }
 
-    /// The trainer's next connection, welcomed.
+    /// Welcomes the trainer's next connection.
     pub async fn welcome(&mut self) -> Session {
         let session = self.sessions.recv().await.unwrap();
         let welcome = v1::Welcome {
@@ -268,7 +268,7 @@ impl training::TrainerService for Api {
     ) -> Result<Response<Self::FetchTrainingStream>, Status> {
         assert_eq!(request.into_inner().lease.unwrap().epoch, 1);
         let saved = self.state.saved.lock().unwrap();
-        // In small parts, so that there are several.
+        // Small parts, so that there are several.
         let pictures = self
             .state
             .pictures

@@ -1,13 +1,13 @@
-//! Fixed work for `scripts/instruction-counts`, which counts its instructions: one item, so many times.
+//! Fixed work whose instructions `scripts/instruction-counts` counts: one item, a given number of times.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 
 use murmuration_train::bench::Steps;
 use std::env;
 
-/// Anchors of a step: an eighth of the default, which valgrind gets through in seconds.
+/// Anchors of a step: an eighth of the default, which takes valgrind seconds.
 const ANCHORS: usize = 32;
 
-/// Usage: `fixed_work training-step TIMES`; without arguments, as `cargo bench` runs it, one step.
+/// Usage: `fixed_work training-step TIMES`. Without arguments, as `cargo bench` runs it, TIMES is 1.
 fn main() {
     let arguments: Vec<_> = env::args()
         .skip(1)
@@ -19,7 +19,7 @@ fn main() {
         [] => 1,
     };
     let mut steps = Steps::new(ANCHORS).unwrap();
-    // One thread, because threads that wait for each other execute instructions too.
+    // One thread, because waiting threads execute instructions too.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| (0..times).for_each(|_| steps.step()));
 }

@@ -1,4 +1,4 @@
-//! Augmentation: another picture of the same behaviour, cropped, resized, turned and reflected.
+//! Augmentation: makes another picture of the same behaviour, cropped, resized, turned and reflected.
 
 use crate::{network::scaled, real::Real};
 use murmuration_proto::{PictureShape, RandomStream, training::Recipe};
@@ -6,8 +6,8 @@ use rand::RngExt as _;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Augmentation {
-    /// Smallest and largest share of width and height that a crop keeps, drawn separately for each. Over 1 the picture
-    /// shrinks, on black.
+    /// Smallest and largest share of width and height that a crop keeps, drawn separately for each. A share over 1 shrinks the
+    /// picture, with a black border.
     pub(crate) crop: [f64; 2],
     pub(crate) symmetries: Symmetries,
 }
@@ -22,7 +22,7 @@ pub(crate) enum Symmetries {
 }
 
 impl From<&Recipe> for Augmentation {
-    /// That of pictures without a class: labelled pictures have their own crop.
+    /// The augmentation of pictures without a class. Labelled pictures have their own crop.
     fn from(recipe: &Recipe) -> Self {
         Self {
             crop: recipe.unlabelled_crop(),
@@ -76,8 +76,8 @@ impl Augmentation {
 /// Quarter, half and three-quarter turn, among the symmetries 0 to 7.
 const TURNS: [u64; 3] = [5, 3, 6];
 
-/// The places of the pixels of a channel in an image, under one of the eight symmetries: bit 0 reverses rows, bit 1 columns, bit 2 exchanges
-/// the two.
+/// The places of a channel's pixels in an image, under one of the eight symmetries: bit 0 reverses rows, bit 1 columns, bit 2
+/// exchanges the two.
 struct Target {
     first: usize,
     row_step: isize,
@@ -147,8 +147,8 @@ impl<T: Real> Place<T> {
 }
 
 impl Window {
-    /// One place for each pixel. Beyond the centres of the first and last pixels of the window (or the picture) there is
-    /// nothing to interpolate.
+    /// One place for each pixel. Beyond the centres of the first and last pixels of the window (or the picture), nothing is
+    /// interpolated.
     fn places<T: Real>(self) -> Vec<Place<T>> {
         let first = self.start.max(0.0);
         let last = (self.start + self.share * self.side as f64).min(self.side as f64) - 1.0;

@@ -44,9 +44,9 @@ pub enum BenchError {
     Training(#[from] TrainingError),
 }
 
-/// Trains each network with each recipe for one epoch on pictures of `behaviours` synthetic behaviours of 50 x 50 pixels, and
-/// yields the figures one after the other. A campaign's default of 10,000 takes some 20 s on two cores. The training with the
-/// least memory runs first, because the peak of a process never falls.
+/// Trains each network with each recipe for one epoch on pictures (50 x 50 pixels) of `behaviours` synthetic behaviours, and
+/// reports each training's figures. A campaign's default of 10,000 takes some 20 s on two cores. The training with the least
+/// memory runs first, because the peak of a process never falls.
 ///
 /// # Errors
 /// If there are fewer than four behaviours.
@@ -106,7 +106,7 @@ pub struct Steps {
 }
 
 impl Steps {
-    /// A training before its first step, with so many anchors in a step, 2 to 256 (the default of campaigns).
+    /// A training before its first step, with this number of anchors in a step, 2 to 256 (the default of campaigns).
     ///
     /// # Errors
     /// If the default configuration cannot be trained.
@@ -124,7 +124,7 @@ impl Steps {
     }
 }
 
-/// Pictures as dark as those of trajectories: a few short lines on black.
+/// Synthetic pictures as dark as those of trajectories: a few short lines on black.
 fn made_up(behaviours: usize) -> Result<Pictures, PicturesError> {
     let shape = PictureShape::PAPER;
     let side = shape.side();

@@ -5,7 +5,7 @@ use murmuration_proto::{PictureShape, SeenPictures};
 use std::ops::Range;
 
 /// Pictures of one shape, each with a class. The caller numbers the classes from 1 in any order;
-/// [`LabelledPictures::RANDOM`] is 0. Their names do not matter to a training.
+/// [`LabelledPictures::RANDOM`] is 0. A training does not use the names of classes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LabelledPictures {
     shape: PictureShape,
@@ -14,7 +14,7 @@ pub struct LabelledPictures {
     classes: Vec<u32>,
     /// All pictures, class after class.
     by_class: Vec<usize>,
-    /// The range of each class in that list, if it has a picture.
+    /// The range of each class in `by_class`, for classes with pictures.
     ranges: Vec<Range<usize>>,
     labels: usize,
 }
@@ -22,7 +22,7 @@ pub struct LabelledPictures {
 /// Why pictures and classes cannot be learned from.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LabelledPicturesError {
-    /// Not as many pictures as classes.
+    /// The number of pictures differs from the number of classes.
     #[error("{bytes} bytes are not {labels} labelled pictures of {each} bytes")]
     Count {
         /// Bytes of all pictures.
@@ -74,7 +74,7 @@ impl LabelledPictures {
         })
     }
 
-    /// Sets the number of labels, which is less than that of pictures if several pictures share a label.
+    /// Sets the number of labels, which is less than the number of pictures if several pictures share a label.
     #[must_use]
     pub fn of_labels(self, labels: usize) -> Self {
         Self { labels, ..self }
@@ -128,7 +128,7 @@ impl LabelledPictures {
         &self.bytes[index * bytes..][..bytes]
     }
 
-    /// The pictures that an embedder sees if it learns from these.
+    /// Fingerprints of these pictures, for an embedder that learns from them.
     #[must_use]
     pub fn seen(&self) -> SeenPictures {
         SeenPictures::of(self.bytes.chunks_exact(self.shape.bytes()))

@@ -40,8 +40,8 @@ impl Stage {
 /// Number of images per chunk outside of training.
 const EMBEDDED_AT_ONCE: usize = 32;
 
-// Of the one kind of number that other crates use: what is generic is compiled there, without this crate's optimisation in the
-// dev profile, and took thirty times as long.
+// Not generic, because generic functions are compiled in the calling crate, without this crate's optimisation in the dev
+// profile, and took thirty times as long.
 impl Network<f32> {
     /// Embeds pictures, given as consecutive bytes. Returns `dimensions` numbers for each. A remainder shorter than a
     /// picture is ignored. The bits do not depend on the number of threads.
@@ -52,8 +52,8 @@ impl Network<f32> {
 }
 
 impl<T: Real> Network<T> {
-    /// A network with its initial weights: weights and biases are uniform in plus or minus 1 / sqrt(inputs of a unit), as in
-    /// PyTorch; scales are 1 and shifts 0.
+    /// A network with initial weights: weights and biases are uniform within ±1 / sqrt(inputs of a unit), as in PyTorch; scales are
+    /// 1 and shifts 0.
     #[must_use]
     pub fn initialise(architecture: Architecture, seed: u64) -> Self {
         let stages = stages(&architecture);
@@ -98,12 +98,12 @@ impl<T: Real> Network<T> {
         &self.stages
     }
 
-    /// Number of values of its stages for one image.
+    /// Number of values of all stages for one image.
     pub(crate) fn values_per_image(&self) -> usize {
         self.stages.iter().map(|stage| stage.output.len()).sum()
     }
 
-    /// As [`Network::embed`], in any kind of number.
+    /// Like [`Network::embed`], with any kind of number.
     pub(crate) fn embed_pictures(&self, pictures: &[u8]) -> Vec<T> {
         let shape = self.architecture.pictures();
         self.embed_by_chunk(pictures, |chunk| {
@@ -115,7 +115,7 @@ impl<T: Real> Network<T> {
         })
     }
 
-    /// As [`Network::embed`], for images: see [`append_image`].
+    /// Like [`Network::embed`], for images (see [`append_image`]).
     pub(crate) fn embed_scaled(&self, images: &[T]) -> Vec<T> {
         self.embed_by_chunk(images, <[T]>::to_vec)
     }
@@ -155,8 +155,8 @@ impl<T: Real> Network<T> {
         tape.embeddings()
     }
 
-    /// Adds the gradient by the weights to `sum`, given the gradient by the embeddings of the `images` that ran
-    /// forward on `tape` last.
+    /// Adds the gradient by the weights to `sum`, given the gradient by the embeddings. `images` are those of the last forward pass
+    /// on `tape`.
     pub(crate) fn backward(
         &self,
         images: &[T],
@@ -170,7 +170,7 @@ impl<T: Real> Network<T> {
             gradients: [d_output, d_input],
             scratch,
         } = room;
-        // They only grow: resizing a buffer for each stage would fill it each time.
+        // The buffers only grow, because resizing them for each stage would fill them each time.
         let largest = outputs.iter().map(Vec::len).max().unwrap_or(0);
         for gradient in [&mut *d_output, &mut *d_input] {
             gradient.resize(largest.max(gradient.len()), T::zero());
@@ -197,7 +197,7 @@ impl<T: Real> Network<T> {
 }
 
 impl Network<f32> {
-    /// Subtracts `mean` from every embedding, then multiplies it by `factor`: in the last layer, which is dense.
+    /// Changes the last layer, which is dense, so that every embedding is shifted by minus `mean`, then multiplied by `factor`.
     pub(crate) fn move_and_scale(&mut self, mean: &[f64], factor: f64) {
         let last = self.stages.last().map_or(0..0, |stage| stage.parameters.clone());
         let last = &mut self.parameters[last];
@@ -216,7 +216,7 @@ pub(crate) fn scaled<T: Real>(grey: u8) -> T {
     T::of(f64::from(grey)) / T::of(255.0)
 }
 
-/// Appends a picture as an image, which is what networks take: values of 0 to 1, those of the channels of a pixel adjacent.
+/// Appends a picture as an image, the input of networks: values of 0 to 1, with the channels of a pixel adjacent.
 pub(crate) fn append_image<T: Real>(shape: PictureShape, picture: &[u8], images: &mut Vec<T>) {
     match shape.channels() {
         1 => images.extend(picture.iter().map(|&grey| scaled::<T>(grey))),
@@ -341,7 +341,7 @@ mod tests {
         let shape = PictureShape::new(2, 20).unwrap();
         let one = Network::<f64>::initialise(Architecture::compact(grey(20), 3).unwrap(), 1);
         let mut two = Network::<f64>::initialise(Architecture::compact(shape, 3).unwrap(), 1);
-        // Sixteen rows of nine places of the kernel: a weight of each channel for one of the only.
+        // Sixteen rows of nine places of the kernel. Each weight of the single channel becomes one weight for each of two channels.
         let (first, rest) = one.parameters().split_at(16 * 9);
         let spread = first
             .iter()

@@ -1,10 +1,11 @@
 //! A network as an ONNX model, which any ONNX Runtime can run.
 //!
-//! The input is `images`: 32-bit floats, batch x channels x side x side, grey values from 0 to 255; the graph scales them to 0 to 1.
+//! The input is `images`: 32-bit floats, batch x channels x side x side, with grey values from 0 to 255. The graph scales them to
+//! 0 to 1.
 //! The output is `embeddings`: batch x dimensions. The model uses opset [`OPSET`], which every recent ONNX Runtime supports.
 //!
-//! Group normalisation is made of simpler operators. The operator of that name came with opset 18 and is correct only since
-//! 21. Also, ONNX Runtime's kernels for it and for `InstanceNormalization` sum thousands of mostly equal values at once,
+//! Group normalisation is composed of simpler operators. The operator `GroupNormalization` came with opset 18 and is correct only
+//! since 21. Also, ONNX Runtime's kernels for it and for `InstanceNormalization` sum thousands of mostly equal values at once,
 //! which costs a digit. Means of rows, and then the mean of these, agree with ours to 2e-6.
 
 mod import;
@@ -26,9 +27,9 @@ use murmuration_proto::{
 };
 use prost::Message as _;
 
-/// Version of the standard operators that models are written for.
+/// Version of ONNX's standard operators that the models use.
 pub const OPSET: i64 = 17;
-/// Version of the file format of that opset.
+/// Version of the file format for [`OPSET`].
 const IR_VERSION: i64 = 8;
 
 /// The bytes of the network's ONNX model: equal networks have equal bytes.
@@ -147,7 +148,7 @@ impl Graph {
     fn group_normalisation(&mut self, name: &str, layer: GroupNormalisation, weights: &[f32]) {
         let Shape { channels, side } = layer.shape;
         let named = |what: &str| format!("{name}.{what}");
-        // 0 keeps the size: the batch's.
+        // 0 keeps the batch size.
         let by_group = [0, layer.groups, channels / layer.groups * side, side];
         let by_channel = [0, channels, side, side];
         let (by_channel, spread) = match self.is_flat(layer.shape) {

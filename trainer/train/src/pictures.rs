@@ -2,8 +2,8 @@
 
 use murmuration_proto::{Features, PictureShape};
 
-/// Pictures of one shape. Several pictures of one behaviour (its views, such as the same controller from other starts)
-/// belong together without labels.
+/// Pictures of one shape. The several pictures of a behaviour (its views, such as the same controller from other starts)
+/// belong together even without labels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pictures {
     shape: PictureShape,
@@ -58,10 +58,10 @@ impl Pictures {
         }
     }
 
-    /// The same pictures, with the features of each behaviour in its first view.
+    /// Adds the features of the first view of each behaviour.
     ///
     /// # Errors
-    /// [`PicturesError::Features`] if there are more or fewer than behaviours, or one is not finite.
+    /// [`PicturesError::Features`] if their number is not that of the behaviours, or one is not finite.
     pub fn with_features(self, features: Vec<Features>) -> Result<Self, PicturesError> {
         let is_finite = features.iter().flatten().all(|value| value.is_finite());
         match features.len() == self.behaviours() && is_finite {
@@ -119,8 +119,7 @@ impl Pictures {
     }
 }
 
-/// A hasher that has taken in the shape of the pictures. Those of one channel have the digests that they had before there were
-/// channels.
+/// A hasher that has hashed the shape of the pictures. Pictures of one channel keep the digests from before channels existed.
 pub(crate) fn hasher_of(context: &str, shape: PictureShape) -> blake3::Hasher {
     let mut hasher = match shape.channels() {
         1 => blake3::Hasher::new_derive_key(context),

@@ -1,4 +1,4 @@
-//! Compares whole networks with PyTorch, in f64: `tests/fixtures/pytorch.py` computed the numbers and says how.
+//! Compares whole networks with PyTorch, in f64. `tests/fixtures/pytorch.py` computed the expected numbers.
 
 use crate::{
     loss::{in_batch, triplets},
@@ -78,7 +78,7 @@ fn weights(architecture: &Architecture) -> Vec<f64> {
             0.0
         };
         let scaled = |value: f64| (value + more) * 2.0 / (size as f64).sqrt();
-        // Exchanging the two once more brings the channels back to the end.
+        // Exchanging pixels and channels brings the channels to the end.
         weights.extend(
             channels_first(&noise(rows * size), channels, pixels)
                 .into_iter()

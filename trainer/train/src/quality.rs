@@ -1,11 +1,11 @@
-//! The quality of an embedding, measured without labels. A network can lower its loss by embedding everything on a line, or
-//! at a point.
+//! The quality of an embedding, measured without labels. The loss is not enough: a network can lower it by embedding everything
+//! on a line or at a point.
 
 /// The quality of an embedding, measured on held-out behaviours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quality {
-    /// Share of triplets (anchor, positive of the same behaviour, positive of another) with the anchor strictly nearer
-    /// to its own, 0 to 1. A half is chance.
+    /// Share of triplets (anchor, positive of the same behaviour, positive of another) whose anchor is strictly nearer to its own
+    /// positive, 0 to 1. A half is chance.
     pub triplet_accuracy: f64,
     /// Root mean square distance of embeddings from their mean.
     pub spread: f64,

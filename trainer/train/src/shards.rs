@@ -20,7 +20,7 @@ const SUMMED_AT_ONCE: usize = 1 << 14;
 #[derive(Debug)]
 pub(crate) struct Shards<T> {
     shards: Vec<Shard<T>>,
-    /// As many as threads have been busy at the same time. Shards may take any of them.
+    /// As many as threads have been busy at the same time. A shard may take any of them.
     workbenches: Mutex<Vec<Workbench<T>>>,
 }
 
@@ -28,7 +28,7 @@ pub(crate) struct Shards<T> {
 struct Shard<T> {
     gradient: Vec<T>,
     loss: f64,
-    /// One for each chunk that waits for the others' embeddings between its forward and backward pass.
+    /// One for each chunk, which waits for the embeddings of all chunks between its forward and backward pass.
     tapes: Vec<Tape<T>>,
 }
 

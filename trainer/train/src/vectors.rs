@@ -1,4 +1,4 @@
-//! The CPU's vectors of f32 and f64, behind one name each.
+//! The CPU's vectors of f32 and f64 behind one trait.
 
 use pulp::Simd;
 

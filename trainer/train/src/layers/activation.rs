@@ -3,7 +3,7 @@
 use crate::real::Real;
 use murmuration_proto::training::Layer;
 
-/// x, or `slope` x where x is negative.
+/// x, or `slope` x if x is negative.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Activation {
     pub(super) slope: f64,

@@ -1,5 +1,5 @@
-//! Convolutions, directly on pictures: a matrix of patches would be twice as large as its picture and more, to be written and
-//! read again in each of three passes.
+//! Convolutions, directly on pictures. A matrix of patches would be more than twice as large as its picture, and would be written
+//! and read in each of three passes.
 
 mod kernels;
 mod meetings;
@@ -196,14 +196,14 @@ impl Convolution {
     }
 }
 
-/// The scratch buffer with so many zeros.
+/// The scratch buffer, filled with this number of zeros.
 fn scratch_of<T: Real>(scratch: &mut Vec<T>, zeros: usize) -> &mut Vec<T> {
     scratch.clear();
     scratch.resize(zeros, T::zero());
     scratch
 }
 
-/// Appends the weights of `channels` in rows of [`WIDTH`] channels, all rows of the first channels before those of the next.
+/// Appends the weights of `channels` in rows of [`WIDTH`] channels; all rows of the first channels precede those of the next.
 fn pack<T: Real>(channels: usize, rows: usize, weight: impl Fn(usize, usize) -> T, to: &mut Vec<T>) {
     for from in (0..channels).step_by(WIDTH) {
         for row in 0..rows {

@@ -1,4 +1,4 @@
-//! Each layer's gradient against finite differences, in f64.
+//! Compares each layer's gradient with finite differences, in f64.
 
 use super::{Backward, Operation};
 use murmuration_proto::{
@@ -14,7 +14,7 @@ struct Case {
     output: Shape,
     parameters: Vec<f64>,
     input: Vec<f64>,
-    /// The loss is the sum of the outputs, each times one of these.
+    /// The loss is the sum of the outputs times these weights.
     weights: Vec<f64>,
 }
 
@@ -54,9 +54,9 @@ impl Case {
             .sum()
     }
 
-    /// By the parameters and by the input.
+    /// The gradients by the parameters and by the input.
     fn gradients(&self) -> (Vec<f64>, Vec<f64>) {
-        // Gradients that are added must not be overwritten, and the reverse.
+        // Not zeros, to check that parameter gradients are added and the input gradient is overwritten.
         let mut d_parameters = vec![1.0; self.parameters.len()];
         let mut d_input = vec![7.0; self.input.len()];
         self.operation.backward(Backward {

@@ -1,7 +1,7 @@
-//! Group normalisation (Wu & He 2018) and the activation behind it. It uses no statistics of the batch, so chunks of images are
-//! independent, and training and inference behave alike.
+//! Group normalisation (Wu & He 2018) and the activation that follows. It uses no statistics of the batch, so chunks of images
+//! are independent, and training and inference behave alike.
 //!
-//! Values are visited in lines of a few pixels, because the channels of one pixel are too few for a loop of vectors.
+//! Values are processed in lines of a few pixels, because the channels of one pixel are too few for vector loops.
 
 use super::{Activation, Backward};
 use crate::real::Real;
@@ -17,11 +17,11 @@ pub(crate) const EPSILON: f64 = 1e-5;
 pub(crate) struct GroupNormalisation {
     pub(crate) shape: Shape,
     pub(crate) groups: usize,
-    /// Function of the normalised values.
+    /// Applied to the normalised values.
     pub(crate) activation: Option<Activation>,
 }
 
-/// Least number of values of a line.
+/// Minimum number of values of a line.
 const LINE: usize = 128;
 /// Number of lines that are summed separately before their sum is added to the total, because a long sum of small numbers
 /// loses precision.
@@ -61,7 +61,7 @@ impl GroupNormalisation {
         [notes[2 * group], notes[2 * group + 1]]
     }
 
-    /// Values of a line: whole pixels.
+    /// Number of values of a line of whole pixels.
     const fn line(self) -> usize {
         LINE.next_multiple_of(self.shape.channels)
     }
@@ -71,7 +71,7 @@ impl GroupNormalisation {
         T::of(self.activation.map_or(1.0, |activation| activation.slope))
     }
 
-    /// Writes the mean of `sums`, which are by channel, over each group to every second note from `note` on.
+    /// Writes the mean over each group of `sums` (by channel) to every second note from `note` on.
     fn note_means<T: Real>(self, sums: &[T], notes: &mut [T], note: usize) {
         let count = T::of((self.shape.len() / self.groups) as f64);
         let members = self.shape.channels / self.groups;
@@ -80,7 +80,7 @@ impl GroupNormalisation {
         }
     }
 
-    /// Writes what a line's values are multiplied by, and what is added.
+    /// Writes the factors and terms that a line's values are multiplied by and added to.
     fn coefficients<T: Real>(self, parameters: &[T], notes: &[T], factors: &mut [T], terms: &mut [T]) {
         let channels = self.shape.channels;
         for channel in 0..channels {
@@ -168,7 +168,7 @@ impl<T: Real> WithSimd for Back<'_, T> {
             samples.zip(self.d_input.chunks_exact_mut(len)).zip(notes)
         {
             layer.coefficients(self.parameters, notes, &mut factors, &mut terms);
-            // The gradient by the normalised values waits in `d_input`.
+            // `d_input` temporarily holds the gradient by the normalised values.
             let parts = SUMMED_TOGETHER * line;
             let chunks = input.chunks(parts).zip(d_output.chunks(parts));
             for ((input, d_output), d_input) in chunks.zip(d_input.chunks_mut(parts)) {
@@ -190,7 +190,7 @@ impl<T: Real> WithSimd for Back<'_, T> {
                 alone.flush();
                 times_input.flush();
             }
-            // Summed over each group, alone and times the normalised values.
+            // Sums gradients over each group, alone and times the normalised values.
             by_group.fill([T::zero(); 2]);
             let sums = alone.total().iter().zip(times_input.total());
             for (channel, (&alone, &times_input)) in sums.enumerate() {
@@ -223,7 +223,7 @@ impl<T: Real> WithSimd for Back<'_, T> {
     }
 }
 
-/// Repeats the first pixel of a line to its end.
+/// Fills a line with copies of its first pixel.
 fn repeat<T: Real>(line: &mut [T], channels: usize) {
     let (first, rest) = line.split_at_mut(channels);
     for pixel in rest.chunks_exact_mut(channels) {
@@ -231,7 +231,7 @@ fn repeat<T: Real>(line: &mut [T], channels: usize) {
     }
 }
 
-/// Sums by place in a line, then by channel.
+/// Sums by position in a line, then by channel.
 struct Lines<T> {
     part: Vec<T>,
     sums: Vec<T>,
@@ -247,7 +247,7 @@ impl<T: Real> Lines<T> {
         }
     }
 
-    /// The sum by channel of the values, or of the squares of their differences from `means`.
+    /// Sums by channel of the values or, if `squared`, of the squares of their differences from `means`.
     #[inline(always)]
     fn sum(&mut self, values: &[T], means: &[T], squared: bool) -> &[T] {
         let line = self.part.len();
@@ -277,7 +277,7 @@ impl<T: Real> Lines<T> {
         }
     }
 
-    /// The sums by channel; new sums begin.
+    /// Returns the sums by channel, and resets.
     #[inline(always)]
     fn total(&mut self) -> &[T] {
         self.by_channel.fill(T::zero());

@@ -22,7 +22,7 @@ pub(crate) use group_normalisation::{EPSILON, GroupNormalisation};
 use crate::real::Real;
 use murmuration_proto::training::{Layer, Shape};
 
-/// A layer with its own output (activations change values in place instead).
+/// A layer with its own output (activations change values in place).
 #[derive(Debug, Clone)]
 pub(crate) enum Operation {
     Convolution(Convolution),
@@ -70,14 +70,14 @@ impl Operation {
         }
     }
 
-    /// Takes the activation behind it into its own passes, if it can.
+    /// Fuses the following activation into its own passes, if possible.
     pub(crate) const fn fuse(&mut self, activation: Layer) {
         if let Self::GroupNormalisation(layer) = self {
             layer.activation = Activation::of(activation);
         }
     }
 
-    /// Whether the activation behind it is part of its own passes.
+    /// Whether the following activation is fused.
     pub(crate) const fn is_fused(&self) -> bool {
         matches!(self, Self::GroupNormalisation(layer) if layer.activation.is_some())
     }

@@ -1,14 +1,14 @@
 //! Convolutions of one channel with one channel, stride 1, no padding (the paper's), directly on pictures. A matrix of
 //! patches would be nine times as large as the picture, and be multiplied by a single column.
 //!
-//! A run of values of a row stays in registers from the first weight of the kernel to the last. The CPU's widest vectors are
-//! used. They change no bit, because no sum is reordered and no product is fused.
+//! A run of values of a row stays in registers from the first weight of the kernel to the last. Vectors have the CPU's widest
+//! size, which changes no bit, because no sum is reordered and no product is fused.
 
 use crate::real::Real;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Number of values in a run. If rows are not a multiple of it, their last run begins earlier. If they are shorter, a run is
-/// a single value.
+/// Number of values in a run. If the length of a row is not a multiple of it, the last run overlaps the one before. If rows are
+/// shorter, a run is a single value.
 const RUN: usize = 16;
 
 /// A kernel, row after row.
@@ -97,7 +97,7 @@ struct InputGradient<'a, T> {
 impl<T: Real> WithSimd for InputGradient<'_, T> {
     type Output = ();
 
-    /// The gradients, in a border of zeros, correlated with the reversed kernel.
+    /// Correlates the gradients, with a border of zeros, with the reversed kernel.
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let (from, to) = (self.side, self.side + 1 - self.kernel.side);
@@ -147,10 +147,10 @@ impl<T: Real> WithSimd for ParameterGradient<'_, T> {
 }
 
 impl<T: Real> ParameterGradient<'_, T> {
-    /// The gradient by the weights, in runs of `N`; output rows have `to` values.
+    /// Adds the gradient by the weights, in runs of `N`; output rows have `to` values.
     #[inline(always)]
     fn run<const N: usize>(self, to: usize) {
-        // Values that the last run of a row shares with the run before count once.
+        // Counts values only once that the last run of a row shares with the run before.
         let mut fresh = [T::one(); N];
         fresh[..(N - to % N) % N].fill(T::zero());
         for (i, weight) in self.d_weights.iter_mut().enumerate() {
@@ -207,7 +207,7 @@ fn correlate_one<T: Real>(kernel: Kernel<T>, bias: T, side: usize, input: &[T], 
     }
 }
 
-/// In runs of `N`; `GROUP` weights of a row, whose number it divides, are unrolled.
+/// Convolves in runs of `N`, with `GROUP` weights of a row unrolled; `GROUP` divides their number.
 #[inline(always)]
 fn correlate_runs<T: Real, const N: usize, const GROUP: usize>(
     kernel: Kernel<T>,

@@ -7,8 +7,8 @@ use crate::real::Real;
 /// The mean of d(anchor, positive) - d(anchor, negative) + margin over the triplets where it is positive (0 if there are
 /// none).
 ///
-/// `embeddings` has those of all anchors, then of all positives in the same order, `dimensions` numbers each. `gradient`
-/// becomes the gradient by them.
+/// `embeddings` has the embeddings of all anchors, then of all positives in the same order, of `dimensions` numbers each.
+/// `gradient` becomes the gradient by them.
 pub(crate) fn loss<T: Real>(embeddings: &[T], dimensions: usize, margin: f64, gradient: &mut [T]) -> f64 {
     let half = embeddings.len() / 2;
     let (anchors, positives) = embeddings.split_at(half);

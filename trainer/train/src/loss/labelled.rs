@@ -1,10 +1,10 @@
 //! Labelled in-batch triplets: for any anchor, every other picture of its class is a positive and every picture of another
-//! class a negative. The mean is over violated triplets only, weighed by their classes.
+//! class a negative. The mean is over violated triplets only, weighted by their classes.
 
 use super::{distance, is_violated, push};
 use crate::real::Real;
 
-/// The weight of a class.
+/// The size and weight of a class.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ClassShare {
     /// Number of its labelled pictures.
@@ -22,9 +22,9 @@ pub(crate) struct Weights {
 }
 
 impl Weights {
-    /// The weights for these classes. A negative counts in proportion to its class's size: a step with equally many pictures
-    /// of every class shows the rare classes too often, while most confusions are with common classes. An anchor counts in
-    /// proportion to the square root of the size, between equal weights per class and per picture.
+    /// The weights for these classes. A negative counts in proportion to its class's size, because a step with equally many
+    /// pictures of every class shows rare classes too often, while most confusions are with common classes. An anchor counts in
+    /// proportion to the square root of the size, a compromise between equal weights per class and per picture.
     pub(crate) fn of_classes(shares: &[ClassShare]) -> Self {
         let classes = shares.len();
         let all: usize = shares.iter().map(|share| share.size).sum();
@@ -47,7 +47,7 @@ impl Weights {
 /// The weighted mean of d(anchor, positive) - d(anchor, negative) + margin over the triplets where it is positive (0 if there
 /// are none).
 ///
-/// `embeddings` has those of one class after the other, in the order of `weights`, equally many of each, `dimensions` numbers
+/// `embeddings` has equally many embeddings of each class, class after class in the order of `weights`, of `dimensions` numbers
 /// each. `gradient` becomes the gradient by them.
 pub(crate) fn loss<T: Real>(
     embeddings: &[T],
@@ -61,8 +61,7 @@ pub(crate) fn loss<T: Real>(
     let per_class = count / weights.classes;
     let mut total = 0.0;
     let mut violated = 0.0;
-    // For each distance from anchor to other: the weight of triplets that want it to shrink, minus that of triplets that want
-    // it to grow.
+    // For each distance from anchor to other: the weight of triplets that shrink it, minus that of triplets that grow it.
     let mut pulls = vec![0.0; count * count];
     let mut distances = vec![0.0; count * count];
     for (anchor, pulls) in pulls.chunks_exact_mut(count).enumerate() {
@@ -116,7 +115,7 @@ mod tests {
     use murmuration_proto::{Purpose, RandomStream};
     use rand::RngExt as _;
 
-    /// Classes of these sizes whose anchors count alike.
+    /// Weights of classes of these sizes, with equal weights for anchors.
     fn by_size(sizes: &[usize]) -> Weights {
         let share = |&size: &usize| ClassShare { size, anchors: 1.0 };
         Weights::of_classes(&sizes.iter().map(share).collect::<Vec<_>>())
@@ -124,11 +123,11 @@ mod tests {
 
     #[test]
     fn only_violated_triplets_count() {
-        // From 0 the own one is at 1 and the others at 3 and 9; from 3 the own one is at 6, the others at 3 and 2.
+        // Anchor 0: its class at distance 1, the others at 3 and 9. Anchor 3: its class at 6, the others at 3 and 2.
         let embeddings = [0.0, 1.0, 3.0, 9.0];
         let loss = loss(&embeddings, 1, &by_size(&[2, 2]), 2.5, &mut [0.0; 4]);
         let violations = [1.0 - 3.0 + 2.5, 1.0 - 2.0 + 2.5, 6.0 - 3.0 + 2.5, 6.0 - 2.0 + 2.5];
-        // From 9 the own one is at 6, the others at 9 and 8: one violation of half.
+        // Anchor 9: its class at 6, the others at 9 and 8, so one violation of 0.5.
         let mean = (violations.iter().sum::<f64>() + 0.5) / 5.0;
         assert!((loss - mean).abs() < 1e-5, "{loss} is not {mean}");
     }
@@ -149,7 +148,7 @@ mod tests {
         assert_eq!(weights.of(1, 0) + weights.of(1, 2), 3.0);
         let embeddings = [0.0, 0.0, 0.5, 0.5, -0.25, -0.25];
         let mean = loss(&embeddings, 1, &weights, 0.3, &mut [0.0; 6]);
-        // From the first the third is 0.05 too near, from the third the first; the second is far enough.
+        // The third class is 0.05 too near for the first, and the first for the third; the second is far enough.
         assert!((mean - 0.05).abs() < 1e-5, "{mean}");
         let wide = loss(&embeddings, 1, &weights, 0.6, &mut [0.0; 6]);
         let [first, second, third] = [[0.1, 0.35], [0.1, 0.0], [0.35, 0.0]];
@@ -174,7 +173,7 @@ mod tests {
         let less = Weights::of_classes(&[share(4, 0.25), share(9, 1.0)]);
         assert_eq!(less.of(0, 1), alike.of(0, 1) / 4.0);
         assert_eq!(less.of(1, 0), alike.of(1, 0));
-        // From 3 its own is at 3 and the others at 1: the only violation, of a class whose anchors count for nothing.
+        // Anchor 3: its class at 3, the others at 1. It is the only violation, and its class's anchors have no weight.
         let none = Weights::of_classes(&[share(4, 0.0), share(9, 1.0)]);
         let embeddings = [0.0, 3.0, 4.0, 4.0];
         let mut gradient = [7.0; 4];

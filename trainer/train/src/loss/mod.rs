@@ -19,7 +19,7 @@ fn distance<T: Real>(a: &[T], b: &[T]) -> f64 {
     squares.sum::<f64>().sqrt()
 }
 
-/// Whether a triplet counts. A triplet with NaN distances counts too, because a broken network would look perfect otherwise.
+/// Whether a triplet counts. One with NaN distances does, because a broken network would otherwise look perfect.
 const fn is_violated(violation: f64) -> bool {
     violation > 0.0 || violation.is_nan()
 }

@@ -1,12 +1,12 @@
-//! The paper's loss: max(0, d(anchor, positive) - d(anchor, negative) + margin), the mean over a batch.
+//! The paper's loss: the mean over a batch of max(0, d(anchor, positive) - d(anchor, negative) + margin).
 
 use super::{distance, is_violated, push};
 use crate::real::Real;
 
 /// The sum of the losses of a chunk of triplets.
 ///
-/// `embeddings` has those of all anchors, then of all positives, then of all negatives, `dimensions` numbers each. `gradient`
-/// becomes the gradient by them of the sum divided by `batch`.
+/// `embeddings` has the embeddings of all anchors, then of all positives, then of all negatives, of `dimensions` numbers each.
+/// `gradient` becomes the gradient by them of the sum divided by `batch`.
 pub(crate) fn loss<T: Real>(
     embeddings: &[T],
     dimensions: usize,
@@ -47,7 +47,7 @@ mod tests {
 
     #[test]
     fn only_violated_triplets_count() {
-        // Two anchors at 0: the nearer ones at 1 and 1, the farther ones at 9 and 1.5.
+        // Two anchors at 0, their positives at 1 and 1, their negatives at 9 and 1.5.
         let embeddings = [0.0, 0.0, 1.0, 1.0, 9.0, 1.5];
         let mut gradient = [7.0; 6];
         let sum = loss(&embeddings, 1, 1.0, 2, &mut gradient);

@@ -16,7 +16,7 @@ use prost::Message as _;
 pub enum ImportError {
     #[error(transparent)]
     NotAnEmbedder(#[from] ModelError),
-    /// Weights of the architecture are missing, have another number, or are not finite.
+    /// Weights of the architecture are missing, have the wrong number, or are not finite.
     #[error("the checkpoint is of another network: {name:?} {problem}")]
     Weights { name: String, problem: String },
     /// The weights are right, but the graph differs.
@@ -29,8 +29,7 @@ pub enum ImportError {
 /// The network of an [`export`]ed file, with the same bits: exporting it again gives the same bytes.
 ///
 /// # Errors
-/// If the file is not an embedder, or not one that this trainer would write: it has another architecture, or comes from
-/// another program.
+/// If the file is not an embedder, has another architecture, or comes from another program.
 pub fn import(file: &[u8], architecture: Architecture) -> Result<Network, ImportError> {
     let model = EmbedderModel::read(file)?;
     let graph = ModelProto::decode(model.encoded()).unwrap_or_default().graph;
@@ -49,7 +48,7 @@ pub fn import(file: &[u8], architecture: Architecture) -> Result<Network, Import
     }
 }
 
-/// The weights of a stage, in the layout of this crate, with the right number.
+/// The weights of a stage, in the layout of this crate. Their number is checked.
 fn weights(graph: &GraphProto, index: usize, stage: &Stage) -> Result<Vec<f32>, ImportError> {
     let (biases, pixels, channels) = match &stage.operation {
         Operation::Convolution(layer) => {
@@ -62,7 +61,7 @@ fn weights(graph: &GraphProto, index: usize, stage: &Stage) -> Result<Vec<f32>, 
     };
     let [weights_name, biases_name] = constant_names(&stage_name(index, &stage.operation));
     let rows = floats(graph, weights_name, stage.parameters.len() - biases)?;
-    // The file has rows of channels x pixels, so the two are exchanged.
+    // The file has rows of channels x pixels; this crate has pixels x channels.
     let rows = channels_first(&rows, channels, pixels);
     Ok([rows, floats(graph, biases_name, biases)?].concat())
 }

@@ -14,7 +14,7 @@ pub struct FineTuning {
     pub labelled: Arc<LabelledPictures>,
 }
 
-/// The part that a training keeps.
+/// The part of the inputs that a training keeps.
 #[derive(Debug)]
 pub struct FineTuned {
     pub labelled: Arc<LabelledPictures>,
@@ -22,8 +22,8 @@ pub struct FineTuned {
 }
 
 impl Training {
-    /// A training on labels before its first epoch. `pictures` are behaviours without labels. The `labelled` recipe learns from some
-    /// of them too, and held-out ones measure the quality of the embedding and determine its scale.
+    /// A training on labels before its first epoch. `pictures` have no labels. The `labelled` recipe learns from some of them too;
+    /// held-out ones measure the quality of the embedding and determine its scale.
     ///
     /// # Errors
     /// If the recipe is not for labels, the network does not fit the pictures, the parent is of another

@@ -1,18 +1,19 @@
-//! Levels the density of behaviours: most random controllers behave alike, and a network that sees each equally often learns above
-//! all to tell random behaviours apart.
+//! Levels the density of behaviours. Most random controllers behave alike, so a network that sees all equally often mainly learns
+//! to distinguish random behaviours.
 
 use murmuration_proto::Features;
 use rayon::prelude::*;
 
-/// The neighbour whose distance measures how rare a behaviour is.
+/// The rank of the neighbour whose distance measures how rare a behaviour is.
 const NEIGHBOUR: usize = 15;
-/// Share of the behaviours, the rarest, that count as equally rare: 1 in so many.
+/// The rarest behaviours, one in so many, count as equally rare.
 const RAREST: usize = 100;
-/// Most behaviours among which neighbours are looked for.
+/// Maximum number of behaviours among which neighbours are searched.
 const SAMPLE: usize = 10_000;
 
-/// How often each behaviour is drawn, relative to the others: `min(r, q)` to the power of `flattening`. r is the distance to the 15th
-/// nearest neighbour in features of equal standard deviation, q the 99 % quantile of r. All are equal where no distance is over 0.
+/// How often each behaviour is drawn, relative to the others: `min(r, q)` to the power of `flattening`, where r is the distance
+/// to the 15th nearest neighbour in features of equal standard deviation, and q the 99 % quantile of r. All weights are equal if
+/// all distances are 0.
 pub(super) fn weights(features: &[Features], flattening: u32) -> Vec<f64> {
     let scaled = scaled(features);
     let step = scaled.len().div_ceil(SAMPLE).max(1);
@@ -36,7 +37,7 @@ pub(super) fn weights(features: &[Features], flattening: u32) -> Vec<f64> {
         .collect()
 }
 
-/// The features, each with a standard deviation of 1 unless it is the same everywhere.
+/// The features, each scaled to a standard deviation of 1 unless it is constant.
 fn scaled(features: &[Features]) -> Vec<Features> {
     let count = features.len() as f64;
     let mut scaled = features.to_vec();
@@ -56,7 +57,8 @@ fn scaled(features: &[Features]) -> Vec<Features> {
     scaled
 }
 
-/// The distance from a behaviour to its 15th nearest neighbour (the farthest where there are fewer) among every `step`th of all.
+/// The distance from a behaviour to its 15th nearest neighbour (or the farthest if there are fewer) among every `step`th
+/// behaviour.
 fn distance(all: &[Features], behaviour: usize, step: usize) -> f64 {
     let mut nearest: Vec<f64> = Vec::with_capacity(NEIGHBOUR + 1);
     for other in (0..all.len()).step_by(step).filter(|other| *other != behaviour) {
@@ -112,7 +114,7 @@ mod tests {
             .collect();
         let scaled = scaled(&all);
         for behaviour in [0, 17, 2999] {
-            // A third of the neighbours in the plane: they are farther by the root of three.
+            // With a third of the points in the plane, neighbours are farther by the root of three.
             let ratio = distance(&scaled, behaviour, 3) / distance(&scaled, behaviour, 1);
             assert!((1.3..2.3).contains(&ratio), "{ratio}");
         }

@@ -5,7 +5,7 @@ use murmuration_proto::{Purpose, RandomStream, training::Configuration};
 use rand::RngExt as _;
 use rayon::prelude::*;
 
-/// Held-out behaviours, augmented once, so that every epoch is judged by the same triplets.
+/// Held-out behaviours, augmented once, so that every epoch is measured with the same triplets.
 #[derive(Debug)]
 pub(super) struct HeldOut {
     trained_on: Vec<usize>,

@@ -1,4 +1,5 @@
-//! An epoch of the in-batch recipe: every behaviour once in random order, or as many, the rare ones more often; a batch at a time.
+//! An epoch of the in-batch recipe, batch by batch: every behaviour once in random order or, with flattening, as many draws with
+//! rare behaviours more often.
 
 use super::{EpochLoss, Training};
 use crate::{augment::Augmentation, loss::in_batch};
@@ -36,7 +37,7 @@ pub(super) fn epoch(training: &mut Training, recipe: &InBatch, stream: &mut Rand
     }
 }
 
-/// As many of these behaviours as there are, each drawn by its weight.
+/// Draws as many behaviours as there are, with replacement, by weight.
 fn drawn(behaviours: &[usize], weights: &[f64], stream: &mut RandomStream) -> Vec<usize> {
     let mut total = 0.0;
     let sums: Vec<f64> = behaviours
@@ -56,7 +57,7 @@ fn drawn(behaviours: &[usize], weights: &[f64], stream: &mut RandomStream) -> Ve
 }
 
 impl Training {
-    /// One step of the in-batch recipe on the same behaviours each time; nothing with another recipe. For benchmarks.
+    /// One step of the in-batch recipe, on the same behaviours each time; does nothing with another recipe. For benchmarks.
     pub(crate) fn step_on_first(&mut self, anchors: usize) {
         let Recipe::InBatch(recipe) = self.configuration.recipe().clone() else {
             return;

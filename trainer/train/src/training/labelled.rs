@@ -53,8 +53,8 @@ pub(super) fn epoch(
     sum
 }
 
-/// One step of the optimiser on `images`; returns its loss. The first `labelled` of them have labels, in classes of these
-/// weights; the others have none.
+/// One step of the optimiser on `images`; returns its loss. The first `labelled` images have labels, of classes with these
+/// weights.
 fn step(
     training: &mut Training,
     recipe: &Labelled,
@@ -85,7 +85,7 @@ fn step(
 }
 
 /// The labelled pictures of each class in random order. Steps take them in turn: no picture repeats before all others of its
-/// class were taken.
+/// class.
 struct Deck {
     classes: Vec<Class>,
 }

@@ -34,7 +34,7 @@ struct Drawn {
 }
 
 impl Drawn {
-    /// Classes are drawn in proportion to their pictures: an anchor is any picture, a negative any of another class.
+    /// Draws the anchor uniformly from all pictures, and the negative uniformly from those of other classes.
     fn draw(labelled: &LabelledPictures, augmented: f64, stream: &mut RandomStream) -> Self {
         let below = |count: usize, stream: &mut RandomStream| stream.below(count as u64) as usize;
         let pictures = labelled.by_class();

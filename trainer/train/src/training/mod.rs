@@ -70,8 +70,8 @@ pub enum Ending {
     Diverged,
 }
 
-/// A training with all its inputs. On one kind of CPU, configuration, pictures and epoch determine every bit of it. The
-/// number of threads of the rayon pool does not matter.
+/// A training with all its inputs. On one kind of CPU, its inputs and the epoch determine every bit of it. The number of
+/// threads of the rayon pool does not matter.
 #[derive(Debug)]
 pub struct Training {
     configuration: Configuration,
@@ -81,7 +81,7 @@ pub struct Training {
     fine_tuned: Option<FineTuned>,
     shards: Shards<f32>,
     gradient: Vec<f32>,
-    /// How often the in-batch recipe draws each behaviour, relative to the others; `None` where it shows all equally often.
+    /// How often the in-batch recipe draws each behaviour, relative to the others; `None` if all are drawn equally often.
     weights: Option<Vec<f64>>,
     state: State,
 }
@@ -122,13 +122,13 @@ pub enum TrainingError {
         shape: PictureShape,
         source: ArchitectureError,
     },
-    /// The recipe learns from labels, and there are none.
+    /// The recipe needs labels, but there are none.
     #[error("the recipe \"{0}\" needs labels")]
     NoLabels(&'static str),
-    /// The recipe draws rare behaviours more often, and the features of the pictures are missing.
+    /// The recipe draws rare behaviours more often, which needs features, but they are missing.
     #[error("the recipe \"{0}\" needs the features of every behaviour unless its flattening is 0")]
     NoFeatures(&'static str),
-    /// The recipe learns without labels, and there are some.
+    /// The recipe takes no labels, but there are some.
     #[error("the recipe \"{0}\" has no use for labels")]
     NoUseForLabels(&'static str),
     /// Labelled pictures have another size or other channels than the others.
@@ -143,7 +143,7 @@ pub enum TrainingError {
     /// The saved training is damaged, or of another version of the trainer.
     #[error("not a saved training: {0}")]
     Damaged(String),
-    /// The saved training is another one.
+    /// The saved training belongs to another training.
     #[error("the saved training is of another {0}")]
     Other(&'static str),
 }
@@ -303,8 +303,8 @@ impl Training {
     /// The embedder to publish: for the in-batch recipe, the weights that were most accurate on held-out triplets; otherwise
     /// the weights after the last epoch.
     ///
-    /// It is shifted and scaled in its last layer, which changes no comparison of distances, so that held-out behaviours have
-    /// mean 0 and spread 1. So novelty has the same unit for all recipes. A collapsed network stays as it is.
+    /// Its last layer is shifted and scaled so that held-out behaviours have mean 0 and spread 1. This changes no comparison of
+    /// distances, and gives novelty the same unit for all recipes. A collapsed network is not changed.
     #[must_use]
     pub fn embedder(&self) -> Network {
         let mut network = self.best_network();

@@ -23,7 +23,7 @@ struct Saved {
     adam_means: Vec<u8>,
     #[prost(bytes = "vec", tag = "7")]
     adam_squares: Vec<u8>,
-    /// Two of them.
+    /// Two values.
     #[prost(double, repeated, tag = "8")]
     adam_powers: Vec<f64>,
     #[prost(double, tag = "9")]
@@ -147,7 +147,7 @@ fn bytes(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
-/// Whether the number of values is right.
+/// Decodes `bytes` into `values`; false if their number differs.
 fn read(bytes: &[u8], values: &mut [f32]) -> bool {
     let (quads, rest) = bytes.as_chunks::<4>();
     let fits = quads.len() == values.len() && rest.is_empty();

@@ -9,19 +9,19 @@ pub(super) struct Schedule {
     plateau: Option<Plateau>,
 }
 
-/// The part that changes.
+/// The part of a schedule that changes.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ScheduleState {
     pub(super) learning_rate: f64,
-    /// Mean losses of the last epochs, as many as are needed.
+    /// Mean losses of the last epochs, as many as the recipe needs.
     pub(super) losses: Vec<f64>,
     /// Lowest loss of an epoch.
     pub(super) lowest: f64,
-    /// Epochs since then, or since the learning rate fell.
+    /// Epochs since the lowest loss, or since the learning rate fell.
     pub(super) waited: u64,
 }
 
-/// The learning rate falls by a factor when the loss does not fall (as PyTorch's `ReduceLROnPlateau`).
+/// Lowers the learning rate by a factor when the loss does not fall (like PyTorch's `ReduceLROnPlateau`).
 #[derive(Debug, Clone, PartialEq)]
 struct Plateau {
     patience: u64,
@@ -64,7 +64,7 @@ impl Schedule {
         self.state.learning_rate
     }
 
-    /// For recipes that set the rate themselves.
+    /// Sets the rate, for recipes with a schedule of their own.
     pub(super) const fn set_learning_rate(&mut self, rate: f64) {
         self.state.learning_rate = rate;
     }
@@ -92,7 +92,7 @@ impl Schedule {
         }
     }
 
-    /// Mean loss of the given number of last epochs; infinite before there are as many.
+    /// Mean loss of the given number of last epochs; infinite while there are fewer.
     pub(super) fn mean_of_last(&self, epochs: usize) -> f64 {
         let losses = &self.state.losses;
         if losses.len() < epochs {

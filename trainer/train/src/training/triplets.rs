@@ -12,7 +12,7 @@ use murmuration_proto::{PictureShape, Purpose, RandomStream, training::RandomTri
 /// fewer, more of them stay in a core's cache.
 const CHUNK_VALUES: usize = 3 << 20;
 
-/// Triplets in a chunk: a power of two, as most batches.
+/// Triplets in a chunk: a power of two, like the size of most batches.
 fn chunk(network: &Network) -> usize {
     let most = CHUNK_VALUES / (3 * network.values_per_image());
     1 << most.max(1).ilog2()
@@ -50,8 +50,8 @@ pub(super) fn learn(training: &mut Training, recipe: &RandomTriplets, triplets: 
     total / triplets.len() as f64
 }
 
-/// Appends the images of a chunk: all anchors, all positives, all negatives. `stream` is what the i-th positive is
-/// augmented by.
+/// Appends the images of a chunk: all anchors, all positives, all negatives. `stream` returns the random stream for the i-th
+/// positive's augmentation.
 fn append(
     triplets: &[Triplet],
     shape: PictureShape,

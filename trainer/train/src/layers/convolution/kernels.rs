@@ -1,19 +1,19 @@
-//! The loops of a convolution, on the CPU's widest vectors. A tile of sums stays in registers from its first product to its
-//! last; every product is fused with its sum. The order of a sum does not depend on the width of vectors.
+//! The loops of a convolution, with the CPU's widest vectors. A tile of sums stays in registers from its first product to its
+//! last; products are added by fused multiply-add. The order of a sum does not depend on the width of vectors.
 
 use super::meetings::{Group, Place, Span, Strip};
 use crate::real::Real;
 use pulp::{Simd, WithSimd};
 
-/// Channels of a tile. Packed weights, and outputs of [`Products`], have a multiple of it.
+/// Channels of a tile. Packed weights and outputs of [`Products`] have a multiple of it.
 pub(super) const WIDTH: usize = 16;
 
-/// Every pixel of `target` becomes `first` plus a sum of weights times values of `source`.
+/// Sets every pixel of `target` to `first` plus a sum of weights times values of `source`.
 pub(super) struct Gather<'a, T> {
     pub(super) groups: &'a [Group],
     pub(super) samples: usize,
     pub(super) source: &'a [T],
-    /// For each [`WIDTH`] channels of the target: rows of as many weights.
+    /// For every [`WIDTH`] channels of the target: rows of [`WIDTH`] weights.
     pub(super) weights: &'a [T],
     /// A value for each channel, and zeros up to a multiple of [`WIDTH`].
     pub(super) first: &'a [T],
@@ -26,7 +26,7 @@ impl<T: Real> WithSimd for Gather<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        // Vectors that make up a tile's channels, and pixels of a tile: as many as registers hold.
+        // Constants: vectors per tile's channels, and as many pixels per tile as registers hold.
         match T::lanes::<S>() {
             16 => self.run::<S, 1, 12>(simd),
             8 => self.run::<S, 2, 6>(simd),
@@ -48,7 +48,7 @@ impl<T: Real> Gather<'_, T> {
             let own = WIDTH.min(self.channels - from);
             for group in self.groups {
                 for places in group.places.of(self.samples).chunks(P) {
-                    // Pixels that the last tile lacks are its last pixel once more.
+                    // Fills the last tile with copies of its last pixel.
                     let mut tile = [places[places.len() - 1]; P];
                     tile[..places.len()].copy_from_slice(places);
                     let sums = sums::<T, S, V, P>(simd, &group.spans, &tile, self.source, weights, first);
@@ -81,8 +81,8 @@ fn sums<T: Real, S: Simd, const V: usize, const P: usize>(
             *values = &source[place.source as usize + shift..][..len];
         }
         for (i, weights) in weights.iter().enumerate() {
-            // All values are read before the first is multiplied: otherwise the compiler keeps all of their vectors, and has
-            // too few registers for the sums.
+            // Reads all values before the first product. Otherwise the compiler keeps all of their vectors, and has too few
+            // registers for the sums.
             let mut here = [T::zero(); P];
             for (value, values) in here.iter_mut().zip(&values) {
                 *value = values[i];
@@ -129,7 +129,7 @@ impl<T: Real> WithSimd for Products<'_, T> {
 }
 
 impl<T: Real> Products<'_, T> {
-    /// In tiles of `M` values.
+    /// Computes the products in tiles of `M` values.
     #[inline(always)]
     fn run<S: Simd, const V: usize, const M: usize>(mut self, simd: S) {
         for from in (0..self.channels).step_by(WIDTH) {
@@ -150,7 +150,7 @@ impl<T: Real> Products<'_, T> {
         }
     }
 
-    /// The products of `M` values from the one after `done` on; returns `M`.
+    /// Computes the products of `M` values after the first `done`; returns `M`.
     #[inline(always)]
     fn tile<S: Simd, const V: usize, const M: usize>(
         &mut self,
@@ -182,7 +182,7 @@ impl<T: Real> Products<'_, T> {
         M
     }
 
-    /// Four sums, because each waits for its last addition.
+    /// Sums the gradients, in four partial sums, because each addition waits for the one before.
     #[inline(always)]
     fn sum_alone<S: Simd, const V: usize>(&mut self, simd: S, from: usize) {
         const APART: usize = 4;
@@ -217,7 +217,7 @@ fn add<T: Real, S: Simd, const V: usize>(simd: S, vectors: &[T::Vector<S>; V], t
     }
 }
 
-/// Writes as many values of the vectors as `to` has.
+/// Fills `to` with the first values of the vectors.
 #[inline(always)]
 fn store<T: Real, S: Simd, const V: usize>(vectors: &[T::Vector<S>; V], to: &mut [T]) {
     if to.len() == WIDTH {

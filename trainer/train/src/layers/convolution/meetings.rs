@@ -1,7 +1,7 @@
-//! Which pixels of the input and of the output of a convolution meet under which part of the kernel.
+//! Finds the pixels of a convolution's input and output that meet under each part of the kernel.
 //!
-//! Pixels that meet the same parts form a group: nearly all of a picture, its edges and its corners. In a group there is no
-//! padding, so nothing is multiplied by zeros, and no pixel needs a question of its own.
+//! Pixels that meet the same parts form a group: the interior of a picture, its edges and its corners. A group needs no padding,
+//! so nothing is multiplied by zeros, and no pixel needs a bounds check of its own.
 
 use murmuration_proto::training::Shape;
 use std::collections::BTreeMap;
@@ -31,13 +31,13 @@ pub(super) struct Group {
 pub(super) struct Span {
     /// The index of its first row in the packed weights.
     pub(super) row: usize,
-    /// The offset of the values that it is multiplied with, from a place's source.
+    /// Offset, from a place's source, of the values that the span is multiplied with.
     pub(super) shift: usize,
     /// Number of rows, and of values.
     pub(super) len: usize,
 }
 
-/// A part of a row of the kernel, and the pixels under which all of it lies in the picture.
+/// A part of a row of the kernel, and the pixels for which all of it lies in the picture.
 #[derive(Debug)]
 pub(super) struct Strip {
     /// The index of its first weight in a patch.
@@ -54,7 +54,7 @@ pub(super) struct Places {
     per_sample: usize,
 }
 
-/// A pixel, and where the values that it meets begin.
+/// A pixel, and the offset of the values that it meets.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Place {
     /// Index of the pixel in the block.
@@ -70,7 +70,7 @@ impl Places {
     }
 }
 
-/// Values of a block's input and output, which should stay in a core's cache.
+/// Maximum number of values of a block's input and output, which should stay in a core's cache.
 const VALUES_AT_ONCE: usize = 1 << 16;
 
 /// The numbers of a convolution.
@@ -92,7 +92,7 @@ impl Meetings {
             ..
         } = geometry;
         let samples = (VALUES_AT_ONCE / (input.len() + output.len())).clamp(1, 16);
-        // A power of two divides the chunks of trainings.
+        // A power of two, which divides the chunks of trainings.
         let samples = 1 << samples.ilog2();
         let by_output = axis(output.side, |pixel| geometry.under(pixel));
         let by_input = axis(input.side, |pixel| geometry.over(pixel));
@@ -143,7 +143,7 @@ impl Meetings {
 }
 
 impl Geometry {
-    /// The parts of the kernel's axis that lie in the picture for an output pixel, each with its input pixel.
+    /// The parts of the kernel's axis that lie in the picture at an output pixel, each with its input pixel.
     fn under(self, pixel: usize) -> Vec<(usize, usize)> {
         let inside = |part: usize| {
             let input = (pixel * self.stride + part).checked_sub(self.padding)?;
@@ -152,7 +152,7 @@ impl Geometry {
         (0..self.kernel).filter_map(inside).collect()
     }
 
-    /// The parts of the kernel's axis that lie on an input pixel, each with its output pixel.
+    /// The parts of the kernel's axis that meet an input pixel, each with its output pixel.
     fn over(self, pixel: usize) -> Vec<(usize, usize)> {
         let outputs = |part: usize| {
             let from = (pixel + self.padding).checked_sub(part)?;
@@ -175,7 +175,7 @@ struct Lines {
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Part {
     kernel: usize,
-    /// The pixel that it meets, counted from the first one that is met.
+    /// The pixel that it meets, relative to the first one that is met.
     shift: usize,
 }
 
@@ -184,7 +184,7 @@ impl Lines {
         self.parts.first().map_or(0, |part| part.kernel)
     }
 
-    /// All pixels that meet one part, with the pixel that they meet.
+    /// All pixels that meet one part, each with the pixel that it meets.
     fn meeting(lines: &[Self], part: usize) -> Self {
         let of = |lines: &Self| {
             let part = lines.parts.iter().find(|other| other.kernel == part).copied();
@@ -204,7 +204,7 @@ impl Lines {
     }
 }
 
-/// The pixels of an axis by the parts that they meet.
+/// Groups the pixels of an axis by the parts that they meet.
 fn axis(side: usize, met: impl Fn(usize) -> Vec<(usize, usize)>) -> Vec<Lines> {
     let mut lines: BTreeMap<Vec<Part>, Vec<(usize, usize)>> = BTreeMap::new();
     for pixel in 0..side {
@@ -228,7 +228,7 @@ fn squared(axis: &[Lines], group: impl Fn(&Lines, &Lines) -> Group) -> Vec<Group
     pairs.map(|(rows, columns)| group(rows, columns)).collect()
 }
 
-/// The pixels of some rows and columns, in pictures of the first shape, with the values of pictures of the second.
+/// The pixels of these rows and columns, in pictures of shape `own`, with the values that they meet in pictures of shape `met`.
 fn places(rows: &Lines, columns: &Lines, [own, met]: [Shape; 2], samples: usize) -> Places {
     let mut places = Vec::with_capacity(samples * rows.pixels.len() * columns.pixels.len());
     for sample in 0..samples {

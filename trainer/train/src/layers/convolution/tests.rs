@@ -1,4 +1,4 @@
-//! The loops with and without vectors.
+//! Compares the loops with and without vectors.
 
 use super::*;
 use pulp::Scalar;
@@ -8,7 +8,7 @@ fn noise(count: usize) -> Vec<f32> {
     (1..=count as u32).map(noise).collect()
 }
 
-/// Values and gradients of three samples, with the vectors of this CPU and without any.
+/// Values and gradients of three samples, with the vectors of this CPU and without vectors.
 fn both(channels: usize) -> [Vec<f32>; 2] {
     let input = Shape { channels: 3, side: 8 };
     let output = Shape { channels, side: 4 };
