@@ -1,4 +1,4 @@
-//! Fixed work for `scripts/instruction-counts`, which counts its instructions: one item, so many times.
+//! Fixed work whose instructions `scripts/instruction-counts` counts: one item, a given number of times.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 
 mod archive;
@@ -7,14 +7,14 @@ use archive::archive;
 use murmuration_search::{interrupt::Interrupt, novelty::Index};
 use std::{env, hint::black_box};
 
-/// Individuals before the generations that are counted, and after them.
+/// Individuals before and after the counted generations.
 const ARCHIVE: [usize; 2] = [4_000, 5_000];
-/// Individuals of a generation of the paper.
+/// Individuals per generation in the paper.
 const GENERATION: usize = 100;
-/// Neighbours that a campaign asks for unless it is told otherwise.
+/// Default number of neighbours of a campaign.
 const NEIGHBOURS: usize = 15;
 
-/// Usage: `fixed_work novelty TIMES`; without arguments, as `cargo bench` runs it, once.
+/// Usage: `fixed_work novelty TIMES`. Without arguments, as `cargo bench` runs it, TIMES is 1.
 fn main() {
     let arguments: Vec<_> = env::args()
         .skip(1)
@@ -25,12 +25,12 @@ fn main() {
         [item, ..] => unreachable!("{item} is no item"),
         [] => 1,
     };
-    // One thread, because threads that wait for each other execute instructions too.
+    // One thread, because waiting threads execute instructions too.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| novelty(times));
 }
 
-/// The novelty of one generation after another, as a campaign measures it while its archive grows.
+/// Measures the novelty of successive generations while the archive grows, as a campaign does.
 fn novelty(times: u32) {
     let [before, after] = ARCHIVE;
     let all = archive(after);

@@ -1,4 +1,4 @@
-//! Medoids of a whole archive, as a taxonomy asks for them: by FasterPAM and by samples, their losses and times in the
+//! Compares losses and times of the medoids of a whole archive, as a taxonomy needs them, by FasterPAM and by samples, in the
 //! same run.
 
 #![expect(
@@ -25,10 +25,10 @@ use std::{
 /// Medoids of the paper's taxonomy.
 const MEDOIDS: usize = 12;
 
-/// Seeds that losses and times are averaged over: which local optimum is found is a matter of luck.
+/// Number of seeds that losses and times are averaged over, because each seed can find another local optimum.
 const SEEDS: u64 = 3;
 
-/// Makes an archive of so many behaviours.
+/// Generates an archive of the given number of behaviours.
 type Shape = fn(usize) -> Behaviours;
 
 fn find(algorithm: Algorithm, behaviours: &Behaviours, k: usize, seed: u64) -> Clustering {
@@ -67,7 +67,7 @@ fn measure(algorithm: Algorithm, behaviours: &Behaviours) -> (f64, f64) {
     (loss, begun.elapsed().as_secs_f64() / SEEDS as f64)
 }
 
-/// One run a seed of what takes too long to be repeated by criterion.
+/// One run per seed, for what takes too long to be repeated by criterion.
 fn compare() {
     println!("| points | shape | FasterPAM, s | sampled, s | time ratio | loss ratio |");
     println!("|--:|---|--:|--:|--:|--:|");
@@ -97,7 +97,7 @@ criterion_group!(benches, medoids);
 
 fn main() {
     benches();
-    // `cargo test --benches` only asks whether it runs.
+    // `cargo test --benches` only checks that it runs.
     if std::env::args().any(|argument| argument == "--bench") {
         compare();
     }

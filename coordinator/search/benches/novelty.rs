@@ -1,4 +1,4 @@
-//! Novelty by brute force, by trees built anew and by trees that grow with the archive, in the same run.
+//! Compares novelty by brute force, by rebuilt trees and by trees that grow with the archive, in the same run.
 
 #![expect(
     clippy::print_stdout,
@@ -20,10 +20,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Neighbours that a campaign asks for unless it is told otherwise.
+/// Default number of neighbours of a campaign.
 const NEIGHBOURS: usize = 15;
 
-/// Individuals of a generation of the paper.
+/// Individuals per generation in the paper.
 const GENERATION: usize = 100;
 
 fn by_index(index: &mut Index, behaviours: &Behaviours, queries: Range<usize>) -> Vec<f64> {
@@ -37,7 +37,7 @@ fn by_brute_force(behaviours: &Behaviours, queries: Range<usize>) -> Vec<f64> {
     novelty.expect("not interrupted")
 }
 
-/// A generation of the search against an archive of 10^3 to 10^6.
+/// Novelty of one generation against archives of 10^3 to 10^6.
 fn generation(c: &mut Criterion) {
     let mut group = c.benchmark_group("novelty of a generation");
     group
@@ -67,7 +67,7 @@ fn generation(c: &mut Criterion) {
     }
 }
 
-/// Mean cost of a generation while an archive grows to twice its size, the rebuilding of indexes included.
+/// Mean cost of a generation while an archive doubles in size, including the rebuilding of indexes.
 fn growth() {
     println!("| archive | generation | extended, ms | built anew, ms | brute force, ms | extended : anew |");
     println!("|--:|--:|--:|--:|--:|--:|");
@@ -105,7 +105,7 @@ criterion_group!(benches, generation);
 
 fn main() {
     benches();
-    // `cargo test --benches` only asks whether it runs.
+    // `cargo test --benches` only checks that it runs.
     if std::env::args().any(|argument| argument == "--bench") {
         growth();
     }

@@ -1,8 +1,8 @@
-//! The novelty of points in a file, and the seconds that it took: what `benches/novelty_against_scikit_learn.py` compares.
+//! Computes the novelty of points in a file, and measures the time, for `benches/novelty_against_scikit_learn.py`.
 //!
-//! Arguments: a file of points (numbers of 8 bytes, little-endian, point after point), their dimensions, how many of the
-//! last are asked for, k, and where the novelty goes in the same format. It prints the seconds for the index and those for
-//! the queries.
+//! Arguments: a file of points (numbers of 8 bytes, little-endian, point after point), the number of dimensions, the number of
+//! last points whose novelty is computed, k, and the output file for the novelty in the same format. Prints the seconds for
+//! the index and for the queries.
 
 #![expect(clippy::print_stdout, reason = "what it prints is its result")]
 

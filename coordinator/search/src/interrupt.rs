@@ -1,28 +1,28 @@
-//! Telling a long computation to end early.
+//! Interrupts long computations.
 //!
-//! Pure functions that may take long are given an [`Interrupt`] and check it in their loops. Limits: knows no threads and
-//! no tasks; who raises it when is decided elsewhere.
+//! Pure functions that may take long receive an [`Interrupt`] and check it in their loops. The module knows nothing of threads
+//! and tasks, or of who raises an interrupt when.
 
 use std::sync::{
     Arc,
     atomic::{AtomicBool, Ordering},
 };
 
-/// A flag that ends the computations which check it; clones share it.
+/// A flag that ends the computations that check it. Clones share the flag.
 #[derive(Debug, Clone, Default)]
 pub struct Interrupt {
     raised: Arc<AtomicBool>,
-    /// Ends them too when it is raised.
+    /// Ends the computations too when it is raised.
     parent: Option<Arc<Self>>,
 }
 
-/// A computation was told to end before it had a result.
+/// A computation was interrupted before it had a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("it was interrupted: the coordinator ends, or nobody wants the result any more")]
 pub struct Interrupted;
 
 impl Interrupt {
-    /// A flag of its own, which counts as raised when this one is.
+    /// A separate flag that also counts as raised when this one is.
     #[must_use]
     pub fn child(&self) -> Self {
         Self {
@@ -36,10 +36,10 @@ impl Interrupt {
         self.raised.store(true, Ordering::Relaxed);
     }
 
-    /// Whether to go on.
+    /// Fails if the computation must end.
     ///
     /// # Errors
-    /// [`Interrupted`] once this flag, or that of which it is a child, is raised.
+    /// [`Interrupted`] once this flag or its parent is raised.
     pub fn check(&self) -> Result<(), Interrupted> {
         if self.raised.load(Ordering::Relaxed) {
             return Err(Interrupted);

@@ -1,16 +1,16 @@
-//! Points transposed, eight abreast, so that vector instructions measure eight distances at once.
+//! Points transposed in blocks of eight, so that vector instructions measure eight distances at once.
 //!
-//! A distance has the bits of the sum from the first dimension to the last, on every CPU. Limits: where its callers want
-//! wide vectors, they run it through `pulp`.
+//! A distance has the bits of the sum from the first dimension to the last, on every CPU. For wide vectors, callers run it
+//! through `pulp`.
 
-/// Points abreast.
+/// Number of points in a block.
 pub(crate) const LANES: usize = 8;
 
-/// Points of one dimension, in blocks of [`LANES`]; what the last block lacks is infinitely far from everything.
+/// Points of the same number of dimensions, in blocks of [`LANES`]. Missing points of the last block are infinitely far away.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Lanes {
     dims: usize,
-    /// Block after block, each with one row a dimension.
+    /// Block after block, each with one row per dimension.
     rows: Vec<[f64; LANES]>,
     blocks: usize,
 }
@@ -34,13 +34,13 @@ impl Lanes {
         self.blocks
     }
 
-    /// The rows of a block, one a dimension.
+    /// The rows of a block, one per dimension.
     #[inline(always)]
     pub(crate) fn rows(&self, block: usize) -> &[[f64; LANES]] {
         &self.rows[block * self.dims..][..self.dims]
     }
 
-    /// Squared distances of a block's points from `origin`. `D` is the number of dimensions, so that sums stay in
+    /// Squared distances of a block's points from `origin`. `D` is the number of dimensions as a constant, so that sums stay in
     /// registers, or 0 for any number.
     #[inline(always)]
     pub(crate) fn squared_distances<const D: usize>(&self, block: usize, origin: &[f64]) -> [f64; LANES] {
@@ -65,8 +65,8 @@ impl Lanes {
     }
 }
 
-/// Calls a function that is generic over the number of dimensions with the number as a constant, where there is code
-/// for it, else with 0.
+/// Calls a function that is generic over the number of dimensions, with the number as a constant if it is one of these, else
+/// with 0.
 macro_rules! with_dimensions {
     ($dims:expr, $dispatch:ident, $task:expr) => {
         match $dims {

@@ -1,5 +1,5 @@
-//! The search as pure functions: which controllers pass the filter, how the next ones are bred, how novel a behaviour is,
-//! which behaviours stand for all, and in which cells of the behaviour space they lie.
+//! The search as pure functions: the filter of controllers, breeding, novelty, medoids of behaviours, and cells of the behaviour
+//! space.
 //!
 //! Limits: no I/O, no state.
 

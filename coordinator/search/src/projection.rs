@@ -1,7 +1,7 @@
 //! The map of the behaviour space: principal component analysis to two dimensions.
 //!
-//! For pictures only. The eigenvectors come from nalgebra, whose last bits are not promised to be the same on
-//! every machine, so nothing that a digest covers may rest on them.
+//! For display only. The last bits of nalgebra's eigenvectors may differ between machines, so nothing that a digest covers may
+//! depend on them.
 
 use crate::{
     interrupt::{Interrupt, Interrupted},
@@ -9,23 +9,20 @@ use crate::{
 };
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-/// Behaviours seen along their two principal axes.
+/// Behaviours projected on their two principal axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Projection {
     /// Each behaviour's coordinates along the first and the second axis, from the mean, in the units of the
     /// behaviour space and in the order of the behaviours.
     pub points: Vec<[f64; 2]>,
-    /// Share of the variance that each axis explains, 0 to 1, the first at least the second; 0 for both where
-    /// the behaviours are all the same.
+    /// Share of the variance that each axis explains, 0 to 1, in descending order; both are 0 if all behaviours are equal.
     pub shares: [f64; 2],
-    /// The axes as unit vectors of the behaviour space (the loadings); the largest loading in magnitude is
-    /// positive. The second is all zeros in a space of one dimension, as both are in one of none.
+    /// The axes as unit vectors of the behaviour space (the loadings); the loading of the largest magnitude is positive. In a space
+    /// of one dimension the second axis is all zeros, in a space of none both are.
     pub axes: [DVector<f64>; 2],
 }
 
-/// The projection of `behaviours` on their two principal axes.
-///
-/// It exists for any number of behaviours, all equal or none at all included.
+/// The projection of `behaviours` on their two principal axes. It is defined for equal behaviours and for none, too.
 ///
 /// # Errors
 /// [`Interrupted`] once `interrupt` is raised.
@@ -53,7 +50,7 @@ pub fn principal_axes(behaviours: &Behaviours, interrupt: &Interrupt) -> Result<
     Ok(Projection { points, shares, axes })
 }
 
-/// The mean behaviour, taken about the first one, so that behaviours that are all the same have it exactly.
+/// The mean behaviour, computed relative to the first one, so that the mean of equal behaviours is exact.
 fn mean(behaviours: &Behaviours) -> DVector<f64> {
     if behaviours.is_empty() {
         return DVector::zeros(behaviours.dims());
@@ -79,7 +76,7 @@ fn covariance(
     Ok(covariance / behaviours.len().max(1) as f64)
 }
 
-/// Variance along each principal axis, and the axis, by descending variance.
+/// Principal axes with the variance along each, by descending variance.
 fn components(covariance: DMatrix<f64>) -> Vec<(f64, DVector<f64>)> {
     if covariance.is_empty() {
         return Vec::new();
@@ -96,7 +93,7 @@ fn components(covariance: DMatrix<f64>) -> Vec<(f64, DVector<f64>)> {
     components
 }
 
-/// An axis points where its largest loading (the first of equal ones) is positive.
+/// Orients the axis so that its loading of the largest magnitude (the first of equal ones) is positive.
 fn with_fixed_sign(axis: DVector<f64>) -> DVector<f64> {
     if axis[axis.iamax()] < 0.0 { -axis } else { axis }
 }

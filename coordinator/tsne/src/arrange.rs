@@ -1,8 +1,8 @@
 //! t-SNE: a map on which neighbours stay neighbours.
 //!
-//! By interpolation on a grid (FIt-SNE, Linderman et al. 2019), whose steps cost the same for few points and many: 10,000
-//! behaviours take 3 s of one core, where a tree of the points takes 10 s. Few behaviours are placed exactly: their first
-//! steps go so far that the grid becomes huge, and 16 of them took longer than 10,000.
+//! It interpolates on a grid (FIt-SNE, Linderman et al. 2019), whose steps cost the same for few points and many: 10,000
+//! behaviours take 3 s of one core, but 10 s with a tree of the points. Few behaviours are placed exactly, because their first
+//! steps go so far that the grid becomes huge: 16 of them took longer than 10,000.
 
 use super::Points;
 use bhtsne::tSNE;
@@ -12,23 +12,23 @@ use murmuration_search::{
 };
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
-/// How many neighbours count, about; fewer among few behaviours.
+/// Approximate number of neighbours that count; lower for few behaviours.
 const PERPLEXITY: f32 = 30.0;
-/// The first steps exaggerate what is near by this.
+/// Factor by which the first steps exaggerate the attraction of neighbours.
 const EXAGGERATION: f32 = 12.0;
-/// Least learning rate, for few behaviours.
+/// Minimum learning rate, for few behaviours.
 const LEAST_RATE: f32 = 50.0;
-/// Steps. At a rate of one for each behaviour and exaggeration (Belkina et al. 2019) they go farther than twice as many
-/// at a quarter of it, which is what the crate takes by itself.
+/// Number of steps. At a learning rate of the number of behaviours over the exaggeration (Belkina et al. 2019), they converge
+/// further than twice as many steps at a quarter of that rate, which is the crate's default.
 const STEPS: usize = 500;
-/// Below this there is nothing to arrange.
+/// Minimum number of behaviours to arrange.
 const FEWEST: usize = 8;
-/// Fewest behaviours that are placed on a grid.
+/// Minimum number of behaviours for the grid.
 const FEWEST_ON_GRID: usize = 256;
-/// Spread of the start; the first steps need room to rearrange.
+/// Spread of the initial places; the first steps need room to rearrange.
 const START: f64 = 1e-4;
 
-/// Places `behaviours` by t-SNE, from where `axes` have them on; as `axes` where there are too few.
+/// Places `behaviours` by t-SNE, starting from `axes`; returns `axes` if there are too few.
 pub(super) fn arrange(
     behaviours: &Behaviours,
     axes: &[[f64; 2]],
@@ -83,14 +83,14 @@ pub(super) fn arrange(
         .iter()
         .map(|point| point.map(f64::from))
         .collect();
-    // Nothing may come out of numbers that ran away.
+    // Falls back to the axes if t-SNE diverged.
     Ok(match points.iter().flatten().all(|value| value.is_finite()) {
         true => points,
         false => axes.to_vec(),
     })
 }
 
-/// Computes on half of the machine: the search goes first, before what is only to be looked at.
+/// Computes on half of the machine's threads, because the search has priority over a map.
 pub(super) fn in_background<T: Send>(compute: impl FnOnce() -> T + Send) -> T {
     let threads = rayon::current_num_threads().div_ceil(2);
     match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
@@ -99,7 +99,7 @@ pub(super) fn in_background<T: Send>(compute: impl FnOnce() -> T + Send) -> T {
     }
 }
 
-/// Unwinds to [`arrange`] once `interrupt` is raised: what is called after every step cannot tell the crate to stop.
+/// Unwinds to [`arrange`] once `interrupt` is raised, because the callback of a step cannot tell the crate to stop.
 fn unwind_if(interrupt: &Interrupt) {
     if let Err(interrupted) = interrupt.check() {
         resume_unwind(Box::new(interrupted));

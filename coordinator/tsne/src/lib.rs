@@ -1,8 +1,8 @@
-//! A t-SNE of an archive of any size: some of it is placed, the rest goes between.
+//! A t-SNE of an archive of any size: t-SNE places some behaviours, and the rest is interpolated.
 //!
-//! As in openTSNE's and FIt-SNE's ways with large sets (Kobak and Berens 2019), t-SNE arranges a bounded number of
-//! *landmarks*, and every other behaviour lies at the weighted mean of the landmarks nearest to it. What t-SNE takes is
-//! thus bounded, in time and memory; the rest is a look-up in a tree for each behaviour.
+//! As openTSNE and FIt-SNE do for large sets (Kobak and Berens 2019), t-SNE arranges a bounded number of *landmarks*, and every
+//! other behaviour is placed at the weighted mean of its nearest landmarks. So t-SNE's time and memory are bounded; the rest is
+//! a look-up in a tree for each behaviour.
 
 mod arrange;
 
@@ -13,17 +13,17 @@ use murmuration_search::{
 };
 use rayon::prelude::*;
 
-/// Points in the order of their behaviours, in units of their own.
+/// Points in the order of their behaviours, in arbitrary units.
 pub type Points = Vec<[f64; 2]>;
 
-/// Most behaviours that t-SNE places: twice the paper's archive.
+/// Maximum number of behaviours that t-SNE places: twice the paper's archive.
 const MOST: usize = 20_000;
 
-/// Landmarks that each of the others lies between.
+/// Number of landmarks that each other behaviour is interpolated from.
 const BETWEEN: usize = 5;
 
-/// Places `behaviours`, whose points on the principal axes are `axes`; as `axes` where there are too few to arrange. It
-/// computes on half of the machine's threads.
+/// Places `behaviours`, whose points on the principal axes are `axes`; returns `axes` if there are too few to arrange. Uses half
+/// of the machine's threads.
 ///
 /// # Errors
 /// [`Interrupted`] once `interrupt` is raised.
@@ -35,7 +35,7 @@ pub fn embed(
     embed_by(MOST, behaviours, axes, interrupt)
 }
 
-/// As [`embed`], with at most `most` landmarks.
+/// Like [`embed`], with at most `most` landmarks.
 ///
 /// # Errors
 /// [`Interrupted`] once `interrupt` is raised.
@@ -49,7 +49,7 @@ pub fn embed_by(
     if count <= most {
         return arrange(behaviours, axes, interrupt);
     }
-    // Evenly from the first generation to the last.
+    // Landmarks are spread evenly from the first generation to the last.
     let indices: Vec<usize> = (0..most).map(|place| place * count / most).collect();
     let landmarks = behaviours.among(&indices);
     let axes: Points = indices.iter().map(|&index| axes[index]).collect();
@@ -66,8 +66,8 @@ pub fn embed_by(
     })
 }
 
-/// The mean of the places of `nearest`, the nearest first, each weighing as much as it is near; that of one that is not
-/// apart at all.
+/// The mean of the places of `nearest` (in ascending order of distance), weighted by inverse distance; the place of the first
+/// if its distance is 0.
 fn between(nearest: &[Neighbour], placed: &[[f64; 2]]) -> [f64; 2] {
     let least = nearest.first().map_or(0.0, |first| first.distance);
     let (mut sum, mut weights) = ([0.0; 2], 0.0);

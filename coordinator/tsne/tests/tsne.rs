@@ -1,4 +1,4 @@
-//! Neighbours in two dimensions.
+//! Tests that neighbours stay neighbours in two dimensions.
 
 #![expect(clippy::unwrap_used, reason = "tests fail by panicking")]
 
@@ -29,7 +29,7 @@ fn distance(one: [f64; 2], other: [f64; 2]) -> f64 {
 
 #[test]
 fn neighbours_stay_neighbours() {
-    // Exactly, and on a grid.
+    // The first two are placed exactly, the last on a grid.
     for count in [12, 120, 300] {
         let behaviours = clumps(count);
         let axes = projection::principal_axes(&behaviours, &Interrupt::default())

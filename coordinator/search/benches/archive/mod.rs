@@ -1,10 +1,10 @@
-//! Behaviours to measure on, of five values each.
+//! Behaviours of five values each, for benchmarks.
 
 use murmuration_proto::{Purpose, RandomStream};
 use murmuration_search::novelty::Behaviours;
 use rand::RngExt as _;
 
-/// Clumps of differing width, as an archive has them.
+/// Clumps of different widths, as in an archive.
 pub fn archive(points: usize) -> Behaviours {
     behaviours(points, 1, |i, stream| {
         let clump = (i % 12) as f64;

@@ -1,20 +1,20 @@
-//! Proposals: which controllers a generation evaluates (paper, "Evolution and Clustering").
+//! Proposals: the controllers that a generation evaluates (paper, "Evolution and Clustering").
 //!
-//! The first generation, and every generation of [`Method::Random`], is sampled uniformly from the controller space;
-//! the first begins with the controllers that the specification names, if any, whatever the filter says of them. Every
-//! other is bred from the generation before it: parents win tournaments by novelty, a child is crossed over and
-//! mutated. With the filter, a controller that fails it is drawn or bred anew.
+//! The first generation, and every generation of [`Method::Random`], is sampled uniformly from the controller space. The first
+//! begins with the controllers that the specification names, if any; the filter does not apply to them. Every other generation
+//! is bred from the one before: parents win tournaments by novelty, and a child is crossed over and mutated. A controller that
+//! fails the filter is drawn or bred anew.
 //!
-//! Generations of [`Method::Exhaustive`] are slices of all controllers in their order or, where there are more than the
-//! campaign evaluates, of an evenly spread sequence (the module `spread`).
+//! Generations of [`Method::Exhaustive`] are slices of the ordered list of all controllers. If there are more controllers than
+//! the campaign evaluates, they are slices of an evenly spread sequence (the module `spread`).
 //!
-//! A generation is a pure function of what [`propose`] is given. All of its random numbers come from one stream, that
-//! of (the campaign's seed, [`Purpose::Propose`], the generation), in this order: the controllers one after the other,
-//! and for each attempt at one either
+//! A generation is a pure function of the arguments of [`propose`]. All of its random numbers come from one stream, derived from
+//! the campaign's seed, [`Purpose::Propose`] and the generation, controller by controller; for each attempt at a controller
+//! either
 //!
 //! * its genes in order (a sample), or
-//! * the first tournament; whether to cross over; if so the second tournament and the cut; then, gene by gene,
-//!   whether it mutates and if so how (a child).
+//! * the first tournament; whether to cross over; if so, the second tournament and the cut; then, gene by gene,
+//!   whether it mutates and, if so, how (a child).
 
 mod spread;
 
@@ -26,13 +26,14 @@ use murmuration_proto::{
 use rand::RngExt as _;
 use spread::Spread;
 
-/// Attempts at one controller before the search is given up as hopeless.
+/// Maximum number of attempts at one controller before the search is given up.
 ///
-/// The filter discards about a fifth of the space, so a sample never comes near. Children can, where hardly
-/// anything mutates and every parent fails.
+/// The filter discards about a fifth of the space, so samples need few attempts. Children can reach the maximum if hardly any
+/// gene mutates and every parent fails.
 pub const MOST_ATTEMPTS: u32 = 100_000;
 
-/// Attempts at evaluating one place of a job, each but the first with another controller or start ([`substitute`]).
+/// Maximum number of attempts at evaluating one individual; each after the first has another controller and start
+/// ([`substitute`]).
 pub const EVALUATION_ATTEMPTS: u64 = 5;
 
 /// The controllers of a generation.
@@ -40,22 +41,22 @@ pub const EVALUATION_ATTEMPTS: u64 = 5;
 pub struct Proposal {
     /// As many as the population, in the order of the individuals.
     pub controllers: Vec<Controller>,
-    /// How many others the filter discarded on the way; 0 without it.
+    /// Number of controllers that the filter discarded; 0 without it.
     pub filtered: u64,
 }
 
-/// An individual of the generation before.
+/// An individual of the previous generation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parent {
     pub controller: Controller,
-    /// Its novelty (paper, Eq. 1), higher being fitter.
+    /// Its novelty (paper, Eq. 1); higher is fitter.
     pub novelty: f64,
 }
 
 /// Why a generation cannot be proposed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ProposeError {
-    /// A generation after the first must be bred, and there is nothing to breed it from.
+    /// A generation after the first must be bred, but there are no parents.
     #[error("generation {generation} has no parents")]
     NoParents {
         /// The generation, from 0.
@@ -64,7 +65,7 @@ pub enum ProposeError {
     /// A parent is of another capability model than the campaign.
     #[error("parent {parent} is a {given} controller in a campaign of the {expected} model")]
     ForeignParent {
-        /// Its place among the parents, from 0.
+        /// Its index among the parents, from 0.
         parent: usize,
         given: CapabilityModel,
         /// The campaign's model.
@@ -81,8 +82,8 @@ pub enum ProposeError {
     },
 }
 
-/// The controllers of `generation` (from 0), as many as the population; `parents` are the individuals of the
-/// generation before, in order, and are looked at only where there is breeding.
+/// The controllers of `generation` (from 0), as many as the population. `parents` are the individuals of the previous
+/// generation, in order; they are used only for breeding.
 ///
 /// # Errors
 /// [`ProposeError`] if a generation must be bred without parents or from parents of another model, or if the
@@ -155,8 +156,8 @@ pub fn start_seed(spec: &CampaignSpec, index: u64) -> u64 {
     RandomStream::derive(spec.seed(), Purpose::Start, index).random()
 }
 
-/// The replacement of an individual whose task is poisoned, at an attempt from 1: another sample of the space, with the seed of
-/// another start.
+/// Replaces an individual whose task is poisoned by another sample of the space and the seed of another start. `attempt` counts
+/// from 1.
 ///
 /// # Errors
 /// As [`sample`].
@@ -166,7 +167,7 @@ pub fn substitute(spec: &CampaignSpec, index: u64, attempt: u64) -> Result<(Cont
     Ok((controller, stream.random()))
 }
 
-/// Whether the first start of an individual can have this seed: its own, or that of a substitute, whose controller it has then.
+/// Whether `seed` can be the seed of an individual's first start: its own, or that of a substitute with the same controller.
 #[must_use]
 pub fn is_start_of(spec: &CampaignSpec, index: u64, controller: &Controller, seed: u64) -> bool {
     let is_substitute = |attempt| {
@@ -176,7 +177,7 @@ pub fn is_start_of(spec: &CampaignSpec, index: u64, controller: &Controller, see
     seed == start_seed(spec, index) || (1..EVALUATION_ATTEMPTS).any(is_substitute)
 }
 
-/// A population of `first`, then of what `attempt` makes and the filter, if there is one, lets through.
+/// Fills a population with `first`, then with results of `attempt` that pass the filter, if there is one.
 fn fill(
     spec: &CampaignSpec,
     generation: u32,
@@ -220,9 +221,8 @@ fn breed(spec: &CampaignSpec, parents: &[Parent], stream: &mut RandomStream) -> 
 
 /// The winner of one tournament among `parents` (at least one).
 ///
-/// Candidates are drawn uniformly with replacement and ranked by novelty, the highest first, equal ones by
-/// their place among the parents. The first wins with probability p, else the second with p, and so on; the
-/// last takes what is left.
+/// Candidates are drawn uniformly with replacement and ranked by descending novelty, equal ones by their index. The first wins
+/// with probability p, else the second with p, and so on; the last wins with the remaining probability.
 fn tournament<'p>(parents: &'p [Parent], search: &Search, stream: &mut RandomStream) -> &'p Parent {
     let mut candidates: Vec<usize> = (0..search.tournament())
         .map(|_| stream.below(parents.len() as u64) as usize)
@@ -246,8 +246,8 @@ fn cross_over(genes: &mut [f64], other: &[f64], stream: &mut RandomStream) {
 
 /// Mutates each gene with the search's probability.
 ///
-/// A speed moves by a uniform amount within the mutation step (a share of its limit), may change its sign, and becomes the
-/// nearest speed of the space. Every other gene is drawn anew.
+/// A speed moves by a uniform amount within the mutation step (a share of its limit), may change its sign, and is rounded to
+/// the nearest speed of the space. Every other gene is drawn anew.
 fn mutate(genes: &mut [f64], space: &ControllerSpace, search: &Search, stream: &mut RandomStream) {
     for (gene, values) in genes.iter_mut().zip(space.genes()) {
         if !stream.chance(search.mutation()) {

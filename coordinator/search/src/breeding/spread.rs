@@ -1,13 +1,13 @@
-//! Evenly spread samples: the Halton sequence, one prime a gene, its digits permuted and the whole shifted by the
-//! campaign's seed.
+//! Evenly spread samples: the Halton sequence with one prime per gene. The campaign's seed determines a permutation of the
+//! digits and a shift.
 //!
-//! Any first part of the sequence is spread evenly over the space, far more so than as many uniform samples. Without
-//! permutations the columns of large primes go along diagonals for hundreds of points.
+//! Any prefix of the sequence covers the space far more evenly than as many uniform samples. Without permutations, the columns
+//! of large primes follow diagonals for hundreds of points.
 
 use murmuration_proto::{Controller, ControllerSpace, Purpose, RandomStream};
 use rand::RngExt as _;
 
-/// An evenly spread sequence of the controllers of a space; some may come twice, where genes have few values.
+/// An evenly spread sequence of the controllers of a space; some may repeat if genes have few values.
 pub(super) struct Spread<'a> {
     space: &'a ControllerSpace,
     genes: Vec<Digits>,
@@ -15,13 +15,13 @@ pub(super) struct Spread<'a> {
 
 /// The sequence of one gene, in its base.
 struct Digits {
-    /// Maps each digit to another; 0, of which every number has infinitely many, to itself.
+    /// Maps digits to digits. 0 maps to itself, because every number has infinitely many zeros.
     permuted: Vec<u64>,
     shift: f64,
 }
 
 impl<'a> Spread<'a> {
-    /// The sequence over `space` that belongs to `seed`.
+    /// The sequence over `space` for `seed`.
     pub(super) fn over(space: &'a ControllerSpace, seed: u64) -> Self {
         let digits = |(gene, base): (u64, u64)| {
             let mut stream = RandomStream::derive(seed, Purpose::Spread, gene);
@@ -89,7 +89,7 @@ mod tests {
                     let value = spread.controller(index).genes()[gene];
                     parts[(value * 5.0 + 5.0) as usize] += 1;
                 }
-                // Uniform samples would miss 100 by 10 and more.
+                // Uniform samples would differ from 100 by 10 and more.
                 assert!(
                     parts.iter().all(|count| count.abs_diff(100) <= 4),
                     "{gene}: {parts:?}"

@@ -1,10 +1,10 @@
-//! Proposals: reproducible, within the space, and selected and varied with the stated probabilities.
+//! Proposals are reproducible, lie within the space, and are selected and varied with the documented probabilities.
 
 use super::*;
 use murmuration_proto::{ControllerSpace, GeneSpace, Preset};
 use proptest::prelude::*;
 
-/// A campaign with these lines in its `[search]`, and `filter` and so on before them.
+/// A campaign with the lines `search` in its `[search]` table, and the lines `top` (`filter` and so on) before it.
 fn spec(model: &str, method: &str, top: &str, search: &str) -> CampaignSpec {
     let text = format!("model = \"{model}\"\nmethod = \"{method}\"\n{top}\n[search]\n{search}\n");
     CampaignSpec::from_toml(&text).unwrap()
@@ -45,7 +45,7 @@ fn is_in(space: &ControllerSpace, controller: &Controller) -> bool {
     })
 }
 
-/// The share of `total` that `count` is, within four standard deviations of `expected`.
+/// Checks that `count` is the share `expected` of `total`, within four standard deviations.
 #[track_caller]
 fn check_share(count: usize, total: usize, expected: f64) {
     let share = count as f64 / total as f64;
@@ -56,7 +56,7 @@ fn check_share(count: usize, total: usize, expected: f64) {
     );
 }
 
-/// If these change, so does the digest of every campaign ever run.
+/// If these change, the digest of every campaign changes.
 #[test]
 fn the_proposals_are_the_same_for_ever() {
     let show = |proposal: Proposal| {
@@ -207,7 +207,7 @@ fn mutation_moves_within_its_step_and_flips_signs() {
         );
     };
     share(0.125, &|speed| speed < 0.0);
-    // Snapping gives the ends half a step of the grid, the others a whole one.
+    // With snapping, the ends of the grid get half a step, the other values a whole one.
     share(0.5 * 0.75 / 8.0, &|speed| speed == 0.3);
     share(0.5 * 0.75 / 4.0, &|speed| speed == 0.4);
     share(0.5 + 0.5 * 0.75 / 4.0, &|speed| speed == 0.5);
@@ -237,7 +237,7 @@ fn what_cannot_be_bred_is_said() {
     );
 }
 
-/// Robots of all kinds, as campaign files have them.
+/// Robots of all kinds, in the syntax of campaign files.
 const ROBOTS: [&str; 5] = [
     "model = \"single-sensor\"",
     "model = \"two-sensor\"",
@@ -296,7 +296,7 @@ fn the_first_generation_begins_with_the_named_controllers_whatever_the_filter_sa
     let genes = [0.05, 0.0, 0.0, 0.0];
     assert!(!Score::of(&begun[0]).passes(), "the test would show nothing");
     assert!(begun[..2].iter().all(|controller| controller.genes() == genes));
-    // The rest is sampled as ever.
+    // The rest is sampled as without named controllers.
     assert_eq!(begun[2..], plain[..3]);
     let parents = parents("single-sensor", 5);
     assert_eq!(propose(&named, 1, &parents), propose(&with(""), 1, &parents));

@@ -1,30 +1,28 @@
-//! The heuristic filter: which controllers are not worth a simulation (paper, appendix "Informed Heuristic
+//! The heuristic filter: rejects controllers that are not worth a simulation (paper, appendix "Informed Heuristic
 //! Filtering").
 //!
-//! Five metrics of a controller's wheel speeds say how slow, passive or neglectful its robots are. A metric
-//! under its threshold counts as a penalty of -5, the others count as their own value, and a controller
-//! passes if the sum is at least 4.0. Of a two-sensor controller only the first four wheel speeds (nothing
-//! seen, and only the second sensor sees) are looked at.
+//! Five metrics of a controller's wheel speeds measure how slow, passive or neglectful its robots are. A metric under its
+//! threshold counts as a penalty of -5, the others count as their own value, and a controller passes if the sum is at least
+//! 4.0. For a two-sensor controller only the first four wheel speeds count: those while no sensor sees anything, and those while
+//! only the second one does.
 //!
 //! # Other robots
 //!
-//! The paper says nothing of them. Here:
+//! The paper does not cover them. Here:
 //!
 //! * a, b are the speeds while no sensor sees anything, and c, d while only the last one does, however many there are; the
-//!   pairs of all other states are not looked at, nor are angles;
+//!   pairs of all other states are ignored, as are angles;
 //! * speeds are shares of their limits, so the thresholds are as strict for fast robots as for the paper's;
-//! * a unicycle's pair (v, w) counts as the wheels that would do as much, at most at full speed: v + w and v - w, each from -1
-//!   to 1;
-//! * "another robot" in the meanings of the last two metrics is whatever the last sensor sees: for one that sees only walls,
-//!   a neglectful robot neglects walls;
-//! * a swarm of several species has the score of the species with the highest one: it is discarded only if all are.
+//! * a unicycle's pair (v, w) counts as the equivalent wheel speeds v + w and v - w, each clamped to -1 to 1;
+//! * "another robot" in the meanings of the last two metrics is whatever the last sensor sees: if it sees only walls, a
+//!   neglectful robot neglects walls;
+//! * a swarm of several species has the highest score of its species: it is discarded only if every species fails.
 //!
 //! # Ties
 //!
-//! A metric equal to its threshold is not under it, and a total equal to the cutoff passes; but on a grid of
-//! tenths many metrics that are equal to a threshold on paper are not so in floating point: 0.3 - 0.1 is a
-//! hair under 0.2. This module takes the grid speeds as the doubles they are and evaluates the formulas as
-//! they are written, without a tolerance:
+//! A metric equal to its threshold is not under it, and a total equal to the cutoff passes. But on a grid of tenths many
+//! metrics that equal a threshold on paper do not in floating point: 0.3 - 0.1 is slightly under 0.2. This module uses
+//! double-precision speeds and evaluates the formulas as written, without a tolerance:
 //!
 //! * max magnitude: the largest absolute value;
 //! * L2 norm: the square root of `a*a + b*b + c*c + d*d`, summed from the left;
@@ -33,18 +31,17 @@
 //! * neglect distance: the square root of `(c - a)^2 + (d - b)^2`;
 //! * the total is summed in this order.
 //!
-//! Of the 21^4 = 194,481 single-sensor controllers of the paper's grid that discards 43,065. In exact
-//! arithmetic it would be 42,057: rounding only ever puts a tie *under* its threshold, and for 1,008
-//! controllers that decides (496 by displacement, 400 by mirror distance, 112 by neglect distance; the other
-//! two metrics never round). The paper says 43,251, which neither gives. Plain doubles come nearer and need no
-//! tolerance to be agreed on. It matters little: of the 967 labelled behaviours that were drawn through a filter
-//! with exact ties, three are discarded here.
+//! Of the 21^4 = 194,481 single-sensor controllers of the paper's grid, this discards 43,065. Exact arithmetic would discard
+//! 42,057: rounding only ever puts a tie *under* its threshold, which is decisive for 1,008 controllers (496 by displacement,
+//! 400 by mirror distance, 112 by neglect distance; the other two metrics never round). The paper reports 43,251, which neither
+//! reproduces. Plain doubles come closer and need no agreed tolerance. The difference matters little: of the 967 labelled
+//! behaviours that were drawn through a filter with exact ties, three are discarded here.
 
 use murmuration_proto::{Controller, DriveKind, RobotController};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Metric {
-    /// Its name, as people see it.
+    /// Its display name.
     pub name: &'static str,
     /// The psi of the paper: a value under it costs [`PENALTY`].
     pub threshold: f64,
@@ -99,7 +96,7 @@ impl Score {
     pub fn of(controller: &Controller) -> Self {
         let scores = controller.robots().map(Self::of_robot);
         let highest = scores.reduce(|best, other| if other.total > best.total { other } else { best });
-        // A swarm has a species.
+        // Every swarm has a species.
         highest.unwrap_or(Self::of_metrics([0.0; 5]))
     }
 
@@ -141,7 +138,7 @@ impl Score {
         self.total
     }
 
-    /// Whether the controller is worth a simulation: whether the total is at least [`CUTOFF`].
+    /// Whether the controller is worth a simulation: the total is at least [`CUTOFF`].
     #[must_use]
     pub fn passes(&self) -> bool {
         self.total >= CUTOFF

@@ -1,4 +1,4 @@
-//! The filter against the paper's numbers, exact arithmetic, and labelled controllers.
+//! Compares the filter with the paper's numbers, with exact arithmetic, and with labelled controllers.
 
 use super::*;
 use murmuration_proto::Preset;
@@ -16,9 +16,9 @@ fn grid() -> impl Iterator<Item = [i32; 4]> {
     })
 }
 
-/// Whether tenths pass in exact arithmetic: thresholds are compared in whole hundredths of a square.
+/// Whether a controller in tenths passes in exact arithmetic: thresholds are compared as integers, in hundredths of squares.
 ///
-/// The total is irrational or decided far from rounding, but for eight controllers whose total is exactly 4.
+/// The total is irrational or far from the cutoff, except for eight controllers whose total is exactly 4.
 fn passes_exactly([a, b, c, d]: [i32; 4]) -> bool {
     let magnitude = [a, b, c, d].map(i32::abs).into_iter().max().unwrap();
     let displacement = (a + b).abs() + (c + d).abs();
@@ -63,7 +63,7 @@ fn check(speeds: [f64; 4], contributions: [f64; 5], passes: bool) {
 
 #[test]
 fn each_metric_is_the_papers() {
-    // Standing still has everything against it.
+    // Standing still is penalised by every metric.
     check([0.0; 4], [PENALTY; 5], false);
     // The paper's slow and fast examples.
     let far = |x: f64, y: f64| (x * x + y * y).sqrt();
@@ -77,7 +77,7 @@ fn each_metric_is_the_papers() {
         [0.98, 2.6204_f64.sqrt(), 3.18, far(1.6, 1.58), far(0.2, 0.38)],
         true,
     );
-    // Spinning in place, undoing one's motion, and taking no notice.
+    // Spinning in place, undoing its own motion, and ignoring others.
     check(
         [1.0, -1.0, -0.5, 0.5],
         [1.0, 2.5_f64.sqrt(), PENALTY, far(0.5, 0.5), far(1.5, 1.5)],
@@ -105,8 +105,8 @@ fn a_total_at_the_cutoff_passes() {
     assert_eq!(lowest, CUTOFF);
 }
 
-/// Labelled two-sensor behaviours nearest to the cutoff: the first four of their wheel speeds, and whether they
-/// were drawn through the filter (the others are uniform samples).
+/// Labelled two-sensor behaviours nearest to the cutoff: the first four of their wheel speeds. Some were drawn through the
+/// filter; the others are uniform samples.
 #[test]
 fn labelled_behaviours_drawn_through_the_filter_pass() {
     let drawn_through_it = [
@@ -126,7 +126,7 @@ fn labelled_behaviours_drawn_through_the_filter_pass() {
     assert!(!uniform.into_iter().any(|speeds| score(speeds).passes()));
 }
 
-/// The labelled behaviours that tell the two readings of a tie apart: |0.7 - 0.2| is 0.5 on paper.
+/// The labelled behaviours for which floating point and exact arithmetic differ in a tie: |0.7 - 0.2| is 0.5 on paper.
 #[test]
 fn a_tie_that_rounds_under_its_threshold_is_penalised() {
     for tenths in [[7, -2, 8, -8], [3, -7, -8, 9], [-2, 7, 10, -10]] {

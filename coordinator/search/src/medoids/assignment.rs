@@ -1,4 +1,4 @@
-//! Which medoid every point belongs to, and what a swap would change.
+//! The assignment of points to medoids, and the change of the loss by a swap.
 
 use crate::{
     interrupt::{Interrupt, Interrupted},
@@ -9,19 +9,19 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// More than a squared distance may be above the square of its root, both rounded.
+/// Upper bound of the relative error by which a squared distance can exceed the square of its rounded root.
 const ROUNDING: f64 = 1e-15;
 
-/// Blocks whose distances are computed before any of them is looked at.
+/// Number of blocks whose distances are computed before any of them is examined.
 const STRETCH: usize = 8;
 
-/// A point's nearest medoid and the next.
+/// A point's two nearest medoids.
 #[derive(Debug, Clone, Copy)]
 struct Ranked {
     /// Places of the two among the medoids.
     nearest: u32,
     second: u32,
-    /// Their distances; the second is infinite where there is only one medoid.
+    /// Distances to the two; the second is infinite if there is only one medoid.
     to_nearest: f64,
     to_second: f64,
 }
@@ -31,7 +31,7 @@ struct Ranked {
 pub(super) struct Swap {
     /// The point that becomes a medoid.
     pub(super) candidate: usize,
-    /// Place of the medoid that it takes.
+    /// Place of the medoid that the candidate replaces.
     pub(super) place: usize,
     /// Change of the loss.
     pub(super) change: f64,
@@ -44,9 +44,9 @@ pub(super) struct Assignment<'p> {
     lanes: Arc<Lanes>,
     medoids: Vec<usize>,
     ranked: Vec<Ranked>,
-    /// For each point a squared distance from which on a candidate is no nearer to it than its second medoid.
+    /// For each point a squared distance; a candidate at this distance or beyond is no nearer than the point's second medoid.
     limits: Vec<[f64; LANES]>,
-    /// For each medoid, by how much the loss grows if it is dropped (not meaningful where it is the only one).
+    /// For each medoid, the growth of the loss if it is dropped (meaningless for a single medoid).
     removal: Vec<f64>,
     loss: f64,
 }
@@ -77,7 +77,7 @@ impl<'p> Assignment<'p> {
         medoids: Vec<usize>,
         ranked: Vec<Ranked>,
     ) -> Self {
-        // In the order of the points, so that a set of medoids has one loss, however it was come by.
+        // In the order of the points, so that the loss depends only on the set of medoids.
         let loss = ranked.iter().fold(0.0, |sum, point| sum + point.to_nearest);
         let mut removal = vec![0.0; medoids.len()];
         for point in &ranked {
@@ -110,7 +110,7 @@ impl<'p> Assignment<'p> {
         self.medoids
     }
 
-    /// The best exchange of a medoid for `candidate`; `None` if it is one already.
+    /// The best exchange of a medoid for `candidate`; `None` if `candidate` is a medoid already.
     pub(super) fn best_swap(&self, candidate: usize) -> Option<Swap> {
         if self.medoids.contains(&candidate) {
             return None;
@@ -161,13 +161,13 @@ struct Weighing<'a, 'p> {
     assignment: &'a Assignment<'p>,
     /// The candidate's values.
     origin: &'a [f64],
-    /// Change of the loss if a medoid is dropped for the candidate, without the gain: to begin with, as if nothing
-    /// came nearer.
+    /// For each medoid, the change of the loss if the candidate replaces it, without the gain. Initially the change as if the
+    /// candidate were nearer to no point.
     changes: &'a mut [f64],
 }
 
 impl Weighing<'_, '_> {
-    /// Gain of all points that come nearer, whichever medoid goes; and in `changes` the change if that one goes.
+    /// The gain of all points that are nearer to the candidate, whichever medoid is dropped. Also completes `changes`.
     fn gain(self) -> f64 {
         with_dimensions!(self.origin.len(), weigh, self)
     }
@@ -183,8 +183,8 @@ struct Weigh<'a, 'p, const D: usize>(Weighing<'a, 'p>);
 impl<const D: usize> WithSimd for Weigh<'_, '_, D> {
     type Output = f64;
 
-    /// Most points have two medoids that are nearer than the candidate: they are passed over by their squared distance
-    /// alone. The others are summed in their order.
+    /// Skips points with two medoids that are nearer than the candidate (most points) by their squared distance alone. The others
+    /// are summed in their order.
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> f64 {
         let Weighing {
@@ -225,7 +225,7 @@ impl Ranked {
         to_second: f64::INFINITY,
     };
 
-    /// With the medoid at `place`, at `distance`, taken into account.
+    /// Takes the medoid at `place`, at `distance`, into account.
     fn with(self, place: u32, distance: f64) -> Self {
         if distance < self.to_nearest {
             Self {
@@ -252,8 +252,8 @@ fn rank(points: &Behaviours, medoids: &[usize], point: usize) -> Ranked {
     })
 }
 
-/// The rank of `point` after `swap`, `medoids` being those after it: only where one of the two nearest went do
-/// all of them have to be looked at.
+/// The rank of `point` after `swap`; `medoids` are those after it. All medoids are examined only if one of the two nearest was
+/// dropped.
 fn rerank(points: &Behaviours, medoids: &[usize], point: usize, before: &Ranked, swap: &Swap) -> Ranked {
     let place = swap.place as u32;
     if before.nearest == place || before.second == place {

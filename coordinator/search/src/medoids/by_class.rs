@@ -1,9 +1,10 @@
-//! Medoids by class, so that every class that labels name is stood for.
+//! Medoids by class, so that the medoids represent every labelled class.
 //!
-//! k-medoids goes where points are many and far apart: a class that fills little of the behaviour space shares a medoid
-//! with another. Where some points are labelled, the others are taken to be of the class of most of the labelled points
-//! nearest to them. Each class has a medoid, a labelled point of the class: one in the middle of what is taken for a class need not
-//! be of it. The other medoids go to classes one at a time, each to the class whose loss it lowers most. How many a class gets is found in a sample of it; its medoids are found among all of its points.
+//! k-medoids places medoids where points are many and far apart, so a class that fills little of the behaviour space shares a
+//! medoid with another. Here, each unlabelled point gets the majority class of the labelled points nearest to it. At least one
+//! medoid of a class is a labelled point, because a point in the middle of an assumed class need not belong to it. The other
+//! medoids go to classes one at a time, each to the class whose loss it lowers most. The number of a class's medoids is
+//! determined on a sample of the class, the medoids themselves on all of its points.
 
 use super::{Algorithm, Clustering, Progress, arrange, cluster_by, sampled::Sample, swaps};
 use crate::{
@@ -14,18 +15,18 @@ use murmuration_proto::RandomStream;
 use rayon::prelude::*;
 use std::{cmp::Reverse, collections::BTreeMap};
 
-/// Labelled points that are asked for the class of a point. Part of what the outcome rests on.
+/// Number of nearest labelled points that vote on the class of a point. Changing it changes the outcome.
 const VOTERS: usize = 5;
 
-/// Points of a class that its number of medoids is found with. Part of what the outcome rests on.
+/// Size of the sample that determines the number of medoids of a class. Changing it changes the outcome.
 const SAMPLE: usize = 1024;
 
-/// Clusters `points` as [`cluster`](super::cluster) does, but with medoids chosen class by class; `labelled` has indices of
-/// points, each once, and their classes.
+/// Clusters `points` like [`cluster`](super::cluster), but with medoids chosen class by class; `labelled` maps indices of points
+/// to classes.
 ///
-/// Where there are more classes than medoids, the smallest classes have none. Where the labels name fewer than two classes,
-/// this is [`cluster`](super::cluster). Labels of points that there are not are passed over. Clusters are, as always, of the
-/// points that are nearest to a medoid, of whichever class.
+/// If there are more classes than medoids, the smallest classes have none. With fewer than two classes, this is
+/// [`cluster`](super::cluster). Labels of indices beyond the last point are ignored. As always, a cluster has the points that
+/// are nearest to its medoid, whatever their class.
 ///
 /// # Errors
 /// As [`cluster`](super::cluster).
@@ -62,7 +63,7 @@ pub(super) fn cluster_by_class(
     arrange(points, medoids, interrupt)
 }
 
-/// Ensures that one of the medoids of a class is labelled: if none is, the labelled point nearest to a medoid takes its place.
+/// Ensures that a medoid of a class is labelled: if none is, the labelled point nearest to a medoid replaces that medoid.
 fn vouch(points: &Behaviours, medoids: &mut [usize], is_labelled: impl Fn(usize) -> bool) {
     if medoids.iter().any(|&medoid| is_labelled(medoid)) {
         return;
@@ -78,7 +79,7 @@ fn vouch(points: &Behaviours, medoids: &mut [usize], is_labelled: impl Fn(usize)
     }
 }
 
-/// The points of each class, those of the largest class first.
+/// The points of each class, the largest class first.
 fn members_by_class(
     points: &Behaviours,
     labelled: &BTreeMap<usize, u32>,
@@ -111,7 +112,7 @@ fn members_by_class(
     Ok(members)
 }
 
-/// The class of most of the voters nearest to a place; of classes with as many, that of the nearest voter.
+/// Majority class of the nearest voters; in a tie, the class of the nearest voter.
 fn elected(voters: &Index, classes: &[u32], place: &[f64]) -> u32 {
     let nearest = voters.nearest(place, VOTERS);
     let votes: Vec<u32> = nearest.iter().map(|voter| classes[voter.index]).collect();
@@ -121,7 +122,7 @@ fn elected(voters: &Index, classes: &[u32], place: &[f64]) -> u32 {
     most.copied().unwrap_or_default()
 }
 
-/// How many of `k` medoids each class gets: at least one, and at most as many as it has points.
+/// Number of the `k` medoids that each class gets: at least one, and at most its number of points.
 fn medoids_of_each(
     points: &Behaviours,
     classes: &[Vec<usize>],
@@ -134,7 +135,7 @@ fn medoids_of_each(
         shares.push(Share::new(points, members, stream, interrupt)?);
     }
     for _ in classes.len()..k {
-        // The first of equals.
+        // Chooses the first of equal ones.
         let open = shares.iter_mut().rev().filter(|share| share.next.is_some());
         let Some(most) = open.max_by(|a, b| a.gain().total_cmp(&b.gain())) else {
             break;
@@ -147,13 +148,13 @@ fn medoids_of_each(
 /// Loss of a class with its current medoids.
 struct Share {
     sample: Behaviours,
-    /// Points of the class for each of the sample.
+    /// Points of the class per point of the sample.
     weight: f64,
     members: usize,
     count: usize,
     /// Loss of the sample with `count` medoids.
     loss: f64,
-    /// That with one more; `None` where each point would be a medoid already.
+    /// Loss of the sample with one more; `None` if every point is a medoid already.
     next: Option<f64>,
 }
 
@@ -193,7 +194,7 @@ impl Share {
         Ok(())
     }
 
-    /// The loss of the sample with `count` medoids; `None` where the class has fewer points.
+    /// The loss of the sample with `count` medoids; `None` if the class has fewer points.
     fn loss_of(
         &self,
         count: usize,
@@ -229,7 +230,7 @@ mod tests {
         behaviours
     }
 
-    /// A hundred points over a long stretch, and four near each other behind it.
+    /// A hundred points over a long range, and four near each other behind it.
     fn wide_and_narrow() -> Behaviours {
         line(
             (0..100)
@@ -255,7 +256,7 @@ mod tests {
         let by_class = clustered(&points, &labelled, 3);
         assert!(small(&by_class));
         assert_eq!(by_class.medoids.len(), 3);
-        // The third goes where it helps most.
+        // The third medoid goes to the class whose loss it lowers most.
         assert_eq!(by_class.medoids.iter().filter(|&&medoid| medoid < 100).count(), 2);
     }
 

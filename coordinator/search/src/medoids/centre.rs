@@ -1,9 +1,10 @@
 //! The exact medoid of one cluster, without measuring every pair.
 //!
-//! The sum of the distances from a place to all members is a convex function of the place. Once it is known at a member,
-//! with its gradient, its tangent plane bounds it from below at every other: whoever lies above the least sum found so
-//! far needs no look. Members are looked at in the order of their distance from the geometric median, where the best
-//! are; in five dimensions some tens of looks, each at every member once, rule out all others, however many there are.
+//! The sum of the distances from a place to all members is a convex function of the place. Once the sum and its gradient are
+//! known at a member, the tangent plane bounds the sum from below at every other member; a member whose bound is above the
+//! least sum so far need not be evaluated. Members are evaluated in the order of their distance from the geometric median, near
+//! which the best are. In five dimensions some tens of evaluations, each over all members, rule out all others, however many
+//! there are.
 
 use super::swaps::LEAST_GAIN;
 use crate::{
@@ -14,13 +15,13 @@ use crate::{
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-/// Most members that are looked at: a bound on the time where there are so many dimensions that planes rule out little.
+/// Maximum number of evaluated members: bounds the time in so many dimensions that planes rule out few members.
 const MOST_LOOKS: usize = 512;
 
-/// Steps of Weiszfeld's iteration towards the geometric median: it is an order to look in, and need not be exact.
+/// Steps of Weiszfeld's iteration towards the geometric median, which only determines an order and need not be exact.
 const WEISZFELD_STEPS: usize = 12;
 
-/// Blocks that are summed by themselves. Part of what the bits rest on.
+/// Number of blocks that are summed separately. The bits depend on it.
 const CHUNK: usize = 512;
 
 struct Members<'a> {
@@ -32,13 +33,13 @@ struct Members<'a> {
 /// The sum of distances at a place.
 struct Sum {
     distances: f64,
-    /// Its gradient (where a member lies at the place itself, one of its subgradients).
+    /// Gradient of the sum (a subgradient if a member lies at the place itself).
     gradient: Vec<f64>,
-    /// Sum of the reciprocals of the distances that are not 0.
+    /// Sum of the reciprocals of the non-zero distances.
     pull: f64,
 }
 
-/// The member of least total distance to all; `current`, one of them, unless another saves more than a rounding error.
+/// The member of least total distance to all; `current`, a member, unless another saves more than a rounding error.
 pub(super) fn medoid(
     points: &Behaviours,
     indices: &[usize],
@@ -73,7 +74,7 @@ pub(super) fn medoid(
 }
 
 impl Sum {
-    /// A bound from below on the sum at `other`, from the tangent plane at `place`.
+    /// Lower bound of the sum at `other`, from the tangent plane at `place`.
     fn at_least(&self, place: &[f64], other: &[f64]) -> f64 {
         let slope = self.gradient.iter().zip(place.iter().zip(other));
         slope.fold(self.distances, |sum, (gradient, (from, to))| {
@@ -83,7 +84,7 @@ impl Sum {
 }
 
 impl Members<'_> {
-    /// Sums in chunks, then over the chunks, so that threads change no bit.
+    /// Sums in chunks, then over the chunks, so that the bits do not depend on the number of threads.
     fn sum(&self, place: &[f64]) -> Sum {
         let starts = (0..self.lanes.blocks()).step_by(CHUNK).collect::<Vec<_>>();
         let parts: Vec<Sum> = starts
@@ -113,7 +114,7 @@ impl Members<'_> {
         })
     }
 
-    /// About where the sum of distances is least, members or not, by Weiszfeld's iteration from `start`.
+    /// Approximate place of the least sum of distances (the geometric median), by Weiszfeld's iteration from `start`.
     fn geometric_median(&self, start: usize, interrupt: &Interrupt) -> Result<Vec<f64>, Interrupted> {
         let mut place = self.points.values_of(start).to_vec();
         for _ in 0..WEISZFELD_STEPS {

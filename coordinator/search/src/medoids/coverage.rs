@@ -1,8 +1,8 @@
 //! Behaviours that cover a behaviour space.
 //!
-//! k-medoids goes where points are many; of the behaviours of random controllers most look alike, so most medoids do. Here each
-//! point is chosen for being far from those before it (Gonzalez, "Clustering to minimize the maximum intercluster distance",
-//! 1985). Points that are farthest from their neighbours are left out before: they are the freaks of an archive, each alone, and
+//! k-medoids places medoids where points are dense. Most behaviours of random controllers look alike, so most medoids do. Here
+//! each new point is the one farthest from those chosen before (Gonzalez, "Clustering to minimize the maximum intercluster
+//! distance", 1985). The points farthest from their neighbours are left out first: they are isolated outliers, and
 //! farthest-first would choose them all.
 
 use super::{Clustering, arrange};
@@ -13,17 +13,17 @@ use crate::{
 use murmuration_proto::RandomStream;
 use std::{cmp::Reverse, collections::BTreeMap};
 
-/// One point in so many is left out. Part of what the outcome rests on.
+/// One point in so many is left out. Changing it changes the outcome.
 const LEFT_OUT: usize = 10;
 
-/// Points of its class that a labelled point must be near to. Part of what the outcome rests on.
+/// Number of nearest points of its class by which a labelled point is judged. Changing it changes the outcome.
 const OF_ITS_CLASS: usize = 5;
 
-/// Clusters `points` about `k` of them that cover them; how far a point is from its neighbours is its mean distance to the nearest
-/// `neighbours`.
+/// Clusters `points` about `k` of them that cover the space. A point's distance from its neighbours is its mean distance to the
+/// nearest `neighbours` points.
 ///
-/// `labelled` has indices of points, each once, and their classes: of each class one point is chosen before all others, that of
-/// the class with most labels first. Labels of points that there are not are passed over.
+/// `labelled` maps indices of points to classes. One point of each class is chosen before all others, in descending order of
+/// labels per class. Indices beyond the last point are ignored.
 ///
 /// # Errors
 /// [`Interrupted`] once `interrupt` is raised.
@@ -41,8 +41,8 @@ pub(super) fn cover(
     arrange(points, chosen, interrupt)
 }
 
-/// All points, those that cover the others first: `count` of them as [`choose`](super::choose) chooses them for coverage after
-/// `shown`, then the others, those farthest from all before them first. `shown` are left out.
+/// All points except `shown`, in an order of coverage: first `count` points, chosen after `shown` as [`choose`](super::choose)
+/// does for coverage, then the others by descending distance from all of these.
 ///
 /// # Errors
 /// [`Interrupted`] once `interrupt` is raised.
@@ -65,8 +65,9 @@ pub fn order(
     Ok(chosen.split_off(before))
 }
 
-/// `chosen`, and further points up to `k`, each the farthest from all before it; of equally far ones that with the lowest index. Also
-/// the distances of all points to them. Without any before it, the first is drawn. Points far from their neighbours come only where there are no others.
+/// Extends `chosen` to `k` points, each the farthest from all before it (the lowest index of equally far ones), and returns
+/// them with the distances of all points to them. If `chosen` is empty, the first point is drawn. Points far from their
+/// neighbours are chosen only after all others.
 fn farthest_first(
     points: &Behaviours,
     mut chosen: Vec<usize>,
@@ -95,7 +96,7 @@ fn farthest_first(
     Ok((chosen, distances))
 }
 
-/// For each point its squared distance to the nearest chosen one; -1 for a chosen one itself.
+/// For each point its squared distance to the nearest chosen one; -1 for a chosen point.
 struct Distances(Vec<f64>);
 
 impl Distances {
@@ -115,7 +116,7 @@ impl Distances {
     }
 }
 
-/// The points without those that are farthest from their neighbours, by index; at least `k` points.
+/// Ascending indices of the points without those that are farthest from their neighbours; at least `k` points.
 fn in_company(
     points: &Behaviours,
     (k, neighbours): (usize, usize),
@@ -129,7 +130,7 @@ fn in_company(
     Ok(kept)
 }
 
-/// Of each class the labelled point that is nearest to the others of its class; the class with most labels first.
+/// For each class the labelled point that is nearest to the others of its class, in descending order of labels per class.
 fn of_each_class(
     points: &Behaviours,
     labelled: &BTreeMap<usize, u32>,
@@ -171,7 +172,7 @@ mod tests {
         cover(points, &labelled, (k, 3), &mut stream, &Interrupt::default()).unwrap()
     }
 
-    /// A thousand points near 0, and four each nearer to each other near 50 and near 100; one alone, very far away.
+    /// A thousand points near 0, two tighter groups of four near 50 and near 100, and one point very far away.
     fn crowd() -> Behaviours {
         let many = (0..1000).map(|i| f64::from(i) * 1e-3);
         let few = [50.0, 100.0]

@@ -1,14 +1,14 @@
-//! k-medoids: the behaviours that stand for all (paper, "Evolution and Clustering").
+//! k-medoids: the behaviours that represent an archive (paper, "Evolution and Clustering").
 //!
 //! Up to [`MOST_EXACT`] points the algorithm is FasterPAM (Schubert and Rousseeuw, "Fast and eager k-medoids clustering",
 //! 2021): a point that is not a medoid is weighed against *all* medoids in one pass over the points, and a swap that
-//! lowers the loss is made at once. Two things differ. Distances are computed as they are needed, so memory grows with n
-//! and not with n^2. And candidates are weighed in blocks, in parallel: all candidates of a block against the same
-//! medoids, then the best swap of the block is made. The block has a fixed size, so the outcome does not depend on the
-//! number of threads. The result is a local optimum: no exchange of one medoid lowers the loss by more than a rounding
-//! error. Time grows with the square of the number of points.
+//! lowers the loss is made at once. There are two differences. Distances are computed when they are needed, so memory grows
+//! with n and not with n^2. Candidates are weighed in parallel blocks: all candidates of a block against the same medoids, then
+//! the best swap of the block is made. The block size is fixed, so the outcome does not depend on the number of threads. The
+//! result is a local optimum: no single swap lowers the loss by more than a rounding error. Time grows with the square of the
+//! number of points.
 //!
-//! Of more points medoids are found by FasterPAM among samples and then moved in all of them (`sampled`), in a time that
+//! For more points, FasterPAM finds medoids among samples, which are then moved among all points (`sampled`), in a time that
 //! grows with the number of points. `docs/performance.md` has the figures, `cargo bench --bench medoids` measures them.
 
 mod assignment;
@@ -32,23 +32,23 @@ use rayon::prelude::*;
 use sampled::Sampling;
 use std::{cmp::Reverse, collections::BTreeMap};
 
-/// Most points that are all weighed against each other: about a second of one core.
+/// Maximum number of points for FasterPAM on all points, which takes about a second of one core.
 pub const MOST_EXACT: usize = 16_384;
 
 /// Samples among which medoids of more than [`MOST_EXACT`] points are sought. The outcome depends on it.
 const SAMPLING: Sampling = Sampling { size: 8192, count: 4 };
 
-/// How medoids are found. The outcomes differ.
+/// How medoids are found. The algorithms have different outcomes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Algorithm {
-    /// FasterPAM: all points are candidates, and weighed against all points.
+    /// FasterPAM on all points.
     FasterPam,
     /// FasterPAM on samples, then exact medoids of the clusters of all points.
     Sampled,
 }
 
 impl Algorithm {
-    /// The one for so many points.
+    /// The algorithm for this number of points.
     #[must_use]
     pub(crate) const fn for_size(points: usize) -> Self {
         if points <= MOST_EXACT {
@@ -59,31 +59,31 @@ impl Algorithm {
     }
 }
 
-/// How far a clustering is.
+/// Progress of a clustering.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
-    /// Samples that are done with; 0 without any.
+    /// Number of completed samples; 0 without sampling.
     pub samples: u32,
-    /// Times that medoids were exchanged or moved, over all samples.
+    /// Number of times that medoids were swapped or moved, over all samples.
     pub moves: u32,
-    /// Mean distance to the nearest medoid that this has come to, over the points that are looked at now.
+    /// Current mean distance to the nearest medoid, over the points of the current sample or step.
     pub mean_distance: f64,
 }
 
 /// Behaviours in clusters, each about a medoid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clustering {
-    /// Indices of the medoids, no two the same; that of the largest cluster first, equal ones by index.
+    /// Distinct indices of the medoids, in descending order of cluster size, then by index.
     pub medoids: Vec<usize>,
-    /// For each behaviour the place in `medoids` of the nearest one; of equally near ones, that with the lowest
-    /// index. A medoid is in its own cluster, even where others coincide with it.
+    /// For each behaviour the place in `medoids` of the nearest one, or of the one with the lowest index of equally near ones. A
+    /// medoid is in its own cluster, even if others coincide with it.
     pub clusters: Vec<u32>,
     /// Sum of the distances of all behaviours to their medoids.
     pub loss: f64,
 }
 
-/// Clusters an archive about the behaviours that its taxonomy shows, chosen as `spec` says; `labelled` has indices of points, each
-/// once, and their classes. `told` hears how far it is.
+/// Clusters an archive about the behaviours that its taxonomy shows, chosen according to `spec`; `labelled` maps indices of
+/// points to classes. `told` receives the progress.
 ///
 /// # Errors
 /// As [`cluster`].
@@ -109,11 +109,10 @@ pub fn choose(
     }
 }
 
-/// Clusters `points` about `k` of them, so that the sum of Euclidean distances to the nearest medoid is (locally)
-/// least; the stream chooses the medoids to begin with, and samples.
+/// Clusters `points` about `k` of them so that the sum of Euclidean distances to the nearest medoid is locally least. The
+/// stream determines the initial medoids and the samples.
 ///
-/// There are as many medoids as points where `k` is larger, and one where `k` is 0; none where there are no
-/// points.
+/// If `k` exceeds the number of points, every point is a medoid; if `k` is 0, there is one. Without points there are none.
 ///
 /// # Errors
 /// [`Interrupted`] once `interrupt` is raised.
@@ -127,7 +126,7 @@ pub fn cluster(
     cluster_by(algorithm, points, k, stream, interrupt, &|_| {})
 }
 
-/// As [`cluster`], by a given algorithm; `told` hears how far it is.
+/// Like [`cluster`], with a given algorithm; `told` receives the progress.
 ///
 /// # Errors
 /// As [`cluster`].

@@ -1,12 +1,12 @@
-//! Medoids of more points than can all be weighed against each other.
+//! Medoids of more points than FasterPAM can handle at once.
 //!
-//! As in CLARA (Kaufman and Rousseeuw 1990), medoids are found among uniform samples, here by FasterPAM to a local optimum
-//! of the sample, and those of least loss over all points are taken. Before that they are moved in all points: each to
-//! the exact medoid of its cluster ([`centre`]), then the clusters are drawn anew, and so on while that lowers the loss.
-//! The sample decides which clusters there are, and few points are enough for that; the moves give back what CLARA loses
-//! because its medoids lie where the sample happens to have points.
+//! As in CLARA (Kaufman and Rousseeuw 1990), medoids are found among uniform samples, here by FasterPAM to a local optimum of
+//! the sample. Then they are moved among all points: each to the exact medoid of its cluster ([`centre`]), after which points
+//! are reassigned, and so on while that lowers the loss. The medoids of the sample with the least loss over all points are
+//! returned. The sample decides which clusters there are, for which few points suffice. The moves recover what CLARA loses
+//! because its medoids must be points of the sample.
 //!
-//! The loss reported is that over all points, and never above that of the medoids of any of the samples.
+//! The reported loss is over all points, and at most that of the medoids of any sample.
 
 use super::{Clustering, Progress, arrange, centre, swaps};
 use crate::{
@@ -19,21 +19,21 @@ use rayon::prelude::*;
 /// How much to sample.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sampling {
-    /// Points of a sample, where there are not more than [`LEAST_SHARE`] medoids for each of them.
+    /// Points of a sample, unless [`LEAST_SHARE`] points for each medoid are more.
     pub(super) size: usize,
     pub(super) count: u32,
 }
 
-/// Points of a sample for each medoid, at least.
+/// Minimum number of points of a sample for each medoid.
 const LEAST_SHARE: usize = 16;
 
-/// The least share of the loss for which the clusters are drawn once more.
+/// Minimum share of the loss that a round must save for another round.
 const WORTHWHILE: f64 = 1e-5;
 
-/// Most times that they are: a bound on the time.
+/// Maximum number of rounds, to bound the time.
 const MOST_ROUNDS: u32 = 64;
 
-/// Clusters `points` about `k` of them (at most as many as there are).
+/// Clusters `points` about `k` of them; `k` is at most their number.
 pub(super) fn cluster(
     points: &Behaviours,
     k: usize,
@@ -74,7 +74,7 @@ pub(super) fn cluster(
     best.ok_or(Interrupted)
 }
 
-/// Moves medoids to the centres of their clusters until that saves next to nothing.
+/// Moves medoids to the centres of their clusters until a round saves next to nothing.
 fn settle(
     points: &Behaviours,
     mut clustering: Clustering,
@@ -115,12 +115,12 @@ fn centres(
 /// Some of the points.
 pub(super) struct Sample {
     pub(super) behaviours: Behaviours,
-    /// Which they are of all, ascending.
+    /// Their indices among all points, ascending.
     indices: Vec<usize>,
 }
 
 impl Sample {
-    /// `size` of the points, or all if they are fewer: every set as likely as any other (Knuth's algorithm S).
+    /// Draws `size` of the points, or all if they are fewer; every set is equally likely (Knuth's algorithm S).
     pub(super) fn draw(points: &Behaviours, size: usize, stream: &mut RandomStream) -> Self {
         let size = size.min(points.len());
         let mut indices = Vec::with_capacity(size);
@@ -134,7 +134,7 @@ impl Sample {
         Self { behaviours, indices }
     }
 
-    /// Its medoids by FasterPAM, as indices of all points.
+    /// The sample's medoids by FasterPAM, as indices among all points.
     fn medoids(
         &self,
         k: usize,

@@ -1,4 +1,4 @@
-//! Medoids to begin with.
+//! Initial medoids.
 
 use crate::{
     interrupt::{Interrupt, Interrupted},
@@ -7,12 +7,10 @@ use crate::{
 use murmuration_proto::RandomStream;
 use rand::RngExt as _;
 
-/// `k` different points (at most as many as there are): the first uniformly, each of the others with a
-/// probability proportional to its distance from the nearest one chosen (k-means++ for a loss of distances that
-/// are not squared).
+/// Draws `k` different points (`k` is at most their number): the first uniformly, each of the others with a probability
+/// proportional to its distance from the nearest chosen one (k-means++ for a loss of distances that are not squared).
 ///
-/// Points that coincide with a chosen one are never drawn. Where nothing else is left the lowest free indices
-/// are taken.
+/// Points that coincide with a chosen one are not drawn. If no others are left, the lowest free indices are taken.
 pub(super) fn seed(
     points: &Behaviours,
     k: usize,
@@ -43,7 +41,7 @@ pub(super) fn seed(
     Ok(seeds)
 }
 
-/// A point drawn with a probability proportional to its distance; `None` if all are 0.
+/// Draws a point with a probability proportional to its distance; `None` if all distances are 0.
 fn draw(distances: &[f64], stream: &mut RandomStream) -> Option<usize> {
     let total = distances.iter().fold(0.0, |sum, distance| sum + distance);
     if total <= 0.0 {

@@ -1,4 +1,4 @@
-//! FasterPAM: the descent from medoids to others by one exchange at a time.
+//! FasterPAM: improves medoids by one swap at a time.
 
 use super::{
     Progress,
@@ -13,13 +13,13 @@ use murmuration_proto::RandomStream;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Candidates that are weighed against the same medoids. Part of what the outcome rests on.
+/// Number of candidates that are weighed against the same medoids. Changing it changes the outcome.
 const BLOCK: usize = 128;
 
-/// The least share of the loss that a swap must save: more than rounding can feign.
+/// Minimum share of the loss that a swap must save, well above rounding errors.
 pub(super) const LEAST_GAIN: f64 = 1e-11;
 
-/// Medoids of which no exchange of one lowers the loss by more than a rounding error; `told` hears of every swap.
+/// Finds medoids such that no single swap lowers the loss by more than a rounding error; calls `told` after every swap.
 pub(super) fn fasterpam(
     points: &Behaviours,
     k: usize,
@@ -41,7 +41,7 @@ pub(super) fn fasterpam(
     Ok(assignment.into_medoids())
 }
 
-/// Swaps until a whole round of candidates, from whichever block on, holds none that lowers the loss.
+/// Swaps until no candidate of a whole round of blocks lowers the loss.
 fn descend<'p>(
     mut assignment: Assignment<'p>,
     interrupt: &Interrupt,
@@ -70,10 +70,9 @@ fn descend<'p>(
     Ok(assignment)
 }
 
-/// The assignment after the best swap with a candidate of `block`, if that lowers the loss.
+/// The assignment after the best swap with a candidate of `block`, if the swap lowers the loss.
 ///
-/// The loss of a set of medoids always comes out the same, and goes down with every swap made: no set comes
-/// back, so the descent ends.
+/// The loss depends only on the set of medoids, and every swap lowers it. So no set repeats, and the descent ends.
 fn improve<'p>(assignment: &Assignment<'p>, block: Range<usize>) -> Option<Assignment<'p>> {
     let swaps: Vec<Option<Swap>> = block
         .into_par_iter()

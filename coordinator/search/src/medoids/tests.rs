@@ -1,4 +1,4 @@
-//! Clusterings against brute force, and whatever must hold of every one.
+//! Compares clusterings with brute force, and checks the properties of every clustering.
 
 mod sampled;
 
@@ -14,7 +14,7 @@ fn behaviours(points: &[Vec<f64>]) -> Behaviours {
     behaviours
 }
 
-/// Not interrupted.
+/// Clusters without an interruption.
 fn cluster(points: &Behaviours, k: usize, stream: &mut RandomStream) -> Clustering {
     super::cluster(points, k, stream, &Interrupt::default()).unwrap()
 }
@@ -172,7 +172,7 @@ fn the_number_of_threads_changes_nothing() {
     }
 }
 
-/// If these change, so does the taxonomy of every campaign ever run.
+/// If these change, the taxonomy of every campaign changes.
 #[test]
 fn the_medoids_are_the_same_for_ever() {
     let mut random = RandomStream::derive(4, Purpose::Start, 0);
@@ -187,7 +187,7 @@ fn the_medoids_are_the_same_for_ever() {
 }
 
 proptest! {
-    /// A coarse lattice holds ties and coinciding points, so that swaps that save nothing abound.
+    /// A coarse lattice has ties and coinciding points, and thus many swaps that save nothing.
     #[test]
     fn every_clustering_is_a_local_optimum(
         lattice in prop::collection::vec(prop::collection::vec(-3..=3i32, 2), 1..60),
@@ -204,7 +204,7 @@ proptest! {
     }
 }
 
-/// The best swap of a candidate by the definition of FasterPAM, a point at a time.
+/// The best swap of a candidate by the definition of FasterPAM, point by point.
 fn swap_by_definition(points: &Behaviours, medoids: &[usize], candidate: usize) -> Option<(usize, f64)> {
     let mut gain = 0.0;
     let mut changes = vec![0.0; medoids.len()];
@@ -269,7 +269,7 @@ fn an_interrupted_clustering_has_no_result() {
         super::cluster(&points, 12, &mut stream(1), &interrupt),
         Err(Interrupted)
     );
-    // From another thread: left alone, it goes on for far longer than it takes to say so.
+    // In another thread: uninterrupted, it would run for far longer than it takes to raise the interrupt.
     let interrupt = Interrupt::default();
     let clustered = std::thread::scope(|scope| {
         let clustering = scope.spawn(|| super::cluster(&points, 300, &mut stream(1), &interrupt));

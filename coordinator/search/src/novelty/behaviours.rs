@@ -2,18 +2,18 @@
 
 use nalgebra::{DMatrixView, DVectorView};
 
-/// Largest magnitude of a coordinate: its square, summed over any number of points, is still finite.
+/// Largest magnitude of a coordinate. The sum of its squares over any number of points is still finite.
 pub const MAX_COORDINATE: f64 = 1e100;
 
-/// A vector that cannot be a behaviour here.
+/// Why a vector cannot be added.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Misfit {
-    /// It has another number of dimensions than the others.
+    /// The vector has another number of values than the others.
     #[error("a behaviour vector of {given} values among vectors of {expected}")]
     Dimensions {
-        /// Its number of values.
+        /// Number of values of the vector.
         given: usize,
-        /// The number of values of the others.
+        /// Number of values of the others.
         expected: usize,
     },
     /// A value is not a number, or its magnitude is over [`MAX_COORDINATE`].
@@ -37,7 +37,7 @@ pub struct Behaviours {
 }
 
 impl Behaviours {
-    /// No behaviours yet, of vectors of `dims` values.
+    /// No behaviours yet; their vectors will have `dims` values.
     #[must_use]
     pub const fn new(dims: usize) -> Self {
         Self {
@@ -47,11 +47,11 @@ impl Behaviours {
         }
     }
 
-    /// Adds a behaviour at the end. Negative zero is taken in as zero.
+    /// Adds a behaviour at the end. Negative zero becomes zero.
     ///
     /// # Errors
-    /// [`Misfit`] if the vector has other than [`Behaviours::dims`] values, or one that is not a number of a
-    /// magnitude of at most [`MAX_COORDINATE`]; nothing is added then.
+    /// [`Misfit`] if the vector has not [`Behaviours::dims`] values, or if a value is NaN or above [`MAX_COORDINATE`] in magnitude;
+    /// then nothing is added.
     pub fn push(&mut self, vector: &[f64]) -> Result<(), Misfit> {
         if vector.len() != self.dims {
             return Err(Misfit::Dimensions {
@@ -99,7 +99,6 @@ impl Behaviours {
         self.len
     }
 
-    /// Whether there is none.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.len == 0
@@ -120,7 +119,7 @@ impl Behaviours {
         DMatrixView::from_slice(&self.values, self.dims, self.len)
     }
 
-    /// All values, point after point, as arrays of `D`: the behaviours, where [`Behaviours::dims`] is `D`.
+    /// All values, point after point, as arrays of `D`. If [`Behaviours::dims`] is `D`, each array is a behaviour.
     pub fn arrays<const D: usize>(&self) -> &[[f64; D]] {
         self.values.as_chunks::<D>().0
     }
@@ -150,7 +149,7 @@ impl Behaviours {
     /// If `origin` is not below [`Behaviours::len`].
     #[inline]
     pub(crate) fn each_squared_distance(&self, origin: usize, visit: impl FnMut(usize, f64)) {
-        // A loop of known length takes half the time.
+        // A loop of constant length takes half the time.
         match self.dims {
             2 => self.each_from::<2>(origin, visit),
             3 => self.each_from::<3>(origin, visit),

@@ -1,8 +1,8 @@
-//! The archive in a few trees, which grow with it.
+//! An index of the archive: a few trees that grow with it.
 //!
-//! The logarithmic method of Bentley and Saxe: what is new becomes a tree of its own, together with the trees before it
-//! that are not much larger. Each tree is thus over twice as large as the next, a query asks a logarithmic number of them,
-//! and a point is put in order a logarithmic number of times over the life of the archive.
+//! The logarithmic method of Bentley and Saxe: new behaviours, together with the last trees that are not much larger, become a
+//! new tree. Each tree is thus at least twice as large as the next, a query searches a logarithmic number of trees, and a point
+//! is sorted a logarithmic number of times over the life of the archive.
 
 use super::{
     Behaviours,
@@ -13,18 +13,16 @@ use crate::interrupt::{Interrupt, Interrupted};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// How many times larger than what is new a tree must be to be left alone.
+/// A tree that is at least this many times as large as the new tree is not merged into it.
 const LARGER: usize = 2;
 
-/// Where the behaviours of one archive are near each other. It is told of them whenever it is asked, and adds those that
-/// it does not know yet.
+/// Finds the nearest behaviours of one archive. Every call passes the whole archive, and the index adds the new behaviours.
 #[derive(Debug, Clone, Default)]
 pub struct Index {
-    /// Of the archive from its begin on, the largest first.
+    /// Trees over successive ranges of the archive, the largest first.
     trees: Vec<Tree>,
 }
 
-/// A behaviour near a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Neighbour {
     pub index: usize,
@@ -32,25 +30,24 @@ pub struct Neighbour {
 }
 
 impl Index {
-    /// Knows nothing yet.
+    /// An empty index.
     #[must_use]
     pub const fn new() -> Self {
         Self { trees: Vec::new() }
     }
 
-    /// How many behaviours it knows.
+    /// Number of behaviours in the index.
     #[must_use]
     pub fn len(&self) -> usize {
         self.trees.last().map_or(0, |last| last.range().end)
     }
 
-    /// Whether it knows none.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.trees.is_empty()
     }
 
-    /// Takes in what of `behaviours` is new; the others are those that it knows.
+    /// Adds the new ones of `behaviours`, which must begin with the behaviours that are in the index.
     pub fn extend(&mut self, behaviours: &Behaviours) {
         let end = behaviours.len();
         let mut begin = self.len();
@@ -66,13 +63,11 @@ impl Index {
         self.trees.push(Tree::build(behaviours, begin..end));
     }
 
-    /// Novelty of the points `queries`: for each, its mean Euclidean distance to the `k` nearest other points of
-    /// `behaviours` (paper, Eq. 1), in the order of the range. `behaviours` are those of before, and perhaps more behind
-    /// them.
+    /// Novelty of the points `queries`, in their order: the mean Euclidean distance of each to the `k` nearest other points of
+    /// `behaviours` (paper, Eq. 1). `behaviours` must begin with those of earlier calls; new ones are added to the index.
     ///
-    /// A point does not count itself, but counts others that coincide with it. Where there are fewer than `k`
-    /// others the mean is over those there are; it is 0 if there is none, or if `k` is 0. The part of `queries`
-    /// beyond the last point is passed over.
+    /// A point does not count itself, but counts others that coincide with it. With fewer than `k` others, the mean is over all
+    /// of them; it is 0 if there are none, or if `k` is 0. Indices beyond the last point are ignored.
     ///
     /// # Errors
     /// [`Interrupted`] once `interrupt` is raised.
@@ -86,7 +81,7 @@ impl Index {
         interrupt.check()?;
         self.extend(behaviours);
         let queries = queries.start.min(behaviours.len())..queries.end.min(behaviours.len());
-        // One more than k: a query finds itself, or another in its place.
+        // One more than k, because a query finds itself, or a point that coincides with it.
         let asked = k.saturating_add(1).min(behaviours.len());
         let novelty = |(nearest, path): &mut (Nearest, Path), query: usize| {
             interrupt.check()?;
@@ -99,8 +94,8 @@ impl Index {
             .collect()
     }
 
-    /// The `k` nearest to `place`, which is of as many values as they, the nearest first; which of equally near ones is
-    /// the k-th is not promised.
+    /// The `k` behaviours nearest to `place`, the nearest first; `place` has as many values as they. Which of several equally near
+    /// behaviours is the k-th is unspecified.
     #[must_use]
     pub fn nearest(&self, place: &[f64], k: usize) -> Vec<Neighbour> {
         let mut nearest = Nearest::new(k);

@@ -1,12 +1,11 @@
-//! Novelty: how far a behaviour is from those nearest to it (paper, Eq. 1).
+//! Novelty: the mean distance of a behaviour from its nearest neighbours (paper, Eq. 1).
 //!
 //! The paper's sum runs over i = 0..k, the point itself (at distance 0) included, and is divided by k: it is
 //! the mean distance to the k nearest *others*.
 //!
-//! The numbers are the same to the bit whichever way the neighbours are looked up and however many threads
-//! do it: every distance comes from one function ([`Behaviours::squared_distance`]), only the values of the k
-//! smallest matter, not which of several points at equal distance they belong to, and they are summed in
-//! ascending order.
+//! Novelty has the same bits for every way of finding the neighbours and every number of threads: every distance comes from
+//! one function ([`Behaviours::squared_distance`]), only the k smallest values matter, not which of several points at equal
+//! distance they belong to, and they are summed in ascending order.
 
 mod behaviours;
 mod index;
@@ -20,8 +19,7 @@ use crate::interrupt::{Interrupt, Interrupted};
 use nearest::Nearest;
 use rayon::prelude::*;
 
-/// As [`Index::novelty`], of these points in their order, each compared with every other: for a few points of an archive
-/// of which no index is at hand.
+/// Like [`Index::novelty`], for these points in their order, by brute force: for a few points of an archive without an index.
 ///
 /// # Errors
 /// As [`Index::novelty`].

@@ -9,7 +9,7 @@ pub(super) struct Offer {
     pub(super) index: u32,
 }
 
-/// Keeps the `k` smallest squared distances that it is offered, and whose they are.
+/// Keeps the `k` smallest of the squared distances that it is offered, and their points.
 pub(super) struct Nearest {
     k: usize,
     /// The farthest first.
@@ -30,7 +30,7 @@ impl Nearest {
         if k == 0 { 0.0 } else { f64::INFINITY }
     }
 
-    /// Nothing at or above this can be among the `k` smallest any more.
+    /// Squared distances at or above this limit are no longer among the `k` smallest.
     #[inline(always)]
     pub(super) const fn limit(&self) -> f64 {
         self.limit
@@ -58,14 +58,14 @@ impl Nearest {
         }
     }
 
-    /// Takes the kept offers, the nearest first. It is as new afterwards.
+    /// Takes the kept offers, the nearest first, and resets.
     pub(super) fn take(&mut self) -> Vec<Offer> {
         self.limit = Self::limit_of_none(self.k);
         std::mem::take(&mut self.kept).into_sorted_vec()
     }
 
-    /// The mean of the distances that it keeps but the `passed` smallest, summed in ascending order; 0 if there is none. It
-    /// is as new afterwards, and has its room still.
+    /// Takes the mean of the kept distances except the `passed` smallest, summed in ascending order; 0 if there are none. Resets,
+    /// but keeps the allocation.
     pub(super) fn take_mean(&mut self, passed: usize) -> f64 {
         let mut kept = self.take();
         let counted = kept.get(passed..).unwrap_or_default();

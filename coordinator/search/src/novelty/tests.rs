@@ -1,4 +1,4 @@
-//! Novelty against the definition, and every way of computing it against the others.
+//! Compares novelty with its definition, and every way of computing it with the others.
 
 use super::*;
 use proptest::prelude::*;
@@ -12,20 +12,20 @@ fn behaviours(dims: usize, points: &[Vec<f64>]) -> Behaviours {
     behaviours
 }
 
-/// By an index that knows all behaviours from the begin on.
+/// Novelty by an index that is built from all behaviours at once.
 fn novelty(behaviours: &Behaviours, queries: Range<usize>, k: usize) -> Vec<f64> {
     Index::new()
         .novelty(behaviours, queries, k, &Interrupt::default())
         .unwrap()
 }
 
-/// By brute force.
+/// Novelty by brute force.
 fn compared(behaviours: &Behaviours, queries: Range<usize>, k: usize) -> Vec<f64> {
     let queries: Vec<usize> = queries.collect();
     novelty_of(behaviours, &queries, k, &Interrupt::default()).unwrap()
 }
 
-/// The definition, by sorting all distances.
+/// Novelty by definition, by sorting all distances.
 fn defined(points: &[Vec<f64>], query: usize, k: usize) -> f64 {
     let distance = |other: &[f64]| {
         let squares = points[query].iter().zip(other).map(|(a, b)| (a - b) * (a - b));
@@ -95,7 +95,7 @@ fn a_vector_that_does_not_fit_is_refused() {
     assert_eq!(behaviours.matrix().shape(), (2, 1));
 }
 
-/// More coinciding points than a leaf of the tree holds (32), alone and beside others.
+/// More coinciding points than a leaf of the tree holds (32), alone and among others.
 #[test]
 fn coinciding_points_are_no_trouble_to_the_tree() {
     for (coinciding, apart) in [(33, 0), (1000, 0), (1000, 40), (40, 1000)] {
@@ -132,7 +132,7 @@ fn one_thread_or_four_give_the_same_bits() {
     assert_eq!(on(1), on(4));
 }
 
-/// Points on a coarse lattice (ties and coincidences everywhere), or anywhere over many scales.
+/// Points on a coarse lattice (with many ties and coincidences), or anywhere over many scales.
 fn points() -> impl Strategy<Value = (usize, Vec<Vec<f64>>)> {
     let lattice = (-2..=2i32).prop_map(|i| f64::from(i) * 0.1);
     let anywhere =
@@ -151,7 +151,7 @@ fn points() -> impl Strategy<Value = (usize, Vec<Vec<f64>>)> {
     })
 }
 
-/// In a few dimensions that have code of their own, and in others.
+/// Includes dimensions with and without specialised code.
 #[test]
 fn larger_archives_have_the_bits_of_brute_force() {
     for dims in [1, 3, 5, 7, 12] {
@@ -180,7 +180,7 @@ proptest! {
         prop_assert_eq!(bits(&compared(&behaviours, 0..points.len(), k)), bits(&defined));
     }
 
-    /// However the archive grew, an index says what one says that is built anew; its trees are few.
+    /// However the archive grew, the index has the same answers as one built anew, and few trees.
     #[test]
     fn an_index_that_grew_is_one_built_anew(
         (dims, points) in points(),

@@ -1,9 +1,9 @@
-//! A k-d tree over a stretch of an archive, with the bits of brute force.
+//! A k-d tree over a range of an archive. Its results have the bits of brute force.
 //!
-//! Every node knows the box about its points. A box is measured by the operations, and in the order, of a distance
-//! ([`Behaviours::squared_distance`]); as each of these is monotone, rounding included, no point of a box is ever nearer
-//! than its box. Hence nothing is passed over that brute force would count, with no allowance for rounding, and coinciding
-//! points are no special case: a stretch is halved by count.
+//! Every node has the bounding box of its points. The distance to a box uses the same operations, in the same order, as a
+//! distance between points ([`Behaviours::squared_distance`]). Each operation is monotone, even with rounding, so no point is
+//! nearer than its box. Hence the search skips no point that brute force would count, without any tolerance. Ranges are halved
+//! by count, so coinciding points are no special case.
 //!
 //! The tree's shape follows from the number of points, so it has no pointers.
 
@@ -15,7 +15,7 @@ use std::ops::Range;
 /// Points of a leaf; the last leaf may have fewer.
 const LEAF: usize = 4 * LANES;
 
-/// Fewest points of which two halves are built in parallel.
+/// Minimum number of points in the left half for building both halves in parallel.
 const PARALLEL: usize = 8192;
 
 /// A k-d tree.
@@ -25,10 +25,9 @@ pub(super) struct Tree {
     range: Range<usize>,
     /// Leaf after leaf.
     lanes: Lanes,
-    /// Which points these are.
+    /// The index of each point.
     indices: Vec<u32>,
-    /// For each node, itself before its left half and that before its right one: the least value in each dimension, then
-    /// the largest.
+    /// For each node, in preorder: the least value in each dimension, then the largest.
     boxes: Vec<f64>,
 }
 
@@ -39,11 +38,11 @@ pub(super) struct Node {
     leaves: usize,
 }
 
-/// Nodes that are still to be looked at, with their squared distances; kept from query to query.
+/// Stack of the nodes still to visit, with their squared distances; reused from query to query.
 pub(super) type Path = Vec<(f64, Node)>;
 
 impl Tree {
-    /// The tree over behaviours `range`, at least one.
+    /// The tree over the behaviours `range`, which must not be empty.
     pub(super) fn build(behaviours: &Behaviours, range: Range<usize>) -> Self {
         let dims = behaviours.dims();
         let mut indices: Vec<u32> = range.clone().map(|index| index as u32).collect();
@@ -69,7 +68,7 @@ impl Tree {
         with_dimensions!(self.dims, look, (self, origin, nearest, path));
     }
 
-    /// Squared distance of a node's box: no more than that of any of its points.
+    /// Squared distance from `origin` to a node's box, at most that of any of its points.
     #[inline(always)]
     fn distance_to_box<const D: usize>(&self, place: usize, origin: &[f64]) -> f64 {
         let dims = if D == 0 { self.dims } else { D };
@@ -77,7 +76,7 @@ impl Tree {
         let origin = &origin[..dims];
         let mut sum = 0.0;
         for d in 0..dims {
-            // One of the two is positive where it lies outside.
+            // One of the two is positive if `origin` lies outside.
             let gap = (low[d] - origin[d]).max(origin[d] - high[d]).max(0.0);
             sum += gap * gap;
         }
@@ -85,7 +84,7 @@ impl Tree {
     }
 }
 
-/// Orders points leaf by leaf, and writes the boxes.
+/// Sorts points into leaves, and writes the boxes.
 fn halve(behaviours: &Behaviours, indices: &mut [u32], boxes: &mut [f64]) {
     let dims = behaviours.dims();
     let (own, others) = boxes.split_at_mut(2 * dims);
@@ -121,7 +120,7 @@ fn halve(behaviours: &Behaviours, indices: &mut [u32], boxes: &mut [f64]) {
 }
 
 impl Node {
-    /// Its two halves; it is no leaf.
+    /// The two halves of a node that is no leaf.
     #[inline(always)]
     const fn halves(self) -> [Self; 2] {
         let left = Self {
@@ -149,7 +148,7 @@ fn look<const D: usize>((tree, origin, nearest, path): Task<'_>) {
     });
 }
 
-/// A walk through the tree, in `D` dimensions or, if that is 0, in any number.
+/// A walk through the tree, in `D` dimensions, or in any number if `D` is 0.
 struct Look<'a, const D: usize> {
     tree: &'a Tree,
     origin: &'a [f64],
@@ -185,7 +184,7 @@ impl<const D: usize> WithSimd for Look<'_, D> {
                 let [left, right] = node
                     .halves()
                     .map(|half| (tree.distance_to_box::<D>(half.place, origin), half));
-                // The nearer one is looked at first.
+                // The nearer half is visited first.
                 if left.0 <= right.0 {
                     path.extend([right, left]);
                 } else {

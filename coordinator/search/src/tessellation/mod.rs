@@ -1,10 +1,9 @@
-//! A centroidal Voronoi tessellation: a region of the behaviour space in cells of about equal size, as CVT-MAP-Elites has
-//! them (Vassiliades, Chatzilygeroudis and Mouret 2018).
+//! A centroidal Voronoi tessellation, which divides a region of the behaviour space into cells of about equal size, as in
+//! CVT-MAP-Elites (Vassiliades, Chatzilygeroudis and Mouret 2018).
 //!
-//! The region is where points are, however many lie in a place: a fine grid of boxes is laid over them, and each box
-//! counts once. Cells begin about the boxes that are farthest from each other (Gonzalez 1985), and Lloyd's algorithm (1982)
-//! moves each to the mean of its boxes. Nothing is drawn, so equal points have equal cells. Knows neither archives nor
-//! classes.
+//! The region is where the points lie, whatever their density: each occupied box of a fine grid counts once. Cells begin at
+//! boxes that are far from each other (Gonzalez 1985), and Lloyd's algorithm (1982) moves each to the mean of its boxes.
+//! Nothing is random, so equal points have equal cells. The module knows neither archives nor classes.
 
 #[cfg(test)]
 mod tests;
@@ -16,9 +15,9 @@ use crate::{
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Boxes along each dimension. Five dimensions of an atlas of 194,481 controllers then have some ten thousand occupied ones.
+/// Boxes along each dimension. An atlas of 194,481 controllers in five dimensions occupies some ten thousand boxes.
 const BOXES: usize = 24;
-/// Most steps of Lloyd's algorithm; cells hardly move after some thirty.
+/// Maximum number of steps of Lloyd's algorithm; cells hardly move after some thirty.
 const MOST_STEPS: usize = 100;
 
 /// Cells of a behaviour space, each about a centroid.
@@ -28,7 +27,7 @@ pub struct Tessellation {
 }
 
 impl Tessellation {
-    /// The cells of the region in which `points` lie: at most `cells`, and fewer where fewer boxes are occupied.
+    /// The cells of the region in which `points` lie: `cells`, or fewer if fewer boxes are occupied.
     ///
     /// # Errors
     /// [`Interrupted`] once `interrupt` is raised.
@@ -61,7 +60,7 @@ impl Tessellation {
         &self.centroids
     }
 
-    /// The cell of each point: that of the nearest centroid; of equally near ones, the first. All zeros without a cell.
+    /// The cell of each point: the one with the nearest centroid, the first of equally near ones. All zeros if there are no cells.
     ///
     /// # Panics
     /// If the points have other dimensions than the centroids.
@@ -97,7 +96,7 @@ impl Tessellation {
                 0 => self.centroids.values_of(cell).to_vec(),
                 count => sum.iter().map(|sum| sum / *count as f64).collect(),
             };
-            // Means of values that fit do fit.
+            // The mean of valid values is valid.
             let _ = moved.push(&mean);
         }
         self.centroids = moved;
@@ -131,8 +130,8 @@ fn range(points: &Behaviours, axis: usize) -> [f64; 2] {
     })
 }
 
-/// At most `count` points far from each other: the first point, then again and again the one that is farthest from all
-/// before it. No two coincide.
+/// At most `count` points far from each other: the first point, then repeatedly the one that is farthest from all before it.
+/// No two coincide.
 fn far_apart(points: &Behaviours, count: usize, interrupt: &Interrupt) -> Result<Vec<usize>, Interrupted> {
     let mut distances = vec![f64::INFINITY; points.len()];
     let mut chosen = Vec::new();

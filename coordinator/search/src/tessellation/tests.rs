@@ -1,4 +1,4 @@
-//! Cells of points whose tessellation is known.
+//! Tests with points whose tessellation is known.
 
 use super::*;
 
@@ -12,7 +12,7 @@ fn of(points: &Behaviours, cells: usize) -> Tessellation {
     Tessellation::of(points, cells, &Interrupt::default()).unwrap()
 }
 
-/// A square of 20 by 20 points, with so many points more in its first corner.
+/// A square of 20 by 20 points, with `more` further points in its first corner.
 fn square(more: usize) -> Behaviours {
     let mut square = Behaviours::new(2);
     for place in 0..400 {

@@ -1,11 +1,11 @@
-//! Medoids found among samples, against those found among all points.
+//! Compares medoids found among samples with those found among all points.
 
 use super::*;
 use crate::medoids::{centre, sampled::Sampling};
 use rand::RngExt as _;
 use std::cell::Cell;
 
-/// Of few points, as of many.
+/// Samples that are small enough for few points.
 const FEW: Sampling = Sampling { size: 150, count: 2 };
 
 fn sampled(points: &Behaviours, k: usize, seed: u64) -> Clustering {
@@ -14,7 +14,7 @@ fn sampled(points: &Behaviours, k: usize, seed: u64) -> Clustering {
     super::super::sampled::cluster(points, k, FEW, &mut stream(seed), &interrupt, &|_| {}).unwrap()
 }
 
-/// Clumps that overlap, of different sizes and widths.
+/// Overlapping clumps of different sizes and widths.
 fn overlapping(count: usize, seed: u64) -> Behaviours {
     let mut random = RandomStream::derive(seed, Purpose::Start, 0);
     let points: Vec<Vec<f64>> = (0..count)
@@ -29,7 +29,7 @@ fn overlapping(count: usize, seed: u64) -> Behaviours {
     behaviours(&points)
 }
 
-/// Checks the properties of every clustering, a local optimum or not.
+/// Checks the properties that every clustering has, a local optimum or not.
 #[track_caller]
 fn check_shape(points: &Behaviours, k: usize, clustering: &Clustering) {
     let Clustering {
@@ -98,7 +98,7 @@ fn up_to_a_size_all_points_are_candidates() {
     assert_eq!(full.unwrap(), cluster(&points, 6, &mut stream(1)));
 }
 
-/// If these change, so does the taxonomy of every large campaign ever run.
+/// If these change, the taxonomy of every large campaign changes.
 #[test]
 fn the_medoids_of_samples_are_the_same_for_ever() {
     let clustering = sampled(&overlapping(1000, 4), 4, 4);
