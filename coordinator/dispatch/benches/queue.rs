@@ -1,14 +1,13 @@
-//! The coordinator's queue with up to 10,000 simulated workers, on a simulated clock: what the lease table costs.
+//! Cost of the coordinator's lease table with up to 10,000 simulated workers, on a simulated clock.
 //!
 //! `cargo bench --workspace --bench queue`
 //!
-//! Every event is one that the table has in a real coordinator: a worker joins, asks for work, sends a heartbeat each second,
-//! answers a lease after an evaluation time that varies by a factor of five, or is lost and comes back later. After each, all
-//! leases that there are to give are given. Workers run on machines of their own and are as many as `WORKERS` says; there are
-//! twenty tasks for each, one in a hundred of which is audited. Time is CPU time
-//! of the table alone: the queue of simulated events is not counted, nor is reading the clock. A message waits while the table, which is one task's, is busy with
-//! those before it: for each, the time that the table really took is added to the simulated clock. Memory is what the process
-//! grew by, the simulation itself included.
+//! The events are those of a real coordinator: a worker joins, asks for work, sends a heartbeat each second, answers a lease
+//! after an evaluation time that varies by a factor of five, or is lost and comes back later. After each event, the table
+//! grants all leases that it can. `WORKERS` is the number of workers, each on its own machine; there are twenty tasks for each,
+//! one in a hundred of which is audited. Time is CPU time of the table alone, without the queue of simulated events and without
+//! reading the clock. The table belongs to one task, so a message waits while the table handles earlier ones: the time that the
+//! table really takes is added to the simulated clock. Memory is the growth of the process, including the simulation.
 
 #![expect(clippy::print_stdout, reason = "a table is printed")]
 
@@ -36,7 +35,7 @@ const LATENCY: Duration = Duration::from_millis(5);
 const HEARTBEAT: Duration = Duration::from_secs(1);
 const SILENCE_LIMIT: Duration = Duration::from_secs(4);
 const TICK: Duration = Duration::from_millis(100);
-/// A worker is lost this often: one in a thousand leases.
+/// Probability that a worker is lost during a lease.
 const LOST: f64 = 0.001;
 
 /// Results of honest workers are all the same.
@@ -49,12 +48,12 @@ impl Agree for Answer {
     }
 }
 
-/// Event at a moment of the simulated clock.
+/// Event on the simulated clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Happens {
     Join(u64),
     Heartbeat(WorkerId),
-    /// The last time that the worker is heard of was before.
+    /// The worker was lost: no more messages come from it.
     Silence(WorkerId),
     Result(WorkerId, LeaseNumber, usize),
     Credits(WorkerId, usize),
@@ -68,7 +67,7 @@ struct Cluster {
     agenda: BinaryHeap<Reverse<(Instant, u64, Happens)>>,
     number: u64,
     stream: RandomStream,
-    /// When each worker will have done everything it holds, and its process.
+    /// For each worker, when it finishes everything that it holds, and its process.
     alive: BTreeMap<WorkerId, (Instant, u64)>,
     /// Time that reading the clock takes.
     clock_takes: Duration,
@@ -76,15 +75,15 @@ struct Cluster {
     spent: Duration,
     messages: u64,
     leases: u64,
-    /// Until when it is busy, on the simulated clock.
+    /// Until when the table is busy, on the simulated clock.
     busy: Instant,
-    /// How long each message waited for it.
+    /// How long each message waited for the table.
     waits: Vec<Duration>,
-    /// Resident bytes, at most.
+    /// Peak of resident memory, bytes.
     memory: u64,
     is_over: bool,
     results: usize,
-    /// How long workers had nothing to do while they waited for a lease, all together.
+    /// Total time that workers were idle while they waited for a lease.
     idle: Duration,
 }
 
@@ -110,7 +109,7 @@ impl Cluster {
             idle: Duration::ZERO,
         };
         for process in 0..workers as u64 {
-            // Heartbeats come at all times of a second.
+            // Spreads the heartbeats over the second.
             let at = HEARTBEAT.mul_f64(process as f64 / workers as f64);
             cluster.plan(begun + at, Happens::Join(process));
         }
@@ -134,7 +133,7 @@ impl Cluster {
         self.agenda.push(Reverse((at, self.number, happens)));
     }
 
-    /// Runs an operation of the table, and counts its time.
+    /// Runs an operation of the table and adds its time to `spent`.
     fn timed<T>(&mut self, act: impl FnOnce(&mut LeaseTable<Answer>, Instant) -> T) -> T {
         let begun = cpu_time();
         let done = act(&mut self.table, self.clock);
@@ -193,7 +192,7 @@ impl Cluster {
                 if self.alive.contains_key(&worker) {
                     self.timed(|table, now| {
                         table.keep_alive(worker, now);
-                        // Of a task that another worker was faster with.
+                        // Fails if another worker was faster with the task.
                         let _ = table.complete(worker, lease, vec![Answer; tasks], now);
                     });
                     self.plan(self.clock, Happens::Credits(worker, tasks));
@@ -217,7 +216,7 @@ impl Cluster {
         }
     }
 
-    /// Gives all leases that there are to give, and plans their results.
+    /// Grants all leases that it can, and plans their results.
     fn grant(&mut self) {
         while let Some(grant) = self.timed(|table, now| table.grant(now)) {
             self.leases += 1;
@@ -265,7 +264,7 @@ fn clock_takes() -> Duration {
     (cpu_time() - begun) / reads
 }
 
-/// Resident memory of this process, bytes; 0 where the system does not say.
+/// Resident memory of this process, bytes; 0 if the system does not report it.
 fn resident() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));

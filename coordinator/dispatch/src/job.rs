@@ -13,13 +13,13 @@ use tokio::sync::watch;
 /// Controllers to evaluate that share everything but genome and seed.
 #[derive(Debug, Clone)]
 pub struct EvaluationJob {
-    /// Campaign of the tasks, if they are of one.
+    /// Campaign of the tasks, if any.
     pub campaign: Option<CampaignId>,
     /// The job's share of the workers.
     pub weight: Weight,
     pub model: CapabilityModel,
     pub world: World,
-    /// The pictures wanted.
+    /// Format of the pictures.
     pub image: ImageFormat,
     /// Embedder of the pictures; `None` if they are not embedded.
     pub embedder: Option<EmbedderRef>,
@@ -32,7 +32,7 @@ pub struct EvaluationJob {
 }
 
 impl EvaluationJob {
-    /// Controllers, with the seeds of their starts, to simulate once each, in the world and format of this campaign.
+    /// Simulates each controller once, from the start of its seed, in the world and picture format of this campaign.
     pub fn of(record: &CampaignRecord, embedder: Option<EmbedderRef>, tasks: Vec<(Controller, u64)>) -> Self {
         Self {
             campaign: Some(record.id.clone()),
@@ -47,7 +47,7 @@ impl EvaluationJob {
         }
     }
 
-    /// As [`EvaluationJob::of`], each with as many trials as an individual of this campaign has, judged if they are.
+    /// Like [`EvaluationJob::of`], but with as many trials as an individual of this campaign, and judged if its individuals are.
     pub fn of_individuals(
         record: &CampaignRecord,
         embedder: Option<EmbedderRef>,
@@ -70,8 +70,8 @@ pub struct EmbeddingJob {
     pub embedder: EmbedderRef,
     /// Number of pictures of each individual.
     pub starts: Starts,
-    /// The pictures of each individual, one a trial: grey values as in an evaluation, all of the shape that the embedder
-    /// takes; at least one individual.
+    /// For each individual (at least one) a picture of each trial: grey values as in an evaluation, in the shape that the embedder
+    /// expects.
     pub images: Vec<Vec<Vec<u8>>>,
 }
 
@@ -88,7 +88,7 @@ pub struct TrainingJob {
     pub fine_tuning: Option<FineTuningParams>,
     /// Receives the progress of the training.
     pub progress: watch::Sender<Option<v1::TrainingProgress>>,
-    /// Told of each training put aside; whoever keeps them looks at the newest.
+    /// Receives each saved training; only the newest matters.
     pub saved: watch::Sender<Option<SavedTraining>>,
 }
 
@@ -99,7 +99,7 @@ impl TrainingJob {
         LeasedTraining {
             configuration: self.configuration.clone(),
             parent: self.fine_tuning.map(|from| from.parent),
-            // Where the network does not suit the pictures, nothing can be trained.
+            // If the network does not suit the pictures, nothing can be trained.
             snapshot_bytes: bytes.unwrap_or(0),
         }
     }
@@ -111,19 +111,19 @@ pub struct FineTuningParams {
     pub parent: CheckpointDigest,
     /// Number of labelled pictures.
     pub labelled: u32,
-    /// Number of labels that those come from.
+    /// Number of labels that the pictures come from.
     pub labels: u32,
 }
 
 /// One simulation to watch.
 #[derive(Debug, Clone)]
 pub struct ReplayJob {
-    /// Of whose archive it is.
+    /// Campaign whose archive has the individual.
     pub campaign: CampaignId,
     pub controller: Controller,
     pub world: World,
     pub seed: u64,
-    /// The frames that are wanted of its motion.
+    /// The frames to return.
     pub frames: Frames,
 }
 
@@ -135,21 +135,21 @@ pub enum Evaluated {
         trials: Vec<Evaluation>,
         maker: Maker,
     },
-    /// It was given up.
+    /// The task was given up.
     Poisoned(PoisonedTask),
 }
 
-/// Work that took its workers with it, and is not tried again.
+/// A task whose workers were lost, so that it is not tried again.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{} workers were lost during it, the last two while they did nothing else: {}", .workers.len(), .workers.join(", "))]
 pub struct PoisonedTask {
     pub workers: Vec<String>,
 }
 
-/// Why a job has no results.
+/// Why a job failed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum JobError {
-    /// Workers or trainers say that it cannot be done by anyone: of two machines, or of one where there was no other.
+    /// Workers or trainers on two machines (or on the only machine) report that the job is impossible.
     #[error("{0}")]
     Fatal(String),
     /// Machines computed different results for the same task.
@@ -159,13 +159,13 @@ pub enum JobError {
     )]
     Disagreement {
         task: usize,
-        /// Names of those who disagree.
+        /// Names of the workers that disagree.
         workers: Vec<String>,
     },
-    /// It is of a kind that nothing could take the place of.
+    /// A task was poisoned, and this kind of work has no substitute for it.
     #[error("the work cannot be done: {0}")]
     Poisoned(#[from] PoisonedTask),
-    /// Somebody waits for it, and nobody is there to do it.
+    /// No worker is connected to do it.
     #[error("{}", super::NO_WORKER)]
     NoWorker,
     /// The coordinator is stopping.

@@ -1,4 +1,4 @@
-//! How far a job is, told while somebody waits for it.
+//! Progress of a job, reported while its submitter waits.
 
 use std::sync::{
     Mutex, PoisonError,
@@ -9,7 +9,7 @@ use std::sync::{
 const NO_EMBEDDER: &str = "no connected worker can embed: start one where ONNX Runtime is installed (`make runtime`), or \
                            see in the workers' logs why they cannot";
 
-/// How far a job is, and what holds it up.
+/// Progress of a job, and what holds it up.
 #[derive(Debug, Default)]
 pub struct JobProgress {
     done: AtomicU32,
@@ -18,7 +18,7 @@ pub struct JobProgress {
 }
 
 impl JobProgress {
-    /// Tasks whose results have arrived; fewer than before where a worker was found wrong.
+    /// Tasks whose results have arrived. Decreases if a worker is found wrong.
     #[must_use]
     pub fn done(&self) -> u32 {
         self.done.load(Ordering::Relaxed)

@@ -1,18 +1,18 @@
-//! Which work is with whom: leases as a pure state machine, without clock, network or disk.
+//! Leases of workers as a pure state machine, without clock, network or disk.
 //!
 //! A *job* is a list of tasks (one generation of a campaign, say). Tasks go out in *batches*, each under a *lease* that
-//! belongs to one worker until it answers or is lost. Invariants, each held against random schedules in the tests:
+//! belongs to one worker until the worker answers or is lost. Invariants, all tested with random schedules:
 //!
-//! - a task is never forgotten: until it is settled it waits for a lease or is under one that some worker holds;
-//! - a task is settled once: one result, or two machines that agree where it is audited or was disputed;
+//! - a task is never forgotten: until it is settled, it waits for a lease or is under one that a worker holds;
+//! - a task is settled once: by one result, or by two machines that agree if it is audited or disputed;
 //! - a machine has one vote, however many workers it runs, and one that contradicts itself has none;
-//! - results of a machine that was found wrong do not count, and what they had settled is done again;
-//! - a task that takes its workers with it is poisoned after the third, once workers of two machines were lost, or where
-//!   there is no other machine to try it;
-//! - a job ends as impossible once two machines say so of one of its tasks, or where there is no other machine to ask;
+//! - results of a machine that was found wrong do not count, and tasks that they settled are done again;
+//! - a task whose workers are lost is poisoned after the third, if they were on two machines or if no other machine can try
+//!   it;
+//! - a job ends as impossible once two machines report one of its tasks as impossible, or one if there is no other machine;
 //! - there is one code path for a lease that comes back undone, whatever the reason.
 //!
-//! [`LeaseTable::take_events`] tells what became of jobs; [`LeaseTable::grant`] says whom to send what.
+//! [`LeaseTable::take_events`] returns what happened to jobs and machines; [`LeaseTable::grant`] returns the next lease to send.
 
 mod held;
 mod job;
@@ -33,15 +33,15 @@ use std::{
 };
 use task::Task;
 
-/// Most tasks in one batch.
+/// Maximum number of tasks in one batch.
 pub const MAX_BATCH: usize = 64;
-/// Tasks that a worker's thread does at once where it can: a swarm for each lane of the widest vectors.
+/// Tasks that a thread of a worker can do at once: one swarm for each lane of the widest vectors.
 pub const AT_ONCE: usize = 8;
-/// Workers that a task may take with it before it is poisoned.
+/// Number of lost workers after which a task is poisoned.
 pub(crate) const MOST_LOST: usize = 3;
 /// Shortest and longest time after which a lease is also given to an idle worker.
 const SPECULATION_DELAY: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(5));
-/// A lease is late after so many times the usual time of one.
+/// A lease is late after this many times the usual turnaround.
 const LATE: u32 = 4;
 
 /// When two results of the same task count as the same.
@@ -50,16 +50,16 @@ pub trait Agree {
     fn agrees_with(&self, other: &Self) -> bool;
 }
 
-/// A worker's connection; a worker that connects anew has another one.
+/// A worker's connection; a worker that reconnects gets a new one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct WorkerId(u64);
 
 /// A worker's process, the same over all its connections from one machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct WorkerProcessId {
-    /// Where it runs.
+    /// The machine that it runs on.
     pub machine: MachineId,
-    /// A number that the process chooses, to distinguish it from others of that machine. It gives the process no vote of its own.
+    /// A number that the process chooses, to distinguish it from others on that machine. Votes are counted by machine.
     pub instance: u64,
 }
 
@@ -83,10 +83,10 @@ pub struct LeaseNumber(pub u64);
 pub struct JobParams {
     /// Number of tasks, at least one.
     pub tasks: usize,
-    /// Cost of a task when the turns of jobs are compared, in a unit that all jobs share (agents times steps over a weight,
-    /// say); at least 1.
+    /// Cost of a task, by which jobs take turns, in a unit that all jobs share (agents times steps over a weight, say); at
+    /// least 1.
     pub cost: u64,
-    /// Places of the tasks that a worker on a second machine repeats, where there is one.
+    /// Places of the tasks that a second machine repeats, if there is one.
     pub audited: BTreeSet<usize>,
     /// Whether only workers that embed can do them.
     pub embeds: bool,
@@ -94,7 +94,7 @@ pub struct JobParams {
     pub speculative: bool,
 }
 
-/// A batch that was just leased: send it to its worker.
+/// A batch that was just leased; the caller sends it to the worker.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Grant {
     /// Worker that holds the lease.
@@ -117,17 +117,17 @@ pub enum Settled<R> {
         /// Whether another machine had the same result.
         audited: bool,
     },
-    /// It took these workers with it, and is not tried again.
+    /// Its workers were lost, and it is not tried again.
     Poisoned {
         /// Workers that were lost while they held the task, the last two while they held nothing else.
         lost: Vec<WorkerProcessId>,
     },
 }
 
-/// Something that whoever waits for jobs, or watches workers, wants to hear.
+/// A change that concerns submitters of jobs or observers of workers.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Event<R> {
-    /// So many tasks of a job are settled. Fewer than before where a worker was found wrong.
+    /// A number of tasks of a job is settled. It decreases if a worker is found wrong.
     Progress {
         job: JobId,
         /// How many.
@@ -139,7 +139,7 @@ pub enum Event<R> {
         /// One a task.
         results: Vec<Settled<R>>,
     },
-    /// Machines differ about a task and there is no other that could say which is right; the job is now forgotten.
+    /// Machines disagree about a task, and no other machine can decide; the job is now forgotten.
     Disagreement {
         job: JobId,
         /// The place of the task.
@@ -147,49 +147,48 @@ pub enum Event<R> {
         /// Workers whose results differ.
         between: Vec<WorkerProcessId>,
     },
-    /// Workers say that nobody could do a task: of two machines, or of one where there is no other to ask. The job is now
-    /// forgotten.
+    /// Workers on two machines (or on the only one) report that a task is impossible. The job is now forgotten.
     Impossible {
         job: JobId,
-        /// Workers that say so.
+        /// Workers that report it.
         by: Vec<WorkerProcessId>,
     },
-    /// A machine was found wrong: its connections are closed, and what it did unaudited is done again.
+    /// A machine was found wrong: its connections are closed, and its unaudited results are computed again.
     Quarantined {
-        /// The worker that gave it away.
+        /// The worker that was found wrong.
         process: WorkerProcessId,
         /// The machine's connections, which are forgotten.
         workers: Vec<WorkerId>,
-        /// Results of running jobs that are not counted any more.
+        /// Number of results of running jobs that no longer count.
         again: usize,
     },
 }
 
-/// Why results were not taken.
+/// Why results were refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Refused {
-    /// The lease was never given, was answered, or its job is over. Harmless: late results look like this.
+    /// The lease was never granted, was answered, or its job is over. Harmless: late results look like this.
     #[error("the lease does not exist; its job may be over")]
     UnknownLease,
     /// The lease was another worker's.
     #[error("the lease was given to another worker")]
     NotYours,
-    /// Not one result a task: the worker does not speak the protocol.
+    /// Not one result for each task: the worker violates the protocol.
     #[error("{got} results for a lease of {wanted} tasks")]
     WrongCount {
-        /// Results that came.
+        /// Number of results.
         got: usize,
-        /// Tasks of the lease.
+        /// Number of tasks of the lease.
         wanted: usize,
     },
 }
 
-/// How a lease comes back undone.
+/// Why a lease comes back undone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Back {
-    /// Its worker lives, and could not or would not do it now.
+    /// Its worker is alive, and could not or would not do it now.
     Returned,
-    /// Its worker was lost while it held it.
+    /// Its worker was lost.
     Broken,
 }
 
@@ -201,9 +200,9 @@ pub struct LeaseTable<R> {
     leases: BTreeMap<LeaseNumber, Lease>,
     quarantined: BTreeSet<MachineId>,
     events: Vec<Event<R>>,
-    /// Cost of the leased tasks of the job that was served last: new jobs begin with it, so that they owe nothing.
+    /// Cost of the leased tasks of the job that was served last. New jobs begin with it, so that they get no head start.
     served: u64,
-    /// How long a dispute, and a task that one machine alone finds impossible, wait for another machine.
+    /// How long a disputed task, or one that a single machine reports as impossible, waits for another machine.
     dispute_timeout: Duration,
     /// Usual time between a lease and its result.
     turnaround: Option<Duration>,
@@ -221,7 +220,7 @@ struct Lease {
 }
 
 impl<R: Agree> LeaseTable<R> {
-    /// An empty table; a dispute waits for so long for a machine that could decide it.
+    /// An empty table; `dispute_timeout` is how long a dispute waits for a machine that can decide it.
     #[must_use]
     pub const fn new(dispute_timeout: Duration) -> Self {
         Self {
@@ -242,7 +241,7 @@ impl<R: Agree> LeaseTable<R> {
         let tasks = (0..params.tasks).map(|place| Task::new(params.audited.contains(&place)));
         let job = Job {
             tasks: tasks.collect(),
-            // Second votes are asked for early, so that the end of a job does not wait for them.
+            // Audited tasks go first, so that the end of a job does not wait for second votes.
             queues: Queues::new(
                 params
                     .audited
@@ -264,7 +263,7 @@ impl<R: Agree> LeaseTable<R> {
         id
     }
 
-    /// Forgets a job and all its leases; results that still come are refused.
+    /// Forgets a job and all its leases; later results are refused.
     pub fn forget(&mut self, job: JobId) {
         let Some(over) = self.jobs.remove(&job) else {
             return;
@@ -295,10 +294,10 @@ impl<R: Agree> LeaseTable<R> {
         std::mem::take(&mut self.events)
     }
 
-    /// Results of a lease, one a task and in their order; also of one that was lost meanwhile.
+    /// Takes the results of a lease, one for each task and in their order, also if the lease was lost meanwhile.
     ///
     /// # Errors
-    /// See [`Refused`]; nothing has changed then.
+    /// See [`Refused`]; the table is then unchanged.
     pub fn complete(
         &mut self,
         worker: WorkerId,
@@ -341,8 +340,8 @@ impl<R: Agree> LeaseTable<R> {
         Ok(())
     }
 
-    /// A worker gives a lease back that it could not do. It gets nothing more of that job for a while, each time in a row
-    /// for longer; its tasks are the next to go out.
+    /// A worker returns a lease that it could not do. The worker gets no more tasks of that job for a pause that grows each time
+    /// in a row; the lease's tasks are the next to go out.
     pub fn give_back(&mut self, worker: WorkerId, number: LeaseNumber, now: Instant) {
         let Some(job) = self.leased(worker, number) else {
             return;
@@ -354,8 +353,8 @@ impl<R: Agree> LeaseTable<R> {
         self.come_back(number, Back::Returned);
     }
 
-    /// A worker says that nobody could do a lease's tasks. They go to other machines, and end the job if a second says so
-    /// too; the worker gets nothing more of that job for a while.
+    /// A worker reports that the tasks of a lease are impossible. They go to other machines, and the job ends if a second machine
+    /// reports the same; the worker gets no more tasks of that job for a while.
     pub fn refuse(&mut self, worker: WorkerId, number: LeaseNumber, now: Instant) {
         let is_out = |lease: &&Lease| lease.holder.is_some();
         let (Some(id), Some(lease)) = (
@@ -385,7 +384,7 @@ impl<R: Agree> LeaseTable<R> {
         self.events.push(Event::Impossible { job: id, by });
     }
 
-    /// A lease that its holder will not answer comes back; its tasks are the next to go out.
+    /// Takes back a lease that its holder will not answer; its tasks are the next to go out.
     fn come_back(&mut self, number: LeaseNumber, how: Back) {
         if !self.release(number) {
             return;
@@ -408,7 +407,7 @@ impl<R: Agree> LeaseTable<R> {
         self.tell(id);
     }
 
-    /// A lease is getting on: what takes so long has not taken anybody before.
+    /// A lease makes progress, so its tasks are not to blame for workers lost before.
     pub(crate) fn get_on(&mut self, number: LeaseNumber) {
         if let Some(Lease { job, tasks, .. }) = self.leases.get(&number)
             && let Some(job) = self.jobs.get_mut(job)
@@ -419,7 +418,7 @@ impl<R: Agree> LeaseTable<R> {
         }
     }
 
-    /// Tells how far a job is, and forgets it once it is over.
+    /// Records a job's progress as an event, and forgets the job once it is over.
     fn tell(&mut self, id: JobId) {
         let Some(job) = self.jobs.get(&id) else { return };
         if job.settled < job.tasks.len() {
@@ -434,7 +433,7 @@ impl<R: Agree> LeaseTable<R> {
         self.events.push(Event::Done { job: id, results });
     }
 
-    /// Takes a lease from its holder; false if nobody holds it.
+    /// Takes a lease from its holder; false if no worker holds it.
     fn release(&mut self, number: LeaseNumber) -> bool {
         let Some(lease) = self.leases.get_mut(&number) else {
             return false;
@@ -451,7 +450,7 @@ impl<R: Agree> LeaseTable<R> {
         true
     }
 
-    /// One that is late says nothing of how long leases usually take, but that it is a little longer.
+    /// Updates the moving average. A late lease raises it only a little: it counts as `LATE` times the usual at most.
     fn learn_turnaround(&mut self, took: Duration) {
         let learned = |usual: Duration| (usual * 7 + took.min(usual * LATE)) / 8;
         self.turnaround = Some(self.turnaround.map_or(took, learned));

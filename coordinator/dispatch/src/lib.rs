@@ -1,7 +1,7 @@
 //! The dispatcher: one task that owns the lease table and talks to every worker.
 //!
-//! Campaigns hand it jobs and wait for their results; the worker service hands it what workers say. It keeps
-//! no results once a job is over and writes nothing to disk.
+//! Campaigns submit jobs to it and wait for their results; the worker service passes on the workers' messages. It drops
+//! the results of a job when the job is over, and writes nothing to disk.
 
 mod job;
 mod job_progress;
@@ -29,7 +29,7 @@ use tokio::sync::{mpsc, oneshot, watch};
 use tonic::Status;
 use work::Work;
 
-/// A worker or trainer that is connected.
+/// A connected worker or trainer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ConnectedMachine {
     /// Its name and address.
@@ -43,7 +43,7 @@ pub struct ConnectedMachine {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WorkInHand {
     pub kind: WorkKind,
-    /// Campaign of the tasks, if they are of one.
+    /// Campaign of the tasks, if any.
     pub campaign: Option<CampaignId>,
     pub tasks: usize,
 }
@@ -107,13 +107,13 @@ impl Default for Options {
 /// Error text when no worker is connected.
 pub const NO_WORKER: &str = "no worker is connected: start one with `murmuration-worker --coordinator URL`";
 
-/// How long work that somebody waits for may wait for a first worker: a worker that is starting has connected by then.
+/// How long [`Dispatch::while_staffed`] waits for a worker: one that is starting has connected by then.
 const FIRST_WORKER_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Messages to a worker that may wait to be sent; one that reads none of so many is taken for lost.
+/// Capacity of the queue of messages to a worker. If it is full, the worker counts as lost.
 pub const OUTBOX: usize = 1024;
 
-/// Where a worker's messages go. An error ends its stream.
+/// Queue of messages to a worker. An error ends its stream.
 pub type Outbox = mpsc::Sender<Result<v1::CoordinatorMessage, Status>>;
 
 /// A handle on the dispatcher; cheap to clone. The dispatcher ends when the last one is dropped.
@@ -128,25 +128,25 @@ pub struct Dispatch {
 pub struct JoinRequest {
     /// Its name, for people.
     pub name: String,
-    /// Where it connects from.
+    /// Where the worker connects from.
     pub origin: Origin,
-    /// Number of its process, unlike those of other processes on its machine; `None` if it reports none.
+    /// Number of the worker's process, unique on its machine; `None` if it reports none.
     pub instance: Option<u64>,
     /// Tasks that it runs at once.
     pub capacity: usize,
-    /// How it embeds, if it does.
+    /// The worker's kind of embedding, if it embeds.
     pub kind: EmbeddingKind,
-    /// Where messages to it go.
+    /// Receives the messages to the worker.
     pub outbox: Outbox,
 }
 
-/// Why somebody is not welcome.
+/// Why a worker may not join.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum JoinError {
-    /// Nobody is taken in any more.
+    /// The dispatcher has ended.
     #[error("the coordinator is shutting down")]
     ShuttingDown,
-    /// Its machine was found wrong.
+    /// The worker's machine is quarantined.
     #[error(
         "this machine returned wrong results and is quarantined: repair it, then run `murmuration quarantine --lift {0}` \
          over the coordinator's data directory"
@@ -154,54 +154,54 @@ pub enum JoinError {
     Quarantined(MachineId),
 }
 
-/// A validated message of a worker that has been welcomed.
+/// A validated message of a worker that has joined.
 #[derive(Debug)]
 pub enum WorkerReport {
-    /// Ready for so many further evaluations.
+    /// The worker is ready for so many further evaluations.
     Credits(usize),
     /// The outcome of a lease.
     Result {
-        /// The coordinator's epoch that the lease was given in.
+        /// Epoch of the coordinator that granted the lease.
         epoch: u64,
         lease: LeaseNumber,
         outcome: v1::batch_result::Outcome,
     },
-    /// How far the training of a lease has come.
+    /// Progress of the training under a lease.
     Training {
-        /// The coordinator's epoch that the lease was given in.
+        /// Epoch of the coordinator that granted the lease.
         epoch: u64,
         lease: LeaseNumber,
         progress: v1::TrainingProgress,
     },
-    /// The training of a lease, put aside.
+    /// A saved state of the training under a lease.
     Saved {
-        /// The coordinator's epoch that the lease was given in.
+        /// Epoch of the coordinator that granted the lease.
         epoch: u64,
         lease: LeaseNumber,
         training: SavedTraining,
     },
     Heartbeat,
-    /// Takes no more leases.
+    /// The worker takes no more leases.
     Drain,
-    /// Its stream has ended.
+    /// The worker's stream has ended.
     Gone,
 }
 
-/// The training under a lease that a trainer names.
+/// Answer to a trainer that asks for the training under a lease.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TrainingLease {
     Held(Box<LeasedTraining>),
-    /// The lease is over: nobody wants its training any more.
+    /// The lease is over: its training is not wanted any more.
     Over,
-    /// The trainer was never given the lease.
+    /// The trainer never had the lease.
     Never,
 }
 
-/// A training as it is leased, by which its result is checked.
+/// Properties of a leased training that its result is checked against.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeasedTraining {
     pub configuration: Configuration,
-    /// The checkpoint that it goes on from; `None` if from scratch.
+    /// The checkpoint that is fine-tuned; `None` if trained from scratch.
     pub parent: Option<CheckpointDigest>,
     /// Maximum number of bytes of its snapshots.
     pub snapshot_bytes: usize,
@@ -257,7 +257,7 @@ impl Request {
 }
 
 impl Dispatch {
-    /// Starts a dispatcher on the current runtime. It does not listen to machines that were found wrong before.
+    /// Starts a dispatcher on the current runtime. It refuses the machines in `wrong`, which were quarantined before.
     #[must_use]
     pub fn start(options: Options, metrics: DispatchMetrics, wrong: Vec<Quarantined>) -> Self {
         let (commands, inbox) = mpsc::channel(1024);
@@ -284,8 +284,8 @@ impl Dispatch {
         self.submit(job, job_progress).await
     }
 
-    /// Embeds stored pictures on the workers; `job_progress` receives the progress. Embeddings are in the order of the individuals,
-    /// one a picture, each individual's with who made them. Dropping the future withdraws the job.
+    /// Embeds stored pictures on the workers; `job_progress` receives the progress. Returns, in the order of the individuals, one
+    /// embedding for each picture, and the maker of each individual's embeddings. Dropping the future withdraws the job.
     ///
     /// # Errors
     /// See [`JobError`].
@@ -297,7 +297,7 @@ impl Dispatch {
         self.submit(job, job_progress).await
     }
 
-    /// Simulates an individual again on a worker, to show its motion.
+    /// Simulates an individual again on a worker, and returns its motion.
     ///
     /// # Errors
     /// See [`JobError`].
@@ -320,7 +320,7 @@ impl Dispatch {
     /// Resolves once no worker has been connected for a while.
     async fn deserted(&self) {
         let mut workers = self.workers();
-        // Where the dispatcher has ended, its jobs have too, and say so.
+        // If the dispatcher has ended, its jobs fail by themselves.
         while workers.wait_for(|&count| count == 0).await.is_ok() {
             let somebody = workers.wait_for(|&count| count > 0);
             if tokio::time::timeout(FIRST_WORKER_TIMEOUT, somebody)
@@ -333,7 +333,7 @@ impl Dispatch {
         std::future::pending().await
     }
 
-    /// That a worker is connected, as far as is known now.
+    /// Fails if no worker is connected now.
     ///
     /// # Errors
     /// [`JobError::NoWorker`].
@@ -346,7 +346,7 @@ impl Dispatch {
 
     /// Ends every worker's stream and every job.
     pub async fn stop(&self) {
-        // One that has ended needs no telling.
+        // Fails if the dispatcher has ended already.
         let _ = self.commands.send(Command::Stop).await;
     }
 
@@ -356,13 +356,13 @@ impl Dispatch {
         self.workers.clone()
     }
 
-    /// Machines that were found wrong, oldest first, now and whenever there is another.
+    /// Quarantined machines, oldest first, now and whenever one is added.
     #[must_use]
     pub fn quarantined(&self) -> watch::Receiver<Vec<Quarantined>> {
         self.quarantined.clone()
     }
 
-    /// Takes in whoever connects.
+    /// Registers a worker that connects.
     pub async fn join(&self, join_request: JoinRequest) -> Result<WorkerId, JoinError> {
         let (reply, answer) = oneshot::channel();
         let command = Command::Work(Request::Join { join_request, reply });
@@ -371,7 +371,7 @@ impl Dispatch {
         answer.await.map_err(|_| JoinError::ShuttingDown)?
     }
 
-    /// Passes on what a worker says.
+    /// Passes on a worker's message.
     pub async fn report(&self, worker: WorkerId, report: WorkerReport) {
         // A dispatcher that has ended needs no reports.
         let _ = self
@@ -380,7 +380,7 @@ impl Dispatch {
             .await;
     }
 
-    /// The training under a lease that was given in this epoch of the coordinator's.
+    /// The training under a lease that was granted in this epoch of the coordinator.
     pub async fn training_lease(&self, worker: WorkerId, epoch: u64, lease: LeaseNumber) -> TrainingLease {
         let (reply, answer) = oneshot::channel();
         let request = Request::TrainingLease {
@@ -389,14 +389,15 @@ impl Dispatch {
             lease,
             reply,
         };
-        // A dispatcher that has ended wants nothing any more.
+        // A dispatcher that has ended wants no trainings.
         match self.commands.send(Command::Work(request)).await {
             Ok(()) => answer.await.unwrap_or(TrainingLease::Over),
             Err(_) => TrainingLease::Over,
         }
     }
 
-    /// The campaign whose training a trainer of this machine holds a lease of, given in this epoch of the coordinator's.
+    /// Campaign of the training under this lease, if a trainer on this machine holds it and it was granted in this epoch of the
+    /// coordinator.
     pub async fn leased_training(
         &self,
         machine: MachineId,
@@ -415,7 +416,7 @@ impl Dispatch {
         answer.await.ok()?
     }
 
-    /// Everybody who is connected, by name; nobody once the dispatcher has ended.
+    /// All connected workers, by name; empty once the dispatcher has ended.
     pub async fn connected(&self) -> Vec<ConnectedMachine> {
         let (reply, answer) = oneshot::channel();
         let request = Command::Work(Request::Connected { reply });
@@ -440,7 +441,7 @@ impl Dispatch {
         answer.await.map_err(|_| JobError::ShuttingDown)?
     }
 
-    /// The outcome of work of one task.
+    /// Submits work of one task, and returns its outcome.
     async fn submit_one<W: Work>(
         &self,
         work: W,

@@ -11,7 +11,7 @@ use prometheus_client::{
 };
 use std::time::Duration;
 
-/// With whom a dispatcher deals.
+/// The kind of client that a dispatcher serves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PeerKind {
     Worker,
@@ -65,7 +65,7 @@ impl WorkKind {
 
 type MetricLabels = [(&'static str, &'static str); 1];
 
-/// Metric families of all dispatchers of a coordinator, told apart by labels; cheap to clone.
+/// Metric families of all dispatchers of a coordinator, distinguished by labels; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Families {
     connected: Family<MetricLabels, Gauge>,
@@ -81,7 +81,7 @@ pub struct Families {
     turnaround: Family<MetricLabels, Histogram>,
 }
 
-/// Where one dispatcher counts; cheap to clone.
+/// Metrics of one dispatcher; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct DispatchMetrics {
     connected: Gauge,
@@ -93,7 +93,7 @@ pub struct DispatchMetrics {
 }
 
 impl Families {
-    /// All at nought, and told to `registry`.
+    /// Registers all families in `registry`, at zero.
     #[must_use]
     pub fn register(registry: &mut Registry) -> Self {
         let families = Self {
@@ -166,11 +166,11 @@ impl Families {
         families
     }
 
-    /// Where the dispatcher of workers or trainers counts.
+    /// Metrics of the dispatcher of workers or of trainers.
     #[must_use]
     pub fn of(&self, peer: PeerKind) -> DispatchMetrics {
         let labels = [("peer", peer.name())];
-        // Events that have not happened yet count zero instead of being absent, so that rates are right from the first scrape on.
+        // Counters start at zero instead of being absent, so that rates are right from the first scrape on.
         for kind in WorkKind::ALL.into_iter().filter(|kind| kind.peer() == peer) {
             drop(self.done.get_or_create(&kind.labels()));
             drop(self.turnaround.get_or_create(&kind.labels()));
@@ -187,14 +187,14 @@ impl Families {
 }
 
 impl DispatchMetrics {
-    /// How things stand: who is there, how many tasks nobody has, how many leases somebody has.
+    /// Sets the gauges: connected peers, tasks that wait, leases that are held.
     pub(crate) fn stand(&self, connected: usize, pending: usize, leased: usize) {
         self.connected.set(connected as i64);
         self.pending.set(pending as i64);
         self.leased.set(leased as i64);
     }
 
-    /// A lease was answered with so many results, as long after it was given as that.
+    /// A lease was answered with `results` results, `after` it was granted.
     pub(crate) fn answered(&self, kind: WorkKind, results: usize, after: Duration) {
         let labels = kind.labels();
         self.families.done.get_or_create(&labels).inc_by(results as u64);
@@ -202,32 +202,32 @@ impl DispatchMetrics {
         turnaround.observe(after.as_secs_f64());
     }
 
-    /// So many leases came back undone.
+    /// A number of leases came back undone.
     pub(crate) fn returned(&self, leases: usize) {
         self.returned.inc_by(leases as u64);
     }
 
-    /// A worker or trainer was sent away: it fell silent, or said what cannot be.
+    /// A worker or trainer was dropped, because it fell silent or sent an invalid message.
     pub(crate) fn dropped(&self) {
         self.dropped.inc();
     }
 
-    /// An evaluation is repeated on another worker.
+    /// An evaluation was repeated on another worker.
     pub(crate) fn audited(&self) {
         self.families.audited.inc();
     }
 
-    /// Two workers differ about one evaluation.
+    /// A job ended because machines disagree about a task.
     pub(crate) fn disagreed(&self) {
         self.families.disagreements.inc();
     }
 
-    /// A worker is not trusted any more.
+    /// A machine was quarantined.
     pub(crate) fn quarantined(&self) {
         self.families.quarantined.inc();
     }
 
-    /// So many tasks were given up, because whoever has them dies of them.
+    /// Tasks were given up because their workers were lost.
     pub(crate) fn poisoned(&self, tasks: usize) {
         self.families.poisoned.inc_by(tasks as u64);
     }

@@ -27,41 +27,41 @@ use tokio::{
 use tonic::Status;
 use tracing::Span;
 
-/// How often silence and lateness are looked for.
+/// How often the service looks for silent workers and late leases.
 const TICK: Duration = Duration::from_millis(100);
-/// Workers whose names are remembered after they are gone.
+/// From this number of remembered names on, those of processes that are gone are forgotten.
 const MOST_NAMES: usize = 4096;
 
-/// The dispatcher itself: everything here is owned by its one task.
+/// The dispatcher itself, owned by its one task.
 pub(super) struct Service {
     options: Options,
     epoch: u64,
     table: LeaseTable<Vote>,
     jobs: BTreeMap<JobId, Job>,
     workers: BTreeMap<WorkerId, Worker>,
-    /// Names and addresses of processes, also of those that are gone.
+    /// Names and addresses of processes, including those that are gone.
     names: BTreeMap<WorkerProcessId, String>,
-    /// Which tasks are audited, and what tells processes apart that do not say.
+    /// Decides which tasks are audited, and numbers processes that report no number.
     chance: RandomStream,
     count: watch::Sender<usize>,
     wrong: watch::Sender<Vec<Quarantined>>,
     metrics: DispatchMetrics,
-    /// When each lease was given, until its answer came or its job was over.
+    /// Leases without an answer, whose jobs are not over.
     given: BTreeMap<LeaseNumber, Given>,
 }
 
-/// A lease that somebody has.
+/// A granted lease.
 struct Given {
     job: JobId,
     at: Instant,
-    /// Names it in the log, as its worker does in its own.
+    /// Identifies the lease in the log; the worker logs under the same span.
     span: Span,
 }
 
 struct Job {
     submitted: Box<dyn AnyJob>,
     job_progress: Arc<JobProgress>,
-    /// Why somebody says that nobody can do it.
+    /// A worker's reason why the job is impossible.
     refusal: Option<String>,
 }
 
@@ -69,7 +69,7 @@ struct Worker {
     name: String,
     kind: EmbeddingKind,
     outbox: Outbox,
-    /// The trainings that it was given, by their leases.
+    /// Leases of the trainings that it was granted.
     trainings: BTreeSet<LeaseNumber>,
 }
 
@@ -80,8 +80,8 @@ impl Job {
 }
 
 impl Service {
-    /// One without jobs and workers; `count` is told the number of workers that take work, `wrong` whom of them it found
-    /// wrong.
+    /// A service without jobs and workers. `count` receives the number of workers that take work; `wrong` has the machines that
+    /// were quarantined before, and receives new ones.
     pub(super) fn new(
         options: Options,
         count: watch::Sender<usize>,
@@ -110,7 +110,7 @@ impl Service {
         }
     }
 
-    /// Serves until the last handle is dropped or says stop.
+    /// Serves until the last handle is dropped or a `Stop` command arrives.
     pub(super) async fn run(mut self, mut inbox: mpsc::Receiver<Command>) {
         let mut tick = tokio::time::interval(TICK);
         tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -119,7 +119,7 @@ impl Service {
                 command = inbox.recv() => match command {
                     None | Some(Command::Stop) => break,
                     Some(Command::Work(request)) => {
-                        // Most messages of a large cluster are signs of life: they change nobody's turn.
+                        // Most messages of a large cluster are signs of life, which change no turn.
                         let is_sign_of_life = request.is_sign_of_life();
                         self.take(request);
                         if is_sign_of_life {
@@ -238,7 +238,7 @@ impl Service {
             embeds: kind.is_known(),
         };
         let Some(id) = self.table.join(process, abilities, Instant::now()) else {
-            // It is told, if it still listens.
+            // The worker may have disconnected.
             let _ = reply.send(Err(JoinError::Quarantined(process.machine)));
             return;
         };
@@ -277,7 +277,7 @@ impl Service {
         self.names.insert(process, name);
     }
 
-    /// Tells jobs that embed whether those who are there could do them.
+    /// Tells jobs that embed whether a connected worker can do them.
     fn tell_lacks(&self) {
         let lacks = self.table.lacks_embedders();
         for job in self.jobs.values().filter(|job| job.submitted.embeds()) {
@@ -297,7 +297,7 @@ impl Service {
             self.table.forget(id);
             self.given.retain(|_, given| given.job != id);
             let job = self.jobs.remove(&id);
-            // Evaluations are done before a word of theirs would be; a training may have minutes to go.
+            // Only trainings are withdrawn: an evaluation ends before the message would arrive.
             if job.is_some_and(|job| job.training().is_some()) {
                 for (worker, lease) in held {
                     let lease = Some(self.lease_id(lease));
@@ -310,15 +310,15 @@ impl Service {
 
     fn lose_silent_workers(&mut self) {
         for id in self.table.silent(Instant::now(), self.options.silence_limit) {
-            let said = format!(
+            let text = format!(
                 "no message for {:?}: the leases went to other workers",
                 self.options.silence_limit
             );
-            self.lose(id, Some(Status::deadline_exceeded(said)));
+            self.lose(id, Some(Status::deadline_exceeded(text)));
         }
     }
 
-    /// The one way in which a worker is lost; `reason` is told to it, if it still listens.
+    /// The only way in which a worker is lost; the worker receives `reason` if it is still connected.
     fn lose(&mut self, id: WorkerId, reason: Option<Status>) {
         let with_workers = self.table.out();
         self.table.lose(id);
@@ -374,7 +374,7 @@ impl Service {
         }
     }
 
-    /// The training under a lease that a trainer names.
+    /// Answers a trainer that asks for the training under a lease.
     fn training_lease(&self, worker: WorkerId, epoch: u64, lease: LeaseNumber) -> TrainingLease {
         let given = self
             .workers
@@ -389,7 +389,7 @@ impl Service {
         }
     }
 
-    /// The campaign whose training a trainer of this machine holds a lease of.
+    /// Campaign of the training under this lease, if a trainer on this machine holds it.
     fn leased_training(&self, machine: MachineId, epoch: u64, lease: LeaseNumber) -> Option<CampaignId> {
         let job = self
             .table
@@ -424,7 +424,7 @@ impl Service {
         }
     }
 
-    /// Everybody who is connected, by name.
+    /// All connected workers, by name.
     fn connected(&self) -> Vec<ConnectedMachine> {
         let mut machines: Vec<_> = self.workers.keys().map(|&id| self.machine(id)).collect();
         machines.sort_by(|one, other| one.name.cmp(&other.name));

@@ -1,4 +1,4 @@
-//! Jobs of any kind of work side by side: the lease table counts votes, and each job keeps the results that they are for.
+//! Jobs of all kinds of work side by side: the lease table counts votes, and each job keeps the results behind them.
 
 use super::{
     DispatchMetrics, JobError, WorkKind,
@@ -14,12 +14,12 @@ use murmuration_proto::{
 use std::fmt;
 use tokio::sync::oneshot;
 
-/// A result as the lease table counts it.
+/// A result as the lease table counts it: without its content.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Vote {
-    /// Which of its task's results it is for.
+    /// Index of the result among those of its task.
     number: usize,
-    /// The earlier results of the task that count as the same.
+    /// Indices of the task's earlier results that count as the same.
     agrees_with: Vec<usize>,
 }
 
@@ -40,7 +40,7 @@ pub(super) enum Unsound {
     Count(#[from] Refused),
 }
 
-/// Context of a job's end: names of processes, and the counter of audits.
+/// Context for the end of a job: names of processes, and metrics.
 pub(super) struct Closing<'a> {
     pub(super) names: &'a dyn Fn(&[WorkerProcessId]) -> Vec<String>,
     pub(super) metrics: &'a DispatchMetrics,
@@ -50,30 +50,30 @@ pub(super) struct Closing<'a> {
 pub(super) trait AnyJob: fmt::Debug + Send {
     fn kind(&self) -> WorkKind;
     fn campaign(&self) -> Option<&CampaignId>;
-    /// How it is to be leased: `audited` says of which tasks a second machine is asked, where any is to be audited.
+    /// Parameters for the lease table. If the work is audited, `audited` decides for each task whether a second machine repeats it.
     fn params(&self, audited: &mut dyn FnMut() -> bool) -> JobParams;
     fn embeds(&self) -> bool;
     fn batch(&self, places: &[usize]) -> v1::lease::Work;
     fn training(&self) -> Option<&TrainingJob>;
 
-    /// Whether nobody waits for it any more.
+    /// Whether the submitter no longer waits for the job.
     fn is_withdrawn(&self) -> bool;
 
-    /// Keeps what a worker made of the tasks at these places: a vote each.
+    /// Keeps a worker's results of the tasks at these places, and returns a vote for each.
     fn keep(&mut self, places: &[usize], outcome: Outcome, kind: EmbeddingKind)
     -> Result<Vec<Vote>, Unsound>;
 
-    /// Tells whoever waits what the tasks came to; where nothing can take the place of a poisoned one, nothing.
+    /// Sends the outcomes to the submitter, or an error if a task was poisoned and this work has no outcome for that.
     fn finish(self: Box<Self>, settled: Vec<Settled<Vote>>, closing: &Closing<'_>);
 
-    /// Tells whoever waits that nothing comes of it.
+    /// Sends the error to the submitter.
     fn fail(self: Box<Self>, error: JobError);
 }
 
-/// Outcomes of the tasks of a job, or why there are none.
+/// Outcomes of the tasks of a job, or why the job failed.
 pub(super) type Outcomes<W> = Result<Vec<<W as Work>::Outcome>, JobError>;
 
-/// A job of one kind of work, for somebody who waits for outcomes of that kind.
+/// A job of one kind of work, whose submitter waits for outcomes of that kind.
 pub(super) struct Submitted<W: Work> {
     work: W,
     /// The results of each task, in the order in which they came.

@@ -1,4 +1,4 @@
-//! A dispatcher of its own for trainers: what they lease takes minutes and belongs to one of them at a time.
+//! A separate dispatcher for trainers: a training takes minutes, and one trainer at a time holds its lease.
 
 use super::{ConnectedMachine, Dispatch, JobError, JobProgress, Options, TrainingJob};
 use crate::DispatchMetrics;
@@ -12,7 +12,7 @@ use tokio::sync::watch;
 pub struct Trainers(Dispatch);
 
 impl Trainers {
-    /// Starts it on the current runtime. It does not listen to machines that were found wrong before.
+    /// Starts the dispatcher on the current runtime. It refuses the machines in `wrong`, which were quarantined before.
     #[must_use]
     pub fn start(options: Options, metrics: DispatchMetrics, wrong: Vec<Quarantined>) -> Self {
         Self(Dispatch::start(options, metrics, wrong))
@@ -37,18 +37,18 @@ impl Trainers {
         self.0.workers()
     }
 
-    /// Machines that were found wrong, oldest first, now and whenever there is another.
+    /// Quarantined machines, oldest first, now and whenever one is added.
     #[must_use]
     pub fn quarantined(&self) -> watch::Receiver<Vec<Quarantined>> {
         self.0.quarantined()
     }
 
-    /// Ends every trainer's stream and every training; those go on with the next coordinator.
+    /// Ends every trainer's stream and every training; the trainings continue with the next coordinator.
     pub async fn stop(&self) {
         self.0.stop().await;
     }
 
-    /// Every trainer that is connected, by name.
+    /// All connected trainers, by name.
     pub async fn machines(&self) -> Vec<ConnectedMachine> {
         self.dispatch().connected().await
     }

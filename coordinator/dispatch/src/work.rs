@@ -1,4 +1,4 @@
-//! The kinds of work: what the tasks of a job are, how they travel, and what comes back.
+//! The kinds of work: the tasks of a job, their messages, and their results.
 
 use super::job::{EmbeddingJob, Evaluated, EvaluationJob, JobError, PoisonedTask, ReplayJob, TrainingJob};
 use crate::WorkKind;
@@ -23,7 +23,7 @@ pub(super) trait Work: Debug + Send + 'static {
 
     const KIND: WorkKind;
 
-    /// The campaign that it is for, if it is for one.
+    /// The campaign that the work belongs to, if any.
     fn campaign(&self) -> Option<&CampaignId>;
 
     /// The campaign's share of the workers.
@@ -36,7 +36,7 @@ pub(super) trait Work: Debug + Send + 'static {
     /// Cost of a task, in steps of an agent.
     fn cost(&self) -> u64;
 
-    /// Whether a second machine is asked of some tasks.
+    /// Whether a second machine repeats some tasks.
     fn is_audited(&self) -> bool {
         false
     }
@@ -46,22 +46,21 @@ pub(super) trait Work: Debug + Send + 'static {
         true
     }
 
-    /// Whether it takes a worker that embeds.
+    /// Whether only workers that embed can do it.
     fn embeds(&self) -> bool {
         false
     }
 
-    /// The tasks at these places, as they travel.
+    /// The tasks at these places, as a message.
     fn batch(&self, places: &[usize]) -> v1::lease::Work;
 
-    /// Takes in what a worker made of a batch, which embeds like others of its kind.
+    /// Reads the results of a batch. `kind` is the worker's kind of embedding.
     fn results(&self, outcome: Outcome, kind: EmbeddingKind) -> Result<Vec<Self::Result>, Invalid>;
 
     /// Whether two results of one task count as the same.
     fn agree(one: &Self::Result, other: &Self::Result) -> bool;
 
-    /// The outcome of a result that nothing can change any more; `unaudited` is the machine that
-    /// alone has computed it.
+    /// Outcome of a settled result; `unaudited` is the machine that computed it, if no other machine did.
     fn settled(result: Self::Result, unaudited: Option<MachineId>) -> Self::Outcome;
 
     /// The outcome of a poisoned task, or an error if the job cannot go on without it.
@@ -69,7 +68,7 @@ pub(super) trait Work: Debug + Send + 'static {
         Err(task.into())
     }
 
-    /// The training that it is, if it is one.
+    /// The training, if the work is one.
     fn training(&self) -> Option<&TrainingJob> {
         None
     }
@@ -257,7 +256,7 @@ impl Work for ReplayJob {
         Some(&self.campaign)
     }
 
-    /// Somebody waits for it, whatever the campaign's share.
+    /// The same for all campaigns, because a person waits for it.
     fn weight(&self) -> Weight {
         Weight::default()
     }
@@ -327,7 +326,7 @@ impl Work for TrainingJob {
         1
     }
 
-    /// Two at once would cost minutes of a machine each.
+    /// A second trainer would spend minutes on it too.
     fn is_speculative(&self) -> bool {
         false
     }

@@ -1,4 +1,4 @@
-//! Which leases are with whom, and what they are on.
+//! Look-ups of leases, their holders and their tasks.
 
 use super::{Agree, JobId, LeaseNumber, LeaseTable, WorkerId};
 use murmuration_model::MachineId;
@@ -9,21 +9,21 @@ impl<R: Agree> LeaseTable<R> {
         leases.filter_map(|number| Some((self.leases.get(number)?.holder?, *number)))
     }
 
-    /// The job of a lease that was given to this worker, if it is not over.
+    /// The job of a lease that was granted to this worker, if the job is not over.
     #[must_use]
     pub fn leased(&self, worker: WorkerId, lease: LeaseNumber) -> Option<JobId> {
         let lease = self.leases.get(&lease)?;
         (lease.process == self.process(worker)?).then_some(lease.job)
     }
 
-    /// The job of a lease that is with a worker of this machine.
+    /// The job of a lease that a worker on this machine holds.
     #[must_use]
     pub(crate) fn held_by(&self, machine: MachineId, lease: LeaseNumber) -> Option<JobId> {
         let lease = self.leases.get(&lease)?;
         (lease.holder.is_some() && lease.process.machine == machine).then_some(lease.job)
     }
 
-    /// The jobs of a worker's leases, each with the number of tasks.
+    /// The jobs of the leases that a worker holds, each with the number of tasks.
     pub fn in_hand(&self, worker: WorkerId) -> impl Iterator<Item = (JobId, usize)> {
         let holds = self
             .workers
@@ -34,13 +34,13 @@ impl<R: Agree> LeaseTable<R> {
         leases.map(|lease| (lease.job, lease.tasks.len()))
     }
 
-    /// Tasks that a worker runs at once; 0 for one that takes no more, or is gone.
+    /// Tasks that a worker runs at once; 0 if it takes no more or is gone.
     #[must_use]
     pub fn capacity(&self, worker: WorkerId) -> usize {
         self.workers.get(worker).map_or(0, |worker| worker.capacity)
     }
 
-    /// Places of the tasks of a lease; none if its job is over.
+    /// Places of the tasks of a lease; empty if its job is over.
     #[must_use]
     pub fn tasks(&self, lease: LeaseNumber) -> &[usize] {
         let lease = self.leases.get(&lease);

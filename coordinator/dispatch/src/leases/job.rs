@@ -1,4 +1,4 @@
-//! The tasks of one job: what is heard of them changes where they wait, and how many are settled.
+//! The tasks of one job. Results and failures move tasks between queues, and change how many are settled.
 
 use super::{
     Agree, LeaseNumber, WorkerId, WorkerProcessId,
@@ -13,22 +13,23 @@ pub(super) struct Job<R> {
     pub(super) tasks: Vec<Task<R>>,
     pub(super) queues: Queues,
     pub(super) settled: usize,
-    /// Cost of all its tasks that were leased so far; the job with the least is next.
+    /// Cost of all its tasks that were leased so far; the job with the lowest cost is next.
     pub(super) served: u64,
     pub(super) cost: u64,
     pub(super) speculative: bool,
     /// Whether only workers that embed can do it.
     pub(super) embeds: bool,
-    /// Its leases, also those that nobody holds any more.
+    /// Its leases, including those that no worker holds any more.
     pub(super) leases: BTreeSet<LeaseNumber>,
-    /// Workers that gave leases of it back.
+    /// Workers that gave back leases of it.
     pub(super) rested: BTreeSet<WorkerId>,
-    /// The tasks that each process was lost with.
+    /// The tasks that each lost process held.
     pub(super) lost_with: BTreeMap<WorkerProcessId, BTreeSet<usize>>,
 }
 
 impl<R: Agree> Job<R> {
-    /// Takes in what a worker says is the result of a task, which it had in hand if `held`; whom that shows to be wrong.
+    /// Records a worker's result of a task, which the worker still held if `held`. Returns the processes that this shows to be
+    /// wrong.
     pub(super) fn record_vote(
         &mut self,
         place: usize,
@@ -47,7 +48,7 @@ impl<R: Agree> Job<R> {
         wrong
     }
 
-    /// A lease on a task came back undone, from a worker that the task may have taken with it.
+    /// A lease on a task comes back undone; `broke` is its worker if that was lost.
     pub(super) fn come_back(&mut self, place: usize, broke: Option<WorkerProcessId>) {
         let task = &mut self.tasks[place];
         let before = task.state();
@@ -59,7 +60,7 @@ impl<R: Agree> Job<R> {
         self.file(place, before);
     }
 
-    /// A worker that was given up for lost is back: no task took it.
+    /// A worker that counted as lost is back: no task is to blame.
     pub(super) fn acquit(&mut self, process: WorkerProcessId) {
         for place in self.lost_with.remove(&process).unwrap_or_default() {
             let before = self.tasks[place].state();
@@ -69,7 +70,7 @@ impl<R: Agree> Job<R> {
         }
     }
 
-    /// Discards what a machine said, except what another machine found too; how many tasks that opens again.
+    /// Discards a machine's results; returns how many tasks that reopens. Results that another machine confirms stay settled.
     pub(super) fn discard_votes(&mut self, machine: MachineId) -> usize {
         let before = self.settled;
         for place in 0..self.tasks.len() {
@@ -81,7 +82,7 @@ impl<R: Agree> Job<R> {
         before.saturating_sub(self.settled)
     }
 
-    /// Puts a task that has changed where it belongs; `before` is what it was. Who is shown to be wrong.
+    /// Moves a changed task to its queue; `before` is its former state. Returns the processes that are shown to be wrong.
     pub(super) fn file(&mut self, place: usize, before: TaskState) -> Vec<WorkerProcessId> {
         let task = &self.tasks[place];
         let state = task.state();

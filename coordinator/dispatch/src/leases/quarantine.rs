@@ -1,21 +1,21 @@
-//! Machines that were found wrong: what they said is forgotten, and they are not listened to.
+//! Quarantine of machines that were found wrong: their results are discarded, and their workers may not join.
 
 use super::{Agree, Back, Event, LeaseTable, WorkerProcessId, job::Job, task::Task};
 use murmuration_model::MachineId;
 use std::collections::BTreeSet;
 
 impl<R: Agree> LeaseTable<R> {
-    /// A machine was found wrong before this table was: it is not listened to.
+    /// Refuses a machine that was found wrong before this table existed.
     pub fn mistrust(&mut self, machine: MachineId) {
         self.quarantined.insert(machine);
     }
 
-    /// A worker was found wrong: its machine is not listened to any more, and what that did unaudited is done again.
+    /// Quarantines the machine of a worker that was found wrong; the machine's unaudited results are computed again.
     pub fn quarantine(&mut self, process: WorkerProcessId) {
         self.quarantine_all(BTreeSet::from([process]));
     }
 
-    /// Quarantines these processes. Their results are forgotten before any job can end with one.
+    /// Quarantines the machines of these processes. Their results are discarded before any job can end with one.
     pub(super) fn quarantine_all(&mut self, mut processes: BTreeSet<WorkerProcessId>) {
         processes.retain(|process| !self.quarantined.contains(&process.machine));
         let again: Vec<usize> = processes
@@ -29,7 +29,7 @@ impl<R: Agree> LeaseTable<R> {
             })
             .collect();
         for (&process, again) in processes.iter().zip(again) {
-            // Of two workers on one machine, the first has given it away.
+            // Only the first worker of a machine is reported.
             if !self.quarantined.insert(process.machine) {
                 continue;
             }
@@ -52,7 +52,7 @@ impl<R: Agree> LeaseTable<R> {
         }
     }
 
-    /// Ends jobs with a task that only a machine now quarantined had found possible.
+    /// Ends jobs with a task that no machine but the quarantined ones found possible.
     fn end_impossible_jobs(&mut self) {
         let first = |job: &Job<R>| job.tasks.iter().position(Task::is_impossible);
         let impossible = self.jobs.iter().filter_map(|(&id, job)| Some((id, first(job)?)));

@@ -1,17 +1,17 @@
-//! Where the tasks of a job wait.
+//! Queues of a job's waiting tasks.
 
 use std::collections::BTreeSet;
 
-/// The tasks of a job that wait for a worker, by what they need; each is in one of them at most.
+/// The tasks of a job that wait for a worker, by the worker that they need; each is in at most one queue.
 #[derive(Debug)]
 pub(super) struct Queues {
-    /// Any worker, before the others.
+    /// For any worker, before `next`.
     first: BTreeSet<usize>,
-    /// Any worker.
+    /// For any worker.
     next: BTreeSet<usize>,
-    /// A worker on a machine that has not said yet what they are.
+    /// For a worker on a machine that has not answered them yet.
     pub(super) second: BTreeSet<usize>,
-    /// A worker that has nothing else to lose.
+    /// For a worker that holds nothing else, which would be lost with it.
     pub(super) alone: BTreeSet<usize>,
 }
 

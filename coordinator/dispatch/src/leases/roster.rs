@@ -1,5 +1,5 @@
-//! The connected workers, in the order of their turns: no question here takes longer the more workers there are,
-//! but for those that go through all of them.
+//! The connected workers, in the order of their turns. Look-ups take logarithmic time in the number of workers; only those that
+//! iterate over all workers take longer.
 
 use super::{WorkerId, workers::Worker};
 use std::{
@@ -8,26 +8,26 @@ use std::{
     time::Instant,
 };
 
-/// Order of turns: the worker with the fewest tasks first, then the one with the most credits, then the one that came first.
+/// Order of turns: the worker with the lowest load first, then the one with the most credits, then the one that joined first.
 type Turn = (usize, Reverse<usize>, WorkerId);
 
 /// The connected workers.
 #[derive(Debug)]
 pub(super) struct Roster {
     workers: BTreeMap<WorkerId, Worker>,
-    /// Those that may be given more.
+    /// Workers that may get more.
     free: BTreeSet<Turn>,
-    /// Those of them that embed.
+    /// Workers that embed and may get more.
     free_embedders: BTreeSet<Turn>,
-    /// All, those with the fewest leases first.
+    /// All workers, those with the fewest leases first.
     by_leases: BTreeSet<(usize, WorkerId)>,
     all: Staff,
     embedders: Staff,
-    /// Leases that are with somebody.
+    /// Number of leases that workers hold.
     out: usize,
 }
 
-/// Workers that take work, and how many tasks they run at once.
+/// Number of workers that take work, and of tasks that they run at once.
 #[derive(Debug, Clone, Copy, Default)]
 struct Staff {
     workers: usize,
@@ -47,7 +47,7 @@ impl Staff {
 }
 
 impl Worker {
-    /// Its turn, if it may be given more.
+    /// The worker's turn, if it may get more.
     fn turn(&self, id: WorkerId) -> Option<Turn> {
         let may = self.credits > 0 && !self.alone && self.capacity > 0;
         may.then(|| (self.load(), Reverse(self.credits), id))
@@ -75,27 +75,27 @@ impl Roster {
         self.workers.get(&id)
     }
 
-    /// Everybody, in the order in which they came.
+    /// All workers, in the order in which they joined.
     pub(super) fn iter(&self) -> impl Iterator<Item = (WorkerId, &Worker)> {
         self.workers.iter().map(|(&id, worker)| (id, worker))
     }
 
-    /// Those that may be given more, whose turn is next first: all of them, or those that embed.
+    /// Workers that may get more, in the order of their turns: all, or only those that embed.
     pub(super) fn free(&self, embeds: bool) -> impl Iterator<Item = (WorkerId, &Worker)> {
         let free = if embeds { &self.free_embedders } else { &self.free };
         free.iter()
             .filter_map(|&(_, _, id)| Some((id, self.workers.get(&id)?)))
     }
 
-    /// Those of the free that hold no lease.
+    /// Free workers that hold no lease.
     pub(super) fn idle(&self, embeds: bool) -> impl Iterator<Item = (WorkerId, &Worker)> {
-        // One of a thousand threads has no load either with one task.
+        // A load of 0 is not enough: it is rounded down, so many threads with one task have it too.
         self.free(embeds)
             .take_while(|(_, worker)| worker.load() == 0)
             .filter(|(_, worker)| worker.holds.is_empty())
     }
 
-    /// Everybody, those with the fewest leases first.
+    /// All workers, those with the fewest leases first.
     pub(super) fn by_leases(&self) -> impl Iterator<Item = (WorkerId, &Worker)> {
         self.by_leases
             .iter()
@@ -112,7 +112,7 @@ impl Roster {
         self.embedders.workers
     }
 
-    /// Tasks that all run at once, or those that embed.
+    /// Tasks that all workers, or those that embed, run at once.
     pub(super) const fn capacity(&self, embeds: bool) -> usize {
         if embeds {
             self.embedders.capacity
@@ -121,7 +121,7 @@ impl Roster {
         }
     }
 
-    /// Leases that are with somebody.
+    /// Number of leases that workers hold.
     pub(super) const fn out(&self) -> usize {
         self.out
     }
@@ -137,7 +137,7 @@ impl Roster {
         }
     }
 
-    /// The only way to change a worker, as its turn may change with it; `None` if it is not there.
+    /// The only way to change a worker, because its turn may change too; `None` if the worker is unknown.
     pub(super) fn change<T>(&mut self, id: WorkerId, change: impl FnOnce(&mut Worker) -> T) -> Option<T> {
         let mut worker = self.workers.remove(&id)?;
         self.strike(id, &worker);
@@ -147,7 +147,7 @@ impl Roster {
         Some(changed)
     }
 
-    /// A sign of life changes nobody's turn.
+    /// Notes a sign of life, which changes no turn.
     pub(super) fn hear(&mut self, id: WorkerId, now: Instant) {
         if let Some(worker) = self.workers.get_mut(&id) {
             worker.heard = now;

@@ -1,7 +1,7 @@
-//! The lease table under random schedules of everything that a cluster does: machines that run several workers, lie with all
-//! of them, or find everything impossible; workers that hang; deadly and impossible tasks.
+//! Tests the lease table with random schedules of everything that happens in a cluster: machines that run several workers, lie
+//! with all of them, or report tasks as impossible; workers that hang; deadly and impossible tasks.
 //!
-//! `MURMURATION_SCHEDULES` says how many, `MURMURATION_SEED` where they begin: a failure names the seed of its own.
+//! `MURMURATION_SCHEDULES` is the number of schedules, `MURMURATION_SEED` the seed of the first. A failure names its seed.
 
 mod observed;
 
@@ -27,35 +27,35 @@ fn truth(job: JobId, place: usize) -> u64 {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Character {
     Honest,
-    /// Every now and then its workers say what no other machine says, mostly all the same.
+    /// Now and then its workers send a wrong result, mostly the same one, which no other machine sends.
     Liar,
-    /// Says of what it could do, every now and then, that nobody can.
+    /// Now and then reports a possible task as impossible.
     Unfit,
 }
 
 struct Process {
     character: Character,
-    /// Whether it is heard, and never answers.
+    /// Whether it gives signs of life but never answers.
     hangs: bool,
     embeds: bool,
     /// Its connection, if it has one.
     worker: Option<WorkerId>,
-    /// Leases that it has not answered, on whichever connection.
+    /// Leases that it has not answered, on any connection.
     has: Vec<Grant>,
 }
 
 struct Submitted {
     tasks: usize,
-    /// Tasks that take their worker with them.
+    /// Tasks that kill their worker.
     deadly: BTreeSet<usize>,
-    /// Tasks that nobody can do.
+    /// Tasks that no worker can do.
     impossible: BTreeSet<usize>,
     embeds: bool,
-    /// How often somebody was lost while they held a task.
+    /// For each task, how many workers were lost while they held it.
     lost: BTreeMap<usize, usize>,
 }
 
-/// A cluster that lives by the throw of a die.
+/// A cluster whose events are drawn at random.
 struct SimulatedCluster {
     die: ChaCha8Rng,
     now: Instant,
@@ -64,7 +64,7 @@ struct SimulatedCluster {
     machines: BTreeMap<MachineId, Character>,
     jobs: BTreeMap<JobId, Submitted>,
     next_instance: u64,
-    /// How often each thing came to pass: that the schedules reach all of it.
+    /// How often each kind of event occurred, to check that the schedules reach them all.
     seen: Seen,
 }
 
@@ -124,14 +124,14 @@ impl SimulatedCluster {
         self.jobs.insert(job, submitted);
     }
 
-    /// A machine that was never heard of.
+    /// Adds a new machine.
     fn new_machine(&mut self, character: Character) -> MachineId {
         let machine = MachineId(1 + self.machines.len() as u64);
         self.machines.insert(machine, character);
         machine
     }
 
-    /// Some machine, every other time a new one.
+    /// A random machine, every other time a new one.
     fn some_machine(&mut self) -> MachineId {
         if !self.machines.is_empty() && self.chance(2) {
             return *self.machines.keys().choose(&mut self.die).unwrap();
@@ -183,7 +183,7 @@ impl SimulatedCluster {
         }
     }
 
-    /// Its connection breaks; the process goes on with what it has.
+    /// Breaks a process's connection; the process keeps its leases.
     fn cut(&mut self, id: WorkerProcessId) {
         let Some(worker) = self.processes.get_mut(&id).unwrap().worker.take() else {
             return;
@@ -221,7 +221,7 @@ impl SimulatedCluster {
         self.hear_events();
     }
 
-    /// A process does the next thing that it has; false if it has nothing, or never will.
+    /// A process answers its next lease; false if it has none or never answers.
     fn work(&mut self, id: WorkerProcessId) -> bool {
         let process = &self.processes[&id];
         let (Some(worker), false) = (process.worker, process.has.is_empty()) else {
@@ -312,7 +312,7 @@ impl SimulatedCluster {
         }
     }
 
-    /// Answers a lease of another, and one that was never given.
+    /// Answers another worker's lease, and one that was never granted.
     fn meddle(&mut self, id: WorkerProcessId) {
         let Some(worker) = self.processes[&id].worker else {
             return;
@@ -332,7 +332,7 @@ impl SimulatedCluster {
         );
     }
 
-    /// Honest machines come for as long as there is work: all of it ends.
+    /// Adds honest machines as long as there is work; all jobs must end.
     fn finish(&mut self) {
         let leaves = |worker: WorkerId| self.table.workers.get(worker).unwrap().capacity == 0;
         let leaving = self
@@ -343,7 +343,7 @@ impl SimulatedCluster {
             self.die(instance);
         }
         if self.table.jobs.values().any(|job| !job.speculative) {
-            // A task that is not given twice waits for its worker until it is ended.
+            // A task that is not speculative waits for its hung worker until that is killed.
             let hung = self.processes.iter().filter(|(_, process)| process.hangs);
             for instance in hung.map(|(&instance, _)| instance).collect::<Vec<_>>() {
                 self.die(instance);
@@ -376,7 +376,7 @@ impl SimulatedCluster {
 }
 
 impl SimulatedCluster {
-    /// Machines with a worker that does whatever there is to do.
+    /// Number of machines with a worker that can do any task.
     fn honest_machines(&self) -> usize {
         let works = |process: &Process| {
             let is_sound = process.character == Character::Honest && !process.hangs;

@@ -1,4 +1,4 @@
-//! One task of a job: what workers said that its result is, and whether that settles it.
+//! One task of a job: the votes of workers on its result, and whether they settle it.
 
 use super::{Agree, MOST_LOST, Settled, WorkerProcessId};
 use murmuration_model::MachineId;
@@ -8,13 +8,13 @@ use std::{collections::BTreeSet, time::Instant};
 pub(super) struct Task<R> {
     /// One result of each machine; several machines if the task is audited or disputed.
     pub(super) votes: Vec<(WorkerProcessId, R)>,
-    /// Workers that called the task impossible, one for each machine.
+    /// Workers that reported the task as impossible, one for each machine.
     pub(super) refused: Vec<WorkerProcessId>,
     /// Workers that were lost while they held the task, and have not come back.
     pub(super) lost: BTreeSet<WorkerProcessId>,
     /// Number of workers that hold the task.
     pub(super) out: usize,
-    /// Since when no other machine is there that could decide about it.
+    /// Since when no other machine could decide about it.
     pub(super) alone_since: Option<Instant>,
     /// Whether one vote is not enough.
     audited: bool,
@@ -22,14 +22,14 @@ pub(super) struct Task<R> {
     one_machine_is_enough: bool,
 }
 
-/// Where a task stands.
+/// State of a task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum TaskState {
-    /// It needs a worker.
+    /// It needs a further result.
     Open,
     /// The vote at this place is its result.
     Settled(usize),
-    /// It took too many workers with it.
+    /// Too many workers were lost with it.
     Poisoned,
 }
 
@@ -52,7 +52,7 @@ impl<R: Agree> Task<R> {
         }
     }
 
-    /// One vote settles a task; two that agree settle one that is audited or disputed, so that whoever differs is outvoted.
+    /// One vote settles a task. An audited or disputed task needs two votes that agree, which outvote any other.
     pub(super) fn state(&self) -> TaskState {
         let count = |place: usize| self.agreeing(place).count();
         let Some(best) = (0..self.votes.len()).rev().max_by_key(|&place| count(place)) else {
@@ -71,28 +71,28 @@ impl<R: Agree> Task<R> {
         }
     }
 
-    /// Whether a worker on this machine could bring it further: one that has said nothing of it yet and, once three were
-    /// lost with it, none of them from there.
+    /// Whether a worker on this machine could help to settle it: the machine has not answered it yet and, once three workers were
+    /// lost with it, lost none of them.
     pub(super) fn wants(&self, machine: MachineId) -> bool {
         let lost_there = || self.lost.iter().any(|process| process.machine == machine);
         let may_die_of_it = self.has_lost_enough() && lost_there();
         !self.has_answered(machine) && !may_die_of_it
     }
 
-    /// Whether only another machine than those that it has met can bring it further.
+    /// Whether only a machine that has not tried it can settle it.
     pub(super) fn wants_another_machine(&self) -> bool {
         let met = !self.votes.is_empty() || !self.refused.is_empty() || self.has_lost_enough();
         met && !self.state().is_settled()
     }
 
-    /// Whether so many workers were lost with it that it may be to blame.
+    /// Whether enough workers were lost with it to blame the task.
     pub(super) fn has_lost_enough(&self) -> bool {
         self.lost.len() >= MOST_LOST
     }
 
     fn lost_on_several(&self) -> bool {
         let machine = |process: Option<&WorkerProcessId>| process.map(|process| process.machine);
-        // They are sorted by machine.
+        // `lost` is sorted by machine.
         machine(self.lost.first()) != machine(self.lost.last())
     }
 
@@ -105,12 +105,12 @@ impl<R: Agree> Task<R> {
         self.votes.iter().map(|(by, _)| *by)
     }
 
-    /// Whether machines differ about it.
+    /// Whether machines disagree about it.
     pub(super) fn is_disputed(&self) -> bool {
         !self.votes.is_empty() && self.agreeing(0).count() < self.votes.len()
     }
 
-    /// Takes in a vote; false if the machine contradicts what it said itself.
+    /// Records a vote; false if it contradicts the machine's own earlier vote.
     pub(super) fn record_vote(&mut self, by: WorkerProcessId, result: R) -> bool {
         self.refused.retain(|refused| refused.machine != by.machine);
         let mut votes = self.votes.iter();
@@ -121,7 +121,7 @@ impl<R: Agree> Task<R> {
         true
     }
 
-    /// A worker says that nobody could do it; whether it [is impossible](Self::is_impossible) now.
+    /// Records a worker's report that the task is impossible; returns whether it [is impossible](Self::is_impossible) now.
     pub(super) fn refuse(&mut self, by: WorkerProcessId) -> bool {
         if !self.has_answered(by.machine) {
             self.refused.push(by);
@@ -129,18 +129,18 @@ impl<R: Agree> Task<R> {
         self.is_impossible()
     }
 
-    /// Whether two machines say that nobody could do it, and none has done it.
+    /// Whether two machines report it as impossible, and none has done it.
     pub(super) fn is_impossible(&self) -> bool {
         self.votes.is_empty() && self.refused.len() > 1
     }
 
-    /// A worker was lost while it held it.
+    /// A worker was lost while it held the task.
     pub(super) fn lose(&mut self, process: WorkerProcessId) {
         self.one_machine_is_enough = false;
         self.lost.insert(process);
     }
 
-    /// A worker that was lost while it held it is back; whether there was one.
+    /// A process is back; returns whether it had been lost with this task.
     pub(super) fn acquit(&mut self, process: WorkerProcessId) -> bool {
         let was_lost = self.lost.remove(&process);
         // Not `&= !was_lost`: with that, the random schedules fail in builds that rustc 1.95 optimises, and in no other.
@@ -150,7 +150,7 @@ impl<R: Agree> Task<R> {
         was_lost
     }
 
-    /// Discards what a machine said about it, and that workers of it were lost; whether that was anything.
+    /// Discards a machine's vote, refusal and lost workers; returns whether there were any.
     pub(super) fn discard_votes(&mut self, machine: MachineId) -> bool {
         let known = |task: &Self| (task.votes.len(), task.refused.len(), task.lost.len());
         let before = known(self);
@@ -165,7 +165,7 @@ impl<R: Agree> Task<R> {
         changed
     }
 
-    /// Workers that one machine has lost with it are enough to poison it, until there is another.
+    /// From now on, workers lost on one machine are enough to poison it, until another machine is involved.
     pub(super) const fn blame(&mut self) {
         self.one_machine_is_enough = true;
     }

@@ -23,7 +23,7 @@ fn worker_of(machine: u64, instance: u64) -> WorkerProcessId {
     }
 }
 
-/// Connects a worker that has so many credits.
+/// Connects a worker with this many credits.
 fn join(table: &mut LeaseTable<u64>, process: WorkerProcessId, credits: usize) -> WorkerId {
     let worker = table.join(process, ABLE, now()).unwrap();
     table.add_credits(worker, credits);
@@ -63,7 +63,7 @@ fn audited(tasks: usize) -> JobParams {
     }
 }
 
-/// A table with workers that have so many credits, on machines 1, 2, ...
+/// A table with workers that have these credits, on machines 1, 2, ...
 fn workers<const N: usize>(credits: [usize; N]) -> (LeaseTable<u64>, [WorkerId; N]) {
     let mut table = LeaseTable::new(DISPUTE_TIMEOUT);
     let mut instance = 0;
@@ -284,10 +284,10 @@ fn an_audit_does_not_wait_for_a_machine_that_gives_work_back() {
 fn two_that_differ_with_no_third_end_the_job() {
     let (mut table, _) = workers([1, 1]);
     let job = table.submit(audited(1));
-    for said in [13, 14] {
+    for words in [13, 14] {
         let grant = table.grant(now()).unwrap();
         table
-            .complete(grant.worker, grant.lease, vec![said], now())
+            .complete(grant.worker, grant.lease, vec![words], now())
             .unwrap();
     }
     assert_eq!(table.grant(now()), None);

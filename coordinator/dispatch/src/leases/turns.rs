@@ -1,4 +1,4 @@
-//! Turns: which job is next, which of its tasks, and which worker gets them.
+//! Turns: chooses the next job, its tasks, and their worker.
 
 use super::{
     AT_ONCE, Agree, Event, Grant, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH, SPECULATION_DELAY,
@@ -9,18 +9,18 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// A worker, what it gets, and whether it must hold nothing else meanwhile.
+/// A worker, its tasks, and whether it must hold nothing else meanwhile.
 struct Choice {
     worker: WorkerId,
     tasks: Vec<usize>,
     alone: bool,
 }
 
-/// How many of the tasks that wait a worker is leased at a time, where all workers run `capacity` at once.
+/// Size of a worker's next batch when `waiting` tasks wait and all workers together run `capacity` tasks at once.
 ///
-/// Half an even share, so that batches shrink towards the end of a job; half of what the worker takes for each that it runs at
-/// once, so that it has a batch in hand while it is sent the next, unless that is less than one group. Whole groups of [`AT_ONCE`], for as long as there are enough
-/// of them for all.
+/// At most half an even share, so that batches shrink towards the end of a job. At most half of the worker's credits and tasks
+/// over its capacity (but a group of [`AT_ONCE`]), so that the worker has a batch in hand while it receives the next. Whole
+/// groups of [`AT_ONCE`], as long as there are enough for all workers.
 fn share(waiting: usize, capacity: usize, worker: &Worker) -> usize {
     let capacity = capacity.max(1);
     let even = waiting.div_ceil(2 * capacity);
@@ -43,8 +43,8 @@ fn share(waiting: usize, capacity: usize, worker: &Worker) -> usize {
 impl<R: Agree> LeaseTable<R> {
     /// Leases the next batch, if there is work and a worker with credits for it.
     ///
-    /// The job whose leased tasks have cost least is next. Batches shrink towards a job's end; where nothing waits, an idle
-    /// worker gets what is late with another.
+    /// The job whose leased tasks have cost least is next. Batches shrink towards a job's end. If no task waits, an idle worker
+    /// gets tasks that another worker is late with.
     pub fn grant(&mut self, now: Instant) -> Option<Grant> {
         self.decide_without_others(now);
         let mut turns: Vec<(u64, JobId)> = self
@@ -159,8 +159,8 @@ impl<R: Agree> LeaseTable<R> {
         })
     }
 
-    /// Chooses tasks of a late lease for an idle worker as well: the first result counts. The second worker is
-    /// given twice as long before there is a next.
+    /// Chooses tasks of a late lease for an idle worker as well; the first result counts. Each further worker gets twice as long
+    /// before there is a next.
     fn speculate(&self, reserved: Option<WorkerId>, now: Instant) -> Option<(JobId, Choice)> {
         for lease in self.late(now) {
             let job = self.jobs.get(&lease.job)?;
@@ -196,10 +196,10 @@ impl<R: Agree> LeaseTable<R> {
         None
     }
 
-    /// The leases that somebody holds and is late with, oldest first.
+    /// The leases that their holders are late with, oldest first.
     fn late(&self, now: Instant) -> impl Iterator<Item = &Lease> {
         let delay = self.speculation_delay(1);
-        // Their numbers are in the order in which they were given.
+        // Leases are numbered in the order in which they were granted.
         let old = move |lease: &&Lease| now.saturating_duration_since(lease.given) > delay;
         self.leases
             .values()
@@ -207,12 +207,12 @@ impl<R: Agree> LeaseTable<R> {
             .filter(|lease| lease.holder.is_some())
     }
 
-    /// Whether a lease whose tasks so many workers have in hand is out for longer than leases usually are.
+    /// Whether a lease, whose tasks `hands` workers hold, has been out for longer than its speculation delay.
     fn is_late(&self, lease: &Lease, hands: usize, now: Instant) -> bool {
         lease.holder.is_some() && now.saturating_duration_since(lease.given) > self.speculation_delay(hands)
     }
 
-    /// How long a lease may be out whose tasks so many workers have in hand.
+    /// How long a lease, whose tasks `hands` workers hold, may be out before it is late.
     fn speculation_delay(&self, hands: usize) -> Duration {
         let usual = self.turnaround.map_or(SPECULATION_DELAY.1, |usual| usual * LATE);
         usual.clamp(SPECULATION_DELAY.0, SPECULATION_DELAY.1) * (1 << hands.saturating_sub(1).min(10))
@@ -223,7 +223,7 @@ impl<R: Agree> LeaseTable<R> {
         leases.any(|lease| lease.job == job && lease.tasks.contains(&place))
     }
 
-    /// The worker that is kept free for a task that goes out alone, where there is one and nobody is free.
+    /// The worker that is kept from other work for a task that goes out alone, if such a task waits.
     fn reserved(&self, now: Instant) -> Option<WorkerId> {
         let mut alone = self.jobs.values().flat_map(|job| {
             job.queues
@@ -240,7 +240,7 @@ impl<R: Agree> LeaseTable<R> {
         })
     }
 
-    /// The worker with least in hand of those that may get more of a job, those first that are not late.
+    /// Of the workers that may get more of a job, the one with the lowest load; a worker that is late only if all are.
     fn free(
         &self,
         id: JobId,
@@ -262,9 +262,9 @@ impl<R: Agree> LeaseTable<R> {
         behind
     }
 
-    /// Decides about tasks that want another machine where none is there that could say anything soon: an audit is waived;
-    /// what three workers were lost with is poisoned; a dispute, and what one machine finds impossible, end the job aloud
-    /// unless another comes in time.
+    /// Decides about tasks that need another machine when none could answer soon. It waives audits, and poisons tasks that three
+    /// workers were lost with. A dispute, or a task that one machine reports as impossible, ends the job with an event unless
+    /// another machine joins in time.
     fn decide_without_others(&mut self, now: Instant) {
         let mut concerned = BTreeSet::new();
         let mut over = BTreeMap::new();
@@ -287,7 +287,7 @@ impl<R: Agree> LeaseTable<R> {
                 job.file(place, before);
                 concerned.insert(id);
             } else if task.votes.is_empty() && !anybody_works {
-                // The worker that failed may have been stopped for that, and another may be on its way.
+                // The operator may have stopped the worker that failed, and may be starting another.
                 task.alone_since = None;
             } else if now.saturating_duration_since(*task.alone_since.get_or_insert(now))
                 >= self.dispute_timeout
@@ -303,7 +303,7 @@ impl<R: Agree> LeaseTable<R> {
         }
     }
 
-    /// Ends a job of which a task is disputed, or found impossible.
+    /// Ends a job because one of its tasks is disputed or impossible.
     fn end_undecided(&mut self, id: JobId, place: usize) {
         let between: Vec<_> = self
             .jobs
@@ -322,7 +322,7 @@ impl<R: Agree> LeaseTable<R> {
         });
     }
 
-    /// Tasks that only another machine can bring further, whether they wait for one or are late with one.
+    /// Tasks that only another machine can settle: those that wait for one, and those that are late on one.
     fn wanting_another_machine(&self, now: Instant) -> Vec<(JobId, usize)> {
         let waiting = self.jobs.iter().flat_map(|(&id, job)| {
             let queues = job.queues.second.iter().chain(&job.queues.alone);
@@ -338,9 +338,12 @@ impl<R: Agree> LeaseTable<R> {
         waiting.chain(late).filter(wants).collect()
     }
 
-    /// Whether a worker is there that could bring a task further soon: not one that is late with it, or late with others and
-    /// takes nothing more, or has long asked for nothing, or has given its job back and done nothing of it since. Where the
-    /// job would end for that, those are waited for; as is who does what takes minutes.
+    /// Whether a connected worker could soon answer a task that needs another machine.
+    ///
+    /// A worker does not count if it is late with the task, is late with others and takes nothing more, has long been idle
+    /// without asking for work, or gave the task's job back and has done nothing of it since. Workers that gave the job back do
+    /// count if the job would end without them. Late and idle workers do count for a task without votes that a machine refused
+    /// or whose job is not speculative (such jobs take minutes).
     fn could_say(&self, id: JobId, place: usize, now: Instant) -> bool {
         let Some(job) = self.jobs.get(&id) else {
             return false;
@@ -348,7 +351,7 @@ impl<R: Agree> LeaseTable<R> {
         let task = &job.tasks[place];
         let is_urgent = !task.votes.is_empty() || (job.speculative && task.refused.is_empty());
         let is_no_help = |worker: &Worker| {
-            // Late with something else, it may still be given this one, unless it takes nothing more.
+            // A worker that is late with another task may still get this one, unless it takes nothing more.
             let takes_more = worker.credits > 0 && !worker.alone;
             let is_late =
                 || self.is_behind(worker, now) && (!takes_more || self.has_in_hand(worker, id, place));
@@ -362,7 +365,7 @@ impl<R: Agree> LeaseTable<R> {
         })
     }
 
-    /// Whether a worker is late with something.
+    /// Whether a worker is late with any lease.
     fn is_behind(&self, worker: &Worker, now: Instant) -> bool {
         let mut leases = worker.holds.iter().filter_map(|number| self.leases.get(number));
         leases.any(|lease| self.is_late(lease, 1, now))

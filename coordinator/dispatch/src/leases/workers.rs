@@ -1,4 +1,4 @@
-//! Those who work: they come, are heard, fall silent, and go.
+//! Workers join, give signs of life, fall silent, and leave.
 
 use super::{
     Abilities, Agree, Back, JobId, LeaseNumber, LeaseTable, SPECULATION_DELAY, WorkerId, WorkerProcessId,
@@ -18,14 +18,14 @@ pub(super) struct Worker {
     pub(super) embeds: bool,
     pub(super) credits: usize,
     pub(super) heard: Instant,
-    /// When it came, or was last done with a lease.
+    /// When it joined or last finished a lease.
     pub(super) active: Instant,
     pub(super) holds: BTreeSet<LeaseNumber>,
     /// Tasks that it has in hand.
     pub(super) tasks: usize,
-    /// Whether it holds a task that may take it with it, and gets nothing else.
+    /// Whether it holds a task that may kill it, and so gets no other.
     pub(super) alone: bool,
-    /// Jobs that it gave leases of back, and what has come of none since.
+    /// Jobs whose leases it gave back, and has not completed one of since.
     pub(super) rests: BTreeMap<JobId, Rest>,
 }
 
@@ -45,7 +45,7 @@ impl Worker {
         self.process.machine
     }
 
-    /// Whether it takes work, and has what a job needs.
+    /// Whether it takes work and has the abilities that a job needs.
     pub(super) const fn suits<R>(&self, job: &Job<R>) -> bool {
         self.capacity > 0 && (self.embeds || !job.embeds)
     }
@@ -55,7 +55,7 @@ impl Worker {
         1000 * self.tasks / self.capacity.max(1)
     }
 
-    /// It gave back a lease of this job: each time in a row it pauses for twice as long.
+    /// Starts a pause from this job, whose lease the worker gave back: each pause in a row is twice as long.
     pub(super) fn rest_from(&mut self, job: JobId, now: Instant) {
         let length = self
             .rests
@@ -66,13 +66,13 @@ impl Worker {
         self.rests.insert(job, Rest { length, until });
     }
 
-    /// Whether it has long had nothing to do, and asks for nothing.
+    /// Whether it has long been idle without asking for work.
     pub(super) fn asks_for_nothing(&self, now: Instant) -> bool {
         let idle = now.saturating_duration_since(self.active);
         self.credits == 0 && self.holds.is_empty() && idle > SPECULATION_DELAY.1
     }
 
-    /// Whether it gave back what it was last leased of this job.
+    /// Whether it gave back its last lease of this job.
     pub(super) fn gave_back(&self, job: JobId) -> bool {
         self.rests.contains_key(&job)
     }
@@ -83,8 +83,8 @@ impl Worker {
 }
 
 impl<R: Agree> LeaseTable<R> {
-    /// A worker came at time `now`; it has no credits yet. `None` if its machine was found wrong. One that was given up for
-    /// lost is not: what it held did not take it.
+    /// A worker joins at time `now`; it has no credits yet. `None` if its machine was found wrong. If the worker had counted as
+    /// lost, its tasks are no longer blamed for that.
     pub fn join(
         &mut self,
         process: WorkerProcessId,
@@ -135,7 +135,7 @@ impl<R: Agree> LeaseTable<R> {
         });
     }
 
-    /// A worker is gone: its leases come back undone. One that had said that it would leave was not taken by them.
+    /// A worker is gone: its leases come back undone. Its tasks are not blamed if it had announced that it would leave.
     pub fn lose(&mut self, worker: WorkerId) {
         let leaving = self
             .workers
@@ -152,7 +152,7 @@ impl<R: Agree> LeaseTable<R> {
         self.workers.remove(worker);
     }
 
-    /// Workers that have been silent for longer than `limit`. Whoever asks must [`lose`](Self::lose) them.
+    /// Workers that have been silent for longer than `limit`. The caller must [`lose`](Self::lose) them.
     pub fn silent(&self, now: Instant, limit: Duration) -> Vec<WorkerId> {
         let silent = |worker: &Worker| now.saturating_duration_since(worker.heard) > limit;
         self.workers
@@ -173,7 +173,7 @@ impl<R: Agree> LeaseTable<R> {
         self.workers.working()
     }
 
-    /// Whether workers are there, and none of them embeds.
+    /// Whether workers are connected, but none that embeds.
     #[must_use]
     pub(crate) const fn lacks_embedders(&self) -> bool {
         self.workers.working() > 0 && self.workers.embedders() == 0

@@ -1,4 +1,4 @@
-//! Results and failures of leases, and their consequences for jobs and for workers that were found wrong.
+//! Results and failures of leases, and their consequences for jobs and workers.
 
 use super::{Given, Job, Service};
 use crate::{
@@ -83,17 +83,17 @@ impl Service {
         }
     }
 
-    /// A worker sent what no sound worker sends.
+    /// Dismisses and quarantines a worker that sent what no sound worker sends.
     fn found_wrong(&mut self, worker: WorkerId, what: &str) {
         let Some(process) = self.table.process(worker) else {
             return;
         };
-        // Before it is forgotten, so that it is told what was wrong.
+        // Before the quarantine forgets the worker, so that the worker receives the reason.
         self.dismiss(worker, Some(Status::invalid_argument(what)));
         self.table.quarantine(process);
     }
 
-    /// Passes on what became of jobs and workers.
+    /// Handles the events of the lease table.
     pub(super) fn tell_events(&mut self) {
         for events in self.table.take_events() {
             match events {
@@ -119,10 +119,10 @@ impl Service {
                 }
                 Event::Impossible { job, by } => {
                     let workers = self.names(&by).join(" and ");
-                    let said = self.jobs.get_mut(&job).and_then(|job| job.refusal.take());
-                    let said = said.unwrap_or_default();
-                    tracing::error!(workers, said, "work cannot be done");
-                    self.fail(job, JobError::Fatal(format!("{said} (reported by {workers})")));
+                    let message = self.jobs.get_mut(&job).and_then(|job| job.refusal.take());
+                    let message = message.unwrap_or_default();
+                    tracing::error!(workers, message, "work cannot be done");
+                    self.fail(job, JobError::Fatal(format!("{message} (reported by {workers})")));
                 }
                 Event::Quarantined {
                     process,
@@ -175,7 +175,7 @@ impl Service {
         processes.iter().map(|process| name(process).to_owned()).collect()
     }
 
-    /// Passes on what a trainer says of the training under a lease, if it is still wanted.
+    /// Passes on a trainer's report on the training under a lease, if the training is still wanted.
     pub(super) fn tell_training(
         &mut self,
         worker: WorkerId,

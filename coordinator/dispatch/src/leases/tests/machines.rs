@@ -1,4 +1,4 @@
-//! Machines: several workers have one vote, and one machine's word or death ends nothing that another could do.
+//! Machines: several workers have one vote, and no machine's reports or losses end what another machine could do.
 
 use super::*;
 
@@ -54,7 +54,7 @@ fn a_machine_that_contradicts_itself_is_quarantined() {
     let start = now();
     let slow = join(&mut table, worker_of(7, 1), 1);
     let first = table.grant(start).unwrap();
-    // Another machine is there, so that an audit is wanted.
+    // Another machine is connected, so that the task is audited.
     let honest = join(&mut table, process(1), 0);
     join(&mut table, worker_of(7, 2), 1);
     let late = table.grant(start + 2 * SPECULATION_DELAY.1).unwrap();
@@ -128,7 +128,7 @@ fn what_embeds_goes_to_workers_that_embed() {
     let grant = table.grant(now()).unwrap();
     assert_eq!((grant.worker, grant.job), (able, job));
     table.complete(able, grant.lease, answers(&grant), now()).unwrap();
-    // Nor does it audit.
+    // It does not audit either.
     table.grant(now());
     assert!(matches!(
         results(table.take_events())[..],
@@ -185,7 +185,7 @@ fn what_a_liar_alone_could_do_ends_the_job_once_the_liar_is_found_wrong() {
     let (mut table, []) = workers([]);
     table.submit(audited(1));
     let liar = join(&mut table, process(7), 1);
-    // Another machine is there, so that the audit is not waived.
+    // Another machine is connected, so that the audit is not waived.
     let hangs = join(&mut table, process(8), 0);
     let lie = table.grant(now()).unwrap();
     table.complete(liar, lie.lease, vec![13], now()).unwrap();
@@ -213,7 +213,7 @@ fn what_the_only_machine_cannot_do_ends_the_job_unless_another_comes_in_time() {
     let grant = table.grant(start).unwrap();
     table.refuse(grant.worker, grant.lease, start);
     assert_eq!(table.grant(start), None);
-    // Where nobody is left it waits for whoever comes.
+    // Without any worker, the task waits for a new one.
     for worker in only {
         table.lose(worker);
     }

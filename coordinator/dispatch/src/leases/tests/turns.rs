@@ -101,7 +101,7 @@ fn silence_is_noticed() {
     assert_eq!(table.silent(later, Duration::from_secs(30)), []);
 }
 
-/// Sizes of the batches of a job, where every worker answers in turn and asks for as much again.
+/// Sizes of the batches of a job. Every worker answers in turn and asks for as many tasks again.
 fn sizes(table: &mut LeaseTable<u64>, tasks: usize) -> Vec<usize> {
     table.submit(params(tasks));
     let (mut sizes, mut out) = (Vec::new(), VecDeque::new());
