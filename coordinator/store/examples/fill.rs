@@ -1,5 +1,5 @@
-//! Fills a new data directory with a campaign of any number of individuals, whose behaviours and pictures are made up:
-//! what the rest of the system does with a large archive can then be measured without evaluating one.
+//! Fills a new data directory with a campaign of any number of individuals, whose behaviours and pictures are made up: the rest of
+//! the system can then be measured with a large archive, without evaluating one.
 //!
 //! `fill DIR INDIVIDUALS [POPULATION]`. The last generation is left out and the campaign is running, so that a coordinator
 //! goes on with it. A picture shows 24 arcs, up to 384 pixels that are not black, and takes no fewer bytes than a real one.

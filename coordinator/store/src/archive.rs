@@ -23,7 +23,7 @@ pub struct GenerationRecord {
     pub best_novelty: f64,
     /// Their mean novelty.
     pub mean_novelty: f64,
-    /// Proposals that the filter turned away while it was made.
+    /// Proposals that the filter rejected while it was made.
     pub filtered: u64,
 }
 
@@ -39,7 +39,7 @@ impl From<GenerationRecord> for v1::GenerationSummary {
 }
 
 impl GenerationRecord {
-    /// The record of a generation whose individuals are of this novelty.
+    /// The record of a generation whose individuals have this novelty.
     #[must_use]
     pub fn of(generation: u32, novelty: &[f64], filtered: u64) -> Self {
         Self {
@@ -68,7 +68,7 @@ impl Store {
     /// and provenance included, in one transaction.
     ///
     /// # Errors
-    /// If it cannot be written; then none of it was.
+    /// If it cannot be written; then nothing was.
     pub fn commit_generation(
         &self,
         campaign: &CampaignId,
@@ -76,7 +76,7 @@ impl Store {
         individuals: &[ArchivedIndividual],
         provenance: &Provenance,
     ) -> Result<(), StoreError> {
-        // Before the connection is taken, so that nobody waits for it.
+        // Compressed before the connection is taken, so that nobody waits for it.
         let images = compressed(individuals)?;
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
@@ -119,7 +119,7 @@ impl Store {
         })
     }
 
-    /// The scale of an archive's behaviour space, by its first generation and the checkpoint that embeds it.
+    /// The scale of an archive's behaviour space, from its first generation and the checkpoint that embeds it.
     pub fn scale(&self, record: &CampaignRecord) -> Result<Scale, StoreError> {
         let spec = &record.spec;
         let len = match spec.space() {
@@ -226,13 +226,13 @@ impl Store {
         })
     }
 
-    /// The most novel individuals, each of another generation, by their novelty when evaluated: those of so many generations. Each
-    /// with its generation and novelty.
+    /// The most novel individual of each of the `count` generations with the highest novelty when evaluated, with its generation
+    /// and novelty.
     pub fn most_novel(&self, campaign: &CampaignId, count: u32) -> Result<Vec<(u64, u32, f64)>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
             let mut statement = connection.prepare_cached(
-                // The generations first: the individuals of one are sorted, and there may be many generations.
+                // Chooses the generations first, so that only their individuals are sorted: there may be many generations.
                 "SELECT (SELECT place FROM individuals i WHERE i.campaign = ?1 AND i.place BETWEEN
                         g.generation * p.size AND (g.generation + 1) * p.size - 1 ORDER BY novelty DESC, place LIMIT 1),
                     g.generation, g.best_novelty
@@ -273,7 +273,7 @@ pub(super) fn insert_generation(
     Ok(())
 }
 
-/// Adds individuals with their images, which are compressed already, and their embeddings.
+/// Adds individuals with their compressed images and their embeddings.
 pub(super) fn insert_individuals(
     transaction: &Transaction<'_>,
     campaign: i64,

@@ -1,8 +1,8 @@
-//! Backups: a data directory copied at one instant, whoever works on it, and put back.
+//! Backups: copies of a data directory at one instant, even while a coordinator works on it, and their restoration.
 //!
-//! A backup is a folder like a data directory, so that the doctor can look at it, with a manifest beside. It appears under
-//! its name once it is whole, checked and on disk. Limits: caches, reports and what was measured of studies are made anew, and
-//! a bucket of checkpoints is backed up where it is.
+//! A backup is a folder like a data directory, so that the doctor can examine it, plus a manifest. It gets its name once it is
+//! whole, checked and on disk. Limits: caches, reports and measurements of studies are not copied, because they can be made again;
+//! checkpoints in a bucket are to be backed up there.
 
 mod studies;
 
@@ -46,7 +46,7 @@ pub struct Manifest {
     pub checkpoint_store: Option<String>,
 }
 
-/// Why there is no backup, or nothing was put back.
+/// Why a backup or a restore failed.
 #[derive(Debug, thiserror::Error)]
 pub enum BackupError {
     /// The database cannot be read or written.
@@ -62,7 +62,7 @@ pub enum BackupError {
         path: PathBuf,
         source: io::Error,
     },
-    /// Nothing can be copied into the folder that was named.
+    /// The named target folder cannot be used.
     #[error(transparent)]
     Target(#[from] TargetError),
     #[error("{path} is no backup ({reason}): `murmuration backup DIR` makes one")]
@@ -73,12 +73,11 @@ pub enum BackupError {
         /// The data directory, or the backup.
         path: PathBuf,
     },
-    /// It was told to end.
     #[error("interrupted: nothing was written")]
     Interrupted(#[from] Interrupted),
 }
 
-/// Why nothing can be copied into a folder.
+/// Why a target folder cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum TargetError {
     /// Something is there already.
@@ -89,13 +88,13 @@ pub enum TargetError {
         "{path} is in the data directory {data}: name a folder elsewhere, on another disk if there is one"
     )]
     Within { path: PathBuf, data: PathBuf },
-    /// It, or the data directory, cannot be looked into.
+    /// The target or the data directory cannot be read.
     #[error("cannot look into {path}: {source}")]
     Folder { path: PathBuf, source: io::Error },
 }
 
-/// Copies the data directory `data`, whose checkpoints are kept at `location` (in it if there is none), as it stands at one
-/// instant, into the new folder `target`; a coordinator may be at work on it. Checks `interrupt` between files.
+/// Copies the data directory `data`, as of one instant, into the new folder `target`. A coordinator may be working on `data`. The
+/// checkpoints are at `location`, or in `data` if it is `None`. Checks `interrupt` between files.
 ///
 /// # Errors
 /// See [`BackupError`]; there is no `target` then.
@@ -106,7 +105,7 @@ pub async fn backup(
     interrupt: &Interrupt,
 ) -> Result<Manifest, BackupError> {
     let target = &check_target(data, target)?;
-    // Before a folder is made for it.
+    // Checked before any folder is made.
     let database = data.join(Store::FILE);
     if !find_database(&database)? {
         return Err(StoreError::NoDirectory(data.to_path_buf()).into());
@@ -138,7 +137,7 @@ pub async fn backup(
     Ok(manifest)
 }
 
-/// Puts the backup `from` back as the data directory `data`, which must be empty or not exist. Checks `interrupt` between files.
+/// Restores the backup `from` as the data directory `data`, which must be empty or not exist. Checks `interrupt` between files.
 ///
 /// # Errors
 /// See [`BackupError`]; there is no database in `data` then.
@@ -152,17 +151,17 @@ pub async fn restore(from: &Path, data: &Path, interrupt: &Interrupt) -> Result<
     }
     let is_new = !is_there(data).map_err(failed("find", data))?;
     let held = DataDirectory::hold(data)?;
-    // Nobody else puts anything there from here on; but for the lock somebody may have, since it was looked into.
+    // This process holds the folder now, but another may have written there since the check: only the lock file may be there.
     if fs::read_dir(data).map_err(failed("look into", data))?.count() > 1 {
         return Err(TargetError::NotEmpty(data.to_path_buf()).into());
     }
     let mut placed = Vec::new();
     let restored = put_back(from, data, (&manifest, interrupt), &mut placed).await;
     if restored.is_err() {
-        // Leftovers would be in the way of the next try, which reports those that cannot be removed here.
+        // Leftovers would block the next try, which reports those that cannot be removed here.
         clear(data, &placed);
         if is_new {
-            // Not if somebody else has put something there.
+            // Does not remove a folder in which another process has put something.
             let _ = fs::remove_file(data.join(DataDirectory::LOCK));
             let _ = fs::remove_dir(data);
         }
@@ -171,17 +170,17 @@ pub async fn restore(from: &Path, data: &Path, interrupt: &Interrupt) -> Result<
     restored.map(|()| manifest)
 }
 
-/// Folder of a data directory that is being restored.
+/// Folder in a data directory to which a restore copies the files before it moves them.
 const RESTORING: &str = "restoring";
 
-/// Fills an empty folder from a backup that is whole. `placed` gets the names of what it made.
+/// Fills an empty folder from a whole backup. `placed` gets the names of the entries made.
 async fn put_back(
     from: &Path,
     data: &Path,
     (manifest, interrupt): (&Manifest, &Interrupt),
     placed: &mut Vec<&'static str>,
 ) -> Result<(), BackupError> {
-    // Under its own name only when everything that it names is there.
+    // The database gets its name only when everything that it refers to is there.
     let arriving = data.join(RESTORING);
     fs::create_dir(&arriving).map_err(failed("make", &arriving))?;
     placed.push(RESTORING);
@@ -211,15 +210,15 @@ fn clear(folder: &Path, placed: &[&str]) {
     }
 }
 
-/// Copies a database, then every checkpoint that the copy names, and the studies; the digests of the checkpoints. Checkpoints
-/// never go, so those are there.
+/// Copies a database, then every checkpoint that the copy names, and the studies. Returns the digests of the checkpoints.
+/// Checkpoints are never deleted, so all that the copy names are there.
 async fn copy(
     data: &Path,
     location: Option<&str>,
     folder: &Path,
     interrupt: &Interrupt,
 ) -> Result<Vec<CheckpointDigest>, BackupError> {
-    // Where nobody holds it, nobody may begin to.
+    // If no process holds the data directory, none may begin to during the copy.
     let alone = match DataDirectory::watch(data) {
         Ok(lock) => Some(lock),
         Err(StoreError::InUse { .. }) => None,
@@ -254,7 +253,7 @@ async fn copy(
     Ok(digests)
 }
 
-/// Whether a copy is sound; if not, that of which it is a copy is to blame.
+/// Checks that a copy is sound. If not, the error names the original, `of`.
 async fn check(folder: &Path, location: Option<&str>, of: &Path) -> Result<(), BackupError> {
     match doctor::examine(folder, location).await? {
         found if found.is_healthy() => Ok(()),
@@ -264,7 +263,7 @@ async fn check(folder: &Path, location: Option<&str>, of: &Path) -> Result<(), B
     }
 }
 
-/// The folder that something is in.
+/// The parent folder of a path; `.` for a bare name.
 fn above(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if parent != Path::new("") => parent,
@@ -272,7 +271,7 @@ fn above(path: &Path) -> &Path {
     }
 }
 
-/// Makes a folder, and those above it, where they do not exist; they are on disk then.
+/// Makes a folder and its missing parents, and syncs them to disk.
 fn make_folders(folder: &Path) -> Result<(), BackupError> {
     let mut missing = Vec::new();
     for folder in folder.ancestors() {
@@ -311,7 +310,7 @@ fn read_manifest(folder: &Path) -> Result<Manifest, BackupError> {
     }
 }
 
-/// `target` without links, if something of the data directory `data` can be copied into it.
+/// Checks that `target` is empty and not in the data directory `data`, and returns it without links.
 fn check_target(data: &Path, target: &Path) -> Result<PathBuf, TargetError> {
     check_empty(target)?;
     let whole = without_links(target).map_err(unknown(target))?;
@@ -324,7 +323,7 @@ fn check_target(data: &Path, target: &Path) -> Result<PathBuf, TargetError> {
     Ok(whole)
 }
 
-/// Whether a folder is empty, or not there.
+/// Checks that a folder is empty or does not exist.
 fn check_empty(folder: &Path) -> Result<(), TargetError> {
     match is_empty(folder).map_err(unknown(folder))? {
         true => Ok(()),

@@ -1,4 +1,4 @@
-//! Work that computes or waits for the disk, where it does not hold up the network.
+//! Runs work that computes or waits for the disk on threads where it does not hold up the network.
 
 mod turns;
 
@@ -15,7 +15,7 @@ use turns::Turn;
 
 /// Threads of [`in_background`].
 const BACKGROUND_THREADS: usize = 8;
-/// Their priority: of a core that campaigns want too, one such thread gets a tenth. With more, a guest who opens hundreds of pages
+/// Their priority: one such thread gets a tenth of a core that campaigns also use. With more, a guest who opens hundreds of pages
 /// would slow campaigns by more than a fifth.
 const NICE: i32 = 10;
 
@@ -28,7 +28,7 @@ pub struct Broken;
 #[derive(Debug, Clone)]
 pub enum Priority {
     Normal,
-    /// All its work has the threads of [`in_background`], as the turns allow, unless it is [`changing`] the store.
+    /// All its work runs on the threads of [`in_background`], as the turns allow, except for [`changing`] the store.
     Low(Turns),
 }
 
@@ -36,13 +36,13 @@ tokio::task_local! {
     static TASK: (Arc<dyn Any + Send + Sync>, Priority);
 }
 
-/// Runs `task` with a priority. All work that it gives to [`blocking`] and [`in_background`] holds `held` until that work has ended,
-/// even if `task` is dropped before: a request's seat is not free while somebody still works for it.
+/// Runs `task` with a priority. All work that it gives to [`blocking`] and [`in_background`] holds `held` until that work has
+/// ended, even if `task` is dropped before: a request's seat is not free while a thread still works for the request.
 pub async fn holding<F: Future>(held: Arc<dyn Any + Send + Sync>, priority: Priority, task: F) -> F::Output {
     TASK.scope((held, priority), task).await
 }
 
-/// Spawns `task`, which holds what this task holds and has its priority, as a part of an answer that is read while it is sent.
+/// Spawns `task`, which makes a part of a response while the response is sent. It holds what this task holds, and has its priority.
 pub fn spawn(task: impl Future<Output = ()> + Send + 'static) {
     let this = TASK.try_with(Clone::clone);
     match this {
@@ -51,8 +51,8 @@ pub fn spawn(task: impl Future<Output = ()> + Send + 'static) {
     }
 }
 
-/// Runs `work` on a thread that may block: a campaign or a decision waits for it, or it takes a moment. In a task of low priority it
-/// has a thread of low priority. What has not begun when the future is dropped does not begin.
+/// Runs `work` on a thread that may block: work that a campaign or a decision waits for, or that takes only a moment. In a task of
+/// low priority, it gets a thread of low priority. Work that has not begun when the future is dropped never begins.
 ///
 /// # Errors
 /// [`Broken`] if it panics.
@@ -71,8 +71,8 @@ pub async fn changing<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'stat
     run(Handle::current(), |_| work()).await
 }
 
-/// Runs `work`, which somebody wants to look at and no campaign waits for, on one of a few threads of low priority, or with normal
-/// priority as far as the task's [`Turns`] allow. It is interrupted when the future is dropped, as when a request's client goes; what has not begun by then does not begin.
+/// Runs `work` that a client waits for but no campaign, on one of a few threads of low priority, or with normal priority as far as
+/// the task's [`Turns`] allow. If the future is dropped, as when a request's client goes, the work is interrupted, or never begins.
 ///
 /// # Errors
 /// [`Broken`] if it panics.
@@ -95,7 +95,7 @@ pub async fn in_background<T: Send + 'static>(
     run(threads, work).await
 }
 
-/// The turns of this task; none if it has normal priority.
+/// The turns of this task; `None` if it has normal priority.
 fn turns() -> Option<Turns> {
     let turns = TASK.try_with(|(_, priority)| match priority {
         Priority::Low(turns) => Some(turns.clone()),
@@ -110,7 +110,7 @@ async fn run<T: Send + 'static>(
 ) -> Result<T, Broken> {
     let wanted = Wanted(Interrupt::default());
     let done = threads.spawn_blocking(wanted.by_a_thread(work));
-    // Nobody is told that it did not begin.
+    // Work that never began has no caller left, so nobody sees this error.
     done.await.ok().flatten().ok_or(Broken)
 }
 
@@ -119,7 +119,7 @@ pub(crate) fn is_in_background() -> bool {
     IN_BACKGROUND.get()
 }
 
-/// This thread does work of [`in_background`] until this is dropped.
+/// Marks this thread as doing work of [`in_background`] until dropped.
 struct Marked;
 
 impl Marked {
@@ -139,7 +139,8 @@ impl Drop for Marked {
 struct Wanted(Interrupt);
 
 impl Wanted {
-    /// `work` for another thread: `None` if it is no longer wanted when the thread begins. It keeps what the task holds.
+    /// Wraps `work` for another thread: it returns `None` if it is no longer wanted when the thread begins. It keeps what the task
+    /// holds until it ends.
     fn by_a_thread<T, W: FnOnce(&Interrupt) -> T>(&self, work: W) -> impl FnOnce() -> Option<T> + use<T, W> {
         let held = TASK.try_with(|(held, _)| Arc::clone(held)).ok();
         let interrupt = self.0.clone();
@@ -161,7 +162,7 @@ thread_local! {
     static IN_BACKGROUND: Cell<bool> = const { Cell::new(false) };
 }
 
-/// The process's threads of low priority; `None` where the system has no thread left.
+/// The process's threads of low priority; `None` if the system has no thread left.
 static BACKGROUND: LazyLock<Option<Runtime>> = LazyLock::new(|| {
     let threads = Builder::new_current_thread()
         .max_blocking_threads(BACKGROUND_THREADS)
@@ -179,7 +180,7 @@ fn background() -> Handle {
     threads.map_or_else(Handle::current, |threads| threads.handle().clone())
 }
 
-/// Elsewhere a priority is that of the whole process.
+/// Only on Linux: elsewhere a priority applies to the whole process.
 #[cfg(target_os = "linux")]
 fn lower_priority() {
     if let Err(error) = rustix::process::setpriority_process(None, NICE) {

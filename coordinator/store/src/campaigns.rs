@@ -12,11 +12,11 @@ use murmuration_proto::{
 };
 use rusqlite::{Connection, OptionalExtension as _, Params, Row, params};
 
-/// A campaign that was asked for.
+/// A campaign that a request started.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Started {
     pub id: CampaignId,
-    /// Whether it was started now, and not when its request came before.
+    /// Whether it was started now, and not when the same request came before.
     pub is_new: bool,
 }
 
@@ -33,7 +33,7 @@ const SELECT: &str = "
     FROM campaigns c LEFT JOIN generations l ON l.campaign = c.number
         AND l.generation = (SELECT max(generation) FROM generations g WHERE g.campaign = c.number)";
 
-/// A specification begins with its fields that are in no table.
+/// The text of a specification begins with the fields that are in no TOML table.
 const HEADS: &str = "
     SELECT id, study, state, substr(spec, 1, instr(spec || char(10) || '[', char(10) || '[')) AS opening
     FROM campaigns WHERE state <> ?1 ORDER BY number";
@@ -56,8 +56,8 @@ impl Store {
         Ok(self.start_campaign(&new, created_ms)?.id)
     }
 
-    /// Stores a new, running campaign and names it `NAME-N`, or finds the one that its request started before. One that searches
-    /// with a published checkpoint moves to that first.
+    /// Stores a new, running campaign and names it `NAME-N`, or finds the one that its request started before. A campaign that
+    /// searches with a published checkpoint first moves to it.
     ///
     /// # Errors
     /// [`StoreError::OtherRequest`] if its request started another campaign before, [`StoreError::NoCheckpoint`] if there is no
@@ -114,7 +114,7 @@ impl Store {
         self.read(|connection| records(connection, "TRUE ORDER BY c.number", []))
     }
 
-    /// Every campaign, oldest first, as far as a list is searched by it.
+    /// The fields of every campaign by which lists are searched, oldest first.
     pub fn campaign_heads(&self) -> Result<Vec<CampaignHead>, StoreError> {
         self.read(|connection| {
             let mut statement = connection.prepare_cached(HEADS)?;
@@ -144,7 +144,7 @@ impl Store {
         })
     }
 
-    /// Moves a campaign to `state`, with why it failed if it did.
+    /// Moves a campaign to `state`, with the reason if it failed.
     pub fn set_state(&self, id: &CampaignId, state: CampaignState, error: &str) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, id)?;
@@ -157,7 +157,7 @@ impl Store {
     }
 }
 
-/// The campaign that a request started before, which must have asked for the same.
+/// The campaign that the request started before; an error if it asked for something else then.
 fn started_by(
     connection: &Connection,
     request: &RequestId,
@@ -182,12 +182,12 @@ fn started_by(
     }
 }
 
-/// When a campaign ends that comes to this state now; nothing of one that runs.
+/// End time of a campaign that enters this state now; `None` if it runs.
 pub(super) fn ended_ms(state: CampaignState) -> Option<i64> {
     (state != CampaignState::Running).then(now_ms)
 }
 
-/// The number of the next campaign: larger than that of any that there is, or was.
+/// The number of the next campaign: larger than that of any campaign, deleted ones included.
 pub(super) fn next_number(connection: &Connection) -> Result<i64, StoreError> {
     let next = "SELECT coalesce(max(number), 0) + 1 FROM
         (SELECT max(number) AS number FROM campaigns UNION SELECT max(number) FROM deleted)";
@@ -228,7 +228,7 @@ const LONGEST_ID: usize = 128;
 
 fn unknown(connection: &Connection, id: &str) -> Result<UnknownCampaign, StoreError> {
     let mut known: Vec<String> = Vec::new();
-    // `latest` is missing only where there is nothing.
+    // `latest` is not a misspelt id.
     if id != "latest" && id.len() <= LONGEST_ID {
         let mut statement =
             connection.prepare("SELECT id FROM campaigns WHERE state <> ?1 ORDER BY number")?;
@@ -242,7 +242,7 @@ fn unknown(connection: &Connection, id: &str) -> Result<UnknownCampaign, StoreEr
     })
 }
 
-/// The campaigns of which the condition `which` holds, apart from those that nobody sees.
+/// The campaigns for which the condition `which` holds, except hidden ones.
 fn records(
     connection: &Connection,
     which: &str,
@@ -272,7 +272,7 @@ fn record(row: &Row<'_>) -> Result<CampaignRecord, StoreError> {
         weight: Weight::try_from(row.get::<_, u32>("weight")?).map_err(invalid)?,
         study: study_name(row.get("study")?).map_err(invalid)?,
         state: CampaignState::from_name(&state).ok_or_else(|| damaged(format!("state {state:?}")))?,
-        // It may quote a machine.
+        // The error may quote a machine.
         error: Text::line(&row.get::<_, String>("error")?).into(),
         created_ms: count("created_ms")?,
         ended_ms: row.get::<_, Option<i64>>("ended_ms")?.map(i64::unsigned_abs),

@@ -22,7 +22,7 @@ use std::{
 };
 use tokio::sync;
 
-/// Where published embedders are kept; cheap to clone.
+/// The store of published embedders; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Checkpoints {
     store: Store,
@@ -30,13 +30,13 @@ pub struct Checkpoints {
     fetched: Arc<Mutex<HashMap<CheckpointDigest, Fetched>>>,
 }
 
-/// The bytes of a checkpoint, as long as somebody has them: whoever asks meanwhile shares them.
+/// The bytes of a checkpoint, while a caller holds them: concurrent callers share them.
 type Fetched = Arc<sync::Mutex<Weak<Shared>>>;
 
 #[derive(Debug)]
 struct Shared(Bytes);
 
-/// One of those who have the bytes.
+/// One holder of shared bytes.
 struct Sharer(Arc<Shared>);
 
 impl AsRef<[u8]> for Sharer {
@@ -48,7 +48,7 @@ impl AsRef<[u8]> for Sharer {
 /// Why a checkpoint cannot be stored or read.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
-    /// The place named is none that checkpoints can be kept in.
+    /// Checkpoints cannot be kept at the named location.
     #[error(
         "checkpoints cannot be kept at {location}: {reason}; make it reachable and writable, or name another with \
          --checkpoint-store"
@@ -58,12 +58,12 @@ pub enum CheckpointError {
         location: String,
         reason: String,
     },
-    /// The database says no.
+    /// The database cannot be read or written, or has no such checkpoint.
     #[error(transparent)]
     Store(#[from] StoreError),
     #[error("checkpoint store: {0}")]
     Objects(#[from] object_store::Error),
-    /// The bytes are no embedder that workers could run.
+    /// The bytes are not an embedder that workers can run.
     #[error(transparent)]
     Model(#[from] ModelError),
     /// The bytes of a stored checkpoint are gone.
@@ -75,7 +75,7 @@ pub enum CheckpointError {
         /// The file or object that should hold it.
         place: String,
     },
-    /// The bytes of a stored checkpoint are others than those that were stored.
+    /// The bytes of a stored checkpoint have changed.
     #[error(
         "{place} is damaged (its bytes have digest {found}): `murmuration doctor` says what else is damaged"
     )]
@@ -85,7 +85,7 @@ pub enum CheckpointError {
         /// The digest of its bytes.
         found: CheckpointDigest,
     },
-    /// The bytes are not those that the digest names.
+    /// The received bytes do not have the announced digest.
     #[error("checkpoint {wanted}: the bytes that came have digest {found}; publish or import it again")]
     Mismatch {
         /// The digest announced.
@@ -102,7 +102,7 @@ pub enum CheckpointError {
         /// The campaign's pictures.
         pictures: PictureShape,
     },
-    /// The waiting thread broke (a bug).
+    /// The thread that did the work panicked (a bug).
     #[error("reading the store broke off unexpectedly (this is a bug)")]
     Broken,
 }
@@ -127,7 +127,7 @@ impl Checkpoints {
         })
     }
 
-    /// Tries out whether checkpoints can be kept where they are to be.
+    /// Tests whether checkpoints can be kept at their location.
     ///
     /// # Errors
     /// [`CheckpointError::Location`] where they cannot.
@@ -135,8 +135,8 @@ impl Checkpoints {
         self.blob_store.try_out().await
     }
 
-    /// Checks every checkpoint in a folder against its digest; those in a bucket are checked when they are fetched. One
-    /// that is missing is logged: only a campaign that comes to need it fails of it.
+    /// Checks every checkpoint in a folder against its digest; those in a bucket are checked when they are fetched. A missing one
+    /// is only logged: a campaign that needs it fails.
     ///
     /// # Errors
     /// [`CheckpointError::Damaged`], or if they cannot be read.
@@ -154,12 +154,12 @@ impl Checkpoints {
         Ok(())
     }
 
-    /// Stores a checkpoint; on disk when this returns. The same bytes again change nothing. It has seen what its parent
-    /// has seen.
+    /// Stores a checkpoint; it is on disk when this returns. Publishing the same bytes again changes nothing. The labelled pictures
+    /// of its parent become its own too.
     ///
     /// # Errors
-    /// [`CheckpointError::Model`] where the bytes are no embedder; [`StoreError::NoCheckpoint`] where its parent is not
-    /// here; otherwise if it cannot be stored.
+    /// [`CheckpointError::Model`] if the bytes are no embedder; [`StoreError::NoCheckpoint`] if its parent is not stored here;
+    /// others if it cannot be stored.
     pub async fn publish(
         &self,
         mut lineage: Lineage,
@@ -189,7 +189,7 @@ impl Checkpoints {
         .await
     }
 
-    /// Keeps the bytes of a checkpoint of this digest, of which there is no description yet; on disk when this returns.
+    /// Stores the bytes of a checkpoint that has no description yet; they are on disk when this returns.
     ///
     /// # Errors
     /// If they cannot be stored.
@@ -213,7 +213,7 @@ impl Checkpoints {
         self.on_disk(Store::checkpoints).await
     }
 
-    /// The ONNX bytes of a checkpoint, checked against its digest. All who have them at once share one copy.
+    /// The ONNX bytes of a checkpoint, checked against its digest. Concurrent callers share one copy.
     ///
     /// # Errors
     /// If there is none of that digest, or its bytes are gone or damaged.
@@ -229,7 +229,7 @@ impl Checkpoints {
         Ok(Bytes::from_owner(Sharer(bytes)))
     }
 
-    /// Forgets those that nobody has or asks for.
+    /// The entry of a checkpoint. Drops the entries of those that no caller holds or waits for.
     fn fetched(&self, digest: CheckpointDigest) -> Fetched {
         let mut all = self.fetched.lock().unwrap_or_else(PoisonError::into_inner);
         let is_idle = |fetched: &Fetched| fetched.try_lock().is_ok_and(|bytes| bytes.strong_count() == 0);
@@ -342,9 +342,9 @@ mod tests {
             matches!(&error, CheckpointError::Damaged { place, .. } if place.contains(&digest.to_string())),
             "{error}"
         );
-        let said = checkpoints.verify().await.unwrap_err().to_string();
-        assert!(said.contains("murmuration doctor"), "{said}");
-        // A missing checkpoint stops nobody who does not need it, and comes back with the same bytes.
+        let message = checkpoints.verify().await.unwrap_err().to_string();
+        assert!(message.contains("murmuration doctor"), "{message}");
+        // A missing checkpoint does no harm until it is needed, and publishing the same bytes brings it back.
         std::fs::remove_file(folder.path().join(format!("checkpoints/{digest}.onnx"))).unwrap();
         checkpoints.verify().await.unwrap();
         let error = checkpoints.fetch(digest).await.unwrap_err();
@@ -361,8 +361,8 @@ mod tests {
     async fn a_checkpoint_that_is_not_there_is_named() {
         let (_folder, checkpoints) = open();
         let digest = CheckpointDigest::of(b"nothing");
-        let said = checkpoints.fetch(digest).await.unwrap_err().to_string();
-        assert!(said.contains(&digest.to_string()), "{said}");
+        let message = checkpoints.fetch(digest).await.unwrap_err().to_string();
+        assert!(message.contains(&digest.to_string()), "{message}");
     }
 
     #[test]
@@ -374,13 +374,13 @@ mod tests {
             ("gopher://x/y", "gopher://x/y"),
             ("gopher://ana:swordfish@x/y", "gopher://***@x/y"),
         ] {
-            let said = Checkpoints::open(store.clone(), folder.path(), Some(location))
+            let message = Checkpoints::open(store.clone(), folder.path(), Some(location))
                 .unwrap_err()
                 .to_string();
             assert!(
-                said.starts_with(&format!("checkpoints cannot be kept at {shown}"))
-                    && !said.contains("swordfish"),
-                "{said}"
+                message.starts_with(&format!("checkpoints cannot be kept at {shown}"))
+                    && !message.contains("swordfish"),
+                "{message}"
             );
         }
     }

@@ -1,7 +1,7 @@
-//! Images as they stand in columns: compressed, since most pixels of a behaviour's picture are black.
+//! Compression of images in columns: most pixels of a behaviour's picture are black.
 //!
-//! Each is a zstd frame of its own, so that one can be read without others. The frame says how large the image is, and ends
-//! with a checksum of it. Limits: knows images only, not whose they are.
+//! Each is a zstd frame of its own, so that one can be read without others. The frame gives the size of the image, and ends with
+//! its checksum.
 
 use super::StoreError;
 use murmuration_proto::CampaignSpec;
@@ -12,14 +12,14 @@ use zstd::{
     zstd_safe::{self, CParameter},
 };
 
-/// Higher levels save less than a tenth of the bytes and take twice the time and more (docs/performance.md).
+/// Higher levels save less than a tenth of the bytes and take at least twice the time (docs/performance.md).
 const LEVEL: i32 = 1;
 
 /// Compresses images, one after the other.
 pub(super) struct Compressor(bulk::Compressor<'static>);
 
 impl Compressor {
-    /// Ready for any number of images.
+    /// A compressor for any number of images.
     ///
     /// # Errors
     /// [`StoreError::Compression`] if there is no memory for it.
@@ -46,15 +46,15 @@ pub(super) struct Decompressor {
     pixels: usize,
 }
 
-/// Why the value of a column is no image of the campaign, in words for behind "it is".
+/// Why decoding failed, phrased to follow "it is".
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum NoImage {
-    /// The frame does not say that it is of this many pixels, or it is no frame.
+    /// The frame gives another size than this many pixels, or it is no frame.
     Size {
         /// Pixels of each image of the campaign.
         pixels: usize,
     },
-    /// The frame cannot be decompressed, or what comes out does not have its checksum.
+    /// The frame cannot be decompressed, or the result does not have its checksum.
     Damaged,
 }
 
@@ -68,7 +68,7 @@ impl fmt::Display for NoImage {
 }
 
 impl Decompressor {
-    /// For the pictures of the dataset of the campaign with this number: one a value.
+    /// For the pictures of the dataset of the campaign with this number: one picture per value.
     ///
     /// # Errors
     /// If the campaign's specification cannot be read, and [`StoreError::Compression`] if there is no memory.
@@ -76,7 +76,7 @@ impl Decompressor {
         Self::new(spec(connection, campaign)?.image().bytes())
     }
 
-    /// For the pictures of its individuals: those of all trials in one value.
+    /// For the pictures of a campaign's individuals: those of all trials in one value.
     ///
     /// # Errors
     /// As [`Decompressor::of_dataset`].
@@ -89,15 +89,15 @@ impl Decompressor {
         Ok(Self { frames, pixels })
     }
 
-    /// The image in the value of a column. Takes no memory for more pixels than an image of the campaign has, whatever the
-    /// value says.
+    /// Decompresses the image in the value of a column. Never takes memory for more pixels than an image of the campaign has,
+    /// whatever size the value gives.
     ///
     /// # Errors
     /// See [`NoImage`].
     pub(super) fn decompress(&mut self, column: &[u8]) -> Result<Vec<u8>, NoImage> {
         let pixels = self.pixels;
         match zstd_safe::get_frame_content_size(column) {
-            Ok(Some(said)) if said == pixels as u64 => {}
+            Ok(Some(message)) if message == pixels as u64 => {}
             _ => return Err(NoImage::Size { pixels }),
         }
         let image = self.frames.decompress(column, pixels);

@@ -1,4 +1,4 @@
-//! Deleting a campaign with everything that is of it alone.
+//! Deletes a campaign with everything that belongs to it alone.
 
 use super::{
     Store, StoreError,
@@ -69,10 +69,9 @@ impl Store {
         })
     }
 
-    /// Deletes a campaign with everything that is of it alone; checkpoints stay. One short transaction decides, after which nobody
-    /// sees it; many others remove its rows, or those of the next start do, if they cannot. Its number, and so its id, is never
-    /// given again. A campaign of a study is only deleted for somebody who names the study. `has_failed` says that its run failed
-    /// and could not write that down.
+    /// Deletes a campaign with everything that belongs to it alone; checkpoints stay. One short transaction hides it; many others
+    /// remove its rows, or the next start does if they fail. Its number, and so its id, is never used again. A campaign of a study
+    /// is only deleted if `study` names the study. `has_failed` means that its run failed and could not record that.
     ///
     /// # Errors
     /// [`DeletionError`]; nothing was deleted then.

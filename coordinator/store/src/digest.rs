@@ -1,4 +1,4 @@
-//! The digest of an archive: what two runs of one specification must have in common.
+//! The digest of an archive, which two runs of one specification must have in common.
 
 use crate::{ArchivedIndividual, Store, StoreError};
 use murmuration_model::CampaignId;
@@ -54,13 +54,13 @@ impl ArchiveHasher {
     }
 }
 
-/// Digests the archive as far as it is complete: for each individual in index order its genes and the features
-/// (f64, little-endian), image, embedding (f32, little-endian; if it has one) and verdict (its number in messages, a byte; if it has
-/// one) of each of its trials. Names, times, seeds and novelty are left out: they follow from the
-/// specification, or do not matter to the outcome.
+/// Digests the archive as far as it is complete: for each individual in index order its genes and the features (f64,
+/// little-endian), image, embedding (f32, little-endian; if it has one) and verdict (its number in messages, a byte; if it has one)
+/// of each of its trials. Names, times, seeds and novelty are left out: they follow from the specification, or do not matter to the
+/// outcome.
 ///
 /// # Errors
-/// If the archive cannot be read, or nobody wants the digest any more.
+/// If the archive cannot be read, or the digest is no longer wanted.
 pub fn digest(
     store: &Store,
     campaign: &CampaignId,

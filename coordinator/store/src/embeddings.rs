@@ -12,7 +12,7 @@ use murmuration_model::{CampaignId, CampaignState};
 use murmuration_proto::{CheckpointDigest, mean_embedding};
 use rusqlite::{Transaction, params};
 
-/// Changes of an archive that switches to the next checkpoint: everything that is measured in its space.
+/// Changes of an archive that switches to the next checkpoint: everything that is measured in the new space.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Switch {
     /// Novelty of every individual, by index.
@@ -34,11 +34,10 @@ impl Store {
         })
     }
 
-    /// Adds embeddings by the next checkpoint, one a trial, the first those of individual `place`, and where they come from, in one
-    /// transaction.
+    /// Adds embeddings by the next checkpoint, one per trial, from individual `place` on, and their provenance, in one transaction.
     ///
     /// # Errors
-    /// If they cannot be written; then none of them was.
+    /// If they cannot be written; then none was.
     pub fn add_embeddings(
         &self,
         campaign: &CampaignId,
@@ -60,8 +59,8 @@ impl Store {
         })
     }
 
-    /// Switches a campaign's archive to the next checkpoint, in one transaction: its embeddings and all that was
-    /// measured with the former ones. The taxonomy, if there was one, stays as a former version.
+    /// Switches a campaign's archive to the next checkpoint, in one transaction: its embeddings and everything that is measured
+    /// with them. The taxonomy, if there was one, stays as a former version.
     ///
     /// # Errors
     /// If it cannot be written; then nothing has changed.
@@ -100,8 +99,8 @@ impl Store {
         })
     }
 
-    /// The embeddings by the next checkpoint, of `dimensions` numbers each, from that of individual 0 on, as far as there are
-    /// any: means over trials.
+    /// The embeddings by the next checkpoint, from individual 0 on, as far as there are any: means over trials, of `dimensions`
+    /// numbers each.
     pub fn next_embeddings(
         &self,
         campaign: &CampaignId,
@@ -132,7 +131,7 @@ pub(super) fn begin_move(
         "UPDATE campaigns SET next_checkpoint = ?2, state = ?3, error = '', ended_ms = NULL WHERE number = ?1",
         params![number, next, CampaignState::Running.name()],
     )?;
-    // Of a move that never ended.
+    // Deletes the embeddings of an unfinished move.
     transaction.execute(
         "DELETE FROM embeddings WHERE campaign = ?1 AND checkpoint NOT IN
             (SELECT ?2 UNION SELECT checkpoint FROM campaigns WHERE number = ?1 AND checkpoint NOT NULL)",

@@ -18,8 +18,7 @@ pub struct EpochRecord {
 }
 
 impl Store {
-    /// Keeps what an epoch measured. It follows the earlier ones of its training: those after it are of a training that was begun
-    /// again.
+    /// Stores the measurements of an epoch. Deletes those of this and later epochs from before the training was restarted.
     pub fn add_epoch(&self, campaign: &CampaignId, epoch: &EpochRecord) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;

@@ -1,6 +1,6 @@
-//! Errors of the store, in words for the owner of the data.
+//! Errors of the store, worded for the owner of the data.
 //!
-//! Limits: tells what the disk refuses for now ([`StoreError::may_pass`]) from what is wrong for good.
+//! [`StoreError::may_pass`] tells temporary refusals of the disk from permanent errors.
 
 use murmuration_model::{CampaignId, labels::RequestId};
 use murmuration_search::interrupt::Interrupted;
@@ -14,9 +14,9 @@ use std::{
 #[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(default)]
 pub struct LockHolder {
-    /// Its process id; 0 if it has not said yet.
+    /// Its process id; 0 if not written yet.
     pub process: u32,
-    /// Where its coordinator listens, `http://HOST:PORT`; empty if it has not said yet.
+    /// Where its coordinator listens, `http://HOST:PORT`; empty if not written yet.
     pub address: String,
 }
 
@@ -47,7 +47,7 @@ impl fmt::Display for UnknownCampaign {
     }
 }
 
-/// Why the store could not do what was asked; nothing was changed.
+/// Why an operation of the store failed; it changed nothing.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// Another process holds the data directory.
@@ -99,7 +99,7 @@ pub enum StoreError {
         /// The database, or the folder of checkpoints.
         path: PathBuf,
     },
-    /// The disk refuses to be written, or to say that what was written has arrived.
+    /// The disk refuses a write, or does not confirm it.
     #[error(
         "the disk that holds {path} cannot be written ({reason}): it may be failing, or have become read-only; once it can, \
          campaigns go on by themselves, and what was refused can be asked again"
@@ -115,7 +115,7 @@ pub enum StoreError {
         "{path} cannot be written (read-only file, folder or disk): make it writable or choose another --data"
     )]
     ReadOnly { path: PathBuf },
-    /// Nothing of that name is stored.
+    /// There is no campaign of that id.
     #[error("{0}")]
     NoCampaign(UnknownCampaign),
     #[error("there is no checkpoint {0}: `murmuration checkpoints list` shows those there are")]
@@ -128,7 +128,7 @@ pub enum StoreError {
         /// Individuals in the archive.
         len: u64,
     },
-    /// A former request of the same id asked for another campaign.
+    /// An earlier request of the same id asked for another campaign.
     #[error(
         "request \"{request}\" was made before, asked for something else and started campaign {campaign}: use another request id"
     )]
@@ -139,7 +139,7 @@ pub enum StoreError {
     /// A run of a campaign is over, and may not change it any more.
     #[error("campaign {0} was paused, cancelled or told something else meanwhile: its former run ends")]
     Superseded(CampaignId),
-    /// Nobody wants the outcome any more.
+    /// The result is no longer wanted.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
     /// There is no memory to compress or decompress images with.
@@ -162,7 +162,7 @@ const NOT_WRITTEN: [i32; 8] = [
     ffi::SQLITE_IOERR_SHMMAP,
 ];
 
-/// Whether a value is there that this program never writes.
+/// Whether a stored value is one that this program never writes.
 const fn is_unreadable(error: &rusqlite::Error) -> bool {
     use rusqlite::Error::{FromSqlConversionFailure, IntegralValueOutOfRange, InvalidColumnType};
     matches!(
@@ -172,7 +172,7 @@ const fn is_unreadable(error: &rusqlite::Error) -> bool {
 }
 
 impl StoreError {
-    /// Whether the disk is why, so that the same change may be made later.
+    /// Whether the disk is the cause, so that the same change may succeed later.
     #[must_use]
     pub const fn may_pass(&self) -> bool {
         matches!(
@@ -199,13 +199,13 @@ impl StoreError {
     }
 
     /// The error, if its kind means that the disk cannot be written for now.
-    pub fn refused(kind: io::ErrorKind, said: &dyn std::fmt::Display, path: &Path) -> Option<Self> {
+    pub fn refused(kind: io::ErrorKind, message: &dyn std::fmt::Display, path: &Path) -> Option<Self> {
         let path = path.to_path_buf();
         match kind {
             io::ErrorKind::StorageFull => Some(Self::DiskFull { path }),
             io::ErrorKind::ReadOnlyFilesystem | io::ErrorKind::QuotaExceeded => Some(Self::Unwritable {
                 path,
-                reason: said.to_string(),
+                reason: message.to_string(),
             }),
             _ => None,
         }
@@ -245,7 +245,7 @@ impl StoreError {
         }
     }
 
-    /// Fills in the path, where the code that met the error did not know it.
+    /// Fills in the path, for code that does not know it when it raises the error.
     pub(super) fn at(self, path: &Path) -> Self {
         match self {
             Self::Sqlite { source, .. } => Self::from_sqlite(source, path),

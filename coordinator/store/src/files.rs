@@ -1,16 +1,15 @@
-//! Existence of files and folders, and errors where it cannot be known.
+//! Checks whether files and folders exist, with an error if that cannot be known.
 
 use std::{
     fs, io,
     path::{self, Component, Path, PathBuf},
 };
 
-/// Whether there is something at `path`. Only where its folder (or one above) was looked into and has no such name, there
-/// is nothing.
+/// Whether there is something at `path`. False only if its folder (or one above) was read and has no such name.
 ///
 /// # Errors
-/// If that cannot be known: what the system says, and of a link that leads nowhere where it should lead. A volume may not be
-/// mounted, and whoever took that for nothing would make anew what lies there.
+/// If that cannot be known: the system's error, or for a broken link its target. The target's volume may not be mounted, and a
+/// caller that took the path for free would make again what is on the volume.
 pub fn is_there(path: &Path) -> io::Result<bool> {
     match fs::symlink_metadata(path) {
         Ok(found) if found.is_symlink() => leads_somewhere(path).map(|()| true),
@@ -38,7 +37,7 @@ fn leads_somewhere(link: &Path) -> io::Result<()> {
     }
 }
 
-/// Whether there is no such folder, or nothing in it.
+/// Whether a folder is empty or does not exist.
 ///
 /// # Errors
 /// If that cannot be known, or something else than a folder is there.
@@ -46,10 +45,10 @@ pub fn is_empty(folder: &Path) -> io::Result<bool> {
     Ok(!is_there(folder)? || fs::read_dir(folder)?.next().is_none())
 }
 
-/// `path` without links and from the root on, as far as it is there; what is not there would be made below that.
+/// The absolute path without links, as far as it exists; the missing parts follow unchanged.
 ///
 /// # Errors
-/// If what is there of it cannot be known.
+/// If it cannot be known how far the path exists.
 pub fn without_links(path: &Path) -> io::Result<PathBuf> {
     let path = path::absolute(path)?;
     let mut missing = Vec::new();
@@ -98,7 +97,7 @@ mod tests {
         ] {
             assert_eq!(is_there(&at(name)).unwrap(), found, "{name}");
         }
-        // Also of what would lie beyond the link.
+        // Also for a path beyond the link.
         for name in ["lost", "lost/further"] {
             let error = is_there(&at(name)).unwrap_err().to_string();
             assert!(error.contains("unmounted/file, which is not there"), "{error}");

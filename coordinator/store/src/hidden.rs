@@ -1,4 +1,4 @@
-//! Rows of campaigns that nobody sees: of one that is taken over until it is whole, and of one that is deleted.
+//! Rows of hidden campaigns: those that are being taken over, and those that are being deleted.
 //!
 //! An archive is written and removed in many short transactions, between which others write. Meanwhile the campaign's own row
 //! has the state [`HIDDEN`], with which no query returns it, and an id that no campaign has.
@@ -6,7 +6,7 @@
 use crate::{Store, StoreError};
 use rusqlite::params;
 
-/// The state of the row of a campaign that nobody sees.
+/// The state of the row of a hidden campaign.
 pub(crate) const HIDDEN: &str = "hidden";
 
 /// The tables with rows of campaigns, each with its key beside the campaign.
@@ -27,13 +27,13 @@ pub(crate) const TABLES: [(&str, &str); 11] = [
 /// Rows that one transaction removes.
 const ROWS: i64 = if cfg!(test) { 16 } else { 1024 };
 
-/// The id of a campaign that nobody sees: no other's begins so.
+/// The id of a hidden campaign. No other id begins like this.
 pub(crate) fn hidden_id(number: i64) -> String {
     format!(".{HIDDEN}-{number}")
 }
 
 impl Store {
-    /// Removes what imports and deletions that did not end have left.
+    /// Removes the rows that unfinished imports and deletions have left.
     pub(crate) fn remove_all_hidden(&self) -> Result<(), StoreError> {
         let numbers: Vec<i64> = self.read(|connection| {
             let mut statement = connection.prepare("SELECT number FROM campaigns WHERE state = ?1")?;
@@ -45,15 +45,14 @@ impl Store {
             .try_for_each(|number| self.remove_hidden(number))
     }
 
-    /// Removes the rows of a campaign that nobody sees; what cannot be removed now is removed when the store is opened the next
-    /// time.
+    /// Removes the rows of a hidden campaign; those that cannot be removed now are removed when the store is next opened.
     pub(crate) fn remove_hidden_or_later(&self, number: i64) {
         if let Err(error) = self.remove_hidden(number) {
             tracing::warn!(%error, "a campaign that nobody sees is not removed from the disk yet");
         }
     }
 
-    /// Its own row goes last, so that no row is of a campaign which is not there.
+    /// Removes the campaign's own row last, so that no row refers to a missing campaign.
     fn remove_hidden(&self, number: i64) -> Result<(), StoreError> {
         for (table, key) in TABLES {
             let some = format!(

@@ -1,4 +1,4 @@
-//! An individual as it stands in its rows: what is measured of its trials, one behind the other, in one value a column.
+//! Individuals in rows: each column holds the measurements of all trials, one after the other, in one value.
 
 use super::{
     StoreError,
@@ -10,7 +10,7 @@ use murmuration_proto::{
 };
 use rusqlite::Row;
 
-/// One evaluated controller, with its images where they were asked for.
+/// One evaluated controller, with its images if they were asked for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArchivedIndividual {
     /// Place in the archive, from 0.
@@ -22,7 +22,7 @@ pub struct ArchivedIndividual {
     pub seed: u64,
     /// One for each start; at least one.
     pub trials: Vec<Trial>,
-    /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it stood after its generation.
+    /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it was after its generation.
     pub novelty: f64,
 }
 
@@ -33,7 +33,7 @@ pub struct Trial {
     pub features: Features,
     /// Embedding of its picture by the campaign's checkpoint; empty if there is none.
     pub embedding: Vec<f32>,
-    /// Grey values, index x * resolution + y; absent where they were not asked for.
+    /// Grey values, index x * resolution + y; absent if they were not asked for.
     pub image: Option<Vec<u8>>,
     /// The judge's verdict, if it was asked.
     pub verdict: Option<Verdict>,
@@ -58,19 +58,19 @@ impl ArchivedIndividual {
         self.trials.first()?.image.as_deref()
     }
 
-    /// As [`ArchivedIndividual::image`], where nothing else of it is wanted.
+    /// As [`ArchivedIndividual::image`], consuming the individual.
     #[must_use]
     pub fn into_image(mut self) -> Option<Vec<u8>> {
         self.trials.first_mut()?.image.take()
     }
 
-    /// The pictures of its trials, where they were asked for.
+    /// The pictures of its trials, if they were asked for.
     #[must_use]
     pub fn into_images(self) -> Vec<Vec<u8>> {
         self.trials.into_iter().filter_map(|trial| trial.image).collect()
     }
 
-    /// Its behaviour vector: what novelty and clusters are measured on.
+    /// Its behaviour vector, on which novelty and clusters are measured.
     #[must_use]
     pub fn behaviour(&self, scale: &Scale) -> Vec<f64> {
         scale.behaviour(&self.features(), &self.embedding())
@@ -133,7 +133,7 @@ impl ArchivedIndividual {
     }
 }
 
-/// The value of the column for the images of each, if it has them.
+/// The value of the image column of each individual, if it has images.
 pub(super) fn compressed(individuals: &[ArchivedIndividual]) -> Result<Vec<Option<Vec<u8>>>, StoreError> {
     let mut compressor = Compressor::new()?;
     let images = individuals.iter().map(|individual| {
@@ -146,7 +146,7 @@ pub(super) fn compressed(individuals: &[ArchivedIndividual]) -> Result<Vec<Optio
 }
 
 /// The individual in a row (place, generation, controller, seed, features, novelty, image, embedding, verdicts), with its images if
-/// there is something to decompress them with.
+/// a decompressor is given.
 pub(super) fn read(
     row: &Row<'_>,
     model: &CapabilityModel,
@@ -175,7 +175,7 @@ pub(super) fn read(
     })
 }
 
-/// The trials in the values of columns.
+/// Decodes the trials from the values of their columns.
 fn trials(features: &[f64], embeddings: &[f32], images: Option<&[u8]>) -> Result<Vec<Trial>, &'static str> {
     let (features, rest) = features.as_chunks();
     let count = features.len();
@@ -201,7 +201,7 @@ fn trials(features: &[f64], embeddings: &[f32], images: Option<&[u8]>) -> Result
     Ok(features.iter().enumerate().map(trial).collect())
 }
 
-/// The trials with the verdicts in the value of a column.
+/// Adds the verdicts in the value of a column to the trials.
 fn judged(trials: Vec<Trial>, verdicts: &[u8]) -> Result<Vec<Trial>, &'static str> {
     if verdicts.is_empty() {
         return Ok(trials);

@@ -13,16 +13,16 @@ impl Store {
     /// Faults that SQLite finds in the structure of the database, the first ones by name; none if it is sound.
     ///
     /// # Errors
-    /// If it cannot even be searched for faults.
+    /// If the search for faults fails.
     pub fn faults(&self) -> Result<Vec<String>, StoreError> {
         self.read(|connection| {
             let mut statement = connection.prepare(&format!("PRAGMA integrity_check({MOST_NAMED})"))?;
             let mut faults = Vec::new();
-            for said in statement.query_map([], |row| row.get::<_, String>(0))? {
-                match said {
-                    Ok(said) if said == "ok" => {}
-                    Ok(said) => faults.push(said.replace('\n', " ")),
-                    // As far as it got.
+            for expected in statement.query_map([], |row| row.get::<_, String>(0))? {
+                match expected {
+                    Ok(expected) if expected == "ok" => {}
+                    Ok(expected) => faults.push(expected.replace('\n', " ")),
+                    // Keeps the faults found before the error.
                     Err(error) => {
                         faults.push(error.to_string());
                         break;
@@ -33,7 +33,7 @@ impl Store {
         })
     }
 
-    /// Rows that name others which are not there, by table.
+    /// References to rows that do not exist, by table.
     ///
     /// # Errors
     /// If the tables cannot be read.
@@ -51,7 +51,7 @@ impl Store {
         })
     }
 
-    /// The ids of the campaigns, oldest first, whatever else can be read of them.
+    /// The ids of the campaigns, oldest first, even if nothing else of them can be read.
     ///
     /// # Errors
     /// If not even that can be read.
@@ -87,8 +87,8 @@ impl Store {
         })
     }
 
-    /// Copies the database, as it stands at one instant, into the file `path`, which is on disk when this returns. Safe
-    /// while another process writes it.
+    /// Copies the database, as of one instant, into the file `path`, which is on disk when this returns. Safe while another process
+    /// writes it.
     ///
     /// # Errors
     /// If it cannot be read, or the file cannot be written.

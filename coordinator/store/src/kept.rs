@@ -1,6 +1,6 @@
-//! A cache, bounded in bytes, of values of campaigns that take long to make again.
+//! A cache, bounded in bytes, of values of campaigns that take long to make.
 //!
-//! Everything kept here can be made again from the store, with the same outcome. Knows bytes, not what they are.
+//! Every value can be made again from the store, with the same result. The cache knows sizes, not contents.
 
 use hashlink::LruCache;
 use murmuration_model::CampaignId;
@@ -10,11 +10,10 @@ use tokio::sync;
 /// Bytes of an entry besides its value: its id, its place, its lock.
 pub const ENTRY_BYTES: usize = 256;
 
-/// A value for each campaign, as many as weigh no more than a bound together. Those are forgotten that nobody has asked for
-/// the longest.
+/// A value for each campaign, within a total bound of bytes. The least recently used values are dropped.
 ///
-/// Two may weigh more than the bound: that which was made last, so that nothing is made over and over, and values that
-/// somebody uses, which would not be freed by being forgotten.
+/// Two kinds of values may exceed the bound: the newest, so that it is not made over and over, and values in use, because dropping
+/// them would free nothing.
 #[derive(Debug)]
 pub struct Kept<V> {
     most_bytes: usize,
@@ -23,7 +22,7 @@ pub struct Kept<V> {
 
 #[derive(Debug)]
 struct Entries<V> {
-    /// From that which nobody has asked for the longest.
+    /// Least recently used first.
     by_campaign: LruCache<CampaignId, Entry<V>>,
     bytes: usize,
 }
@@ -34,8 +33,8 @@ struct Entry<V> {
     bytes: usize,
 }
 
-/// The latest answer to one question about each campaign, within a bound of bytes; cheap to clone. `State` says what of the
-/// campaign the answer follows from. An answer that alone is over the bound goes to those who ask for it, and is not kept.
+/// The latest answer to one question about each campaign, within a bound of bytes; cheap to clone. `State` is the state of the
+/// campaign that the answer follows from. An answer that alone exceeds the bound is returned but not kept.
 #[derive(Debug)]
 pub struct LatestAnswers<State, Answer>(Arc<Kept<LatestAnswer<State, Answer>>>);
 
@@ -48,17 +47,17 @@ impl<State, Answer> Clone for LatestAnswers<State, Answer> {
 }
 
 impl<State: PartialEq, Answer: Clone> LatestAnswers<State, Answer> {
-    /// None yet; `most_bytes` is the bound.
+    /// An empty cache with a bound of `most_bytes`.
     #[must_use]
     pub fn within(most_bytes: usize) -> Self {
         Self(Arc::new(Kept::within(most_bytes)))
     }
 
-    /// The answer about a campaign as it is now. One who asks has it made, and all who ask meanwhile wait for it; if that one
-    /// goes away, the next has it made. `bytes` is what an answer weighs.
+    /// The answer about a campaign in this state. The first caller makes it, and concurrent callers wait; if the first is
+    /// cancelled, the next makes it. `bytes` is the size of an answer.
     ///
     /// # Errors
-    /// The errors of `make`, for the task that had it made.
+    /// The errors of `make`, for the caller that makes the answer.
     pub async fn of<E>(
         &self,
         campaign: &CampaignId,
@@ -83,7 +82,7 @@ impl<State: PartialEq, Answer: Clone> LatestAnswers<State, Answer> {
 }
 
 impl<V: Default> Kept<V> {
-    /// Nothing yet; `most_bytes` is the bound.
+    /// An empty cache with a bound of `most_bytes`.
     pub fn within(most_bytes: usize) -> Self {
         Self {
             most_bytes,
@@ -94,7 +93,7 @@ impl<V: Default> Kept<V> {
         }
     }
 
-    /// The value of a campaign, or the default. It stays in the cache for as long as somebody holds it.
+    /// The value of a campaign, or the default. It stays in the cache for as long as a caller holds it.
     pub fn of(&self, campaign: &CampaignId) -> Arc<V> {
         let mut entries = self.lock();
         if let Some(entry) = entries.by_campaign.get(campaign) {
@@ -111,7 +110,7 @@ impl<V: Default> Kept<V> {
         value
     }
 
-    /// The value of a campaign holds so many bytes now; others are forgotten for it.
+    /// Records that the value of a campaign has `bytes` now, and drops others if the bound requires it.
     pub fn weigh(&self, campaign: &CampaignId, bytes: usize) {
         let mut entries = self.lock();
         let bytes = bytes.saturating_add(ENTRY_BYTES);
@@ -132,14 +131,14 @@ impl<V: Default> Kept<V> {
         self.entries.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Bytes that everything kept weighs.
+    /// Total bytes of all entries.
     pub fn bytes(&self) -> usize {
         self.lock().bytes
     }
 }
 
 impl<V> Entries<V> {
-    /// Forgets what is not needed, but not `newest`, until all weigh `most_bytes` at most.
+    /// Drops values that are not in use, but not `newest`, until all have at most `most_bytes`.
     fn forget(&mut self, most_bytes: usize, newest: &CampaignId) {
         let mut over = self.bytes.saturating_sub(most_bytes);
         let mut forgotten = Vec::new();
@@ -198,7 +197,7 @@ mod tests {
         assert_eq!(*made.lock().unwrap(), 1);
         assert_eq!(ask(2).await, Ok(20));
         assert_eq!(*made.lock().unwrap(), 2);
-        // The task that had it made is cancelled.
+        // The task that makes it is cancelled.
         tokio::select! {
             biased;
             _ = ask(3) => unreachable!(),
@@ -232,7 +231,7 @@ mod tests {
             assert_eq!(there.len(), number.min(7));
             assert!(there.contains(&number));
         }
-        // Values that weigh nothing take room all the same.
+        // Even values of no bytes take room.
         for number in 1000..2000 {
             drop(kept.of(&id(number)));
             assert!(kept.bytes() <= 10_000);
@@ -249,7 +248,7 @@ mod tests {
             [1, 2, 3, 4].map(|number| has(&kept, number)),
             [true, false, true, true]
         );
-        // One that grows has others forgotten.
+        // A value that grows displaces others.
         kept.weigh(&id(3), 3400);
         assert_eq!([1, 3, 4].map(|number| has(&kept, number)), [false, true, true]);
     }

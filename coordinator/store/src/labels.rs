@@ -1,4 +1,4 @@
-//! The label log: added to, never changed.
+//! The label log: append-only.
 
 mod budget;
 mod followed;
@@ -20,7 +20,8 @@ use murmuration_model::{
 };
 use rusqlite::{Connection, Transaction, params};
 
-/// Entries of a log to which answers are added: ten answers about each of 20,000 individuals. All of them are kept in memory.
+/// Most entries of a log: ten answers about each of 20,000 individuals. A longer log takes only undos and withdrawals. All entries
+/// are kept in memory.
 const MAX_ENTRIES: u64 = if cfg!(test) { 1_000 } else { 200_000 };
 
 /// Why nothing was added to a log.
@@ -32,7 +33,7 @@ pub enum LabelError {
     /// The request contradicts the log.
     #[error(transparent)]
     Refused(#[from] Refusal),
-    /// A former request of the same id said something else.
+    /// An earlier request of the same id had other contents.
     #[error("request \"{0}\" was made before, and said something else")]
     OtherRequest(RequestId),
     /// The token may not add as many entries now.
@@ -96,7 +97,7 @@ impl Store {
         })
     }
 
-    /// Entries that a request added to a campaign's log; none if it was not made.
+    /// Entries that a request added to a campaign's log; empty if it was not made.
     pub fn request_entries(
         &self,
         campaign: &CampaignId,
@@ -105,12 +106,12 @@ impl Store {
         self.read(|connection| made(connection, number_of(connection, campaign)?, request))
     }
 
-    /// Adds what a request says to a campaign's log, all of it or nothing, in one transaction; the new entries. A class that is
-    /// given the name that it has makes none. A request that was made before adds nothing: the entries are those that it added then.
+    /// Adds the changes of a request to a campaign's log, all or none, in one transaction, and returns the new entries. Renaming a
+    /// class to its own name adds no entry. A repeated request adds nothing, and returns the entries that it added before.
     ///
     /// # Errors
-    /// [`LabelError`]; [`StoreError::NoIndividual`] where an answer is about one that the archive does not hold. Nothing
-    /// was added then.
+    /// [`LabelError`]; [`StoreError::NoIndividual`] if an answer is about an individual that the archive does not hold. Nothing was
+    /// added then.
     pub fn add_labels(
         &self,
         campaign: &CampaignId,
@@ -119,7 +120,7 @@ impl Store {
     ) -> Result<Vec<Entry>, LabelError> {
         self.add_to_log(campaign, |transaction, number, labels| {
             let entries = labels.entries();
-            // Undos and withdrawals are always taken: there are at most as many as standing answers.
+            // Undos and withdrawals are always accepted: there are at most as many as standing answers.
             let takes_back =
                 |change: &Change| matches!(change.action, Action::Undo | Action::Withdraw { .. });
             if entries.saturating_add(changes.len() as u64) > MAX_ENTRIES
@@ -138,12 +139,12 @@ impl Store {
         })
     }
 
-    /// Undoes what an annotator said last: of the request that their newest standing answer came with, all of their
-    /// answers that still stand, in one transaction; these, the newest first. A request that was made before takes nothing
-    /// back: the answers are those that it took back then. `time_ms` is when, milliseconds since 1970-01-01 UTC.
+    /// Undoes an annotator's last request, in one transaction: all of their standing answers that came with the same request as
+    /// their newest one. Returns these answers, newest first. A repeated undo takes nothing back, and returns the answers that it
+    /// took back before. `time_ms` is the time of the undo, milliseconds since 1970-01-01 UTC.
     ///
     /// # Errors
-    /// [`LabelError`]; [`Refusal::NothingToUndo`] where none of their answers stands. Nothing has changed then.
+    /// [`LabelError`]; [`Refusal::NothingToUndo`] if they have no standing answers. Nothing has changed then.
     pub fn undo_labels(
         &self,
         campaign: &CampaignId,
@@ -182,7 +183,7 @@ pub(super) fn entries_of(connection: &Connection, number: i64) -> Result<u64, St
     Ok(count.unsigned_abs())
 }
 
-/// As many undo entries as the last act of their annotator has answers that stand.
+/// Undo entries, one for each standing answer of the annotator's last request.
 fn undo_newest(
     transaction: &Transaction<'_>,
     number: i64,
@@ -244,12 +245,12 @@ pub(super) fn add(
 
 /// Entries that a request added.
 fn made(connection: &Connection, number: i64, request: &RequestId) -> Result<Vec<Entry>, StoreError> {
-    // Left to itself, SQLite reads the whole log for the sake of the order.
+    // Without the hint, SQLite reads the whole log because of the order.
     let which = "INDEXED BY labels_by_request WHERE campaign = ?1 AND request = ?2";
     entries(connection, which, params![number, request.as_str()])
 }
 
-/// Times are left out: a request that is made again may be dated anew.
+/// Ignores times: a repeated request may have a new one.
 fn says_the_same(one: &Change, other: &Change) -> bool {
     (&one.annotator, &one.action) == (&other.annotator, &other.action)
 }

@@ -1,12 +1,12 @@
-//! The studies of a data directory in a backup: what no command can make again, above all the classes that people gave.
+//! Backs up the studies of a data directory: the files that no command can make again, above all the classes that people gave.
 
 use super::{BackupError, failed, sync};
 use crate::files::is_there;
 use murmuration_model::study_files::{STUDIES, STUDY_ORIGINALS};
 use std::{fs, path::Path};
 
-/// Copies the [`STUDY_ORIGINALS`] of every study of the data directory `data` into `folder`. Each file is one that was complete
-/// at some moment: who writes one moves the new file over the old one.
+/// Copies the [`STUDY_ORIGINALS`] of every study of the data directory `data` into `folder`. Each copied file is complete, because
+/// a writer moves the new file over the old one.
 pub(super) fn copy(data: &Path, folder: &Path) -> Result<(), BackupError> {
     let studies = data.join(STUDIES);
     if !is_there(&studies).map_err(failed("find", &studies))? {
@@ -17,7 +17,7 @@ pub(super) fn copy(data: &Path, folder: &Path) -> Result<(), BackupError> {
     for study in fs::read_dir(&studies).map_err(failed("look into", &studies))? {
         let study = study.map_err(failed("look into", &studies))?;
         let from = study.path();
-        // Through links as well. Other files, such as the lock, are no studies.
+        // Follows links. Other files, such as the lock, are no studies.
         if from.is_dir() {
             copy_study(&from, &copied.join(study.file_name()))?;
         }

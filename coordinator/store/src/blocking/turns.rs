@@ -1,7 +1,7 @@
-//! How much of the machine one client has for what campaigns do not wait for.
+//! Limits how much of the machine one client gets for work that no campaign waits for.
 //!
 //! A person who opens a page now and then must not wait beside a busy campaign, and a guest who opens hundreds must not slow it. So
-//! each client has a little processor time with normal priority, which comes back slowly; what is beyond it has low priority.
+//! each client has a small allowance of processor time with normal priority, which refills slowly; work beyond it has low priority.
 
 use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
@@ -9,11 +9,11 @@ use std::{
 };
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-/// Work of one client at once.
+/// Pieces of work of one client that run at once.
 pub(super) const AT_ONCE: usize = 2;
-/// Processor time with normal priority of a client who used none lately.
+/// Full allowance of a client: processor time with normal priority.
 const MOST: Duration = Duration::from_secs(1);
-/// Share of one core by which it comes back.
+/// Share of one core at which the allowance refills.
 const SHARE: f64 = 0.02;
 
 /// Limits the background work of one client: two pieces of work run at once, the others queue. Cheap to clone.
@@ -26,7 +26,7 @@ struct Client {
     allowance: Mutex<Allowance>,
 }
 
-/// Leave to work now, until this is dropped.
+/// Permission to work, until dropped.
 #[derive(Debug)]
 pub(super) struct Turn {
     of: Arc<Client>,
@@ -47,14 +47,14 @@ impl Default for Turns {
 }
 
 impl Turns {
-    /// Whether nobody holds another clone and the whole allowance has come back, so that a new value would do as well.
+    /// Whether there is no other clone and the allowance is full, so that this can be replaced by a new value.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         Arc::strong_count(&self.0) == 1 && self.0.allowance().is_full(Instant::now())
     }
 
     pub(super) async fn next(self) -> Turn {
-        // It is never closed.
+        // The semaphore is never closed.
         let permit = Arc::clone(&self.0.free).acquire_owned().await.ok();
         let left = self.0.allowance().left(Instant::now());
         Turn {
@@ -67,7 +67,7 @@ impl Turns {
 }
 
 impl Turn {
-    /// The work begins on this thread, where the turn must be dropped when it ends.
+    /// Notes that the work begins on this thread. The turn must be dropped on the same thread when the work ends.
     pub(super) fn begin(&mut self) {
         self.begun = self.is_prompt.then(used_by_this_thread);
     }
@@ -90,9 +90,9 @@ impl Client {
 
 #[derive(Debug)]
 struct Allowance {
-    /// Seconds of processor time; negative where work used more than was left when it began.
+    /// Seconds of processor time; negative if work used more than was left when it began.
     left: f64,
-    /// When `left` was right.
+    /// The time that `left` is of.
     at: Instant,
 }
 

@@ -1,4 +1,4 @@
-//! The blob_store: bytes under their digest, in a folder (of the data directory, or one named by a `file://` URL) or in a bucket.
+//! The blob store: bytes under their digest, in a folder (of the data directory, or one named by a `file://` URL) or in a bucket.
 
 use super::CheckpointError;
 use crate::{
@@ -21,7 +21,7 @@ use std::{
 /// How long a bucket may take to answer when it is tried out.
 const TRIAL_LIMIT: Duration = Duration::from_secs(30);
 
-/// Where the bytes of checkpoints are; cheap to clone.
+/// Storage of the bytes of checkpoints; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct BlobStore {
     objects: Arc<dyn ObjectStore>,
@@ -29,21 +29,21 @@ pub struct BlobStore {
     place: Place,
 }
 
-/// Where checkpoints are, in words for people.
+/// Location of the checkpoints, for messages.
 #[derive(Debug, Clone)]
 enum Place {
     Folder(PathBuf),
     Url(String),
 }
 
-/// How the bytes of a checkpoint are.
+/// Condition of the bytes of a checkpoint.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Condition {
-    /// They are those that the digest names.
+    /// They have the checkpoint's digest.
     Whole,
     Missing,
     Damaged,
-    /// They could not be read, for this.
+    /// They could not be read, for this reason.
     Unread(String),
 }
 
@@ -51,12 +51,11 @@ impl BlobStore {
     /// The folder's name in a data directory.
     pub const FOLDER: &str = "checkpoints";
 
-    /// The blob store at `location`: a URL such as `s3://BUCKET/PREFIX` (credentials as in the AWS tools' environment
-    /// variables) or `file:///FOLDER`, or, if there is none, a folder of the data directory. A folder is made where it is
-    /// missing.
+    /// The blob store at `location`: a URL such as `s3://BUCKET/PREFIX` (credentials as in the AWS tools' environment variables) or
+    /// `file:///FOLDER`, or, if it is `None`, a folder of the data directory. A missing folder is made.
     ///
     /// # Errors
-    /// [`CheckpointError::Location`] where that is no place for checkpoints.
+    /// [`CheckpointError::Location`] if checkpoints cannot be kept there.
     pub fn open(data: &Path, location: Option<&str>) -> Result<Self, CheckpointError> {
         let Some(location) = location else {
             let folder = data.join(Self::FOLDER);
@@ -71,7 +70,7 @@ impl BlobStore {
     }
 
     fn bucket(location: &str) -> Result<Self, CheckpointError> {
-        // The client of a bucket takes the program's cryptography. An error says that the program has chosen.
+        // The client of a bucket uses the process's cryptography provider. An error means that one is installed already.
         let _ = rustls::crypto::ring::default_provider().install_default();
         let url = location.parse().map_err(|error| refused(location, &error))?;
         let variables = std::env::vars().filter(|(name, _)| name.starts_with("AWS_"));
@@ -85,7 +84,7 @@ impl BlobStore {
         })
     }
 
-    /// As [`BlobStore::open`], but nothing is made: `None` where the folder is missing.
+    /// As [`BlobStore::open`], but makes nothing: `None` if the folder is missing.
     ///
     /// # Errors
     /// As [`BlobStore::open`].
@@ -115,7 +114,7 @@ impl BlobStore {
     /// Tries the blob store out: puts an object there, reads it back, and removes it.
     ///
     /// # Errors
-    /// [`CheckpointError::Location`] where that fails, or takes longer than 30 seconds.
+    /// [`CheckpointError::Location`] if that fails, or takes longer than 30 seconds.
     pub async fn try_out(&self) -> Result<(), CheckpointError> {
         let place = match &self.place {
             Place::Folder(folder) => folder.display().to_string(),
@@ -141,7 +140,7 @@ impl BlobStore {
         let written = Bytes::from_static(b"murmuration tries whether checkpoints can be kept here");
         self.objects.put(&object, written.clone().into()).await?;
         let read = self.objects.get(&object).await?.bytes().await?;
-        // Checkpoints are never removed: a store that does not allow it will do.
+        // Checkpoints are never removed, so a store that does not allow removal will do.
         if let Err(error) = self.objects.delete(&object).await {
             tracing::warn!(%error, %object, "what the checkpoint store was tried with stays there");
         }
@@ -191,7 +190,7 @@ impl BlobStore {
         }
     }
 
-    /// How the bytes of a checkpoint are.
+    /// Condition of the bytes of a checkpoint.
     pub async fn condition(&self, digest: CheckpointDigest) -> Condition {
         match self.get(digest).await {
             Ok(_) => Condition::Whole,
@@ -237,7 +236,7 @@ fn folder_of(location: &str) -> Result<Option<PathBuf>, CheckpointError> {
     }
 }
 
-/// Makes a folder, and those above it, where they are missing; their entries are on disk when this returns.
+/// Makes a folder and its missing parents; their entries are on disk when this returns.
 fn make_folder(folder: &Path) -> io::Result<()> {
     if is_there(folder)? && folder.is_dir() {
         return Ok(());

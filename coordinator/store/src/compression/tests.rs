@@ -13,7 +13,7 @@ fn decompressed(column: &[u8]) -> Result<Vec<u8>, NoImage> {
     Decompressor::new(PIXELS).unwrap().decompress(column)
 }
 
-/// A picture of which so many pixels are not black.
+/// A picture with fewer than 600 pixels that are not black.
 fn sparse() -> impl Strategy<Value = Vec<u8>> {
     proptest::collection::vec((0..PIXELS, 1..=255_u8), 0..600).prop_map(|pixels| {
         let mut image = vec![0; PIXELS];
@@ -67,7 +67,7 @@ fn an_image_of_another_size_is_none() {
     }
     assert_eq!(decompressed(b""), size);
     assert_eq!(decompressed(&[0; PIXELS]), size);
-    // What is cut off, and two frames one after the other, of which the first is as it should be.
+    // A frame that is cut off, and two frames one after the other, of which the first is sound.
     let whole = compressed(&[7; PIXELS]);
     assert_eq!(decompressed(&whole[..whole.len() - 1]), Err(NoImage::Damaged));
     assert_eq!(
@@ -79,7 +79,7 @@ fn an_image_of_another_size_is_none() {
 #[test]
 fn a_frame_that_holds_more_than_it_says_is_damaged() {
     let (small, large) = (compressed(&[0; PIXELS]), compressed(&[0; 60_000]));
-    // Behind 4 bytes that every frame begins with and one of flags, 256 less than the size.
+    // The size less 256 follows the 4 bytes that begin every frame and one byte of flags.
     assert_eq!(large[5..7], (60_000_u16 - 256).to_le_bytes());
     let lying = [&small[..7], &large[7..]].concat();
     assert_eq!(decompressed(&lying), Err(NoImage::Damaged));

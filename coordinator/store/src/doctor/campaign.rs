@@ -1,4 +1,4 @@
-//! Which parts of one campaign are whole.
+//! Checks which parts of one campaign are whole.
 
 use crate::{ArchivedIndividual, Store, StoreError, checkpoints::Condition};
 use murmuration_model::{CampaignId, CampaignRecord, CampaignState};
@@ -17,7 +17,7 @@ pub struct CampaignFindings {
     pub problems: Vec<String>,
     /// Amounts that the database should hold.
     pub stored: Amounts,
-    /// How much of that is whole, from the beginning on.
+    /// How much of that is whole, counted from the beginning.
     pub whole: Amounts,
     pub condition: CampaignCondition,
     /// Why this version does not continue it, though it is whole.
@@ -31,7 +31,7 @@ pub struct Amounts {
     pub individuals: u64,
     /// Entries of its label log.
     pub labels: u64,
-    /// Whether there is a taxonomy that stands.
+    /// Whether there is a current taxonomy.
     pub taxonomy: bool,
 }
 
@@ -202,7 +202,7 @@ fn pictures(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) 
     let check = |range: Range<u64>| {
         let images = store.dataset_images(&record.id, range.clone())?;
         let whole = range.start + (images.len() / record.spec.image().bytes()) as u64;
-        // Where one is missing, those after it follow at once: only the whole range tells.
+        // If a picture is missing, the later ones move up, so only the length of the range shows it.
         Ok((whole < range.end).then(|| (range.start, "a picture after this is missing".to_owned())))
     };
     match first_fault(record.pictures_done, check) {
@@ -215,13 +215,13 @@ fn pictures(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) 
     }
 }
 
-/// A fault without the name of what has it, which the store says where something cannot be read.
+/// A fault without `name`, with which the store's errors begin if an item cannot be read.
 fn without<'a>(name: &str, fault: &'a str) -> &'a str {
     let rest = fault.strip_prefix(name);
     rest.and_then(|rest| rest.strip_prefix(": ")).unwrap_or(fault)
 }
 
-/// Whether its taxonomy is there and about its archive.
+/// Whether its taxonomy exists and is about its archive.
 fn taxonomy(store: &Store, record: &CampaignRecord, wanted: bool, problems: &mut Vec<String>) -> bool {
     let fault = match store.taxonomy(&record.id) {
         Ok(None) if wanted => "is missing".to_owned(),
@@ -270,8 +270,8 @@ fn former_taxonomies(store: &Store, record: &CampaignRecord, problems: &mut Vec<
     }
 }
 
-/// The first of `len` items that is not as it should be, and why; `check` finds it in a range, or fails where one of the
-/// range cannot be read at all.
+/// The first faulty one of `len` items, and its fault. `check` finds it in a range, or fails if an item of the range cannot be read
+/// at all.
 fn first_fault(
     len: u64,
     mut check: impl FnMut(Range<u64>) -> Result<Option<(u64, String)>, StoreError>,

@@ -57,17 +57,17 @@ pub async fn examine(data: &Path, location: Option<&str>) -> Result<Findings, Ch
     findings
 }
 
-/// A data directory that nobody else can hold, and its store, to look at.
+/// Keeps other processes from holding a data directory while it is examined.
 struct Watched {
     _lock: Option<fs::File>,
-    /// SQLite's index of a log, to be removed where looking has made it.
+    /// SQLite's index of a log, to be removed if the examination has made it.
     index: Option<PathBuf>,
 }
 
 impl Drop for Watched {
     fn drop(&mut self) {
         if let Some(index) = &self.index {
-            // The next coordinator makes it anew if it stays.
+            // It does no harm if it stays: the next coordinator makes it anew.
             let _ = fs::remove_file(index);
         }
     }

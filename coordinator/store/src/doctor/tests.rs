@@ -62,13 +62,13 @@ async fn examined(damage: &str) -> Findings {
 }
 
 /// Checks which parts are whole after `damage`: generations, entries of the label log, the taxonomy.
-async fn check(damage: &str, said: &str, whole: (u32, u64, bool)) {
+async fn check(damage: &str, expected: &str, whole: (u32, u64, bool)) {
     let found = examined(damage).await;
     assert!(!found.is_healthy());
     let campaign = &found.campaigns[0];
     assert_eq!(campaign.condition, CampaignCondition::Damaged);
     assert!(
-        campaign.problems.iter().any(|problem| problem.contains(said)),
+        campaign.problems.iter().any(|problem| problem.contains(expected)),
         "{:?}",
         campaign.problems
     );
@@ -203,7 +203,7 @@ async fn labels_and_taxonomy_are_examined_too() {
              UPDATE taxonomies SET {damage} WHERE version = 7"
         )
     };
-    for (damage, said) in [
+    for (damage, expected) in [
         ("measures = x''", "version 7 of its taxonomy cannot be read"),
         (
             "medoids = x'ffffffffffffff7f'",
@@ -214,7 +214,7 @@ async fn labels_and_taxonomy_are_examined_too() {
             "version 7 of its taxonomy is about individuals",
         ),
     ] {
-        check(&former(damage), said, (3, 3, true)).await;
+        check(&former(damage), expected, (3, 3, true)).await;
     }
 }
 
@@ -263,7 +263,7 @@ async fn others_go_on_while_the_doctor_looks() {
     });
     assert!(examine(folder.path(), None).await.unwrap().is_healthy());
     others.abort();
-    // Of one thread alone: each turn is one that the doctor did not hold.
+    // The runtime has one thread, so other tasks get turns only while the doctor does not hold it.
     let turns = turns.load(std::sync::atomic::Ordering::Relaxed);
     assert!(turns > 20, "{turns}");
 }

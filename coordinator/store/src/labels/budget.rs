@@ -1,4 +1,4 @@
-//! How much one annotator may add to label logs, so that nobody fills a log for all others.
+//! Limits how much one annotator may add to label logs, so that nobody fills up a log that others use.
 
 use std::{
     sync::{Arc, Mutex, PoisonError},
@@ -19,9 +19,9 @@ pub struct LabelBudget {
 
 #[derive(Debug)]
 struct Left {
-    /// Negative where more was added than was left, as by an undo.
+    /// Negative if more was added than was left, as by an undo.
     entries: f64,
-    /// When `entries` was right.
+    /// The time that `entries` is of.
     at: Instant,
 }
 
@@ -64,13 +64,13 @@ impl LabelBudget {
         BUDGET.scope(self, task).await
     }
 
-    /// The budget of this task; none where there is no limit.
+    /// The budget of this task; `None` if there is no limit.
     #[must_use]
     pub fn current() -> Option<Self> {
         BUDGET.try_with(Clone::clone).ok()
     }
 
-    /// Takes `wanted` entries from what is left; none, as for an undo, may always be added.
+    /// Reserves `wanted` of the entries left. Zero, as for an undo, is always allowed.
     ///
     /// # Errors
     /// [`OverBudget`].
@@ -78,7 +78,7 @@ impl LabelBudget {
         self.reserve_at(wanted, Instant::now())
     }
 
-    /// Whether nothing was taken lately and no request holds it, so that a new one would do as well.
+    /// Whether the budget is full and no request holds it, so that it can be replaced by a new one.
     #[must_use]
     pub fn is_unused(&self) -> bool {
         Arc::strong_count(&self.left) == 1 && self.left(Instant::now(), |left| left.entries >= AT_ONCE)
@@ -118,7 +118,7 @@ pub struct Reserved {
 }
 
 impl Reserved {
-    /// Takes `added` entries for good instead of those that were reserved, also beyond what is left.
+    /// Takes `added` entries for good instead of the reserved ones, even if more than are left.
     pub fn settle(mut self, added: usize) {
         self.entries -= added as f64;
     }

@@ -1,8 +1,8 @@
-//! The current labels of each log, cached so that no log is ever read from its beginning twice.
+//! The current labels of each log, cached so that a log is not read from its beginning each time.
 //!
-//! The disk stays the truth: whoever asks is told what stands after the entries that are there. It is only read what is
-//! new among them: entries are never changed (invariant 10 of ARCHITECTURE.md), and numbered without gaps. Limits: what logs
-//! come to that nobody has asked for lately is forgotten where there is no room for it, and those are read again.
+//! The labels returned always follow from all entries on disk. Only new entries are read, because entries are never changed
+//! (invariant 10 of ARCHITECTURE.md) and are numbered without gaps. Limits: when the cache is full, it drops the labels that were
+//! not used lately, and reads their logs again when needed.
 
 use super::{
     super::{Store, StoreError, campaigns::number_of},
@@ -19,22 +19,22 @@ use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
-/// Most bytes of what logs come to that are kept.
+/// Most bytes of labels in the cache.
 const MOST_BYTES: usize = 128 << 20;
-/// Bytes that an entry comes to, about: an answer in three trees, of which that by individual has a node to itself.
+/// Approximate bytes in memory of an entry: an answer is in three trees, and has a node to itself in the one by individual.
 const BYTES_AN_ENTRY: usize = 640;
 
-/// New entries that are read while others wait for a campaign's labels.
+/// Most new entries that are read while others wait for a campaign's labels.
 const SOON_READ: u64 = if cfg!(test) { 10 } else { 2_000 };
 
 /// The current labels of each campaign, as far as its log was read.
 ///
-/// One lock a campaign, so that what is kept and what is on disk change together. Who writes takes it when the connection
-/// that writes is theirs, so that who reads waits for no change of another campaign; who reads takes it first.
+/// Each campaign has one lock, so that cache and disk change together. A writer takes it after the writing connection, so that
+/// readers do not wait for a change of another campaign. A reader takes it before its connection.
 #[derive(Debug)]
 pub(crate) struct Followed(kept::Kept<Mutex<Kept>>);
 
-/// Shared with whoever asked what stands: it is copied if it has to change while they still look at it.
+/// Shared with callers, and copied if it must change while a caller still holds it.
 type Kept = Arc<Labels>;
 
 impl Followed {
@@ -64,7 +64,7 @@ impl Store {
         self.with_labels(campaign, Arc::clone)
     }
 
-    /// Passes the current labels of a campaign to `look` while nobody can change them.
+    /// Passes the current labels of a campaign to `look`, under their lock.
     ///
     /// # Errors
     /// If the log cannot be read, or its entries do not follow from each other.
@@ -88,7 +88,7 @@ impl Store {
             }
             Arc::clone(&kept)
         };
-        // Nobody waits while a long log is read, perhaps on a thread of low priority.
+        // A long log is read without the lock, so that nobody waits for a thread of low priority.
         self.read(|connection| catch_up(connection, number_of(connection, campaign)?, &mut labels))?;
         let mut kept = locked(&kept);
         if kept.entries() < labels.entries() {
@@ -107,8 +107,8 @@ impl Store {
         self.labels(&self.campaign(id)?.id)
     }
 
-    /// Runs `change`, which may add to the log of a campaign, in a transaction, with the campaign's number and what its log
-    /// comes to. What is refused must be refused before a row is written: the transaction is committed then too.
+    /// Runs `change`, which may add to the log of a campaign, in a transaction, with the campaign's number and current labels.
+    /// `change` must refuse before it writes a row, because the transaction is committed even then.
     ///
     /// # Errors
     /// The errors of `change` and of writing; then nothing has changed.
@@ -117,10 +117,10 @@ impl Store {
         campaign: &CampaignId,
         change: impl FnOnce(&Transaction<'_>, i64, &mut Labels) -> Result<T, LabelError>,
     ) -> Result<T, LabelError> {
-        // A log that was forgotten is read before others wait for the connection that writes.
+        // Reads the log, if the cache lacks it, before taking the writing connection that others wait for.
         self.with_labels(campaign, |_| ())?;
         let kept = self.followed.of(campaign);
-        // Until what is committed is kept too.
+        // Held until the committed entries are in the cache too.
         let mut held = None;
         let mut labels = Kept::default();
         let mut before = None;
@@ -135,7 +135,8 @@ impl Store {
             }
         });
         let done = done.map_err(LabelError::Store).and_then(|changed| changed);
-        // Entries that were applied but are not on disk cannot be undone one by one: the log is read anew.
+        // Entries that were applied but not committed cannot be undone one by one: the cached labels stay empty, and the log is
+        // read again.
         if let Some(mut kept) = held
             && (done.is_ok() || before == Some(labels.entries()))
         {
@@ -146,7 +147,7 @@ impl Store {
     }
 }
 
-/// Takes in what the log has beyond `labels`; nothing is left of them if it cannot be followed.
+/// Applies the log's new entries to `labels`. If one does not follow from the earlier ones, `labels` become empty.
 fn catch_up(connection: &Connection, number: i64, labels: &mut Kept) -> Result<(), StoreError> {
     let new = log(connection, number, labels.entries())?;
     if new.is_empty() {

@@ -17,15 +17,15 @@ fn replayed(store: &Store, id: &CampaignId) -> Labels {
 
 #[derive(Debug, Clone)]
 enum Step {
-    /// A request of this id says so much; some are refused, some were made before.
+    /// A request of this id with these changes; some are refused, some are repeated.
     Say(u8, Vec<Change>),
-    /// A request of this id undoes.
+    /// An undo request of this id.
     Undo(u8),
-    /// The disk fails after this was taken in.
+    /// The disk fails after this change was applied.
     Fail(Change),
-    /// Somebody looks, and keeps what they saw.
+    /// A caller reads the labels, and keeps them.
     Look,
-    /// There is no room for what the log comes to.
+    /// The cache drops the labels.
     Forget,
 }
 
@@ -44,7 +44,7 @@ fn anything() -> impl Strategy<Value = Change> {
 
 fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
-        6 => (0u8..20, prop::collection::vec(anything(), 1..4)).prop_map(|(id, said)| Step::Say(id, said)),
+        6 => (0u8..20, prop::collection::vec(anything(), 1..4)).prop_map(|(id, message)| Step::Say(id, message)),
         2 => (0u8..20).prop_map(Step::Undo),
         1 => anything().prop_map(Step::Fail),
         2 => Just(Step::Look),
@@ -62,15 +62,15 @@ proptest! {
         let mut seen: Vec<(Arc<Labels>, Labels)> = Vec::new();
         for step in steps {
             match step {
-                // What is refused is part of it.
-                Step::Say(name, said) => drop(store.add_labels(&id, &request(&name.to_string()), said)),
+                // Refusals are part of the test.
+                Step::Say(name, message) => drop(store.add_labels(&id, &request(&name.to_string()), message)),
                 Step::Undo(name) => {
                     let ana = "ana".parse().unwrap();
                     drop(store.undo_labels(&id, &request(&name.to_string()), &ana, 9));
                 }
-                Step::Fail(said) => {
+                Step::Fail(message) => {
                     let failed = store.add_to_log(&id, |_, _, labels| {
-                        let _ = labels.record(said);
+                        let _ = labels.record(message);
                         Err::<(), _>(LabelError::Store(StoreError::damaged("the disk is gone".to_owned())))
                     });
                     prop_assert!(failed.is_err());
@@ -83,7 +83,7 @@ proptest! {
             }
             prop_assert_eq!(&*store.labels(&id).unwrap(), &replayed(&store, &id));
         }
-        // What somebody saw stays as it was.
+        // Labels that a caller keeps do not change.
         for (shared, copy) in seen {
             prop_assert_eq!(&*shared, &copy);
         }
@@ -134,7 +134,7 @@ fn logs_that_were_forgotten_come_to_the_same_again() {
                 class: class.parse().unwrap(),
             },
         );
-        // Some are refused: the class is there.
+        // Some are refused, because the class exists.
         drop(store.add_labels(id, &request(&turn.to_string()), vec![create]));
         assert_eq!(*store.labels(id).unwrap(), replayed(&store, id));
         assert!(store.followed.0.bytes() <= bound);
