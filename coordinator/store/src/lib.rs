@@ -1,7 +1,7 @@
 //! The store: one SQLite database in a data directory, changed by whole transactions only.
 //!
-//! Limits: knows rows, not searches. Everything acknowledged to anybody has been committed with
-//! `synchronous = FULL` first, so a `kill -9` at any instant loses nothing (invariant 4 of ARCHITECTURE.md).
+//! Limits: knows rows, not searches. Everything acknowledged to a client has been committed with `synchronous = FULL` first, so a
+//! `kill -9` at any instant loses nothing (invariant 4 of ARCHITECTURE.md).
 
 mod archive;
 pub mod backup;
@@ -71,15 +71,15 @@ use std::{
 pub struct Store {
     /// Reading connections, if there is a writing one; dropped before it, because the last connection to close empties the log.
     readers: Option<Arc<Readers>>,
-    /// The one that writes, as SQLite has one writer; or the only one, of a store that is looked at.
+    /// The writing connection (SQLite has one writer), or the only connection of a store that is only looked at.
     connection: Arc<Mutex<Connection>>,
     path: Arc<Path>,
-    /// Whether the disk failed under a change, so that nobody knows how much of it is written. Set and read by whoever
-    /// has the connection.
+    /// Whether the disk failed during a change, so that it is unknown how much of it was written. Set and read while `connection`
+    /// is locked.
     sync_failed: Arc<AtomicBool>,
     /// Current labels of the campaigns.
     followed: Arc<labels::Followed>,
-    /// The run that this handle is for, which alone may write through it.
+    /// The run that this handle is for; only this run may write through it.
     run: Option<Arc<RunId>>,
 }
 
@@ -107,8 +107,8 @@ impl Store {
         Ok(store)
     }
 
-    /// Opens the database in `folder` to look at it, and says which version its schema is of; nothing can be changed through
-    /// it, and nothing is checked. `alone` says that nobody writes it meanwhile (see [`DataDirectory::watch`]).
+    /// Opens the database in `folder` read-only and without checks, and returns the version of its schema. `alone` promises that no
+    /// process writes it meanwhile (see [`DataDirectory::watch`]).
     ///
     /// # Errors
     /// As [`Store::open`], and [`StoreError::NoDirectory`].
@@ -132,7 +132,7 @@ impl Store {
         }
     }
 
-    /// Whether it can be read.
+    /// Checks that the database can be read.
     ///
     /// # Errors
     /// Why it cannot.
@@ -145,8 +145,8 @@ impl Store {
         })
     }
 
-    /// Runs `change` in a transaction that is committed, on disk, when this returns `Ok`. Through the handle of a run it is
-    /// refused once that is over.
+    /// Runs `change` in a transaction that is committed, on disk, when this returns `Ok`. Through the handle of a run, it is
+    /// refused once the run is over.
     fn write<T>(
         &self,
         change: impl FnOnce(&Transaction<'_>) -> Result<T, StoreError>,
@@ -181,7 +181,8 @@ impl Store {
         self.read_in(blocking::is_in_background(), query)
     }
 
-    /// Reads with one of the connections of threads of low priority, or of the others, whatever thread this is.
+    /// Reads with a connection for threads of low priority if `background`, or with one for the others; the current thread does not
+    /// matter.
     fn read_in<T>(
         &self,
         background: bool,
@@ -195,12 +196,12 @@ impl Store {
     }
 }
 
-/// Whether there is something at `path`; an error where that cannot be known.
+/// Whether there is something at `path`; an error if that cannot be known.
 fn find(path: &Path) -> Result<bool, StoreError> {
     is_there(path).map_err(|error| StoreError::from_io(error, "find", path))
 }
 
-/// Checks that what is at the path of a data directory, if anything, is a folder.
+/// Checks that the path of a data directory is a folder, or does not exist.
 ///
 /// # Errors
 /// [`StoreError::NoFolder`].
@@ -211,7 +212,7 @@ pub fn expect_folder(path: &Path) -> Result<(), StoreError> {
     }
 }
 
-/// Whether there is a database at `path`; an error where that cannot be known, or something else has its name.
+/// Whether there is a database at `path`; an error if that cannot be known, or if something else has its name.
 fn find_database(path: &Path) -> Result<bool, StoreError> {
     path.parent().map_or(Ok(()), expect_folder)?;
     let failed = |error| StoreError::from_io(error, "open the database", path);

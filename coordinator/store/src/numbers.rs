@@ -1,4 +1,4 @@
-//! Numbers as they stand in columns.
+//! Numbers in columns.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 

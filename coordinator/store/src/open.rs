@@ -1,4 +1,4 @@
-//! Opening the database: made whole or not at all, checked before it is trusted, and made sure of after the disk failed.
+//! Opens the database: creates it whole or not at all, checks it before use, and secures it after the disk failed.
 
 use super::{Store, StoreError, files::sync, schema};
 use rusqlite::{
@@ -12,14 +12,14 @@ use std::{
 };
 use tempfile::TempPath;
 
-/// Up to how many bytes a database's structure is checked whenever it is opened: half a second where it is in memory.
+/// Largest database, in bytes, whose structure is checked at every opening. That takes half a second if it is in memory.
 const CHECKED_BYTES: u64 = 1 << 30;
 
-/// Bytes of a log that is long: readers that overlap can keep SQLite from beginning it anew.
+/// Bytes beyond which a log is long. Overlapping readers can keep SQLite from restarting the log.
 pub(super) const LONG_LOG: u64 = if cfg!(test) { 1 << 20 } else { 64 << 20 };
 
-/// Makes an empty database of the newest schema in `folder`. It appears under its name once it is on disk, so that an
-/// empty file of that name is never taken for a new one.
+/// Makes an empty database of the newest schema in `folder`. It gets its name once it is on disk, so that an empty file of that
+/// name is never taken for a new database.
 pub(super) fn create(folder: &Path) -> Result<(), StoreError> {
     let path = folder.join(format!("{}.new", Store::FILE));
     for begun in [path.clone(), with_suffix(&path, "-journal")] {
@@ -36,7 +36,7 @@ pub(super) fn create(folder: &Path) -> Result<(), StoreError> {
     connection.close().map_err(|(_, source)| named(source))?;
     let placed = sync(&path)
         .and_then(|()| {
-            // Never in the place of another, whatever has happened since nothing was found there.
+            // Never replaces a database that has appeared since the check.
             let placed = TempPath::try_from_path(&path)?.persist_noclobber(folder.join(Store::FILE));
             placed.map_err(|refused| refused.error)
         })
@@ -44,7 +44,7 @@ pub(super) fn create(folder: &Path) -> Result<(), StoreError> {
     placed.map_err(|error| StoreError::from_io(error, "write", &path))
 }
 
-/// A connection to a database that is there, checked and of the newest schema.
+/// A writing connection to an existing database, which is checked and migrated to the newest schema.
 pub(super) fn to_write(path: &Path) -> Result<Connection, StoreError> {
     let named = |source| StoreError::from_sqlite(source, path);
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
@@ -68,8 +68,8 @@ pub(super) fn to_read(path: &Path) -> Result<Connection, StoreError> {
     Connection::open_with_flags(path, flags).map_err(|source| StoreError::from_sqlite(source, path))
 }
 
-/// A connection through which nothing changes, and the version of the schema that was found. `alone` says that nobody else
-/// can be writing; then SQLite leaves no files behind where no log lies beside the database.
+/// A connection through which nothing changes, and the version of the schema that was found. `alone` promises that no other process
+/// writes; if there is no log beside the database either, SQLite leaves no files behind.
 pub(super) fn to_look(path: &Path, alone: bool) -> Result<(Connection, u32), StoreError> {
     let named = |source| StoreError::from_sqlite(source, path);
     let log = with_suffix(path, "-wal");
@@ -92,18 +92,18 @@ pub(super) fn to_look(path: &Path, alone: bool) -> Result<(Connection, u32), Sto
     if version == schema::VERSION {
         return Ok((connection, version));
     }
-    // Of an older one, a copy is looked at as it would be after it was brought to the newest.
+    // Of a database with an older schema, returns a migrated copy in memory.
     let mut copy = Connection::open_in_memory().map_err(named)?;
     copy_whole(&connection, &mut copy).map_err(named)?;
     schema::migrate(&mut copy, version).map_err(named)?;
     Ok((copy, version))
 }
 
-/// Makes sure of what is committed after the disk failed under a change.
+/// Secures what is committed, after the disk failed during a change.
 ///
-/// The content of the log beyond the last commit is unknown then: the system may have dropped what it said it could not write,
-/// and say that all is well the next time. So everything committed is written into the database anew, and the log is
-/// emptied; only then is anything else acknowledged.
+/// The content of the log beyond the last commit is unknown then: the system may have dropped the failed write, and report success
+/// the next time. So everything committed is written into the database again, and the log is emptied, before anything else is
+/// acknowledged.
 pub(super) fn settle(connection: &Connection, path: &Path) -> Result<(), StoreError> {
     let busy: i64 = connection
         .query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |row| row.get(0))
@@ -123,13 +123,12 @@ pub(super) fn has_long_log(path: &Path) -> bool {
     log.metadata().is_ok_and(|log| log.len() > LONG_LOG)
 }
 
-/// Writes what the log holds into the database, as far as other processes that read allow it, so that the next change
-/// begins the log anew.
+/// Writes the log into the database, as far as other reading processes allow, so that the next change restarts the log.
 pub(super) fn shorten_log(connection: &Connection) -> rusqlite::Result<()> {
     connection.query_row("PRAGMA wal_checkpoint(PASSIVE)", [], |_| Ok(()))
 }
 
-/// Copies every page as it stands at one instant, whoever else writes.
+/// Copies every page as of one instant, even while others write.
 pub(super) fn copy_whole(from: &Connection, to: &mut Connection) -> rusqlite::Result<()> {
     let backup = Backup::new(from, to)?;
     // In one step, so that it is one read transaction.
@@ -147,14 +146,14 @@ fn check(connection: &Connection, path: &Path) -> Result<(), StoreError> {
         tracing::info!(path = %path.display(), "not checked at start, for its size: `murmuration doctor` does");
         return Ok(());
     }
-    let said: String = connection
+    let message: String = connection
         .query_row("PRAGMA quick_check(1)", [], |row| row.get(0))
         .map_err(|source| StoreError::from_sqlite(source, path))?;
-    match said.as_str() {
+    match message.as_str() {
         "ok" => Ok(()),
         _ => Err(StoreError::Damaged {
             path: path.to_path_buf(),
-            reason: said.replace('\n', " "),
+            reason: message.replace('\n', " "),
         }),
     }
 }
@@ -165,7 +164,7 @@ fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     name.into()
 }
 
-/// A path in SQLite's URIs, where these three have a meaning.
+/// A path escaped for SQLite's URIs, in which these three characters have a meaning.
 pub(super) fn uri_path(path: &Path) -> String {
     path.display()
         .to_string()

@@ -1,4 +1,4 @@
-//! Rows of datasets and trainings: what an embedder is trained on, and how far that has come.
+//! Rows of datasets, on which embedders are trained, and of saved trainings.
 
 use super::{
     Provenance, Store, StoreError,
@@ -23,10 +23,10 @@ pub struct Picture {
 }
 
 impl Store {
-    /// Adds pictures to a campaign's dataset, the first at `place`, and where they come from, in one transaction.
+    /// Adds pictures to a campaign's dataset, the first at `place`, and their provenance, in one transaction.
     ///
     /// # Errors
-    /// If they cannot be written; then none of them was.
+    /// If they cannot be written; then none was.
     pub fn add_pictures(
         &self,
         campaign: &CampaignId,
@@ -36,7 +36,7 @@ impl Store {
     ) -> Result<(), StoreError> {
         let mut compressor = Compressor::new()?;
         let images = pictures.iter().map(|picture| compressor.compress(&picture.image));
-        // Before the connection is taken, so that nobody waits for it.
+        // Compressed before the connection is taken, so that nobody waits for it.
         let images = images.collect::<Result<Vec<_>, _>>()?;
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
@@ -101,7 +101,7 @@ impl Store {
         })
     }
 
-    /// The features of a dataset's controllers in their first starts, those of the controllers in `range`, as far as there are any.
+    /// The features of a dataset's controllers in `range`, each in its first start, as far as there are any.
     ///
     /// # Errors
     /// If they cannot be read, or are damaged.
@@ -134,7 +134,7 @@ impl Store {
         })
     }
 
-    /// The images of a dataset whose place is in `range`, in order, one after the other, as far as there are any.
+    /// The images of a dataset whose places are in `range`, in order, one after the other, as far as there are any.
     pub(crate) fn dataset_images(
         &self,
         campaign: &CampaignId,
@@ -161,7 +161,7 @@ impl Store {
         })
     }
 
-    /// Puts a training aside, in place of the one before.
+    /// Saves a training, in place of the one before.
     pub fn save_training(&self, campaign: &CampaignId, training: &SavedTraining) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
@@ -174,7 +174,7 @@ impl Store {
         })
     }
 
-    /// The training that was put aside, if one was.
+    /// The saved training, if there is one.
     pub fn saved_training(&self, campaign: &CampaignId) -> Result<Option<SavedTraining>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;

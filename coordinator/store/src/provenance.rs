@@ -1,4 +1,4 @@
-//! Where results come from, and what befell a campaign: who did what, whom to mistrust, and notices.
+//! Provenance of results: which machine made each, which machines are quarantined, and the notices of a campaign.
 
 use super::{
     Store, StoreError,
@@ -10,22 +10,22 @@ use murmuration_proto::{EmbeddingKind, Text};
 use rusqlite::{Connection, Transaction, params};
 use std::collections::BTreeMap;
 
-/// Notices of a campaign that are told; older ones stay in the store.
+/// Most notices of a campaign that are returned; older ones stay in the store.
 const MOST_NOTICES: u32 = 50;
 
-/// In the place of the machine that alone did something, where two found the same.
+/// Stored in place of a machine when two machines found the same result.
 const NOBODY: u64 = 0;
 
-/// Where some results come from.
+/// Provenance of some results.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Provenance {
     /// Maker of each. Empty if unknown.
     pub makers: Vec<Maker>,
-    /// Notices about it, in sentences.
+    /// Notices about them, in sentences.
     pub notices: Vec<String>,
 }
 
-/// Something unusual that befell a campaign, which went on.
+/// An unusual event in a campaign, which continued.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Notice {
     /// Larger than that of every notice before it.
@@ -59,7 +59,7 @@ impl ResultKind {
     }
 }
 
-/// A result that rests on the word of a machine that was found wrong.
+/// A result that only a quarantined machine has computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Suspect {
     pub place: u64,
@@ -70,23 +70,23 @@ pub struct Suspect {
 /// Results of a campaign that only quarantined machines have computed, in the order of places.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Suspects {
-    /// Of its dataset's pictures.
+    /// Pictures of its dataset.
     pub pictures: Vec<Suspect>,
-    /// Of its individuals, as they were evaluated.
+    /// Evaluations of its individuals.
     pub individuals: Vec<Suspect>,
-    /// Of its individuals, as they were embedded with the checkpoint that the archive moved to.
+    /// Embeddings of its individuals by the checkpoint that the archive moved to.
     pub embeddings: Vec<Suspect>,
     pub machines: Vec<Quarantined>,
 }
 
 impl Suspects {
-    /// Whether nothing does.
+    /// Whether no result is suspect.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// How much does.
+    /// Number of suspect results.
     #[must_use]
     pub const fn len(&self) -> usize {
         self.pictures.len() + self.individuals.len() + self.embeddings.len()
@@ -104,7 +104,7 @@ impl Suspects {
 }
 
 impl Store {
-    /// Remembers machines that were found wrong; those that it knows already stay as they are.
+    /// Quarantines machines that were found wrong; those already quarantined stay as they are.
     pub fn quarantine(&self, machines: &[Quarantined]) -> Result<(), StoreError> {
         self.write(|transaction| {
             let mut statement = transaction.prepare_cached(
@@ -117,13 +117,13 @@ impl Store {
         })
     }
 
-    /// Machines that were found wrong, oldest first. Those whose quarantine was lifted are among them, by a number that no
-    /// machine has: what they did before stays suspect.
+    /// Machines that were found wrong, oldest first. Includes machines whose quarantine was lifted, under a number that no machine
+    /// has: their earlier results stay suspect.
     pub fn quarantined(&self) -> Result<Vec<Quarantined>, StoreError> {
         self.read(|connection| quarantined(connection, ""))
     }
 
-    /// Machines that are not listened to, oldest first.
+    /// Machines that are still quarantined, oldest first.
     pub fn still_quarantined(&self) -> Result<Vec<Quarantined>, StoreError> {
         self.read(|connection| quarantined(connection, "WHERE lifted_ms IS NULL"))
     }
@@ -131,7 +131,7 @@ impl Store {
     /// Ends a quarantine; false if the machine was not quarantined. Its earlier results stay suspect.
     pub fn lift_quarantine(&self, machine: MachineId) -> Result<bool, StoreError> {
         self.write(|transaction| {
-            // A number that no machine has: they are odd.
+            // An even number, which no machine has: machines have odd ones.
             let random: i64 = transaction.query_row("SELECT random()", [], |row| row.get(0))?;
             let past = (random.cast_unsigned() & !1).max(2);
             let lifted = transaction.execute(
@@ -155,8 +155,7 @@ impl Store {
         self.read(|connection| suspects(connection, number_of(connection, campaign)?))
     }
 
-    /// Marks results of these machines as confirmed by another machine. With a notice, in one
-    /// transaction.
+    /// Marks results of these machines as confirmed by another machine, and adds a notice, in one transaction.
     pub fn confirm(
         &self,
         campaign: &CampaignId,
@@ -229,7 +228,7 @@ pub(super) fn suspects(connection: &Connection, number: i64) -> Result<Suspects,
     Ok(suspects)
 }
 
-/// A run of results in a row, and who made each.
+/// Consecutive results, and the machine that made each.
 struct Run {
     result: String,
     first: u64,
@@ -256,7 +255,7 @@ fn provenance(connection: &Connection, campaign: i64) -> Result<Vec<Run>, StoreE
     Ok(rows.collect::<Result<_, _>>()?)
 }
 
-/// Puts other machines into the place of those that made a campaign's results.
+/// Replaces each machine in the provenance of a campaign by `other` of it.
 fn replace(
     transaction: &Transaction<'_>,
     campaign: i64,
@@ -286,7 +285,7 @@ fn quarantined(connection: &Connection, which: &str) -> Result<Vec<Quarantined>,
     Ok(rows.collect::<Result<_, _>>()?)
 }
 
-/// Notes where results come from, the first of them at a place of this kind.
+/// Stores the provenance of results of a kind, from place `first` on, and its notices.
 pub(super) fn add_provenance(
     transaction: &Transaction<'_>,
     campaign: i64,

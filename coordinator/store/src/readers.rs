@@ -1,8 +1,8 @@
-//! Connections that only read, beside the one that writes: reading waits neither for a change nor for other reading.
+//! Read-only connections beside the writing one, so that a read waits neither for a change nor for another read.
 //!
-//! Each reading sees the database as it was at one instant, without what is not committed or was refused by the disk.
-//! Limits: at most [`MOST`] read at once, the others wait for one of them, and of those in the background
-//! [`MOST_IN_BACKGROUND`], so that a decision finds a connection; nobody reads while the log is emptied.
+//! Each read sees the database as of one instant, without changes that are uncommitted or that the disk refused. Limits: at most
+//! [`MOST`] reads run at once, of which at most [`MOST_IN_BACKGROUND`] in the background, so that a decision finds a connection;
+//! the others wait. No read runs while the log is emptied.
 
 use super::{StoreError, open};
 use rusqlite::Connection;
@@ -11,18 +11,18 @@ use std::{
     sync::{Condvar, Mutex, MutexGuard, PoisonError, TryLockError},
 };
 
-/// Connections: more would only compete for the disk.
+/// Number of connections: more would only compete for the disk.
 const MOST: usize = 4;
-/// Connections that threads of low priority have at most.
+/// Most connections that threads of low priority use.
 const MOST_IN_BACKGROUND: usize = 2;
 
 /// Connections to one database.
 #[derive(Debug)]
 pub(super) struct Readers {
     turns: Mutex<Turns>,
-    /// Notified when somebody has read, and when readers are no longer kept away.
+    /// Notified when a read ends, and when readers are no longer kept away.
     changed: Condvar,
-    /// [`MOST`] of them, each locked by who reads with it.
+    /// [`MOST`] of them, each locked by its reader.
     connections: Vec<Mutex<Connection>>,
 }
 
@@ -34,13 +34,13 @@ struct Turns {
     kept_away: bool,
 }
 
-/// Somebody reads until this is dropped.
+/// The turn of a reader, until dropped.
 struct Turn<'a> {
     readers: &'a Readers,
     in_background: bool,
 }
 
-/// Nobody reads until this is dropped.
+/// Keeps all readers away until dropped.
 pub(super) struct KeptAway<'a>(&'a Readers);
 
 impl Readers {
@@ -54,21 +54,21 @@ impl Readers {
         })
     }
 
-    /// Runs `query`, all of which sees the same instant. It must not ask the store for anything else meanwhile. With
-    /// `in_background` it has one of the connections of threads of low priority.
+    /// Runs `query`, all of which sees the same instant. `query` must not call the store. With `in_background`, it uses a
+    /// connection for threads of low priority.
     pub(super) fn read<T>(
         &self,
         in_background: bool,
         query: impl FnOnce(&Connection) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
-        // Given back after the connection.
+        // Dropped after the connection.
         let _turn = self.turn(in_background);
         let connection = self.free();
         let snapshot = connection.unchecked_transaction()?;
         query(&snapshot)
     }
 
-    /// Waits until nobody reads, and lets nobody begin to.
+    /// Keeps new readers away, and waits until the current ones have ended.
     pub(super) fn keep_away(&self) -> KeptAway<'_> {
         let mut turns = lock(&self.turns);
         turns.kept_away = true;
@@ -94,7 +94,7 @@ impl Readers {
         }
     }
 
-    /// A connection that nobody reads with: there is one for each turn.
+    /// An unused connection: there is one for each turn.
     fn free(&self) -> MutexGuard<'_, Connection> {
         let free = self.connections.iter().find_map(|one| match one.try_lock() {
             Ok(free) => Some(free),

@@ -49,18 +49,18 @@ fn begins(spec: &CampaignSpec, checkpoint: CheckpointDigest, lineage: &Lineage) 
     }
 }
 
-/// Whether the rounds of a campaign learned from anything but what its specification has the synthetic annotator say.
+/// Whether the rounds of a campaign learned from anything but the labels of its specification's synthetic annotator.
 fn is_attended(store: &Store, record: &CampaignRecord) -> Result<bool, StoreError> {
     if record.rounds.done > record.spec.feedback().map_or(0, Feedback::rounds) {
         return Ok(true);
     }
     let mut own = 0;
     for round in 1..=record.rounds.done {
-        let said = store.request_entries(&record.id, &RequestId::of_round(round))?;
-        if said.is_empty() {
+        let message = store.request_entries(&record.id, &RequestId::of_round(round))?;
+        if message.is_empty() {
             return Ok(true);
         }
-        own += said.len() as u64;
+        own += message.len() as u64;
     }
     Ok(own != record.rounds.last_cutoff)
 }

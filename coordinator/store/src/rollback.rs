@@ -1,5 +1,5 @@
-//! Rollbacks after workers were found wrong, so that other workers repeat the work. Each is one transaction, and says
-//! why. Datasets, archives and embeddings go; the label log stays, and says whose answers were about what is gone.
+//! Rollbacks after workers were found wrong, so that other workers repeat the work. Each is one transaction, and states its reason.
+//! Datasets, archives and embeddings are deleted; the label log stays, and answers about deleted individuals are withdrawn in it.
 
 use super::{
     LabelError, Store, StoreError,
@@ -16,7 +16,7 @@ use murmuration_model::{
 use rusqlite::{Transaction, params};
 
 impl Store {
-    /// Rolls back the generations from `generation` on, with everything that they brought.
+    /// Rolls back the generations from `generation` on, with everything that came with them.
     ///
     /// # Errors
     /// If it cannot be written; then nothing was rolled back.
@@ -32,8 +32,8 @@ impl Store {
         })
     }
 
-    /// Rolls back the embeddings of an archive, those of a move that has not ended too, and the generations that came after
-    /// the first `kept` individuals were embedded: all that is left is embedded again.
+    /// Rolls back the embeddings of an archive, including those of an unfinished move, and the generations after the first `kept`
+    /// individuals. The remaining individuals are embedded again.
     ///
     /// # Errors
     /// If it cannot be written; then nothing was rolled back.
@@ -64,7 +64,7 @@ impl Store {
         })
     }
 
-    /// Rolls back everything but the first `pictures` of a campaign's dataset: it begins again, its embedder too.
+    /// Rolls back everything but the first `pictures` of a campaign's dataset: the campaign begins again, its embedder too.
     ///
     /// # Errors
     /// If it cannot be written; then nothing was rolled back.
@@ -93,7 +93,7 @@ impl Store {
         })
     }
 
-    /// Runs a change that rolls back, in one transaction, and counts it.
+    /// Runs a rollback in one transaction, and counts it.
     fn roll_back(
         &self,
         campaign: &CampaignId,
@@ -113,8 +113,8 @@ impl Store {
         })
     }
 
-    /// How many individuals an archive had when it moved to the checkpoint that it is, or will be, embedded with; 0 if it
-    /// was begun with that.
+    /// Number of individuals that an archive had when it moved to the checkpoint that it is, or will be, embedded with; 0 if it
+    /// began with it.
     pub fn embedded_when_moved(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
         self.read(|connection| {
             let end: i64 = connection.query_row(
@@ -155,16 +155,16 @@ fn delete_generations(
     withdraw_taxonomies(transaction, number)
 }
 
-/// The individuals from `first` on will be others: nobody has said anything about them.
+/// Withdraws the answers about individuals from `first` on, because other individuals will take their places.
 fn withdraw_answers(
     transaction: &Transaction<'_>,
     number: i64,
     labels: &mut Labels,
     first: u64,
 ) -> Result<(), StoreError> {
-    // Answers of a deleted class would stand again if somebody reverted the deletion.
-    let said = labels.standing().chain(labels.set_aside());
-    let about: Vec<_> = said.filter(|label| label.index >= first).collect();
+    // Answers of a deleted class would stand again if the deletion were reverted.
+    let answers = labels.standing().chain(labels.set_aside());
+    let about: Vec<_> = answers.filter(|label| label.index >= first).collect();
     let withdrawn = about.into_iter().map(|label| {
         labels.record(Change {
             annotator: label.annotator,
@@ -178,7 +178,7 @@ fn withdraw_answers(
     insert(transaction, number, &RequestId::of_withdrawal(), &withdrawn)
 }
 
-/// Forgets who did the results from `first` on. Runs of them end where what is rolled back begins.
+/// Deletes the provenance of results from `first` on. A run of results that continues past `first` is cut there.
 fn forget(
     transaction: &Transaction<'_>,
     number: i64,

@@ -1,5 +1,5 @@
-//! Pictures that a round learns from: labelled individuals, and pictures of their controllers from further starts, which
-//! lie in the table of the dataset, behind it.
+//! Pictures that a round learns from: labelled individuals, and pictures of their controllers from further starts, which are in the
+//! dataset's table, after the dataset.
 
 use super::{
     ArchivedIndividual, Store, StoreError,
@@ -11,12 +11,12 @@ use murmuration_proto::Controller;
 use rusqlite::params;
 use std::collections::BTreeMap;
 
-/// A picture that is learned from.
+/// A picture that a round learns from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RoundPicture {
-    /// That of an individual, which was labelled.
+    /// The picture of a labelled individual.
     Individual(u64),
-    /// That of its controller from another start, at this place of the dataset's table.
+    /// A picture of its controller from another start, at this place of the dataset's table.
     Further(u64),
 }
 
@@ -72,7 +72,7 @@ impl Store {
         Ok(round)
     }
 
-    /// The image of a picture that is learned from.
+    /// The image of a picture that a round learns from.
     pub fn round_image(&self, record: &CampaignRecord, picture: RoundPicture) -> Result<Vec<u8>, StoreError> {
         let model = record.spec.model();
         match picture {
@@ -84,7 +84,7 @@ impl Store {
         }
     }
 
-    /// Where the pictures of further starts are, by seed and controller.
+    /// Places of the pictures of further starts, by seed and controller.
     fn further_pictures(&self, record: &CampaignRecord) -> Result<BTreeMap<(u64, Vec<u8>), u64>, StoreError> {
         let first = TrainingPictures::of(record).in_dataset();
         self.read(|connection| {

@@ -1,4 +1,4 @@
-//! Rounds of feedback: what a fine-tuning learns from, from the first label to the move to what it made.
+//! Rounds of feedback: the labels that a fine-tuning learns from, and the move to the checkpoint that it made.
 
 use super::{
     Store, StoreError,
@@ -22,8 +22,8 @@ impl Store {
         self.write(|transaction| begin(transaction, number_of(transaction, campaign)?, cutoff))
     }
 
-    /// Adds what a request says to the label log, as [`Store::add_labels`] does, and begins a round with the log as it
-    /// is then, all in one transaction.
+    /// Adds the changes of a request to the label log, as [`Store::add_labels`] does, and begins a round with the resulting log,
+    /// all in one transaction.
     ///
     /// # Errors
     /// As [`Store::add_labels`]; nothing has changed then.
@@ -39,7 +39,7 @@ impl Store {
         })
     }
 
-    /// The labels as the first `cutoff` entries of the log made them: what a round learns from.
+    /// The labels after the first `cutoff` entries of the log, from which a round learns.
     pub(crate) fn labels_until(&self, campaign: &CampaignId, cutoff: u64) -> Result<Labels, StoreError> {
         let mut log = self.label_log(campaign)?;
         log.truncate(usize::try_from(cutoff).unwrap_or(usize::MAX));
@@ -110,7 +110,7 @@ pub(super) fn begin(transaction: &Transaction<'_>, number: i64, cutoff: u64) -> 
             CampaignState::Running.name()
         ],
     )?;
-    // Of other labels.
+    // Saved trainings learned from other labels.
     transaction.execute("DELETE FROM trainings WHERE campaign = ?1", [number])?;
     Ok(())
 }

@@ -1,9 +1,9 @@
 //! Decisions about campaigns, and the runs that they begin and end.
 //!
-//! A decision looks at the campaign's state and changes it in one transaction, and counts: a *run* is what may change the
-//! campaign from one decision to the next. Whatever a run writes goes through [`Store::during`], whose every transaction
-//! makes sure first that the campaign still runs, and that no decision has been made since. So what was acknowledged to a
-//! person is what the disk says, even if a run of before goes on computing.
+//! A decision checks and changes the campaign's state in one transaction, which also counts it. A *run* lasts from one decision to
+//! the next, and only it may change the campaign. A run writes through [`Store::during`]: every transaction first checks that the
+//! campaign still runs, and that no decision has been made since. So a decision holds once it is acknowledged, even if an earlier
+//! run goes on computing.
 
 use super::{
     Store, StoreError,
@@ -19,18 +19,18 @@ use rusqlite::{Transaction, params};
 /// A person's decision about a campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Decision {
-    /// It stops, to be continued.
+    /// The campaign stops, and can be resumed.
     Pause,
     Resume,
-    /// It ends for good.
+    /// The campaign ends for good.
     Cancel,
-    /// It moves to this checkpoint, and goes on.
+    /// The campaign moves to this checkpoint, and goes on.
     Adopt(CheckpointDigest),
-    /// It learns from the first so many entries of its label log, and goes on.
+    /// The campaign learns from this many first entries of its label log, and goes on.
     Refine(u64),
 }
 
-/// Why nothing was decided.
+/// Why a decision was not made.
 #[derive(Debug, thiserror::Error)]
 pub enum DecisionError {
     /// The store could not be read or written.
@@ -55,8 +55,8 @@ impl Decision {
 }
 
 impl Store {
-    /// The same store for a run: a change is made if the campaign runs and nothing was decided about it since the run began,
-    /// and is [`StoreError::Superseded`] otherwise.
+    /// A handle of the store for a run. It makes changes only while the campaign runs and no decision was made since the run began;
+    /// otherwise they fail with [`StoreError::Superseded`].
     #[must_use]
     pub fn during(&self, run: RunId) -> Self {
         Self {
@@ -65,8 +65,8 @@ impl Store {
         }
     }
 
-    /// Makes a decision about a campaign, and ends the run that it may have. `has_failed` says that its run failed and could
-    /// not write that down.
+    /// Makes a decision about a campaign, and ends its run, if it has one. `has_failed` means that its run failed and could not
+    /// record that.
     ///
     /// # Errors
     /// [`DecisionError::NotAllowed`] names the state that does not allow it; [`StoreError::NoCheckpoint`]. Nothing has changed
@@ -120,7 +120,7 @@ impl Store {
         })
     }
 
-    /// Makes sure that the run which this handle is for, if it is for one, may change its campaign.
+    /// Checks that the run of this handle, if it has one, may change its campaign.
     pub(super) fn check_run(&self, transaction: &Transaction<'_>) -> Result<(), StoreError> {
         let Some(run) = &self.run else {
             return Ok(());

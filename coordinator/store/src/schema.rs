@@ -192,13 +192,13 @@ const MIGRATIONS: &[&str] = &[
 /// The newest version.
 pub(super) const VERSION: u32 = 1 + MIGRATIONS.len() as u32;
 
-/// The version of the database, which this murmuration must know; looking changes nothing.
+/// The schema version of the database; an error if this murmuration does not know it. Changes nothing.
 pub(super) fn version(connection: &Connection, path: &Path) -> Result<u32, StoreError> {
     let found = connection
         .pragma_query_value(None, "user_version", |row| row.get(0))
         .map_err(|source| StoreError::from_sqlite(source, path))?;
     match found {
-        // Databases appear under their name with their tables: this one was cut off, and must not pass for a new one.
+        // A database gets its name only once it has tables: this one was cut off, and must not pass for a new one.
         0 => Err(StoreError::Damaged {
             path: path.to_path_buf(),
             reason: "it holds no tables".to_owned(),
@@ -350,14 +350,14 @@ mod tests {
         let mut connection = Connection::open(&path).unwrap();
         create(&mut connection).unwrap();
         assert_eq!(version_of(&connection), VERSION);
-        for (version, said) in [(0, "it holds no tables"), (VERSION + 1, "written by a newer")] {
+        for (version, expected) in [(0, "it holds no tables"), (VERSION + 1, "written by a newer")] {
             connection.pragma_update(None, "user_version", version).unwrap();
             let refused = [
                 Store::look(folder.path(), true).unwrap_err(),
                 Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap_err(),
             ];
             for error in refused {
-                assert!(error.to_string().contains(said), "{error}");
+                assert!(error.to_string().contains(expected), "{error}");
             }
             assert_eq!(version_of(&connection), version);
         }

@@ -1,4 +1,4 @@
-//! Rows of taxonomies. A campaign that learns gets a new one each time; the former ones stay as versions.
+//! Rows of taxonomies. A campaign gets a new taxonomy each time it learns; the former ones stay as versions.
 
 use super::{
     Store, StoreError,
@@ -16,7 +16,7 @@ use rusqlite::{Connection, OptionalExtension as _, Row, Transaction, params};
 pub struct StoredTaxonomy {
     /// Archive indices of the medoids, largest cluster first.
     pub medoids: Vec<u64>,
-    /// For each individual, the place in `medoids` of the nearest.
+    /// For each individual, the place of its nearest medoid in `medoids`.
     pub clusters: Vec<u32>,
     /// Sum of the distances to the nearest medoids.
     pub loss: f64,
@@ -41,7 +41,7 @@ pub struct ClusterMeasures {
 pub struct TaxonomyVersion {
     /// From 1, in the order in which they were made.
     pub version: u32,
-    /// Whether it is about the archive as it is now embedded; false of former versions.
+    /// Whether it is about the archive as it is embedded now; false for former versions.
     pub stands: bool,
     /// When it was made, milliseconds since 1970-01-01 UTC; `None` for one that was imported.
     pub made_ms: Option<u64>,
@@ -55,7 +55,7 @@ pub struct TaxonomyVersion {
 }
 
 impl StoredTaxonomy {
-    /// How many individuals are in each cluster.
+    /// Number of individuals in each cluster.
     #[must_use]
     pub fn sizes(&self) -> Vec<u64> {
         let mut sizes = vec![0; self.medoids.len()];
@@ -67,7 +67,7 @@ impl StoredTaxonomy {
         sizes
     }
 
-    /// Whether every cluster that is named has a medoid, and every medoid its measures.
+    /// Whether every named cluster has a medoid, and every medoid has measures.
     fn is_whole(&self) -> bool {
         let medoids = self.medoids.len();
         let robust = self.robust_trials.len();
@@ -88,9 +88,9 @@ impl From<StoredTaxonomy> for Clustering {
 }
 
 impl Store {
-    /// Stores the taxonomy as a new version, with what was measured of its clusters and individuals, and completes the campaign,
-    /// in one transaction; whether it did: not while something of the campaign rests on the word of workers that were found
-    /// wrong. `points` is where each individual is on the map, in units of the behaviour space; or nothing.
+    /// Stores the taxonomy as a new version, with the measures of its clusters and individuals, and completes the campaign, in one
+    /// transaction. Changes nothing and returns false while the campaign has results that only quarantined machines computed.
+    /// `points` are the individuals' positions on the map, in units of the behaviour space; or empty.
     pub fn complete(
         &self,
         campaign: &CampaignId,
@@ -124,7 +124,7 @@ impl Store {
         })
     }
 
-    /// The taxonomy of a completed campaign; `None` before that.
+    /// The taxonomy of a completed campaign; `None` before completion.
     ///
     /// # Errors
     /// If it cannot be read, or its parts do not fit each other.
@@ -132,7 +132,7 @@ impl Store {
         self.read(|connection| whole_taxonomy(connection, campaign, "stands"))
     }
 
-    /// A version of a campaign's taxonomy, former or not; `None` if there is none of that number.
+    /// A version of a campaign's taxonomy, current or former; `None` if no version has that number.
     ///
     /// # Errors
     /// As [`Store::taxonomy`].
@@ -144,7 +144,7 @@ impl Store {
         self.read(|connection| whole_taxonomy(connection, campaign, &format!("version = {version}")))
     }
 
-    /// The versions of a campaign's taxonomy, oldest first; only the last can stand.
+    /// The versions of a campaign's taxonomy, oldest first; only the last can be current.
     pub fn taxonomy_versions(&self, campaign: &CampaignId) -> Result<Vec<TaxonomyVersion>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
@@ -179,8 +179,8 @@ impl Store {
         })
     }
 
-    /// Where each individual was on the map of a version, along the principal axes of the behaviour space, in its units, by
-    /// index. Nothing for a version that was imported.
+    /// Position of each individual on the map of a version, by index: along the principal axes of the behaviour space, in its
+    /// units. Empty for an imported version.
     pub fn taxonomy_points(&self, campaign: &CampaignId, version: u32) -> Result<Vec<[f32; 2]>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
@@ -196,7 +196,7 @@ impl Store {
     }
 }
 
-/// The version of a campaign's taxonomy of which the SQL expression `which` is true.
+/// The version of a campaign's taxonomy for which the SQL expression `which` is true.
 fn whole_taxonomy(
     connection: &Connection,
     campaign: &CampaignId,
@@ -217,13 +217,13 @@ fn whole_taxonomy(
     }
 }
 
-/// Retires the current version: from now on the archive has other embeddings.
+/// Retires the current version, because the archive gets other embeddings.
 pub(super) fn retire_taxonomy(transaction: &Transaction<'_>, campaign: i64) -> Result<(), StoreError> {
     transaction.execute("UPDATE taxonomies SET stands = 0 WHERE campaign = ?1", [campaign])?;
     Ok(())
 }
 
-/// Deletes the version that stands, which is wrong, and all others about individuals that are no longer there.
+/// Deletes the current version, which is wrong, and all versions with individuals that no longer exist.
 pub(super) fn withdraw_taxonomies(transaction: &Transaction<'_>, campaign: i64) -> Result<(), StoreError> {
     transaction.execute(
         "DELETE FROM taxonomies WHERE campaign = ?1 AND (stands OR length(clusters) / 4 >
@@ -233,8 +233,8 @@ pub(super) fn withdraw_taxonomies(transaction: &Transaction<'_>, campaign: i64) 
     Ok(())
 }
 
-/// Stores a taxonomy as the version that stands, made at `made_ms` if that is known. One of the same archive and checkpoint gives way
-/// to it.
+/// Stores a taxonomy as the current version, made at `made_ms` if that is known. It replaces a version of the same archive and
+/// checkpoint.
 pub(super) fn insert_taxonomy(
     transaction: &Transaction<'_>,
     campaign: i64,

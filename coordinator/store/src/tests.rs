@@ -1,4 +1,4 @@
-//! The store as its users see it: what was committed is there, what was not is not, and bad files are named.
+//! The store as its users see it: only committed data is there, and errors name bad files.
 
 mod size;
 mod switches;
@@ -284,7 +284,7 @@ fn a_held_directory_is_refused_with_its_holder() {
 }
 
 #[track_caller]
-fn check_unusable(prepare: impl FnOnce(&std::path::Path), said: &str) {
+fn check_unusable(prepare: impl FnOnce(&std::path::Path), expected: &str) {
     let (folder, store) = open();
     drop(store);
     let path = folder.path().join(Store::FILE);
@@ -293,7 +293,7 @@ fn check_unusable(prepare: impl FnOnce(&std::path::Path), said: &str) {
     let error = Store::open(&DataDirectory::hold(folder.path()).unwrap())
         .unwrap_err()
         .to_string();
-    assert!(error.contains(said) && error.contains(Store::FILE), "{error}");
+    assert!(error.contains(expected) && error.contains(Store::FILE), "{error}");
     assert!(fs::read(&path).unwrap() == before, "the file was changed");
 }
 
@@ -322,7 +322,7 @@ fn a_database_that_cannot_be_found_out_about_is_not_made_anew() {
     let path = folder.path().join(Store::FILE);
     let volume = folder.path().join("volume");
     // A link to a volume that is not mounted, and one that the system cannot follow at all.
-    for (target, said) in [
+    for (target, expected) in [
         (volume.join(Store::FILE), "is not there: mount its volume"),
         (path.clone(), "oo many"),
     ] {
@@ -333,7 +333,7 @@ fn a_database_that_cannot_be_found_out_about_is_not_made_anew() {
         for error in [opened, held, looked].map(Result::unwrap_err) {
             let error = error.to_string();
             assert!(
-                error.contains(said) && error.contains(&target.display().to_string()),
+                error.contains(expected) && error.contains(&target.display().to_string()),
                 "{error}"
             );
         }
@@ -347,7 +347,7 @@ fn a_database_that_cannot_be_found_out_about_is_not_made_anew() {
 fn a_new_database_takes_the_place_of_no_other() {
     let (folder, store) = open();
     let id = store.create_campaign(&spec(), Weight::default(), 7).unwrap();
-    // As if it had not been found.
+    // As if the database had not been found.
     let error = open::create(folder.path()).unwrap_err().to_string();
     assert!(error.contains(Store::FILE), "{error}");
     drop(store);
@@ -366,7 +366,7 @@ fn a_full_disk_is_called_that_and_loses_nothing() {
     store
         .write(|c| Ok(c.pragma_update(None, "max_page_count", pages)?))
         .unwrap();
-    // As many as the pages that are there have room for.
+    // Commits as many generations as the existing pages have room for.
     let (refused, error) = (1..1000)
         .find_map(|generation| Some(generation).zip(commit(&store, &id, generation).err()))
         .unwrap();
@@ -460,17 +460,17 @@ fn a_dataset_and_its_training_read_back() {
 fn an_id_that_is_almost_that_of_a_campaign_is_answered_with_that() {
     let (_folder, store) = open();
     let id = store.create_campaign(&spec(), Weight::default(), 7).unwrap();
-    let said = |id: &str| store.campaign(id).unwrap_err().to_string();
+    let message = |id: &str| store.campaign(id).unwrap_err().to_string();
     let typed = id.as_str().replace('-', "_");
     assert!(
-        said(&typed).contains(&format!("did you mean \"{id}\"?")),
+        message(&typed).contains(&format!("did you mean \"{id}\"?")),
         "{}",
-        said(&typed)
+        message(&typed)
     );
     for other in ["nothing-like-it-9", &id.as_str().repeat(100)] {
-        assert!(!said(other).contains("did you mean"), "{}", said(other));
+        assert!(!message(other).contains("did you mean"), "{}", message(other));
     }
     store.decide(&id, Decision::Cancel, false).unwrap();
     store.delete_campaign(&id, None, false).unwrap();
-    assert!(!said(id.as_str()).contains("did you mean"));
+    assert!(!message(id.as_str()).contains("did you mean"));
 }

@@ -63,7 +63,7 @@ fn every_action_reads_back_and_survives_reopening() {
         let (class, shortcut) = (into.clone(), key.map(|key| key.parse().unwrap()));
         change(8, Action::Shortcut { class, shortcut })
     };
-    let said = vec![
+    let message = vec![
         answer(2, "a"),
         answer(2, "not sure"),
         change(8, Action::Undo),
@@ -96,8 +96,8 @@ fn every_action_reads_back_and_survives_reopening() {
         answer(1, "d"),
         change(8, Action::Withdraw { index: 1 }),
     ];
-    let added = store.add_labels(&id, &request("1"), said.clone()).unwrap();
-    assert!(added.iter().map(|entry| &entry.change).eq(&said));
+    let added = store.add_labels(&id, &request("1"), message.clone()).unwrap();
+    assert!(added.iter().map(|entry| &entry.change).eq(&message));
     let labels = store.labels(&id).unwrap();
     drop(store);
     let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
@@ -165,8 +165,8 @@ fn an_act_is_undone_at_once_whatever_its_size() {
             .map(|label| (label.index, label.annotator.to_string(), label.answer.to_string()))
             .collect()
     };
-    let said = |index, who: &str, class: &str| (index, who.to_owned(), class.to_owned());
-    assert_eq!(stands(&store), [said(0, "ana", "a"), said(0, "ben", "c")]);
+    let message = |index, who: &str, class: &str| (index, who.to_owned(), class.to_owned());
+    assert_eq!(stands(&store), [message(0, "ana", "a"), message(0, "ben", "c")]);
     assert!(matches!(undo("2"), Err(LabelError::OtherRequest(_))));
     assert_eq!(undo("4").unwrap(), [0]);
     assert!(matches!(
@@ -175,7 +175,7 @@ fn an_act_is_undone_at_once_whatever_its_size() {
     ));
     assert_eq!(undo("3").unwrap(), [1, 2, 1, 0]);
     assert_eq!(store.label_log(&id).unwrap().len(), 11);
-    assert_eq!(stands(&store), [said(0, "ben", "c")]);
+    assert_eq!(stands(&store), [message(0, "ben", "c")]);
 }
 
 #[test]
@@ -227,10 +227,10 @@ fn what_is_refused_leaves_nothing_of_its_request() {
         Err(LabelError::Refused(Refusal::ClassExists(_)))
     ));
     let beyond = store.add_labels(&id, &request("1"), vec![answer(0, "a"), answer(3, "a")]);
-    let said = beyond.unwrap_err().to_string();
+    let message = beyond.unwrap_err().to_string();
     assert!(
-        said.contains("has no individual 3: its archive holds 3"),
-        "{said}"
+        message.contains("has no individual 3: its archive holds 3"),
+        "{message}"
     );
     assert_eq!(store.label_log(&id).unwrap(), []);
     // The id is still free.

@@ -127,7 +127,7 @@ fn a_machine_whose_quarantine_is_lifted_is_sound_and_what_it_did_is_not() {
         (after.pictures, after.individuals),
         (suspects.pictures, suspects.individuals)
     );
-    // What it does from now on is its word anew.
+    // Its results from now on are told apart from its earlier ones.
     store.quarantine(&[wrong(7)]).unwrap();
     assert_eq!(store.still_quarantined().unwrap(), [wrong(7)]);
     assert_eq!(store.suspects(&id).unwrap().machines.len(), 1);

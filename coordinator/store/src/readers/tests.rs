@@ -14,7 +14,7 @@ use std::{
     time::Duration,
 };
 
-/// Far more than anything here takes: who has not answered by then waits for good.
+/// Far longer than anything here takes: a thread without an answer by then waits for good.
 const FOR_GOOD: Duration = Duration::from_secs(60);
 
 /// A store with a campaign of one generation of one.
@@ -31,7 +31,7 @@ fn open(folder: &Path) -> (Store, CampaignId) {
     (store, id)
 }
 
-/// The output of `work` on another thread, which nothing blocks.
+/// The output of `work` on another thread, which must not be blocked.
 #[track_caller]
 fn meanwhile<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
     let (done, result) = mpsc::channel();
@@ -39,7 +39,7 @@ fn meanwhile<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T 
     result.recv_timeout(FOR_GOOD).expect("it is held up")
 }
 
-/// Everything that lists, statuses and pages are made of.
+/// Reads everything that lists, statuses and pages are made of.
 fn look(store: &Store, id: &CampaignId) -> CampaignState {
     let record = store.campaign(id.as_str()).unwrap();
     assert_eq!(store.campaigns().unwrap(), std::slice::from_ref(&record));
@@ -73,7 +73,7 @@ fn who_looks_waits_for_no_change_and_sees_what_is_committed() {
         })
         .unwrap();
     assert_eq!(look(&store), CampaignState::Paused);
-    // Nor where the change is made of labels.
+    // Nor does it wait for a change of labels.
     let labelled = store.add_to_log(&id, |transaction, _, _| {
         let (store, id) = (store.clone(), id.clone());
         let state = meanwhile(move || store.campaign(id.as_str()).unwrap().state);
@@ -94,7 +94,7 @@ fn labels_are_told_while_another_campaign_is_changed() {
     let (labelling, labelled) = mpsc::channel();
     store
         .write(|_| {
-            // Somebody labels, and waits for this.
+            // Labelling waits for this.
             let (waiting, of) = (store.clone(), id.clone());
             thread::spawn(move || {
                 let added = waiting.add_to_log(&of, |_, _, _| Ok(()));
@@ -124,7 +124,7 @@ fn a_slow_reader_holds_up_neither_readers_nor_changes() {
                 look(&other, &id)
             };
             assert_eq!(meanwhile(changed), CampaignState::Paused);
-            // It goes on to see the instant at which it began.
+            // The read still sees the instant at which it began.
             assert_eq!(state()?, "running");
             Ok(())
         })
@@ -152,7 +152,7 @@ fn labels_wait_for_no_reader_of_low_priority() {
             })
             .collect();
         ends.iter().for_each(|_| reading.recv().unwrap());
-        // Nor where it is a thread of low priority that asks.
+        // Nor if a thread of low priority reads.
         let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
         let (labels, id) = (store.clone(), id.clone());
         let asked = move || runtime.block_on(in_background(move |_| labels.labels(&id).unwrap().entries()));
@@ -191,7 +191,7 @@ fn the_log_is_emptied_after_the_disk_failed_once_nobody_reads() {
             store.read(|connection| {
                 connection.query_row("SELECT count(*) FROM campaigns", [], |_| Ok(()))?;
                 begun.send(()).unwrap();
-                // Until the change that waits for this reader turns others away.
+                // Waits until the change, which waits for this reader, keeps others away.
                 while !store
                     .readers
                     .as_ref()
@@ -220,7 +220,7 @@ fn readers_that_overlap_do_not_have_the_log_grow_without_end() {
     let log = folder.path().join(format!("{}-wal", Store::FILE));
     let ended = AtomicBool::new(false);
     let longest = thread::scope(|scope| {
-        // Each begins before another ends, so that there is always one.
+        // Each read begins before another ends, so that one is always running.
         for _ in 0..MOST - 1 {
             scope.spawn(|| {
                 while !ended.load(Ordering::Relaxed) {

@@ -57,7 +57,7 @@ fn nobody_has_said_anything_about_individuals_that_are_new() {
         .map(|label| (label.annotator.to_string(), label.index))
         .collect();
     assert_eq!(standing, [("ana".to_owned(), 1)]);
-    // The log remembers, and can be read from its beginning.
+    // The log keeps every entry, and can be read from its beginning.
     assert_eq!(store.label_log(&id).unwrap().len(), 9);
 }
 
@@ -109,7 +109,7 @@ fn who_begins_again_keeps_the_pictures_before_the_wrong_one() {
 #[test]
 fn what_is_rolled_back_is_of_another_archive_version_whatever_the_clock_says() {
     let (_folder, store, _) = open();
-    // Its clock was a century ahead, and has been set right since.
+    // The clock was a century ahead when the campaign was created, and has been set right since.
     let ahead = now_ms().unsigned_abs() + 100 * 365 * 86_400_000;
     let spec = murmuration_proto::CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"");
     let weight = murmuration_model::Weight::default();

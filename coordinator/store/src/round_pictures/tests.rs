@@ -23,7 +23,7 @@ fn labelled() -> (tempfile::TempDir, Store, CampaignId) {
     store
         .commit_generation(&id, &record, &individuals, &Provenance::default())
         .unwrap();
-    let said = [(1, "ring"), (3, "clump")].map(|(index, class)| Change {
+    let message = [(1, "ring"), (3, "clump")].map(|(index, class)| Change {
         annotator: "ana".parse().unwrap(),
         time_ms: 1,
         action: Action::Answer {
@@ -31,7 +31,7 @@ fn labelled() -> (tempfile::TempDir, Store, CampaignId) {
             answer: class.parse().unwrap(),
         },
     });
-    store.add_labels(&id, &"1".parse().unwrap(), said.into()).unwrap();
+    store.add_labels(&id, &"1".parse().unwrap(), message.into()).unwrap();
     (folder, store, id)
 }
 
@@ -43,7 +43,7 @@ fn start(seed: u64) -> FurtherStart {
     }
 }
 
-/// The picture of each start is as grey as its place.
+/// Adds a picture for each start, with its place as the grey value.
 fn add(store: &Store, id: &CampaignId, first: u64, starts: &[FurtherStart]) {
     let pictures: Vec<_> = starts
         .iter()

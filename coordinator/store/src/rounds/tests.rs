@@ -1,4 +1,4 @@
-//! Rounds on disk: begun and ended as a whole, and learned from as the log was then.
+//! Rounds on disk: they begin and end as a whole, and learn from the log as it was at their beginning.
 
 use super::*;
 use crate::{ArchivedIndividual, CheckpointRecord, DataDirectory, GenerationRecord, Provenance};
@@ -54,8 +54,8 @@ fn request(id: &str) -> RequestId {
 #[test]
 fn a_round_learns_from_the_labels_of_its_beginning() {
     let (_folder, store, id, checkpoint) = open();
-    let said = vec![answer(3, "ring"), answer(1, "clump"), answer(2, "not sure")];
-    store.add_labels(&id, &request("a"), said).unwrap();
+    let message = vec![answer(3, "ring"), answer(1, "clump"), answer(2, "not sure")];
+    store.add_labels(&id, &request("a"), message).unwrap();
     store.begin_round(&id, 3).unwrap();
     store
         .add_labels(&id, &request("b"), vec![answer(3, "clump"), answer(0, "ring")])
@@ -115,9 +115,9 @@ fn answers_and_the_round_that_learns_from_them_are_one() {
     store
         .add_labels(&id, &request("before"), vec![answer(4, "ring")])
         .unwrap();
-    let said = || vec![answer(0, "ring"), answer(1, "clump")];
+    let message = || vec![answer(0, "ring"), answer(1, "clump")];
     for _ in 0..2 {
-        store.answer_round(&id, &RequestId::of_round(1), said()).unwrap();
+        store.answer_round(&id, &RequestId::of_round(1), message()).unwrap();
         assert_eq!(store.campaign("latest").unwrap().rounds.current_cutoff, Some(3));
     }
     let (log, record) = (store.label_log(&id).unwrap(), store.campaign("latest").unwrap());

@@ -14,7 +14,7 @@ fn open() -> (tempfile::TempDir, Store, CampaignId) {
     (folder, store, id)
 }
 
-/// The store as the campaign's run has it that may change it now.
+/// The handle of the store for the campaign's current run.
 fn running(store: &Store, id: &CampaignId) -> Store {
     store.during(store.campaign(id.as_str()).unwrap().run_id())
 }
@@ -194,13 +194,13 @@ fn a_decision_goes_by_the_state_that_is() {
     assert_eq!(store.campaign(id.as_str()).unwrap().decisions, 0);
     assert!(store.reopen(&id).unwrap());
     assert!(!store.reopen(&id).unwrap());
-    // A failure that could not be written down.
+    // A failure that could not be recorded.
     let refused = store.decide(&id, Decision::Pause, true).unwrap_err().to_string();
     assert!(refused.ends_with("it is failed"), "{refused}");
     store.decide(&id, Decision::Resume, true).unwrap();
     let record = store.campaign(id.as_str()).unwrap();
     assert_eq!((record.state, record.decisions), (CampaignState::Running, 2));
-    // What cannot be done changes nothing.
+    // A refused decision changes nothing.
     let absent = Decision::Adopt(CheckpointDigest::of(b"absent"));
     assert!(store.decide(&id, absent, false).is_err());
     assert_eq!(store.campaign(id.as_str()).unwrap(), record);

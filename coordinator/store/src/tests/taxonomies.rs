@@ -66,7 +66,7 @@ fn a_taxonomy_outlives_the_switch_and_the_next_one_stands_beside_it() {
     assert!(store.taxonomy_points(&id, 2).unwrap().is_empty());
     assert_eq!(store.first_medoid(&id).unwrap(), Some(0));
 
-    // Made again of the same archive, it is the same version.
+    // A taxonomy made again from the same archive is the same version.
     complete(&store, &id, 1, &[]);
     let numbers: Vec<u32> = store
         .taxonomy_versions(&id)

@@ -1,5 +1,4 @@
-//! A campaign that arrives from elsewhere: its database is kept in a folder of its own until all of it is there and checked, and is
-//! taken over then.
+//! Import of a campaign: its database is kept in a temporary folder until it is complete and checked, and is taken over then.
 
 use super::{ReceivedCampaign, Unsound, new_folder};
 use crate::{
@@ -36,7 +35,7 @@ pub enum ImportError {
     Unsound(#[from] Unsound),
 }
 
-/// The database of a campaign of which parts are still to come.
+/// The partly received database of a campaign.
 #[derive(Debug)]
 pub struct Arriving {
     store: Store,
@@ -47,7 +46,7 @@ pub struct Arriving {
 }
 
 impl Arriving {
-    /// Nothing yet of the database of this campaign, in a folder of its own in the data directory `data`.
+    /// Begins to receive the database of this campaign, in a temporary folder of the data directory `data`.
     ///
     /// # Errors
     /// [`ImportError::Exists`], or if the folder cannot be made.
@@ -69,7 +68,7 @@ impl Arriving {
         .await
     }
 
-    /// Takes in the next bytes.
+    /// Adds the next bytes of the database.
     ///
     /// # Errors
     /// If they cannot be written.
@@ -82,11 +81,11 @@ impl Arriving {
         .await
     }
 
-    /// Checks everything that has come, and takes it over into the store, whose checkpoints are these.
+    /// Checks the received database, and takes it over into the store and its `checkpoints`.
     ///
     /// # Errors
-    /// [`ImportError`]; the store has no such campaign. Where the disk is full, or another campaign of that id came at the same
-    /// time, checkpoints may have stayed.
+    /// [`ImportError`]; the store has no such campaign. If the disk is full, or another campaign of that id came at the same time,
+    /// checkpoints may stay.
     pub async fn finish(self, checkpoints: &Checkpoints) -> Result<CampaignId, ImportError> {
         let Self {
             store,
@@ -100,8 +99,8 @@ impl Arriving {
             let received = ReceivedCampaign::open(&path)?;
             let found = &received.campaign().record.id;
             if *found != campaign {
-                let said = format!("it holds campaign {found}, and not {campaign}");
-                return Err(Unsound::Foreign(said).into());
+                let message = format!("it holds campaign {found}, and not {campaign}");
+                return Err(Unsound::Foreign(message).into());
             }
             received.archive::<Unsound>(|_| Ok(()))?;
             Ok((campaign, Arc::new(received)))
@@ -125,7 +124,7 @@ impl Arriving {
     }
 }
 
-/// Whether there is no campaign of that id.
+/// Checks that there is no campaign of that id.
 fn check_new(store: &Store, id: &CampaignId) -> Result<(), ImportError> {
     match store.campaign(id.as_str()) {
         Ok(_) => Err(ImportError::Exists(id.clone())),

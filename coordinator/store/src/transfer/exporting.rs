@@ -1,4 +1,4 @@
-//! A campaign as it stands at one instant, copied into a database of its own.
+//! Copies a campaign, as of one instant, into a database of its own.
 
 use super::{APPLICATION, FURTHER_TABLES, new_folder};
 use crate::{
@@ -18,7 +18,7 @@ use rusqlite::{Connection, OpenFlags, OptionalExtension as _, Transaction, param
 use std::{fs::File, path::Path};
 use tempfile::TempDir;
 
-/// Steps of SQLite's machine between two looks whether the export is still wanted.
+/// Steps of SQLite's virtual machine between two checks whether the export is still wanted.
 const LOOK_STEPS: i32 = 10_000;
 
 /// Statements that copy the rows of the campaign whose number is parameter 1. Campaigns and checkpoints keep their numbers.
@@ -42,7 +42,7 @@ const ROWS: [&str; 7] = [
     "INSERT INTO labels SELECT * FROM source.labels WHERE campaign = ?1 ORDER BY entry",
 ];
 
-/// The taxonomy that stands, of a completed campaign alone; when it was made and where it drew individuals are not transferred.
+/// Copies the current taxonomy of a completed campaign, without its time and its map.
 const TAXONOMY: &str =
     "INSERT INTO taxonomies (campaign, version, stands, checkpoint, rounds, generations, medoids, clusters, loss, measures,
         robust_trials, points)
@@ -50,8 +50,8 @@ const TAXONOMY: &str =
      FROM source.taxonomies t JOIN source.campaigns c ON c.number = t.campaign
      WHERE t.campaign = ?1 AND t.stands AND c.state = ?2";
 
-/// Writes everything that is transferred of a campaign into a database, in a folder of its own in the data directory `data`, and
-/// returns the file. Nobody else sees it: the folder is gone when this returns.
+/// Writes everything that is transferred of a campaign into a database, in a temporary folder of the data directory `data`, and
+/// returns the open file. The folder is removed before this returns.
 ///
 /// # Errors
 /// [`StoreError::NoCampaign`], or if the campaign cannot be read, or the file not written.
@@ -74,12 +74,12 @@ pub async fn export(
 struct Copy {
     store: Store,
     campaign: CampaignId,
-    /// Removed after the connection to what is in it.
+    /// Dropped, and so removed, after the connection to the database in it.
     _folder: TempDir,
 }
 
 impl Copy {
-    /// The rows of a campaign as they are at one instant, and the checkpoints whose bytes are still to come.
+    /// Copies the rows of a campaign as of one instant. Also returns the checkpoints whose bytes are still to be added.
     fn of(
         source: &Store,
         data: &Path,
@@ -126,7 +126,7 @@ impl Copy {
         })
     }
 
-    /// The file, with the digest of the archive that is in it.
+    /// Adds the digest of the archive, and returns the file.
     fn finish(self, interrupt: &Interrupt) -> Result<File, StoreError> {
         let record = self.store.campaign(self.campaign.as_str())?;
         let digest = digest(&self.store, &self.campaign, record.spec.model(), interrupt)?.digest;
@@ -138,8 +138,8 @@ impl Copy {
     }
 }
 
-/// An empty database for a campaign, with the store at `source` attached to it. Nothing waits for the disk: what a crash leaves is
-/// removed.
+/// An empty database for a campaign, with the store at `source` attached to it. Writes do not wait for the disk, because leftovers
+/// of a crash are removed.
 fn create(path: &Path, source: &Path) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
         | OpenFlags::SQLITE_OPEN_CREATE
@@ -162,7 +162,7 @@ fn copy_rows(transaction: &Transaction<'_>, campaign: &CampaignId) -> Result<(),
         .query_row(number, [campaign.as_str(), HIDDEN], |row| row.get(0))
         .optional()?;
     let Some(number) = number else {
-        // Of this database, which has none: the error says how to find those there are.
+        // Fails, because this database has no campaign yet; the error explains how to list campaigns.
         return number_of(transaction, campaign).map(drop);
     };
     for rows in ROWS {

@@ -1,7 +1,7 @@
-//! The database of a campaign that comes from elsewhere, checked row by row.
+//! The database of a campaign from another store, checked row by row.
 //!
-//! Rows are read as a store reads its own, and then held to what a network's messages and a worker's results are held to. In memory
-//! are what the label log comes to, the taxonomy, a checkpoint at a time, and the individuals of a generation some at a time.
+//! Rows are read as a store reads its own, and then checked like network messages and workers' results. In memory are the current
+//! labels, the taxonomy, one checkpoint at a time, and some individuals of a generation at a time.
 
 use super::untrusted::{self, Unsound, expect_count, expect_none, foreign};
 use crate::{
@@ -19,11 +19,11 @@ use murmuration_search::breeding::is_start_of;
 use murmuration_sim::features::FeatureBounds;
 use std::{collections::HashSet, ops::Range, path::Path};
 
-/// Most checkpoints that a campaign can come with: its own and what they were fine-tuned from.
+/// Most checkpoints in a campaign's database: its own and those that they were fine-tuned from.
 const MAX_CHECKPOINTS: usize = 1000;
 /// Entries of a label log that are read at a time.
 const ENTRIES: usize = 1000;
-/// Bytes that are assumed for the numbers of a trial, embedding included, where individuals are read.
+/// Assumed bytes of a trial's numbers, embedding included; decides how many individuals are read at a time.
 const NUMBERS: usize = 4096;
 
 /// An individual, with its place in the taxonomy.
@@ -38,8 +38,8 @@ pub struct Member {
     pub robust_trials: Option<u8>,
 }
 
-/// A campaign in a database of its own. All of it was checked but its archive, which [`ReceivedCampaign::archive`] checks as it
-/// reads it.
+/// A campaign in a database of its own. Everything was checked except the archive, which [`ReceivedCampaign::archive`] checks while
+/// reading.
 #[derive(Debug)]
 pub struct ReceivedCampaign {
     store: Store,
@@ -53,7 +53,7 @@ pub struct ReceivedCampaign {
 }
 
 impl ReceivedCampaign {
-    /// Opens the file at `path`, which nobody may change meanwhile, and checks everything but the archive.
+    /// Opens the file at `path` and checks everything but the archive. The file must not change while it is open.
     ///
     /// # Errors
     /// [`Unsound`] says what is wrong with it.
@@ -87,13 +87,12 @@ impl ReceivedCampaign {
         &self.campaign
     }
 
-    /// The checkpoints that the campaign has and moves to, with those that they were fine-tuned from; parents first.
+    /// The campaign's checkpoint and the one that it moves to, with those that they were fine-tuned from; parents first.
     #[must_use]
     pub fn checkpoints(&self) -> &[CheckpointRecord] {
         &self.checkpoints
     }
 
-    /// Current labels.
     #[must_use]
     pub const fn labels(&self) -> &Labels {
         &self.labels
@@ -140,11 +139,11 @@ impl ReceivedCampaign {
         starts.map(|start| self.entries(start..start + ENTRIES as u64))
     }
 
-    /// Reads the archive, checks it, and hands over its individuals by index, some at a time. In the end it must have the digest
-    /// that it was exported with.
+    /// Reads and checks the archive, and passes its individuals to `each` in order, some at a time. At the end, checks that the
+    /// archive has the digest that it was exported with.
     ///
     /// # Errors
-    /// [`Unsound`] names the individual and what is wrong with it; or what `each` says.
+    /// [`Unsound`] names the individual and what is wrong with it; or an error of `each`.
     pub fn archive<E: From<Unsound>>(
         &self,
         mut each: impl FnMut(Vec<Member>) -> Result<(), E>,
@@ -215,8 +214,8 @@ impl ReceivedCampaign {
         Ok(())
     }
 
-    /// Checks how many rows tables have and how long their values are, before those are read, and that rows which are taken over as
-    /// they are have nothing else in them.
+    /// Checks the number of rows of tables and the lengths of values before reading them, and that rows which are copied as they
+    /// are contain nothing else.
     fn check_rows(&self) -> Result<(), Unsound> {
         let record = &self.campaign.record;
         let (individuals, starts) = (record.individuals(), record.spec.starts().get());
@@ -347,10 +346,10 @@ impl ReceivedCampaign {
     }
 }
 
-/// Largest distance, novelty or sum of distances: well above those between behaviours of features and embeddings within their bounds.
+/// Largest valid distance, novelty or sum of distances: well above any that valid features and embeddings can give.
 const MAX_MEASURE: f64 = 1e30;
 
-/// A number of which none is below zero, such as a distance.
+/// Checks a number that cannot be negative, such as a distance.
 fn measure(field: &str, value: f64) -> Result<(), Invalid> {
     match (0.0..=MAX_MEASURE).contains(&value) {
         true => Ok(()),
@@ -362,7 +361,7 @@ fn measure(field: &str, value: f64) -> Result<(), Invalid> {
     }
 }
 
-/// The individual, if it is the one of this index of the campaign.
+/// The individual, if it is valid at this index of the campaign.
 fn checked(
     individual: ArchivedIndividual,
     index: u64,
@@ -412,18 +411,18 @@ fn checked(
     })
 }
 
-/// Checks that a generation is what its individuals come to.
+/// Checks that the record of a generation follows from its individuals.
 fn check_summary(generation: &GenerationRecord, novelty: &[f64]) -> Result<(), Unsound> {
     let number = generation.generation;
     let found = GenerationRecord::of(number, novelty, generation.filtered);
-    for (name, said, found) in [
+    for (name, message, found) in [
         ("best_novelty", generation.best_novelty, found.best_novelty),
         ("mean_novelty", generation.mean_novelty, found.mean_novelty),
     ] {
-        if said != found {
+        if message != found {
             let field = format!("generations[{number}].{name}");
             return Err(
-                Invalid::new(&field, in_full(said), format!("{found}, that of its individuals")).into(),
+                Invalid::new(&field, in_full(message), format!("{found}, that of its individuals")).into(),
             );
         }
     }

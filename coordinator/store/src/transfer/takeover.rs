@@ -1,6 +1,6 @@
-//! Rows of a campaign on their way from a database of its own, which was checked, to the store that keeps it.
+//! Copies the rows of a campaign from a checked database of its own into a store.
 //!
-//! They are copied in many short transactions, between which others write. Until the last of them, nobody sees the campaign.
+//! They are copied in many short transactions, between which others write. The campaign is hidden until the last one.
 
 use crate::{
     Store, StoreError,
@@ -24,18 +24,18 @@ const TABLES: [&str; 6] = [
     "taxonomies",
 ];
 
-/// How much higher the number of an id may be than all there are: a store does not have so many campaigns.
+/// How far the number of an id may exceed all existing ones: no store has so many campaigns.
 const FAR: i64 = 1_000_000_000;
 
 /// Bytes of rows that one transaction copies.
 const BYTES: usize = if cfg!(test) { 1 << 10 } else { 8 << 20 };
 
 impl Store {
-    /// Takes over a campaign from a database of its own, with its checkpoints; false if there is one of that id. Nobody sees the
-    /// campaign before all of it is there.
+    /// Takes over a campaign and its checkpoints from a database of its own; false if there is a campaign of that id. The campaign
+    /// is hidden until all of it is there.
     ///
     /// # Errors
-    /// If it cannot be read there or written here. There is no such campaign then; checkpoints may have stayed.
+    /// If the campaign cannot be read or written. It is not in the store then, but some of its checkpoints may be.
     pub(super) fn take_over(&self, from: &Self, campaign: &ExportedCampaign) -> Result<bool, StoreError> {
         let Some(number) = self.reserve(&campaign.record.id)? else {
             return Ok(false);
@@ -59,7 +59,7 @@ impl Store {
         taken
     }
 
-    /// Adds a row that nobody sees for a campaign that is taken over; its number. `None` if there is a campaign of that id.
+    /// Adds a hidden row for a campaign that is being taken over, and returns its number; `None` if there is a campaign of that id.
     fn reserve(&self, campaign: &CampaignId) -> Result<Option<i64>, StoreError> {
         self.write(|transaction| {
             if is_there(transaction, campaign)? {
@@ -84,8 +84,8 @@ fn is_there(transaction: &Transaction<'_>, campaign: &CampaignId) -> Result<bool
     }
 }
 
-/// The number of a campaign that comes with its id. Ids of new campaigns end with their numbers, so the number is none below
-/// that of the id, unless that is far away: the numbers after it might be too high to be exported.
+/// The number of a campaign that comes with its id. Ids of new campaigns end with their numbers, so the result is at least the id's
+/// number. An implausibly large one does not count: the numbers after it might be too high to be exported.
 fn new_number(target: &Transaction<'_>, campaign: &CampaignId) -> Result<i64, StoreError> {
     let next = next_number(target)?;
     let named = campaign.number().and_then(|number| i64::try_from(number).ok());
@@ -93,7 +93,7 @@ fn new_number(target: &Transaction<'_>, campaign: &CampaignId) -> Result<i64, St
     Ok(near.map_or(next, |named| named.max(next)))
 }
 
-/// Takes over the checkpoints that are not there yet; the new numbers of all, by what they were.
+/// Takes over the checkpoints that the store lacks. Returns the new numbers of all checkpoints, by their old ones.
 fn take_checkpoints(source: &Connection, target: &Transaction<'_>) -> Result<BTreeMap<i64, i64>, StoreError> {
     let columns =
         "digest, size, parent, data_digest, label_digest, configuration, metrics, created_ms, labelled";
@@ -118,12 +118,12 @@ fn take_checkpoints(source: &Connection, target: &Transaction<'_>) -> Result<BTr
     Ok(numbers)
 }
 
-/// Rows on their way to another store, where keys are others.
+/// Copies rows into another store, with that store's keys.
 struct Copied<'a> {
     source: &'a Connection,
     target: &'a Store,
     campaign: i64,
-    /// The keys of checkpoints, by what they were.
+    /// The new keys of checkpoints, by their old ones.
     checkpoints: BTreeMap<i64, i64>,
 }
 
@@ -152,7 +152,7 @@ impl Copied<'_> {
         }
     }
 
-    /// Gives the campaign's row what was read of it, with which it is seen: false if one of its id has come meanwhile.
+    /// Fills in the campaign's row, which makes the campaign visible; false if one of its id has appeared meanwhile.
     fn show(&self, campaign: &ExportedCampaign) -> Result<bool, StoreError> {
         let record = &campaign.record;
         self.target.write(|target| {
@@ -189,7 +189,7 @@ impl Copied<'_> {
         })
     }
 
-    /// A value with the numbers that its campaign and checkpoints have here.
+    /// The value, with the target store's numbers of its campaign and checkpoints.
     fn renumbered(&self, column: &str, value: Value) -> Value {
         match (column, value) {
             ("campaign", Value::Integer(_)) => Value::Integer(self.campaign),
@@ -217,7 +217,7 @@ fn insert_rows(
     Ok(())
 }
 
-/// Bytes that a value takes up, about.
+/// Approximate bytes of a value.
 fn bytes_of(value: &Value) -> usize {
     match value {
         Value::Null | Value::Integer(_) | Value::Real(_) => 8,

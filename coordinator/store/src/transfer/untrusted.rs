@@ -1,7 +1,7 @@
-//! A file that somebody says is the database of a campaign, opened so that nothing in it can do harm.
+//! Opens a file that claims to be the database of a campaign, so that nothing in it can do harm.
 //!
-//! SQLite reads it as it is on disk: no log beside it, no code of its schema, which must be ours to the letter. Limits: knows
-//! tables and the lengths of values, not what they mean.
+//! SQLite reads the file as it is on disk, without a log beside it, and runs no code of its schema, which must equal ours to the
+//! letter. Limits: checks tables and lengths of values, not their meaning.
 
 use super::{APPLICATION, FURTHER_TABLES};
 use crate::{Store, StoreError, open::uri_path, schema};
@@ -13,16 +13,16 @@ use std::{
     path::Path,
 };
 
-/// Most bytes of a value, and so of what SQLite holds in memory of one.
+/// Most bytes of a value, and so of the memory that SQLite takes for one.
 const MAX_VALUE_BYTES: i32 = 128 << 20;
 
 /// Most bytes of a value while the schema is read.
 const MAX_SCHEMA_BYTES: i32 = 64 << 10;
 
-/// Most steps of SQLite's machine in one statement while the schema is read; ours takes a few hundred.
+/// Most steps of SQLite's virtual machine in one statement while the schema is read; ours takes a few hundred.
 const MAX_SCHEMA_STEPS: i32 = 20_000;
 
-/// Tables with rows of a campaign; in a database of one, all others are empty.
+/// Tables that may have rows in the database of a campaign; all others must be empty.
 const FILLED: [&str; 10] = [
     "campaigns",
     "checkpoints",
@@ -89,7 +89,7 @@ pub(super) fn open(path: &Path) -> Result<Store, Unsound> {
     check_length(&connection, path)?;
     check_schema(&connection)?;
     let store = Store::over(connection, path);
-    // Also that every value has the type of its column, and that indices are those of their tables.
+    // This also checks that every value has the type of its column, and that indices match their tables.
     let mut faults = store.faults()?;
     faults.extend(store.dangling()?);
     if let Some(first) = faults.first() {
@@ -99,8 +99,8 @@ pub(super) fn open(path: &Path) -> Result<Store, Unsound> {
     Ok(store)
 }
 
-/// Makes SQLite read the whole schema, in a time that grows with the square of the number of entries: within limits,
-/// which are those of values afterwards.
+/// Makes SQLite read the whole schema within limits, because that takes time quadratic in the number of entries. Then sets the
+/// limits for values.
 pub(super) fn read_schema(connection: &mut Connection) -> Result<(), Unsound> {
     connection.set_limit(Limit::SQLITE_LIMIT_LENGTH, MAX_SCHEMA_BYTES)?;
     connection.progress_handler(MAX_SCHEMA_STEPS, Some(|| true))?;
@@ -114,7 +114,7 @@ pub(super) fn read_schema(connection: &mut Connection) -> Result<(), Unsound> {
     Ok(())
 }
 
-/// Whether it is a regular file that begins as SQLite's do, without a log beside it.
+/// Checks that it is a regular file that begins like SQLite's, without a log beside it.
 fn check_header(path: &Path) -> Result<(), Unsound> {
     let failed = |error| StoreError::from_io(error, "read", path);
     if !fs::symlink_metadata(path).map_err(failed)?.is_file() {
@@ -132,19 +132,19 @@ fn check_header(path: &Path) -> Result<(), Unsound> {
     }
 }
 
-/// Whether the file ends where the database does.
+/// Checks that the file ends where the database does.
 fn check_length(connection: &Connection, path: &Path) -> Result<(), Unsound> {
-    let said = "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size";
-    let said: i64 = connection.query_row(said, [], |row| row.get(0))?;
+    let length = "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size";
+    let length: i64 = connection.query_row(length, [], |row| row.get(0))?;
     let failed = |error| StoreError::from_io(error, "read", path);
     let found = path.metadata().map_err(failed)?.len();
-    match said.unsigned_abs() == found {
+    match length.unsigned_abs() == found {
         true => Ok(()),
-        false => Err(foreign(format!("it has {found} bytes, and its database {said}"))),
+        false => Err(foreign(format!("it has {found} bytes, and its database {length}"))),
     }
 }
 
-/// Whether its tables, indices and triggers are those of a campaign's database of this version, and nothing else.
+/// Checks that its tables, indices and triggers are those of a campaign's database of this version, and nothing else.
 fn check_schema(connection: &Connection) -> Result<(), Unsound> {
     let number = |pragma| connection.pragma_query_value(None, pragma, |row| row.get::<_, i64>(0));
     if number("application_id")? != i64::from(APPLICATION) {
@@ -177,7 +177,7 @@ fn declared(connection: &Connection) -> rusqlite::Result<Vec<Declared>> {
     rows.collect()
 }
 
-/// Checks which tables have rows, and the lengths of texts, before any of those is read.
+/// Checks which tables have rows, and the lengths of texts, before any of them is read.
 fn check_rows(store: &Store) -> Result<(), Unsound> {
     let tables: Vec<String> = store.read(|connection| {
         let mut statement = connection.prepare("SELECT name FROM sqlite_schema WHERE type = 'table'")?;
@@ -217,7 +217,7 @@ fn check_rows(store: &Store) -> Result<(), Unsound> {
     )
 }
 
-/// Checks that a table has so many rows.
+/// Checks that a table has `wanted` rows.
 pub(super) fn expect_count(store: &Store, table: &str, wanted: u64) -> Result<(), Unsound> {
     let found = store.read(|connection| {
         let count = connection.query_row(&format!("SELECT count(*) FROM {table}"), [], |row| {
@@ -231,7 +231,7 @@ pub(super) fn expect_count(store: &Store, table: &str, wanted: u64) -> Result<()
     }
 }
 
-/// Checks that a table has no row of which this condition holds.
+/// Checks that a table has no row for which this condition holds.
 pub(super) fn expect_none(store: &Store, table: &str, condition: &str) -> Result<(), Unsound> {
     let exists = format!("SELECT EXISTS (SELECT 1 FROM {table} WHERE {condition})");
     match store.read(|connection| Ok(connection.query_row(&exists, [], |row| row.get(0))?))? {

@@ -1,4 +1,4 @@
-//! Generated campaigns: of every kind, and filled with values that follow from a number.
+//! Generated campaigns of every kind, filled with values that follow from a seed.
 
 use crate::{
     ArchivedIndividual, ClusterMeasures, DataDirectory, GenerationRecord, Store, StoredTaxonomy, Trial,
@@ -47,9 +47,10 @@ pub(super) struct GeneratedCampaign {
     pub(super) judge: bool,
     pub(super) species: bool,
     pub(super) state: CampaignState,
-    /// The number that everything in the archive follows from.
+    /// Random seed of everything in the archive.
     pub(super) seed: u64,
-    /// Whether its checkpoint has a parent, and, unless it is completed, has come of a round of feedback and is left for another.
+    /// Whether its checkpoint has a parent. Unless the campaign is completed, the checkpoint then comes from a round of feedback,
+    /// and the campaign is moving to another.
     pub(super) is_refined: bool,
     /// Whether pictures are small, embeddings long, and generations of 500 individuals.
     pub(super) is_wide: bool,
@@ -121,7 +122,7 @@ impl GeneratedCampaign {
         CampaignSpec::from_toml(&text).unwrap()
     }
 
-    /// Bits that follow from the seed.
+    /// Bits that follow from the seed, `index` and `place`.
     fn bits(&self, index: u64, place: u64) -> u64 {
         // SplitMix64 of all three.
         let mut bits = self.seed;
@@ -182,7 +183,7 @@ impl GeneratedCampaign {
         }
     }
 
-    /// A log in which somebody answers, undoes, and changes classes.
+    /// A log with answers, undos and changes of classes.
     pub(super) fn log(&self) -> Vec<(RequestId, Entry)> {
         let mut labels = Labels::default();
         let mut log = Vec::new();
@@ -317,7 +318,7 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// One with a campaign, and a checkpoint that is no campaign's.
+    /// A data directory with a campaign, and a checkpoint of no campaign.
     pub(super) async fn with_another(folder: &Path) -> Self {
         let held = DataDirectory::hold(folder).unwrap();
         let store = Store::open(&held).unwrap();
@@ -340,7 +341,7 @@ impl Place {
     }
 }
 
-/// A completed campaign with everything that there may be.
+/// A completed campaign with everything that one can have.
 pub(super) fn full() -> GeneratedCampaign {
     GeneratedCampaign {
         method: "latent",

@@ -1,4 +1,4 @@
-//! Files that no export wrote: each is refused with its reason, and the store that it came to is as it was.
+//! Files that no export wrote: each is refused with a reason, and leaves the store unchanged.
 
 use super::{super::untrusted::read_schema, *};
 use crate::schema;
@@ -17,13 +17,13 @@ static SOUND: LazyLock<Vec<u8>> = LazyLock::new(|| {
     })
 });
 
-/// Why a file is refused, before and by a store, which stays as it was.
+/// Why a file is refused, when it is opened and by a store, which must stay unchanged.
 fn refused(bytes: &[u8]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let (file, data) = (folder.path().join("file"), folder.path().join("data"));
     fs::write(&file, bytes).unwrap();
     let looked_at = contents(&file).map(drop).unwrap_err().to_string();
-    let said = on_a_runtime(async {
+    let message = on_a_runtime(async {
         let place = Place::with_another(&data).await;
         let before = place.campaigns();
         let refused = import((&place.store, &place.checkpoints), &data, &file)
@@ -33,11 +33,11 @@ fn refused(bytes: &[u8]) -> String {
         assert_eq!(place.store.checkpoints().unwrap().len(), 1);
         refused.to_string()
     });
-    assert!(said.ends_with(&looked_at), "{said}: {looked_at}");
+    assert!(message.ends_with(&looked_at), "{message}: {looked_at}");
     looked_at
 }
 
-/// The sound file after these statements, with neither triggers nor foreign keys in their way.
+/// The sound file after these statements, which run without triggers and foreign keys.
 fn changed(statements: &str) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("file");
@@ -56,8 +56,8 @@ fn changed(statements: &str) -> Vec<u8> {
 
 #[track_caller]
 fn assert_refused(statements: &str, reason: &str) {
-    let said = refused(&changed(statements));
-    assert!(said.contains(reason), "{statements}\n{said}\n{reason}");
+    let message = refused(&changed(statements));
+    assert!(message.contains(reason), "{statements}\n{message}\n{reason}");
 }
 
 #[test]
@@ -92,7 +92,7 @@ fn most_changed_bytes_are_found_and_no_read_value_is_out_of_bounds() {
         bytes[place] ^= 1 << dice.random_range(0..8);
         fs::write(&file, bytes).unwrap();
         match contents(&file) {
-            // Only what no digest covers can differ: that of the archive and those of embedders hold.
+            // Only values that no digest covers can differ: the digests of the archive and the embedders match.
             Ok(read) => {
                 assert_eq!(read.campaign.digest, sound.campaign.digest);
                 let models = |contents: &Contents| {
@@ -121,11 +121,11 @@ fn what_is_no_regular_file_is_not_opened() {
     fs::create_dir(at("folder")).unwrap();
     assert!(Command::new("mkfifo").arg(at("fifo")).status().unwrap().success());
     for path in [at("link"), at("folder"), at("fifo"), "/dev/zero".into()] {
-        let said = contents(&path).map(drop).unwrap_err().to_string();
-        assert_eq!(said, "it is no regular file", "{}", path.display());
+        let message = contents(&path).map(drop).unwrap_err().to_string();
+        assert_eq!(message, "it is no regular file", "{}", path.display());
     }
-    let said = contents(&at("nothing")).map(drop).unwrap_err().to_string();
-    assert!(said.contains("cannot read"), "{said}");
+    let message = contents(&at("nothing")).map(drop).unwrap_err().to_string();
+    assert!(message.contains("cannot read"), "{message}");
 }
 
 /// A schema with longer text than is read.
@@ -385,8 +385,8 @@ fn a_novelty_that_is_no_number_is_refused() {
     let pattern = novelty.to_be_bytes();
     let place = bytes.windows(8).position(|window| window == pattern).unwrap();
     bytes[place..place + 8].copy_from_slice(&f64::NAN.to_be_bytes());
-    let said = refused(&bytes);
-    assert!(said.contains("NULL value in individuals.novelty"), "{said}");
+    let message = refused(&bytes);
+    assert!(message.contains("NULL value in individuals.novelty"), "{message}");
 }
 
 #[test]

@@ -17,7 +17,7 @@ use std::{
     path::PathBuf,
 };
 
-/// Everything that there is in the database of a campaign.
+/// Everything in the database of a campaign.
 #[derive(Debug, PartialEq)]
 struct Contents {
     campaign: ExportedCampaign,
