@@ -36,10 +36,10 @@ use std::{
 use tokio_stream::Stream;
 use tonic::{Status, transport::server::TlsConnectInfo};
 
-/// Bytes that a header counts for besides its name and value, as HTTP/2 has it.
+/// Bytes that a header counts for besides its name and value, as in HTTP/2.
 const HEADER_OVERHEAD: usize = 32;
 
-/// A listener of a coordinator, and who may pass it.
+/// A listener of a coordinator, and its access rules.
 #[derive(Debug)]
 pub struct Endpoint {
     /// Credentials that are accepted.
@@ -56,7 +56,7 @@ pub struct Endpoint {
 /// Renders a refusal of this request for the client that sent it.
 pub(crate) type ShowRefusal = fn(Refusal, &RequestHead) -> Response;
 
-/// The head of a request: a refusal is rendered from it after the handler has taken the request.
+/// The head of a request, from which a refusal is rendered after the handler has taken the request.
 #[derive(Debug, Clone)]
 pub struct RequestHead {
     pub method: Method,
@@ -73,7 +73,7 @@ pub(super) struct Gate {
     pub(super) bodies: Bodies,
 }
 
-/// Refuses what may not come in, in the form that the client reads: a gRPC status, a page, or a line of text.
+/// Refuses requests that may not pass, in the form that the client reads: a gRPC status, a page, or a line of text.
 ///
 /// Handlers behind it find the [`Endpoint`] among the extensions of the request; layers in front of it find the
 /// [`Requirement`] among those of the response.
@@ -155,7 +155,7 @@ impl Gate {
         };
         let seat = Arc::new(seat);
         let request = match class {
-            // Silent for as long as what they follow.
+            // A stream may be silent for as long as what it follows.
             CostClass::Streaming => request,
             _ => request.map(|body| in_time(body, &seat)),
         };
@@ -174,7 +174,7 @@ impl Gate {
         let answered = async {
             match self.is_annotator(principal) {
                 true => self.seats.label_budget(principal).scope(next.run(request)).await,
-                // Operators add what they have.
+                // Operators have no label budget.
                 false => next.run(request).await,
             }
         };
@@ -237,7 +237,7 @@ impl Endpoint {
         Ok(self.principal(&presented, request))
     }
 
-    /// For whom a request is answered. A token counts only where it is known: anybody can make up others.
+    /// The principal of a request. Unknown tokens do not count, because anybody can make them up.
     fn principal(&self, presented: &PresentedCredentials, request: &Request) -> Principal {
         let known = presented
             .token
@@ -289,7 +289,7 @@ fn while_it_lasts(session: Option<Session>, response: Response) -> Response {
     }
 }
 
-/// A body that ends when it is complete or when a future has.
+/// A body that ends when it is complete or when the future `end` is ready.
 struct Until<F> {
     end: Pin<Box<F>>,
     body: BodyDataStream,
@@ -313,18 +313,18 @@ fn bearer(headers: &HeaderMap) -> Option<&str> {
 
 impl From<Refusal> for Status {
     fn from(refusal: Refusal) -> Self {
-        let said = refusal.to_string();
+        let message = refusal.to_string();
         match refusal {
-            Refusal::NoToken | Refusal::UnknownToken | Refusal::NoCertificate => Self::unauthenticated(said),
+            Refusal::NoToken | Refusal::UnknownToken | Refusal::NoCertificate => Self::unauthenticated(message),
             Refusal::Role { .. } | Refusal::WrongCertificate(_) | Refusal::Host | Refusal::Origin => {
-                Self::permission_denied(said)
+                Self::permission_denied(message)
             }
             Refusal::Rate | Refusal::Headers | Refusal::NoSeat(NoSeat::Busy(_)) => {
-                Self::resource_exhausted(said)
+                Self::resource_exhausted(message)
             }
-            Refusal::NoSeat(NoSeat::Closing) => Self::unavailable(said),
-            Refusal::Slow => Self::deadline_exceeded(said),
-            Refusal::ContentType => Self::invalid_argument(said),
+            Refusal::NoSeat(NoSeat::Closing) => Self::unavailable(message),
+            Refusal::Slow => Self::deadline_exceeded(message),
+            Refusal::ContentType => Self::invalid_argument(message),
         }
     }
 }

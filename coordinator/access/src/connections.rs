@@ -43,10 +43,10 @@ pub struct ConnectionPermits {
     taken: Arc<Mutex<TakenPermits>>,
 }
 
-/// The open connections of each address; of IPv6, of each network of 64 bits.
+/// The open connections of each address; for IPv6, of each /64 network.
 #[derive(Debug, Default)]
 struct TakenPermits {
-    /// By number, so the oldest first.
+    /// By number, so oldest first.
     by_peer: HashMap<IpAddr, BTreeMap<u64, ConnectionHandle>>,
     next: u64,
 }
@@ -60,17 +60,17 @@ struct ConnectionPermit {
 }
 
 impl ConnectionPermits {
-    /// As many as the system lets this process have, and [`MAX_CONNECTIONS`] at most.
+    /// As many as the system allows this process, at most [`MAX_CONNECTIONS`].
     pub fn of_this_process() -> Self {
         let reserved = RESERVED_FILES + MAX_LOCAL_CONNECTIONS as u64;
         let wanted = MAX_CONNECTIONS as u64 + reserved;
-        // Where the system does not say, it has no such limit.
+        // A system that reports no limit has none.
         let files = rlimit::increase_nofile_limit(wanted).unwrap_or(wanted);
         let most = files.saturating_sub(reserved).clamp(16, MAX_CONNECTIONS as u64) as usize;
         Self::new(most, MAX_CONNECTIONS_PER_PEER.min(most / 2))
     }
 
-    /// For the endpoint that only this machine reaches, besides those of the others.
+    /// Permits for the endpoint that only this machine reaches, in addition to those of the other endpoints.
     pub fn of_this_machine() -> Self {
         Self::new(MAX_LOCAL_CONNECTIONS, MAX_LOCAL_CONNECTIONS)
     }
@@ -83,8 +83,8 @@ impl ConnectionPermits {
         }
     }
 
-    /// A permit for a connection of `peer`. If all are taken, the oldest unauthenticated connection of the address with the most
-    /// is closed, if that address has more than this one has without it.
+    /// Takes a permit for a connection of `peer`. If all are taken, closes the oldest unauthenticated connection of the address
+    /// with the most connections, provided that this address has more than `peer`.
     fn take(&self, peer: IpAddr, handle: &ConnectionHandle) -> Option<ConnectionPermit> {
         let network = network_of(peer);
         let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
@@ -137,7 +137,7 @@ impl Drop for ConnectionPermit {
     }
 }
 
-/// The address, or its network of 64 bits of IPv6, which one machine may have to itself.
+/// The address; for IPv6 its /64 network, because one machine may own a whole one.
 pub(crate) fn network_of(address: IpAddr) -> IpAddr {
     match address {
         IpAddr::V6(address) => Ipv6Addr::from_bits(address.to_bits() >> 64 << 64).into(),
@@ -189,7 +189,7 @@ pub struct Connection {
     /// When a byte passed last.
     active: Instant,
     alarm: Pin<Box<Sleep>>,
-    /// Comes when the connection is to be closed; `None` once it has.
+    /// Receives the order to close the connection; `None` afterwards.
     close: Option<oneshot::Receiver<()>>,
     _permit: ConnectionPermit,
 }
@@ -203,7 +203,7 @@ pub struct ConnectionHandle {
     close: Arc<Mutex<Option<oneshot::Sender<()>>>>,
 }
 
-/// Progress of a connection, each value beyond the former.
+/// Progress of a connection, in increasing values.
 const NO_REQUEST: u8 = 0;
 const REQUESTS: u8 = 1;
 const AUTHENTICATED: u8 = 2;
@@ -228,7 +228,7 @@ impl ConnectionHandle {
         }
     }
 
-    /// Address of the other end; of IPv4 where it is one, however it was written.
+    /// Address of the other end; an IPv4 address in IPv6 form is converted to IPv4.
     pub(crate) const fn peer(&self) -> IpAddr {
         self.peer
     }
@@ -239,7 +239,7 @@ impl ConnectionHandle {
         self.pace.check().is_ok()
     }
 
-    /// Notes that a request on it was admitted for somebody who is known, or that everybody is.
+    /// Records that a request on it was authenticated, or admitted where everybody is.
     pub(crate) fn authenticated(&self) {
         self.progress.fetch_max(AUTHENTICATED, Ordering::Relaxed);
     }
@@ -275,7 +275,7 @@ impl Connection {
         self.active = Instant::now();
     }
 
-    /// When it is closed if nothing further passes.
+    /// Time at which the connection is closed if no further byte passes.
     fn end(&self) -> Instant {
         match self.handle.progress.load(Ordering::Relaxed) {
             NO_REQUEST => (self.active + HANDSHAKE_LIMIT).min(self.begun + FIRST_REQUEST_LIMIT),

@@ -44,7 +44,7 @@ use std::sync::Arc;
 /// Credentials that an endpoint accepts.
 #[derive(Debug, Clone, Default)]
 pub struct Access {
-    /// The tokens that are accepted; without any, everybody is an operator.
+    /// The tokens that are accepted; if `None`, everybody is an operator.
     pub tokens: Option<Arc<Tokens>>,
     /// Whether machines must show a certificate.
     pub certificates: bool,
@@ -112,7 +112,7 @@ pub enum Refusal {
         crate::limits::STRANGER_LIMIT.as_secs()
     )]
     Slow,
-    /// Too many of its cost class are answered.
+    /// There is no seat for it.
     #[error(transparent)]
     NoSeat(#[from] NoSeat),
 }

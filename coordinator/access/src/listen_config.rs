@@ -56,8 +56,9 @@ pub enum ListenConfigError {
 }
 
 impl Tls {
-    /// Reads PEM files: the coordinator's certificate (its chain behind it) and key, and the certificate of the authority
-    /// that signs those of workers and trainers. With one they must show a certificate; people and browsers need none.
+    /// Reads PEM files: the coordinator's certificate (its chain behind it) and key, and the certificate of the authority that
+    /// signs those of workers and trainers. If `client_ca` is given, workers and trainers must show a certificate; people and
+    /// browsers need none.
     ///
     /// # Errors
     /// Says which file cannot be used, and why.
@@ -71,7 +72,7 @@ impl Tls {
             let ca = Certificate::from_pem(read_pem(path, "certificate")?);
             config = config.client_ca_root(ca).client_auth_optional(true);
         }
-        // Now, not when the first connection comes.
+        // Checked now, not at the first connection.
         let checked = Server::builder().tls_config(config.clone());
         checked.map_err(|error| ListenConfigError::Unusable {
             path: certificate.to_owned(),
@@ -96,7 +97,7 @@ impl ListenConfig {
         }
     }
 
-    /// `address`, encrypted with `tls`, for the bearers of `tokens`. Without these it must be a loopback address, unless
+    /// `address`, encrypted with `tls`, for the bearers of `tokens`. Both are required unless it is a loopback address, or
     /// everybody who can reach it is `trusted`.
     ///
     /// # Errors
@@ -120,7 +121,7 @@ impl ListenConfig {
         }
     }
 
-    /// With these seats in the place of the default ones.
+    /// Replaces the default seats by these.
     #[must_use]
     pub fn with_seats(mut self, changed: &[ClassSeats]) -> Self {
         self.seats = Seats::new(changed);
@@ -132,7 +133,6 @@ impl ListenConfig {
         &self.seats
     }
 
-    /// Where to listen.
     #[must_use]
     pub const fn address(&self) -> SocketAddr {
         self.address

@@ -22,7 +22,7 @@ pub struct LocalToken {
 /// The token of a data directory, if it has one.
 ///
 /// # Errors
-/// Where there is one that this process may not read.
+/// If there is one that this process may not read.
 pub fn local_token(data: &Path) -> Result<Option<Token>, CredentialsError> {
     match read_token(&data.join(FILE)) {
         Ok(token) => Ok(Some(token)),
@@ -74,7 +74,7 @@ impl LocalToken {
     }
 }
 
-/// Whether a file is a token of which only the beginning was written; another file of that name is somebody else's.
+/// Whether a file is a token of which only the beginning was written; another file of that name is not ours.
 fn is_begun(path: &Path) -> bool {
     fs::read(path).is_ok_and(|bytes| b"mur_".starts_with(&bytes) || bytes.starts_with(b"mur_"))
 }
@@ -114,7 +114,7 @@ mod tests {
         assert_eq!(fs::read_to_string(&path).unwrap(), "somebody's notes");
         fs::write(&path, "mur_a").unwrap();
         LocalToken::of(folder.path()).unwrap();
-        // One that cannot be read is not made anew: what it let in, it is to let in again.
+        // An unreadable token is not replaced, because it must stay valid.
         let kept = folder.path().join("kept");
         fs::rename(&path, &kept).unwrap();
         fs::create_dir(&path).unwrap();

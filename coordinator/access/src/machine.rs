@@ -17,7 +17,7 @@ pub enum MachineKind {
 impl MachineKind {
     pub const ALL: [Self; 2] = [Self::Worker, Self::Trainer];
 
-    /// The DNS name, among the alternative names of a certificate's subject, that makes it one for such machines alone.
+    /// The DNS name that restricts a certificate to such machines, if it is among the alternative names of its subject.
     #[must_use]
     pub const fn dns_name(self) -> &'static str {
         match self {
@@ -140,7 +140,7 @@ mod tests {
         let (key, other) = (KeyPair::generate().unwrap(), KeyPair::generate().unwrap());
         let by_key = |key, address: &str| machine_of(Some(&signed(key)), address.parse().unwrap());
         let by_address = |address: &str| machine_of(None, address.parse().unwrap());
-        // Renewed, and wherever it is.
+        // A renewed certificate of the same key, from any address.
         assert_eq!(by_key(&key, "10.0.0.1"), by_key(&key, "10.0.0.2"));
         assert_ne!(by_key(&key, "10.0.0.1"), by_key(&other, "10.0.0.1"));
         assert_eq!(by_address("10.0.0.1"), by_address("10.0.0.1"));

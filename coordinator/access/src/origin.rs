@@ -21,7 +21,7 @@ pub(super) enum Asked {
     Method,
     /// A gRPC method of a service that it does not have.
     NoService,
-    /// A page, or what machines ask for over HTTP.
+    /// A page, or an HTTP endpoint for programs.
     Page,
 }
 
@@ -39,7 +39,7 @@ pub enum Hosts {
 }
 
 impl Hosts {
-    /// Those of an endpoint at `address`.
+    /// The host names of an endpoint at `address`.
     pub(super) fn of(address: SocketAddr, access: &Access, is_encrypted: bool) -> Self {
         match (
             is_encrypted || access.tokens.is_some(),
@@ -63,7 +63,7 @@ impl Hosts {
     }
 }
 
-/// Refuses what a page of another site may have sent. A request that changes something must come from a page of the same
+/// Refuses a request that a page of another site may have sent. A request that changes something must come from a page of the same
 /// host, and a gRPC request from no page.
 pub(super) fn check(
     hosts: Hosts,
@@ -103,7 +103,7 @@ pub(super) fn is_grpc(headers: &HeaderMap) -> bool {
     })
 }
 
-/// The one host that a request names: in its address, in a header, or in both alike.
+/// The host that a request names in its address, in a header, or in both; an error if the two differ.
 fn named_host(uri: &Uri, headers: &HeaderMap) -> Result<Option<Authority>, Refusal> {
     let read = |host: &HeaderValue| host.to_str().ok()?.parse::<Authority>().ok();
     let in_headers = headers.get_all(HOST).iter().map(read);
@@ -136,15 +136,15 @@ mod tests {
     const NAMED: (&str, &str) = ("host", "swarm.example:7700");
     const GRPC: (&str, &str) = ("content-type", "application/grpc");
 
-    /// An endpoint, and what is asked at it.
+    /// An endpoint, and the kind of request sent to it.
     struct At(Hosts, bool, Asked);
 
-    /// One person's machine; anything else has to be said.
+    /// An endpoint on one person's machine, without encryption.
     const PAGE: At = At(Hosts::ThisMachine, false, Asked::Page);
     const METHOD: At = At(Hosts::ThisMachine, false, Asked::Method);
 
     impl At {
-        fn said(&self, method: &Method, headers: &[(&str, &str)]) -> Result<(), Refusal> {
+        fn check_request(&self, method: &Method, headers: &[(&str, &str)]) -> Result<(), Refusal> {
             let mut request = Request::builder().method(method).uri("/");
             for (name, value) in headers {
                 request = request.header(*name, *value);
@@ -153,7 +153,7 @@ mod tests {
         }
 
         fn allows(&self, method: &Method, headers: &[(&str, &str)]) -> bool {
-            self.said(method, headers).is_ok()
+            self.check_request(method, headers).is_ok()
         }
     }
 
@@ -190,7 +190,7 @@ mod tests {
         }
         assert!(method.allows(&Method::POST, &[NAMED, GRPC]));
         assert_eq!(
-            method.said(
+            method.check_request(
                 &Method::POST,
                 &[NAMED, GRPC, ("origin", "http://swarm.example:7700")]
             ),
@@ -209,7 +209,7 @@ mod tests {
             "https://127.0.0.1:7700",
         ] {
             assert!(!post(origin), "{origin}");
-            // Nor do they look at anything.
+            // Nor may they read.
             assert!(!PAGE.allows(&Method::GET, &[OWN, ("origin", origin)]), "{origin}");
         }
         assert!(!PAGE.allows(&Method::POST, &[OWN]));
@@ -257,12 +257,12 @@ mod tests {
             "",
         ] {
             assert_eq!(
-                METHOD.said(&Method::POST, &[OWN, ("content-type", kind)]),
+                METHOD.check_request(&Method::POST, &[OWN, ("content-type", kind)]),
                 Err(Refusal::ContentType),
                 "{kind}"
             );
         }
-        assert_eq!(METHOD.said(&Method::POST, &[OWN]), Err(Refusal::ContentType));
+        assert_eq!(METHOD.check_request(&Method::POST, &[OWN]), Err(Refusal::ContentType));
     }
 
     #[test]

@@ -1,5 +1,5 @@
 //! Limits on the body of a request: it fails when no part of it arrives for too long, since a request that never ends would keep
-//! its seat; and a long decision needs another seat than a short one.
+//! its seat. A long decision needs another seat than a short one.
 
 use crate::{
     Refusal,
@@ -16,8 +16,8 @@ use tokio::time::timeout;
 use tokio_stream::StreamExt as _;
 use tonic::Status;
 
-/// `body`, which fails when no part of it arrives for [`PART_LIMIT`]. gRPC clients are told `DEADLINE_EXCEEDED`. A decision of more
-/// than [`MAX_DECISION_BODY`] bytes goes on when it has exchanged `seat` for one of the class bulk.
+/// `body`, which fails when no part of it arrives for [`PART_LIMIT`]. gRPC clients get `DEADLINE_EXCEEDED`. A decision of more than
+/// [`MAX_DECISION_BODY`] bytes goes on when it has exchanged `seat` for one of the class bulk.
 pub(crate) fn in_time(body: Body, seat: &Arc<Seat>) -> Body {
     if body.is_end_stream() {
         return body;
@@ -34,7 +34,7 @@ pub(crate) fn in_time(body: Body, seat: &Arc<Seat>) -> Body {
 
 struct Parts {
     body: BodyDataStream,
-    /// While the body is that of a short decision: how many bytes more it may have, and its seat.
+    /// While the body is that of a short decision: the bytes that may still come, and its seat.
     short: Option<(usize, Arc<Seat>)>,
 }
 
@@ -42,8 +42,8 @@ impl Parts {
     async fn next(&mut self) -> Result<Option<Bytes>, BoxError> {
         let Ok(next) = timeout(PART_LIMIT, self.body.next()).await else {
             let seconds = PART_LIMIT.as_secs();
-            let said = format!("no part of the request arrived for {seconds} seconds: send it again");
-            return Err(Status::deadline_exceeded(said).into());
+            let message = format!("no part of the request arrived for {seconds} seconds: send it again");
+            return Err(Status::deadline_exceeded(message).into());
         };
         let Some(part) = next.transpose()? else {
             return Ok(None);

@@ -37,25 +37,25 @@ impl fmt::Display for Role {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Requirement {
     Nothing,
-    /// The token of somebody with this role.
+    /// A token with this role.
     Person(Role),
-    /// The certificate of such a machine; an operator's token where machines have none.
+    /// The certificate of such a machine, or an operator's token where machines have no certificates.
     Machine(MachineKind),
-    /// The certificate of such a machine, or the token of somebody with this role.
+    /// The certificate of such a machine, or a token with this role.
     MachineOr(MachineKind, Role),
-    /// A machine's certificate, or the token of somebody with this role.
+    /// A machine's certificate, or a token with this role.
     AnyMachineOr(Role),
 }
 
 impl Requirement {
-    /// The token of a viewer, or of somebody who may do more.
+    /// A viewer's token, or one with a higher role.
     pub const VIEWER: Self = Self::Person(Role::Viewer);
-    /// The token of an annotator or operator.
+    /// An annotator's or operator's token.
     pub const ANNOTATOR: Self = Self::Person(Role::Annotator);
     pub const OPERATOR: Self = Self::Person(Role::Operator);
 
-    /// The class of a request by `principal` to a route that requires this and costs `class`. Who shows nothing where nothing is
-    /// required takes no seats from those who do.
+    /// The class of a request by `principal` to a route that requires this and costs `class`. Requests without credentials to an
+    /// open route get a class of their own, so that they take no seats from the others.
     pub(crate) fn class_for(self, principal: Principal, class: CostClass) -> CostClass {
         match (self, principal, class) {
             (_, _, CostClass::Free) => class,
@@ -76,7 +76,7 @@ pub struct Requirements {
 }
 
 impl Requirements {
-    /// Every page, and what programs ask for over HTTP: the HTTP method, the route (`/campaigns/{id}`), the requirement.
+    /// Every page and HTTP endpoint for programs: the HTTP method, the route (`/campaigns/{id}`), the requirement.
     pub fn pages(&self) -> impl Iterator<Item = (&Method, &'static str, Requirement)> {
         self.pages
             .iter()
@@ -113,7 +113,7 @@ impl Requirements {
         })
     }
 
-    /// Those of the gRPC method of this path (`/SERVICE/METHOD`); `None` where the service is not served.
+    /// The requirement and the cost class of the gRPC method of this path (`/SERVICE/METHOD`); `None` if the service is not served.
     pub(crate) fn of_method(&self, path: &str) -> Option<(Requirement, CostClass)> {
         let (service, method) = path.strip_prefix('/')?.split_once('/')?;
         let (_, methods) = self.services.iter().find(|(known, _)| *known == service)?;
@@ -121,7 +121,7 @@ impl Requirements {
         Some(known.map_or(UNKNOWN, |(_, requirement, class)| (*requirement, *class)))
     }
 
-    /// Those of a page, by its route; without a route, of an address that leads nowhere.
+    /// The requirement and the cost class of a page, by its route; without a route, those of an address that leads nowhere.
     fn of_page(&self, method: &Method, route: Option<&str>) -> (Requirement, CostClass) {
         let Some(route) = route else {
             return (Requirement::VIEWER, CostClass::Light);
@@ -202,7 +202,7 @@ mod tests {
         );
         assert_eq!(nothing.class_for(stranger, CostClass::Free), CostClass::Free);
         assert_eq!(nothing.class_for(known, light), light);
-        // Where everybody may come in, nobody is a stranger.
+        // Where everybody is admitted, no request is a stranger's.
         assert_eq!(Requirement::VIEWER.class_for(stranger, light), light);
     }
 }

@@ -24,10 +24,10 @@ use std::{
 use tokio::time::Instant;
 use tonic::Status;
 
-/// Bytes that a connection is handed at once. It takes one part more than its client has asked for, and keeps it when the body has
-/// ended.
+/// Bytes handed to a connection at once. A connection takes one part more than its client has asked for, and keeps it after the
+/// body has ended.
 const PART_BYTES: usize = 16 << 10;
-/// How often it is looked for bodies that nobody takes.
+/// Interval of the check for bodies that no client takes.
 const LOOK_INTERVAL: Duration = Duration::from_secs(5);
 
 /// The bodies that are being sent; cheap to clone.
@@ -47,9 +47,10 @@ struct SeatedBody {
 #[derive(Debug)]
 struct Shared {
     form: Form,
-    /// A shutdown ends the body.
+    /// Whether a shutdown ends the body.
     ends_at_shutdown: bool,
-    /// The body ends when nobody takes it. Streams that follow something do not: they hold little, and their clients may sleep.
+    /// Whether the body ends if its client takes nothing. Streams that follow something do not: they hold little, and their clients
+    /// may sleep.
     ends_untaken: bool,
     /// The connection that it is sent on.
     handle: Option<ConnectionHandle>,
@@ -62,19 +63,19 @@ struct Content {
     open: Option<(Body, Arc<Seat>)>,
     /// Part of the body that the connection has not taken yet.
     rest: Bytes,
-    /// Why it was ended, as long as the client has not been told.
+    /// Why it was ended, until the client has been told.
     ended: Option<Ending>,
     /// Since when the connection has not asked for the next part.
     untaken_since: Option<Instant>,
     waker: Option<Waker>,
 }
 
-/// How the client learns that an answer is not whole.
+/// How the client learns that a response is incomplete.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Form {
     /// By a status, in trailers.
     Grpc,
-    /// It need not: an event stream has no end, and pages open it again.
+    /// Not at all: an event stream has no end, and pages open it again.
     Events,
     /// The connection breaks off.
     Other,
@@ -89,7 +90,7 @@ enum Ending {
 }
 
 impl Bodies {
-    /// Those that hold a seat of `seats`.
+    /// The bodies that hold a seat of `seats`.
     pub(crate) fn of(seats: &Seats) -> Self {
         let bodies = Self {
             open: Arc::default(),
@@ -165,7 +166,7 @@ impl Form {
 }
 
 impl Shared {
-    /// Ends the body if it was left untaken for too long, or everything ends.
+    /// Ends the body if its client has taken nothing for too long, or if a shutdown ends it.
     fn look(&self, is_closing: bool) {
         let mut content = lock(&self.content);
         let is_untaken = content
@@ -226,7 +227,7 @@ impl Content {
         }
         self.untaken_since = Some(Instant::now());
         let part = self.rest.split_to(self.rest.len().min(PART_BYTES));
-        // A part of its own does not keep the whole in memory.
+        // A copy of the part does not keep the whole in memory.
         Poll::Ready(Some(Ok(Frame::data(Bytes::copy_from_slice(&part)))))
     }
 }
@@ -301,7 +302,7 @@ mod tests {
 
     type Parts = tokio::sync::mpsc::Sender<Result<Bytes, axum::Error>>;
 
-    /// A response of this content type that holds a seat of `class`, and where its parts come from.
+    /// A response of this content type that holds a seat of `class`, and the sender of its parts.
     async fn response(seats: &Seats, class: CostClass, kind: &'static str) -> (Parts, Body) {
         let bodies = Bodies::of(seats);
         let seat = seats

@@ -1,5 +1,4 @@
-//! Routes that cannot be registered without what a request must show for them and what it costs, and that cannot be served
-//! without an endpoint.
+//! Routes that can only be registered with a requirement and a cost class, and only be served behind an endpoint.
 
 use super::{
     CostClass, Endpoint, Requirement, Requirements, Seats,
@@ -20,7 +19,8 @@ use axum::{
 use std::{convert::Infallible, sync::Arc};
 use tonic::{body::Body, codegen::Service, server::NamedService, service::Routes};
 
-/// Pages and gRPC services, each with its [`Requirement`] and [`CostClass`]. [`GuardedRouter::behind`] is the only way to serve them.
+/// Pages and gRPC services, each with its [`Requirement`] and [`CostClass`]. [`GuardedRouter::behind`] is the only way to serve
+/// them.
 #[derive(Debug, Clone)]
 pub struct GuardedRouter<S = ()> {
     router: Router<S>,
@@ -37,7 +37,7 @@ impl<S: Clone + Send + Sync + 'static> Default for GuardedRouter<S> {
 }
 
 impl<S: Clone + Send + Sync + 'static> GuardedRouter<S> {
-    /// Registers what answers GET, and so HEAD, on a route.
+    /// Registers a handler for GET, and so for HEAD, on a route.
     #[must_use]
     pub fn get<H: Handler<T, S>, T: 'static>(
         mut self,
@@ -52,7 +52,7 @@ impl<S: Clone + Send + Sync + 'static> GuardedRouter<S> {
         self
     }
 
-    /// Registers what answers POST on a route, with a body of at most [`MAX_POST`] bytes.
+    /// Registers a handler for POST on a route, with a body of at most [`MAX_POST`] bytes.
     #[must_use]
     pub fn post<H: Handler<T, S>, T: 'static>(
         mut self,
@@ -122,8 +122,9 @@ impl GuardedRouter {
         &self.requirements
     }
 
-    /// Everything behind an endpoint: `admit` meets a request before anything else reads it, and lets it through only if it
-    /// shows what its route requires and there is a seat for it. `nowhere` answers requests for an address without a route.
+    /// Puts all routes behind an endpoint: `admit` gets a request before anything else reads it, and passes it on only if it shows
+    /// the credentials that its route requires and there is a seat for it. `nowhere` answers requests for an address without a
+    /// route.
     pub fn behind<H: Handler<T, ()>, T: 'static>(
         self,
         endpoint: Arc<Endpoint>,

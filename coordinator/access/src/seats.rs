@@ -1,9 +1,9 @@
-//! Fair shares: how many requests are answered at once, by cost class, in all and for one principal.
+//! Fair shares: limits how many requests are answered at once, by cost class, in total and per principal.
 //!
-//! A request takes a seat of its class before a handler sees it, and gives it back once its response has been sent or given
-//! up. A principal (the holder of a token, a certificate, an address) never has more seats of a class than its share. Who
-//! finds no seat waits: the next free one goes to the principal that has fewest. Streams last, so a stream that finds no seat
-//! is refused at once. Decisions have seats of their own, which nobody who reads or computes can take.
+//! A request takes a seat of its class before a handler sees it, and gives it back once its response has been sent or given up. A
+//! principal (the holder of a token, a certificate, an address) never has more seats of a class than its share. A request that
+//! finds no seat waits; the next free seat goes to the waiting principal with the fewest. Streams last long, so a stream that finds
+//! no seat is refused at once. Decisions have seats of their own, which requests that read or compute cannot take.
 
 use crate::{
     connections::network_of,
@@ -37,13 +37,13 @@ use tokio::sync::{oneshot, watch};
 /// Cost of answering a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum CostClass {
-    /// Changes something, and must be acknowledged whatever else goes on: pausing, labelling, submitting.
+    /// Changes something, and must be acknowledged under any load: pausing, labelling, submitting.
     Decision,
-    /// Changes as much as hundreds of labels: a decision of more than 2 KiB, and what takes back what such a one said.
+    /// Changes as much as hundreds of labels: a decision of more than 2 KiB, or the undo of one.
     Bulk,
     /// Reads a few rows.
     Light,
-    /// Reads as much as an archive or a label log has.
+    /// Reads up to a whole archive or label log.
     Reading,
     /// Simulates, draws or compares.
     Computing,
@@ -55,20 +55,20 @@ pub enum CostClass {
     Free,
 }
 
-/// The seats of a class.
+/// How many seats a class has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SeatLimits {
-    /// In all.
+    /// For all principals together.
     pub total: NonZeroUsize,
     /// For one principal.
     pub share: NonZeroUsize,
 }
 
-/// A class and its seats, as an option has them: `CLASS=TOTAL/SHARE`.
+/// A class and its seats, as an option gives them: `CLASS=TOTAL/SHARE`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ClassSeats(CostClass, SeatLimits);
 
-/// Why a text is not a class and its seats.
+/// Parse error of [`ClassSeats`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
     "must be CLASS=TOTAL/SHARE, such as reading=16/4: decision, bulk, light, reading, computing, streaming or stranger, and two whole numbers \
@@ -79,16 +79,16 @@ pub struct NoClassSeats;
 /// Most seats of a class.
 const MAX_SEATS: usize = 65_536;
 
-/// For whom a request is answered.
+/// The client that a request counts against.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) enum Principal {
     /// The holder of a token that was accepted.
     Token(TokenDigest),
     /// The machine with a certificate.
     Machine(MachineId),
-    /// A client without credentials, by its address; of IPv6 by its network of 64 bits, which one machine may have to itself.
+    /// A client without credentials, by its address; for IPv6 by its /64 network, because one machine may own a whole one.
     Address(IpAddr),
-    /// A request without a connection, as tests make it.
+    /// A request without a connection, in tests.
     Unknown,
 }
 
@@ -103,7 +103,7 @@ pub enum NoSeat {
     Closing,
 }
 
-/// How many requests of a class are answered and wait now, and were refused so far.
+/// Requests of a class that are being answered, that are waiting, and that were refused so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SeatCounts {
     pub answered: usize,
@@ -126,7 +126,7 @@ pub struct Seats {
 #[derive(Debug)]
 struct Lane {
     limits: SeatLimits,
-    /// How often one principal may ask: requests that cost little each may still come by the thousand.
+    /// Limits the request rate of each principal: even cheap requests may come by the thousand.
     pace: DefaultKeyedRateLimiter<Principal>,
     room: Mutex<Room>,
     refused: AtomicU64,
@@ -134,7 +134,7 @@ struct Lane {
 
 #[derive(Debug, Default)]
 struct Room {
-    /// Seats by principal; those of a principal without one are not in it.
+    /// Seats by principal. Principals without a seat have no entry.
     held: HashMap<Principal, usize>,
     /// Sum of `held`.
     taken: usize,
@@ -153,7 +153,7 @@ pub(crate) struct Seat {
     seats: Seats,
     class: CostClass,
     principal: Principal,
-    /// The lane in which it is; none while it waits for a seat of another.
+    /// Index of its lane; `None` while it waits for a seat of another class.
     lane: Mutex<Option<usize>>,
 }
 
@@ -183,7 +183,7 @@ impl CostClass {
         }
     }
 
-    /// Its place among the lanes.
+    /// Index of its lane; `None` for a class without seats.
     fn lane(self) -> Option<usize> {
         Self::LIMITED.iter().position(|&class| class == self)
     }
@@ -196,7 +196,7 @@ impl CostClass {
         )
     }
 
-    /// Requests that one principal may make.
+    /// Request rate allowed to one principal.
     const fn pace(self) -> Quota {
         let (per_second, burst) = match self {
             Self::Decision => (DECISIONS_PER_SECOND, DECISION_BURST),
@@ -208,7 +208,7 @@ impl CostClass {
         Quota::per_second(per_second).allow_burst(burst)
     }
 
-    /// The seats of a coordinator that nobody has set otherwise.
+    /// Default seats.
     #[must_use]
     pub const fn limits(self) -> SeatLimits {
         match self {
@@ -267,7 +267,7 @@ impl Principal {
 }
 
 impl Seats {
-    /// The default seats, but for the classes that are named; of a class that is named twice, the last counts.
+    /// The default seats, except for the classes in `changed`. If a class is there twice, the last entry counts.
     #[must_use]
     pub fn new(changed: &[ClassSeats]) -> Self {
         let lanes = CostClass::LIMITED.map(|class| {
@@ -287,7 +287,7 @@ impl Seats {
         }
     }
 
-    /// A seat of `class`; none where that class needs none. Waits at most for `patience` where it is given.
+    /// Takes a seat of `class`; `None` if that class needs none. Waits at most for `patience`, if given.
     ///
     /// # Errors
     /// See [`NoSeat`].
@@ -328,7 +328,7 @@ impl Seats {
         }
     }
 
-    /// A seat that is there or comes.
+    /// Receiver of a seat: one that is free now, or the one that the request waits for.
     fn take_or_wait(
         &self,
         class: CostClass,
@@ -343,7 +343,7 @@ impl Seats {
         if room.has_seat(self.lanes[place].limits, principal) {
             room.seat(principal);
             drop(room);
-            // The receiver is here.
+            // Cannot fail: `coming` is the receiver.
             let _ = seat.send(self.seat(place, principal));
             return Ok(coming);
         }
@@ -382,18 +382,17 @@ impl Seats {
         budget.clone()
     }
 
-    /// Lets nobody read, compute or follow any more: whoever waits to is refused, and what is under way ends.
+    /// Shuts down reading, computing and following: waiting requests are refused, and those under way end.
     pub fn close(&self) {
         self.closing.send_replace(true);
     }
 
     /// Returns once the seats are closed.
     pub(crate) async fn closed(&self) {
-        // The sender is this.
+        // Cannot fail: `self` owns the sender.
         let _ = self.closing.subscribe().wait_for(|&closing| closing).await;
     }
 
-    /// The counts of each class.
     pub fn counts(&self) -> impl Iterator<Item = (CostClass, SeatCounts)> {
         CostClass::LIMITED
             .into_iter()
@@ -467,12 +466,11 @@ impl Room {
 }
 
 impl Seat {
-    /// The class of the request.
     pub(crate) fn class(&self) -> CostClass {
         self.class
     }
 
-    /// Gives it to whoever waits, and waits for one of `class` instead.
+    /// Gives the seat back, and waits for one of `class` instead.
     ///
     /// # Errors
     /// See [`NoSeat`].
@@ -484,7 +482,7 @@ impl Seat {
         Ok(())
     }
 
-    /// The priority of work for the request: of what one principal reads and computes, little is done at once.
+    /// Priority of work for the request. Reading and computing have low priority, limited by the principal's turns.
     pub(crate) fn priority(&self) -> Priority {
         match self.class {
             CostClass::Reading | CostClass::Computing => Priority::Low(self.seats.turns(self.principal)),
@@ -507,7 +505,7 @@ impl Seat {
         let next = room.next(lane.limits);
         drop(room);
         if let Some(Waiter { principal, seat }) = next {
-            // A client that has gone returns its seat.
+            // If the client has gone, sending fails and drops the seat, which returns it.
             let _ = seat.send(self.seats.seat(place, principal));
         }
     }

@@ -25,7 +25,6 @@ use tokio::sync::watch;
 
 /// How long a log-in lasts.
 const LIFETIME: Duration = Duration::from_secs(7 * 24 * 3600);
-/// The cookie's name.
 const COOKIE: &str = "murmuration-session";
 /// Name of the file in the data directory.
 const FILE: &str = "sessions.json";
@@ -53,7 +52,7 @@ type Open = BTreeMap<String, Entry>;
 #[derive(Clone)]
 struct Entry {
     token: TokenDigest,
-    /// Higher than the number of every session that was opened before, whatever the clock said.
+    /// Higher than that of every session opened before, whatever the clock showed.
     number: u64,
     /// When it ends, seconds since 1970-01-01 UTC.
     until_s: u64,
@@ -61,7 +60,7 @@ struct Entry {
     end: Arc<watch::Sender<()>>,
 }
 
-/// An entry in the file, where they are in the order in which they were opened.
+/// An entry in the file. Entries are in the order in which the sessions were opened.
 #[derive(Serialize, Deserialize)]
 struct Row {
     id: String,
@@ -128,7 +127,7 @@ impl Sessions {
             changing: Mutex::new(()),
             unwritten: AtomicBool::new(false),
         };
-        // A token that comes back later brings no sessions back.
+        // If a removed token comes back later, its sessions must not.
         let open = shared.open();
         if open.len() < found {
             shared.write(&open)?;
@@ -184,7 +183,7 @@ impl Sessions {
         Ok(self.jar(headers).add(cookie))
     }
 
-    /// Ends the session of a request, if it has one: at once in memory, and for good once this returns.
+    /// Ends the session of a request, if it has one: in memory at once, and on disk when this returns.
     ///
     /// # Errors
     /// If the change cannot be written: the session would come back with a restart.
@@ -192,7 +191,7 @@ impl Sessions {
         let _changing = self.0.changing.lock().unwrap_or_else(PoisonError::into_inner);
         let mut open = self.0.open();
         let has_ended = self.id(headers).and_then(|id| open.remove(&id)).is_some();
-        // A second request, after the first could not be written, writes the file.
+        // If an earlier write failed, a repeated request writes the file.
         if has_ended || self.0.unwritten.load(Ordering::Relaxed) {
             self.0.set(open.clone());
             self.0.write(&open)?;

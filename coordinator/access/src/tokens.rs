@@ -254,9 +254,9 @@ mod tests {
             ),
             ("[[token]]\nsecret = 1", "unknown field `secret`"),
         ];
-        for (text, said) in cases {
+        for (text, expected) in cases {
             let error = parse(text).unwrap_err();
-            assert!(error.contains(said), "{error}");
+            assert!(error.contains(expected), "{error}");
         }
         let entry =
             |place| format!("[[token]]\nname = \"a\"\nrole = \"viewer\"\ndigest = \"{place:064x}\"\n");

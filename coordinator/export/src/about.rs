@@ -89,7 +89,7 @@ fn pictures_section(campaign: &ExportedCampaign) -> String {
     )
 }
 
-/// A table of a table's columns.
+/// A Markdown table of the columns of a data table.
 fn table(name: &str, schema: &Schema) -> String {
     let mut text = format!("\n## {name}\n\n| column | kind | about | unit |\n|---|---|---|---|\n");
     for field in schema.fields() {
@@ -109,7 +109,7 @@ fn table(name: &str, schema: &Schema) -> String {
     text
 }
 
-/// A kind of column, in words.
+/// The kind of a column, for people.
 fn kind(of: &DataType) -> String {
     match of {
         DataType::List(item) => format!("list of {}", kind(item.data_type())),

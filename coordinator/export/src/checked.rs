@@ -24,7 +24,7 @@ impl CheckedExport {
     /// Checks the export in `folder`.
     ///
     /// # Errors
-    /// [`ExportError::Damaged`] names the file that is missing, was changed or is none of a campaign.
+    /// [`ExportError::Damaged`] names the file that is missing, was changed or does not belong to an export.
     pub fn open(folder: &Path) -> Result<Self, ExportError> {
         let path = folder.join(DATABASE);
         if !Digests::check(folder)?.has(DATABASE) {
@@ -48,7 +48,7 @@ impl CheckedExport {
         &self.campaign
     }
 
-    /// The next bytes, so many at most; none at the end.
+    /// The next bytes, at most `bytes` of them; empty at the end.
     ///
     /// # Errors
     /// If the file cannot be read.

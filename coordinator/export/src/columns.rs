@@ -1,4 +1,4 @@
-//! Columns of Arrow: how they are described and made.
+//! Describes and makes Arrow columns.
 
 use crate::ExportError;
 use arrow_array::{Array, ArrayRef, ArrowPrimitiveType, ListArray, PrimitiveArray, RecordBatch, StringArray};
@@ -65,14 +65,14 @@ pub(crate) fn metadata(field: &Field, key: &str) -> String {
         .unwrap_or_default()
 }
 
-/// Lists of one length, behind each other in `values`.
+/// Lists of `width` numbers each, one after the other in `values`.
 pub(crate) fn lists(values: ArrayRef, rows: usize, width: usize) -> ListArray {
     let field = Arc::new(Field::new_list_field(values.data_type().clone(), false));
     let offsets = OffsetBuffer::from_lengths(std::iter::repeat_n(width, rows));
     ListArray::new(field, offsets, values, None)
 }
 
-/// A column of nulls, or of lists of one length where they have one.
+/// A column of lists of `width` numbers each, or of nulls if `width` is 0.
 pub(crate) fn lists_or_nulls<T: ArrowPrimitiveType>(
     values: Vec<T::Native>,
     rows: usize,
@@ -101,7 +101,7 @@ impl TableWriter {
         let file = File::create_new(path).map_err(ExportError::file("write", path))?;
         let properties = WriterProperties::builder()
             .set_compression(Compression::ZSTD(parquet::basic::ZstdLevel::default()))
-            // How many bytes a row group has is bounded in `add`: the library would count them compressed.
+            // `add` bounds the bytes of a row group: the library would count compressed ones.
             .set_max_row_group_row_count(Some(ROWS))
             .build();
         let schema = Arc::new(schema);
@@ -134,7 +134,7 @@ impl TableWriter {
         Ok(())
     }
 
-    /// Writes the end of the table; it is on disk then.
+    /// Writes the end of the table, which is on disk when this returns.
     pub(crate) fn finish(self) -> Result<(), ExportError> {
         let path = self.path;
         let file = self.writer.into_inner().map_err(ExportError::unwritten(&path))?;
@@ -142,17 +142,15 @@ impl TableWriter {
     }
 }
 
-/// A column of texts.
 pub(crate) fn text_column<'a>(texts: impl Iterator<Item = Option<&'a str>>) -> ArrayRef {
     Arc::new(texts.collect::<StringArray>())
 }
 
-/// A column of numbers.
 pub(crate) fn number_column<T: ArrowPrimitiveType>(numbers: impl Iterator<Item = T::Native>) -> ArrayRef {
     Arc::new(PrimitiveArray::<T>::from_iter_values(numbers))
 }
 
-/// A column of numbers, some of which are not there.
+/// A column of numbers and nulls.
 pub(crate) fn optional_column<T: ArrowPrimitiveType>(
     numbers: impl Iterator<Item = Option<T::Native>>,
 ) -> ArrayRef

@@ -1,5 +1,5 @@
-//! CSV of the same tables, as far as it fits in cells: a header, then numbers that read back exactly, and names as spreadsheets can open
-//! them. The individuals come without their trials; of the label log there are the answers that stand.
+//! The same tables as CSV, as far as values fit in cells: a header, then numbers that read back exactly, and names as spreadsheets
+//! can open them. The individuals come without their trials; of the label log, only the standing answers.
 
 use crate::{ExportError, IndividualTable};
 use csv::Writer;
@@ -55,8 +55,8 @@ impl CsvTables {
         Ok(())
     }
 
-    /// Writes the other tables. That of labels has the answers that stand, with the columns that a label file must have: what
-    /// `murmuration labels --csv` adds to them is in the table of individuals.
+    /// Writes the other tables. The table of labels has the standing answers, with the columns that a label file must have; the
+    /// columns that `murmuration labels --csv` adds are in the table of individuals.
     pub(crate) fn add_small_tables(
         &mut self,
         folder: &Path,
@@ -119,7 +119,7 @@ impl CsvTables {
         Ok(())
     }
 
-    /// The names of the files, all of which are on disk then.
+    /// The names of the files, which are all on disk when this returns.
     pub(crate) fn finish(self) -> Result<Vec<String>, ExportError> {
         let file = self.individuals.finish();
         file.and_then(|file| file.sync_all())

@@ -114,7 +114,7 @@ fn proposed(campaign: &ExportedCampaign, checkpoints: &[CheckpointRecord]) -> St
     }
 }
 
-/// The network that embeds an archive, as its lineage has it: a campaign may have moved to one that its method does not name.
+/// The network that embeds an archive, from its lineage, because a campaign may have moved to one that its method does not name.
 fn network(
     method: Method,
     checkpoint: Option<CheckpointDigest>,
@@ -123,7 +123,7 @@ fn network(
     let of = |digest| checkpoints.iter().find(|record| record.digest == digest);
     let newest = checkpoint.and_then(of);
     let mut lineage = iter::successors(newest, |record| record.lineage.parent.and_then(of))
-        // As many as there are: a lineage in a circle has no end.
+        // Stops after as many as there are, because a lineage in a circle has no end.
         .take(checkpoints.len())
         .map(|record| &record.lineage);
     if lineage.any(|lineage| !lineage.label_digest.is_empty()) {
@@ -203,17 +203,17 @@ mod tests {
             record("since", Some("round"), "aa", ""),
             record("foreign", None, "", ""),
         ];
-        let said = |method, name: &str| {
+        let message = |method, name: &str| {
             let digest = CheckpointDigest::of(name.as_bytes());
             network(method, Some(digest), &checkpoints)
         };
-        assert!(said(Method::Latent, "own").contains("without labels"));
-        assert!(said(Method::Untrained, "own").contains("untrained"));
+        assert!(message(Method::Latent, "own").contains("without labels"));
+        assert!(message(Method::Untrained, "own").contains("untrained"));
         for method in [Method::Latent, Method::Untrained] {
             for name in ["round", "since"] {
-                assert!(said(method, name).contains("fine-tuned on labels"), "{name}");
+                assert!(message(method, name).contains("fine-tuned on labels"), "{name}");
             }
         }
-        assert!(said(Method::Latent, "foreign").contains("nothing is recorded"));
+        assert!(message(Method::Latent, "foreign").contains("nothing is recorded"));
     }
 }

@@ -34,7 +34,7 @@ pub(crate) struct Description {
     label_entries: u64,
     /// The digest of the archive, as `murmuration digest` prints it.
     pub(crate) digest: String,
-    /// The digest of the classes that stand.
+    /// The digest of the current classes.
     pub(crate) label_digest: String,
     /// Sum of the distances of all individuals to their medoids; of a completed campaign.
     pub(crate) loss: Option<f64>,
@@ -43,7 +43,6 @@ pub(crate) struct Description {
 }
 
 impl Description {
-    /// Of a campaign that was exported whole.
     pub(crate) fn of(received: &ReceivedCampaign) -> Self {
         let campaign = received.campaign();
         let record = &campaign.record;
@@ -89,7 +88,7 @@ struct CheckpointDescription {
     configuration: String,
     metrics: BTreeMap<String, f64>,
     created_ms: u64,
-    /// The first eight bytes of the digest of each picture whose class it was told, hexadecimal.
+    /// The first eight bytes of the digest of each picture that it learned with a class, hexadecimal.
     labelled: Vec<String>,
 }
 
@@ -122,6 +121,6 @@ pub(crate) fn checkpoint_to_json(record: &CheckpointRecord) -> String {
 
 /// A document as a text of several lines.
 pub(crate) fn to_json(document: &impl Serialize) -> String {
-    // No document has a key that is no string, and nothing else can fail.
+    // Cannot fail: all keys of these documents are strings.
     serde_json::to_string_pretty(document).unwrap_or_default() + "\n"
 }

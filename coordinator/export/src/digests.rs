@@ -36,7 +36,7 @@ impl Digests {
         self.0.contains_key(name)
     }
 
-    /// The list.
+    /// The text of the list.
     pub(crate) fn to_text(&self) -> String {
         let line = |(name, digest): (&String, &blake3::Hash)| format!("{}  {name}\n", digest.to_hex());
         self.0.iter().map(line).collect()
@@ -87,8 +87,8 @@ impl Digests {
     }
 }
 
-/// Whether a folder holds an export and nothing else: what its list names, as it was written, and the folders that this is in. A list
-/// that somebody made of files of their own is no export's.
+/// Whether a folder holds an unchanged export and nothing else: only the listed files, and the folders that they are in. A list
+/// that a user made of their own files does not count.
 ///
 /// # Errors
 /// If the folder cannot be read.
@@ -194,11 +194,11 @@ mod tests {
         std::os::unix::fs::symlink(at("outside"), at("inside")).unwrap();
         let line = format!("{}  inside/a\n", blake3::hash(b"one").to_hex());
         fs::write(at(FILE), &line).unwrap();
-        let said = Digests::check(folder.path()).unwrap_err().to_string();
-        assert!(said.contains("it is no folder"), "{said}");
+        let message = Digests::check(folder.path()).unwrap_err().to_string();
+        assert!(message.contains("it is no folder"), "{message}");
         fs::write(at(FILE), line.repeat(2)).unwrap();
-        let said = Digests::check(folder.path()).unwrap_err().to_string();
-        assert!(said.contains("listed twice"), "{said}");
+        let message = Digests::check(folder.path()).unwrap_err().to_string();
+        assert!(message.contains("listed twice"), "{message}");
     }
 
     #[test]
@@ -211,12 +211,12 @@ mod tests {
         write(FILE, &digests.to_text());
         assert!(Digests::check(folder.path()).unwrap().has("a.txt"));
         write("a.txt", "ond");
-        let said = Digests::check(folder.path()).unwrap_err().to_string();
-        assert!(said.contains("a.txt: it was changed"), "{said}");
+        let message = Digests::check(folder.path()).unwrap_err().to_string();
+        assert!(message.contains("a.txt: it was changed"), "{message}");
         fs::remove_file(folder.path().join("a.txt")).unwrap();
         write("b.txt", "one");
         std::os::unix::fs::symlink(folder.path().join("b.txt"), folder.path().join("a.txt")).unwrap();
-        let said = Digests::check(folder.path()).unwrap_err().to_string();
-        assert!(said.contains("no regular file"), "{said}");
+        let message = Digests::check(folder.path()).unwrap_err().to_string();
+        assert!(message.contains("no regular file"), "{message}");
     }
 }

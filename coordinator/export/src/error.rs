@@ -44,10 +44,10 @@ pub enum ExportError {
         /// Error of the system.
         source: io::Error,
     },
-    /// The folder, or a file of it, is not as an export has it.
+    /// The folder, or a file in it, is not as an export writes it.
     #[error("{path}: {reason}")]
     Damaged {
-        /// Which.
+        /// The folder or file.
         path: PathBuf,
         /// The fault.
         reason: String,
@@ -58,7 +58,7 @@ pub enum ExportError {
 }
 
 impl ExportError {
-    /// A reason may quote what is in a file, which may be anything.
+    /// The reason may quote a file, which may contain anything.
     pub(crate) fn damaged(path: &Path, reason: impl ToString) -> Self {
         Self::Damaged {
             path: path.to_path_buf(),
@@ -79,7 +79,7 @@ impl ExportError {
             doing: "write",
             path: path.clone(),
             source: match error {
-                // The library's own words show the system's error as a Rust value.
+                // The library's message would show the system's error as a Rust value.
                 ParquetError::External(error) => match error.downcast::<io::Error>() {
                     Ok(error) => *error,
                     Err(error) => io::Error::other(error),

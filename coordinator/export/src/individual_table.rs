@@ -12,8 +12,8 @@ use std::{
     mem,
 };
 
-/// The table of an archive's individuals, with a header: numbers that read back exactly, and classes as spreadsheets can open
-/// them. The columns are named as those of a report's archive.
+/// The table of an archive's individuals, with a header: numbers that read back exactly, and classes as spreadsheets can open them.
+/// The columns have the names of those of a report's archive.
 pub struct IndividualTable<W: Write> {
     table: Writer<W>,
     genes: Vec<String>,
@@ -85,7 +85,7 @@ impl IndividualTable<Vec<u8>> {
     /// Takes the bytes written since the last call.
     ///
     /// # Errors
-    /// Never: memory takes it all.
+    /// Never: writing to memory cannot fail.
     pub fn take_written(&mut self) -> io::Result<Vec<u8>> {
         self.table.flush()?;
         let written = mem::replace(&mut self.table, Writer::from_writer(Vec::new())).into_inner();

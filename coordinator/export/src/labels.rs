@@ -1,4 +1,4 @@
-//! The table of the label log: every entry as it was said, and which answers stand.
+//! The table of the label log: every entry, and which answers stand.
 
 use crate::{
     ExportError,
@@ -73,8 +73,8 @@ pub(crate) fn write(path: &Path, campaign: &ReceivedCampaign) -> Result<(), Expo
     for log in campaign.log() {
         let log = log?;
         let entries = || log.iter().map(|(_, entry)| entry);
-        let said = entries().map(|entry| v1::LabelEntry::from(entry.clone()).action.map(Row::of));
-        let rows: Vec<Row> = said.flatten().collect();
+        let message = entries().map(|entry| v1::LabelEntry::from(entry.clone()).action.map(Row::of));
+        let rows: Vec<Row> = message.flatten().collect();
         let times = entries().map(|entry| entry.change.time_ms.cast_signed());
         let times = TimestampMillisecondArray::from_iter_values(times).with_timezone("UTC");
         let stands = entries().map(|entry| Some(stand.contains(&entry.number)));

@@ -30,14 +30,14 @@ pub(crate) fn shape(spec: &CampaignSpec, individuals: u64) -> Vec<u64> {
 /// The beginning of the array's file, version 1.0 of the format.
 fn header(shape: &[u64]) -> Vec<u8> {
     let sizes = shape.iter().map(u64::to_string).collect::<Vec<_>>().join(", ");
-    let said = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({sizes}), }}");
+    let text = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({sizes}), }}");
     // The header before the numbers is a multiple of 64 bytes long, and ends with a new line.
-    let unpadded = 10 + said.len() + 1;
+    let unpadded = 10 + text.len() + 1;
     let padding = unpadded.next_multiple_of(64) - unpadded;
-    let said = format!("{said}{}\n", " ".repeat(padding));
+    let text = format!("{text}{}\n", " ".repeat(padding));
     let mut header = b"\x93NUMPY\x01\x00".to_vec();
-    header.extend((said.len() as u16).to_le_bytes());
-    header.extend(said.bytes());
+    header.extend((text.len() as u16).to_le_bytes());
+    header.extend(text.bytes());
     header
 }
 
@@ -89,7 +89,7 @@ impl PictureWriter {
             .map_err(ExportError::file("write", &self.path))
     }
 
-    /// Writes the end of the archive; it is on disk then.
+    /// Writes the end of the archive, which is on disk when this returns.
     pub(crate) fn finish(self) -> Result<(), ExportError> {
         let path = self.path;
         let file = self.archive.finish().map_err(ExportError::unzipped(&path))?;
@@ -106,9 +106,9 @@ mod tests {
         let header = header(&[3, 50, 50]);
         assert_eq!(header.len() % 64, 0);
         assert_eq!(&header[..10], b"\x93NUMPY\x01\x00\x76\x00");
-        let said = std::str::from_utf8(&header[10..]).unwrap();
-        assert!(said.starts_with("{'descr': '|u1', 'fortran_order': False, 'shape': (3, 50, 50), }"));
-        assert!(said.ends_with('\n'));
+        let message = std::str::from_utf8(&header[10..]).unwrap();
+        assert!(message.starts_with("{'descr': '|u1', 'fortran_order': False, 'shape': (3, 50, 50), }"));
+        assert!(message.ends_with('\n'));
     }
 
     #[test]

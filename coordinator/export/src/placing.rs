@@ -1,4 +1,4 @@
-//! Where the folder of an export is filled, and how it gets its name: whole, or not at all.
+//! Fills the folder of an export in a temporary place, and gives it its name once it is whole.
 
 use crate::{CHECKPOINTS, ExportError, digests};
 use murmuration_files::{UnfinishedFolder, remove_leftovers};
@@ -13,18 +13,17 @@ use std::{
 
 /// Prefix of a folder that is being filled.
 const PREFIX: &str = ".murmuration-export-";
-/// Extension of a former export on its way out, beside the new one: nobody knows whether the new one got its name.
+/// Extension of a former export that is being replaced, beside the new one. If one is left, the new one may not have got its name.
 const REPLACED: &str = "replaced";
 
-/// The place for an export, from the root on and without links: it must be empty or not exist, unless an export in it is to be
-/// replaced.
+/// The absolute path of an export, without links. It must be empty or not exist, unless an export there is to be replaced.
 pub(crate) fn target(target: &Path, replaces: bool) -> Result<PathBuf, ExportError> {
     target_seen_from(&env::current_dir().unwrap_or_default(), target, replaces)
 }
 
 fn target_seen_from(current: &Path, target: &Path, replaces: bool) -> Result<PathBuf, ExportError> {
     let failed = ExportError::file("look into", target);
-    // A name such as `.`, or that of a link, cannot be given to another folder.
+    // Another folder cannot be renamed to `.` or to a link.
     let whole = match fs::canonicalize(target) {
         Ok(whole) => whole,
         Err(error) if error.kind() == io::ErrorKind::NotFound => target.to_path_buf(),
@@ -49,8 +48,7 @@ fn target_seen_from(current: &Path, target: &Path, replaces: bool) -> Result<Pat
     }
 }
 
-/// A new folder in the empty folder `target`, or else beside the place that it will have. Those that processes left there which
-/// have ended are removed.
+/// A new folder in the empty folder `target`, or else beside `target`. Removes the folders that ended processes left there.
 pub(crate) fn new_folder(target: &Path) -> Result<UnfinishedFolder, ExportError> {
     let folder_of_it =
         match is_empty(target).map_err(ExportError::file("look into", target))? && target.is_dir() {
@@ -68,7 +66,7 @@ fn parent(target: &Path) -> &Path {
     }
 }
 
-/// Gives a whole folder its name. An export that has the name is removed then, if it is to be replaced.
+/// Gives a whole folder its name. Then removes the export that had the name, if it is to be replaced.
 pub(crate) fn place(folder: UnfinishedFolder, target: &Path, replaces: bool) -> Result<(), ExportError> {
     let checkpoints = folder.path().join(CHECKPOINTS);
     if checkpoints.is_dir() {
@@ -81,13 +79,13 @@ pub(crate) fn place(folder: UnfinishedFolder, target: &Path, replaces: bool) -> 
     let (folder, _lock) = folder.keep();
     let placed = rename(&folder, target, replaces);
     if placed.is_err() {
-        // A half-written folder would be in the way of the next try, which reports it if it cannot be removed here.
+        // A half-written folder would block the next try, which reports it if it cannot be removed here.
         let _ = fs::remove_dir_all(&folder);
     }
     placed
 }
 
-/// Moves the files of a folder into the one that it is in, the list of files at last: without that, a folder is no export.
+/// Moves the files of a folder into its parent, the list of files last: without the list, a folder is no export.
 fn move_up(folder: &Path, target: &Path) -> Result<(), ExportError> {
     let failed = |error| ExportError::file("write", target)(error);
     let entries = fs::read_dir(folder).map_err(failed)?;
@@ -96,7 +94,7 @@ fn move_up(folder: &Path, target: &Path) -> Result<(), ExportError> {
         .collect();
     let mut names = names.map_err(failed)?;
     names.sort_by_key(|name| name == digests::FILE);
-    // Somebody may have put something there meanwhile.
+    // Another process may have put something there meanwhile.
     if names
         .iter()
         .any(|name| target.join(name).symlink_metadata().is_ok())
@@ -107,7 +105,7 @@ fn move_up(folder: &Path, target: &Path) -> Result<(), ExportError> {
     for name in names {
         if let Err(error) = fs::rename(folder.join(&name), target.join(&name)) {
             for name in moved {
-                // Back to where all of it is removed.
+                // Moved back, to be removed with the folder.
                 let _ = fs::rename(target.join(&name), folder.join(&name));
             }
             return Err(failed(error));
@@ -120,7 +118,7 @@ fn move_up(folder: &Path, target: &Path) -> Result<(), ExportError> {
 fn rename(folder: &Path, target: &Path, replaces: bool) -> Result<(), ExportError> {
     let failed = |error| ExportError::file("write", target)(error);
     if is_empty(target).map_err(failed)? {
-        // It was not there when this export began.
+        // The target did not exist when this export began.
         fs::rename(folder, target).map_err(failed)?;
         return sync(parent(target));
     }
@@ -128,7 +126,7 @@ fn rename(folder: &Path, target: &Path, replaces: bool) -> Result<(), ExportErro
         // Another export has been quicker.
         return Err(ExportError::NotEmpty(target.to_path_buf()));
     }
-    // Somebody may have put something beside it meanwhile.
+    // Something may have been added to the old export meanwhile.
     if !digests::is_alone(target).unwrap_or(false) {
         return Err(ExportError::NoExport(target.to_path_buf()));
     }
@@ -146,7 +144,7 @@ fn rename(folder: &Path, target: &Path, replaces: bool) -> Result<(), ExportErro
     }
     // The new one must be on disk under its name before the old one goes.
     sync(parent(target))?;
-    // A person may have protected it from their own hand.
+    // Its owner may have made it read-only.
     for folder in [old.clone(), old.join(CHECKPOINTS)] {
         let _ = fs::set_permissions(folder, Permissions::from_mode(0o755));
     }
@@ -210,7 +208,7 @@ mod tests {
         let filled = new_folder(&target).unwrap();
         export_in(filled.path(), "new");
         place(filled, &target, false).unwrap();
-        // A shell in that folder keeps seeing its files, and a volume may be mounted there.
+        // The folder itself stays: a shell in it keeps seeing its files, and a volume may be mounted there.
         assert_eq!(fs::metadata(folder.path()).unwrap().ino(), before);
         assert!(digests::is_alone(folder.path()).unwrap());
     }

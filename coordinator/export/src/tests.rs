@@ -95,7 +95,7 @@ fn write(target: &Path, database: &[u8], with_csv: bool) -> Exported {
     folder.finish().unwrap()
 }
 
-/// Lists the digests anew, as somebody would who changed a file on purpose.
+/// Lists the digests again, as after a deliberate change of a file.
 fn list_again(folder: &Path, exported: &Exported) {
     let mut listed = digests::Digests::default();
     for name in exported.files.iter().filter(|name| *name != digests::FILE) {
@@ -163,18 +163,18 @@ fn a_database_that_was_exchanged_on_purpose_is_refused() {
     ] {
         fs::write(folder.join(DATABASE), other).unwrap();
         list_again(&folder, &exported);
-        let said = CheckedExport::open(&folder).unwrap_err().to_string();
-        assert!(said.contains(reason), "{said}");
+        let message = CheckedExport::open(&folder).unwrap_err().to_string();
+        assert!(message.contains(reason), "{message}");
         let mut answer = NewFolder::create(&place.path().join("other"), false, false).unwrap();
         answer.add(other).unwrap();
-        let said = answer.finish().unwrap_err().to_string();
-        assert!(said.contains("the coordinator's answer is invalid"), "{said}");
+        let message = answer.finish().unwrap_err().to_string();
+        assert!(message.contains("the coordinator's answer is invalid"), "{message}");
         assert!(!place.path().join("other").exists());
     }
     fs::remove_file(folder.join(DATABASE)).unwrap();
     fs::write(folder.join(digests::FILE), "").unwrap();
-    let said = CheckedExport::open(&folder).unwrap_err().to_string();
-    assert!(said.contains("it does not list campaign.sqlite"), "{said}");
+    let message = CheckedExport::open(&folder).unwrap_err().to_string();
+    assert!(message.contains("it does not list campaign.sqlite"), "{message}");
 }
 
 #[test]

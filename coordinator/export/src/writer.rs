@@ -42,8 +42,8 @@ pub struct NewFolder {
 }
 
 impl NewFolder {
-    /// An empty folder, to become `target`: it must be empty or not exist, unless an export in it is to be replaced. `with_csv`
-    /// adds every table as CSV.
+    /// Makes an empty folder that is to become `target`, which must be empty or not exist, unless an export in it is to be
+    /// replaced. `with_csv` adds every table as CSV.
     ///
     /// # Errors
     /// [`ExportError::NotEmpty`], [`ExportError::NoExport`], or if it cannot be made.
@@ -72,7 +72,7 @@ impl NewFolder {
     /// Checks the database, writes the other files from it, and gives the folder its name.
     ///
     /// # Errors
-    /// [`ExportError::Answer`] if it is no database of a campaign, or if a file cannot be written; there is nothing new at its place
+    /// [`ExportError::Answer`] if it is no database of a campaign, or if a file cannot be written; nothing is written to the target
     /// then.
     pub fn finish(self) -> Result<Exported, ExportError> {
         let folder = self.folder.path();
@@ -103,7 +103,7 @@ impl NewFolder {
     }
 }
 
-/// Writes the individuals, their pictures, and every table as CSV if that is wanted; the names of the files.
+/// Writes the individuals, their pictures, and every table as CSV if that is wanted. Returns the names of the files.
 fn write_archive(
     folder: &Path,
     campaign: &ReceivedCampaign,
@@ -161,7 +161,7 @@ fn write_checkpoints(folder: &Path, campaign: &ReceivedCampaign) -> Result<Vec<S
     Ok(names)
 }
 
-/// Writes the files of text; their names.
+/// Writes the text files, and returns their names.
 fn write_texts(
     folder: &Path,
     received: &ReceivedCampaign,
@@ -183,7 +183,7 @@ fn write_texts(
     Ok(texts.map(|(name, _)| name.to_owned()).into())
 }
 
-/// Writes a file of text; it is on disk then.
+/// Writes a text file, which is on disk when this returns.
 fn write_text(folder: &Path, name: &str, text: &str) -> Result<(), ExportError> {
     write(folder, name, text.as_bytes())
 }

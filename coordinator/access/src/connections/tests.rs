@@ -1,4 +1,4 @@
-//! ConnectionPermits, pace and silence, each at its limit.
+//! Permits, pace and silence of connections, each at its limit.
 
 use super::*;
 use std::net::SocketAddr;
@@ -29,7 +29,7 @@ async fn one_too_many_is_closed_and_room_is_made_again() {
     assert_eq!(connection.read_u8().await.unwrap(), b'a');
 }
 
-/// A handle of a connection from `address`, and what is told when it is closed.
+/// A handle of a connection from `address`, and the receiver of the order to close it.
 fn handle(address: &str) -> (ConnectionHandle, oneshot::Receiver<()>) {
     let (close, told) = oneshot::channel();
     (ConnectionHandle::new(address.parse().unwrap(), close), told)
@@ -68,7 +68,7 @@ fn a_newcomer_takes_the_place_of_a_stranger_with_many_connections() {
     let permits = ConnectionPermits::new(5, 3);
     let of_first = [(); 3].map(|()| handle("10.0.0.1"));
     let of_second = [(); 2].map(|()| handle("10.0.0.2"));
-    // The oldest has somebody who is known.
+    // The oldest connection is authenticated.
     of_first[0].0.authenticated();
     let held = of_first.iter().chain(&of_second);
     let mut held: Vec<_> = held.map(|(handle, _)| take(&permits, handle).unwrap()).collect();
@@ -89,7 +89,7 @@ fn a_newcomer_takes_the_place_of_a_stranger_with_many_connections() {
             .sum::<usize>(),
         5
     );
-    // One with as many as others takes the place of their oldest stranger.
+    // Its next connection takes the place of the oldest unauthenticated one of an address with more.
     let [(_, mut first_of_second), (_, mut second_of_second)] = of_second;
     let further = take(&permits, &handle("10.0.0.3").0);
     assert!(further.is_some());

@@ -1,4 +1,4 @@
-//! Seats by class: shares, fairness, and what happens when everything ends.
+//! Seats by class: shares, fairness, and shutdown.
 
 use super::*;
 use proptest::prelude::*;
@@ -56,7 +56,7 @@ async fn the_next_seat_goes_to_whoever_has_fewest() {
     ];
     let mut again = pin!(take(&seats, of(1)));
     let mut new = pin!(take(&seats, of(2)));
-    // Both wait, the one that has two already for longer.
+    // Both wait; the principal that already has two seats has waited longer.
     tokio::select! {
         biased;
         _ = &mut again => unreachable!(),
@@ -67,7 +67,7 @@ async fn the_next_seat_goes_to_whoever_has_fewest() {
     drop(held);
     let (again, new) = tokio::join!(again, new);
     assert!(again.is_ok() && new.is_ok());
-    // Of a single seat that was given back, the other would have had it.
+    // Both seats were returned: a single one would have gone to the other principal.
     drop(again);
     let _kept = take(&seats, of(1)).await.unwrap();
     let mut third = pin!(take(&seats, of(1)));
@@ -131,7 +131,7 @@ async fn only_so_many_of_one_principal_wait() {
     let begun = Instant::now();
     assert!(take(&seats, of(1)).await.is_err());
     assert!(begun.elapsed() < Duration::from_millis(1));
-    // Those who go away leave their places.
+    // Cancelled requests leave the queue.
     waiting.iter().for_each(tokio::task::JoinHandle::abort);
     tokio::time::sleep(Duration::from_millis(1)).await;
     assert!(take(&seats, of(1)).await.is_err());
@@ -201,8 +201,8 @@ fn seats_are_named_by_class_total_and_share() {
 }
 
 proptest! {
-    /// Whoever takes, gives back, waits or goes away: nobody has more than a share, no seat is lost, and nobody waits for
-    /// whom there is a seat.
+    /// In any order of taking, returning, waiting and cancelling: no principal has more than its share, no seat is lost, and no
+    /// request waits for a seat that it could have.
     #[test]
     fn no_seat_is_lost(steps in prop::collection::vec((0_u8..4, any::<bool>(), any::<prop::sample::Index>()), 1..200)) {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();

@@ -98,7 +98,7 @@ fn what_was_logged_out_stays_so_after_a_restart_and_others_go_on() {
     let (kept, ana) = (Kept::new(), token());
     let (one, other) = (kept.log_in(ana, now()), kept.log_in(ana, now()));
     kept.sessions.log_out(&one).unwrap();
-    // Once more is no error, nor without a session.
+    // Logging out again is no error, nor is it without a session.
     kept.sessions.log_out(&one).unwrap();
     kept.sessions.log_out(&HeaderMap::new()).unwrap();
     for sessions in [kept.sessions.clone(), kept.again(|_| true)] {
@@ -142,7 +142,7 @@ fn a_new_log_in_takes_the_place_of_the_browsers_last_and_of_the_oldest_when_ther
     assert_eq!(whose(&kept.sessions, &later[0], end), None);
     assert_eq!(whose(&kept.sessions, &later[1], end), Some(ana));
     assert_eq!(whose(&kept.sessions, &of_bo, end), Some(bo));
-    // What is over is not kept.
+    // Expired sessions are not kept.
     kept.log_in(bo, now() + 2 * LIFETIME);
     let text = fs::read_to_string(kept.folder.path().join(FILE)).unwrap();
     assert_eq!(
@@ -156,7 +156,7 @@ fn a_new_log_in_takes_the_place_of_the_browsers_last_and_of_the_oldest_when_ther
 fn the_oldest_is_what_was_opened_first_within_a_second_and_when_the_clock_is_set_back() {
     let (kept, ana) = (Kept::new(), token());
     let second = Duration::from_secs(1);
-    // All within a second; then more, while the time of day runs backwards.
+    // All within a second; then more, while the clock runs backwards.
     let mut opened: Vec<HeaderMap> = (0..MAX_SESSIONS_PER_TOKEN)
         .map(|_| kept.log_in(ana, now()))
         .collect();
@@ -203,7 +203,7 @@ fn without_a_disk_nobody_is_logged_in_and_a_log_out_says_that_it_may_not_last() 
     );
     assert!(kept.sessions.log_out(&cookie).is_err());
     assert_eq!(whose(&kept.sessions, &cookie, now()), None);
-    // Who asks again is not told that it lasts, until it does.
+    // A repeated log-out fails until the file can be written.
     assert!(kept.sessions.log_out(&cookie).is_err());
     std::fs::create_dir(&path).unwrap();
     kept.sessions.log_out(&cookie).unwrap();
