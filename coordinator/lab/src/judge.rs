@@ -60,7 +60,7 @@ impl JudgeCommand {
         }
         let sets = self.labels.iter().map(LabelledSet::read);
         let sets = sets.collect::<Result<Vec<_>, _>>()?;
-        let mut said = Vec::new();
+        let mut message = Vec::new();
         let mut patterns = Pattern::ALL.map(PatternCounts::of);
         let mut without_meaning = BTreeMap::new();
         for (place, labels) in sets.iter().enumerate() {
@@ -80,12 +80,12 @@ impl JudgeCommand {
             }
             let given = labels.ids().zip(labels.classes());
             let given = given.map(|(id, class)| (id.to_owned(), class.to_owned()));
-            said.extend(given.zip(judged));
+            message.extend(given.zip(judged));
         }
         if let Some(table) = &self.measures {
-            write(table, measures_csv(&said))?;
+            write(table, measures_csv(&message))?;
         }
-        let opinions = Opinions::of(&said);
+        let opinions = Opinions::of(&message);
         if global.json {
             json::print(self.document(&opinions, &patterns, &sets, &without_meaning))?;
         } else {
@@ -97,7 +97,7 @@ impl JudgeCommand {
         Ok(())
     }
 
-    /// Where the swarms of a file start, if it does not say so itself.
+    /// The starts of a file's swarms, if the file itself has none.
     fn starts_of(&self, place: usize, labels: &LabelledSet) -> Result<Option<PathBuf>, CliError> {
         match self.starts.get(place) {
             Some(named) => Ok(Some(named.clone())),
@@ -142,18 +142,18 @@ impl JudgeCommand {
     }
 }
 
-/// Numbers of swarms in whose world a class has no meaning, and why it has none.
+/// Numbers of swarms in whose world a class has no meaning, by class and reason.
 type WithoutMeaning = BTreeMap<(Class, &'static str), u64>;
 
-/// How often a pattern was seen.
+/// How often annotators and the judge see a pattern.
 #[derive(Debug)]
 struct PatternCounts {
     pattern: Pattern,
-    /// By annotators.
+    /// Behaviours in which annotators see it.
     given: u64,
-    /// By annotators and the judge.
+    /// Behaviours in which annotators and the judge see it.
     agreed: u64,
-    /// By the judge.
+    /// Behaviours in which the judge sees it.
     judged: u64,
 }
 
@@ -190,7 +190,7 @@ impl PatternCounts {
 struct Judged {
     verdict: Verdict,
     second: Class,
-    /// By which the second judge says so.
+    /// The measures that the second judge decides by.
     measures: Vec<f64>,
 }
 
@@ -213,19 +213,19 @@ type Said = ((String, String), Judged);
 /// How often two of three agree: the labels, the rule-based judge and the second judge.
 #[derive(Debug)]
 struct Opinions<'a> {
-    /// Of the labels and the rule-based judge.
+    /// Labels against the rule-based judge.
     first: ConfusionMatrix<&'a str>,
-    /// Of the labels and the second judge.
+    /// Labels against the second judge.
     second: ConfusionMatrix<&'a str>,
-    /// Of the judges.
+    /// The rule-based judge against the second judge.
     judges: ConfusionMatrix<&'a str>,
-    /// Behaviours of which all three say the same.
+    /// Behaviours to which all three give the same class.
     all_agreed: u64,
 }
 
 impl<'a> Opinions<'a> {
-    fn of(said: &'a [Said]) -> Self {
-        let opinions = said.iter().map(|((_, given), judged)| {
+    fn of(message: &'a [Said]) -> Self {
+        let opinions = message.iter().map(|((_, given), judged)| {
             let first = judged.verdict.class().name();
             (given.as_str(), first, judged.second.name())
         });
@@ -261,14 +261,14 @@ impl<'a> Opinions<'a> {
     }
 }
 
-/// The measures of the second judge as CSV, one row for each behaviour.
-fn measures_csv(said: &[Said]) -> Vec<u8> {
-    let count = said.first().map_or(0, |(_, judged)| judged.measures.len());
+/// The measures of the second judge as CSV, one row per behaviour.
+fn measures_csv(message: &[Said]) -> Vec<u8> {
+    let count = message.first().map_or(0, |(_, judged)| judged.measures.len());
     let mut table = Writer::from_writer(Vec::new());
     let names = (1..=count).map(|place| format!("measure_{place}"));
     // Writing to memory cannot fail, and all rows have as many cells as the header.
     let _ = table.write_record(iter::once("id".to_owned()).chain(names));
-    for ((id, _), judged) in said {
+    for ((id, _), judged) in message {
         let values = judged.measures.iter().map(f64::to_string);
         let _ = table.write_record(iter::once(to_cell(id).into_owned()).chain(values));
     }
@@ -276,9 +276,9 @@ fn measures_csv(said: &[Said]) -> Vec<u8> {
 }
 
 fn agreement(matrix: &ConfusionMatrix<&str>) -> json::Agreement {
-    let said = matrix.answers();
+    let message = matrix.answers();
     let row = |class: &str| -> BTreeMap<String, u64> {
-        let counts = said
+        let counts = message
             .iter()
             .map(|&judge| (judge.to_owned(), matrix.count(class, judge)));
         counts.filter(|&(_, count)| count > 0).collect()
@@ -286,11 +286,11 @@ fn agreement(matrix: &ConfusionMatrix<&str>) -> json::Agreement {
     json::Agreement {
         agreed: matrix.same(),
         kappa: matrix.kappa(),
-        judged_by_class: said.iter().map(|&class| (class.to_owned(), row(class))).collect(),
+        judged_by_class: message.iter().map(|&class| (class.to_owned(), row(class))).collect(),
     }
 }
 
-/// Which classes the judge could not answer with.
+/// Reports the classes that the judge could not answer with.
 fn tell_without_meaning(without_meaning: &WithoutMeaning) -> Result<(), OutputError> {
     for ((class, why), &swarms) in without_meaning {
         outln!("\n{class} has no meaning for {}: {why}", counted(swarms, "swarm"))?;
@@ -298,14 +298,14 @@ fn tell_without_meaning(without_meaning: &WithoutMeaning) -> Result<(), OutputEr
     Ok(())
 }
 
-/// For each class that annotators gave, what the judge said.
+/// Prints the judge's classes for each class that annotators gave.
 fn print_table(matrix: &ConfusionMatrix<&str>) -> Result<(), OutputError> {
     let answers = matrix.answers();
     let fixed = [left("CLASS"), right("GIVEN"), right("AGREED"), right("SHARE")];
     let judged = answers.iter().map(|&judge| right(judge));
     let mut table = Table::new(fixed.into_iter().chain(judged));
     for &class in &answers {
-        let (given, agreed) = (matrix.said(class), matrix.count(class, class));
+        let (given, agreed) = (matrix.answered(class), matrix.count(class, class));
         let judged = answers.iter().map(|judge| grouped(matrix.count(class, judge)));
         table.row(counts(class, given, agreed).into_iter().chain(judged));
     }
@@ -319,7 +319,7 @@ fn kappa(matrix: &ConfusionMatrix<&str>) -> String {
     kappa.map_or("-".to_owned(), |kappa| format!("{kappa:.3}"))
 }
 
-/// The patterns among what belongs to no class, where annotators named them.
+/// Prints the patterns among behaviours of the class `random`, if annotators named them.
 fn print_patterns(patterns: &[PatternCounts]) -> Result<(), OutputError> {
     let mut table = Table::new([
         left("PATTERN"),
@@ -340,7 +340,7 @@ fn print_patterns(patterns: &[PatternCounts]) -> Result<(), OutputError> {
     table.print()
 }
 
-/// How many of those that annotators gave a name have it from the judge too.
+/// A row: how many behaviours annotators gave a name, and how many of them have it from the judge too.
 fn counts(name: &str, given: u64, agreed: u64) -> [String; 4] {
     [
         name.to_owned(),

@@ -2,19 +2,18 @@
 
 use murmuration_proto::CheckpointDigest;
 
-/// The embedder of a campaign's archive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ArchiveEmbedder {
-    /// Nothing: the campaign's behaviour space has no embedding, or its embedder is still to be trained.
+    /// The campaign's behaviour space has no embedding, or its embedder is not trained yet.
     None,
     Checkpoint(CheckpointDigest),
     /// The archive switches to another checkpoint.
     Switching {
-        /// The checkpoint that embeds it until then, if one does.
+        /// The checkpoint that embeds it until the switch, if any.
         from: Option<CheckpointDigest>,
-        /// The checkpoint that embeds it from then on.
+        /// The checkpoint that embeds it from the switch on.
         to: CheckpointDigest,
-        /// Individuals, from index 0, that are embedded with that on disk.
+        /// Number of individuals on disk, from index 0, that are embedded with `to`.
         embedded: u64,
     },
 }
@@ -37,7 +36,7 @@ impl ArchiveEmbedder {
         }
     }
 
-    /// Individuals that are embedded with the [next](Self::next) checkpoint on disk.
+    /// Number of individuals on disk that are embedded with the [next](Self::next) checkpoint.
     pub const fn embedded(&self) -> u64 {
         match *self {
             Self::Switching { embedded, .. } => embedded,
@@ -46,7 +45,7 @@ impl ArchiveEmbedder {
     }
 }
 
-/// Which published embedder: as far as jobs need to know it.
+/// A published embedder, with what jobs need to know of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EmbedderRef {
     pub checkpoint: CheckpointDigest,

@@ -13,9 +13,9 @@ pub const LINE: Rgb = [0x9c, 0x9a, 0x94];
 
 /// Colours of agents: agent `i` has colour `i` modulo their number.
 ///
-/// Twenty-four even steps of hue in OKLCH at chroma 0.155 (less where sRGB ends), so that none is louder than another.
-/// Every seventh is taken, so that even a few agents are spread over the whole circle; lightness goes through 0.56, 0.65
-/// and 0.74, so that hues that look alike to a colour-blind person differ in lightness.
+/// Twenty-four even steps of hue in OKLCH at chroma 0.155 (less at the edge of sRGB), so that no colour is louder than another. The
+/// order takes every seventh step, so that even a few agents spread over the whole circle. Lightness cycles through 0.56, 0.65 and
+/// 0.74, so that hues that look alike to a colour-blind person differ in lightness.
 #[rustfmt::skip]
 pub const AGENTS: [Rgb; 24] = [
     [0xbe, 0x46, 0x4d], [0x7a, 0x9e, 0x1a], [0x03, 0x7f, 0xa9], [0xc7, 0x66, 0xb4], [0xb9, 0x84, 0x08], [0x0d, 0xc5, 0xb5],
@@ -24,11 +24,11 @@ pub const AGENTS: [Rgb; 24] = [
     [0x79, 0x7a, 0x04], [0x0f, 0xbf, 0xdd], [0x9b, 0x51, 0xac], [0xa5, 0x62, 0x02], [0x0b, 0xa7, 0x83], [0x5c, 0x68, 0xce],
 ];
 
-/// Colours of clusters, quieter than those of agents (chroma 0.07 to 0.135, lightness 0.60 to 0.82 in OKLCH), so that dark numbers
-/// can be read on them and points seen on white and on black.
+/// Colours of clusters, quieter than those of agents (chroma 0.07 to 0.135, lightness 0.60 to 0.82 in OKLCH): dark numbers are
+/// legible on them, and points are visible on white and on black.
 ///
-/// Each is the colour farthest in OKLab from all before it, as people with full sight see them or, at half the distance, people who
-/// see no red or no green (Machado et al. 2009). So the first twelve, all that most taxonomies need, differ most.
+/// Each colour is the one farthest in OKLab from all before it, as seen with full colour vision or, at half the distance, without
+/// red or green (Machado et al. 2009). So the first twelve, enough for most taxonomies, differ most.
 #[rustfmt::skip]
 pub const CLUSTERS: [Rgb; 24] = [
     [0xdf, 0x89, 0xcc], [0x25, 0x97, 0x5b], [0xd9, 0xc6, 0x54], [0x61, 0x7a, 0xd0], [0x8e, 0xcb, 0xff], [0xc0, 0x6f, 0x1d],
@@ -37,17 +37,16 @@ pub const CLUSTERS: [Rgb; 24] = [
     [0xb2, 0x7f, 0xd6], [0x84, 0xb3, 0x85], [0x78, 0x8a, 0x38], [0xcb, 0xa0, 0xfc], [0xd1, 0x66, 0x71], [0xb8, 0x8a, 0x01],
 ];
 
-/// The colour of the cluster at `place`.
 pub const fn cluster(place: usize) -> Rgb {
     CLUSTERS[place % CLUSTERS.len()]
 }
 
-/// The colour that the class at `place` has until it is given another.
+/// The default colour of the class at `place`.
 pub const fn class(place: usize) -> Rgb {
     AGENTS[place % AGENTS.len()]
 }
 
-/// The colour of a class that the judge names, the same in every report and on every page; a behaviour without one is grey.
+/// The colour of a class that the judge names, the same in every report and on every page. Behaviours without a class are grey.
 pub const fn class_colour(class: Class) -> Rgb {
     match class {
         Class::CyclicPursuit => AGENTS[9],

@@ -1,12 +1,11 @@
-//! A campaign on its way from one store to another, without what its archive and label log hold.
+//! A campaign during its transfer from one store to another, without the contents of its archive and label log.
 
 use super::{CampaignId, CampaignRecord, CampaignState, Rounds};
 use murmuration_proto::{CheckpointDigest, Invalid, SIMULATOR_VERSION, Text, text};
 
-/// A campaign that was exported.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExportedCampaign {
-    /// The campaign. Of its dataset it has no picture.
+    /// The campaign, without the pictures of its dataset.
     pub record: CampaignRecord,
     pub label_entries: u64,
     /// BLAKE3 of its archive, 64 hexadecimal digits.
@@ -14,17 +13,17 @@ pub struct ExportedCampaign {
 }
 
 impl ExportedCampaign {
-    /// Maximum number of entries of a label log that is transferred: what follows from a log is held in memory, up to 0.8 kB an entry.
+    /// Maximum length of a label log in a transfer: the state computed from a log takes up to 0.8 kB of memory an entry.
     pub(crate) const MAX_LABEL_ENTRIES: u64 = 1_000_000;
-    /// Maximum number at the end of the id of a campaign that is transferred.
+    /// Maximum number at the end of a campaign's id in a transfer.
     pub(crate) const MAX_NUMBER: u64 = 1_000_000_000_000;
-    /// Maximum number of rounds of feedback of a campaign that is transferred.
+    /// Maximum number of rounds of feedback in a transfer.
     pub(crate) const MAX_ROUNDS: u32 = 10_000;
 
-    /// A campaign that a store may take over.
+    /// Checks a campaign that a store is to take over.
     ///
     /// # Errors
-    /// [`Invalid`] names what no campaign of this version has.
+    /// [`Invalid`] names a value that no campaign of this version has.
     pub fn new(record: CampaignRecord, label_entries: u64, digest: String) -> Result<Self, Invalid> {
         check_id(&record.id)?;
         check_version(&record.simulator_version)?;
@@ -40,7 +39,7 @@ impl ExportedCampaign {
         })
     }
 
-    /// The state that it has in the store that it comes to: nobody runs it there until a person resumes it.
+    /// Its state in the store that imports it: a running campaign is paused, until a person resumes it there.
     pub const fn state_when_imported(&self) -> CampaignState {
         match self.record.state {
             CampaignState::Running => CampaignState::Paused,
@@ -49,7 +48,7 @@ impl ExportedCampaign {
     }
 }
 
-/// Whether the number of an id leaves room for those of new campaigns.
+/// Checks that the number of the id leaves room for the ids of new campaigns.
 fn check_id(id: &CampaignId) -> Result<(), Invalid> {
     let most = ExportedCampaign::MAX_NUMBER;
     match id.number() {
@@ -73,7 +72,7 @@ fn check_version(version: &str) -> Result<(), Invalid> {
     ))
 }
 
-/// Checks the numbers that a database, or the memory of a coordinator, has limits for.
+/// Checks the numbers that the database or the coordinator's memory limits.
 fn check_numbers(record: &CampaignRecord, label_entries: u64) -> Result<(), Invalid> {
     for (field, number) in [("created_ms", record.created_ms), ("rollbacks", record.rollbacks)] {
         if number > i64::MAX.unsigned_abs() {
@@ -88,7 +87,7 @@ fn check_numbers(record: &CampaignRecord, label_entries: u64) -> Result<(), Inva
 }
 
 fn check_digest(digest: &str) -> Result<(), Invalid> {
-    // As it is written: it is compared character by character.
+    // As written in the export, because it is compared character by character.
     let is_digit = |byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f');
     match digest.len() == 64 && digest.bytes().all(is_digit) {
         true => Ok(()),
@@ -142,7 +141,7 @@ fn check_generations(record: &CampaignRecord) -> Result<(), Invalid> {
     Err(Invalid::new("generations", record.generations_done, allowed))
 }
 
-/// Checks that the archive is embedded if, and only if, the campaign's behaviour space asks for that.
+/// Checks that the archive is embedded if, and only if, the campaign's behaviour space has an embedding.
 fn check_embedder(record: &CampaignRecord) -> Result<(), Invalid> {
     let (space, is_completed) = (record.spec.space(), record.state == CampaignState::Completed);
     let (checkpoint, next) = (record.embedder.checkpoint(), record.embedder.next());
@@ -228,7 +227,7 @@ mod tests {
         ExportedCampaign::new(one.record, one.label_entries, one.digest)
     }
 
-    /// The field that is named where the change is refused.
+    /// The field that the refusal of the change names.
     fn refused(change: impl Fn(&mut ExportedCampaign)) -> String {
         checked(change).unwrap_err().field
     }
@@ -289,7 +288,7 @@ mod tests {
             unembedded(one);
         };
         assert_eq!(refused(without_both), "checkpoint");
-        // Before its first generation a campaign has none yet.
+        // A campaign has no novelty before its first generation.
         let new = |one: &mut ExportedCampaign| {
             unembedded(one);
             one.record.generations_done = 0;

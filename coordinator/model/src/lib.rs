@@ -1,5 +1,4 @@
-//! The nouns of all other parts: campaigns and their states, machines, embedders. Plain values: no disk, no
-//! network, no tasks.
+//! The nouns of all other parts: campaigns and their states, machines, embedders. Plain values, without disk, network or tasks.
 
 mod archive_embedder;
 mod campaign_id;

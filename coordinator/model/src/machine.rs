@@ -1,10 +1,10 @@
-//! Machines that run workers, and what is known of them.
+//! Machines that run workers.
 
 use murmuration_proto::{EmbeddingKind, Invalid};
 use std::{fmt, net::IpAddr, str::FromStr};
 
-/// A machine that runs workers: what has one vote. The coordinator derives it from what a connection shows
-/// (`access::origin`), never from what a worker says of itself.
+/// A machine that runs workers, and has one vote. The coordinator derives it from the connection (`access::origin`), never from
+/// what the worker reports about itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct MachineId(pub u64);
 
@@ -29,24 +29,24 @@ impl FromStr for MachineId {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Quarantined {
     pub machine: MachineId,
-    /// Name and address of the worker that gave it away.
+    /// Name and address of the worker that exposed it.
     pub name: String,
 }
 
 /// The maker of a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Maker {
-    /// How its machine embeds; unknown for one that does not.
+    /// How the maker's machine embeds; unknown for a machine that does not.
     pub kind: EmbeddingKind,
-    /// Its machine, where that alone says so; `None` where another machine found the same.
+    /// The machine, if no other machine has confirmed the result; otherwise `None`.
     pub unaudited: Option<MachineId>,
 }
 
 /// Where a worker or trainer connects from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Origin {
-    /// Its machine: whoever shows a certificate is known by its public key, others by their address.
+    /// The machine: identified by the public key of its certificate, or else by its address.
     pub machine: MachineId,
-    /// Its address, for people.
+    /// The address, for display.
     pub address: IpAddr,
 }

@@ -1,4 +1,4 @@
-//! A campaign that somebody asks for.
+//! A requested campaign.
 
 use super::{Weight, labels::RequestId};
 use murmuration_proto::{
@@ -6,19 +6,19 @@ use murmuration_proto::{
     v1::{self, create_campaign_request::Campaign},
 };
 
-/// A campaign that somebody asks for, not stored yet.
+/// A requested campaign that is not stored yet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NewCampaign {
     pub spec: CampaignSpec,
     /// Its share of the workers.
     pub weight: Weight,
     pub study: Option<CampaignName>,
-    /// The request that asks for it: repeated, it starts nothing.
+    /// The request for it. A repeated request starts nothing.
     pub request: Option<RequestId>,
 }
 
 impl From<CampaignSpec> for NewCampaign {
-    /// A campaign of no study, of the default weight.
+    /// A campaign without a study, with the default weight.
     fn from(spec: CampaignSpec) -> Self {
         Self {
             spec,
@@ -60,10 +60,10 @@ impl TryFrom<v1::CreateCampaignRequest> for NewCampaign {
     }
 }
 
-/// The name of a study; nothing is none.
+/// The name of a study; `None` if the text is empty.
 ///
 /// # Errors
-/// If it is no name.
+/// If the text is not a valid name.
 pub fn study_name(text: String) -> Result<Option<CampaignName>, Invalid> {
     match text.as_str() {
         "" => Ok(None),

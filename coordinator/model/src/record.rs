@@ -1,4 +1,4 @@
-//! A campaign as it is stored, and what its archive is of.
+//! A campaign as it is stored, and the version of its archive.
 
 use super::{ArchiveEmbedder, CampaignId, CampaignState, Weight};
 use murmuration_proto::{CampaignName, CampaignSpec, CheckpointDigest, EmbedderSource, Feedback};
@@ -7,21 +7,20 @@ use std::fmt;
 #[derive(Debug, Clone, PartialEq)]
 pub struct CampaignRecord {
     pub id: CampaignId,
-    /// Its specification.
     pub spec: CampaignSpec,
     /// Its share of the workers.
     pub weight: Weight,
     pub study: Option<CampaignName>,
     pub state: CampaignState,
-    /// Why it failed; empty unless it did.
+    /// Why it failed; empty in any other state.
     pub error: String,
     /// When it was created, milliseconds since 1970-01-01 UTC.
     pub created_ms: u64,
-    /// When it stopped, milliseconds since 1970-01-01 UTC; `None` while it runs, and where nobody noted it.
+    /// When it stopped, milliseconds since 1970-01-01 UTC; `None` while it runs, or if the time was not recorded.
     pub ended_ms: Option<u64>,
-    /// How many times something of it was rolled back.
+    /// Number of times that part of it was rolled back.
     pub rollbacks: u64,
-    /// How many decisions have been made about it since it was created.
+    /// Number of decisions about it since it was created.
     pub decisions: u64,
     /// Version of the simulator that its evaluations come from.
     pub simulator_version: String,
@@ -30,28 +29,28 @@ pub struct CampaignRecord {
     /// Best and mean novelty of the last complete generation.
     pub last_novelty: Option<(f64, f64)>,
     pub embedder: ArchiveEmbedder,
-    /// Pictures of its dataset on disk, those of the further starts of labelled controllers behind them.
+    /// Pictures of its dataset on disk, followed by those of the further starts of labelled controllers.
     pub pictures_done: u64,
     pub rounds: Rounds,
 }
 
-/// The rounds of feedback of a campaign. A round's *label cutoff* is the number of entries, from the first, of the label log
-/// that it learns from: what is said later is for the next round.
+/// The rounds of feedback of a campaign. A round's *label cutoff* is the length of the beginning of the label log that it learns
+/// from. Later entries are for the next round.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Rounds {
     /// Rounds whose fine-tuned checkpoint the archive has switched, or switches, to.
     pub done: u32,
     /// The label cutoff of the last of them; 0 before the first.
     pub last_cutoff: u64,
-    /// The label cutoff of the round that is learned now, if one is.
+    /// The label cutoff of the round in progress, if any.
     pub current_cutoff: Option<u64>,
 }
 
-/// The run of a campaign from one decision about it to the next.
+/// A campaign between two decisions about it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RunId {
     campaign: CampaignId,
-    /// How many decisions came before it.
+    /// Number of decisions before it.
     number: u64,
 }
 
@@ -60,27 +59,28 @@ impl RunId {
         &self.campaign
     }
 
-    /// How many decisions came before it.
+    /// Number of decisions before it.
     pub const fn number(&self) -> u64 {
         self.number
     }
 }
 
-/// Version of an archive: two reads of one version with equally many individuals give the same individuals and behaviours.
-/// As text, for scripts to compare: its [`ArchiveVersion::origin`], and the digest of the checkpoint if there is one.
+/// Version of an archive: two reads of one version with equally many individuals give the same individuals and behaviours. As text,
+/// for scripts to compare, it is its [`ArchiveVersion::origin`], and the digest of the checkpoint if there is one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ArchiveVersion {
-    /// When the campaign was created, milliseconds since 1970-01-01 UTC: it tells apart campaigns of one id in different data
+    /// When the campaign was created, milliseconds since 1970-01-01 UTC. It distinguishes campaigns of one id in different data
     /// directories.
     pub created_ms: u64,
-    /// How many times something of it was rolled back: counted, for a clock may be set back.
+    /// Number of times that part of it was rolled back. A counter, because a clock may be set back.
     pub rollbacks: u64,
-    /// The checkpoint whose embeddings it holds.
+    /// The checkpoint that embeds it.
     pub checkpoint: Option<CheckpointDigest>,
 }
 
 impl ArchiveVersion {
-    /// The text that tells its individuals from those of any other campaign of this id, and from those that were rolled back.
+    /// Text that distinguishes its individuals from those of any other campaign of this id, and from individuals that were rolled
+    /// back.
     pub fn origin(&self) -> String {
         match self.rollbacks {
             0 => self.created_ms.to_string(),
@@ -99,18 +99,18 @@ impl fmt::Display for ArchiveVersion {
     }
 }
 
-/// The fields of a campaign that a list is searched by.
+/// The fields of a campaign that a search of the list uses.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CampaignHead {
     pub id: CampaignId,
     pub study: Option<CampaignName>,
     pub state: CampaignState,
-    /// The first lines of its specification, as TOML: the fields outside of tables, such as `method`.
+    /// The beginning of its specification as TOML: the fields outside of tables, such as `method`.
     pub opening: String,
 }
 
 impl CampaignRecord {
-    /// The run that may change the campaign, if no decision has been made since this was read.
+    /// The run that may change the campaign, as long as no decision was made after this read.
     pub fn run_id(&self) -> RunId {
         RunId {
             campaign: self.id.clone(),
@@ -126,7 +126,7 @@ impl CampaignRecord {
         }
     }
 
-    /// Pictures of its dataset on disk; 0 where it has none.
+    /// Pictures of its dataset on disk; 0 without a dataset.
     pub fn dataset_done(&self) -> u64 {
         match self.spec.embedder() {
             Some(EmbedderSource::Trained { dataset, .. }) => self.pictures_done.min(dataset.pictures()),
@@ -134,14 +134,14 @@ impl CampaignRecord {
         }
     }
 
-    /// Generations that there are to be, those after the rounds so far included.
+    /// Number of generations in total, including those of the rounds so far.
     pub fn generations(&self) -> u32 {
         let further = self.spec.feedback().map_or(0, Feedback::generations);
         let further = further.saturating_mul(self.rounds.done);
         self.spec.search().generations().saturating_add(further)
     }
 
-    /// Evaluations of all generations that there are to be.
+    /// Number of evaluations of all these generations.
     pub fn evaluations(&self) -> u64 {
         u64::from(self.generations()) * u64::from(self.spec.search().population())
     }

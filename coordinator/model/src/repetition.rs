@@ -1,40 +1,39 @@
-//! How to repeat an archive, besides its specification: the rounds that taught it, and whether somebody
-//! intervened.
+//! How to repeat an archive, besides its specification: the rounds that taught it, and whether a person intervened.
 
 use murmuration_proto::{CampaignSpec, CheckpointDigest, Invalid, Text, counted, v1};
 
-/// The rounds that led to an archive and to the checkpoint that it rests on.
+/// The rounds that led to an archive and its checkpoint.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Repetition {
-    /// The rounds in which the checkpoint was fine-tuned on labels, the first one first.
+    /// The rounds in which the checkpoint was fine-tuned on labels, the first round first.
     pub rounds: Vec<Round>,
-    /// Whether the rounds learned from anything but the labels that the specification has the synthetic annotator give.
+    /// Whether the rounds learned from other labels than the specification has the synthetic annotator give.
     pub attended: bool,
-    /// Whether the specification and the rounds do not lead to the checkpoint: somebody moved the campaign to it.
+    /// Whether a person moved the campaign to the checkpoint, so that the specification and the rounds do not lead to it.
     pub adopted: bool,
 }
 
 /// A round in which a checkpoint was fine-tuned on labels.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Round {
-    /// The checkpoint that it went on from.
+    /// The checkpoint that was fine-tuned.
     pub parent: CheckpointDigest,
     pub checkpoint: CheckpointDigest,
-    /// Individuals whose classes it learned from.
+    /// Number of individuals whose classes it learned from.
     pub labels: u64,
     /// Digest of the labelled pictures.
     pub label_digest: String,
 }
 
 impl Round {
-    /// The labels that it learned from, as in `the classes of 20 individuals`.
+    /// Its labels in words, as in `the classes of 20 individuals`.
     pub fn learned_from(&self) -> String {
         format!("the classes of {}", counted(self.labels, "individual"))
     }
 }
 
-/// How many generations are the specification's and how many came with rounds, as in `20 of the search, 20 for 1 round of
-/// feedback`; `None` where no round has added any.
+/// Number of generations of the specification and of the rounds, as in `20 of the search, 20 for 1 round of feedback`; `None` if no
+/// round has added any.
 pub fn generations_in_words(spec: &CampaignSpec, generations: u32, rounds: u32) -> Option<String> {
     let search = spec.search().generations();
     let further = generations.checked_sub(search).filter(|&further| further > 0)?;
@@ -45,12 +44,12 @@ pub fn generations_in_words(spec: &CampaignSpec, generations: u32, rounds: u32) 
 }
 
 impl Repetition {
-    /// Whether the specification alone gives the archive again.
+    /// Whether the specification alone reproduces the archive.
     pub const fn is_by_specification(&self) -> bool {
         !self.attended && !self.adopted
     }
 
-    /// Whether the archive was embedded by another checkpoint before, so that its novelty was measured again.
+    /// Whether another checkpoint embedded the archive before, so that its novelty was recomputed.
     pub const fn has_moved(&self) -> bool {
         self.adopted || !self.rounds.is_empty()
     }

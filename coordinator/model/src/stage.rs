@@ -3,13 +3,13 @@
 use crate::{CampaignRecord, NextTraining};
 use murmuration_proto::{EmbedderSource, Feedback, v1};
 
-/// The stage that a running campaign is in, or that a stopped campaign would begin next.
+/// The stage of a running campaign, or the first stage of a stopped campaign once it resumes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
-    /// Sampled controllers are simulated, to be trained on.
+    /// Simulates sampled controllers for the training.
     Dataset,
     Pretrain,
-    /// All that is stored is embedded with the next checkpoint, and the archive switches to it.
+    /// Embeds the whole archive with the next checkpoint, and switches the archive to it.
     Embed,
     Evolve,
     Label,
@@ -18,13 +18,12 @@ pub enum Stage {
 }
 
 impl Stage {
-    /// The stage that a campaign has come to.
     pub fn of(record: &CampaignRecord) -> Self {
         if record.embedder.next().is_some() {
             return Self::Embed;
         }
         match NextTraining::of(record) {
-            // Also of a campaign that adopted an embedder before it had its pictures.
+            // This applies also to a campaign that adopted an embedder before its pictures were complete.
             Some(_) if lacks_pictures(record) => Self::Dataset,
             Some(NextTraining::Pretraining) => Self::Pretrain,
             Some(NextTraining::FineTuning { .. }) => Self::FineTune,
@@ -35,7 +34,7 @@ impl Stage {
     }
 }
 
-/// Whether pictures of its dataset are still to be made.
+/// Whether pictures of the dataset are missing.
 fn lacks_pictures(record: &CampaignRecord) -> bool {
     match record.spec.embedder() {
         Some(EmbedderSource::Trained { dataset, .. }) => record.pictures_done < dataset.pictures(),

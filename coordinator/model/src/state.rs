@@ -1,16 +1,15 @@
-//! Where a campaign stands, and which changes are allowed from there.
+//! States of a campaign, and the changes that each state allows.
 
 use super::CampaignId;
 use murmuration_proto::v1;
 
-/// Where a campaign stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CampaignState {
-    /// Searching, or interrupted by the end of its coordinator.
+    /// Searching, or interrupted because its coordinator ended.
     Running,
     /// Stopped by a person; resumes where it was.
     Paused,
-    /// Every generation evaluated, taxonomy stored.
+    /// Every generation is evaluated, and the taxonomy is stored.
     Completed,
     /// Stopped by an error; may be resumed.
     Failed,
@@ -74,7 +73,7 @@ impl CampaignState {
         }
     }
 
-    /// How to say that a campaign is in it: of the end of a campaign that it has come before whatever is asked now.
+    /// The verb before the state's name in a refusal: a campaign that has ended did so before the request.
     const fn verb(self) -> &'static str {
         match self {
             Self::Completed | Self::Cancelled => "was already",

@@ -1,4 +1,4 @@
-//! Rows that several tables of CSV have in common: numbers that read back exactly, and names as spreadsheets can open them.
+//! Rows that several CSV tables share. Numbers read back exactly, and names are safe in spreadsheets.
 
 use crate::labels::{ClassName, to_cell};
 use murmuration_proto::FEATURE_NAMES;
@@ -6,7 +6,7 @@ use murmuration_proto::FEATURE_NAMES;
 /// The columns of [`generation_row`].
 pub const GENERATION_COLUMNS: [&str; 4] = ["generation", "best_novelty", "mean_novelty", "filtered"];
 
-/// A generation, with its highest and its mean novelty, and how many proposals were filtered out.
+/// A generation, with its highest and mean novelty and the number of filtered proposals.
 pub fn generation_row(generation: u32, best_novelty: f64, mean_novelty: f64, filtered: u64) -> [String; 4] {
     [
         generation.to_string(),

@@ -1,41 +1,39 @@
-//! How long a campaign still takes, as far as what is measured tells.
+//! Estimates how long a campaign still takes.
 
 use crate::Stage;
 use murmuration_proto::{CampaignSpec, Feedback, counted};
 
-/// The work that a campaign has before it, and how fast it goes.
+/// The remaining work of a campaign, and its pace.
 #[derive(Debug, Clone, Copy)]
 pub struct WorkLeft<'a> {
-    /// The campaign's specification.
     pub spec: &'a CampaignSpec,
-    /// Its current stage.
     pub stage: Stage,
     pub generations_done: u32,
     /// Evaluations of the next generation that have arrived.
     pub arrived: u32,
-    /// Rounds of feedback that were learned.
+    /// Rounds of feedback that are complete.
     pub rounds_done: u32,
-    /// Whether a further round is learned now.
+    /// Whether a further round is in progress.
     pub is_learning: bool,
-    /// Evaluations a second over the last seconds; simulations in the stage that makes the dataset, 0 if unknown.
+    /// Evaluations per second over the last seconds; in the dataset stage, simulations per second. 0 if unknown.
     pub per_second: f64,
-    /// Seconds that its stage still takes, where that can be told.
+    /// Remaining seconds of the stage, if known.
     pub stage_seconds: Option<f64>,
 }
 
-/// A time that something still takes.
+/// A remaining time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimeLeft {
     /// The time of the known parts.
     pub seconds: f64,
-    /// Whether there are further parts, of which nothing was measured.
+    /// Whether further parts take an unknown time.
     pub is_least: bool,
 }
 
 impl WorkLeft<'_> {
-    /// How long the whole campaign still takes, without the clustering at its end, which takes seconds (of a million individuals half
-    /// a minute); `None` where nothing is known. The pace of a search is only known while it searches (and, from below, while it
-    /// simulates its dataset), that of a training only during the training.
+    /// How long the whole campaign still takes, without the clustering at its end, which takes seconds (half a minute for a million
+    /// individuals). `None` if nothing is known. The pace of a search is known only during the search (and as a lower bound during
+    /// the simulation of the dataset), that of a training only during the training.
     pub fn whole(&self) -> Option<TimeLeft> {
         let of_spec = self.spec.feedback().map_or(0, Feedback::rounds);
         let rounds = of_spec.max(self.rounds_done.saturating_add(self.is_learning.into()));
@@ -44,7 +42,7 @@ impl WorkLeft<'_> {
         let (seconds, is_least) = match self.stage {
             Stage::Taxonomy => return None,
             Stage::Evolve => (self.lasts(evaluations)?, has_rounds),
-            // An evaluation is as many simulations as it has starts, and more.
+            // An evaluation takes at least one simulation for each start.
             Stage::Dataset => {
                 let simulations = evaluations * self.spec.starts().get() as u64;
                 (self.stage_seconds? + self.lasts(simulations)?, true)
@@ -55,7 +53,7 @@ impl WorkLeft<'_> {
         Some(TimeLeft { seconds, is_least })
     }
 
-    /// Evaluations to come once there have been `rounds`.
+    /// Number of remaining evaluations, if there are `rounds` in total.
     fn evaluations(&self, rounds: u32) -> u64 {
         let search = self.spec.search();
         let further = self.spec.feedback().map_or(0, Feedback::generations);
@@ -74,7 +72,7 @@ impl WorkLeft<'_> {
 }
 
 impl TimeLeft {
-    /// The time as it is said of something of which nothing further is unknown.
+    /// A time without unknown parts.
     pub const fn about(seconds: f64) -> Self {
         Self {
             seconds,
@@ -187,10 +185,10 @@ mod tests {
 
     #[test]
     fn a_least_time_is_rounded_down_and_another_up() {
-        let said = |seconds| [false, true].map(|is_least| TimeLeft { seconds, is_least }.in_words());
-        assert_eq!(said(4.0), ["under a minute", "at least 4 seconds"]);
-        assert_eq!(said(59.0), ["under a minute", "at least 50 seconds"]);
-        assert_eq!(said(61.0), ["about 2 minutes", "at least 1 minute"]);
-        assert_eq!(said(7_100.0), ["about 2 hours", "at least 1 hour"]);
+        let message = |seconds| [false, true].map(|is_least| TimeLeft { seconds, is_least }.in_words());
+        assert_eq!(message(4.0), ["under a minute", "at least 4 seconds"]);
+        assert_eq!(message(59.0), ["under a minute", "at least 50 seconds"]);
+        assert_eq!(message(61.0), ["about 2 minutes", "at least 1 minute"]);
+        assert_eq!(message(7_100.0), ["about 2 hours", "at least 1 hour"]);
     }
 }

@@ -1,11 +1,11 @@
-//! Points in time, as programs exchange them and people read them.
+//! Points in time, for programs to exchange and for people to read.
 
 use std::{fmt, str::FromStr};
 use time::{OffsetDateTime, format_description::well_known::Rfc3339};
 
 const NANOS_PER_MS: i128 = 1_000_000;
 
-/// The last millisecond of the year 9999, with which RFC 3339 ends, since 1970-01-01 UTC.
+/// The last millisecond of the year 9999, where RFC 3339 ends, since 1970-01-01 UTC.
 const LAST_MS: u64 = 253_402_300_799_999;
 
 /// A point in time, to the millisecond: 1970-01-01 to 9999-12-31, UTC. Its text is RFC 3339, `2026-11-21T12:00:00.5Z`.
@@ -14,7 +14,7 @@ pub struct Timestamp {
     ms: u64,
 }
 
-/// A text that is no [`Timestamp`].
+/// The text is not a [`Timestamp`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("must be a time such as 2026-11-21T12:00:00Z, not before 1970")]
 pub struct NotATimestamp;
@@ -30,14 +30,14 @@ impl Timestamp {
         self.ms
     }
 
-    /// The day, `2026-11-21`.
+    /// The day, as in `2026-11-21`.
     pub fn day(self) -> String {
         self.date_time().date().to_string()
     }
 
     fn date_time(self) -> OffsetDateTime {
         let time = OffsetDateTime::from_unix_timestamp_nanos(i128::from(self.ms) * NANOS_PER_MS);
-        // No time up to the year 9999 is out of range.
+        // Every time up to the year 9999 is in range.
         time.unwrap_or(OffsetDateTime::UNIX_EPOCH)
     }
 }

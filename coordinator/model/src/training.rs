@@ -3,10 +3,10 @@
 use super::CampaignRecord;
 use murmuration_proto::{CheckpointDigest, EmbedderSource};
 
-/// Most individuals of an archive that a training without a dataset looks at.
+/// Maximum number of individuals of an archive in a training without a dataset.
 const MOST_FROM_ARCHIVE: u64 = 10_000;
 
-/// A training put aside.
+/// A training that was interrupted and saved.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SavedTraining {
     pub epoch: u64,
@@ -17,7 +17,7 @@ pub struct SavedTraining {
 /// The training that a campaign needs before it goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NextTraining {
-    /// The training of its first embedder, without labels.
+    /// The training of the first embedder, without labels.
     Pretraining,
     /// The training of a round of feedback.
     FineTuning {
@@ -41,18 +41,18 @@ impl NextTraining {
     }
 }
 
-/// Where the pictures without labels come from that embedders of a campaign are trained on.
+/// The source of the unlabelled pictures on which a campaign's embedders are trained.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TrainingPictures {
-    /// Pictures of each behaviour.
+    /// Number of pictures of each behaviour.
     pub views: u32,
     pub behaviours: u32,
-    /// They are the archive's, for want of a dataset.
+    /// Whether the pictures come from the archive, because there is no dataset.
     from_archive: bool,
 }
 
 impl TrainingPictures {
-    /// The pictures of a campaign: its dataset, or the beginning of its archive where it began with a published checkpoint.
+    /// The pictures of a campaign: its dataset, or the beginning of its archive if it began with a published checkpoint.
     pub fn of(record: &CampaignRecord) -> Self {
         match record.spec.embedder() {
             Some(EmbedderSource::Trained { dataset, .. }) => Self {
@@ -68,12 +68,12 @@ impl TrainingPictures {
         }
     }
 
-    /// Whether they are the archive's, for want of a dataset.
+    /// Whether the pictures come from the archive, because there is no dataset.
     pub const fn is_from_archive(&self) -> bool {
         self.from_archive
     }
 
-    /// How many of them are the dataset's.
+    /// Number of pictures from the dataset.
     pub const fn in_dataset(&self) -> u64 {
         if self.from_archive { 0 } else { self.count() }
     }

@@ -1,28 +1,28 @@
-//! How campaigns that run at once share the workers.
+//! How simultaneous campaigns share the workers.
 
 use murmuration_proto::Invalid;
 use std::{fmt, str::FromStr};
 
-/// A campaign's share of the workers while others run as well, in proportion to theirs: 1 to 10,000. It says nothing of
-/// what the campaign finds.
+/// A campaign's share of the workers while others run too, in proportion to their weights: 1 to 10,000. It does not affect the
+/// results.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Weight(u32);
 
 impl Weight {
-    /// The largest.
+    /// The largest weight.
     pub const MOST: u32 = 10_000;
 
     pub const fn get(self) -> u32 {
         self.0
     }
 
-    /// The charge to a campaign of this weight for work of this cost, when turns are compared; at least the cost.
+    /// The campaign's charge for work of this cost, by which turns are compared; at least the cost.
     pub const fn charge(self, cost: u64) -> u64 {
         cost.saturating_mul(Self::MOST as u64) / self.0 as u64
     }
 }
 
-/// 100, so that there is room on both sides.
+/// 100, with room on both sides.
 impl Default for Weight {
     fn default() -> Self {
         Self(100)

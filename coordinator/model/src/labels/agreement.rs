@@ -1,4 +1,4 @@
-//! How far two annotators agree, over the individuals to which both gave a class.
+//! Agreement of two annotators, over the individuals to which both gave a class.
 
 use super::{ClassName, ConfusionMatrix};
 use std::{cmp::Reverse, collections::BTreeMap};
@@ -8,13 +8,13 @@ use std::{cmp::Reverse, collections::BTreeMap};
 pub struct Agreement {
     /// Individuals to which both gave a class.
     pub both: u64,
-    /// Those to which they gave the same.
+    /// Individuals to which both gave the same class.
     pub agreed: u64,
     /// As [`ConfusionMatrix::kappa`].
     pub kappa: Option<f64>,
-    /// Which classes are taken for which, the most frequent first.
+    /// Pairs of classes that they confuse, the most frequent first.
     pub confusions: Vec<Confusion>,
-    /// Where they differ, by individual.
+    /// The individuals to which they gave different classes.
     pub disagreements: Vec<Disagreement>,
 }
 
@@ -25,7 +25,7 @@ pub struct Confusion {
     pub first: ClassName,
     /// The class from the second.
     pub second: ClassName,
-    /// To how many individuals.
+    /// Number of individuals with these two classes.
     pub individuals: u64,
 }
 

@@ -1,13 +1,13 @@
-//! Text in the cells of CSV files: written so that no spreadsheet takes it for a formula, and read back as it was.
+//! Text in the cells of CSV files, written so that no spreadsheet takes it for a formula, and read back unchanged.
 //!
-//! A spreadsheet computes what begins like a formula, which may call programs and addresses elsewhere; and names come from
-//! whoever labels. Such a text gets an apostrophe in front, by which spreadsheets know text.
+//! Spreadsheets compute text that begins like a formula, and formulas can call programs and remote addresses. Annotators choose the
+//! names. So such text gets an apostrophe in front, which marks text in spreadsheets.
 
 use std::borrow::Cow;
 
 const MARK: char = '\'';
-/// First characters of formulas, in some spreadsheets also in their wide forms; and the mark itself, so that a text that begins
-/// with one is not changed by reading it.
+/// First characters of formulas, some also in their wide forms, and the mark itself, so that text that begins with the mark reads
+/// back unchanged.
 const MARKED: [char; 11] = ['=', '+', '-', '@', '\t', '\r', '＝', '＋', '－', '＠', MARK];
 
 pub fn to_cell(text: &str) -> Cow<'_, str> {
@@ -17,7 +17,7 @@ pub fn to_cell(text: &str) -> Cow<'_, str> {
     }
 }
 
-/// The text of a cell, whoever wrote it.
+/// The text of a cell. An apostrophe that marks no formula is part of the text.
 pub fn of_cell(cell: &str) -> &str {
     match cell.strip_prefix(MARK) {
         Some(text) if text.starts_with(MARKED) => text,
@@ -49,7 +49,7 @@ mod tests {
             assert_eq!(to_cell(text), cell);
             assert_eq!(of_cell(cell), text);
         }
-        // As people write it.
+        // A person may write an apostrophe without a formula.
         assert_eq!(of_cell("'tis"), "'tis");
     }
 

@@ -1,7 +1,7 @@
-//! The classes of a campaign: names and colours that change, and what became of those that were merged.
+//! The classes of a campaign: names and colours that change, and merged classes.
 //!
-//! Changes of classes always succeed, as they must when a log is replayed that was written before names were told apart
-//! as they are now; [`Labels::record`](super::Labels::record) refuses first what nobody should do.
+//! Changes of classes always succeed, because a replayed log may predate the current rules for telling names apart.
+//! [`Labels::record`](super::Labels::record) refuses invalid changes first.
 
 use super::{ClassKey, ClassName, Colour, Refusal, Shortcut};
 use crate::colours;
@@ -9,20 +9,20 @@ use murmuration_proto::Class;
 use murmuration_train::labelled_pictures::LabelledPictures;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Most classes that go on, so that a file of another kind read by mistake ends as an error.
+/// Maximum number of remaining classes, so that a file of another kind that is read by mistake ends in an error.
 const MAX_CLASSES: usize = 1000;
 
-/// Which class, whatever its name.
+/// Identifies a class independently of its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct ClassNumber(usize);
 
-/// Every class that there ever was, in the order of creation.
+/// Every class ever created, in the order of creation.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Classes {
     all: Vec<Known>,
-    /// Those that go on.
+    /// The remaining classes: neither merged nor deleted.
     numbers: BTreeMap<ClassKey, ClassNumber>,
-    /// Every key that ever was one of a class.
+    /// Every key that a class ever had.
     ever: BTreeSet<ClassKey>,
 }
 
@@ -30,30 +30,30 @@ pub(super) struct Classes {
 struct Known {
     name: ClassName,
     colour: Colour,
-    /// Whether somebody made it for its own sake, not by an answer.
+    /// Whether it was created explicitly, not by an answer.
     made: bool,
-    /// The key that somebody chose for it.
+    /// The key that an annotator chose for it.
     shortcut: Option<Shortcut>,
     merged: Option<ClassNumber>,
     deleted: bool,
 }
 
-/// The state that a change of classes replaced, which a reversal restores.
+/// The state before a change of classes, which a reversal restores.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Replaced {
-    /// It changed nothing.
+    /// The change had no effect.
     Nothing,
-    /// The class was not made for its own sake.
+    /// The class was not created explicitly.
     Unmade(ClassNumber),
-    /// The class had this name, and the other, if there was one, was not part of it.
+    /// The class had this name. The other class, if any, was not merged into it.
     Name(ClassNumber, ClassName, Option<ClassNumber>),
-    /// The class was none of another's.
+    /// The class was not merged.
     Merged(ClassNumber),
     /// The class had this colour.
     Colour(ClassNumber, Colour),
     /// The classes had these keys.
     Shortcuts(Vec<(ClassNumber, Option<Shortcut>)>),
-    /// The class was there.
+    /// The class was not deleted.
     Deleted(ClassNumber),
 }
 
@@ -63,7 +63,7 @@ impl Classes {
         found.ok_or_else(|| Refusal::NoClass(name.clone()))
     }
 
-    /// Whether a class of this name may be added, or is there.
+    /// Refuses a new class beyond the maximum; a class that exists is accepted.
     pub(super) fn has_room_for(&self, name: &ClassName) -> Result<(), Refusal> {
         if self.find(name).is_ok() || self.numbers.len() < MAX_CLASSES {
             return Ok(());
@@ -71,7 +71,7 @@ impl Classes {
         Err(Refusal::TooManyClasses(name.clone()))
     }
 
-    /// The class that a name means, added with the next colour of the palette if there is none.
+    /// The class with this name, added with the next colour of the palette if there is none.
     pub(super) fn find_or_add(&mut self, name: &ClassName) -> ClassNumber {
         self.find(name).unwrap_or_else(|_| {
             let number = ClassNumber(self.all.len());
@@ -89,7 +89,7 @@ impl Classes {
         })
     }
 
-    /// Adds a class for its own sake.
+    /// Creates a class explicitly.
     pub(super) fn make(&mut self, name: &ClassName) -> Replaced {
         let number = self.find_or_add(name);
         match std::mem::replace(&mut self.all[number.0].made, true) {
@@ -98,7 +98,7 @@ impl Classes {
         }
     }
 
-    /// Gives a class another name; a class that has it becomes part of this one.
+    /// Gives a class another name. A class that already has that name is merged into this one.
     pub(super) fn rename(&mut self, class: &ClassName, to: &ClassName) -> Result<Replaced, Refusal> {
         let Some(number) = self.still(class)? else {
             return Ok(Replaced::Nothing);
@@ -131,7 +131,7 @@ impl Classes {
         })
     }
 
-    /// Gives a class a key, which no other class has from then on.
+    /// Gives a class a key, and takes it from any other class.
     pub(super) fn shortcut(
         &mut self,
         class: &ClassName,
@@ -191,8 +191,8 @@ impl Classes {
         }
     }
 
-    /// From now on the name of a class means this class. Another that has the name becomes part of it: that may have begun
-    /// with an answer given since the class was called otherwise.
+    /// Makes the name of a class mean this class. Another class with that name is merged into this one: an answer may have created
+    /// it while this class had another name.
     fn claim_name(&mut self, class: ClassNumber) {
         let key = self.all[class.0].name.key();
         self.ever.insert(key.clone());
@@ -203,8 +203,8 @@ impl Classes {
         }
     }
 
-    /// The class that a name means; `None` if none does any more. A log may name a class that was told apart, when it was
-    /// written, from another that has taken its name along since.
+    /// The remaining class with this name; `None` if there is none any more. In an old log, the name may belong to a class that has
+    /// since been merged, because names were then told apart differently.
     fn still(&self, name: &ClassName) -> Result<Option<ClassNumber>, Refusal> {
         match self.find(name) {
             Ok(number) => Ok(Some(number)),
@@ -213,7 +213,7 @@ impl Classes {
         }
     }
 
-    /// The class that goes on in place of this one.
+    /// The class into which this one was merged, or else itself.
     pub(super) fn today(&self, mut class: ClassNumber) -> ClassNumber {
         while let Some(into) = self.all[class.0].merged {
             class = into;
@@ -221,22 +221,22 @@ impl Classes {
         class
     }
 
-    /// Its name of today.
+    /// Its current name.
     pub(super) fn name(&self, class: ClassNumber) -> &ClassName {
         &self.all[self.today(class).0].name
     }
 
-    /// Whether somebody made it for its own sake.
+    /// Whether it was created explicitly.
     pub(super) fn is_made(&self, class: ClassNumber) -> bool {
         self.all[class.0].made
     }
 
-    /// Whether the class that goes on in place of this one was deleted.
+    /// Whether the class, or the one into which it was merged, was deleted.
     pub(super) fn is_deleted(&self, class: ClassNumber) -> bool {
         self.all[self.today(class).0].deleted
     }
 
-    /// The classes that remain, each with its name, its colour and the key that was chosen for it.
+    /// The remaining classes, each with its name, its colour and its chosen key.
     pub(super) fn iter(&self) -> impl Iterator<Item = (ClassNumber, &ClassName, Colour, Option<Shortcut>)> {
         let all = self.all.iter().enumerate();
         all.filter(|(_, known)| known.goes_on())
@@ -250,8 +250,8 @@ impl Known {
     }
 }
 
-/// The number by which trainers know each of these classes: [`LabelledPictures::RANDOM`] that of [`Class::Random`], however it is spelled, the
-/// others from 1 by name.
+/// The numbers of classes for trainers: [`LabelledPictures::RANDOM`] for [`Class::Random`] in any spelling, the others from 1 by
+/// name.
 pub fn class_numbers<'a>(names: impl IntoIterator<Item = &'a str>) -> BTreeMap<&'a str, u32> {
     let (random, named): (BTreeSet<_>, BTreeSet<_>) = names
         .into_iter()

@@ -1,25 +1,25 @@
-//! Names of the columns of label files: as in an export, and as in the labelled sets (tests/labelled).
+//! Names of the columns of label files, in exports and in the labelled sets (tests/labelled).
 
 use murmuration_proto::{CapabilityModel, ImageFormat, Preset, World, to_differing_line, v1};
 
-/// Column of the behaviour: of a campaign, the individual's index.
+/// Column of the behaviour; for a campaign, the individual's index.
 pub(super) const INDEX: &str = "index";
-/// The labelled sets' name of it: the file name of a picture.
+/// The same column in the labelled sets: the file name of a picture.
 pub(super) const SET_INDEX: &str = "id";
-/// Column of the second sensor's angle; a file without it is of the single-sensor model, unless it says its robots.
+/// Column of the second sensor's angle. A file without it is of the single-sensor model, unless it has a column of robots.
 pub(super) const ANGLE: &str = "angle_2";
-/// The labelled sets' name of it.
+/// The same column in the labelled sets.
 pub(super) const SET_ANGLE: &str = "theta";
-/// The labelled sets' name of the first gene.
+/// The first gene's column in the labelled sets.
 pub(super) const SET_SPEED: &str = "v1";
 
-/// Every name of the column of the first gene of the paper's robots.
+/// Every name of the first gene's column, for the paper's robots.
 pub(super) const FIRST_SPEEDS: [&str; 3] = ["left_0", "left_00", SET_SPEED];
 
-/// The labelled sets' columns of a two-sensor controller's genes; those of one sensor are the first four.
+/// Columns of a two-sensor controller's genes in the labelled sets; the first four are those of a single-sensor controller.
 const SET_GENES: [&str; 9] = [SET_SPEED, "v2", "v3", "v4", "v5", "v6", "v7", "v8", SET_ANGLE];
 
-/// The labelled sets' columns of the genes of a model's controllers; none for robots that are not the paper's.
+/// Columns of the genes of a model's controllers in the labelled sets; empty for robots other than the paper's.
 pub(super) fn set_genes(model: &CapabilityModel) -> &'static [&'static str] {
     match model.preset() {
         Some(Preset::SingleSensor) => &SET_GENES[..4],
@@ -28,12 +28,12 @@ pub(super) fn set_genes(model: &CapabilityModel) -> &'static [&'static str] {
     }
 }
 
-/// Column of the world, where it is not the paper's: a table of TOML on one line, `{ horizon = 600 }`.
+/// Column of the world, if it is not the paper's: a TOML table on one line, such as `{ horizon = 600 }`.
 pub(super) const WORLD: &str = "world";
-/// Column of the picture's format, likewise.
+/// Column of the picture's format, if it is not the paper's: also a TOML table.
 pub(super) const IMAGE: &str = "image";
 
-/// The columns of a behaviour's world and picture that are not the paper's, with the fields that differ.
+/// The columns for a world and a picture format that are not the paper's, with the fields that differ.
 pub(super) fn settings(world: &World, format: ImageFormat) -> Vec<(&'static str, String)> {
     let papers = v1::World::from(World::default());
     let world = to_differing_line(&v1::World::from(world.clone()), &papers);

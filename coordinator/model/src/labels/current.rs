@@ -1,4 +1,4 @@
-//! The current state of a label log: its classes, and the answers that stand.
+//! The current state of a label log: its classes and its standing answers.
 
 mod class_changes;
 
@@ -11,27 +11,27 @@ use class_changes::ClassChange;
 use rpds::{RedBlackTreeMapSync, RedBlackTreeSetSync};
 use std::{collections::BTreeMap, fmt, sync::Arc};
 
-/// Classes beyond which nobody is told which names are nearly the same: comparing each with each would take seconds.
+/// Maximum number of classes that are compared for nearly equal names: comparing each with each takes seconds beyond it.
 const MOST_COMPARED: usize = 200;
 
-/// The labels of a campaign as they stand: a function of its log.
+/// The labels of a campaign, computed from its log.
 ///
-/// Each annotator has at most one standing answer about an individual. Classes are followed through renaming and
-/// merging, whatever they were called when an answer was given. One that no standing answer names is not there, until one
-/// does again, unless somebody created it for its own sake.
+/// An answer *stands* until a later entry of the log replaces, undoes or withdraws it, or deletes its class. Each annotator has at
+/// most one standing answer about an individual. Answers follow their class through renaming and merging. A class is present while
+/// a standing answer names it, or if it was created explicitly.
 ///
-/// A clone shares what does not change, so that a reader costs whoever labels meanwhile next to nothing.
+/// A clone shares the unchanged parts, so that a reader hardly slows down labelling.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Labels {
     entries: u64,
     classes: Arc<Classes>,
     /// Every answer of the log, by entry.
     given: RedBlackTreeMapSync<u64, Given>,
-    /// By individual and annotator, the entry of the answer that stands; no individual without one.
+    /// The entries of the standing answers, by individual and annotator. Individuals without one are left out.
     standing: RedBlackTreeMapSync<u64, RedBlackTreeMapSync<Annotator, u64>>,
-    /// The entries of the answers that stand, by annotator.
+    /// The entries of the standing answers, by annotator.
     own: RedBlackTreeMapSync<Annotator, RedBlackTreeSetSync<u64>>,
-    /// How many standing answers named a class, by what it was when they were given.
+    /// Number of standing answers by class, before merging.
     named: RedBlackTreeMapSync<ClassNumber, u64>,
     /// The changes of classes that were not reverted, by entry.
     class_changes: Arc<BTreeMap<u64, ClassChange>>,
@@ -47,7 +47,7 @@ struct Given {
 }
 
 impl Given {
-    /// Whether it is this annotator's answer about this individual.
+    /// Whether this is the annotator's answer about the individual.
     fn is_of(&self, index: u64, annotator: &Annotator) -> bool {
         self.index == index && self.annotator == *annotator
     }
@@ -64,31 +64,31 @@ enum NumberedAnswer {
 pub struct Class {
     /// Its name, as it was first spelled or last renamed.
     pub name: ClassName,
-    /// Its colour: that which it was given, or one of its own.
+    /// The colour that an annotator gave it, or else its default.
     pub colour: Colour,
-    /// The key that somebody chose for it.
+    /// The key that an annotator chose for it.
     pub shortcut: Option<Shortcut>,
     /// Number of standing answers that name it.
     pub labels: u64,
-    /// Other classes with nearly the same name: perhaps it was typed wrongly.
+    /// Other classes with nearly the same name, perhaps a typing error.
     pub near: Vec<ClassName>,
 }
 
-/// A log that nobody could have written entry by entry.
+/// The log contains an entry that [`Labels`] would not have written.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("entry {0} of the label log does not follow from those before it")]
 pub struct BrokenLog(pub u64);
 
 impl Labels {
-    /// Number of entries of the log that they come from.
+    /// Number of entries of the log that these labels include.
     pub const fn entries(&self) -> u64 {
         self.entries
     }
 
-    /// Takes in the entries of the log from [`Labels::entries`] on, in order.
+    /// Applies the entries of the log from [`Labels::entries`] on, in order.
     ///
     /// # Errors
-    /// [`BrokenLog`] at the first entry that could not follow those before it; these labels are of no use then.
+    /// [`BrokenLog`] at the first entry that cannot follow those before it. Do not use the labels after this error.
     pub fn follow(&mut self, log: Vec<Entry>) -> Result<(), BrokenLog> {
         for entry in log {
             match self.take_in(entry.change) {
@@ -99,7 +99,7 @@ impl Labels {
         Ok(())
     }
 
-    /// Whether a change of classes changes nothing, so that there is nothing to log: a class is given the name that it has.
+    /// Whether an action has no effect and need not be logged: a class is renamed to the name that it has.
     pub fn is_idle(&self, action: &Action) -> bool {
         match action.clone().spelled() {
             Action::Rename { class, to } => {
@@ -110,22 +110,22 @@ impl Labels {
         }
     }
 
-    /// Takes in what somebody says; the entry that says so in the log.
+    /// Applies a change, and returns its entry of the log.
     ///
     /// # Errors
-    /// See [`Refusal`]; nothing has changed then.
+    /// See [`Refusal`]; the labels are then unchanged.
     pub fn record(&mut self, change: Change) -> Result<Entry, Refusal> {
-        // Here, not where a log is followed: the names of its entries are spelled so already.
+        // Only new changes need this: the names in a log are spelled so already.
         let action = change.action.spelled();
         let change = Change { action, ..change };
         self.check(&change.action)?;
         self.take_in(change)
     }
 
-    /// Whether the classes are as somebody who says this believes.
+    /// Refuses an action whose classes are not as it assumes.
     fn check(&self, action: &Action) -> Result<(), Refusal> {
         let classes = &self.classes;
-        // A class that nobody sees is in nobody's way.
+        // A class that is not present does not block its name.
         let taken = |number: ClassNumber| match self.is_there(number) {
             true => Err(Refusal::ClassExists(classes.name(number).clone())),
             false => Ok(()),
@@ -155,7 +155,7 @@ impl Labels {
         }
     }
 
-    /// Takes in an entry of the log, however it came there.
+    /// Applies a change, whether new or from a log.
     fn take_in(&mut self, change: Change) -> Result<Entry, Refusal> {
         let supersedes = match &change.action {
             Action::Answer { index, answer } => self.answer(*index, answer, &change),
@@ -229,12 +229,12 @@ impl Labels {
         })
     }
 
-    /// The entry of an annotator's answer about an individual, if one stands.
+    /// The entry of an annotator's standing answer about an individual.
     fn standing_of(&self, index: u64, annotator: &Annotator) -> Option<u64> {
         self.standing.get(&index)?.get(annotator).copied()
     }
 
-    /// The answer of this entry stands.
+    /// Makes the answer of this entry stand.
     fn stand(&mut self, entry: u64) {
         let Some(given) = self.given.get(&entry) else {
             return;
@@ -251,7 +251,7 @@ impl Labels {
         }
     }
 
-    /// The answer of this entry no longer stands.
+    /// Makes the answer of this entry no longer stand.
     fn fall(&mut self, entry: u64) {
         let Some(given) = self.given.get(&entry) else {
             return;
@@ -272,17 +272,17 @@ impl Labels {
         }
     }
 
-    /// The entry of an annotator's newest answer that stands.
+    /// The entry of an annotator's newest standing answer.
     pub fn newest(&self, annotator: &Annotator) -> Option<u64> {
         self.own.get(annotator)?.last().copied()
     }
 
-    /// The answers that stand, by individual, then annotator.
+    /// The standing answers, by individual, then annotator.
     pub fn standing(&self) -> impl Iterator<Item = Label> {
         self.standing_entries().filter_map(|entry| self.given(entry))
     }
 
-    /// The entries of the answers that stand, in the order of [`Labels::standing`].
+    /// The entries of the standing answers, in the order of [`Labels::standing`].
     pub fn standing_entries(&self) -> impl Iterator<Item = u64> {
         self.standing
             .values()
@@ -290,7 +290,7 @@ impl Labels {
             .copied()
     }
 
-    /// The answer of an entry of the log, whether it stands or not; `None` if the entry is none.
+    /// The answer of an entry of the log, standing or not; `None` if the entry is not an answer.
     pub fn given(&self, entry: u64) -> Option<Label> {
         let given = self.given.get(&entry)?;
         let answer = match given.answer {
@@ -307,13 +307,13 @@ impl Labels {
         })
     }
 
-    /// Annotators with a standing answer about an individual, by name, and whether it names a class.
+    /// Annotators with a standing answer about an individual, by name, and whether the answer names a class.
     pub fn answered(&self, index: u64) -> impl Iterator<Item = (&Annotator, bool)> {
         let about = self.standing.get(&index).into_iter().flatten();
         about.map(|(annotator, entry)| (annotator, self.names_class(*entry)))
     }
 
-    /// Number of individuals about which somebody has a standing answer.
+    /// Number of individuals with a standing answer.
     pub fn individuals(&self) -> usize {
         self.standing.size()
     }
@@ -324,12 +324,12 @@ impl Labels {
             .is_some_and(|given| matches!(given.answer, NumberedAnswer::Class(_)))
     }
 
-    /// All annotators that ever answered, whether any answer stands or not.
+    /// All annotators that ever answered, with or without a standing answer.
     pub fn annotators(&self) -> impl Iterator<Item = &Annotator> {
         self.own.keys()
     }
 
-    /// The classes that there are, in the order in which they were first named.
+    /// The present classes, in the order in which they were created.
     pub fn classes(&self) -> Vec<Class> {
         let labels = self.labels_of_classes();
         let there = self
@@ -365,7 +365,7 @@ impl Labels {
         there
     }
 
-    /// How many standing answers name each class that goes on.
+    /// Number of standing answers for each class, after merging.
     fn labels_of_classes(&self) -> BTreeMap<ClassNumber, u64> {
         let mut labels: BTreeMap<ClassNumber, u64> = BTreeMap::new();
         for (class, named) in &self.named {
@@ -383,7 +383,7 @@ impl Labels {
                 .is_some_and(|&labels| labels > 0)
     }
 
-    /// The class of each individual that has one: where annotators differ, what was said last.
+    /// The class of each individual that has one. If annotators differ, the newest answer counts.
     pub fn by_individual(&self) -> BTreeMap<u64, ClassName> {
         let given = self.given_classes().into_iter();
         given.map(|(index, given)| (index, given.class)).collect()
@@ -394,19 +394,19 @@ impl Labels {
         given_classes(self.standing())
     }
 
-    /// Individuals about which this annotator has a standing answer.
+    /// Number of individuals with a standing answer by this annotator.
     pub fn answered_by(&self, annotator: &Annotator) -> usize {
         self.own.get(annotator).map_or(0, RedBlackTreeSetSync::size)
     }
 
-    /// Individuals about which the synthetic annotator alone has a standing answer.
+    /// Number of individuals with a standing answer by the synthetic annotator alone.
     pub fn answered_by_machine(&self) -> usize {
         let synthetic = Annotator::synthetic();
         let alone = |about: &&RedBlackTreeMapSync<_, _>| about.size() == 1 && about.contains_key(&synthetic);
         self.standing.values().filter(alone).count()
     }
 
-    /// Individuals that an embedder can learn from: each that has a class, with the [number](class_numbers) of its class.
+    /// Individuals with a class, each with the [number](class_numbers) of its class: what an embedder can learn from.
     pub fn numbered_classes(&self) -> Vec<(u64, u32)> {
         let by_individual = self.by_individual();
         let numbers = class_numbers(by_individual.values().map(ClassName::as_str));
@@ -426,7 +426,7 @@ impl Labels {
         .collect()
     }
 
-    /// The digest of [`Labels::by_individual`]: who gave a label, when, and what stood before it do not matter.
+    /// The digest of [`Labels::by_individual`]. It does not depend on annotators, times or superseded answers.
     pub fn digest(&self) -> LabelDigest {
         let mut hasher = blake3::Hasher::new_derive_key("murmuration labels v1");
         for (index, class) in self.by_individual() {
@@ -438,7 +438,7 @@ impl Labels {
     }
 }
 
-/// BLAKE3 of the pairs (individual, class) that stand; 64 hexadecimal digits as text.
+/// BLAKE3 of the standing pairs (individual, class); 64 hexadecimal digits as text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LabelDigest(blake3::Hash);
 

@@ -1,7 +1,7 @@
-//! Files of labels: CSV with a line of column names, found by name in any order; other columns are passed over.
+//! Files of labels: CSV with a header. Columns may be in any order, and unknown columns are ignored.
 //!
-//! One format for what `labels` writes and `label`, `lab accuracy` and `lab judge` read: docs/labels.md says what each column means.
-//! Limits: text in, no files.
+//! The one format that `labels` writes and that `label`, `lab accuracy` and `lab judge` read. docs/labels.md describes its columns.
+//! This module handles text, not files.
 
 use super::{
     Annotator, Answer, LabelFileError,
@@ -24,7 +24,7 @@ use std::{
 /// Column of robots that are not the paper's, as [`CapabilityModel::to_line`] writes them.
 pub(super) const ROBOTS: &str = "robots";
 
-/// A file of labels, taken apart; nothing but its columns has been understood.
+/// A file of labels, split into cells; only its header has been interpreted.
 #[derive(Debug, Clone)]
 pub struct LabelFile {
     path: PathBuf,
@@ -40,10 +40,10 @@ pub struct Row<'a> {
 }
 
 impl LabelFile {
-    /// Takes the text of the file at `path` apart.
+    /// Parses the text of the file at `path`.
     ///
     /// # Errors
-    /// Where it is not CSV, has no column `index` (or `id`) or `class`, or one of them twice.
+    /// If the text is not CSV, or the column `index` (or `id`) or `class` is missing or repeated.
     pub fn parse(path: &Path, text: Vec<u8>) -> Result<Self, LabelFileError> {
         let file = Self::with_columns(&[], path, text)?;
         for column in [file.behaviour_column(), "class"] {
@@ -52,7 +52,7 @@ impl LabelFile {
         Ok(file)
     }
 
-    /// The column that says which behaviour a row is about: `index`, or else `id`.
+    /// The column that identifies a row's behaviour: `index`, or else `id`.
     pub(crate) fn behaviour_column(&self) -> &'static str {
         match !self.has(INDEX) && self.has(SET_INDEX) {
             true => SET_INDEX,
@@ -60,10 +60,10 @@ impl LabelFile {
         }
     }
 
-    /// Takes the text of a file apart that has these columns.
+    /// Parses the text of a file with these columns.
     ///
     /// # Errors
-    /// Where it is not CSV, has not one of the columns, or has it twice.
+    /// If the text is not CSV, or one of the columns is missing or repeated.
     pub fn with_columns(needed: &[&str], path: &Path, text: Vec<u8>) -> Result<Self, LabelFileError> {
         let mut file = Self {
             path: path.to_owned(),
@@ -101,7 +101,6 @@ impl LabelFile {
         &self.path
     }
 
-    /// Its rows, in order.
     pub fn rows(&self) -> impl Iterator<Item = Row<'_>> {
         self.rows.iter().map(|cells| Row { file: self, cells })
     }
@@ -116,12 +115,12 @@ impl LabelFile {
         self.columns.iter().any(|name| name == column)
     }
 
-    /// Whether there are controllers: of the paper's robots, or of those that a column names.
+    /// Whether the file has controllers: of the paper's robots, or of robots that a column names.
     pub fn has_controllers(&self) -> bool {
         self.has(ROBOTS) || FIRST_SPEEDS.iter().any(|column| self.has(column))
     }
 
-    /// Where a column is that cannot be done without.
+    /// The place of a required column.
     fn need(&self, column: &str) -> Result<usize, LabelFileError> {
         let mut places = self
             .columns
@@ -161,7 +160,7 @@ impl LabelFile {
         }
     }
 
-    /// The line of the row that begins at `byte`, or after the empty lines there.
+    /// The line of the row at `byte`, or after the empty lines there.
     fn line(&self, byte: u64) -> usize {
         let (before, rest) = self.text.split_at((byte as usize).min(self.text.len()));
         let empty = rest.iter().take_while(|&&character| b"\r\n".contains(&character));
@@ -173,7 +172,7 @@ impl LabelFile {
     }
 }
 
-/// The separator of the columns, where it is no comma.
+/// The separator of the columns, if it is not a comma.
 fn other_separator(columns: &StringRecord) -> Option<&'static str> {
     let only = columns.get(0).filter(|_| columns.len() == 1)?;
     let others = [(';', "semicolons"), ('\t', "tabs")];
@@ -182,7 +181,7 @@ fn other_separator(columns: &StringRecord) -> Option<&'static str> {
 }
 
 impl<'a> Row<'a> {
-    /// The cell of a column; empty where there is no such column.
+    /// The cell of a column; empty if the column is missing.
     pub fn cell(&self, column: &str) -> &'a str {
         let place = self.file.columns.iter().position(|name| name == column);
         place.and_then(|place| self.cells.get(place)).unwrap_or_default()
@@ -198,7 +197,7 @@ impl<'a> Row<'a> {
         }
     }
 
-    /// An error about one of its cells, which must be `allowed`.
+    /// An error about one of its cells. `allowed` says what the cell must be.
     pub fn refuse(&self, column: &str, allowed: &str) -> LabelFileError {
         self.refused(match self.cell(column) {
             "" => Invalid::missing(column, allowed),
@@ -206,20 +205,20 @@ impl<'a> Row<'a> {
         })
     }
 
-    /// Which behaviour it is about, as the row says it; empty where it does not.
+    /// Identifies the row's behaviour, as written in the row; empty if it does not say.
     pub fn behaviour(&self) -> &'a str {
         self.cell(self.file.behaviour_column())
     }
 
-    /// An error about which behaviour it is about, which must be `allowed`.
+    /// An error about the behaviour's identity. `allowed` says what it must be.
     pub fn refuse_behaviour(&self, allowed: &str) -> LabelFileError {
         self.refuse(self.file.behaviour_column(), allowed)
     }
 
-    /// The answer; `None` where the class is left empty.
+    /// The answer; `None` if the class is empty.
     ///
     /// # Errors
-    /// Where that is no name of a class.
+    /// If the class is not a valid name.
     pub fn answer(&self) -> Result<Option<Answer>, LabelFileError> {
         match self.cell("class") {
             "" => Ok(None),
@@ -230,10 +229,10 @@ impl<'a> Row<'a> {
         }
     }
 
-    /// The annotator that the row names, or else `otherwise`.
+    /// The annotator of the row, or else `otherwise`.
     ///
     /// # Errors
-    /// Where neither says, or it is no name.
+    /// If both are missing, or the name is invalid.
     pub fn annotator(&self, otherwise: Option<&Annotator>) -> Result<Annotator, LabelFileError> {
         match (self.cell("annotator"), otherwise) {
             ("", Some(annotator)) => Ok(annotator.clone()),
@@ -242,15 +241,15 @@ impl<'a> Row<'a> {
         }
     }
 
-    /// Whether the synthetic annotator answered, as far as the row says who did.
+    /// Whether the row names the synthetic annotator.
     pub fn is_synthetic(&self) -> bool {
         Annotator::is_synthetic(of_cell(self.cell("annotator")))
     }
 
-    /// When, milliseconds since 1970-01-01 UTC; 0 where the row does not say.
+    /// The time of the answer, milliseconds since 1970-01-01 UTC; 0 if the row has none.
     ///
     /// # Errors
-    /// Where that is no time in RFC 3339.
+    /// If it is not a time in RFC 3339.
     pub fn time_ms(&self) -> Result<u64, LabelFileError> {
         let time = self.given("time", "a time such as 2026-11-21T12:00:00Z")?;
         Ok(time.map_or(0, Timestamp::ms))
@@ -259,7 +258,7 @@ impl<'a> Row<'a> {
     /// Index of the individual in its campaign's archive.
     ///
     /// # Errors
-    /// Where it is no whole number.
+    /// If it is not a whole number.
     pub fn index(&self) -> Result<u64, LabelFileError> {
         self.needed(self.file.behaviour_column(), "a whole number")
     }
@@ -267,12 +266,12 @@ impl<'a> Row<'a> {
     /// The seed of its start.
     ///
     /// # Errors
-    /// Where there is none.
+    /// If the row has none.
     pub fn seed(&self) -> Result<u64, LabelFileError> {
         self.needed("seed", "a whole number")
     }
 
-    /// The capability model: that of the column `robots`, which no row need have if they are the paper's.
+    /// The capability model in the column `robots`, which may be missing if the robots are the paper's.
     fn model(&self) -> Result<CapabilityModel, LabelFileError> {
         let world = self.world()?;
         let has_angle = self.file.has(ANGLE) || self.file.has(SET_ANGLE);
@@ -284,15 +283,16 @@ impl<'a> Row<'a> {
         model.map_err(|error| self.refused(error))
     }
 
-    /// The controller, a column for each gene by its name; of the paper's robots also `v1` to `v4`, or `v1` to `v8` and `theta`.
+    /// The controller, from a column for each gene by its name. For the paper's robots, the columns may also be `v1` to `v4`, or
+    /// `v1` to `v8` and `theta`.
     ///
     /// # Errors
-    /// Where a column is missing, or a gene is no number or out of range.
+    /// If a column is missing, or a gene is not a number or out of range.
     pub fn controller(&self) -> Result<Controller, LabelFileError> {
         self.controller_of(self.model()?)
     }
 
-    /// The controller, which is one of `campaign`'s if only its genes are named.
+    /// The controller, which is of the `campaign`'s model unless the file names its robots.
     pub(super) fn controller_in(&self, campaign: &CapabilityModel) -> Result<Controller, LabelFileError> {
         let names_robots = self.file.has(ROBOTS) || self.file.has(SET_SPEED);
         self.controller_of(match names_robots {
@@ -312,10 +312,10 @@ impl<'a> Row<'a> {
         Controller::new(model, &genes).map_err(|error| self.refused(error))
     }
 
-    /// The five hand-crafted features, each a column of its name.
+    /// The five hand-crafted features, each from the column of its name.
     ///
     /// # Errors
-    /// Where a column is missing, or a value is not a finite number.
+    /// If a column is missing, or a value is not a finite number.
     pub fn features(&self) -> Result<Features, LabelFileError> {
         let mut features = [0.0_f64; FEATURE_NAMES.len()];
         for (feature, name) in features.iter_mut().zip(FEATURE_NAMES) {
@@ -327,15 +327,15 @@ impl<'a> Row<'a> {
     /// A whole number.
     ///
     /// # Errors
-    /// Where the column is missing, or holds something else.
+    /// If the column is missing, or its value is not a whole number.
     pub fn whole(&self, column: &str) -> Result<u32, LabelFileError> {
         self.needed(column, "a whole number from 0 to 4294967295")
     }
 
-    /// A number that is neither infinite nor none.
+    /// A finite number.
     ///
     /// # Errors
-    /// Where the column is missing, or holds something else.
+    /// If the column is missing, or its value is not a finite number.
     pub fn finite(&self, column: &str) -> Result<f64, LabelFileError> {
         let number: f64 = self.needed(column, "a finite number")?;
         match number.is_finite() {
@@ -344,13 +344,13 @@ impl<'a> Row<'a> {
         }
     }
 
-    /// The world that it was simulated in: what the row does not say is the paper's.
+    /// The world of the simulation. Fields that are not in the row have the paper's values.
     ///
     /// # Errors
-    /// Where a value is out of range.
+    /// If a value is out of range.
     pub fn world(&self) -> Result<World, LabelFileError> {
         let mut world: v1::World = self.table(WORLD, "{ horizon = 600 }")?;
-        // How many robots there are, and how large, is what the row says of them.
+        // The number and size of the robots default to those of the robots in the row.
         if !self.cell(ROBOTS).is_empty() {
             let robots = World::default().robots_of_line(ROBOTS, self.cell(ROBOTS));
             let robots = robots.map_err(|error| self.refused(error))?;
@@ -360,10 +360,10 @@ impl<'a> Row<'a> {
         World::try_from(world).map_err(|error| self.refused(error))
     }
 
-    /// The format of its picture, a behaviour of robots of `model` in `world`: what the row does not say is the paper's.
+    /// The format of the picture of a behaviour of `model` in `world`. Fields that are not in the row have the paper's values.
     ///
     /// # Errors
-    /// Where a value is out of range.
+    /// If a value is out of range.
     pub fn image_format(
         &self,
         world: &World,
@@ -373,7 +373,7 @@ impl<'a> Row<'a> {
         ImageFormat::for_swarm(format, world, model).map_err(|error| self.refused(error))
     }
 
-    /// The table of TOML in a cell, such as `example`; with an empty cell, or without the column, none of its fields is given.
+    /// The TOML table in a cell, such as `example`. An empty cell or a missing column gives a table without fields.
     fn table<T: DeserializeOwned + Default>(&self, column: &str, example: &str) -> Result<T, LabelFileError> {
         match self.cell(column) {
             "" => Ok(T::default()),

@@ -18,10 +18,9 @@ pub enum LabelFileError {
     #[error("{}, line {line}: the row has {cells}, the header {columns}", path.display())]
     Uneven {
         path: PathBuf,
-        /// Its line, from 1.
         line: usize,
         cells: String,
-        /// How many columns the header names.
+        /// Number of columns in the header.
         columns: String,
     },
     #[error("{}, line 1: the columns are separated by {separator}; save the file with commas", path.display())]
@@ -29,15 +28,13 @@ pub enum LabelFileError {
     #[error("{}, line {line}: a cell begins with a quote but does not end with one", path.display())]
     Quote {
         path: PathBuf,
-        /// Its line, from 1.
         line: usize,
     },
     #[error("{}, line {line}: {error}", path.display())]
     Cell {
         path: PathBuf,
-        /// Its line, from 1.
         line: usize,
-        /// Which column, what it holds, and what is allowed.
+        /// The column, its value, and what is allowed.
         error: Invalid,
     },
     #[error("{}: no row has a class", .0.display())]
@@ -47,10 +44,10 @@ pub enum LabelFileError {
     )]
     NoPerson {
         path: PathBuf,
-        /// The rows in which the synthetic annotator gave a class.
+        /// Number of rows with a class from the synthetic annotator.
         rows: u64,
     },
-    // Its name is a cell of the table, in which there may be line ends.
+    // The image's name comes from a cell of the table, and may contain line ends.
     #[error("{}: {problem}", Text::line(&image.to_string_lossy()))]
     Image { image: PathBuf, problem: String },
 }

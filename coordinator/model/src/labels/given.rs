@@ -3,35 +3,35 @@
 use super::{Annotator, Answer, ClassName, Label};
 use std::collections::BTreeMap;
 
-/// The class of an individual: where annotators differ, what was said last.
+/// The class of an individual. If annotators differ, the newest answer counts.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GivenClass {
     pub class: ClassName,
-    /// Whether nobody but the synthetic annotator says so.
+    /// Whether only the synthetic annotator gave this class.
     pub by_machine: bool,
 }
 
-/// The class of each individual that has one in the answers that stand, and whether a person gave it.
+/// The class of each individual that has one in the standing answers, and whether a person gave it.
 pub fn given_classes(standing: impl Iterator<Item = Label>) -> BTreeMap<u64, GivenClass> {
-    let mut said: BTreeMap<u64, Vec<(u64, ClassName, bool)>> = BTreeMap::new();
+    let mut message: BTreeMap<u64, Vec<(u64, ClassName, bool)>> = BTreeMap::new();
     let synthetic = Annotator::synthetic();
     for label in standing {
         if let Answer::Class(class) = label.answer {
             let by_machine = label.annotator == synthetic;
-            said.entry(label.index)
+            message.entry(label.index)
                 .or_default()
                 .push((label.entry, class, by_machine));
         }
     }
-    let newest = |(index, said): (u64, Vec<(u64, ClassName, bool)>)| {
-        let (_, class, _) = said.iter().max_by_key(|(entry, ..)| entry)?;
-        let by_machine = said
+    let newest = |(index, message): (u64, Vec<(u64, ClassName, bool)>)| {
+        let (_, class, _) = message.iter().max_by_key(|(entry, ..)| entry)?;
+        let by_machine = message
             .iter()
             .all(|(_, other, by_machine)| *by_machine || other != class);
         let class = class.clone();
         Some((index, GivenClass { class, by_machine }))
     };
-    said.into_iter().filter_map(newest).collect()
+    message.into_iter().filter_map(newest).collect()
 }
 
 #[cfg(test)]
@@ -39,8 +39,8 @@ mod tests {
     use super::*;
 
     #[track_caller]
-    fn check(said: &[(&str, &str)], expected: Option<(&str, bool)>) {
-        let labels = said.iter().zip(0..).map(|((annotator, answer), entry)| Label {
+    fn check(message: &[(&str, &str)], expected: Option<(&str, bool)>) {
+        let labels = message.iter().zip(0..).map(|((annotator, answer), entry)| Label {
             entry,
             index: 3,
             annotator: Annotator::known(annotator).unwrap(),

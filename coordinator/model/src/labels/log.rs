@@ -1,8 +1,8 @@
-//! The log: what people said, in the order in which they said it.
+//! The label log: answers and changes of classes, in order.
 
 use super::{Annotator, Answer, ClassName, Colour, Shortcut};
 
-/// An entry of the label log, before it is numbered: an answer, or a change of classes.
+/// An entry of the label log, before it gets its number.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Change {
     pub annotator: Annotator,
@@ -11,51 +11,50 @@ pub struct Change {
     pub action: Action,
 }
 
-/// An answer, or a change of classes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Action {
-    /// The answer to which class an individual is of. A class that there is not yet is created.
+    /// An answer about the class of an individual. A class that does not exist yet is created.
     Answer {
         /// Index of the individual in its archive.
         index: u64,
         answer: Answer,
     },
-    /// Undoes the newest of the annotator's own answers that stand; what that had superseded stands again.
+    /// Undoes the annotator's newest standing answer. The answer that it superseded stands again.
     Undo,
-    /// Takes back the annotator's answer about an individual; nothing that it superseded stands again. The coordinator does so
-    /// for individuals that are not in the archive any more.
+    /// Withdraws the annotator's answer about an individual. An answer that it superseded does not stand again. The coordinator
+    /// withdraws answers about individuals that have left the archive.
     Withdraw {
         /// Index that the individual had.
         index: u64,
     },
-    /// Adds a class, which is there also while no answer names it.
+    /// Creates a class, which is present even while no answer names it.
     Create {
-        /// Its name, which no class that is there has.
+        /// Its name, which no present class has.
         class: ClassName,
     },
     Rename {
         class: ClassName,
-        /// Its name from now on, which no other class that is there has.
+        /// Its new name, which no other present class has.
         to: ClassName,
     },
     Merge {
-        /// The class that ends; its labels go to the other.
+        /// The class that is merged; its labels go to `into`.
         class: ClassName,
-        /// The class that goes on.
+        /// The class that remains.
         into: ClassName,
     },
     Colour {
         class: ClassName,
         colour: Colour,
     },
-    /// Ends a class: the answers that name it no longer stand.
+    /// Deletes a class: the answers that name it no longer stand.
     Delete {
         class: ClassName,
     },
-    /// Gives a class a key on the keyboard; a class that has this key loses it.
+    /// Assigns a class a key on the keyboard, and takes it from any other class.
     Shortcut {
         class: ClassName,
-        /// Its key from now on; `None` for whichever is free.
+        /// Its new key; `None` for any free key.
         shortcut: Option<Shortcut>,
     },
     /// Reverts the newest change of classes that has not been reverted.
@@ -66,7 +65,7 @@ pub enum Action {
 }
 
 impl Action {
-    /// The same action, with the names that it gives spelled as the paper's classes are (see [`ClassName::spelled`]).
+    /// The same action, with its names spelled as the paper's classes (see [`ClassName::spelled`]).
     pub(super) fn spelled(self) -> Self {
         match self {
             Self::Answer {
@@ -88,18 +87,18 @@ impl Action {
     }
 }
 
-/// One entry of a campaign's log; entries are never changed.
+/// One entry of a campaign's log. Entries never change.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Entry {
     /// Place in the log, from 0.
     pub number: u64,
     pub change: Change,
-    /// The answer that no longer stands because of this entry: of an answer, the same annotator's earlier one about the same
-    /// individual, if there was one; of an undo or a withdrawal, the answer that was undone or withdrawn.
+    /// The answer that this entry makes no longer stand. For an answer: the same annotator's earlier answer about the same
+    /// individual, if any. For an undo or a withdrawal: the answer that was undone or withdrawn.
     pub supersedes: Option<u64>,
 }
 
-/// Why something cannot be said; the log is as it was.
+/// Why a change is refused. The log is then unchanged.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
     #[error("there is no class \"{0}\": `murmuration classes` lists the classes")]
@@ -129,13 +128,13 @@ pub enum Refusal {
     },
 }
 
-/// An answer that stands, with what the log says today.
+/// A standing answer, with current names.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Label {
     pub entry: u64,
     pub index: u64,
     pub annotator: Annotator,
-    /// The answer, its class by its name of today.
+    /// The answer, with the current name of its class.
     pub answer: Answer,
     /// When, milliseconds since 1970-01-01 UTC.
     pub time_ms: u64,

@@ -1,4 +1,4 @@
-//! Labels as the messages that carry them.
+//! Conversions of labels to and from their messages.
 
 use super::{
     Action, Agreement, Annotator, Change, Class, ClassName, Colour, Confusion, Disagreement, Entry, Label,
@@ -45,7 +45,7 @@ impl TryFrom<v1::change_class_request::Change> for Action {
     }
 }
 
-/// A key, or none where the text is empty.
+/// A key; `None` if the text is empty.
 fn shortcut(text: &str) -> Result<Option<Shortcut>, Invalid> {
     (!text.is_empty()).then(|| text.parse()).transpose()
 }
@@ -105,14 +105,14 @@ impl From<Entry> for v1::LabelEntry {
 impl TryFrom<v1::LabelEntry> for Entry {
     type Error = Invalid;
 
-    /// An entry of a log of another store.
+    /// An entry of another store's log.
     fn try_from(message: v1::LabelEntry) -> Result<Self, Invalid> {
         use v1::label_entry::Action as Said;
         let class = |name: String| name.parse::<ClassName>();
-        let said = message
+        let text = message
             .action
-            .ok_or_else(|| Invalid::missing("action", "what was said"))?;
-        let action = match said {
+            .ok_or_else(|| Invalid::missing("action", "a change of the log"))?;
+        let action = match text {
             Said::Answer(answer) => Action::Answer {
                 index: answer.index,
                 answer: answer.answer.parse()?,

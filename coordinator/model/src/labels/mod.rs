@@ -1,8 +1,7 @@
 //! Labels: an append-only log of answers about behaviours, and its current state.
 //!
-//! [`Labels`] is a pure function of the log of a campaign: whoever holds the entries knows the classes, the answers that
-//! stand, and what stood before. Limits: no I/O; where the log is kept is the store's business, what to ask
-//! next is the queries'.
+//! [`Labels`] is a pure function of a campaign's log: the log's entries determine the classes, the standing answers, and the
+//! answers before them. This module does no I/O. The store keeps the log, and the queries choose what to ask next.
 
 mod agreement;
 mod cells;

@@ -6,37 +6,37 @@ use murmuration_proto::{
 };
 use std::{fmt, str::FromStr};
 
-/// Most characters of a name.
+/// Maximum number of characters of a name.
 const MAX_CHARS: usize = 64;
 
-/// The name of a class as it is shown: 1 to 64 characters that can be seen, no space at either end, and neither of the
-/// words for [`Answer::NotSure`] and [`Answer::Skip`]. Which class it means is its [`ClassKey`].
+/// The displayed name of a class: 1 to 64 visible characters, no space at either end, and neither of the words for
+/// [`Answer::NotSure`] and [`Answer::Skip`]. Its [`ClassKey`] identifies the class.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClassName(String);
 
-/// Which class a name means: names that differ in case alone, or in what stands between their words (spaces, hyphens,
-/// underscores), mean the same.
+/// Identifies a class: names that differ only in case, or in the separators of their words (spaces, hyphens, underscores), mean the
+/// same class.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClassKey(String);
 
-/// The name of an annotator: 1 to 64 characters that can be seen, no space at either end. A person may not have the name of the
-/// synthetic annotator, whose answers are not counted as a person's.
+/// The name of an annotator: 1 to 64 visible characters, no space at either end. A person may not have the name of the synthetic
+/// annotator, whose answers do not count as a person's.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Annotator(String);
 
-/// Id of a client's request, so that a repetition is recognised: 1 to 64 characters that can be seen, no space at
-/// either end, and not beginning as the coordinator's own do: `synthetic-round-` and `withdrawal`.
+/// Id of a client's request, by which a repeated request is recognised: 1 to 64 visible characters, no space at either end. It must
+/// not begin like the coordinator's own ids: `synthetic-round-` and `withdrawal`.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RequestId(String);
 
-/// An annotator's answer about the class of a behaviour. As text it is a class, `not sure` or `skip`, these two in
-/// any spelling that means the same (see [`ClassKey`]).
+/// An annotator's answer about the class of a behaviour. As text it is a class, `not sure` or `skip`; these two may be spelled in
+/// any way that has the same [`ClassKey`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Answer {
     Class(ClassName),
-    /// They looked, and could not say.
+    /// The annotator looked, and could not tell.
     NotSure,
-    /// They would not say.
+    /// The annotator declined to answer.
     Skip,
 }
 
@@ -52,7 +52,7 @@ fn folded(text: &str) -> String {
         .map(str::to_lowercase)
         .collect();
     match words.is_empty() {
-        // Nothing but what stands between words.
+        // The text consists of separators only.
         true => text.to_owned(),
         false => words.join("_"),
     }
@@ -83,21 +83,20 @@ impl ClassKey {
 }
 
 impl ClassName {
-    /// Which class it means.
     pub fn key(&self) -> ClassKey {
         ClassKey(folded(&self.0))
     }
 
-    /// The same name as the paper's classes are spelled, if it means one of them; others are spelled as somebody did.
+    /// The name in the paper's spelling, if it means one of the paper's classes, or else unchanged.
     #[must_use]
     pub fn spelled(self) -> Self {
         let key = self.key();
-        // Their names are their own keys.
+        // The names of the paper's classes are their own keys.
         let paper = Class::ALL.into_iter().find(|class| class.name() == key.as_str());
         paper.map_or(self, Self::from)
     }
 
-    /// The name as pages and reports show it: with spaces between its words. Files and commands have it as it is spelled.
+    /// The name in pages and reports: with spaces between its words. Files and commands show the name as spelled.
     pub fn shown(&self) -> String {
         let words: Vec<&str> = self.0.split('_').filter(|word| !word.is_empty()).collect();
         match words.is_empty() {
@@ -108,7 +107,7 @@ impl ClassName {
 }
 
 impl From<&str> for ClassKey {
-    /// The class that a text would mean as a name.
+    /// The key of a text as a class name.
     fn from(text: &str) -> Self {
         Self(folded(text))
     }
@@ -117,22 +116,21 @@ impl From<&str> for ClassKey {
 impl Annotator {
     const SYNTHETIC: &str = "synthetic";
 
-    /// The synthetic annotator: the judge that answers in a person's place.
+    /// The synthetic annotator: the judge, which answers in place of a person.
     pub fn synthetic() -> Self {
         Self(Self::SYNTHETIC.to_owned())
     }
 
-    /// Whether a name is the synthetic annotator's, or reads like it: case, and what is neither letter nor digit, do not tell
-    /// two annotators apart here.
+    /// Whether a name is the synthetic annotator's or reads like it: only letters and digits count, and case does not matter.
     pub fn is_synthetic(name: &str) -> bool {
         let read = name.chars().filter(|letter| letter.is_alphanumeric());
         read.flat_map(char::to_lowercase).eq(Self::SYNTHETIC.chars())
     }
 
-    /// Somebody who may have answered: a person, or the synthetic annotator, whose name [`str::parse`] refuses.
+    /// An annotator of an existing answer: a person, or the synthetic annotator, whose name [`str::parse`] refuses.
     ///
     /// # Errors
-    /// If it is no name.
+    /// If the text is not a valid name.
     pub fn known(text: &str) -> Result<Self, Invalid> {
         name("annotator", text, MAX_CHARS).map(Self)
     }
@@ -147,15 +145,15 @@ impl RequestId {
         Self(format!("{}{round}", Self::ROUND))
     }
 
-    /// The id of a request that was made in another store, by a client or by its coordinator.
+    /// The id of a request to another store, by a client or by that store's coordinator.
     ///
     /// # Errors
-    /// If no request could be called so.
+    /// If the text is not a valid id.
     pub fn known(text: &str) -> Result<Self, Invalid> {
         name("request_id", text, MAX_CHARS).map(Self)
     }
 
-    /// The request id by which answers are withdrawn whose individuals were rolled back: no client asked for it.
+    /// The request id of withdrawals of answers whose individuals were rolled back. No client requests these.
     pub fn of_withdrawal() -> Self {
         Self(Self::WITHDRAWAL.to_owned())
     }
@@ -204,7 +202,7 @@ impl FromStr for RequestId {
 
     fn from_str(text: &str) -> Result<Self, Invalid> {
         let id = name("request_id", text, MAX_CHARS)?;
-        // A request that was made with one of these would be taken for the coordinator's own, which it then could not make.
+        // A client's request with such an id would be taken for the coordinator's own, and the coordinator could not make its own.
         match [Self::ROUND, Self::WITHDRAWAL]
             .iter()
             .find(|own| id.starts_with(**own))
@@ -321,7 +319,7 @@ mod tests {
             assert_eq!(error.field, "annotator");
             assert!(error.allowed.contains("a person's name"), "{error}");
             assert!(Annotator::is_synthetic(taken));
-            // As logs have it.
+            // Logs contain such names.
             assert!(Annotator::known(taken).is_ok());
         }
         for free in ["synthetic 2", "ana", "synthia"] {
@@ -340,8 +338,8 @@ mod tests {
             ("SKIP", Answer::Skip),
         ] {
             assert_eq!(word.parse::<Answer>().unwrap(), answer);
-            let said = word.parse::<ClassName>().unwrap_err().to_string();
-            assert!(said.contains("a name other than"), "{said}");
+            let message = word.parse::<ClassName>().unwrap_err().to_string();
+            assert!(message.contains("a name other than"), "{message}");
         }
         assert!(matches!("skipping".parse(), Ok(Answer::Class(_))));
     }

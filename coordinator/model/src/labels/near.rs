@@ -1,10 +1,10 @@
-//! Names of classes that are nearly the same: perhaps one of them was typed wrongly.
+//! Names of classes that are nearly the same, perhaps by a typing error.
 
 use super::ClassKey;
 
 impl ClassKey {
-    /// Whether this key differs from another by so few letters that they may be meant to be one: by one in words of four to seven
-    /// letters, by two in longer ones. Names that differ by their numbers alone are not near.
+    /// Whether the two keys may be meant to be the same: they differ by at most one letter in words of four to seven letters, or by
+    /// two in longer ones. Names that differ only in their numbers are not near.
     pub fn is_near(&self, other: &Self) -> bool {
         let (one, other) = (self.as_str(), other.as_str());
         let lengths = [one, other].map(|key| key.chars().count());
@@ -18,7 +18,7 @@ impl ClassKey {
                 .filter(|letter| !letter.is_numeric())
                 .collect::<String>()
         };
-        // The cheap question first.
+        // The cheap test first.
         lengths[0].abs_diff(lengths[1]) <= allowed
             && strsim::osa_distance(one, other) <= allowed
             && without_digits(one) != without_digits(other)

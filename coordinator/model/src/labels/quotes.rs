@@ -1,13 +1,13 @@
-//! Quotes in CSV that are not closed: what reads CSV takes them for part of a cell, and the rows after them too.
+//! Unclosed quotes in CSV. A CSV reader takes such a quote for part of a cell, and the following rows too.
 
-/// Bytes by which some programs say that a text is UTF-8.
+/// The bytes with which some programs mark text as UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 enum Place {
     CellBegins,
     Plain,
     Quoted,
-    /// After a quote in a quoted cell: it ends, unless another quote follows.
+    /// After a quote in a quoted cell: the cell ends here, unless another quote follows.
     Closed,
 }
 
@@ -50,7 +50,7 @@ mod tests {
         check("id,class\n1,ring\n2,\"clump\n3,ring\n", Some(3));
         check("id,class\n1,\"two\nlines\"\n2,\"clump\n", Some(4));
         check("id,class\n1,\"ring\"\"", Some(2));
-        // Closed by the quote that was to open the next one.
+        // The quote that should open the next cell closes this one.
         check("id,class,note\n1,ring,\"so\n2,clump,\"so\"\n", Some(2));
         check("\u{feff}\"id", Some(1));
     }

@@ -1,10 +1,10 @@
-//! The key on the keyboard by which pages give an answer.
+//! The keys on the keyboard for answers on the pages.
 
 use murmuration_proto::{Invalid, text::quoted};
 use std::{fmt, str::FromStr};
 
 /// A key of a class: a digit from 1 to 9, or a letter that the pages do not use themselves. As text, that character; capital
-/// letters mean the same.
+/// letters mean the same key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Shortcut(char);
 
@@ -12,7 +12,7 @@ impl Shortcut {
     /// Letters with another meaning on the pages: new class, restart, skip, undo.
     const TAKEN: [char; 4] = ['n', 'r', 's', 'u'];
 
-    /// Every key that a class can have, in the order in which classes without a chosen one get them.
+    /// Every key that a class can have, in the order in which classes without a chosen key get them.
     pub fn all() -> impl Iterator<Item = Self> {
         ('1'..='9')
             .chain('a'..='z')

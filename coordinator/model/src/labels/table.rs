@@ -1,6 +1,6 @@
-//! Answers out of a [`LabelFile`], and into one.
+//! Reads answers from a [`LabelFile`], and writes answers in its format.
 //!
-//! Limits: text in and out, no files.
+//! This module handles text, not files.
 
 use super::{
     Annotator, LabelFile, LabelFileError,
@@ -16,11 +16,11 @@ use std::path::Path;
 
 pub const ANSWER_COLUMNS: [&str; 4] = ["index", "class", "annotator", "time"];
 
-/// A file of answers, read and understood.
+/// A file of answers, parsed and checked.
 #[derive(Debug)]
 pub struct Table {
     file: LabelFile,
-    /// Each with the place of its row.
+    /// Each answer with the place of its row.
     answers: Vec<(usize, v1::Answer)>,
 }
 
@@ -32,11 +32,11 @@ pub struct Labelled<'a> {
 }
 
 impl Table {
-    /// Reads the answers in the text of the file at `path`; rows without a class are passed over. `annotator` is who gave
-    /// those that do not say.
+    /// Reads the answers in the text of the file at `path`, without the rows that have no class. `annotator` is the annotator for
+    /// rows without one.
     ///
     /// # Errors
-    /// Where the text is not CSV, a column or a value is missing or not allowed, or no row has a class.
+    /// If the text is not CSV, a column or a value is missing or not allowed, or no row has a class.
     pub fn parse(path: &Path, text: Vec<u8>, annotator: Option<&Annotator>) -> Result<Self, LabelFileError> {
         let file = LabelFile::parse(path, text)?;
         let mut answers = Vec::new();
@@ -56,10 +56,10 @@ impl Table {
         Ok(Self { file, answers })
     }
 
-    /// Checks that all of them are about individuals of an archive of `len`.
+    /// Checks that all answers are about individuals of an archive of `len`.
     ///
     /// # Errors
-    /// Names the first that is not.
+    /// Names the first answer that is not.
     pub fn check_indices(&self, campaign: &str, len: u64) -> Result<(), LabelFileError> {
         let allowed = || {
             let individuals = counted(len, "individual");
@@ -68,22 +68,22 @@ impl Table {
         self.check(|_, answer| Ok((answer.index >= len).then(&allowed)))
     }
 
-    /// Whether the file says which individuals of a campaign of `model` it is about by more than their indices.
+    /// Whether the file identifies individuals of a campaign of `model` by more than their indices.
     pub fn describes(&self, model: &CapabilityModel) -> bool {
         self.file.has("seed") || self.has_controllers(model)
     }
 
-    /// Whether there are controllers: of the paper's robots, with one sensor or two, or of `model`.
+    /// Whether the file has controllers: of the paper's robots, with one sensor or two, or of `model`.
     fn has_controllers(&self, model: &CapabilityModel) -> bool {
         let genes = model.gene_names();
         self.file.has_controllers() || genes.iter().any(|gene| self.file.has(gene))
     }
 
-    /// Checks that the individuals, where the file says what their robots, controllers and seeds are, have just these in the
-    /// archive of `campaign`, which is of `model`, and in which `individual` looks them up.
+    /// Checks that the robots, controllers and seeds in the file, as far as it has them, are those of the individuals in the
+    /// archive of `campaign`. The campaign is of `model`, and `individual` looks up its individuals.
     ///
     /// # Errors
-    /// Names the first that has not: the file is of another archive.
+    /// Names the first individual that differs: the file then belongs to another archive.
     pub fn check_individuals<'a>(
         &self,
         (campaign, model): (&str, &CapabilityModel),
@@ -106,7 +106,7 @@ impl Table {
         })
     }
 
-    /// Refuses the first answer that there is an `objection` to: what would be allowed in place of its index.
+    /// Refuses the first answer with an `objection`, which says what would be allowed in place of its index.
     fn check(
         &self,
         objection: impl Fn(Row<'_>, &v1::Answer) -> Result<Option<String>, LabelFileError>,
@@ -127,15 +127,15 @@ impl Table {
     }
 }
 
-/// Whether a controller has these genes, and is of the robots of `model`; of a preset, whatever the size of its bodies, which a
-/// file need not say.
+/// Whether a controller has these genes, and its robots are those of `model`. For a preset, the size of the bodies does not matter,
+/// because a file may omit it.
 fn is_of(controller: &Controller, model: &CapabilityModel, genes: &[f64]) -> bool {
     let own = controller.model();
     let same_robots = own == model || (model.preset().is_some() && own.preset() == model.preset());
     same_robots && controller.genes() == genes
 }
 
-/// An answer about an individual, as every table of answers has it.
+/// A row of the columns that all tables of answers share.
 pub fn answer_row(index: u64, answer: &str, annotator: &str, time_ms: u64) -> [String; 4] {
     [
         index.to_string(),
@@ -145,11 +145,11 @@ pub fn answer_row(index: u64, answer: &str, annotator: &str, time_ms: u64) -> [S
     ]
 }
 
-/// Answers about a campaign as a text that [`LabelFile::parse`] understands: with each, the individual's seed, controller and
-/// features, and what of its world and picture is not the paper's.
+/// Writes answers about a campaign as text that [`LabelFile::parse`] reads. Each row has the individual's seed, controller and
+/// features, and the fields of its world and picture that are not the paper's.
 ///
 /// # Errors
-/// Where the answers cannot be written as CSV.
+/// If the answers cannot be written as CSV.
 pub fn to_csv<'a>(
     spec: &CampaignSpec,
     labels: impl Iterator<Item = Labelled<'a>>,
@@ -190,9 +190,9 @@ mod tests {
     }
 
     #[track_caller]
-    fn check_refused(text: &str, said: &str) {
+    fn check_refused(text: &str, expected: &str) {
         let error = read_text(text, None).unwrap_err();
-        assert!(error.contains(said), "{error}\nnot {said:?}");
+        assert!(error.contains(expected), "{error}\nnot {expected:?}");
     }
 
     #[test]
@@ -265,10 +265,10 @@ mod tests {
             "7,0.1,0.2,0.3,0.5,3",
             "7,0.1,0.2,0.3,0.4,4",
         ] {
-            let said = check(other).unwrap_err().to_string();
+            let message = check(other).unwrap_err().to_string();
             assert!(
-                said.contains("line 2: id = ") && said.contains("to another archive"),
-                "{said}"
+                message.contains("line 2: id = ") && message.contains("to another archive"),
+                "{message}"
             );
         }
         assert!(
@@ -341,8 +341,8 @@ mod tests {
                 ..v1::Individual::default()
             };
             let checked = table.check_individuals(("paper-1", &models[own]), |_| Some(&archived));
-            let said = checked.unwrap_err().to_string();
-            assert!(said.contains("there is no column"), "{said}");
+            let message = checked.unwrap_err().to_string();
+            assert!(message.contains("there is no column"), "{message}");
         }
     }
 
@@ -356,7 +356,7 @@ mod tests {
         assert_eq!(table.file.row(0).unwrap().world().unwrap().radius(), 10.0);
     }
 
-    /// The year 10000, which RFC 3339 does not have.
+    /// The start of the year 10000, which RFC 3339 cannot express.
     const LAST_MS: u64 = 253_402_300_800_000;
 
     fn answers() -> impl Strategy<Value = Vec<v1::Answer>> {

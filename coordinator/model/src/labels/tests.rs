@@ -1,4 +1,4 @@
-//! The state of a log, as its users see it.
+//! The state of a log, as seen from outside.
 
 mod class_changes;
 
@@ -42,7 +42,7 @@ fn replay(log: &[Entry]) -> Result<Labels, BrokenLog> {
     labels.follow(log.to_vec()).map(|()| labels)
 }
 
-/// Checks the standing answers after changes that are all accepted, and returns the state and the log.
+/// Checks the standing answers after changes, all of which must be accepted, and returns the state and the log.
 #[track_caller]
 fn check(changes: &[Change], standing: &[(u64, &str, &str)]) -> (Labels, Vec<Entry>) {
     let mut labels = Labels::default();
@@ -80,7 +80,7 @@ fn the_last_answer_of_each_annotator_stands() {
     );
     let superseded: Vec<_> = log.iter().map(|entry| entry.supersedes).collect();
     assert_eq!(superseded, [None, None, None, Some(0)]);
-    // Nobody says that anything is a ring any more.
+    // No answer names the class `ring` any more.
     assert_eq!(classes(&labels), [("clump".into(), 2)]);
     assert_eq!(labels.by_individual(), BTreeMap::from([(3, class("clump"))]));
     assert_eq!(labels.individuals(), 2);
@@ -88,7 +88,7 @@ fn the_last_answer_of_each_annotator_stands() {
 
 #[test]
 fn an_undo_restores_what_was_superseded_and_goes_back_step_by_step() {
-    let said = [
+    let message = [
         answer("ana", 3, "ring"),
         answer("ana", 4, "ring"),
         answer("ben", 3, "wall"),
@@ -97,17 +97,17 @@ fn an_undo_restores_what_was_superseded_and_goes_back_step_by_step() {
         undo("ana"),
         undo("ana"),
     ];
-    let (labels, log) = check(&said, &[(3, "ben", "wall")]);
+    let (labels, log) = check(&message, &[(3, "ben", "wall")]);
     let undone: Vec<_> = log[4..].iter().map(|entry| entry.supersedes).collect();
     assert_eq!(undone, [Some(3), Some(1), Some(0)]);
     check(
-        &said[..5],
+        &message[..5],
         &[(3, "ana", "ring"), (3, "ben", "wall"), (4, "ana", "ring")],
     );
     let nothing = labels.clone().record(undo("ana"));
     assert_eq!(nothing, Err(Refusal::NothingToUndo("ana".parse().unwrap())));
     // After an undo, an answer supersedes what was restored.
-    let mut again = said[..5].to_vec();
+    let mut again = message[..5].to_vec();
     again.push(answer("ana", 3, "wall"));
     let (_, log) = check(
         &again,
@@ -161,7 +161,7 @@ fn spellings_of_a_name_are_one_class_that_is_shown_as_it_was_first() {
         labels.record(itself),
         Err(Refusal::IntoItself(class("two rings")))
     );
-    // A person decides how it is spelled.
+    // A person may choose another spelling.
     labels.record(rename("two rings", "two_rings")).unwrap();
     assert_eq!(classes(&labels), [("two_rings".into(), 3)]);
 }
@@ -194,7 +194,7 @@ fn a_log_that_told_spellings_apart_is_still_followed() {
         class: class("Ring"),
         colour: "#010203".parse().unwrap(),
     };
-    let said = [
+    let message = [
         answer("ana", 1, "ring"),
         answer("ana", 2, "Ring"),
         change("ana", create),
@@ -204,7 +204,7 @@ fn a_log_that_told_spellings_apart_is_still_followed() {
         rename("clump", "Milling"),
         change("ana", colour),
     ];
-    let entries = (0..).zip(said).map(|(number, change)| Entry {
+    let entries = (0..).zip(message).map(|(number, change)| Entry {
         number,
         change,
         supersedes: None,
@@ -213,7 +213,7 @@ fn a_log_that_told_spellings_apart_is_still_followed() {
     let labels = replay(&entries).unwrap();
     assert_eq!(classes(&labels), [("Milling".into(), 3)]);
 
-    // A class that nobody ever named cannot be renamed.
+    // A class that never existed cannot be renamed.
     let never = Entry {
         number: 0,
         change: rename("wall", "x"),
@@ -244,12 +244,12 @@ fn a_class_without_an_answer_is_gone_and_comes_back_with_its_colour() {
     labels.record(undo("ana")).unwrap();
     assert_eq!(clump(&labels).unwrap().colour, colour);
 
-    // Nobody sees it, so its name is free.
+    // The class is not present, so its name is free.
     labels.record(answer("ana", 2, "ring")).unwrap();
     labels.record(rename("ring", "clump")).unwrap();
     assert_eq!(classes(&labels), [("clump".into(), 2)]);
 
-    // One that somebody made for its own sake stays.
+    // A class that was created explicitly stays.
     let class = "wall".parse().unwrap();
     labels.record(change("ana", Action::Create { class })).unwrap();
     assert_eq!(classes(&labels), [("clump".into(), 2), ("wall".into(), 0)]);
@@ -281,14 +281,14 @@ fn what_cannot_be_said_is_refused_and_changes_nothing() {
     );
     let before = labels.clone();
     let create = |name: &str| change("ana", Action::Create { class: class(name) });
-    for (said, refusal) in [
+    for (message, refusal) in [
         (rename("wall", "x"), Refusal::NoClass(class("wall"))),
         (rename("ring", "clump"), Refusal::ClassExists(class("clump"))),
         (merge("ring", "wall"), Refusal::NoClass(class("wall"))),
         (merge("ring", "ring"), Refusal::IntoItself(class("ring"))),
         (create("ring"), Refusal::ClassExists(class("ring"))),
     ] {
-        assert_eq!(labels.record(said), Err(refusal));
+        assert_eq!(labels.record(message), Err(refusal));
         assert_eq!(labels, before);
     }
     for index in 3..1001 {
@@ -316,7 +316,7 @@ fn classes_have_colours_of_their_own_until_they_are_given_one() {
     assert_eq!(colours(&labels)[1], colour);
 }
 
-/// If this changes, checkpoints no longer name the labels that they were trained on.
+/// If this digest changes, checkpoints no longer match the labels that they were trained on.
 #[test]
 fn the_digest_covers_individuals_and_classes_alone() {
     let ring = [answer("ana", 2, "ring"), answer("ana", 1, "clump")];
@@ -373,7 +373,7 @@ fn names_of_very_many_classes_are_not_compared() {
             .sum::<usize>()
     };
     for number in 0..=200_u8 {
-        // Any two differ by two letters at most.
+        // Any two names differ by two letters at most.
         let [one, other] = [number / 26, number % 26].map(|letter| char::from(b'a' + letter));
         let create = Action::Create {
             class: class(&format!("formation {one}{other}")),
@@ -402,21 +402,21 @@ fn anything() -> impl Strategy<Value = Change> {
 proptest! {
     #[test]
     fn replaying_any_log_gives_the_labels_that_it_was_written_with(
-        said in prop::collection::vec(anything(), 0..60),
+        message in prop::collection::vec(anything(), 0..60),
     ) {
         let mut labels = Labels::default();
-        let log: Vec<Entry> = said.into_iter().filter_map(|change| labels.record(change).ok()).collect();
+        let log: Vec<Entry> = message.into_iter().filter_map(|change| labels.record(change).ok()).collect();
         prop_assert_eq!(replay(&log), Ok(labels));
     }
 
-    /// Answering and undoing it leaves what was.
+    /// An answer and its undo leave the labels unchanged.
     #[test]
     fn an_undo_removes_the_answer_before_it(
-        said in prop::collection::vec(anything(), 0..40), index in 0u64..4,
+        message in prop::collection::vec(anything(), 0..40), index in 0u64..4,
     ) {
         let mut labels = Labels::default();
-        for change in said {
-            // Some are refused.
+        for change in message {
+            // Some changes are refused.
             let _ = labels.record(change);
         }
         let before: Vec<Label> = labels.standing().collect();

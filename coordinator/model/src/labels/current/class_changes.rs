@@ -1,7 +1,7 @@
 //! Changes of classes, and their reversal.
 //!
-//! Changes are reverted one by one, the newest first. So a reversal finds the classes as its change left them, but for what
-//! answers have named since.
+//! Changes are reverted one by one, the newest first. So a reversal finds the classes as its change left them, except for classes
+//! that later answers have created.
 
 use super::{super::classes::Replaced, Action, Annotator, Change, Label, Labels, NumberedAnswer, Refusal};
 use std::sync::Arc;
@@ -11,12 +11,13 @@ use std::sync::Arc;
 pub(super) struct ClassChange {
     change: Change,
     replaced: Replaced,
-    /// The entries of the answers that stood until the class that they name was deleted, or that an undo would have restored since.
+    /// Entries of answers that are set aside until the reversal of this deletion: those that stood when it deleted their class, and
+    /// those that an undo would since have restored.
     set_aside: Vec<u64>,
 }
 
 impl Labels {
-    /// Changes a class, as the next entry says.
+    /// Applies a change of a class, as the next entry of the log.
     pub(super) fn change_classes(&mut self, change: &Change) -> Result<(), Refusal> {
         let classes = Arc::make_mut(&mut self.classes);
         let replaced = match &change.action {
@@ -43,7 +44,7 @@ impl Labels {
         Ok(())
     }
 
-    /// Reverts the newest change, which is that of `entry`.
+    /// Reverts the newest change, which must be that of `entry`.
     pub(super) fn revert(&mut self, entry: u64) -> Result<(), Refusal> {
         let changes = Arc::make_mut(&mut self.class_changes);
         let newest = changes.last_entry();
@@ -51,7 +52,7 @@ impl Labels {
         let reverted = newest.ok_or(Refusal::NotNewestChange(entry))?.remove();
         Arc::make_mut(&mut self.classes).restore(reverted.replaced);
         for answer in reverted.set_aside {
-            // Later answers of its annotator count.
+            // A later answer of the same annotator takes precedence.
             let given = self.given.get(&answer);
             let answered = given.and_then(|given| self.standing_of(given.index, &given.annotator));
             if answered.is_none() {
@@ -79,7 +80,7 @@ impl Labels {
         })
     }
 
-    /// Sets aside the answer of this entry, which an undo restores, until the deletion of its class is reversed.
+    /// Sets aside the answer of this entry, which an undo would restore, until the deletion of its class is reverted.
     pub(super) fn set_aside_restored(&mut self, entry: u64) {
         let Some(NumberedAnswer::Class(class)) = self.given.get(&entry).map(|given| given.answer) else {
             return;
@@ -91,7 +92,7 @@ impl Labels {
         }
     }
 
-    /// Forgets the answer of an annotator about an individual that was set aside, and returns its entry, if there is one.
+    /// Forgets an annotator's set-aside answer about an individual, and returns its entry, if any.
     pub(super) fn forget_set_aside(&mut self, index: u64, annotator: &Annotator) -> Option<u64> {
         let given = &self.given;
         let is_meant = |entry: &u64| {
@@ -107,13 +108,13 @@ impl Labels {
         Some(forgotten)
     }
 
-    /// The answers that no longer stand because their class was deleted, and that would stand again if that were reverted.
+    /// The answers that stand no more because their class was deleted, and that stand again once the deletion is reverted.
     pub fn set_aside(&self) -> impl Iterator<Item = Label> {
         let entries = self.class_changes.values().flat_map(|change| &change.set_aside);
         entries.filter_map(|entry| self.given(*entry))
     }
 
-    /// The changes of classes that were not reverted, each with its entry, the oldest first. The last of them can be reverted.
+    /// The changes of classes that were not reverted, each with its entry, the oldest first. Only the last can be reverted.
     pub fn class_changes(&self) -> impl DoubleEndedIterator<Item = (u64, &Change)> {
         self.class_changes
             .iter()

@@ -1,4 +1,4 @@
-//! Classes are deleted, get keys, and changes of them are reverted.
+//! Deleting classes, assigning keys, and reverting both.
 
 use super::*;
 
@@ -26,21 +26,21 @@ fn keys(labels: &Labels) -> Vec<(String, Option<String>)> {
 
 #[test]
 fn a_deleted_class_takes_its_answers_along_and_a_reversal_brings_them_back() {
-    let said = [
+    let message = [
         answer("ana", 1, "ring"),
         answer("ben", 1, "ring"),
         answer("ana", 2, "clump"),
         answer("ana", 3, "ring"),
         delete("Ring"),
     ];
-    let (labels, _) = check(&said, &[(2, "ana", "clump")]);
+    let (labels, _) = check(&message, &[(2, "ana", "clump")]);
     assert_eq!(classes(&labels), [("clump".into(), 1)]);
     assert_eq!(labels.set_aside().count(), 3);
 
-    // What somebody has said since counts.
+    // A later answer takes precedence.
     let since = [answer("ana", 3, "clump"), revert(4)];
     let (labels, _) = check(
-        &[&said[..], &since].concat(),
+        &[&message[..], &since].concat(),
         &[
             (1, "ana", "ring"),
             (1, "ben", "ring"),
@@ -53,11 +53,11 @@ fn a_deleted_class_takes_its_answers_along_and_a_reversal_brings_them_back() {
 
 #[test]
 fn an_answer_after_a_deletion_makes_a_class_of_its_own_until_the_deletion_is_reverted() {
-    let said = [answer("ana", 1, "ring"), delete("ring"), answer("ana", 2, "ring")];
-    let (labels, _) = check(&said, &[(2, "ana", "ring")]);
+    let message = [answer("ana", 1, "ring"), delete("ring"), answer("ana", 2, "ring")];
+    let (labels, _) = check(&message, &[(2, "ana", "ring")]);
     assert_eq!(classes(&labels), [("ring".into(), 1)]);
     let (labels, _) = check(
-        &[&said[..], &[revert(1)]].concat(),
+        &[&message[..], &[revert(1)]].concat(),
         &[(1, "ana", "ring"), (2, "ana", "ring")],
     );
     assert_eq!(classes(&labels), [("ring".into(), 2)]);
@@ -93,7 +93,7 @@ fn an_answer_that_was_withdrawn_meanwhile_stays_away() {
 
 #[test]
 fn an_answer_that_was_withdrawn_after_another_took_its_place_stays_away() {
-    let said = [
+    let message = [
         answer("ana", 1, "ring"),
         answer("ben", 1, "ring"),
         delete("ring"),
@@ -101,7 +101,7 @@ fn an_answer_that_was_withdrawn_after_another_took_its_place_stays_away() {
         change("ana", Action::Withdraw { index: 1 }),
         revert(2),
     ];
-    let (mut labels, _) = check(&said, &[(1, "ben", "ring")]);
+    let (mut labels, _) = check(&message, &[(1, "ben", "ring")]);
     let again = labels.record(change("ana", Action::Withdraw { index: 1 }));
     assert!(
         matches!(again, Err(Refusal::NothingToWithdraw { .. })),
@@ -111,25 +111,25 @@ fn an_answer_that_was_withdrawn_after_another_took_its_place_stays_away() {
 
 #[test]
 fn an_undo_restores_an_answer_of_a_deleted_class_once_the_deletion_is_reverted() {
-    let said = [
+    let message = [
         answer("ana", 1, "ring"),
         answer("ana", 1, "clump"),
         delete("ring"),
         undo("ana"),
     ];
-    let (labels, _) = check(&said, &[]);
+    let (labels, _) = check(&message, &[]);
     assert_eq!(labels.set_aside().count(), 1);
-    check(&[&said[..], &[revert(2)]].concat(), &[(1, "ana", "ring")]);
-    // What its annotator has said since counts, and so does taking it back.
+    check(&[&message[..], &[revert(2)]].concat(), &[(1, "ana", "ring")]);
+    // A later answer of the same annotator takes precedence, and so does its withdrawal.
     let answered = [answer("ana", 1, "wall"), revert(2)];
-    check(&[&said[..], &answered].concat(), &[(1, "ana", "wall")]);
+    check(&[&message[..], &answered].concat(), &[(1, "ana", "wall")]);
     let withdrawn = [change("ana", Action::Withdraw { index: 1 }), revert(2)];
-    check(&[&said[..], &withdrawn].concat(), &[]);
+    check(&[&message[..], &withdrawn].concat(), &[]);
 }
 
 #[test]
 fn merging_and_renaming_are_reverted_to_what_each_answer_said() {
-    let said = [
+    let message = [
         answer("ana", 1, "ring"),
         answer("ana", 2, "clump"),
         merge("ring", "clump"),
@@ -138,7 +138,7 @@ fn merging_and_renaming_are_reverted_to_what_each_answer_said() {
         answer("ana", 4, "ring"),
     ];
     check(
-        &said,
+        &message,
         &[
             (1, "ana", "knot"),
             (2, "ana", "knot"),
@@ -147,7 +147,7 @@ fn merging_and_renaming_are_reverted_to_what_each_answer_said() {
         ],
     );
     check(
-        &[&said[..], &[revert(3), revert(2)]].concat(),
+        &[&message[..], &[revert(3), revert(2)]].concat(),
         &[
             (1, "ana", "ring"),
             (2, "ana", "clump"),
@@ -159,7 +159,7 @@ fn merging_and_renaming_are_reverted_to_what_each_answer_said() {
 
 #[test]
 fn a_key_is_of_one_class_and_comes_back() {
-    let said = [
+    let message = [
         answer("ana", 1, "ring"),
         answer("ana", 2, "clump"),
         shortcut("ring", Some("w")),
@@ -167,11 +167,11 @@ fn a_key_is_of_one_class_and_comes_back() {
     ];
     let stands = [(1, "ana", "ring"), (2, "ana", "clump")];
     let key = |key: &str| Some(key.to_owned());
-    let (labels, _) = check(&said, &stands);
+    let (labels, _) = check(&message, &stands);
     assert_eq!(keys(&labels), [("ring".into(), None), ("clump".into(), key("w"))]);
-    let (labels, _) = check(&[&said[..], &[shortcut("clump", None)]].concat(), &stands);
+    let (labels, _) = check(&[&message[..], &[shortcut("clump", None)]].concat(), &stands);
     assert_eq!(keys(&labels), [("ring".into(), None), ("clump".into(), None)]);
-    let (labels, _) = check(&[&said[..], &[revert(3)]].concat(), &stands);
+    let (labels, _) = check(&[&message[..], &[revert(3)]].concat(), &stands);
     assert_eq!(keys(&labels), [("ring".into(), key("w")), ("clump".into(), None)]);
 }
 
@@ -196,14 +196,14 @@ fn changes_are_reverted_once_and_the_newest_first() {
 }
 
 proptest! {
-    /// Changing a class and reverting that leaves what was.
+    /// A change of a class and its reversal leave the labels unchanged.
     #[test]
     fn a_reversal_restores_classes_and_answers(
-        said in prop::collection::vec(anything(), 0..40), last in class_change(),
+        message in prop::collection::vec(anything(), 0..40), last in class_change(),
     ) {
         let mut labels = Labels::default();
-        for change in said {
-            // Some are refused.
+        for change in message {
+            // Some changes are refused.
             let _ = labels.record(change);
         }
         let seen = |labels: &Labels| (labels.classes(), labels.standing().collect::<Vec<_>>(), labels.digest());
@@ -215,7 +215,7 @@ proptest! {
     }
 }
 
-/// A change of a class, at random.
+/// A random change of a class.
 pub(super) fn class_change() -> impl Strategy<Value = Change> {
     let name = prop::sample::select(vec!["a", "b", "c", "A"]);
     let key = prop::sample::select(vec![None, Some("w"), Some("1")]);
