@@ -1,7 +1,7 @@
-//! Campaigns at work: the stages that they go through, what to ask people next, maps of archives, what in them is
-//! like a behaviour from elsewhere, and the synthetic annotator.
+//! Campaigns at work: their stages, the choice of questions for annotators, maps of archives, the individuals nearest to a
+//! behaviour from elsewhere, and the synthetic annotator.
 //!
-//! Limits: knows neither the network nor HTML.
+//! Limits: this crate uses neither the network nor HTML.
 
 pub mod campaign;
 pub mod maps;
@@ -14,7 +14,7 @@ pub mod taxonomy;
 
 pub use murmuration_store::blocking;
 
-/// A swarm that never moved.
+/// An individual whose swarm never moved.
 #[cfg(test)]
 fn still(index: u64, generation: u32) -> murmuration_store::ArchivedIndividual {
     use murmuration_proto::{Controller, Preset};

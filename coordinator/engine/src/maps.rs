@@ -1,8 +1,8 @@
-//! Where behaviours lie in two dimensions, for people to look at: on the principal axes at once, by t-SNE once that has
-//! been computed.
+//! Two-dimensional maps of behaviours, for people to look at: on the principal axes immediately, and by t-SNE once that has been
+//! computed.
 //!
-//! Maps are kept for as long as they are true (until the archive grows or another archive version of it begins) and there is room
-//! for them; what was forgotten is made again, the same. No result rests on them. Knows nothing of pages.
+//! A map is kept until the archive grows or changes its version, or until other maps need its room. A forgotten map is computed
+//! again, with the same result. No result of a campaign depends on maps.
 
 use crate::space::{Space, SpaceError, Spaces};
 use murmuration_model::{ArchiveVersion, CampaignRecord, CampaignState};
@@ -14,14 +14,14 @@ use murmuration_store::kept::Kept;
 use murmuration_tsne::{self as tsne, Points};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Most bytes of maps that are kept.
+/// Maximum size in bytes of the maps that are kept.
 const MOST_BYTES: usize = 64 << 20;
 
 /// Handle on the maps of a coordinator's campaigns; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Maps {
     spaces: Spaces,
-    /// One lock a campaign, so that an archive is projected once, whoever asks meanwhile.
+    /// One lock per campaign, so that concurrent requests project an archive only once.
     kept: Arc<Kept<Mutex<Option<Known>>>>,
     interrupt: Interrupt,
 }
@@ -31,14 +31,14 @@ struct Known {
     of: Version,
     axes: Arc<Projection>,
     neighbours: Neighbours,
-    /// Ends the t-SNE, of which nobody wants to know once the archive is another.
+    /// Ends the t-SNE, which is useless once the archive has changed.
     interrupt: Interrupt,
 }
 
 /// The archive that a map shows: its version, and the number of its individuals.
 type Version = (ArchiveVersion, u64);
 
-/// How far the t-SNE of an archive has come.
+/// Progress of the t-SNE of an archive.
 #[derive(Debug, Clone)]
 enum Neighbours {
     Unasked,
@@ -57,7 +57,7 @@ impl Known {
 }
 
 impl Maps {
-    /// Nothing is known yet; what is computed ends early once `interrupt` is raised.
+    /// Starts without maps. Raising `interrupt` ends computations early.
     pub fn new(spaces: Spaces, interrupt: Interrupt) -> Self {
         Self::within(spaces, interrupt, MOST_BYTES)
     }
@@ -70,15 +70,15 @@ impl Maps {
         }
     }
 
-    /// The archive on its principal axes. Blocks while it is read and projected, once a version of it.
+    /// The archive on its principal axes. Blocks while the archive is read and projected, once for each version.
     pub fn axes(&self, record: &CampaignRecord) -> Result<Arc<Projection>, SpaceError> {
         let kept = self.kept.of(&record.id);
         self.current(record, &mut lock(&kept))
             .map(|known| Arc::clone(&known.axes))
     }
 
-    /// The archive by t-SNE; `None` while that is computed, which begins when it is asked for first, but not while the
-    /// archive grows. Blocks as [`Maps::axes`].
+    /// The archive by t-SNE; `None` until that is computed. The first request starts the computation, unless the archive still
+    /// grows. Blocks like [`Maps::axes`].
     pub fn neighbours(&self, record: &CampaignRecord) -> Result<Option<Arc<Points>>, SpaceError> {
         if record.state == CampaignState::Running {
             return Ok(None);
@@ -93,14 +93,14 @@ impl Maps {
         }
         let (space, axes, of) = (self.spaces.of(record)?, Arc::clone(&known.axes), known.of);
         if version(&space) != of {
-            // It has moved on already; whoever asks again asks about what there is then.
+            // The archive has changed already. The next request uses its new version.
             return Ok(None);
         }
         known.neighbours = Neighbours::UnderWay;
         let interrupt = known.interrupt.clone();
         drop(guard);
         let (maps, id) = (self.clone(), record.id.clone());
-        // It is not forgotten while the thread has it.
+        // The map is not forgotten while the thread holds it.
         std::thread::spawn(move || {
             let Ok(points) = tsne::embed(&space.behaviours, &axes.points, &interrupt) else {
                 return;
@@ -114,7 +114,7 @@ impl Maps {
         Ok(None)
     }
 
-    /// The map of the archive as far as `record` says that it goes.
+    /// The map of the archive up to the individuals in `record`.
     fn current<'a>(
         &self,
         record: &CampaignRecord,
@@ -129,7 +129,7 @@ impl Maps {
                 }
                 let space = self.spaces.of(record)?;
                 let axes = Arc::new(projection::principal_axes(&space.behaviours, &self.interrupt)?);
-                // A switch after the record was read is another version, which nobody will ask this for.
+                // If the archive switches after the record was read, this map is of a version that no later request needs.
                 Known {
                     of: version(&space),
                     axes,

@@ -1,4 +1,4 @@
-//! Campaigns and taxonomies as the messages that carry them.
+//! Conversions of campaigns and taxonomies to their messages.
 
 use crate::{
     campaign::CampaignStatus,
@@ -15,7 +15,7 @@ impl From<CampaignStatus> for v1::Campaign {
         let record = status.record;
         let (generations, dataset_done) = (record.generations(), record.dataset_done());
         let (evaluated, evaluations) = (record.individuals(), record.evaluations());
-        // Nobody looks for novelty where all controllers are evaluated, and it is stored as 0.
+        // Without a search there is no novelty, and it is stored as 0.
         let measures_novelty = record.spec.method().has_novelty();
         let last_novelty = record.last_novelty.filter(|_| measures_novelty);
         let arrived = |stage| if status.stage == stage { status.arrived } else { 0 };
@@ -137,9 +137,9 @@ impl From<Nearest> for v1::FindNearestResponse {
 }
 
 impl Taxonomy {
-    /// The messages that carry it, part by part, with the names of its clusters.
+    /// Its messages, part by part, with the names of its clusters.
     pub fn into_parts(self, names: Names) -> impl Iterator<Item = v1::Taxonomy> + Send + 'static {
-        // At most six bytes each on the wire, with the number of robust trials.
+        // At most six bytes per individual on the wire, with the number of robust trials.
         const CLUSTERS: usize = PART_BYTES / 6;
         let loss = v1::Taxonomy {
             loss: self.loss,

@@ -1,4 +1,4 @@
-//! Individuals of an archive that are near any behaviour.
+//! Individuals of an archive that are near a given behaviour.
 
 use crate::queries::Clustered;
 use murmuration_model::labels::ClassName;
@@ -6,7 +6,8 @@ use murmuration_proto::counted;
 use murmuration_search::novelty::{Behaviours, Misfit};
 use std::collections::BTreeMap;
 
-/// From this many times the mean distance of a cluster's members on, a behaviour is like nothing in it.
+/// A behaviour is unlike everything in a cluster if its distance from the medoid is more than this many times the mean distance of
+/// the members.
 pub const UNLIKE: f64 = 3.0;
 
 #[derive(Debug, Clone, PartialEq)]
@@ -20,10 +21,10 @@ pub struct Neighbour {
     pub class: Option<ClassName>,
 }
 
-/// The individuals of an archive that are like a behaviour.
+/// The individuals of an archive that are nearest to a behaviour.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Nearest {
-    /// The nearest individuals, nearest first; those as near as each other by their index.
+    /// The nearest individuals, nearest first; ties by index.
     pub neighbours: Vec<Neighbour>,
     /// The nearest individual that has a class.
     pub labelled: Option<Neighbour>,
@@ -31,11 +32,11 @@ pub struct Nearest {
     pub medoid: Neighbour,
     /// Mean distance of that cluster's members, the medoid included, to the medoid, in units of the behaviour space.
     pub mean_distance: f64,
-    /// Whether the clusters are a taxonomy's.
+    /// Whether the clusters are those of the taxonomy.
     pub is_taxonomy: bool,
 }
 
-/// Why nothing can be compared with a behaviour.
+/// Why no individuals can be compared with a behaviour.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NearestError {
     #[error("the archive is empty: wait until the first generation is complete")]
@@ -47,7 +48,7 @@ pub enum NearestError {
 }
 
 impl Nearest {
-    /// At most `count` individuals of an archive with these classes that are nearest to `behaviour`.
+    /// Up to `count` individuals of an archive, those nearest to `behaviour`, with their `classes`.
     pub fn find(
         clustered: &Clustered,
         classes: &BTreeMap<u64, ClassName>,
@@ -100,24 +101,24 @@ impl Nearest {
 }
 
 impl Nearest {
-    /// The distance from the medoid by the mean distance of its members; `None` if they are all at one place.
+    /// The distance from the medoid, divided by the mean distance of its members; `None` if all members are at one place.
     pub fn relative_distance(&self) -> Option<f64> {
         relative_distance(self.medoid.distance, self.mean_distance)
     }
 
-    /// Whether the behaviour is like nothing in the archive.
+    /// Whether the behaviour is unlike everything in the archive.
     pub fn is_unlike(&self) -> bool {
         is_unlike(self.medoid.distance, self.mean_distance)
     }
 }
 
-/// Whether a distance from a medoid is more than [`UNLIKE`] times the mean distance of its members: any distance, if they are all at
-/// one place.
+/// Whether a distance from a medoid is more than [`UNLIKE`] times the mean distance of its members. If all members are at one
+/// place, any distance is.
 pub fn is_unlike(distance: f64, mean_distance: f64) -> bool {
     distance > UNLIKE * mean_distance
 }
 
-/// A distance from a medoid by the mean distance of its members; `None` if they are all at one place.
+/// A distance from a medoid, divided by the mean distance of its members; `None` if all members are at one place.
 pub fn relative_distance(distance: f64, mean_distance: f64) -> Option<f64> {
     (mean_distance > 0.0).then(|| distance / mean_distance)
 }
@@ -140,7 +141,7 @@ mod tests {
     use murmuration_search::medoids::Clustering;
     use std::sync::Arc;
 
-    /// An archive on a line, with clusters about 1 and 10.
+    /// An archive on a line, with clusters around 1 and 10.
     fn archive(places: &[f64]) -> Clustered {
         let mut behaviours = Behaviours::new(1);
         for place in places {
@@ -187,7 +188,7 @@ mod tests {
         assert_eq!(found.mean_distance, 1.0);
         assert!(!found.is_unlike());
         let far = Nearest::find(&archive, &BTreeMap::new(), &[12.0], 9).unwrap();
-        // The only member of its cluster is at one place.
+        // A cluster with one member is at one place.
         assert!(far.is_unlike() && far.relative_distance().is_none());
         assert_eq!(
             (far.neighbours.len(), far.medoid.cluster, far.labelled),

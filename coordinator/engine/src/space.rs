@@ -1,4 +1,4 @@
-//! The behaviour space of an archive: what novelty, questions and maps are measured in.
+//! The behaviour space of an archive, for novelty, questions and maps.
 
 use murmuration_model::{ArchiveVersion, CampaignRecord};
 use murmuration_proto::Scale;
@@ -9,23 +9,23 @@ use murmuration_search::{
 use murmuration_store::{Store, StoreError, kept::Kept};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Most bytes of spaces that are kept.
+/// Maximum size in bytes of the spaces that are kept.
 const MOST_BYTES: usize = 128 << 20;
 
-/// Individuals read from the store at a time.
+/// Number of individuals that are read from the store at a time.
 const CHUNK: u64 = 4096;
 
 /// The behaviours of an archive, all in one space.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Space {
-    /// One an individual, by index.
+    /// One behaviour per individual, by index.
     pub behaviours: Behaviours,
-    /// The scale of `behaviours`, by which a behaviour from elsewhere is brought into the space.
+    /// The scale of `behaviours`, which also maps behaviours from elsewhere into the space.
     pub scale: Scale,
     pub archive_version: ArchiveVersion,
 }
 
-/// Why there is no space to measure in.
+/// Why there is no behaviour space.
 #[derive(Debug, thiserror::Error)]
 pub enum SpaceError {
     #[error(transparent)]
@@ -37,20 +37,19 @@ pub enum SpaceError {
 }
 
 impl Space {
-    /// Reads the archive as far as `record` says that it goes. One of which another archive version begins meanwhile is
-    /// read again.
+    /// Reads the archive up to the individuals in `record`. If its version changes meanwhile, the archive is read again.
     pub fn read(store: &Store, record: &CampaignRecord) -> Result<Self, SpaceError> {
         Self::read_on(store, record, None)
     }
 
-    /// As [`Space::read`]; what is known of the same archive version is not read again.
+    /// Like [`Space::read`], but reuses the `known` behaviours of the same archive version.
     fn read_on(store: &Store, record: &CampaignRecord, known: Option<&Self>) -> Result<Self, SpaceError> {
         let archive_version =
             || -> Result<_, StoreError> { Ok(store.campaign(record.id.as_str())?.archive_version()) };
         let mut before = archive_version()?;
         loop {
             let len = record.individuals();
-            // The scale follows from the first generation, so it is known once there is an individual.
+            // The scale is computed from the first generation, so it is known once there is an individual.
             let begun = known.filter(|known| {
                 known.archive_version == before
                     && known.behaviours.len() as u64 <= len
@@ -64,7 +63,7 @@ impl Space {
                 .map_err(SpaceError::from)
                 .and_then(|(scale, known)| Ok((scale, behaviours(store, record, &scale, known)?)));
             let after = archive_version()?;
-            // Two archive versions are no space.
+            // Behaviours of two archive versions do not make one space.
             if before == after {
                 let (scale, behaviours) = read?;
                 return Ok(Self {
@@ -82,16 +81,16 @@ impl Space {
     }
 }
 
-/// The spaces of archives, of which only what has come since is read while they are kept; cheap to clone.
+/// The spaces of archives; cheap to clone. Only new individuals are read for a space that is kept.
 #[derive(Debug, Clone)]
 pub struct Spaces {
     pub store: Store,
-    /// One lock a campaign, so that what has come is read once, whoever asks meanwhile.
+    /// One lock per campaign, so that concurrent requests read new individuals only once.
     kept: Arc<Kept<Mutex<Option<Arc<Space>>>>>,
 }
 
 impl Spaces {
-    /// Nothing is known yet.
+    /// Starts without spaces.
     pub fn new(store: Store) -> Self {
         Self {
             store,
@@ -99,7 +98,7 @@ impl Spaces {
         }
     }
 
-    /// The archive as far as `record` says that it goes. Blocks while it is read.
+    /// The space of the archive up to the individuals in `record`. Blocks while it is read.
     pub fn of(&self, record: &CampaignRecord) -> Result<Arc<Space>, SpaceError> {
         let kept = self.kept.of(&record.id);
         let mut known = kept.lock().unwrap_or_else(PoisonError::into_inner);
@@ -117,7 +116,7 @@ impl Spaces {
     }
 }
 
-/// The behaviours of an archive, behind those that are known.
+/// The behaviours of an archive, appended to the known ones.
 fn behaviours(
     store: &Store,
     record: &CampaignRecord,

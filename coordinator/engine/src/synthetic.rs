@@ -1,4 +1,4 @@
-//! The synthetic annotator: answers in a person's place, by what the rule-based judge says of a motion.
+//! The synthetic annotator: answers in place of a person, with the rule-based judge's verdict on a motion.
 
 use crate::{
     blocking::{Broken, blocking},
@@ -20,9 +20,9 @@ use std::{
 };
 use tokio::task::JoinSet;
 
-/// Motions that are simulated and judged at a time, where swarms are not so large that fewer agents fit.
+/// Number of motions that are simulated and judged at a time; fewer if the swarms are large.
 const AT_ONCE: usize = 64;
-/// Agents that are judged at a time: the judge compares each of a swarm with each other.
+/// Number of agents that are judged at a time: the judge compares each agent of a swarm with each other.
 const AGENTS_AT_ONCE: usize = 20_000;
 
 /// Why the synthetic annotator cannot answer.
@@ -34,7 +34,7 @@ pub enum AnnotatorError {
     Query(#[from] QueryError),
     #[error(transparent)]
     Job(#[from] JobError),
-    /// A bug: it broke off.
+    /// A bug ended it.
     #[error(transparent)]
     Broken(#[from] Broken),
 }
@@ -43,17 +43,17 @@ pub enum AnnotatorError {
 #[derive(Debug, Clone)]
 pub struct SyntheticAnnotator {
     pub store: Store,
-    /// The order in which it is asked about them.
+    /// The source of its questions.
     pub queries: Queries,
-    /// The workers that simulate their motion.
+    /// The workers that simulate the motions.
     pub dispatch: Dispatch,
 }
 
 impl SyntheticAnnotator {
-    /// Its answers for the first `count` individuals in the strategy's order that nobody has answered about, fewer where
-    /// there are not so many; nothing is written to the log. `job_progress` counts the answers; `interrupt` ends a clustering of the archive.
+    /// Its answers for the first `count` individuals in the strategy's order that have no answer, or for as many as there are.
+    /// Nothing is written to the log. `job_progress` counts the answers; `interrupt` ends a clustering of the archive.
     ///
-    /// With the same archive and log they are the same answers.
+    /// The same archive and log give the same answers.
     pub async fn answers(
         &self,
         record: &CampaignRecord,
@@ -68,7 +68,7 @@ impl SyntheticAnnotator {
             .await?;
         let classes = self.classes(record, &asked, &job_progress).await?;
         let answer = |(index, class): (usize, Class)| {
-            said(Action::Answer {
+            change(Action::Answer {
                 index: index as u64,
                 answer: Answer::Class(class.into()),
             })
@@ -76,7 +76,7 @@ impl SyntheticAnnotator {
         Ok(asked.into_iter().zip(classes).map(answer).collect())
     }
 
-    /// The classes of individuals, in their order; `job_progress` counts them.
+    /// The classes of individuals, in their order. `job_progress` counts them.
     async fn classes(
         &self,
         record: &CampaignRecord,
@@ -122,8 +122,8 @@ impl SyntheticAnnotator {
     }
 }
 
-/// A change by the synthetic annotator, now.
-fn said(action: Action) -> Change {
+/// A change by the synthetic annotator at the present time.
+fn change(action: Action) -> Change {
     Change {
         annotator: Annotator::synthetic(),
         time_ms: SystemTime::now()

@@ -1,4 +1,4 @@
-//! Every campaign of the store, and those at work in this process.
+//! Every campaign of the store, and the runs in this process.
 
 use super::{
     CampaignError,
@@ -25,19 +25,19 @@ use std::{
 use tokio::sync::watch;
 use tracing::Instrument as _;
 
-/// A campaign as it stands: what is on disk, and what is happening.
+/// The status of a campaign: its state on disk, and the progress of its run.
 #[derive(Debug, Clone)]
 pub struct CampaignStatus {
     pub record: CampaignRecord,
     /// Whether this process works on it.
     pub active: bool,
-    /// The stage that it is in, or would begin next.
+    /// The current stage, or the first stage once it resumes.
     pub stage: Stage,
-    /// How much has arrived of what its stage has in work (a generation, part of a dataset, stored pictures).
+    /// Number of results that have arrived of the stage's current job (a generation, part of a dataset, stored pictures).
     pub arrived: u32,
-    /// Evaluations (or embeddings) a second over the last seconds.
+    /// Evaluations (or embeddings) per second over the last seconds.
     pub per_second: f64,
-    /// How far the training has come, while there is one.
+    /// Progress of the training, during one.
     pub training: Option<v1::TrainingProgress>,
     /// The missing resource that it waits for, such as room on the disk, or a worker.
     pub waiting: Option<String>,
@@ -48,7 +48,7 @@ pub struct CampaignStatus {
 }
 
 impl CampaignStatus {
-    /// How far its stage has come; none before a trainer has reported its epochs.
+    /// Progress of its stage; `None` before a trainer has reported its epochs.
     pub fn progress(&self) -> Option<v1::StageProgress> {
         let (record, arrived) = (&self.record, u64::from(self.arrived));
         let (spec, archived) = (&record.spec, record.individuals());
@@ -81,7 +81,7 @@ impl CampaignStatus {
         })
     }
 
-    /// How long it still takes in all; none where that is not known.
+    /// How long the whole campaign still takes; `None` if unknown.
     pub fn time_left(&self) -> Option<TimeLeft> {
         let record = &self.record;
         let left = WorkLeft {
@@ -98,13 +98,13 @@ impl CampaignStatus {
     }
 }
 
-/// A campaign of a list, before the list is cut into pages.
+/// A campaign in a list that is not yet split into pages.
 #[derive(Debug, Clone)]
 pub struct ListedCampaign {
     pub head: CampaignHead,
     /// Whether this process works on it.
     pub active: bool,
-    /// Whether it waits for something before it goes on by itself.
+    /// Whether it waits for a missing resource, and continues by itself once that is there.
     pub waiting: bool,
 }
 
@@ -117,7 +117,7 @@ pub struct Campaigns {
 }
 
 impl Campaigns {
-    /// The campaigns of a store, with nothing at work; what they compute ends early once `interrupt` is raised.
+    /// The campaigns of a store, without any run. Raising `interrupt` ends their computations early.
     pub fn new(
         trainers: Trainers,
         checkpoints: Checkpoints,
@@ -140,10 +140,10 @@ impl Campaigns {
         }
     }
 
-    /// Stores a campaign and starts it; one whose request has started it before goes on as it was.
+    /// Stores a campaign and starts it. A repeated request starts nothing: the campaign goes on unchanged.
     ///
     /// # Errors
-    /// If it cannot be stored, or searches with a checkpoint that is not there or does not suit it.
+    /// If it cannot be stored, or its published checkpoint is missing or unsuitable.
     pub async fn create(&self, new: NewCampaign) -> Result<CampaignStatus, CampaignError> {
         if let Some(&EmbedderSource::Published(checkpoint)) = new.spec.embedder() {
             self.context
@@ -155,14 +155,14 @@ impl Campaigns {
             .duration_since(UNIX_EPOCH)
             .map_or(0, |age| age.as_millis() as u64);
         let campaigns = self.clone();
-        // In a task of its own: what was stored also starts if the client has gone.
+        // In a separate task, so that a stored campaign starts even if the client has gone.
         let creating = async move {
             let store = campaigns.context.store.clone();
             let Started { id, is_new } = blocking(move || store.start_campaign(&new, created_ms)).await??;
             if is_new {
                 tracing::info!(campaign = %id, "created");
             }
-            // Somebody may have cancelled it by now.
+            // The campaign may have been cancelled by now.
             campaigns.go_on(&campaigns.registry.deciding(&id).await).await?;
             campaigns.status(id.as_str()).await
         };
@@ -170,10 +170,10 @@ impl Campaigns {
         created.map_err(|_| CampaignError::Broken)?
     }
 
-    /// Continues every campaign that was running when its coordinator ended, and still is to.
+    /// Continues every campaign that was running when its coordinator ended, unless a person has since decided otherwise.
     ///
     /// # Errors
-    /// If the store cannot be read. A campaign that cannot be continued is logged and left as it is.
+    /// If the store cannot be read. A campaign that cannot be continued is logged and left unchanged.
     pub async fn resume_interrupted(&self) -> Result<(), CampaignError> {
         let store = self.context.store.clone();
         let records = blocking(move || store.campaigns()).await??;
@@ -181,7 +181,7 @@ impl Campaigns {
             .into_iter()
             .filter(|record| record.state == CampaignState::Running);
         for CampaignRecord { id, .. } in running {
-            // People may have decided about it since.
+            // A person may have decided about it since.
             match self.go_on(&self.registry.deciding(&id).await).await {
                 Ok(true) => tracing::info!(campaign = %id, "resumed"),
                 Ok(false) => {}
@@ -191,8 +191,8 @@ impl Campaigns {
         Ok(())
     }
 
-    /// Whenever workers or trainers are found wrong, remembers them, and reopens completed campaigns that contain their
-    /// results; those at work look themselves. Ends with the dispatcher.
+    /// Records workers and trainers that are found wrong, and reopens completed campaigns that contain their results. Running
+    /// campaigns check for themselves. Ends with the dispatcher.
     pub async fn watch_quarantine(self) {
         let mut workers = self.context.dispatch.quarantined();
         let mut trainers = self.context.trainers.quarantined();
@@ -217,7 +217,7 @@ impl Campaigns {
     async fn reopen(&self, wrong: Vec<Quarantined>) -> Result<(), CampaignError> {
         let store = self.context.store.clone();
         let concerned = blocking(move || {
-            // Before they are looked at: a campaign that completes from now on looks at them itself.
+            // This comes before the check of campaigns: a campaign that completes from now on checks for itself.
             store.quarantine(&wrong)?;
             let mut concerned = Vec::new();
             for record in store.campaigns()? {
@@ -270,7 +270,7 @@ impl Campaigns {
             .collect())
     }
 
-    /// The fields of campaigns that a list is searched by, oldest first.
+    /// The fields of campaigns that a search of the list uses, oldest campaign first.
     pub async fn heads(&self) -> Result<Vec<ListedCampaign>, CampaignError> {
         let store = self.context.store.clone();
         let at_work = self.registry.snapshots();
@@ -290,7 +290,7 @@ impl Campaigns {
         Ok(heads.into_iter().map(listed).collect())
     }
 
-    /// These campaigns, in this order, without those that are gone.
+    /// These campaigns, in this order, without those that no longer exist.
     pub async fn statuses(&self, ids: Vec<CampaignId>) -> Result<Vec<CampaignStatus>, CampaignError> {
         let store = self.context.store.clone();
         let at_work = self.registry.snapshots();
@@ -313,10 +313,10 @@ impl Campaigns {
         Ok(merged.collect())
     }
 
-    /// One campaign; `latest` is the newest of no study.
+    /// One campaign; `latest` is the newest campaign without a study.
     ///
     /// # Errors
-    /// If there is none of that id or the store cannot be read.
+    /// If there is no such campaign or the store cannot be read.
     pub async fn status(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let id = self.record(id).await?.id;
         let snapshot = self.registry.snapshot(&id);
@@ -338,7 +338,7 @@ impl Campaigns {
         )
     }
 
-    /// Waits until a campaign's status may have changed, at most a second.
+    /// Waits until a campaign's status may have changed, for at most a second.
     pub async fn changed(&self, id: &CampaignId) {
         let progress = self.registry.progress(id);
         let change = async {
@@ -353,7 +353,7 @@ impl Campaigns {
         let _ = tokio::time::timeout(Duration::from_secs(1), change).await;
     }
 
-    /// Stops everything at work without changing what the store says of it: it resumes with the next coordinator.
+    /// Stops every run and leaves the campaigns' states in the store unchanged, so that they resume with the next coordinator.
     pub async fn stop(&self) {
         self.registry.end().await;
     }
@@ -363,7 +363,7 @@ impl Campaigns {
         Ok(blocking(move || store.campaign(&id)).await??)
     }
 
-    /// Begins a run of a campaign, once the former one has ended.
+    /// Begins a run of a campaign after its former run has ended.
     pub(super) fn start(&self, deciding: &Deciding, record: &CampaignRecord) -> Result<(), CampaignError> {
         check_simulator(record)?;
         let (stop, stopped) = watch::channel(false);
@@ -377,12 +377,12 @@ impl Campaigns {
         );
         let run = record.run_id();
         let context = self.context.during(run.clone());
-        // Outside any request's span: it goes on after the request that started it, and names its campaign itself.
+        // Outside any request's span: the run outlives the request that started it, and names its campaign itself.
         let span = tracing::info_span!(parent: None, "campaign", id = %record.id);
         self.registry.start(deciding, |former| {
             let work = async move {
                 if let Some(former) = former {
-                    // One that panicked has ended too.
+                    // A run that panicked has ended too.
                     let _ = former.await;
                 }
                 run::run(context, run, handle).await;
@@ -397,8 +397,8 @@ impl Campaigns {
         Ok(())
     }
 
-    /// Evaluates a controller on a worker in a world of its own, with the picture and the embedder of a campaign: a client waits
-    /// for it. Nothing of it is stored.
+    /// Evaluates a controller on a worker in a given world, with a campaign's picture format and embedder, while a client waits.
+    /// Nothing is stored.
     ///
     /// # Errors
     /// If no worker is connected for a while, the evaluation fails, or the campaign's checkpoint cannot be read.
@@ -426,15 +426,15 @@ impl Campaigns {
         }
     }
 
-    /// The snapshot must have been taken before the record was read: then a search that had ended by the time
-    /// of the snapshot has its last word in the record.
+    /// The snapshot must be older than the record: then the record contains the final state of a run that had ended by the time of
+    /// the snapshot.
     fn merged(
         &self,
         Snapshot { active, progress }: Snapshot,
         mut record: CampaignRecord,
         notices: Vec<Notice>,
     ) -> CampaignStatus {
-        // A state that the store could not write. If the store has another state, that was decided later.
+        // The store could not write this state. If the store has another state, that is a later decision.
         if let Some(error) = progress.failed
             && record.state == CampaignState::Running
         {

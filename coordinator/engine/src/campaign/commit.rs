@@ -1,4 +1,4 @@
-//! Writing what a stage has come to, however long the disk takes.
+//! Commits the results of a stage, and waits as long as the disk refuses them.
 
 use super::{CampaignError, context::StageContext, run_handle::CommitHandle};
 use crate::blocking::blocking;
@@ -7,16 +7,16 @@ use murmuration_search::interrupt::Interrupted;
 use murmuration_store::Store;
 use std::{sync::Arc, time::Duration};
 
-/// Pauses before a refused change is made again: they double from the first to the last.
+/// Pauses before a refused commit is retried: they double from the first to the last.
 const FIRST_PAUSE: Duration = Duration::from_secs(2);
 const LAST_PAUSE: Duration = Duration::from_secs(30);
 
 impl StageContext {
-    /// Makes a change to the store. Where the disk refuses it for now (it is full, read-only, or failing), the campaign
-    /// waits, says so, and makes it again: what workers have evaluated is not thrown away.
+    /// Makes a change to the store. If the disk refuses it for now (it is full, read-only, or failing), the campaign reports that,
+    /// waits and retries, so that results of workers are not lost.
     ///
     /// # Errors
-    /// [`Interrupted`] if the campaign is to stop while it waits; then nothing has changed.
+    /// [`Interrupted`] if the campaign is to stop while it waits; the store is then unchanged.
     pub(super) async fn commit<T: Send + 'static, E: Into<CampaignError> + Send + 'static>(
         &self,
         handle: &CommitHandle,

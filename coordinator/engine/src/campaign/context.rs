@@ -10,7 +10,7 @@ use murmuration_store::{Store, checkpoints::Checkpoints};
 /// The services that the stages of a campaign work with.
 #[derive(Debug, Clone)]
 pub(super) struct StageContext {
-    /// The run's store: it takes no change once the run is over.
+    /// The run's store, which refuses changes after the end of the run.
     pub(super) store: Store,
     pub(super) dispatch: Dispatch,
     pub(super) trainers: Trainers,
@@ -20,7 +20,7 @@ pub(super) struct StageContext {
 }
 
 impl StageContext {
-    /// The same for a run of a campaign.
+    /// The same context for a run of a campaign.
     pub(super) fn during(&self, run: RunId) -> Self {
         Self {
             store: self.store.during(run),
@@ -39,20 +39,20 @@ impl StageContext {
     }
 }
 
-/// Bytes of pictures that a stage holds at a time, where it need not hold more.
+/// Maximum size in bytes of the pictures that a stage holds at a time, where it can split them.
 const PICTURE_BYTES: usize = 256 << 20;
 
-/// Pictures that a stage handles at a time: `most`, or as many as fit.
+/// Number of pictures that a stage handles at a time: `most`, or as many as fit.
 pub(super) fn pictures_at_once(image: &ImageFormat, most: usize) -> usize {
     (PICTURE_BYTES / image.bytes()).clamp(1, most)
 }
 
-/// Individuals whose pictures a stage handles at a time: `most`, or as many as fit.
+/// Number of individuals whose pictures a stage handles at a time: `most`, or as many as fit.
 pub(super) fn individuals_at_once(spec: &CampaignSpec, most: usize) -> usize {
     (PICTURE_BYTES / spec.individual_bytes()).clamp(1, most)
 }
 
-/// A campaign as it is on disk now.
+/// Reads a campaign's current record from disk.
 pub(super) async fn read(store: &Store, id: &CampaignId) -> Result<CampaignRecord, CampaignError> {
     let (store, id) = (store.clone(), id.clone());
     Ok(blocking(move || store.campaign(id.as_str())).await??)

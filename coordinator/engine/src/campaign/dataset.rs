@@ -1,4 +1,4 @@
-//! The dataset stage: controllers sampled, simulated by the workers, their pictures kept.
+//! The dataset stage: samples controllers, has the workers simulate them, and stores their pictures.
 
 use super::{
     CampaignError,
@@ -14,10 +14,10 @@ use murmuration_store::Store;
 use rand::RngExt as _;
 use std::ops::Range;
 
-/// Controllers whose pictures are simulated and committed together, where so many fit.
+/// Number of controllers whose pictures are simulated and committed together, if so many fit.
 const CHUNK: u64 = 500;
 
-/// Simulates what the dataset still lacks.
+/// Simulates the missing part of the dataset.
 pub(super) async fn collect(
     context: &StageContext,
     record: CampaignRecord,
@@ -78,7 +78,7 @@ pub fn tasks(
     Ok(tasks)
 }
 
-/// Another controller, with the starts of the one that it replaces: pictures of one controller belong together.
+/// Another controller, with the starts of the controller that it replaces, because the pictures of one controller belong together.
 fn substitutes(
     spec: &CampaignSpec,
     dataset: &Dataset,

@@ -1,5 +1,5 @@
-//! Decisions of people about a campaign: written first, then followed. From the instant that a decision is on disk nothing
-//! that the former run still does can change the campaign, so nobody has to wait for its end.
+//! Decisions of people about a campaign. A decision is written to disk before it is carried out. From then on the former run can no
+//! longer change the campaign, so nobody has to wait for its end.
 
 use super::{
     CampaignError, CampaignStatus, Campaigns,
@@ -13,7 +13,7 @@ use murmuration_store::{Decision, Deletion};
 use tracing::Instrument as _;
 
 impl Campaigns {
-    /// Stops a campaign, to be continued; the decision is on disk when this returns.
+    /// Pauses a campaign; the decision is on disk when this returns.
     ///
     /// # Errors
     /// If there is no such campaign or its state does not allow it.
@@ -25,10 +25,10 @@ impl Campaigns {
     /// Continues a campaign; the decision is on disk when this returns.
     ///
     /// # Errors
-    /// If there is no such campaign, its state does not allow it, or it was begun with another simulator.
+    /// If there is no such campaign, its state does not allow it, or another simulator began it.
     pub async fn resume(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let record = self.record(id).await?;
-        // A campaign that cannot be resumed at all is refused first.
+        // An impossible change of state is the first reason to refuse.
         if record.state.after(Change::Resume).is_some() {
             check_simulator(&record)?;
         }
@@ -44,10 +44,10 @@ impl Campaigns {
         self.decide(record.id, Decision::Cancel).await
     }
 
-    /// Moves a campaign to a stored checkpoint, from which it goes on; the decision is on disk when this returns.
+    /// Moves a campaign to a stored checkpoint, with which it continues; the decision is on disk when this returns.
     ///
     /// # Errors
-    /// If there is no such campaign or checkpoint, the two do not go together, or the campaign is cancelled.
+    /// If there is no such campaign or checkpoint, the two do not fit together, or the campaign is cancelled.
     pub async fn adopt(
         &self,
         id: &str,
@@ -59,8 +59,8 @@ impl Campaigns {
         self.decide(record.id, Decision::Adopt(checkpoint)).await
     }
 
-    /// Begins a round of feedback: has a campaign fine-tuned on its labels as they stand, and its search go on after
-    /// that; the decision is on disk when this returns.
+    /// Begins a round of feedback: the campaign is fine-tuned on its current labels, then continues its search. The decision is on
+    /// disk when this returns.
     ///
     /// # Errors
     /// If there is no such campaign, it is cancelled or has no embedder (yet), or its labels name fewer than two classes.
@@ -75,7 +75,7 @@ impl Campaigns {
         self.decide(record.id, Decision::Refine(labels.entries())).await
     }
 
-    /// Says what would be deleted with a campaign, by its id.
+    /// Reports what a deletion of the campaign would delete.
     ///
     /// # Errors
     /// If there is no such campaign.
@@ -84,11 +84,11 @@ impl Campaigns {
         Ok(blocking(move || store.deletion(&id)).await??)
     }
 
-    /// Deletes a campaign that does not run, with everything that is of it alone; what that was. It is gone from the disk when this
-    /// returns. One of a study is only deleted for somebody who names the study.
+    /// Deletes a campaign that does not run, with everything that belongs to it alone, and reports what that was. It is gone from
+    /// the disk when this returns. A campaign of a study is only deleted if the request names the study.
     ///
     /// # Errors
-    /// If there is no such campaign, it runs, or it belongs to a study that is not named.
+    /// If there is no such campaign, it runs, or it belongs to a study that the request does not name.
     pub async fn delete(
         &self,
         id: CampaignId,
@@ -109,7 +109,7 @@ impl Campaigns {
         deleted.map_err(|_| CampaignError::Broken)?
     }
 
-    /// A campaign that may move to another space.
+    /// A campaign that may move to another behaviour space.
     async fn movable(&self, id: &str, change: Change) -> Result<CampaignRecord, CampaignError> {
         let record = self.record(id).await?;
         let CampaignRecord { id, spec, state, .. } = &record;
@@ -125,10 +125,10 @@ impl Campaigns {
         Ok(record)
     }
 
-    /// Writes a decision, ends the run that there is, and begins another if the campaign is to run; the status after that.
+    /// Writes a decision, ends the current run, and begins another if the campaign is to run. Returns the new status.
     async fn decide(&self, id: CampaignId, decision: Decision) -> Result<CampaignStatus, CampaignError> {
         let campaigns = self.clone();
-        // In a task of its own: what is decided is also done if the client has gone.
+        // In a separate task, so that the decision is carried out even if the client has gone.
         let deciding = async move {
             let deciding = campaigns.registry.deciding(&id).await;
             campaigns.decide_alone(&deciding, decision).await?;
@@ -153,7 +153,7 @@ impl Campaigns {
         Ok(())
     }
 
-    /// Starts a run of a campaign that is to run and has none here; whether it did.
+    /// Starts a run of a campaign that is to run and has no run here. Returns whether it did.
     pub(super) async fn go_on(&self, deciding: &Deciding) -> Result<bool, CampaignError> {
         let record = self.record(deciding.id.as_str()).await?;
         if record.state != CampaignState::Running || self.registry.snapshot(&deciding.id).active {

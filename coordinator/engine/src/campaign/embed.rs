@@ -1,5 +1,4 @@
-//! The embed stage: the workers embed every stored picture with the next checkpoint, then the archive switches to it
-//! at once.
+//! The embed stage: the workers embed every stored picture with the next checkpoint, then the archive switches to it in one step.
 
 use super::{
     CampaignError,
@@ -16,10 +15,10 @@ use murmuration_search::{
 };
 use murmuration_store::{ArchivedIndividual, GenerationRecord, Provenance, Store, Switch};
 
-/// Pictures embedded and committed together, where so many fit.
+/// Number of pictures that are embedded and committed together, if so many fit.
 const CHUNK: usize = 2048;
 
-/// Embeds what is not embedded yet, measures novelty anew, and switches.
+/// Embeds what is not embedded yet, recomputes novelty, and switches.
 pub(super) async fn embed(
     context: &StageContext,
     record: CampaignRecord,
@@ -81,7 +80,7 @@ pub(super) async fn embed(
     context.commit(&handle.commit_handle(), switch).await
 }
 
-/// Measures every generation anew, in the archive as it stood after it.
+/// Recomputes the novelty of every generation, each in the archive as it was after that generation.
 fn measure(
     store: &Store,
     id: &CampaignId,

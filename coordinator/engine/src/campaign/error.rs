@@ -7,7 +7,7 @@ use murmuration_proto::{BehaviourSpace, CheckpointDigest, SIMULATOR_VERSION, cou
 use murmuration_search::{breeding::ProposeError, interrupt::Interrupted, novelty::Misfit};
 use murmuration_store::{DecisionError, DeletionError, LabelError, StoreError, checkpoints::CheckpointError};
 
-/// Why a campaign stopped, or could not do what was asked.
+/// Why a campaign stopped, or a request about it failed.
 #[derive(Debug, thiserror::Error)]
 pub enum CampaignError {
     #[error(transparent)]
@@ -30,7 +30,7 @@ pub enum CampaignError {
     )]
     TooFewClasses {
         id: CampaignId,
-        /// Classes that are named.
+        /// Number of classes in the labels.
         classes: usize,
     },
     #[error(
@@ -66,12 +66,12 @@ pub enum CampaignError {
     )]
     OtherSimulator {
         id: CampaignId,
-        /// Version of the simulator that it was begun with.
+        /// Version of the simulator that began the campaign.
         theirs: String,
     },
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
-    /// A bug: the search itself broke off.
+    /// A bug ended the search.
     #[error("the search stopped because of a bug, which the log describes; committed data is safe")]
     Broken,
 }
@@ -131,7 +131,7 @@ impl From<DeletionError> for CampaignError {
 }
 
 impl CampaignError {
-    /// Whether nothing is wrong with the campaign: somebody decided about it, or the coordinator ends.
+    /// Whether the campaign has no fault: a person decided about it, or the coordinator ends.
     pub(super) const fn is_stop(&self) -> bool {
         matches!(
             self,
@@ -142,7 +142,7 @@ impl CampaignError {
         )
     }
 
-    /// Whether the disk is why, so that the same may be done later.
+    /// Whether the disk is the cause, so that a retry may succeed.
     pub const fn may_pass(&self) -> bool {
         match self {
             Self::Store(error)

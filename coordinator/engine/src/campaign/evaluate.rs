@@ -1,4 +1,4 @@
-//! Evaluations by the workers, with something in the place of poisoned tasks.
+//! Evaluations by the workers, with substitutes for poisoned tasks.
 
 use super::{CampaignError, run_handle::RunHandle};
 use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, PoisonedTask};
@@ -11,19 +11,18 @@ use std::collections::BTreeMap;
 /// The results of a job.
 #[derive(Debug)]
 pub(super) struct Done {
-    /// The tasks of the job, except the poisoned ones.
+    /// The completed tasks: those of the job, with substitutes for poisoned ones.
     pub(super) tasks: Vec<(Controller, u64)>,
     /// The trials of each task.
     pub(super) evaluations: Vec<Vec<Evaluation>>,
-    /// The maker of each.
+    /// The maker of each task's result.
     pub(super) makers: Vec<Maker>,
-    /// The places of poisoned tasks, and why they are.
+    /// The places of poisoned tasks, with the reasons.
     pub(super) poisoned: Vec<(usize, PoisonedTask)>,
 }
 
 impl Done {
-    /// The picture of every task, each of one trial, and where they come from; `notice` says what there is to say of the place of a poisoned
-    /// task.
+    /// The pictures of all tasks, each of one trial, and their provenance. `notice` gives the message about a poisoned task.
     pub(super) fn into_pictures(
         self,
         notice: impl Fn(usize, &PoisonedTask) -> String,
@@ -48,8 +47,8 @@ impl Done {
 /// A task and its place in a job.
 pub(super) type Placed = (usize, (Controller, u64));
 
-/// Runs `job` on the workers. Where a task is poisoned, `substitute` says which tasks take its place (and those
-/// of its neighbours, where they belong together) at an attempt, counted from 1.
+/// Runs `job` on the workers. If a task is poisoned, `substitute` gives the tasks that replace it at an attempt, counted from 1,
+/// including those of its neighbours if they belong together.
 pub(super) async fn evaluate(
     dispatch: &Dispatch,
     handle: &mut RunHandle,

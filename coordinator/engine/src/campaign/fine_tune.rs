@@ -1,5 +1,4 @@
-//! The fine-tune stage: a trainer goes on from the campaign's embedder, on labels, and the campaign moves to what comes
-//! of it.
+//! The fine-tune stage: a trainer continues from the campaign's embedder on labels, and the campaign moves to the new checkpoint.
 
 use super::{
     CampaignError,
@@ -17,10 +16,10 @@ use murmuration_proto::{
 };
 use murmuration_store::{FurtherStart, RoundPictures, Store};
 
-/// Pictures from further starts that are simulated and committed together.
+/// Number of pictures from further starts that are simulated and committed together.
 const CHUNK: usize = 1000;
 
-/// A trainer fine-tunes the embedder on the labels of the round that was begun, and the campaign moves to the checkpoint.
+/// Has a trainer fine-tune the embedder on the labels of the current round, and moves the campaign to the checkpoint.
 pub(super) async fn fine_tune(
     context: &StageContext,
     record: CampaignRecord,
@@ -53,8 +52,8 @@ async fn read(
     Ok(blocking(move || store.round_pictures(&record, cutoff)).await??)
 }
 
-/// Workers simulate labelled controllers from further starts, as far as that is not on disk yet: a class is what a controller
-/// does, wherever its agents begin.
+/// Has workers simulate labelled controllers from further starts, except those on disk: a controller's class does not depend on
+/// where its agents begin.
 async fn further_starts(
     context: &StageContext,
     record: &CampaignRecord,
@@ -69,7 +68,7 @@ async fn further_starts(
             .map(|start| (start.controller.clone(), start.seed))
             .collect();
         let job = EvaluationJob::of(record, None, tasks);
-        // In the place of what kills its workers comes what was labelled, which does not.
+        // The labelled start replaces a poisoned task, because it has already been simulated.
         let labelled = |place: usize, _| {
             let FurtherStart {
                 controller, labelled, ..
@@ -90,7 +89,7 @@ async fn further_starts(
     Ok(())
 }
 
-/// The configuration of the checkpoint to go on from, with the recipe for labels.
+/// The configuration of the parent checkpoint, with the recipe for labels.
 async fn configuration(
     context: &StageContext,
     parent: CheckpointDigest,

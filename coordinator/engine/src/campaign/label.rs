@@ -1,11 +1,11 @@
-//! The label stage of a round that nobody attends: the synthetic annotator labels in a person's place.
+//! The label stage of an unattended round: the synthetic annotator labels in place of a person.
 
 use super::{CampaignError, context::StageContext, run_handle::RunHandle};
 use crate::blocking::blocking;
 use murmuration_model::{CampaignRecord, labels::RequestId};
 use murmuration_store::Store;
 
-/// The synthetic annotator labels as many individuals as a round asks for, and the campaign begins to learn from the labels.
+/// Has the synthetic annotator label as many individuals as a round asks for, and begins the round's training.
 pub(super) async fn label(
     context: &StageContext,
     record: CampaignRecord,

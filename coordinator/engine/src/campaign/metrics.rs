@@ -6,14 +6,14 @@ use prometheus_client::{
 };
 use std::time::Duration;
 
-/// Where campaigns count; cheap to clone.
+/// Counters of campaigns; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct CampaignMetrics {
     commit: Histogram,
 }
 
 impl CampaignMetrics {
-    /// All at nought, and told to `registry`.
+    /// All metrics at zero, added to `registry`.
     pub fn register(registry: &mut Registry) -> Self {
         // From a millisecond to half a minute.
         let commit = Histogram::new(exponential_buckets(0.001, 2.0, 16));
@@ -26,7 +26,7 @@ impl CampaignMetrics {
         Self { commit }
     }
 
-    /// A generation was put on disk.
+    /// Records the commit of a generation.
     pub(super) fn generation_committed(&self, took: Duration) {
         self.commit.observe(took.as_secs_f64());
     }

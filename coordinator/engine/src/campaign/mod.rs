@@ -1,4 +1,4 @@
-//! Campaigns: where they stand, the stages that they go through, and the registry of those at work.
+//! Campaigns: their status, their stages, and the registry of their runs.
 
 mod campaigns;
 mod commit;

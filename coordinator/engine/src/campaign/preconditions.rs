@@ -1,11 +1,11 @@
-//! Preconditions of a campaign that goes on.
+//! Conditions for a campaign to continue.
 
 use super::CampaignError;
 use murmuration_model::{CampaignId, CampaignRecord, labels::Labels};
 use murmuration_proto::SIMULATOR_VERSION;
 use std::collections::BTreeSet;
 
-/// Whether its archive can go on to grow with the evaluations of this simulator.
+/// Checks that the archive may grow with the evaluations of this simulator.
 pub(super) fn check_simulator(record: &CampaignRecord) -> Result<(), CampaignError> {
     match record.simulator_version == SIMULATOR_VERSION {
         true => Ok(()),
@@ -16,7 +16,7 @@ pub(super) fn check_simulator(record: &CampaignRecord) -> Result<(), CampaignErr
     }
 }
 
-/// Whether there is something to learn from labels.
+/// Checks that the labels name enough classes to learn from.
 pub(super) fn check_classes(id: &CampaignId, labels: &Labels) -> Result<(), CampaignError> {
     let classes: BTreeSet<u32> = labels
         .numbered_classes()

@@ -1,7 +1,7 @@
-//! Which campaigns are at work in this process.
+//! The runs of campaigns in this process.
 //!
-//! A change of what a campaign does holds the lock of that campaign ([`Deciding`]); other campaigns, and readers,
-//! do not wait for it. The registry's own lock is held for a look-up, never while something is awaited or computed.
+//! A change of a campaign's run holds the lock of that campaign ([`Deciding`]). Other campaigns and readers do not wait for it. The
+//! registry's own lock is held for look-ups, never during waits or computations.
 
 use super::run_handle::Progress;
 use murmuration_model::CampaignId;
@@ -15,25 +15,25 @@ use tokio::{
     task::JoinHandle,
 };
 
-/// The campaigns at work; clones share them.
+/// The runs of campaigns; clones share them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Registry(Arc<Mutex<Entries>>);
 
 #[derive(Debug, Default)]
 struct Entries {
     campaigns: BTreeMap<CampaignId, Entry>,
-    /// The coordinator ends: nothing is started any more.
+    /// Whether the coordinator ends: no run starts any more.
     is_ending: bool,
 }
 
 #[derive(Debug, Default)]
 struct Entry {
     deciding: Arc<tokio::sync::Mutex<()>>,
-    /// The newest run that was started here.
+    /// The newest run that started here.
     at_work: Option<AtWork>,
 }
 
-/// The lock of a campaign: held from a decision about it until its run is stopped or started.
+/// The lock of a campaign, held from a decision about it until its run has been stopped or started.
 #[derive(Debug)]
 pub(super) struct Deciding {
     pub(super) id: CampaignId,
@@ -52,13 +52,13 @@ pub(super) struct AtWork {
 /// A run at one instant.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Snapshot {
-    /// Whether it works, and was not told to stop.
+    /// Whether the run is at work and was not told to stop.
     pub(super) active: bool,
     pub(super) progress: Progress,
 }
 
 impl Registry {
-    /// Waits until nobody else decides about the campaign.
+    /// Waits for any other decision about the campaign.
     pub(super) async fn deciding(&self, id: &CampaignId) -> Deciding {
         let lock = {
             let mut entries = self.lock();
@@ -70,8 +70,8 @@ impl Registry {
         }
     }
 
-    /// Starts a run of the campaign: `begin` is given the former one, which was told to stop and may still be about to. Does
-    /// nothing once the coordinator ends.
+    /// Starts a run of the campaign. `begin` gets the former run, which was told to stop and may not have stopped yet. Does nothing
+    /// once the coordinator ends.
     pub(super) fn start(&self, deciding: &Deciding, begin: impl FnOnce(Option<JoinHandle<()>>) -> AtWork) {
         let mut entries = self.lock();
         if entries.is_ending {
@@ -94,7 +94,7 @@ impl Registry {
         }
     }
 
-    /// Tells every run to stop, and waits until all have. No other is started after that.
+    /// Tells every run to stop, and waits until all have stopped. No run starts after that.
     pub(super) async fn end(&self) {
         let at_work: Vec<AtWork> = {
             let mut entries = self.lock();
@@ -104,12 +104,12 @@ impl Registry {
         };
         at_work.iter().for_each(AtWork::tell_to_stop);
         for at_work in at_work {
-            // One that panicked has ended too.
+            // A run that panicked has ended too.
             let _ = at_work.task.await;
         }
     }
 
-    /// The run of a campaign, as nothing where it has none.
+    /// The run of a campaign; inactive if there is none.
     pub(super) fn snapshot(&self, id: &CampaignId) -> Snapshot {
         let entries = self.lock();
         let entry = entries.campaigns.get(id);
@@ -122,7 +122,7 @@ impl Registry {
         entries.campaigns.iter().filter_map(snapshot).collect()
     }
 
-    /// The progress of the run of a campaign, while it works.
+    /// The progress of a campaign's run, while it is active.
     pub(super) fn progress(&self, id: &CampaignId) -> Option<watch::Receiver<Progress>> {
         let entries = self.lock();
         let at_work = entries.campaigns.get(id)?.at_work.as_ref()?;
@@ -143,7 +143,7 @@ impl Entry {
         })
     }
 
-    /// Whether somebody decides about it, its run has not ended, or knows alone that it failed.
+    /// Whether a decision about it is in progress, its run has not ended, or only the run knows that it failed.
     fn is_needed(&self) -> bool {
         let tells =
             |at_work: &AtWork| !at_work.task.is_finished() || at_work.progress.borrow().failed.is_some();

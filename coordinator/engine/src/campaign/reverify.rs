@@ -1,8 +1,8 @@
-//! When a machine is found wrong, what rests on its word alone is done again by others; what differs is rolled back, with
-//! all that came of it. What counts as different is what audits go by.
+//! When a machine is found wrong, other machines repeat the results that it alone has vouched for. A result that differs, by the
+//! criteria of audits, is rolled back with everything that depends on it.
 //!
-//! Limits: what a campaign has learned from labels, or moved to another embedder with, cannot be rolled back without what
-//! people said. Such a campaign fails aloud.
+//! Limits: once a campaign has learned from labels, or moved to another embedder, a rollback would lose people's labels. Such a
+//! campaign fails with an error.
 
 use super::{
     CampaignError,
@@ -16,7 +16,7 @@ use murmuration_model::{ArchiveEmbedder, CampaignId, CampaignRecord};
 use murmuration_proto::{Controller, EmbedderSource, counted, embeddings_agree};
 use murmuration_store::{ArchivedIndividual, Store, StoreError, Suspect, Suspects};
 
-/// Results that are done again at a time, where so many fit.
+/// Number of results that are repeated at a time, if so many fit.
 const CHUNK: usize = 1024;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,18 +26,18 @@ enum Wrong {
     Embedding(u64),
 }
 
-/// The part of a campaign that is rolled back, and done again by itself.
+/// The part of a campaign that is rolled back. The campaign then repeats it by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Rollback {
-    /// All but so many pictures.
+    /// All but the first `pictures` pictures.
     Dataset { pictures: u64 },
     /// The generations from this one on.
     Generations { generation: u32 },
-    /// The embeddings, and what came after so many individuals were embedded.
+    /// The embeddings, and the generations that came after the first `kept` individuals were embedded.
     Embeddings { kept: u64 },
 }
 
-/// Does again what rests on the word of machines that were found wrong.
+/// Repeats the results that only wrong machines have computed.
 pub(super) async fn reverify(
     context: &StageContext,
     record: &CampaignRecord,
@@ -58,25 +58,25 @@ pub(super) async fn reverify(
     let id = record.id.clone();
     let Some(wrong) = wrong else {
         let results = counted(suspects.len() as u64, "result");
-        let said = format!("{begins}: none of {results} was wrong");
-        let confirm = move |store: &Store| store.confirm(&id, &suspects.machines, &said);
+        let message = format!("{begins}: none of {results} was wrong");
+        let confirm = move |store: &Store| store.confirm(&id, &suspects.machines, &message);
         return context.commit(&handle.commit_handle(), confirm).await;
     };
     let rollback = rollback(context, record, wrong, names.join(", ")).await?;
-    let said = format!("{begins}: {}", rollback.because_of(wrong));
-    tracing::warn!(campaign = %record.id, "{said}");
-    let apply = move |store: &Store| rollback.apply(store, &id, &said);
+    let message = format!("{begins}: {}", rollback.because_of(wrong));
+    tracing::warn!(campaign = %record.id, "{message}");
+    let apply = move |store: &Store| rollback.apply(store, &id, &message);
     context.commit(&handle.commit_handle(), apply).await
 }
 
-/// The first result that others find to be different.
+/// The first result that other machines find to be different.
 async fn first_wrong(
     context: &StageContext,
     record: &CampaignRecord,
     suspects: &Suspects,
     handle: &mut RunHandle,
 ) -> Result<Option<Wrong>, CampaignError> {
-    // The stored evaluation and the repeated one.
+    // Each takes twice the room: the stored evaluation and the repeated one.
     let at_once = pictures_at_once(record.spec.image(), 2 * CHUNK).div_ceil(2);
     let individuals_at_once = individuals_at_once(&record.spec, 2 * CHUNK).div_ceil(2);
     for chunk in suspects.pictures.chunks(at_once) {
@@ -84,7 +84,7 @@ async fn first_wrong(
             return Ok(Some(wrong));
         }
     }
-    // Before individuals, which are not to blame for what was made of them later.
+    // Embeddings come before individuals, because a wrong later embedding says nothing against the individual.
     for chunk in suspects.embeddings.chunks(individuals_at_once) {
         if let Some(wrong) = wrong_embedding(context, record, chunk, handle).await? {
             return Ok(Some(wrong));
@@ -142,7 +142,7 @@ async fn wrong_individual(
     let new = again.evaluations.iter().zip(&again.makers);
     let mut both = suspects.iter().zip(&archived).zip(new);
     let differs = both.find(|((suspect, old), (new, maker))| {
-        // Individuals that were there when the archive moved were embedded again then, maybe by other workers.
+        // Individuals that were in the archive when it moved were then embedded again, perhaps by other workers.
         let embedded = embedder.is_some() && old.index >= moved;
         old.trials.iter().zip(*new).any(|(old, new)| {
             old.features.map(f64::to_bits) != new.features().map(f64::to_bits)
@@ -164,7 +164,7 @@ async fn wrong_embedding(
     suspects: &[Suspect],
     handle: &mut RunHandle,
 ) -> Result<Option<Wrong>, CampaignError> {
-    // Those of a move that has not ended are made anew, whoever made them.
+    // The embeddings of an unfinished move are all made again.
     let ArchiveEmbedder::Checkpoint(checkpoint) = record.embedder else {
         return Ok(suspects.first().map(|suspect| Wrong::Embedding(suspect.place)));
     };
@@ -201,7 +201,7 @@ async fn archived(
     .await
 }
 
-/// Reads what the store has at these places.
+/// Reads the store's contents at these places.
 async fn read_all<T: Send + 'static>(
     context: &StageContext,
     suspects: &[Suspect],
@@ -216,7 +216,7 @@ async fn read_all<T: Send + 'static>(
     Ok(read?)
 }
 
-/// How many individuals an archive had when it moved to the embedder that it has; 0 while it moves to another.
+/// Number of individuals in the archive when it moved to its current embedder; 0 while it moves to another.
 async fn moved(context: &StageContext, record: &CampaignRecord) -> Result<u64, CampaignError> {
     if record.embedder.next().is_some() {
         return Ok(0);
@@ -225,7 +225,7 @@ async fn moved(context: &StageContext, record: &CampaignRecord) -> Result<u64, C
     Ok(blocking(move || store.embedded_when_moved(&id)).await??)
 }
 
-/// The evaluations of a job by machines that nobody mistrusts.
+/// The evaluations of a job by machines that are not quarantined.
 async fn evaluated_again(
     context: &StageContext,
     job: EvaluationJob,
@@ -236,7 +236,7 @@ async fn evaluated_again(
     evaluate(&context.dispatch, handle, job, same).await
 }
 
-/// The part to roll back because of something wrong.
+/// The part to roll back because of a wrong result.
 async fn rollback(
     context: &StageContext,
     record: &CampaignRecord,
@@ -254,8 +254,8 @@ async fn rollback(
 }
 
 impl Rollback {
-    /// That of something wrong in a campaign whose log has so many entries, and whose archive had so many individuals when
-    /// it `moved` to its embedder; `None` if there is none.
+    /// The part to roll back because of a wrong result. `labels` is the length of the campaign's label log, and `moved` the number
+    /// of individuals when the archive moved to its embedder. `None` if no rollback is possible.
     fn of(record: &CampaignRecord, wrong: Wrong, labels: u64, moved: u64) -> Option<Self> {
         let moves = matches!(record.embedder, ArchiveEmbedder::Switching { from: Some(_), .. });
         let starts = match record.spec.embedder() {

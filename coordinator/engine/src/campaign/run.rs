@@ -1,4 +1,4 @@
-//! A campaign at work: one stage after the other, each begun where the disk says that it was left.
+//! A run of a campaign: one stage after the other, each continued from its state on disk.
 
 use super::{
     CampaignError,
@@ -12,19 +12,19 @@ use murmuration_model::{CampaignId, CampaignState, RunId, Stage};
 use murmuration_search::interrupt::Interrupted;
 use murmuration_store::{Store, Suspects};
 
-/// Runs the campaign from where it stands until it is complete, failed or stopped; with the context of the run.
+/// Runs the campaign from its state on disk until it is complete, failed or stopped, with the context of the run.
 pub(super) async fn run(context: StageContext, run: RunId, mut handle: RunHandle) {
     let id = run.campaign().clone();
     match stages(&context, &run, &mut handle).await {
         Ok(()) => tracing::info!(campaign = %id, "completed"),
-        // A decision has been told to people already; after a shutdown the campaign is to go on with the next coordinator.
+        // The client already knows of a decision; after a shutdown the campaign is to continue with the next coordinator.
         Err(error) if error.is_stop() => {}
         Err(error) => {
-            let said = error.to_string();
-            tracing::error!(campaign = %id, error = said, "failed");
-            handle.failed(&said);
+            let message = error.to_string();
+            tracing::error!(campaign = %id, error = message, "failed");
+            handle.failed(&message);
             let store = context.store;
-            let recorded = blocking(move || store.set_state(&id, CampaignState::Failed, &said)).await;
+            let recorded = blocking(move || store.set_state(&id, CampaignState::Failed, &message)).await;
             if let Ok(Err(error)) = recorded {
                 tracing::warn!(%error, "the failure could not be recorded");
             }
@@ -48,7 +48,7 @@ async fn stages(context: &StageContext, run: &RunId, handle: &mut RunHandle) -> 
             before = None;
             continue;
         }
-        // A stage that leaves no trace would be begun for ever.
+        // A stage that changes nothing would repeat for ever.
         if before.replace((record.clone(), seen)).as_ref() == Some(&(record.clone(), seen)) {
             return Err(CampaignError::Broken);
         }
@@ -68,7 +68,8 @@ async fn stages(context: &StageContext, run: &RunId, handle: &mut RunHandle) -> 
     }
 }
 
-/// Results of a campaign that only quarantined machines have computed, and the number of these machines; on disk too.
+/// Results of a campaign that only quarantined machines have computed, and the number of these machines, which are also recorded on
+/// disk.
 async fn suspects(
     context: &StageContext,
     id: &CampaignId,

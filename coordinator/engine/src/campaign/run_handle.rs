@@ -10,22 +10,22 @@ use std::{
 };
 use tokio::sync::watch;
 
-/// How often watchers hear of a campaign's evaluations.
+/// Interval at which watchers get a campaign's counts.
 pub(super) const COUNTING_INTERVAL: Duration = Duration::from_millis(100);
-/// Span that evaluations a second are averaged over.
+/// Period over which the evaluations per second are averaged.
 const RATE_SPAN: Duration = Duration::from_secs(5);
 
-/// How long nobody may be there to do what is to be done before it is said: whoever was restarted is back by then.
+/// How long no machine may be connected before this is reported, so that a mere restart is not.
 const ABSENCE_LIMIT: Duration = Duration::from_secs(2);
 
-/// Whether anybody is there to do a campaign's work.
+/// Whether machines are connected to do a campaign's work.
 #[derive(Debug, Clone)]
 pub(super) struct Availability {
-    /// How many are connected.
+    /// Number of connected machines.
     connected: watch::Receiver<usize>,
-    /// The words for waiting where nobody is connected.
+    /// Message while none is connected.
     missing: &'static str,
-    /// Since when nobody has been.
+    /// Time since which none has been connected.
     since: Option<Instant>,
 }
 
@@ -47,7 +47,7 @@ impl Availability {
         }
     }
 
-    /// The missing machines, if none has been connected for a while; to be called again and again.
+    /// The message about missing machines, once none has been connected for a while. Call it repeatedly.
     pub(super) fn missing(&mut self, now: Instant) -> Option<String> {
         if *self.connected.borrow() > 0 {
             self.since = None;
@@ -58,7 +58,7 @@ impl Availability {
     }
 }
 
-/// Why a job waits: the missing workers, trainers or disk, and other trouble.
+/// Why a job waits: missing workers, trainers or disk, and other trouble.
 pub(super) fn held_up_by(missing: Option<String>, trouble: Option<String>) -> Option<String> {
     match (missing, trouble) {
         (Some(missing), Some(trouble)) => Some(format!("{missing} ({trouble})")),
@@ -69,19 +69,19 @@ pub(super) fn held_up_by(missing: Option<String>, trouble: Option<String>) -> Op
 /// The progress of a campaign, for its watchers.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Progress {
-    /// How much has arrived of what is in work (a generation, part of a dataset, stored pictures).
+    /// Number of results that have arrived of the current job (a generation, part of a dataset, stored pictures).
     pub(super) arrived: u32,
     pub(super) per_second: f64,
     pub(super) training: Option<v1::TrainingProgress>,
     /// The missing resource that it waits for, except the disk.
     pub(super) waiting: Option<String>,
-    /// Why the disk refused a write that is tried again, if it did.
+    /// Why the disk refused a write, while that is retried.
     pub(super) disk: Option<String>,
-    /// Why it failed, also where the store could not record that.
+    /// Why the campaign failed, even if the store could not record that.
     pub(super) failed: Option<String>,
 }
 
-/// The part of a [`RunHandle`] that a commit needs; commits may run beside what the campaign does next.
+/// The part of a [`RunHandle`] that a commit needs. Commits may run while the campaign continues.
 #[derive(Debug, Clone)]
 pub(super) struct CommitHandle {
     progress: watch::Sender<Progress>,
@@ -89,7 +89,7 @@ pub(super) struct CommitHandle {
 }
 
 impl CommitHandle {
-    /// Whether the disk refuses what is to be written, and why.
+    /// Records why the disk refuses a write; `None` if it does not.
     pub(super) fn refused(&self, why: Option<String>) {
         self.progress.send_if_modified(|progress| {
             let changes = progress.disk != why;
@@ -100,23 +100,23 @@ impl CommitHandle {
 
     /// Resolves when the campaign is to stop.
     pub(super) async fn stopped(&self) {
-        // A closed channel means stop: nobody is left to say so.
+        // A closed channel means stop, because its sender is gone.
         let _ = self.stopped.clone().wait_for(|&stopped| stopped).await;
     }
 }
 
-/// A campaign's end of the line.
+/// The run's end of its channels: reports progress, and receives the stop.
 #[derive(Debug)]
 pub(super) struct RunHandle {
     progress: watch::Sender<Progress>,
     stopped: watch::Receiver<bool>,
-    /// Workers, who do all but training.
+    /// The workers, which do all work except training.
     workers: Availability,
-    /// Ends what the campaign computes, when it is to stop.
+    /// Ends the campaign's computations when it is to stop.
     pub(super) interrupt: Interrupt,
-    /// Work of this stage that this process has done, without the current job.
+    /// Number of results of this stage in this process, without the current job.
     done: u64,
-    /// Work of this stage done by each time, over the last [`RATE_SPAN`].
+    /// Number of results of this stage at each time, over the last [`RATE_SPAN`].
     history: VecDeque<(Instant, u64)>,
 }
 
@@ -148,13 +148,13 @@ impl RunHandle {
         });
     }
 
-    /// A further `count` of what this stage does are done.
+    /// Adds `count` results to those of this stage.
     pub(super) fn done(&mut self, count: u64) {
         self.done += count;
         self.progress.send_modify(|progress| progress.arrived = 0);
     }
 
-    /// Notes what the campaign waits for, if it does.
+    /// Records what the campaign waits for, if anything.
     pub(super) fn waiting(&self, what: Option<String>) {
         self.progress.send_if_modified(|progress| {
             let changes = progress.waiting != what;
@@ -168,7 +168,7 @@ impl RunHandle {
             .send_modify(|progress| progress.failed = Some(why.to_owned()));
     }
 
-    /// How far the training has come.
+    /// Records the progress of the training.
     pub(super) fn training(&self, training: Option<v1::TrainingProgress>) {
         self.progress.send_modify(|progress| progress.training = training);
     }
@@ -180,11 +180,11 @@ impl RunHandle {
         }
     }
 
-    /// Awaits what `begin` starts, telling meanwhile how far it is and what holds it up.
+    /// Awaits the future from `begin`, and reports its progress and obstacles meanwhile.
     ///
     /// # Errors
-    /// [`Interrupted`] if the campaign is to stop. It stops only where it waits for workers or trainers, so that no commit is ever
-    /// left in the air.
+    /// [`Interrupted`] if the campaign is to stop. It only stops while it waits for workers or trainers, so that no commit is left
+    /// unfinished.
     pub(super) async fn until_stopped<F: Future>(
         &mut self,
         begin: impl FnOnce(Arc<JobProgress>) -> F,
@@ -214,7 +214,7 @@ impl RunHandle {
 
     fn count(&mut self, arrived: u32, now: Instant) {
         let total = self.done + u64::from(arrived);
-        // Results of a worker that was found wrong count no more: the rate is measured anew from what is left.
+        // The total falls when results of a wrong worker are discarded: the rate then starts again from the remaining results.
         self.history.retain(|&(_, before)| before <= total);
         self.history.push_back((now, total));
         while self.history.len() > 2
@@ -258,7 +258,7 @@ mod tests {
         );
         count.send_replace(1);
         assert_eq!(after(3), None);
-        // One that was only restarted is not missed.
+        // A worker that only restarts is not reported as missing.
         count.send_replace(0);
         assert_eq!((after(10), after(11)), (None, None));
         assert!(after(12).is_some());

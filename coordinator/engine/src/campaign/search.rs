@@ -1,4 +1,4 @@
-//! The evolve stage: propose, have evaluated, absorb, commit; and the taxonomy at the end.
+//! The evolve stage: propose, evaluate, absorb and commit generations. At the end, the taxonomy.
 
 use super::{
     CampaignError,
@@ -22,10 +22,10 @@ use murmuration_store::{
 };
 use std::{sync::Arc, time::Instant};
 
-/// Individuals read from the store at a time.
+/// Number of individuals that are read from the store at a time.
 const CHUNK: u64 = 4096;
 
-/// An evaluated generation, to be committed.
+/// An evaluated generation that is not committed yet.
 struct Generation {
     record: GenerationRecord,
     individuals: Vec<ArchivedIndividual>,
@@ -39,17 +39,17 @@ struct Search {
     campaign: Arc<CampaignRecord>,
     embedder: Option<EmbedderRef>,
     behaviours: Behaviours,
-    /// The scale of `behaviours`, which follows from the first generation.
+    /// The scale of `behaviours`, computed from the first generation.
     scale: Scale,
-    /// Where they are near each other; kept from generation to generation.
+    /// Index of neighbours in `behaviours`, kept from generation to generation.
     index: Index,
     /// The last generation; empty before the first.
     parents: Vec<Parent>,
     next_generation: u32,
 }
 
-/// Searches from where the archive ends to the last generation, or until further workers than the first `seen` are found
-/// wrong. A generation is committed while the next is evaluated, and none before the one before it.
+/// Searches from the end of the archive to the last generation, or until more than `seen` workers are found wrong. A generation is
+/// committed while the next is evaluated; commits are in order.
 pub(super) async fn evolve(
     context: &StageContext,
     record: CampaignRecord,
@@ -63,7 +63,7 @@ pub(super) async fn evolve(
     loop {
         let id = search.campaign.id.clone();
         let committed = commit(context.clone(), handle.commit_handle(), id, uncommitted.take());
-        // Results of these workers may be in this archive: they are verified between stages.
+        // Results of these workers may be in this archive, and are verified between stages.
         if quarantined.borrow().len() != seen || search.next_generation >= generations {
             return committed.await;
         }
@@ -120,7 +120,7 @@ async fn commit(
     context.commit(&handle, commit).await
 }
 
-/// Clusters the archive and completes the campaign; whether that is so, see [`Store::complete`].
+/// Clusters the archive and completes the campaign. Returns whether it is complete, see [`Store::complete`].
 pub(super) async fn complete(
     context: &StageContext,
     record: CampaignRecord,
@@ -139,7 +139,7 @@ pub(super) async fn complete(
     context.commit(&handle.commit_handle(), complete).await
 }
 
-/// A trial, as it is stored.
+/// A trial in the form in which it is stored.
 fn trial(evaluation: Evaluation) -> Trial {
     Trial {
         features: *evaluation.features(),
@@ -149,7 +149,7 @@ fn trial(evaluation: Evaluation) -> Trial {
     }
 }
 
-/// Numbers in a behaviour vector.
+/// Number of dimensions of a behaviour vector.
 pub(super) const fn dimensions(space: BehaviourSpace, embedding: Option<usize>) -> usize {
     let features = if space.has_features() { 5 } else { 0 };
     match embedding {
@@ -158,7 +158,7 @@ pub(super) const fn dimensions(space: BehaviourSpace, embedding: Option<usize>) 
     }
 }
 
-/// The search as the store left it.
+/// Restores the search from the store.
 async fn restore(
     context: &StageContext,
     record: CampaignRecord,
@@ -181,7 +181,7 @@ async fn restore(
 }
 
 impl Search {
-    /// With the archive as it is on disk.
+    /// Adds the archive on disk.
     fn restored(self) -> Result<Self, CampaignError> {
         let mut search = self;
         let population = u64::from(search.campaign.spec.search().population());
@@ -222,7 +222,7 @@ impl Search {
         breeding::propose(&self.campaign.spec, self.next_generation, &self.parents)
     }
 
-    /// Seeds of the starts of the generation to come.
+    /// Seeds of the starts of the next generation.
     fn seeds(&self) -> Vec<u64> {
         let first = self.behaviours.len() as u64;
         let population = u64::from(self.campaign.spec.search().population());
@@ -231,7 +231,7 @@ impl Search {
             .collect()
     }
 
-    /// The task that replaces that of an individual of the generation to come, which is poisoned.
+    /// The substitute for a poisoned task of the next generation.
     fn substitute(&self, place: usize, attempt: u64) -> Result<Vec<Placed>, ProposeError> {
         let index = (self.behaviours.len() + place) as u64;
         Ok(vec![(
@@ -240,7 +240,7 @@ impl Search {
         )])
     }
 
-    /// Adds an evaluated generation to the archive in memory; the generation.
+    /// Adds an evaluated generation to the archive in memory, and returns the generation.
     fn absorb(mut self, filtered: u64, done: Done) -> Result<(Self, Generation), CampaignError> {
         let first = self.behaviours.len();
         let method = self.campaign.spec.method();
@@ -296,8 +296,8 @@ impl Search {
         Ok((self, generation))
     }
 
-    /// For each individual, the number of its trials to which no other medoid is nearer than its own; nothing where
-    /// individuals have one trial.
+    /// For each individual, the number of its trials to which no other medoid is nearer than its own; empty if individuals have one
+    /// trial.
     fn robust_trials(&self, taxonomy: &Clustering) -> Result<Vec<u8>, CampaignError> {
         let (spec, len) = (&self.campaign.spec, self.campaign.individuals());
         if spec.starts() == Starts::ONE {
@@ -322,7 +322,7 @@ impl Search {
         Ok(robust)
     }
 
-    /// Where each individual is on the map. The taxonomy keeps that: the embeddings go when the campaign learns.
+    /// The place of each individual on the map. The taxonomy stores it, because the embeddings go when the campaign learns.
     fn points(&self) -> Result<Vec<[f32; 2]>, Interrupted> {
         let axes = projection::principal_axes(&self.behaviours, &self.interrupt)?;
         Ok(axes

@@ -1,4 +1,4 @@
-//! A training as a stage waits for it: what the trainer tells is passed on, what it puts aside is kept.
+//! A training as part of a stage: forwards the trainer's reports, and stores its snapshots.
 
 use super::{
     CampaignError,
@@ -29,7 +29,7 @@ pub(super) async fn pretrain(
     context.commit(&handle.commit_handle(), begin).await
 }
 
-/// A trainer trains and publishes an embedder.
+/// Has a trainer train and publish an embedder.
 pub(super) async fn train(
     context: &StageContext,
     record: &CampaignRecord,
@@ -86,12 +86,12 @@ pub(super) async fn train(
             }
         }
     };
-    // The job is over, so there are no further snapshots: the last is on disk when this ends.
+    // No further snapshots follow the end of the job; this waits until the last is on disk.
     if keeping.await.is_err() || epochs_kept.await.is_err() {
         return Err(CampaignError::Broken);
     }
     let checkpoint = trained?;
-    // Before the campaign moves to it: of pictures of another size it could not move on.
+    // This check precedes the move: with a checkpoint for pictures of another size, the campaign could not continue.
     context
         .checkpoints
         .embedder(checkpoint, record.spec.image())
@@ -99,7 +99,8 @@ pub(super) async fn train(
     Ok(checkpoint)
 }
 
-/// Writes to disk what each epoch measured, for the curve of the training. Where the disk is slower than epochs, some are left out.
+/// Writes the metrics of each epoch to disk, for the curve of the training. If the disk is slower than the epochs, some are left
+/// out.
 async fn keep_epochs(
     store: Store,
     (id, round): (CampaignId, u32),
@@ -128,7 +129,7 @@ async fn keep_epochs(
     }
 }
 
-/// Writes the newest snapshot to disk, again and again until there will be no more.
+/// Writes the newest snapshot to disk, repeatedly, until there are no more.
 async fn keep(store: Store, id: CampaignId, mut snapshots: watch::Receiver<Option<SavedTraining>>) {
     while snapshots.changed().await.is_ok() {
         let Some(training) = snapshots.borrow_and_update().clone() else {
@@ -136,9 +137,9 @@ async fn keep(store: Store, id: CampaignId, mut snapshots: watch::Receiver<Optio
         };
         let (store, id) = (store.clone(), id.clone());
         match blocking(move || store.save_training(&id, &training)).await {
-            // The run is over: another goes on from the snapshot before.
+            // The run is over: the next run continues from the snapshot before.
             Ok(Ok(()) | Err(StoreError::Superseded(_))) => {}
-            // Only time would be lost: the training goes on, and a later snapshot may fit.
+            // Only time would be lost: the training continues, and a later snapshot may fit.
             Ok(Err(error)) => tracing::warn!(%error, "a training could not be put aside"),
             Err(error) => tracing::warn!(%error, "a training could not be put aside"),
         }

@@ -1,4 +1,4 @@
-//! Maps of archives that people look at.
+//! Maps of archives.
 
 use super::*;
 use murmuration_model::Weight;
@@ -15,7 +15,7 @@ fn an_empty_archive_has_an_empty_map() {
     let record = store.campaign(id.as_str()).unwrap();
     let maps = Maps::new(Spaces::new(store.clone()), Interrupt::default());
     assert!(maps.axes(&record).unwrap().points.is_empty());
-    // Not while it grows.
+    // There is no t-SNE while the archive grows.
     assert!(maps.neighbours(&record).unwrap().is_none());
     store.set_state(&id, CampaignState::Paused, "").unwrap();
     let record = store.campaign(id.as_str()).unwrap();
@@ -31,7 +31,7 @@ fn an_empty_archive_has_an_empty_map() {
 /// Individuals of a campaign.
 const COUNT: u64 = 12;
 
-/// A paused campaign of behaviours in two clumps.
+/// A paused campaign with behaviours in two clumps.
 fn paused(store: &Store, seed: u64) -> CampaignRecord {
     let text = format!(
         "model = \"single-sensor\"\nmethod = \"hand-crafted\"\nseed = {seed}\n[search]\npopulation = {COUNT}"
@@ -64,7 +64,7 @@ fn maps_that_were_forgotten_are_made_again_and_are_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
     let campaigns = [1, 2].map(|seed| paused(&store, seed));
-    // Room for one and a half.
+    // Room for one and a half maps.
     let map = 2 * size_of::<[f64; 2]>() * COUNT as usize + ENTRY_BYTES;
     let bound = map + map / 2;
     let maps = Maps::within(Spaces::new(store), Interrupt::default(), bound);
@@ -80,7 +80,7 @@ fn maps_that_were_forgotten_are_made_again_and_are_the_same() {
     let first = look(&campaigns[0]);
     let other = look(&campaigns[1]);
     assert_ne!(first, other);
-    // The thread that made a map may have it still.
+    // The thread that made a map may still hold it.
     while maps.kept.bytes() > bound {
         maps.axes(&campaigns[1]).unwrap();
         std::thread::yield_now();

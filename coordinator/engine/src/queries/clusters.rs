@@ -1,4 +1,4 @@
-//! The clusters of an archive, also while it grows: what questions by medoids and contact sheets go by.
+//! The clusters of an archive, even while it grows, for questions by medoids and for contact sheets.
 
 use crate::{
     space::{Space, SpaceError, Spaces},
@@ -9,18 +9,18 @@ use murmuration_search::{interrupt::Interrupt, medoids::Clustering};
 use murmuration_store::kept::Kept;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Most bytes of clusters that are kept, with the behaviours that are in them.
+/// Maximum size in bytes of the clusters that are kept, including their behaviours.
 const MOST_BYTES: usize = 128 << 20;
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clustered {
     pub space: Arc<Space>,
-    /// The clusters of the taxonomy, or what they would be if the search ended here.
+    /// The clusters of the taxonomy, or those that it would have if the search ended now.
     pub clustering: Clustering,
-    /// Whether they are the taxonomy's.
+    /// Whether they are those of the taxonomy.
     pub is_taxonomy: bool,
-    /// For each individual, the number of its trials to which no other medoid is nearer than its own; empty if individuals
-    /// have one trial, or these are not the taxonomy's clusters.
+    /// For each individual, the number of its trials to which no other medoid is nearer than its own; empty if individuals have one
+    /// trial, or these are not the taxonomy's clusters.
     pub robust_trials: Vec<u8>,
 }
 
@@ -28,12 +28,12 @@ pub struct Clustered {
 #[derive(Debug, Clone)]
 pub(super) struct Clusters {
     spaces: Spaces,
-    /// One lock a campaign, so that an archive is clustered once, whoever asks meanwhile.
+    /// One lock per campaign, so that concurrent requests cluster an archive only once.
     kept: Arc<Kept<Mutex<Option<Arc<Clustered>>>>>,
 }
 
 impl Clustered {
-    /// The archive as far as `record` says that it goes.
+    /// The clusters of the archive up to the individuals in `record`.
     pub fn read(spaces: &Spaces, record: &CampaignRecord, interrupt: &Interrupt) -> Result<Self, SpaceError> {
         let space = spaces.of(record)?;
         Ok(match spaces.store.taxonomy(&record.id)? {
@@ -69,8 +69,8 @@ impl Clustered {
     }
 }
 
-/// Whether what was made of so many individuals, of that archive version, still serves. While a campaign searches
-/// it does until the archive is a quarter larger: clustering it after every generation would help nobody.
+/// Whether a result for this number of individuals of this archive version is still good enough. During a search it is, until the
+/// archive is a quarter larger: clustering after every generation would not help.
 pub(super) fn serves(individuals: u64, archive_version: ArchiveVersion, record: &CampaignRecord) -> bool {
     let slack = match record.state {
         CampaignState::Running => individuals / 4,
@@ -80,7 +80,7 @@ pub(super) fn serves(individuals: u64, archive_version: ArchiveVersion, record: 
 }
 
 impl Clusters {
-    /// Nothing has been clustered yet.
+    /// Starts without clusters.
     pub(super) fn new(spaces: Spaces) -> Self {
         Self {
             spaces,
@@ -88,7 +88,7 @@ impl Clusters {
         }
     }
 
-    /// The clusters of an archive as it stands.
+    /// The current clusters of an archive.
     pub(super) fn now(
         &self,
         record: &CampaignRecord,
@@ -97,7 +97,7 @@ impl Clusters {
         Ok(Arc::new(Clustered::read(&self.spaces, record, interrupt)?))
     }
 
-    /// The clusters of an archive, anew once those that there are no longer serve. Blocks while it is clustered.
+    /// The recent clusters of an archive, recomputed once they are no longer good enough. Blocks during that.
     pub(super) fn lately(
         &self,
         record: &CampaignRecord,

@@ -1,7 +1,7 @@
-//! With whom a query is: leases as a pure state machine, without clock or content.
+//! The holders of queries: leases as a pure state machine, without clock or content.
 //!
-//! Invariants, each tested below: a behaviour is with one holder at most; whoever asks again is given what they have
-//! first; what is not answered in time is given to others; no token holds all queries.
+//! Invariants, each tested below: a behaviour has at most one holder; a holder who asks again first gets what they have; queries
+//! that are not answered in time go to others; no token holds all queries.
 
 use super::Query;
 use murmuration_model::labels::Annotator;
@@ -10,24 +10,25 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// How long a query stays with a holder who does not ask for more.
+/// How long a query stays with a holder who makes no further request.
 pub(super) const QUERY_LEASE_TIME: Duration = Duration::from_secs(5 * 60);
 
-/// Most queries that an annotator's token holds at once, in all its windows. More are taken from the windows that asked longest ago.
+/// Maximum number of queries that an annotator's token holds at once, in all its windows. Beyond it, queries are taken from the
+/// windows whose last request is oldest.
 const MAX_HELD: usize = 1000;
 
-/// The holder of a query: an annotator, and which of their windows, should they have several.
+/// The holder of a query: an annotator and one of their windows.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct AnnotatorSession {
-    /// The number of the annotator's token; `None` for operators, who may hold all queries.
+    /// The number of the annotator's token; `None` for operators, who have no maximum.
     pub token: Option<u64>,
     pub annotator: Annotator,
-    /// The window, as its page calls it; may be empty.
+    /// The name of the window, chosen by its page; may be empty.
     pub session: String,
 }
 
-/// The queries of one campaign that are with somebody. `K` is the kind of question: whoever asks for another kind gives
-/// back what they have of the former.
+/// The leased queries of one campaign. `K` is the kind of question: a holder who asks for another kind returns their queries of the
+/// former kind.
 #[derive(Debug)]
 pub(super) struct QueryLeases<K> {
     by_index: BTreeMap<usize, QueryLease<K>>,
@@ -38,13 +39,13 @@ struct QueryLease<K> {
     holder: AnnotatorSession,
     kind: K,
     query: Query,
-    /// Order of giving, so that a holder sees the oldest first.
+    /// Position in the order of leasing: a holder sees the oldest query first.
     turn: i64,
     until: Instant,
 }
 
 impl<K: PartialEq + Copy> QueryLeases<K> {
-    /// Puts `query` before all others of `holder`, unless somebody else holds it.
+    /// Puts `query` before all others of `holder`, unless another holder has it.
     pub(crate) fn give_first(&mut self, holder: &AnnotatorSession, kind: K, query: Query, now: Instant) {
         let other = self.by_index.get(&query.index);
         if other.is_some_and(|lease| lease.holder != *holder && lease.until > now) {
@@ -64,9 +65,8 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
         );
     }
 
-    /// Gives `holder` up to `count` queries of `kind` at time `now`: those that they have and that
-    /// are still open, oldest first, then the first of `ranking` that are open and with nobody. All are theirs for
-    /// another `QUERY_LEASE_TIME`; whatever else they had is given back.
+    /// Leases up to `count` queries of `kind` to `holder` at time `now`: first the open ones that they hold, oldest first, then the
+    /// first of `ranking` that are open and free. All are leased for another `QUERY_LEASE_TIME`. Their other queries are returned.
     pub(crate) fn top_up(
         &mut self,
         holder: &AnnotatorSession,
@@ -106,13 +106,13 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
         own.into_iter().map(|(_, query)| query).collect()
     }
 
-    /// Takes queries back from the other windows of the holder's token that asked longest ago, until it holds few enough for
-    /// `count` more.
+    /// Takes queries back from other windows of the holder's token, those with the oldest last request first, until the token has
+    /// room for `count` more.
     fn make_room_for(&mut self, holder: &AnnotatorSession, count: usize) {
         let Some(token) = holder.token else {
             return;
         };
-        // The leases of a window end together.
+        // All leases of a window end at the same time.
         let mut others: BTreeMap<(Instant, &AnnotatorSession), usize> = BTreeMap::new();
         for lease in self.by_index.values() {
             if lease.holder.token == Some(token) && lease.holder != *holder {
@@ -131,12 +131,12 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
         self.by_index.retain(|_, lease| !taken.contains(&lease.holder));
     }
 
-    /// Whether nothing is with anybody any more at time `now`.
+    /// Whether all leases are over at time `now`.
     pub(crate) fn are_over(&self, now: Instant) -> bool {
         self.by_index.values().all(|lease| lease.until <= now)
     }
 
-    /// Forgets leases that are over, and renews those that stay with `holder`: these, oldest first.
+    /// Forgets expired leases, and renews those that stay with `holder`. Returns the latter, oldest first.
     fn keep(
         &mut self,
         holder: &AnnotatorSession,

@@ -1,11 +1,11 @@
-//! Queries as the messages that carry them.
+//! Conversions of queries to and from their messages.
 
 use super::{AnnotatorSession, Asked, Query, QueryRequest};
 use murmuration_proto::{Invalid, v1};
 
-/// Most queries that somebody holds at once.
+/// Maximum number of queries that a holder has at once.
 const MAX_QUERIES: u32 = 100;
-/// Most characters of a window's name.
+/// Maximum number of characters of a window's name.
 const MAX_SESSION: usize = 64;
 
 impl TryFrom<v1::NextQueriesRequest> for QueryRequest {

@@ -1,9 +1,9 @@
-//! Queries for annotators: which behaviours, in which order, and who has a question.
+//! Queries for annotators: the choice and order of behaviours, and the holder of each question.
 //!
-//! A *ranking* is an order of all behaviours of an archive, each with the reason for its place; it does not depend on who
-//! asks, nor on what was asked. `QueryLeases` gives the first of a ranking that are open to whoever asks, so that nobody
-//! is asked what somebody else is looking at. [`Queries`] holds both for every campaign of a coordinator, and the clusters
-//! that contact sheets show.
+//! A *ranking* is an order of all behaviours of an archive, each with the reason for its place. It does not depend on the
+//! annotator, nor on earlier questions. `QueryLeases` leases the first open queries of a ranking, so that no two annotators are
+//! asked about the same behaviour at once. [`Queries`] holds both for every campaign of a coordinator, and the clusters on contact
+//! sheets.
 
 mod clusters;
 mod leases;

@@ -1,4 +1,4 @@
-//! The queries of a coordinator: rankings made once, and who holds what.
+//! The queries of a coordinator: cached rankings, and the holders of queries.
 
 use super::{
     AnnotatorSession, Query, Reason,
@@ -23,7 +23,7 @@ use std::{
     time::Instant,
 };
 
-/// Most bytes of orders that are kept.
+/// Maximum size in bytes of the rankings that are kept.
 const MOST_BYTES: usize = 64 << 20;
 
 /// A request for questions.
@@ -31,41 +31,41 @@ const MOST_BYTES: usize = 64 << 20;
 pub struct QueryRequest {
     pub holder: AnnotatorSession,
     pub strategy: Strategy,
-    /// Whether it is about behaviours to which others gave a class, to see whether annotators agree. Otherwise about
-    /// those that nobody was asked about.
+    /// Whether to ask about behaviours to which others gave a class, to measure agreement. Otherwise about behaviours without any
+    /// answer.
     pub agreement: bool,
-    /// Queries that they want to hold at once.
+    /// Number of queries to hold at once.
     pub count: usize,
-    /// Individuals that they would be asked about before all else, the first of them first.
+    /// Individuals to ask about before all others, in this order.
     pub again: Vec<usize>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Asked {
-    /// The queries that they hold now, oldest first.
+    /// The queries that the holder has now, oldest first.
     pub queries: Vec<Query>,
-    /// Individuals about which somebody has answered.
+    /// Number of individuals with an answer.
     pub answered: u64,
-    /// Individuals about which this annotator has answered.
+    /// Number of individuals with an answer by this annotator.
     pub own: u64,
-    /// Individuals about which the synthetic annotator alone has answered.
+    /// Number of individuals with an answer by the synthetic annotator alone.
     pub synthetic: u64,
     pub individuals: u64,
 }
 
-/// Why nobody can be asked.
+/// Why there are no questions.
 #[derive(Debug, thiserror::Error)]
 pub enum QueryError {
     #[error(transparent)]
     Store(#[from] StoreError),
     #[error(transparent)]
     Space(#[from] SpaceError),
-    /// A bug: an order of questions could not be made.
+    /// A bug prevented a ranking.
     #[error("no questions could be chosen because of a bug, which the log describes; no label is lost")]
     Broken,
 }
 
-/// Which queries are with whom, campaign by campaign; cheap to clone.
+/// The queries and their holders, by campaign; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Queries {
     store: Store,
@@ -75,25 +75,25 @@ pub struct Queries {
     interrupt: Interrupt,
 }
 
-/// Queries that are with somebody. They cannot be made again: those of a campaign go when all of them are over.
+/// Leased queries. They cannot be recomputed, so a campaign's leases are only forgotten when all are over.
 type LeasesById = BTreeMap<CampaignId, Arc<Mutex<QueryLeases<Kind>>>>;
 
 /// The strategy of questions, and whether they measure agreement.
 type Kind = (Strategy, bool);
 
-/// The orders of one campaign.
+/// The rankings of one campaign.
 #[derive(Debug, Default)]
 struct Rankings(Mutex<BTreeMap<Strategy, Arc<Ranking>>>);
 
-/// The order of a strategy.
+/// The ranking of a strategy.
 #[derive(Debug, Default)]
 struct Ranking {
     newest: Mutex<Option<Arc<Ranked>>>,
-    /// Held by who makes a newer one.
+    /// Held while a newer one is made.
     making: Arc<tokio::sync::Mutex<()>>,
 }
 
-/// An order, and what it was made of.
+/// A ranking, and the version of its archive.
 #[derive(Debug)]
 struct Ranked {
     order: Vec<Query>,
@@ -101,7 +101,7 @@ struct Ranked {
 }
 
 impl Queries {
-    /// Nobody has been asked anything yet. Archives are clustered until `interrupt` is raised.
+    /// Starts without questions. Raising `interrupt` ends the clustering of archives.
     pub fn new(store: Store, spaces: Spaces, interrupt: Interrupt) -> Self {
         Self {
             store,
@@ -112,8 +112,9 @@ impl Queries {
         }
     }
 
-    /// The next questions; `campaign` may be `latest`. The first caller by a strategy waits until its ranking is made. When the
-    /// archive has grown, or lies in another space, it is made anew meanwhile, and the former serves until then.
+    /// The next questions; `campaign` may be `latest`. The first request for a strategy waits until its ranking is made. If the
+    /// archive has since grown or moved to another space, a new ranking is made in the background, and the former is used
+    /// meanwhile.
     pub async fn next(
         &self,
         campaign: &str,
@@ -127,17 +128,16 @@ impl Queries {
         blocking(move || Ok(lease(&leases, &store, &record, &ranked, &request, now)?)).await?
     }
 
-    /// The leases of a campaign; those of others that are over are forgotten.
+    /// The leases of a campaign. Expired leases of other campaigns are forgotten.
     fn leases_of(&self, campaign: &CampaignId, now: Instant) -> Arc<Mutex<QueryLeases<Kind>>> {
         let mut by_campaign = lock(&self.leases);
-        // Leases that are being given just now are held elsewhere too.
+        // Leases in use elsewhere have another reference.
         by_campaign.retain(|_, leases| Arc::strong_count(leases) > 1 || !lock(leases).are_over(now));
         Arc::clone(by_campaign.entry(campaign.clone()).or_default())
     }
 
-    /// The first `count` individuals in the order of a strategy that nobody has answered about, fewer where there are not
-    /// so many: a function of archive and log alone, whoever is being asked meanwhile. Clustering ends early once
-    /// `interrupt` is raised.
+    /// The first `count` individuals in the order of a strategy that have no answer, or as many as there are. The result depends
+    /// only on the archive and the log, not on current leases. Raising `interrupt` ends clustering early.
     pub(crate) async fn unanswered(
         &self,
         record: &CampaignRecord,
@@ -155,8 +155,8 @@ impl Queries {
         Ok(open.take(count).collect())
     }
 
-    /// The first `count` individuals that are farthest from the medoids and from each other, in the order in which the strategy
-    /// [`Strategy::Coverage`] asks about them.
+    /// The first `count` individuals that are farthest from the medoids and from each other, in the order of the strategy
+    /// [`Strategy::Coverage`].
     pub async fn beyond_medoids(
         &self,
         record: &CampaignRecord,
@@ -166,20 +166,20 @@ impl Queries {
         Ok(ranking::uncovered(&ranked.order).take(count).collect())
     }
 
-    /// The clusters of an archive: those of its taxonomy, or what they would be if the search ended now. While it runs they
-    /// may be of the archive as it was when it was a fifth smaller. Blocks while the archive is clustered.
+    /// The clusters of an archive: those of its taxonomy, or those that it would have if the search ended now. During a search they
+    /// may be of an archive up to a fifth smaller. Blocks while the archive is clustered.
     pub fn clusters(&self, record: &CampaignRecord) -> Result<Arc<Clustered>, SpaceError> {
         self.clusters.lately(record, &self.interrupt)
     }
 
-    /// The flag that ends every clustering of this coordinator.
+    /// The flag that ends all clustering of this coordinator.
     pub const fn interrupt(&self) -> &Interrupt {
         &self.interrupt
     }
 
-    /// The order of a strategy, perhaps that of a while ago.
+    /// The ranking of a strategy, possibly an older one.
     async fn ranked(&self, record: &CampaignRecord, strategy: Strategy) -> Result<Arc<Ranked>, QueryError> {
-        // Not forgotten while it is in use here.
+        // Rankings in use are not forgotten.
         let rankings = self.rankings.of(&record.id);
         let ranking = Arc::clone(lock(&rankings.0).entry(strategy).or_default());
         let newest = ranking.newest();
@@ -225,7 +225,7 @@ impl Queries {
         Ok(ranked)
     }
 
-    /// `clustered` gives the clusters that all but the random strategy begin with.
+    /// `clustered` gives the clusters for all strategies but the random one.
     async fn rank(
         &self,
         record: CampaignRecord,
@@ -268,7 +268,7 @@ impl Queries {
     }
 }
 
-/// Gives the holder the questions that are theirs, and then the next of the order.
+/// Leases to the holder their own questions, and then the next of the ranking.
 fn lease(
     leases: &Mutex<QueryLeases<Kind>>,
     store: &Store,
@@ -277,12 +277,12 @@ fn lease(
     request: &QueryRequest,
     now: Instant,
 ) -> Result<Asked, StoreError> {
-    // Labels are read and queries leased under this lock, so that no two are given the same.
+    // Labels are read and queries leased under this lock, so that no query is leased twice.
     let mut leases = lock(leases);
     let labels = store.labels(&record.id)?;
     let kind = (request.strategy, request.agreement);
     let individuals = record.individuals();
-    // An order of a while ago may be of more than there is now.
+    // An older ranking may contain individuals that no longer exist.
     let is_open = |index: usize| (index as u64) < individuals && is_open(&labels, index as u64, request);
     for &index in request.again.iter().rev().filter(|&&index| is_open(index)) {
         let query = Query {
@@ -311,20 +311,20 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Runs `work`, which computes or waits for the disk, where it does not hold up the network.
+/// Runs `work`, which computes or waits for the disk, outside the network's threads.
 async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, QueryError> {
     blocking::blocking(work).await.map_err(|_| QueryError::Broken)
 }
 
 impl Ranked {
-    /// Whether it can still be asked from.
+    /// Whether the ranking is still good enough.
     fn still_fits(&self, record: &CampaignRecord) -> bool {
         clusters::serves(self.order.len() as u64, self.archive_version, record)
     }
 }
 
-/// Whether `request` may be about an individual: nobody is asked what was asked before, but for agreement, and then not what
-/// they answered themselves.
+/// Whether `request` may be about an individual: one without an answer, or, for agreement, one to which others gave a class and
+/// that the annotator has not answered.
 fn is_open(labels: &Labels, index: u64, request: &QueryRequest) -> bool {
     let mut answered = labels.answered(index);
     if !request.agreement {

@@ -1,4 +1,4 @@
-//! Orders of behaviours to ask about, each with the reason for its place.
+//! Rankings of behaviours to ask about, each with the reason for its place.
 
 use murmuration_proto::{CampaignSpec, Purpose, RandomStream, counted};
 use murmuration_search::{
@@ -9,30 +9,29 @@ use murmuration_search::{
 use rayon::prelude::*;
 use std::fmt;
 
-/// Behaviours that are asked about for being far from all before them; more than anybody answers.
+/// Number of behaviours in order of coverage, more than people answer.
 const MOST_COVERED: usize = 1000;
 
-/// Why a behaviour is asked about, in words for whoever is asked.
+/// Why a behaviour is asked about, for display to the annotator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reason {
     Random,
-    /// It stands for a cluster.
+    /// It is the medoid of a cluster.
     Medoid {
-        /// The cluster, from 1, the largest first.
         cluster: usize,
-        /// How many behaviours it has.
+        /// Number of behaviours in the cluster.
         size: usize,
     },
     /// It is nearly as far from the medoid of its own cluster as from that of another.
     Uncertain {
         /// Its cluster, from 1.
         cluster: usize,
-        /// The other; `None` where there is but one cluster.
+        /// The other cluster; `None` if there is only one.
         other: Option<usize>,
     },
-    /// It is far from the medoids and from all that come before it.
+    /// It is far from the medoids and from all behaviours before it.
     Uncovered,
-    /// The window asked for it, for instance because its answer was undone.
+    /// The window requested it, for instance because its answer was undone.
     Again,
 }
 
@@ -76,18 +75,18 @@ pub fn in_random_order(count: usize, stream: &mut RandomStream) -> Vec<Query> {
     order.into_iter().map(query).collect()
 }
 
-/// The medoids of the clustering of `behaviours`, then all other behaviours, the most uncertain first, the clusters taking
-/// turns so that no border is asked about ten times in a row.
+/// The medoids of the clustering of `behaviours`, then all other behaviours, the most uncertain first. The clusters take turns, so
+/// that no border comes up ten times in a row.
 ///
-/// A behaviour's uncertainty is its distance from the medoid of its cluster, as a share of that from the nearest other
-/// medoid: 1 on the border.
+/// A behaviour's uncertainty is its distance from the medoid of its cluster, divided by the distance from the nearest other medoid:
+/// 1 on the border.
 pub fn by_uncertainty(behaviours: &Behaviours, clustering: &Clustering) -> Vec<Query> {
     let uncertain = uncertain_members(behaviours, clustering);
     medoids_first(clustering).chain(in_turns(uncertain)).collect()
 }
 
-/// The medoids of the clustering of `behaviours`, then all other behaviours, each the farthest from all before it, as far as
-/// [`MOST_COVERED`] of them.
+/// The medoids of the clustering of `behaviours`, then up to [`MOST_COVERED`] others, each the farthest from all before it, then
+/// the rest.
 ///
 /// # Errors
 /// [`Interrupted`] once `interrupt` is raised.
@@ -113,7 +112,8 @@ pub(crate) fn by_coverage(
     Ok(medoids_first(clustering).chain(others).collect())
 }
 
-/// Indices of behaviours beside the medoids, each the farthest from all before it: the order of [`Strategy::Coverage`](super::Strategy).
+/// Indices of behaviours other than the medoids, each the farthest from all before it: the order of
+/// [`Strategy::Coverage`](super::Strategy).
 ///
 /// # Errors
 /// [`Interrupted`] once `interrupt` is raised.
@@ -127,7 +127,7 @@ pub fn beyond_medoids(
     Ok(uncovered(&order).collect())
 }
 
-/// Those of an order by coverage that are not medoids.
+/// The behaviours in an order by coverage that are not medoids.
 pub(super) fn uncovered(order: &[Query]) -> impl Iterator<Item = usize> {
     let uncovered = order.iter().filter(|query| query.reason == Reason::Uncovered);
     uncovered.map(|query| query.index)
@@ -148,15 +148,15 @@ fn medoids_first(clustering: &Clustering) -> impl Iterator<Item = Query> {
     })
 }
 
-/// First each list's first, then each list's second, and so on.
+/// The first of each list, then the second of each list, and so on.
 fn in_turns(lists: Vec<Vec<Query>>) -> Vec<Query> {
     let longest = lists.iter().map(Vec::len).max().unwrap_or(0);
     let turn = |place| lists.iter().filter_map(move |list| list.get(place).copied());
     (0..longest).flat_map(turn).collect()
 }
 
-/// For each cluster its members but the medoid, the most uncertain first; equal ones by index. Those of a single
-/// cluster are certain, and come by index.
+/// For each cluster, its members without the medoid, the most uncertain first; ties by index. Members of a single cluster are
+/// certain, and come by index.
 fn uncertain_members(behaviours: &Behaviours, clustering: &Clustering) -> Vec<Vec<Query>> {
     let uncertainties: Vec<(f64, Option<usize>)> = (0..behaviours.len())
         .into_par_iter()
@@ -183,8 +183,8 @@ fn uncertain_members(behaviours: &Behaviours, clustering: &Clustering) -> Vec<Ve
     members.into_iter().enumerate().map(sorted).collect()
 }
 
-/// How uncertain a behaviour's cluster is, 0 to 1, and the cluster that it might belong to: its distance from its own medoid
-/// over that from the nearest other one.
+/// The uncertainty of a behaviour's cluster, 0 to 1, and the other cluster that it might belong to: the distance from its own
+/// medoid divided by that from the nearest other medoid.
 fn uncertainty(behaviours: &Behaviours, clustering: &Clustering, index: usize) -> (f64, Option<usize>) {
     let own = clustering.clusters[index] as usize;
     let others = clustering.medoids.iter().enumerate();
@@ -194,7 +194,7 @@ fn uncertainty(behaviours: &Behaviours, clustering: &Clustering, index: usize) -
         .min_by(|a, b| a.0.total_cmp(&b.0));
     match nearest {
         None => (0.0, None),
-        // The medoids coincide: as uncertain as can be.
+        // The medoids coincide: maximum uncertainty.
         Some((0.0, other)) => (1.0, Some(other)),
         Some((squared, other)) => {
             let own = behaviours.squared_distance(index, clustering.medoids[own]);

@@ -3,9 +3,9 @@
 use super::Taxonomy;
 use murmuration_proto::Scale;
 
-/// Two clusters of a taxonomy that touch: their medoids are nearer to each other than the mean distances of both clusters' members to
-/// their medoids come to together. So there is no gap between them, and they may be one behaviour in two halves. The ratio of
-/// these lengths is the similarity of Davies and Bouldin, *A cluster separation measure*, 1979; here it is above 1.
+/// Two clusters of a taxonomy that touch: the distance of their medoids is less than the sum of the mean distances of both
+/// clusters' members to their medoids. So no gap separates them, and they may be two halves of one behaviour. The ratio of this sum
+/// to the distance is the similarity of Davies and Bouldin, *A cluster separation measure*, 1979; here it is above 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Alike {
     /// The place of the larger cluster.
@@ -17,8 +17,8 @@ pub struct Alike {
 }
 
 impl Taxonomy {
-    /// The pairs of clusters whose medoids are alike, nearest first. Only for the taxonomy that stands: medoids of former versions
-    /// are measured in a space that is gone.
+    /// The pairs of clusters whose medoids are alike, nearest first. Only for the current taxonomy: the space of former versions no
+    /// longer exists.
     pub fn alike(&self, scale: &Scale) -> Vec<Alike> {
         let places: Vec<Vec<f64>> = self
             .medoids
@@ -39,12 +39,12 @@ impl Taxonomy {
     }
 }
 
-/// Whether two clusters touch whose medoids are so far apart, and whose members have these mean distances to their medoids.
+/// Whether two clusters touch, by the distance of their medoids and the mean distances of their members to these.
 pub fn touch(distance: f64, [one, other]: [f64; 2]) -> bool {
     distance < one + other
 }
 
-/// The distance of two places in one behaviour space.
+/// The distance of two behaviours in one behaviour space.
 pub fn distance(one: &[f64], other: &[f64]) -> f64 {
     let squares = one.iter().zip(other).map(|(a, b)| (a - b) * (a - b));
     squares.sum::<f64>().sqrt()
@@ -57,7 +57,7 @@ mod tests {
     use murmuration_proto::BehaviourSpace;
     use murmuration_store::Trial;
 
-    /// A taxonomy of medoids at these first features, with these mean distances of their members.
+    /// A taxonomy with medoids at these first features, and these mean distances of their members.
     fn taxonomy(medoids: &[(f64, f64)]) -> Taxonomy {
         let medoid = |(index, &(at, mean_distance)): (u64, &(f64, f64))| Medoid {
             individual: crate::still(index, 0).with_trial(Trial {
@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn medoids_are_alike_where_their_clusters_touch() {
-        // The third and the fourth are as far apart as both are wide: a gap of nothing is one.
+        // The distance of the third and the fourth equals the sum of their widths: a gap of zero is a gap.
         let taxonomy = taxonomy(&[(0.0, 0.5), (1.5, 1.25), (9.0, 1.0), (10.5, 0.5), (0.5, 0.25)]);
         let found = taxonomy.alike(&Scale::unscaled(BehaviourSpace::Features));
         let found: Vec<_> = found

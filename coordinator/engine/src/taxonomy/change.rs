@@ -1,19 +1,19 @@
-//! The fate of the clusters of a taxonomy in a later version.
+//! What became of the clusters of a taxonomy in a later version.
 
 use murmuration_store::StoredTaxonomy;
 
-/// How the clusters of a taxonomy became those of a later version, in which the archive may have grown. Clusters are known by
-/// their places.
+/// How the clusters of a taxonomy became those of a later version. The archive may have grown between them. Clusters are identified
+/// by their places.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Change {
-    /// For each cluster before, how many of its members are in each cluster after.
+    /// For each cluster before, the number of its members in each cluster after.
     shared: Vec<Vec<u64>>,
-    /// Members of each cluster after that the archive before did not have.
+    /// For each cluster after, the number of members that are new in the archive.
     new: Vec<u64>,
 }
 
 impl Change {
-    /// The change from one version to another. Individuals that only one of them has are members of no cluster of the other.
+    /// The change from one version to another. Individuals that only one version has count as members of no cluster in the other.
     pub fn between(before: &StoredTaxonomy, after: &StoredTaxonomy) -> Self {
         let mut shared = vec![vec![0; after.medoids.len()]; before.medoids.len()];
         for (&from, &to) in before.clusters.iter().zip(&after.clusters) {
@@ -33,28 +33,28 @@ impl Change {
         Self { shared, new }
     }
 
-    /// Members of the cluster `before` that are in the cluster `after`; 0 where there is no such cluster.
+    /// Number of members of the cluster `before` in the cluster `after`; 0 if there is no such cluster.
     pub fn shared(&self, before: usize, after: usize) -> u64 {
         let row = self.shared.get(before);
         row.and_then(|row| row.get(after)).copied().unwrap_or(0)
     }
 
-    /// Members of a cluster before, as far as the version after has them.
+    /// Number of members of a cluster before, without those that the version after lacks.
     pub fn size_before(&self, before: usize) -> u64 {
         self.shared.get(before).map_or(0, |row| row.iter().sum())
     }
 
-    /// Members of a cluster after.
+    /// Number of members of a cluster after.
     pub fn size_after(&self, after: usize) -> u64 {
         self.shared.iter().filter_map(|row| row.get(after)).sum::<u64>() + self.new_in(after)
     }
 
-    /// Members of a cluster after that the archive before did not have.
+    /// Number of members of a cluster after that are new in the archive.
     pub fn new_in(&self, after: usize) -> u64 {
         self.new.get(after).copied().unwrap_or(0)
     }
 
-    /// The cluster after that holds most members of the cluster `before`, the first of those with as many; `None` if it has no
+    /// The cluster after that holds most members of the cluster `before`, the first of them if tied; `None` if `before` has no
     /// members.
     pub fn largest_part(&self, before: usize) -> Option<usize> {
         let row = self.shared.get(before)?.iter().enumerate();
@@ -62,13 +62,13 @@ impl Change {
         (*largest.1 > 0).then_some(largest.0)
     }
 
-    /// The cluster after that holds more than half of the members of the cluster `before`, if there is one: what it became.
+    /// The cluster that the cluster `before` became: the one that holds more than half of its members, if any.
     pub fn successor(&self, before: usize) -> Option<usize> {
         let part = self.largest_part(before)?;
         (2 * self.shared(before, part) > self.size_before(before)).then_some(part)
     }
 
-    /// The clusters before that became the cluster `after`, those with most members in it first. None: it is new.
+    /// The clusters before that became the cluster `after`, the one with most members in it first. Empty if `after` is new.
     pub fn predecessors(&self, after: usize) -> Vec<usize> {
         let all = 0..self.shared.len();
         let mut found: Vec<usize> = all
@@ -78,7 +78,7 @@ impl Change {
         found
     }
 
-    /// The clusters before from which the members of the cluster `after` are, those with most first.
+    /// The clusters before that share members with the cluster `after`, the one with most first.
     pub fn sources(&self, after: usize) -> Vec<usize> {
         let all = 0..self.shared.len();
         let mut found: Vec<usize> = all.filter(|&before| self.shared(before, after) > 0).collect();
@@ -86,7 +86,7 @@ impl Change {
         found
     }
 
-    /// The clusters before that became none after: their members are spread.
+    /// The clusters before that have no successor: their members are spread.
     pub fn gone(&self) -> impl Iterator<Item = usize> {
         (0..self.shared.len()).filter(|&before| self.successor(before).is_none())
     }
@@ -96,7 +96,7 @@ impl Change {
 pub(super) mod tests {
     use super::*;
 
-    /// A taxonomy of so many clusters that has these members.
+    /// A taxonomy of this many clusters with these members.
     pub(crate) fn stored(clusters: usize, members: &[u32]) -> StoredTaxonomy {
         StoredTaxonomy {
             medoids: vec![0; clusters],
@@ -113,7 +113,7 @@ pub(super) mod tests {
         let after = stored(3, &[1, 1, 0, 1, 1, 0, 2, 1, 2, 2]);
         let change = Change::between(&before, &after);
         let successors: Vec<_> = (0..3).map(|place| change.successor(place)).collect();
-        // One member of the last in each: that is no majority.
+        // One member of the last cluster is in each: no majority.
         assert_eq!(successors, [Some(1), Some(1), None]);
         assert_eq!(change.gone().collect::<Vec<_>>(), [2]);
         assert_eq!((change.shared(0, 1), change.size_before(0)), (2, 3));

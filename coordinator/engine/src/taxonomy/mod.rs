@@ -1,5 +1,4 @@
-//! The taxonomy of a completed campaign, put together from what the store holds; its former versions, and what became of their
-//! clusters and names.
+//! The taxonomy of a completed campaign, read from the store; its former versions, and what became of their clusters and names.
 
 mod alike;
 mod change;
@@ -20,7 +19,7 @@ use murmuration_search::{
 use murmuration_store::{ArchivedIndividual, ClusterMeasures, Store, StoreError, StoredTaxonomy, Trial};
 use std::collections::BTreeMap;
 
-/// Chooses the behaviours that stand for the archive of a campaign, as its specification says. `told` hears how far it is.
+/// Clusters the archive of a campaign as its specification says. `told` gets the progress.
 pub(crate) fn cluster(
     store: &Store,
     record: &CampaignRecord,
@@ -39,9 +38,9 @@ pub(crate) fn cluster(
 /// One behaviour: the individual at the centre of a cluster.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Medoid {
-    /// The individual, with its image.
+    /// The individual, with its picture.
     pub individual: ArchivedIndividual,
-    /// Individuals in its cluster, itself included.
+    /// Number of individuals in its cluster, itself included.
     pub cluster_size: u64,
     /// Mean distance of the cluster's members to it, in units of the behaviour space.
     pub mean_distance: f64,
@@ -52,7 +51,7 @@ pub struct Medoid {
 /// The behaviours found, largest cluster first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Taxonomy {
-    /// One a cluster.
+    /// One medoid per cluster.
     pub medoids: Vec<Medoid>,
     /// For each individual by index, the place of its medoid.
     pub clusters: Vec<u32>,
@@ -67,7 +66,7 @@ impl Taxonomy {
     /// Reads the taxonomy of a campaign; `None` if it is not completed.
     ///
     /// # Errors
-    /// If the store cannot be read, or names individuals that it does not hold.
+    /// If the store cannot be read, or lacks an individual of the taxonomy.
     pub fn read(
         store: &Store,
         campaign: &CampaignId,
@@ -79,7 +78,7 @@ impl Taxonomy {
             .transpose()
     }
 
-    /// Reads a version of the taxonomy of a campaign, former or not; `None` if there is none of that number.
+    /// Reads any version of the taxonomy of a campaign; `None` if there is no version of that number.
     pub fn read_version(
         store: &Store,
         (campaign, version): (&CampaignId, u32),
@@ -121,8 +120,8 @@ impl Taxonomy {
     }
 }
 
-/// The number of an individual's trials that no other medoid is nearer to than its own. `behaviours` are those of the archive;
-/// `medoids` the individuals at the centres of its clusters, with the place of the individual's own.
+/// The number of an individual's trials to which no other medoid is nearer than its own. `behaviours` are those of the archive;
+/// `medoids` are the medoids' indices, and the place of the individual's own.
 pub fn robust_trials(
     individual: &ArchivedIndividual,
     scale: &Scale,
@@ -140,7 +139,7 @@ pub fn robust_trials(
     individual.trials.iter().filter(is_own).count() as u8
 }
 
-/// Measures the clusters of an archive; `neighbours` is the k of novelty.
+/// Measures the clusters of an archive. `neighbours` is the k of novelty.
 pub fn measure(
     behaviours: &Behaviours,
     clustering: &Clustering,

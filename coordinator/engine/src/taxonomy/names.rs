@@ -1,5 +1,5 @@
-//! Names of clusters. A person names a medoid, which is a label; when the campaign has learned, the name goes on to the cluster that
-//! holds the majority of the named cluster's members. Nothing of that is stored: it follows from labels and versions.
+//! Names of clusters. A person names a medoid, which is a label. When the campaign has learned, the name moves to the cluster that
+//! holds the majority of the named cluster's members. Names are not stored: they follow from labels and versions.
 
 use super::Change;
 use murmuration_model::{
@@ -12,7 +12,6 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ClusterName {
     pub class: ClassName,
-    /// Where it comes from.
     pub origin: Origin,
 }
 
@@ -21,16 +20,16 @@ pub struct ClusterName {
 pub enum Origin {
     /// A person gave it to the medoid.
     Person,
-    /// Nobody but the rule-based judge gave it to the medoid.
+    /// Only the rule-based judge gave it to the medoid.
     Judge,
-    /// It was the name of a cluster of an earlier version.
+    /// It was carried over from a cluster of an earlier version.
     Carried {
         version: u32,
-        /// The place of the cluster in it.
+        /// The place of the cluster in that version.
         place: usize,
-        /// Members of that cluster that are in this one.
+        /// Number of that cluster's members in this cluster.
         shared: u64,
-        /// All its members.
+        /// Number of all its members.
         of: u64,
     },
 }
@@ -40,11 +39,11 @@ pub enum Origin {
 pub struct Names {
     /// The name of each cluster, by place; `None` if it has none.
     pub names: Vec<Option<ClusterName>>,
-    /// The names of the version before that no cluster of this one has, by their places there.
+    /// The names of the version before that no cluster of this version has, by their places there.
     pub uncarried: Vec<Uncarried>,
 }
 
-/// A name that was not carried on.
+/// A name that was not carried over.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Uncarried {
     pub class: ClassName,
@@ -53,19 +52,19 @@ pub struct Uncarried {
     pub why: NotCarried,
 }
 
-/// Why a name was not carried on.
+/// Why a name was not carried over.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum NotCarried {
     /// No cluster holds more than half of its cluster's members.
     Spread {
-        /// The cluster with most of them.
+        /// The cluster with most of these members.
         most_in: Option<usize>,
-        /// How many that has.
+        /// Number of these members in that cluster.
         shared: u64,
-        /// How many there are.
+        /// Number of these members in total.
         of: u64,
     },
-    /// The cluster that holds the majority has another name: one that a person gave it, or one that comes with more members.
+    /// The cluster that holds the majority has another name: one by a person, or one that comes with more members.
     Outdone {
         /// The cluster that holds the majority.
         place: usize,
@@ -74,7 +73,7 @@ pub enum NotCarried {
 }
 
 impl Names {
-    /// The names of the first version of a taxonomy, whose medoids these are: what `given` says of them.
+    /// The names of the first version of a taxonomy: the `given` classes of its medoids.
     pub fn first(medoids: &[u64], given: &BTreeMap<u64, GivenClass>) -> Self {
         let own = medoids.iter().map(|medoid| {
             given.get(medoid).map(|given| ClusterName {
@@ -92,9 +91,9 @@ impl Names {
         }
     }
 
-    /// The names of a later version with the medoids `medoids`, where these are those of `version` before it. A name goes to the
-    /// cluster with the majority of its members, unless a person named that otherwise; of two that meet there, the one with more
-    /// members stays. The judge's names are not carried: it is asked anew.
+    /// The names of a later version with the medoids `medoids`; `self` has the names of `version`, the version before. A name moves
+    /// to the cluster with the majority of its members, unless a person gave that cluster another name. If two names meet there,
+    /// the one with more members stays. The judge's names are not carried over, because the judge names each version anew.
     pub fn carried(
         &self,
         version: u32,
@@ -156,8 +155,8 @@ impl Names {
         }
     }
 
-    /// The names of `versions` of a campaign's taxonomy, oldest first, up to the last of them: what labels say of their medoids,
-    /// carried on from each to the next.
+    /// The names of the last of `versions` of a campaign's taxonomy, oldest first: the labels of their medoids, carried over from
+    /// each version to the next.
     pub fn read(
         store: &Store,
         campaign: &CampaignId,
@@ -183,7 +182,7 @@ impl Names {
         Ok(names)
     }
 
-    /// The names of the taxonomy that stands; none where none does.
+    /// The names of the current taxonomy; empty if there is none.
     pub fn standing(store: &Store, campaign: &CampaignId) -> Result<Self, StoreError> {
         let versions = store.taxonomy_versions(campaign)?;
         match versions.last() {
@@ -204,19 +203,19 @@ mod tests {
         text.parse().unwrap()
     }
 
-    fn given(said: &[(u64, &str, bool)]) -> BTreeMap<u64, GivenClass> {
-        let given = said.iter().map(|&(medoid, class, by_machine)| {
+    fn given(message: &[(u64, &str, bool)]) -> BTreeMap<u64, GivenClass> {
+        let given = message.iter().map(|&(medoid, class, by_machine)| {
             let class = name(class);
             (medoid, GivenClass { class, by_machine })
         });
         given.collect()
     }
 
-    /// The names in these clusters after two clusters of three and two members, named ring and pair.
-    fn after(members: &[u32], medoids: &[u64], said: &[(u64, &str, bool)]) -> Names {
+    /// The names of these clusters, after two clusters of three and two members with the names ring and pair.
+    fn after(members: &[u32], medoids: &[u64], message: &[(u64, &str, bool)]) -> Names {
         let before = Names::first(&[0, 3], &given(&[(0, "ring", false), (3, "pair", false)]));
         let change = Change::between(&stored(2, &[0, 0, 0, 1, 1]), &stored(medoids.len(), members));
-        before.carried(4, &change, (medoids, &given(said)))
+        before.carried(4, &change, (medoids, &given(message)))
     }
 
     fn carried(class: &str, (place, shared, of): (usize, u64, u64)) -> Option<ClusterName> {

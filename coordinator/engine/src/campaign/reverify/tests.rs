@@ -3,7 +3,7 @@ use murmuration_model::{Rounds, Weight};
 use murmuration_proto::{CampaignSpec, CheckpointDigest};
 use murmuration_store::DataDirectory;
 
-/// A latent campaign as it is when it was just created.
+/// A latent campaign just after its creation.
 fn created() -> CampaignRecord {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
@@ -30,7 +30,7 @@ fn a_wrong_picture_begins_the_campaign_again_from_the_first_of_its_controller() 
     let begin = Some(Rollback::Dataset { pictures: 6 });
     for record in [created(), embedded()] {
         assert_eq!(Rollback::of(&record, Wrong::Picture(7), 0, 0), begin);
-        // What people said would be lost.
+        // A rollback would lose people's labels.
         assert_eq!(Rollback::of(&record, Wrong::Picture(7), 1, 0), None);
         assert_eq!(Rollback::of(&record, Wrong::Picture(7), 0, 100), None);
     }

@@ -1,4 +1,4 @@
-//! Nobody is given what somebody else has, whatever happens in whatever order.
+//! No holder gets another's query, in any order of events.
 
 use super::*;
 use crate::queries::Reason;
@@ -21,7 +21,7 @@ fn ranking(count: usize) -> Vec<Query> {
     (0..count).map(query).collect()
 }
 
-/// Ten behaviours, some answered, and what is given to whom.
+/// Ten behaviours, some answered, and their leases.
 struct Table {
     leases: QueryLeases<char>,
     answered: BTreeSet<usize>,
@@ -89,7 +89,7 @@ fn no_token_holds_more_than_its_most_whatever_names_and_windows_it_gives() {
         let given = ask(&window(&format!("ana{place}"), Some(1)), 100);
         assert_eq!(given, (100 * place..100 * (place + 1)).collect::<Vec<_>>());
     }
-    // One more window takes the place of the oldest, which then takes that of the next.
+    // One more window takes the queries of the oldest, which then takes those of the next.
     let further = ask(&window("ana-again", Some(1)), 100);
     assert_eq!(further, (0..100).collect::<Vec<_>>());
     assert_eq!(ask(&window("ana0", Some(1)), 100), (100..200).collect::<Vec<_>>());
@@ -121,7 +121,7 @@ fn what_nobody_answers_in_time_is_given_to_others() {
     table.now += QUERY_LEASE_TIME - Duration::from_secs(1);
     assert_eq!(table.ask(&ana, 'a', 1), [0]);
     table.now += Duration::from_secs(2);
-    // Index 0 was renewed, 1 was given back.
+    // Index 0 was renewed, 1 was returned.
     assert_eq!(table.ask(&ben, 'a', 2), [1, 2]);
     table.now += QUERY_LEASE_TIME;
     assert_eq!(table.ask(&ana, 'a', 3), [0, 1, 2]);
@@ -173,7 +173,7 @@ proptest! {
     fn a_query_is_with_one_holder_at_a_time(steps in prop::collection::vec(step(), 0..60)) {
         let holders = ["ana", "ben", "eva"].map(|name| holder(name, ""));
         let mut table = Table::new();
-        // What each was given last, and when.
+        // The queries that each holder got last, and when.
         let mut given: [(Vec<usize>, Instant); 3] = std::array::from_fn(|_| (Vec::new(), table.now));
         for step in steps {
             match step {
@@ -195,7 +195,7 @@ proptest! {
                             elsewhere += theirs.iter().filter(|index| !table.answered.contains(index)).count();
                         }
                     }
-                    // Nothing that is free is withheld.
+                    // No free query is withheld.
                     let free = 10 - table.answered.len() - elsewhere;
                     prop_assert_eq!(queries.len(), count.min(free));
                     given[who] = (queries, table.now);

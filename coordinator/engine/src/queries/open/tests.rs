@@ -10,7 +10,7 @@ use murmuration_search::medoids::Clustering;
 use murmuration_store::{ClusterMeasures, DataDirectory, GenerationRecord, Provenance, Trial};
 use std::collections::BTreeSet;
 
-/// A running campaign of generations of ten.
+/// A running campaign with generations of ten.
 struct Campaign {
     _folder: tempfile::TempDir,
     store: Store,
@@ -82,7 +82,7 @@ impl Campaign {
         asked.queries.iter().map(|query| query.index).collect()
     }
 
-    /// The questions once the order that is made meanwhile is there.
+    /// The questions after the new ranking is made.
     async fn ask_later(&self, strategy: Strategy) -> BTreeSet<usize> {
         self.ask("ana", strategy, false).await;
         let rankings = self.queries.rankings.of(&self.id);
@@ -105,7 +105,7 @@ async fn an_archive_is_ranked_anew_once_it_is_a_quarter_larger_or_the_search_has
     campaign.grow(9);
     campaign.grow(10);
     assert_eq!(ask(Strategy::Random).await, 110);
-    // Nobody waits while the archive is clustered again.
+    // No request waits while the archive is clustered again.
     assert_eq!(ask(Strategy::Medoids).await, 80);
     assert_eq!(campaign.ask_later(Strategy::Medoids).await.len(), 110);
     campaign.grow(11);
@@ -143,7 +143,7 @@ async fn clusters_are_there_while_the_archive_grows_and_are_the_taxonomys_in_the
     assert_eq!((first.clustering.clusters.len(), first.is_taxonomy), (80, false));
     (8..10).for_each(|generation| campaign.grow(generation));
     assert!(Arc::ptr_eq(&clusters(), &first));
-    // Questions by medoids begin with those that the sheet shows.
+    // Questions by medoids begin with those on the sheet.
     let medoids: BTreeSet<usize> = first.clustering.medoids.iter().copied().collect();
     assert!(
         campaign
@@ -264,7 +264,7 @@ async fn what_was_forgotten_is_made_again_and_the_same_is_asked() {
     let clustered = [clusters(&ids[0]), clusters(&ids[1])];
     for _ in 0..2 {
         for place in [0, 1] {
-            // Who holds a question keeps it, whatever was forgotten of the order that it came from.
+            // A holder keeps a question even if its ranking was forgotten.
             assert_eq!(ask(&ids[place], "ana").await, first[place]);
             assert!(
                 ask(&ids[place], "ben")
@@ -275,14 +275,14 @@ async fn what_was_forgotten_is_made_again_and_the_same_is_asked() {
             let again = clusters(&ids[place]);
             assert_eq!(again, clustered[place]);
             assert!(!Arc::ptr_eq(&again, &clustered[place]), "it was kept");
-            // No more than that which was made last.
+            // No more than the last one made.
             let heaviest = 40 * (5 * 8 + 4) + 40 * 8 + 256;
             assert!(campaign.queries.clusters.bytes() <= heaviest);
             assert!(campaign.queries.rankings.bytes() <= 40 * size_of::<Query>() + 256);
         }
     }
     assert_eq!(lock(&campaign.queries.leases).len(), 2);
-    // Five minutes later nothing is with anybody.
+    // Five minutes later all leases are over.
     let later = now + crate::queries::leases::QUERY_LEASE_TIME;
     campaign
         .queries

@@ -1,4 +1,4 @@
-//! The first questions, and that everything is asked once.
+//! The first questions, and that each question comes once.
 
 use super::*;
 use murmuration_proto::Purpose;
@@ -56,7 +56,7 @@ fn a_single_cluster_has_no_border() {
     assert_eq!(ranking[2].reason.to_string(), "in cluster 1");
 }
 
-/// If these change, so does what people are asked.
+/// If these change, so do the questions that people get.
 #[test]
 fn the_lot_is_the_same_for_ever() {
     assert_eq!(
@@ -66,7 +66,7 @@ fn the_lot_is_the_same_for_ever() {
 }
 
 fn points() -> impl Strategy<Value = Vec<[f64; 2]>> {
-    // Few values, so that some coincide.
+    // Few distinct values, so that some coincide.
     let coordinate = || (0..6i32).prop_map(f64::from);
     prop::collection::vec((coordinate(), coordinate()).prop_map(|(x, y)| [x, y]), 0..40)
 }
