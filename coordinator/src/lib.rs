@@ -1,6 +1,6 @@
-//! The server: a whole coordinator, and a whole cluster in one process.
+//! The server: a whole coordinator, or a whole cluster in one process.
 //!
-//! ARCHITECTURE.md has the map of the crates that it is put together from.
+//! ARCHITECTURE.md has the map of its crates.
 
 pub mod local;
 pub mod metrics;

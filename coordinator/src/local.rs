@@ -1,4 +1,4 @@
-//! A whole cluster in one process: a coordinator, its workers and trainers, over loopback gRPC all the same.
+//! A whole cluster in one process: a coordinator, its workers and trainers, connected by gRPC over loopback.
 
 use crate::server::{Coordinator, Options, ServerError};
 use murmuration_link::{Health, errln};
@@ -7,32 +7,32 @@ use murmuration_worker::client as worker;
 use std::{fmt::Display, num::NonZeroUsize, time::Duration};
 use tokio::{sync::watch, task::JoinHandle};
 
-/// How long workers may take to end before people are told what they wait for.
+/// How long workers may take to end before a message explains the wait.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// The workers and trainers that a coordinator has in its own process.
+/// Numbers of workers and trainers in the coordinator's process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct InProcess {
-    /// Workers, of one thread each.
+    /// Number of workers, with one thread each.
     pub workers: usize,
-    /// Trainers; they share the process's thread pool.
+    /// Number of trainers. They share the process's thread pool.
     pub trainers: usize,
 }
 
 impl InProcess {
-    /// None: work waits for processes elsewhere.
+    /// No workers and trainers: work waits for other processes.
     pub const NONE: Self = Self {
         workers: 0,
         trainers: 0,
     };
 }
 
-/// A coordinator with a crew in its own process.
+/// A coordinator with workers and trainers (its crew) in its own process.
 #[derive(Debug)]
 pub struct LocalCluster {
     coordinator: Coordinator,
     stop: watch::Sender<bool>,
-    /// Each ends when it was told to stop, or has said in the log why it failed.
+    /// Each task ends when it is told to stop, or after it has logged why it failed.
     crew: Vec<JoinHandle<()>>,
 }
 
@@ -77,7 +77,6 @@ impl LocalCluster {
         })
     }
 
-    /// The coordinator.
     #[must_use]
     pub const fn coordinator(&self) -> &Coordinator {
         &self.coordinator
@@ -86,13 +85,13 @@ impl LocalCluster {
     /// Stops campaigns, crew and coordinator, in that order.
     ///
     /// # Errors
-    /// If the server had broken.
+    /// If the server has failed before.
     pub async fn shutdown(self) -> Result<(), ServerError> {
         self.coordinator.stop_searches().await;
         self.stop.send_replace(true);
         let ended = async {
             for member in self.crew {
-                // One that panicked has said so in the log.
+                // A panic is in the log already.
                 let _ = member.await;
             }
         };

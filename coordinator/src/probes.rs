@@ -1,7 +1,7 @@
 //! Probes of a coordinator over HTTP: liveness, readiness and metrics.
 //!
-//! `/healthz`, `/readyz` and `/metrics`, beside the pages and gRPC. They change nothing, and say nothing of what a
-//! campaign contains.
+//! `/healthz`, `/readyz` and `/metrics`, beside the pages and gRPC. They change nothing, and reveal nothing of a campaign's
+//! contents.
 
 use crate::metrics::{CONTENT_TYPE, Metrics};
 use axum::{
@@ -19,11 +19,11 @@ use std::sync::{
 };
 use tonic_health::{pb::health_server::HealthServer, server::HealthService};
 
-/// Whether a coordinator has taken up what its predecessor left; cheap to clone.
+/// Whether a coordinator has resumed the campaigns of its predecessor; cheap to clone.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Readiness {
     ready: Arc<AtomicBool>,
-    /// Says the same by gRPC.
+    /// The same state over gRPC.
     health: Health,
 }
 
@@ -33,7 +33,7 @@ impl Readiness {
         self.health.ready(ready).await;
     }
 
-    /// The gRPC health service, for the services of these names too.
+    /// The gRPC health service, which also covers the services of these names.
     pub(crate) async fn service(&self, services: &[&str]) -> HealthServer<HealthService> {
         for service in services {
             self.health.serves(service).await;
@@ -42,7 +42,7 @@ impl Readiness {
     }
 }
 
-/// Sources of the answers.
+/// Sources of the probes' answers.
 #[derive(Debug, Clone)]
 pub(crate) struct Probes {
     pub(crate) readiness: Readiness,
@@ -53,7 +53,6 @@ pub(crate) struct Probes {
 }
 
 impl Probes {
-    /// The three routes.
     pub(crate) fn routes(self) -> GuardedRouter {
         GuardedRouter::default()
             .get(
@@ -68,7 +67,7 @@ impl Probes {
     }
 }
 
-/// The store answers, and what was interrupted is at work again.
+/// Ready if the store answers and interrupted campaigns run again.
 async fn ready(State(probes): State<Probes>) -> Response {
     if !probes.readiness.ready.load(Ordering::Acquire) {
         return not_ready("not ready: campaigns are being resumed, or the coordinator is shutting down");

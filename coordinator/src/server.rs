@@ -1,4 +1,4 @@
-//! The coordinator as a whole: options in, a listening server out, a clean end.
+//! The whole coordinator: starts it from its options, listens, and shuts it down cleanly.
 
 mod endpoints;
 mod services;
@@ -44,9 +44,9 @@ use std::{io, net::SocketAddr, time::Duration};
 use tokio::sync::watch;
 use tonic::server::NamedService as _;
 
-/// How long a clean end may wait for open streams.
+/// Maximum wait for open streams during a clean shutdown.
 const SHUTDOWN_LIMIT: Duration = Duration::from_secs(3);
-/// Most bytes of the digests of archives that are kept.
+/// Maximum size in bytes of the digests of archives that are kept.
 const KEPT_DIGEST_BYTES: usize = 1 << 20;
 
 /// Options of a coordinator.
@@ -54,26 +54,24 @@ const KEPT_DIGEST_BYTES: usize = 1 << 20;
 pub struct Options {
     /// The data directory, held by this process.
     pub data: DataDirectory,
-    /// Where and how to listen, and whom to let in.
+    /// The address to listen on, and who has access.
     pub listen: ListenConfig,
     /// Whether to continue the campaigns that were running when their coordinator ended.
     pub resume: bool,
-    /// Where checkpoints are kept: a URL, or `None` for the data directory.
+    /// The store of checkpoints: a URL, or `None` for the data directory.
     pub checkpoints: Option<String>,
-    /// Whether to try out that URL before anything else: there is work to be done, which would be lost if no checkpoint
-    /// could be kept.
+    /// Whether to test that URL first, because the coordinator has work that is lost if no checkpoint can be stored.
     pub tries_checkpoints: bool,
-    /// How workers and trainers are treated.
+    /// Options of the dispatchers of workers and trainers.
     pub dispatch: dispatch::Options,
 }
 
-/// Why a coordinator could not start, or broke.
+/// Why a coordinator could not start, or failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ServerError {
     /// The address cannot be listened on.
     #[error("cannot listen on {address}: {source}; `--listen` takes another address, port 0 any free port")]
     Listen {
-        /// The address.
         address: SocketAddr,
         /// Error of the system.
         source: io::Error,
@@ -81,13 +79,13 @@ pub enum ServerError {
     /// The store cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// Checkpoints cannot be kept where they should be.
+    /// The store of checkpoints cannot be used.
     #[error(transparent)]
     Checkpoints(#[from] CheckpointError),
     /// Campaigns could not be resumed.
     #[error(transparent)]
     Campaign(#[from] CampaignError),
-    /// The network side broke.
+    /// The network server failed.
     #[error("the server broke off: {0}")]
     Transport(#[from] tonic::transport::Error),
     /// The reflection service could not read our own descriptors (a bug).
@@ -95,7 +93,7 @@ pub enum ServerError {
     Reflection(#[from] tonic_reflection::server::Error),
 }
 
-/// A running coordinator. Dropping it ends it roughly; [`Coordinator::shutdown`] ends it cleanly.
+/// A running coordinator. [`Coordinator::shutdown`] ends it cleanly; dropping it ends it abruptly.
 #[derive(Debug)]
 pub struct Coordinator {
     address: SocketAddr,
@@ -106,9 +104,9 @@ pub struct Coordinator {
     dispatch: Dispatch,
     trainers: Trainers,
     readiness: Readiness,
-    /// Ends everything that is computed here.
+    /// Ends all computations of this process.
     interrupt: Interrupt,
-    /// Ends what is read, computed or followed.
+    /// Ends the answers and streams in progress.
     seats: Seats,
     stop: watch::Sender<bool>,
     servers: Vec<Serving>,
@@ -126,7 +124,7 @@ impl Coordinator {
         let store = Store::open(&options.data)?;
         let checkpoints =
             Checkpoints::open(store.clone(), options.data.path(), options.checkpoints.as_deref())?;
-        // The data directory's own folder may be on a disk that is full for now: campaigns wait for that.
+        // The data directory's own folder is not tested: its disk may be full for now, and campaigns wait for that.
         if options.tries_checkpoints && options.checkpoints.is_some() {
             checkpoints.try_out().await?;
         }
@@ -140,7 +138,7 @@ impl Coordinator {
         );
         let trainers = Trainers::start(options.dispatch, metrics.dispatch(PeerKind::Trainer), quarantined);
         let interrupt = Interrupt::default();
-        // One for questions and maps, which are of the same archives.
+        // Questions and maps share these spaces of the same archives.
         let spaces = Spaces::new(store.clone());
         let queries = Queries::new(store.clone(), spaces.clone(), interrupt.clone());
         let annotator = SyntheticAnnotator {
@@ -169,7 +167,7 @@ impl Coordinator {
             digests: LatestAnswers::within(KEPT_DIGEST_BYTES),
             watched: Recent::default(),
         };
-        // One for gRPC and pages: no two windows are asked the same, whichever they are of.
+        // gRPC and pages share this API, so that no two windows get the same question.
         let label_api = LabelApi {
             store: store.clone(),
             queries,
@@ -247,7 +245,7 @@ impl Coordinator {
             let (campaigns, mut stopped) = (campaigns.clone(), stop.subscribe());
             tokio::spawn(async move {
                 tokio::select! {
-                    // A dropped sender stops it too.
+                    // A dropped sender also stops it.
                     _ = stopped.wait_for(|&stopped| stopped) => {}
                     () = campaigns.watch_quarantine() => {}
                 }
@@ -271,7 +269,7 @@ impl Coordinator {
         })
     }
 
-    /// Where it listens.
+    /// The address on which it listens.
     #[must_use]
     pub const fn address(&self) -> SocketAddr {
         self.address
@@ -283,19 +281,19 @@ impl Coordinator {
         url(self.address, self.is_encrypted)
     }
 
-    /// How this process and others of its machine get in.
+    /// Access to the coordinator for processes of this machine.
     #[must_use]
     pub const fn local(&self) -> &LocalWay {
         &self.local
     }
 
-    /// Requirements of each page and gRPC method that it serves.
+    /// Requirements for each page and gRPC method of this coordinator.
     #[must_use]
     pub const fn requirements(&self) -> &Requirements {
         &self.requirements
     }
 
-    /// Stops the searches between two commits, and whatever else is computed; running campaigns stay running in the store.
+    /// Stops the searches between two commits, and all other computations. Running campaigns stay running in the store.
     pub(crate) async fn stop_searches(&self) {
         self.readiness.set(false).await;
         self.interrupt.raise();
@@ -305,7 +303,7 @@ impl Coordinator {
     /// Stops the searches between two commits, then the server. Running campaigns stay running in the store.
     ///
     /// # Errors
-    /// If the server had already broken.
+    /// If the server has failed before.
     pub async fn shutdown(mut self) -> Result<(), ServerError> {
         self.stop_searches().await;
         self.dispatch.stop().await;
@@ -316,7 +314,7 @@ impl Coordinator {
         for server in &mut self.servers {
             match tokio::time::timeout_at(end, &mut *server).await {
                 Ok(Ok(ended)) => ended?,
-                // A panic was logged where it happened; streams still open after the limit are cut.
+                // A panic is in the log already. Streams that are open after the limit are cut.
                 Ok(Err(_)) | Err(_) => server.abort(),
             }
         }

@@ -1,14 +1,15 @@
-//! `murmuration --help`: every command on a line, in groups.
+//! `murmuration --help`: every command on one line, in groups.
 
 use crate::{Help, Lab};
 use clap::{Args as _, Command, Subcommand as _, builder::Styles};
 use murmuration_cli::Global;
 use std::fmt::Write as _;
 
-/// Most columns of a line of options.
+/// Maximum width of a line of options, in columns.
 const WIDTH: usize = 80;
 
-/// The groups of commands in the order of the help, each as a command of the group's name with the options of every command.
+/// The groups of commands in the order of the help. Each is a command with the group's name and the options that all commands
+/// share.
 pub fn groups() -> Vec<Command> {
     let mut groups = Vec::from(murmuration_cli::Command::groups());
     groups.push(Lab::augment_subcommands(Command::new("Lab")));
@@ -16,7 +17,7 @@ pub fn groups() -> Vec<Command> {
     groups.into_iter().map(Global::augment_args).collect()
 }
 
-/// The template of the help without a command.
+/// The template of the help of `murmuration` itself.
 pub(crate) fn overview() -> String {
     let styles = Styles::styled();
     let (header, literal) = (styles.get_header(), styles.get_literal());
@@ -38,7 +39,7 @@ pub(crate) fn overview() -> String {
                 command.get_about().cloned().unwrap_or_default(),
             );
             let (to_name, to_about) = (of_groups - heading.len(), of_commands - name.len());
-            // A string takes any text.
+            // Writing to a string cannot fail.
             let _ = writeln!(
                 text,
                 "{header}{heading}{header:#}{:to_name$}  {literal}{name}{literal:#}{:to_about$}  {about}",
@@ -55,7 +56,7 @@ pub(crate) fn overview() -> String {
     text
 }
 
-/// The names of the options that every command has, in lines.
+/// The names of the options that all commands share, in lines.
 fn options() -> String {
     let global = Global::augment_args(Command::new("murmuration"));
     let named = global.get_arguments().filter_map(|option| {
@@ -111,7 +112,7 @@ mod tests {
                 "{help}"
             );
         }
-        // Its own headings are those of the groups alone.
+        // The only headings are those of the groups.
         assert!(help.contains("\nLabels     label "), "{help}");
     }
 }

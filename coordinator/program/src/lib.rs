@@ -1,7 +1,7 @@
-//! The program `murmuration`: the client's commands, the lab's, and those about the program itself, as one command line.
+//! The program `murmuration`: one command line for the client's commands, the lab's, and those about the program itself.
 //!
-//! Exit codes: 0 done; 1 failed; 2 bad usage or input. A command whose output nobody reads any more (`list | head -1`) ends
-//! with 0 and without a word.
+//! Exit codes: 0 done; 1 failed; 2 bad usage or input. A command whose output is closed early (`list
+//! head -1`) ends silently with 0.
 
 mod help;
 mod manual;
@@ -83,15 +83,14 @@ enum Help {
     },
 }
 
-/// Time that a coordinator which has ended gives work that nobody waits for any more.
+/// Time limit for a coordinator's remaining work after its end. No client waits for that work.
 const LEAVING: Duration = Duration::from_secs(1);
 
-/// The command line as clap knows it: for completions, and to check what documents say of it.
+/// The command line as a clap command, for completions and for checks of the documentation.
 pub fn command() -> clap::Command {
     Arguments::command()
 }
 
-/// Parses the command line and does what it says.
 pub fn main() -> ExitCode {
     let words = std::env::args_os().map(controller_argument);
     let Arguments { global, command } = match parse_arguments(words) {
@@ -111,7 +110,7 @@ pub fn main() -> ExitCode {
                 done
             });
             if is_server {
-                // Acknowledged data is on disk, so a coordinator need not wait. Other commands finish their files.
+                // A coordinator's acknowledged data is on disk, so it need not wait. Other commands finish writing their files.
                 runtime.shutdown_timeout(LEAVING);
             }
             done
@@ -139,7 +138,7 @@ impl Command {
     }
 }
 
-/// A kind of document that a command prints with `--json`.
+/// A kind of document, as printed with `--json`.
 #[derive(Debug, Clone, Copy)]
 struct Document(Kind);
 
@@ -168,16 +167,16 @@ fn manual(folder: &Path) -> Result<(), CliError> {
 
 fn completions(shell: clap_complete::Shell, as_json: bool) -> Result<(), CliError> {
     if as_json {
-        let said = "`completions` prints a script for a shell, and no JSON: leave out --json";
-        return Err(CliError::Input(said.to_owned()));
+        let message = "`completions` prints a script for a shell, and no JSON: leave out --json";
+        return Err(CliError::Input(message.to_owned()));
     }
-    // To memory first: it panics where it cannot write.
+    // Generate in memory first, because clap panics when it cannot write.
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut command(), "murmuration", &mut script);
     Ok(print(String::from_utf8_lossy(&script))?)
 }
 
-/// Servers tell what they do; other commands only what goes wrong.
+/// Whether the command is a server. Servers log what they do, other commands only errors.
 fn is_server(command: &Command) -> bool {
     matches!(command, Command::Client(command) if command.is_server())
 }

@@ -1,5 +1,4 @@
-//! The manual: a page for each command, with what its help says below the options in the sections where readers of manuals
-//! look for it.
+//! The manual: a page for each command. Text that the help shows below the options goes to the usual sections of a manual.
 
 use super::EXIT_CODES;
 use clap::Command;
@@ -10,8 +9,8 @@ use clap_mangen::{
 use murmuration_files::write_file;
 use std::{fs, io, path::Path};
 
-/// Writes `murmuration.1`, which lists the commands by `groups`, and `murmuration-COMMAND.1` for each command, into a folder that
-/// may exist.
+/// Writes `murmuration.1`, which lists the commands by `groups`, and `murmuration-COMMAND.1` for each command. The folder may
+/// exist.
 pub(super) fn write(command: Command, groups: &[Command], folder: &Path) -> io::Result<()> {
     let mut command = command.disable_help_subcommand(true);
     command.build();
@@ -27,7 +26,7 @@ fn write_with_those_within(command: Command, groups: &[Command], folder: &Path) 
     write_file(&folder.join(name), text).map(drop)
 }
 
-/// A page and the name of its file. The page of a command without groups lists the commands within it in one section.
+/// A page and the name of its file. Without groups, the page lists the subcommands in one section.
 fn page(command: Command, groups: &[Command]) -> io::Result<(String, Vec<u8>)> {
     let help = command.get_after_help().map(ToString::to_string);
     let help = BelowOptions::of(help.as_deref().unwrap_or_default());
@@ -55,7 +54,7 @@ fn page(command: Command, groups: &[Command]) -> io::Result<(String, Vec<u8>)> {
     Ok((man.get_filename(), text))
 }
 
-/// The pages of a group of the commands of `program`.
+/// A section that lists the pages of a group of commands of `program`.
 fn section(program: &str, group: &Command) -> Roff {
     let mut roff = Roff::new();
     roff.control("SH", [group.get_name().to_uppercase().as_str()]);
@@ -67,10 +66,10 @@ fn section(program: &str, group: &Command) -> Roff {
     roff
 }
 
-/// The paragraphs that a command's help has below its options.
+/// The paragraphs below the options in a command's help.
 struct BelowOptions<'a> {
     prose: Vec<&'a str>,
-    /// With the line that announces them.
+    /// The examples, with the line that announces them.
     examples: Option<&'a str>,
 }
 
@@ -103,7 +102,7 @@ impl<'a> BelowOptions<'a> {
     }
 }
 
-/// The purpose of an example follows it as a comment of the shell.
+/// Writes the purpose of an example as a shell comment behind it.
 fn as_a_shell_takes_it(example: &str) -> String {
     match example.split_once("  ") {
         Some((command, purpose)) => format!("{command}  # {}", purpose.trim_start()),
@@ -116,7 +115,7 @@ mod tests {
     use super::*;
     use clap::CommandFactory as _;
 
-    /// Sections of a page, in order.
+    /// Titles of a page's sections, in order.
     fn sections(text: &str) -> Vec<&str> {
         let headings = text.lines().filter_map(|line| line.strip_prefix(".SH "));
         headings.map(|heading| heading.trim_matches('"')).collect()

@@ -22,10 +22,10 @@ use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
 
-/// Least time between two messages to one watcher.
+/// Minimum interval between two messages to one watcher.
 const WATCH_INTERVAL: Duration = Duration::from_millis(100);
 
-/// Bytes of a digest that is kept.
+/// Size in bytes of a digest in the cache.
 const DIGEST_BYTES: usize = 64;
 
 /// Implements `murmuration.v1.CampaignService`.
@@ -35,11 +35,11 @@ pub struct CampaignApi {
     pub store: Store,
     /// Simulates replays.
     pub dispatch: Dispatch,
-    /// Where the clusters of archives are known.
+    /// The source of the clusters of archives.
     pub queries: Queries,
     /// Digests of archives, by their version and number of individuals.
     pub digests: LatestAnswers<(ArchiveVersion, u64), ArchiveDigest>,
-    /// The statuses of campaigns that are watched.
+    /// The statuses of watched campaigns.
     pub watched: Recent<(v1::Campaign, bool)>,
 }
 
@@ -50,7 +50,7 @@ impl CampaignApi {
         Ok(self.campaigns.status(id).await.or_status()?.record)
     }
 
-    /// Runs a short query.
+    /// Runs a query that takes a short time.
     async fn read<T: Send + 'static>(
         &self,
         query: impl FnOnce(&Store) -> Result<T, StoreError> + Send + 'static,
@@ -59,7 +59,7 @@ impl CampaignApi {
         blocking(move || query(&store)).await.or_status()?.or_status()
     }
 
-    /// Runs a query that takes longer the larger the archive is.
+    /// Runs a query whose time grows with the archive.
     async fn read_archive<T: Send + 'static>(
         &self,
         query: impl FnOnce(&Store, &Interrupt) -> Result<T, StoreError> + Send + 'static,
@@ -120,7 +120,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         let watched = self.watched.follow(id.to_string());
         let (messages, stream) = mpsc::channel(1);
         tokio::spawn(async move {
-            // The first is new, whoever else watches.
+            // The first message is always new, even if others watch the same campaign.
             let mut age = Duration::ZERO;
             loop {
                 let look = async {
@@ -278,7 +278,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         request: Request<v1::GetTaxonomyRequest>,
     ) -> Answer<Self::GetTaxonomyStream> {
         let record = self.record(&request.get_ref().campaign).await?;
-        let said = format!(
+        let message = format!(
             "campaign {} has no taxonomy yet: it is {}, and only completed campaigns have one",
             record.id,
             record.state.name()
@@ -288,7 +288,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
             Ok((taxonomy, Names::standing(store, &record.id)?))
         };
         let (taxonomy, names) = self.read(read).await?;
-        let taxonomy = taxonomy.ok_or_else(|| Status::failed_precondition(said))?;
+        let taxonomy = taxonomy.ok_or_else(|| Status::failed_precondition(message))?;
         Ok(in_parts(taxonomy.into_parts(names)))
     }
 

@@ -1,4 +1,4 @@
-//! The service for checkpoints: trainers publish, workers fetch, people look.
+//! The service for checkpoints: trainers publish them, workers fetch them, people list them.
 
 use super::{Streamed, in_parts};
 use crate::status::{IntoStatus as _, OrStatus as _};
@@ -12,7 +12,7 @@ use tonic::{Request, Response, Status, Streaming};
 /// Implements `murmuration.v1.CheckpointService`.
 #[derive(Debug, Clone)]
 pub struct CheckpointApi {
-    /// Where checkpoints are kept.
+    /// The store of checkpoints.
     pub checkpoints: Checkpoints,
 }
 

@@ -1,4 +1,4 @@
-//! Evaluations for searches that run elsewhere: the work of campaigns, without a campaign.
+//! Evaluations without a campaign, for searches that run elsewhere.
 
 use super::Streamed;
 use crate::{
@@ -30,15 +30,15 @@ use tokio::{
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
 
-/// Most controllers of a request.
+/// Maximum number of controllers in a request.
 const MAX_CONTROLLERS: usize = 1024;
-/// Most bytes of pictures that the results of a request have.
+/// Maximum size in bytes of the pictures in the results of a request.
 const MAX_PICTURE_BYTES: usize = 64 << 20;
-/// Requests of a stream that are worked on at once: while the results of one are read, the workers have others.
+/// Number of requests of a stream that are evaluated at once, so that workers are busy while a client reads results.
 const AT_ONCE: usize = 4;
-/// Time that a new stream has to say how it evaluates.
+/// Time limit for the description on a new stream.
 const DESCRIPTION_LIMIT: Duration = Duration::from_secs(10);
-/// Time that a stream may be without a request, or without room for a result: a search that breeds for longer opens another one.
+/// Time limit for a stream without a request, or without room for a result. A search that needs longer opens another stream.
 const IDLE_LIMIT: Duration = Duration::from_secs(60 * 60);
 
 /// Implements `murmuration.v1.EvaluationService`.
@@ -46,17 +46,17 @@ const IDLE_LIMIT: Duration = Duration::from_secs(60 * 60);
 pub struct EvaluationApi {
     /// Leases evaluations to workers.
     pub dispatch: Dispatch,
-    /// Where embedders are.
+    /// The store of checkpoints.
     pub checkpoints: Checkpoints,
 }
 
-/// How the controllers of a stream are evaluated.
+/// The description of a stream: how its controllers are evaluated.
 struct Described {
     spec: CampaignSpec,
     embedder: Option<EmbedderRef>,
-    /// Whether results have pictures.
+    /// Whether results contain pictures.
     pictures: bool,
-    /// The seed that the seeds of controllers derive from; `None` if they come with them.
+    /// The seed from which the seeds of controllers derive; `None` if the requests contain them.
     seed: Option<u64>,
 }
 
@@ -109,14 +109,14 @@ impl v1::evaluation_service_server::EvaluationService for EvaluationApi {
                 .filter_map(std::future::ready),
             );
         let (sender, receiver) = mpsc::channel(2);
-        let (late, said) = oneshot::channel();
+        let (late, text) = oneshot::channel();
         tokio::spawn(async move {
             if let Err(status) = forward(results, &sender, || taken.touch()).await {
-                // The client may be gone.
+                // The client may have gone.
                 let _ = late.send(status);
             }
         });
-        let end = stream::once(said).filter_map(|said| std::future::ready(said.ok().map(Err)));
+        let end = stream::once(text).filter_map(|text| std::future::ready(text.ok().map(Err)));
         Ok(Response::new(Box::pin(ReceiverStream::new(receiver).chain(end))))
     }
 
@@ -187,7 +187,7 @@ async fn evaluated(
         .collect())
 }
 
-/// An error in the words of a stream, whose controllers are numbered through.
+/// Converts an error to a status that numbers the controllers as in the stream.
 fn disagreement(error: JobError, first: usize) -> Status {
     match error {
         JobError::Disagreement { task, workers } => Status::data_loss(format!(
@@ -200,7 +200,7 @@ fn disagreement(error: JobError, first: usize) -> Status {
     }
 }
 
-/// The controllers of a stream whose results one machine alone vouches for.
+/// The controllers of a stream whose results only one machine has computed.
 #[derive(Debug, Default)]
 struct Unaudited(Mutex<BTreeMap<MachineId, Vec<usize>>>);
 
@@ -212,7 +212,7 @@ impl Unaudited {
         }
     }
 
-    /// Whether all machines are still trusted: results cannot be taken back once they are sent.
+    /// Checks that no machine with unaudited results is quarantined. Results cannot be taken back once they are sent.
     fn check(&self, quarantined: &[Quarantined]) -> Result<(), Status> {
         let by_machine = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         for wrong in quarantined {
@@ -231,7 +231,7 @@ impl Unaudited {
 }
 
 impl Described {
-    /// The job that a request is, whose controllers are numbered from `first` in their stream.
+    /// The job for a request, whose first controller has the number `first` in its stream.
     fn job(&self, request: v1::EvaluateRequest, first: usize) -> Result<EvaluationJob, Status> {
         let Some(Part::Controllers(v1::ControllersToEvaluate { tasks })) = request.part else {
             let allowed = "controllers in every request but the first";
@@ -286,7 +286,7 @@ impl Described {
     }
 }
 
-/// Results as messages of a bounded size; after an error nothing more.
+/// Results as messages of a bounded size, or the error.
 fn responses(
     results: Result<Vec<v1::EvaluateResult>, Status>,
     side: u32,
@@ -297,7 +297,7 @@ fn responses(
     }
 }
 
-/// How many requests of a stream are worked on, and when the client was last waited for.
+/// The number of requests in evaluation, and the time since which the stream waits for its client.
 #[derive(Debug)]
 struct AtWork(Mutex<(usize, Instant)>);
 
@@ -317,12 +317,12 @@ impl AtWork {
         *at_work = (at_work.0.saturating_sub(1), Instant::now());
     }
 
-    /// The client has taken a result.
+    /// Records that the client has taken a result.
     fn touch(&self) {
         self.lock().1 = Instant::now();
     }
 
-    /// When a client without requests has been idle for too long; nothing while it may wait for results.
+    /// The end of the time limit for an idle client; `None` while it waits for results.
     fn deadline(&self) -> Option<Instant> {
         let (requests, last) = *self.lock();
         (requests == 0).then_some(last + IDLE_LIMIT)
@@ -333,8 +333,8 @@ impl AtWork {
     }
 }
 
-/// The requests of a stream, up to the first that does not come in time while nothing is evaluated: an idle stream would hold its
-/// permit for ever.
+/// The requests of a stream, up to the first that exceeds the time limit while nothing is evaluated. Otherwise an idle stream would
+/// hold its permit for ever.
 fn within_limit<T>(
     requests: impl Stream<Item = Result<T, Status>> + Unpin,
     at_work: Arc<AtWork>,
@@ -349,11 +349,11 @@ fn within_limit<T>(
                     None => deadline = Instant::now() + IDLE_LIMIT,
                     Some(later) if later > Instant::now() => deadline = later,
                     Some(_) => {
-                        let said = format!(
+                        let message = format!(
                             "no request within {} minutes: open another stream when there is one",
                             IDLE_LIMIT.as_secs() / 60
                         );
-                        return Some((Err(Status::deadline_exceeded(said)), None));
+                        return Some((Err(Status::deadline_exceeded(message)), None));
                     }
                 },
             }
@@ -361,8 +361,8 @@ fn within_limit<T>(
     })
 }
 
-/// Sends the items of a stream to a client for as long as it is there, and calls `sent` after each; an error if the client takes
-/// none in time.
+/// Sends the items of a stream while the client is connected, and calls `sent` after each. Fails if the client takes no item in
+/// time.
 async fn forward<T>(
     items: impl Stream<Item = T>,
     sender: &mpsc::Sender<T>,
@@ -382,8 +382,8 @@ async fn forward<T>(
             Ok(Err(_)) => return Ok(()),
             Err(_) => {
                 let minutes = IDLE_LIMIT.as_secs() / 60;
-                let said = format!("the client took no result within {minutes} minutes: evaluate again");
-                return Err(Status::deadline_exceeded(said));
+                let message = format!("the client took no result within {minutes} minutes: evaluate again");
+                return Err(Status::deadline_exceeded(message));
             }
         }
     }
@@ -402,11 +402,11 @@ mod tests {
         let mut requests = Box::pin(within_limit(requests, at_work.clone()));
         sender.send(Ok(1)).await.unwrap();
         assert_eq!(requests.next().await.unwrap().unwrap(), 1);
-        // Not while something is evaluated for it.
+        // The limit does not apply during an evaluation.
         at_work.begin();
         let waited = tokio::time::timeout(5 * IDLE_LIMIT / 2, requests.next()).await;
         assert!(waited.is_err());
-        // From then on it has the whole time.
+        // The end of an evaluation restarts the limit.
         at_work.end();
         let ended = Instant::now();
         let refused = requests.next().await.unwrap().unwrap_err();
@@ -427,7 +427,7 @@ mod tests {
         assert_eq!(refused.code(), Code::DeadlineExceeded, "{refused}");
         assert_eq!(*sent.lock().unwrap(), 1);
         assert_eq!(receiver.recv().await, Some(1));
-        // One that is gone ends it at once, whatever is evaluated.
+        // The end of the client ends the stream at once, even during an evaluation.
         drop(receiver);
         forward(stream::pending::<i32>(), &sender, || {}).await.unwrap();
     }

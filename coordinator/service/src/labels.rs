@@ -1,4 +1,4 @@
-//! The service for people who teach: labels, classes, what to ask next.
+//! The service for labels, classes, and the questions to ask next.
 
 mod messages;
 
@@ -23,13 +23,13 @@ use std::{
 };
 use tonic::{Request, Response, Status};
 
-/// Most answers in one request.
+/// Maximum number of answers in one request.
 const MAX_ANSWERS: usize = 50_000;
-/// Entries of a part of the log: the longest names have some 500 bytes an entry.
+/// Number of entries in a part of the log: an entry with the longest names has some 500 bytes.
 const LISTED_AT_ONCE: u64 = 2_000;
-/// Most entries of a request that is applied in a moment.
+/// Maximum number of entries of a request that is short enough to need no rest.
 const FEW_ENTRIES: usize = 100;
-/// A request that held the store for many entries leaves it to the others for this many times as long, and at most for [`MOST_REST`].
+/// A request with many entries rests for this many times as long as it held the store, and at most for [`MOST_REST`].
 const REST: u32 = 3;
 const MOST_REST: Duration = Duration::from_secs(2);
 
@@ -38,7 +38,7 @@ const MOST_REST: Duration = Duration::from_secs(2);
 pub struct LabelApi {
     pub store: Store,
     pub queries: Queries,
-    /// Answers in a person's place.
+    /// Answers in place of a person.
     pub annotator: SyntheticAnnotator,
 }
 
@@ -46,7 +46,7 @@ type Result<T> = std::result::Result<T, Status>;
 type Answered<T> = Result<Response<T>>;
 
 impl LabelApi {
-    /// Runs `work` on the store where it does not hold up the network.
+    /// Runs `work` on the store, outside the network's threads.
     async fn with<T: Send + 'static, E: IntoStatus + Send + 'static>(
         &self,
         work: impl FnOnce(&Store) -> std::result::Result<T, E> + Send + 'static,
@@ -65,8 +65,8 @@ impl LabelApi {
         .await
     }
 
-    /// Runs `add`, which adds entries to a campaign's log, if the budget of the request's token has `wanted` left; 0 is always allowed.
-    /// A request that was made before adds nothing, and costs nothing.
+    /// Runs `add`, which adds entries to a campaign's log, if the budget of the request's token has `wanted` left; 0 is always
+    /// allowed. A repeated request adds nothing, and costs nothing.
     async fn within_budget<T: Send + 'static>(
         &self,
         campaign: String,
@@ -91,7 +91,7 @@ impl LabelApi {
         .await
     }
 
-    /// A campaign, and what a request has added to its log.
+    /// A campaign, and the entries that an earlier request with this id has added.
     async fn made(&self, campaign: String, request: RequestId) -> Result<(CampaignRecord, Vec<Entry>)> {
         self.with(move |store| -> std::result::Result<_, StoreError> {
             let record = store.campaign(&campaign)?;
@@ -163,7 +163,7 @@ impl v1::label_service_server::LabelService for LabelApi {
         let (record, before) = self.made(message.campaign, request.clone()).await?;
         messages::check_synthetic(&before, &request).or_status()?;
         let entries = if before.is_empty() {
-            // Before workers simulate for what could not be added.
+            // Check the budget before workers simulate.
             if let Some(budget) = LabelBudget::current() {
                 budget.reserve(count).map_err(LabelError::from).or_status()?;
             }
@@ -187,7 +187,7 @@ impl v1::label_service_server::LabelService for LabelApi {
             request_id,
             annotator,
         } = request.into_inner();
-        // Every annotator may also undo the last answers of the synthetic annotator.
+        // Every annotator may also undo the latest answers of the synthetic annotator.
         let (request, annotator) = (request_id.parse()?, Annotator::known(&annotator)?);
         let undone = self
             .within_budget(campaign, request, 0, move |store, id, request| {
@@ -360,7 +360,7 @@ impl v1::label_service_server::LabelService for LabelApi {
     }
 }
 
-/// Nobody of that name has answered.
+/// The error for an annotator without answers.
 fn unknown(annotator: &Annotator, labels: &Labels) -> Status {
     let known: Vec<&str> = labels.annotators().map(Annotator::as_str).collect();
     Status::not_found(match known.as_slice() {
@@ -372,8 +372,8 @@ fn unknown(annotator: &Annotator, labels: &Labels) -> Status {
     })
 }
 
-/// Applies a request to the store. Where it is about many entries (`count` of the outcome) it ends only after a rest: an annotator who sends
-/// such requests one after the other leaves most of the time to campaigns and to others.
+/// Applies a request to the store. If it has many entries (`count` of the outcome), it rests before it ends, so that an annotator
+/// with many such requests leaves most of the time to campaigns and to others.
 fn resting<T>(apply: impl FnOnce() -> T, count: impl FnOnce(&T) -> usize) -> T {
     let begun = Instant::now();
     let done = apply();

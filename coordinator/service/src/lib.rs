@@ -1,4 +1,4 @@
-//! The gRPC services: validate at the edge, ask the component that knows, translate the answer.
+//! The gRPC services: they validate requests, call the component in charge, and convert its answer.
 
 mod campaigns;
 mod checkpoints;
@@ -37,15 +37,15 @@ use tonic::{Response, Status};
 /// A server's stream of messages.
 type Streamed<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
 
-/// An answer in these parts.
+/// An answer in parts.
 fn in_parts<T: Send + 'static>(
     parts: impl IntoIterator<Item = T, IntoIter: Send + 'static>,
 ) -> Response<Streamed<T>> {
     Response::new(Box::pin(tokio_stream::iter(parts.into_iter().map(Ok))))
 }
 
-/// An answer that is read part by part, while its client takes it. `read` is given where the next part begins, from 0; it returns the
-/// part, and where the one after it begins.
+/// An answer that is read part by part while its client takes it. `read` gets the beginning of the next part, from 0, and returns
+/// the part and the beginning of the following one.
 fn as_taken<T, R>(mut read: impl FnMut(u64) -> R + Send + 'static) -> Response<Streamed<T>>
 where
     T: Send + 'static,
@@ -68,7 +68,7 @@ where
     Response::new(Box::pin(ReceiverStream::new(stream)))
 }
 
-/// The coordinator's epoch that the lease of `field` was given in, and its number.
+/// The number of the lease in `field`, and the coordinator's epoch in which it was given.
 fn lease_id(lease: Option<v1::LeaseId>, field: &str) -> Result<(u64, LeaseNumber), Invalid> {
     let lease = lease.ok_or_else(|| Invalid::missing(field, "a lease id"))?;
     Ok((lease.epoch, LeaseNumber(lease.number)))

@@ -1,4 +1,4 @@
-//! Individuals of an archive that are near a behaviour from elsewhere.
+//! Individuals of an archive that are near a given behaviour.
 
 use super::CampaignApi;
 use crate::status::{IntoStatus, OrStatus as _};
@@ -11,22 +11,22 @@ use murmuration_proto::{CheckpointDigest, Evaluation, FEATURE_NAMES, Features, I
 use murmuration_search::interrupt::Interrupt;
 use tonic::Status;
 
-/// Individuals that an answer has where the request does not say how many.
+/// Number of individuals in an answer if the request names none.
 const USUAL_COUNT: u32 = 5;
-/// Most individuals of an answer.
+/// Maximum number of individuals in an answer.
 const MAX_COUNT: u32 = 100;
 
-/// A behaviour that need not be of an archive.
+/// A behaviour, of an archive or not.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OtherBehaviour {
     /// Its hand-crafted features.
     pub features: Features,
-    /// The embedding of its picture, and the checkpoint that made it; `None` if there is none.
+    /// The embedding of its picture, and the checkpoint that made it, if any.
     pub embedding: Option<(CheckpointDigest, Vec<f32>)>,
 }
 
 impl OtherBehaviour {
-    /// That of an evaluation, embedded by this checkpoint if by any.
+    /// The behaviour of an evaluation, with its embedding if a checkpoint made one.
     #[must_use]
     pub fn of(evaluation: &Evaluation, checkpoint: Option<CheckpointDigest>) -> Self {
         Self {
@@ -37,10 +37,10 @@ impl OtherBehaviour {
 }
 
 impl CampaignApi {
-    /// At most `count` individuals of a campaign's archive that are nearest to `behaviour`.
+    /// Up to `count` individuals of a campaign's archive, those nearest to `behaviour`.
     ///
     /// # Errors
-    /// If the archive is empty or its embeddings are by another checkpoint, or it cannot be read.
+    /// If the archive is empty or cannot be read, or another checkpoint made its embeddings.
     pub async fn nearest(
         &self,
         record: &CampaignRecord,
@@ -64,7 +64,6 @@ impl CampaignApi {
         in_background(find).await.or_status()?
     }
 
-    /// Answers a `FindNearest`.
     pub(super) async fn find_nearest_of(
         &self,
         request: v1::FindNearestRequest,
@@ -117,11 +116,11 @@ fn other_checkpoint(
 
 impl IntoStatus for NearestError {
     fn into_status(self) -> Status {
-        let said = self.to_string();
+        let message = self.to_string();
         match self {
-            Self::Empty => Status::failed_precondition(said),
-            Self::Misfit(_) => Status::invalid_argument(said),
-            Self::NoMedoid(_) => Status::internal(said),
+            Self::Empty => Status::failed_precondition(message),
+            Self::Misfit(_) => Status::invalid_argument(message),
+            Self::NoMedoid(_) => Status::internal(message),
         }
     }
 }

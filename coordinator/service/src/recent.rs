@@ -1,4 +1,4 @@
-//! Shares one look among all who follow the same thing.
+//! Shares one computation of a value among all its followers.
 
 use std::{
     collections::HashMap,
@@ -7,11 +7,11 @@ use std::{
 };
 use tokio::sync;
 
-/// The latest of each thing that somebody follows, by its name; cheap to clone.
+/// The latest values by name, while they have followers; cheap to clone.
 #[derive(Debug)]
 pub struct Recent<T>(Arc<Mutex<HashMap<String, Weak<Latest<T>>>>>);
 
-/// One such thing, for as long as somebody follows it.
+/// One shared value, kept while it has followers.
 #[derive(Debug)]
 pub struct Followed<T>(Arc<Latest<T>>);
 
@@ -44,7 +44,7 @@ impl<T: Clone> Recent<T> {
 }
 
 impl<T: Clone> Followed<T> {
-    /// The value that was made less than `age` ago, or else the one that `make` makes now.
+    /// The latest value if it is younger than `age`, or else a new one from `make`.
     ///
     /// # Errors
     /// The errors of `make`.

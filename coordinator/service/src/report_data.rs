@@ -1,4 +1,4 @@
-//! Gathers what a report shows, through the campaign and label services: of this process or of another.
+//! Gathers the contents of a report through the campaign and label services, of this process or of another.
 
 use crate::spread::{Place, spreads};
 use bytes::Bytes;
@@ -33,16 +33,16 @@ use tonic::{
     codegen::{Body as HttpBody, StdError},
 };
 
-/// Individuals that a report shows beside the medoids.
+/// Number of individuals in a report besides the medoids.
 const FURTHER: usize = 12;
 
-/// Why there is nothing to report.
+/// Why there is no report.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportDataError {
     /// The service refused, or cannot be reached.
     #[error("{}", .0.message())]
     Service(#[from] Status),
-    /// The service says what cannot be.
+    /// The answer of the service contains an invalid value.
     #[error("the coordinator's answer is invalid: {0}")]
     Answer(#[from] Invalid),
     /// The archive holds vectors that cannot be compared.
@@ -51,10 +51,10 @@ pub enum ReportDataError {
     /// A picture of an individual cannot be drawn.
     #[error("cannot draw the individuals: {0}")]
     Picture(#[from] PictureError),
-    /// A bug, while pictures were drawn.
+    /// A bug in the drawing of pictures.
     #[error(transparent)]
     Broken(#[from] Broken),
-    /// The client that asked for the report has gone.
+    /// The client that requested the report has gone.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }
@@ -78,7 +78,7 @@ impl<C> Transport for C where
 {
 }
 
-/// Names of a campaign's behaviours, and their authors.
+/// Names of a campaign's behaviours, and who gave them.
 ///
 /// # Errors
 /// See [`ReportDataError`].
@@ -123,7 +123,7 @@ fn class(class: &v1::LabelClass) -> Result<Class, Invalid> {
         name: class.name.parse()?,
         colour: class.colour.parse()?,
         labels: class.labels,
-        // A report is no place to press keys or mend names.
+        // Reports have neither shortcuts nor hints about names.
         shortcut: None,
         near: Vec::new(),
     })
@@ -133,11 +133,11 @@ fn class(class: &v1::LabelClass) -> Result<Class, Invalid> {
 pub enum PicturesOf {
     /// The pictures of the medoids and of evenly chosen individuals.
     Individuals,
-    /// The pictures of the medoids and of the members that show how far their clusters reach.
+    /// The pictures of the medoids and of the members that show the spread of their clusters.
     Medoids,
 }
 
-/// The report of a completed campaign, with what its behaviours were called.
+/// The report of a completed campaign, with the names of its behaviours.
 ///
 /// # Errors
 /// See [`ReportDataError`].
@@ -191,7 +191,7 @@ pub async fn report<C: Transport>(
         let behaviours = behaviours(&individuals, &of)?;
         let spreads = spreads(&behaviours, &clustering.medoids, &clustering.clusters);
         let mut further = Vec::new();
-        // A contact sheet has the medoids alone.
+        // A contact sheet shows only medoids.
         if pictures == PicturesOf::Individuals {
             further = beyond_medoids(&behaviours, &clustering, &of, interrupt)?;
             further.truncate(FURTHER);
@@ -232,7 +232,7 @@ pub async fn report<C: Transport>(
         spec.clone(),
         centres.iter().map(|&index| index as u64).collect::<Vec<_>>(),
     );
-    // A contact sheet has no words.
+    // A contact sheet contains no verdicts.
     let (judged, individuals) = match pictures {
         PicturesOf::Medoids => (Ok(Judged::default()), individuals),
         PicturesOf::Individuals => {
@@ -260,7 +260,7 @@ pub async fn report<C: Transport>(
     })
 }
 
-/// The name of a cluster, if it comes from an earlier version; that of the medoid is among the labels.
+/// The name of a cluster, if it comes from an earlier version. The labels contain the medoid's own name.
 fn carried(name: Option<v1::ClusterName>) -> Result<Option<CarriedName>, Invalid> {
     let name = name.unwrap_or_default();
     let Some(from) = name.carried else {
@@ -284,7 +284,7 @@ fn repetition(digest: &v1::GetDigestResponse) -> Result<Repetition, Invalid> {
     })
 }
 
-/// The archive of a campaign with the features and embeddings of its individuals, by index; their robustness is not known.
+/// The archive of a campaign: the features and embeddings of its individuals, by index, without their robustness.
 ///
 /// # Errors
 /// See [`ReportDataError`].
@@ -296,7 +296,7 @@ pub async fn archive<C: Transport>(
     read_archive(client, campaign, model, None).await
 }
 
-/// The archive; `sheets`, if there are any, take its pictures, and those of a part are forgotten before the next one is read.
+/// The archive. `sheets`, if given, get its pictures; the pictures of one part are dropped before the next part is read.
 async fn read_archive<C: Transport>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
@@ -321,8 +321,8 @@ async fn read_archive<C: Transport>(
     Ok(entries)
 }
 
-/// The judge's verdicts on the trials of a completed campaign that judges them: `count` gets each verdict, individual after
-/// individual.
+/// Calls `count` with the judge's verdict on each trial of a completed campaign, individual by individual. The campaign must be one
+/// that the judge judges.
 ///
 /// # Errors
 /// See [`ReportDataError`]; [`ReportDataError::Answer`] if a trial has no verdict.
@@ -345,10 +345,10 @@ pub async fn verdicts<C: Transport>(
     Ok(())
 }
 
-/// The judge's verdicts on the trials of an individual of a campaign that judges them.
+/// The judge's verdicts on the trials of an individual. Its campaign must be one that the judge judges.
 ///
 /// # Errors
-/// If a trial has no verdict, or one that is none.
+/// If a trial has no verdict or an invalid one.
 pub fn verdicts_of(spec: &CampaignSpec, individual: &v1::Individual) -> Result<Vec<Verdict>, Invalid> {
     let verdicts = &individual.verdicts;
     if verdicts.len() != spec.starts().get() {
@@ -384,7 +384,7 @@ fn entry(individual: &v1::Individual, model: &CapabilityModel) -> Result<Entry, 
 /// The features of an individual or a trial.
 ///
 /// # Errors
-/// If there are not as many as features.
+/// If the number of values is not that of the features.
 pub fn features(values: &[f64]) -> Result<Features, Invalid> {
     Features::try_from(values)
         .map_err(|_| Invalid::new("features", counted(values.len() as u64, "value"), "5 values"))
@@ -399,7 +399,6 @@ fn generation(summary: v1::GenerationSummary) -> GenerationSummary {
     }
 }
 
-/// The members of a cluster that show how far it reaches, with their images.
 async fn replay<C: Transport>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
@@ -456,7 +455,7 @@ fn behaviours(individuals: &[Entry], spec: &CampaignSpec) -> Result<Behaviours, 
     Ok(behaviours)
 }
 
-/// The behaviour space along its two principal axes.
+/// The map of behaviours along their two principal axes.
 fn map(behaviours: &Behaviours, interrupt: &Interrupt) -> Result<Map, ReportDataError> {
     let projection = projection::principal_axes(behaviours, interrupt)?;
     let title = |axis: usize| {

@@ -1,6 +1,6 @@
-//! Motions of controllers that need not be of a campaign. The coordinator itself simulates them: no worker is needed.
+//! Motions of any controllers. The coordinator itself simulates them, without a worker.
 //!
-//! A motion is bounded in poses before anything is computed. It is simulated a part at a time, while its client takes the parts.
+//! The number of poses is limited before any computation. A motion is simulated part by part, as its client takes the parts.
 
 use crate::status::OrStatus as _;
 use murmuration_engine::blocking::in_background;
@@ -13,13 +13,13 @@ use std::iter;
 use tokio::sync::mpsc;
 use tonic::Status;
 
-/// Poses of a part: more than there can be robots.
+/// Number of poses in a part, more than a swarm can have robots.
 const PART_POSES: usize = PART_BYTES / size_of::<Pose>();
 
 /// x, y (world units, y points down the screen) and heading (radians) of a robot.
 type Pose = [f64; 3];
 
-/// A swarm to simulate, whose motion is not too long.
+/// A swarm to simulate, whose motion is within the limit.
 #[derive(Debug)]
 pub(super) struct Simulation {
     controller: Controller,
@@ -44,17 +44,17 @@ impl TryFrom<v1::SimulateRequest> for Simulation {
 }
 
 impl Simulation {
-    /// The poses before the first step and after every step, which are simulated when they are taken.
+    /// The poses before the first step and after every step, simulated on demand.
     fn frames(&self) -> Result<impl Iterator<Item = Vec<Pose>> + Send + use<>, Invalid> {
         let motion = motion(&self.controller, &self.world, &Start::seeded(self.seed))?;
         Ok(motion.take(self.steps as usize + 1))
     }
 }
 
-/// How many steps to simulate: those asked for, or else the world's horizon.
+/// Number of steps to simulate: as requested, or else the world's horizon.
 fn steps(asked: Option<u32>, world: &World) -> Result<u32, Invalid> {
     let agents = world.agents();
-    // The start has a frame, too.
+    // The start has a frame too.
     let most = Frames::MAX_POSES / u64::from(agents) - 1;
     let (field, steps) = match asked {
         Some(steps) => ("steps", steps),
@@ -70,7 +70,7 @@ fn steps(asked: Option<u32>, world: &World) -> Result<u32, Invalid> {
     Err(Invalid::new(field, steps, allowed))
 }
 
-/// The campaign that describes robots and world.
+/// The campaign whose robots and world are simulated.
 pub(super) fn spec_of(campaign: Option<Campaign>) -> Result<CampaignSpec, Status> {
     match campaign {
         Some(Campaign::Spec(spec)) => Ok(CampaignSpec::try_from(spec)?),
@@ -79,10 +79,10 @@ pub(super) fn spec_of(campaign: Option<Campaign>) -> Result<CampaignSpec, Status
     }
 }
 
-/// Sends the motion of a swarm, or why it has none, for as long as the client takes the parts.
+/// Sends the motion of a swarm, or an error, while the client takes the parts.
 pub(super) async fn send_motion(simulation: Simulation, parts: &mpsc::Sender<Result<v1::Motion, Status>>) {
     if let Err(status) = simulated(simulation, parts).await {
-        // The client may be gone.
+        // The client may have gone.
         let _ = parts.send(Err(status)).await;
     }
 }
@@ -93,7 +93,7 @@ async fn simulated(
 ) -> Result<(), Status> {
     let mut frames = simulation.frames()?;
     loop {
-        // It is simulated once there is room for it.
+        // A part is simulated once the client has room for it.
         let Ok(room) = parts.reserve().await else {
             return Ok(());
         };
@@ -111,7 +111,7 @@ async fn simulated(
     }
 }
 
-/// The next part of a motion; none after its end.
+/// The next part of a motion; `None` after its end.
 fn next_part(frames: &mut impl Iterator<Item = Vec<Pose>>) -> Result<Option<v1::Motion>, Invalid> {
     let Some(first) = frames.next() else {
         return Ok(None);
@@ -135,7 +135,7 @@ mod tests {
     use murmuration_sim::replay::poses;
     use tonic::Code;
 
-    /// The default world with this many robots, and a controller of the paper's.
+    /// The default world with this many robots, and one of the paper's controllers.
     fn asked(robots: u32, steps: Option<u32>) -> v1::SimulateRequest {
         let toml = format!(
             "name = \"x\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\n[world]\nagents = {robots}\nhorizon = 5000\n"

@@ -1,5 +1,4 @@
-//! Trainings that trainers put aside: they arrive part by part, and only of a training that the stream leases is a part
-//! kept.
+//! Snapshots of trainings from trainers. They arrive part by part. Parts are only kept for a training that the stream leases.
 
 use super::lease_id;
 use murmuration_dispatch::{Dispatch, LeaseNumber, TrainingLease, WorkerId, WorkerReport};
@@ -13,11 +12,11 @@ pub(super) struct Snapshots {
     arriving: Option<Arriving>,
 }
 
-/// A training of which the last part has not come yet.
+/// A snapshot whose last part has not arrived yet.
 struct Arriving {
-    /// The coordinator's epoch that the lease was given in, its number, and the training's epochs done.
+    /// The coordinator's epoch in which the lease was given, the lease's number, and the number of epochs trained.
     of: (u64, LeaseNumber, u64),
-    /// Most bytes that such a training can have; `None` if nobody wants it any more.
+    /// Maximum size in bytes of such a snapshot; `None` if the lease is over, so that it is not kept.
     room: Option<usize>,
     bytes: Vec<u8>,
 }
@@ -31,11 +30,11 @@ impl Snapshots {
         }
     }
 
-    /// Adds a part: the whole, if it was the last, else a sign of life.
+    /// Adds a part. Returns the complete snapshot after the last part, and a heartbeat before.
     ///
     /// # Errors
-    /// At the first part, where this stream was never given the lease, or such a training has no such epoch; and where there
-    /// is more than such a training has.
+    /// At the first part, if this stream never had the lease, or the training has no such epoch. At any part, if the snapshot
+    /// exceeds its maximum size.
     pub(super) async fn add(&mut self, part: v1::TrainingSnapshot) -> Result<WorkerReport, Invalid> {
         let (epoch, lease) = lease_id(part.lease, "snapshot.lease")?;
         if part.data.len() > PART_BYTES {

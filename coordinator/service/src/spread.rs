@@ -1,13 +1,13 @@
-//! Which members of a cluster show how far it reaches.
+//! The members of a cluster that show its spread.
 
 use murmuration_search::novelty::Behaviours;
 
 /// A member of a cluster: its index, and its distance to the medoid in units of the behaviour space.
 pub(crate) type Place = (usize, f64);
 
-/// The nearest, the median and the farthest member of each cluster, its medoid left out; of an even number the median is the
-/// farther of the two in the middle. `None` for a cluster that is its medoid alone. `medoids` are indices of individuals,
-/// `clusters` has for each individual the place of its medoid.
+/// The nearest, the median and the farthest member of each cluster, without its medoid. If their number is even, the median is the
+/// farther of the two in the middle. `None` if the medoid is the only member. `medoids` are indices of individuals; `clusters` has
+/// for each individual the place of its medoid.
 pub(crate) fn spreads(
     behaviours: &Behaviours,
     medoids: &[usize],

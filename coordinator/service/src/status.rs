@@ -1,4 +1,4 @@
-//! Errors of the floors below, as gRPC says them, and messages that cannot be read.
+//! Converts errors of the other crates to gRPC statuses, and errors about unreadable messages.
 
 use axum::{extract::Request, middleware::Next, response::Response};
 use murmuration_dispatch::{JobError, JoinError};
@@ -9,13 +9,12 @@ use murmuration_store::{LabelError, StoreError, checkpoints::CheckpointError};
 use tonic::{Code, Status};
 
 pub trait IntoStatus {
-    /// The status for the client.
     fn into_status(self) -> Status;
 }
 
 /// Results whose error has a status.
 pub trait OrStatus<T> {
-    /// The same, with the status in the place of the error.
+    /// The result with its error converted to a status.
     ///
     /// # Errors
     /// Those of `self`.
@@ -30,25 +29,25 @@ impl<T, E: IntoStatus> OrStatus<T> for Result<T, E> {
 
 impl IntoStatus for StoreError {
     fn into_status(self) -> Status {
-        // It repeats what was asked for, which may be of any length.
-        let said = Text::line(&self.to_string());
+        // The message repeats the request's text, which may have any length.
+        let message = Text::line(&self.to_string());
         match self {
             StoreError::NoCampaign(_) | StoreError::NoCheckpoint(_) | StoreError::NoIndividual { .. } => {
-                Status::not_found(said)
+                Status::not_found(message)
             }
             StoreError::DiskFull { .. } | StoreError::Unwritable { .. } | StoreError::ReadOnly { .. } => {
-                Status::resource_exhausted(said)
+                Status::resource_exhausted(message)
             }
-            StoreError::OtherRequest { .. } => Status::already_exists(said),
-            StoreError::Interrupted(_) => Status::unavailable(said),
-            StoreError::Damaged { .. } => Status::data_loss(said),
+            StoreError::OtherRequest { .. } => Status::already_exists(message),
+            StoreError::Interrupted(_) => Status::unavailable(message),
+            StoreError::Damaged { .. } => Status::data_loss(message),
             StoreError::InUse { .. }
             | StoreError::NoDirectory(_)
             | StoreError::NoFolder(_)
             | StoreError::Newer { .. }
-            | StoreError::Superseded(_) => Status::failed_precondition(said),
+            | StoreError::Superseded(_) => Status::failed_precondition(message),
             StoreError::File { .. } | StoreError::Compression(_) | StoreError::Sqlite { .. } => {
-                Status::internal(said)
+                Status::internal(message)
             }
         }
     }
@@ -62,11 +61,11 @@ impl IntoStatus for Broken {
 
 impl IntoStatus for JobError {
     fn into_status(self) -> Status {
-        let said = self.to_string();
+        let message = self.to_string();
         match self {
-            JobError::Fatal(_) | JobError::Poisoned(_) => Status::failed_precondition(said),
-            JobError::Disagreement { .. } => Status::data_loss(said),
-            JobError::NoWorker | JobError::ShuttingDown => Status::unavailable(said),
+            JobError::Fatal(_) | JobError::Poisoned(_) => Status::failed_precondition(message),
+            JobError::Disagreement { .. } => Status::data_loss(message),
+            JobError::NoWorker | JobError::ShuttingDown => Status::unavailable(message),
         }
     }
 }
@@ -96,21 +95,21 @@ impl IntoStatus for CampaignError {
 
 impl IntoStatus for LabelError {
     fn into_status(self) -> Status {
-        let said = self.to_string();
+        let message = self.to_string();
         match self {
             LabelError::Store(error) => error.into_status(),
             LabelError::OtherRequest(_) | LabelError::Refused(Refusal::ClassExists(_)) => {
-                Status::already_exists(said)
+                Status::already_exists(message)
             }
-            LabelError::Refused(Refusal::NoClass(_)) => Status::not_found(said),
-            LabelError::Refused(Refusal::IntoItself(_)) => Status::invalid_argument(said),
+            LabelError::Refused(Refusal::NoClass(_)) => Status::not_found(message),
+            LabelError::Refused(Refusal::IntoItself(_)) => Status::invalid_argument(message),
             LabelError::OverBudget(_)
             | LabelError::Refused(Refusal::TooManyClasses(_) | Refusal::Full { .. }) => {
-                Status::resource_exhausted(said)
+                Status::resource_exhausted(message)
             }
             LabelError::Refused(
                 Refusal::NothingToUndo(_) | Refusal::NothingToWithdraw { .. } | Refusal::NotNewestChange(_),
-            ) => Status::failed_precondition(said),
+            ) => Status::failed_precondition(message),
         }
     }
 }
@@ -137,18 +136,18 @@ impl IntoStatus for QueryError {
 
 impl IntoStatus for CheckpointError {
     fn into_status(self) -> Status {
-        let said = self.to_string();
+        let message = self.to_string();
         match self {
             CheckpointError::Store(error) => error.into_status(),
-            CheckpointError::Model(_) => Status::invalid_argument(said),
+            CheckpointError::Model(_) => Status::invalid_argument(message),
             CheckpointError::Mismatch { .. }
             | CheckpointError::Missing { .. }
-            | CheckpointError::Damaged { .. } => Status::data_loss(said),
+            | CheckpointError::Damaged { .. } => Status::data_loss(message),
             CheckpointError::Location { .. } | CheckpointError::Pictures { .. } => {
-                Status::failed_precondition(said)
+                Status::failed_precondition(message)
             }
-            CheckpointError::Objects(_) => Status::unavailable(said),
-            CheckpointError::Broken => Status::internal(said),
+            CheckpointError::Objects(_) => Status::unavailable(message),
+            CheckpointError::Broken => Status::internal(message),
         }
     }
 }
@@ -162,10 +161,11 @@ impl IntoStatus for JoinError {
     }
 }
 
-/// Beginning of tonic's error about a message that cannot be read. It blames the server (INTERNAL); the client is told that its message is wrong.
+/// Beginning of tonic's error about an unreadable message. Tonic blames the server (INTERNAL), but the client's message is at
+/// fault.
 const SAID: &str = "failed to decode Protobuf message";
 
-/// Blames the client of a method for a message that could not be read before the answer began.
+/// Blames the client for a message that is unreadable before the answer begins.
 pub async fn blame_the_client(request: Request, next: Next) -> Response {
     let answer = next.run(request).await;
     match Status::from_header_map(answer.headers()) {
@@ -174,7 +174,7 @@ pub async fn blame_the_client(request: Request, next: Next) -> Response {
     }
 }
 
-/// The same for one that comes later on a stream.
+/// Blames the client for a message that is unreadable later on a stream.
 pub(super) fn blamed(status: Status) -> Status {
     match is_unreadable(&status) {
         true => Status::invalid_argument(Text::line(status.message())),

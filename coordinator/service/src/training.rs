@@ -1,4 +1,4 @@
-//! The service for trainers: their streams, and what their tasks need.
+//! The service for trainers: their streams, and the pictures for their tasks.
 
 use super::{
     Streamed, lease_id,
@@ -55,7 +55,7 @@ impl v1::trainer_service_server::TrainerService for TrainerApi {
         let store = self.store.clone();
         tokio::task::spawn_blocking(move || {
             if let Err(error) = send(&store, &record, &parts) {
-                // A trainer that has gone needs no reason.
+                // The trainer may have gone.
                 let _ = parts.blocking_send(Err(error.into_status()));
             }
         });
@@ -83,8 +83,8 @@ fn check_trainer(hello: &v1::Hello) -> Result<(), Status> {
     }
 }
 
-/// Sends pictures, then their features if the recipe flattens, then labelled pictures, then the snapshot, until all is sent or nobody
-/// listens.
+/// Sends pictures, then their features if the recipe flattens, then labelled pictures, then the snapshot. Ends early when the
+/// client has gone.
 fn send(
     store: &Store,
     record: &CampaignRecord,

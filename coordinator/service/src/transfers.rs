@@ -1,4 +1,4 @@
-//! Whole campaigns, to a client that exports one, and from a client that imports one.
+//! The export and import of whole campaigns.
 
 use super::Streamed;
 use crate::status::{IntoStatus, OrStatus as _};
@@ -23,9 +23,9 @@ use tonic::{Request, Response, Status, Streaming};
 pub struct TransferApi {
     pub campaigns: Campaigns,
     pub store: Store,
-    /// Where embedders are.
+    /// The store of checkpoints.
     pub checkpoints: Checkpoints,
-    /// The data directory, in which the databases of campaigns are put together.
+    /// The data directory, in which databases of campaigns are assembled.
     pub data: Arc<Path>,
 }
 
@@ -46,7 +46,7 @@ impl v1::transfer_service_server::TransferService for TransferApi {
         let api = self.clone();
         spawn(async move {
             if let Err(status) = api.send(record.id, &parts).await {
-                // The client may be gone.
+                // The client may have gone.
                 let _ = parts.send(Err(status)).await;
             }
         });
@@ -115,13 +115,13 @@ async fn next(parts: &mut Streaming<v1::CampaignPart>) -> Result<Option<v1::Camp
 
 impl IntoStatus for ImportError {
     fn into_status(self) -> Status {
-        let said = self.to_string();
+        let message = self.to_string();
         match self {
             Self::Store(error) => error.into_status(),
             Self::Checkpoint(error) => error.into_status(),
-            Self::Exists(_) => Status::already_exists(said),
-            Self::Unsound(Unsound::Digest { .. }) => Status::data_loss(said),
-            Self::Unsound(_) => Status::invalid_argument(said),
+            Self::Exists(_) => Status::already_exists(message),
+            Self::Unsound(Unsound::Digest { .. }) => Status::data_loss(message),
+            Self::Unsound(_) => Status::invalid_argument(message),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The streams of workers and trainers: one each, validated and handed to a dispatcher.
+//! The streams of workers and trainers. Each is validated and forwarded to a dispatcher.
 
 use super::{lease_id, snapshots::Snapshots, status::blamed};
 use crate::status::OrStatus as _;
@@ -14,7 +14,7 @@ use tokio_stream::{StreamExt as _, wrappers::ReceiverStream};
 use tonic::{Request, Response, Status, Streaming};
 use tracing::Instrument as _;
 
-/// Time that a new connection has to say Hello.
+/// Time limit for the Hello on a new connection.
 const HELLO_LIMIT: Duration = Duration::from_secs(5);
 const MAX_NAME_CHARS: usize = 128;
 const MAX_CAPACITY: u32 = 4096;
@@ -43,14 +43,14 @@ impl v1::worker_service_server::WorkerService for WorkerApi {
 #[derive(Debug)]
 pub(super) enum Peer {
     Worker,
-    /// A trainer, which publishes what it trains in this store.
+    /// A trainer, with the store in which it publishes checkpoints.
     Trainer(Store),
 }
 
-/// Whether a new connection is of a version that this coordinator can work with.
+/// Checks that the peer's version suits this coordinator.
 type CheckVersion = fn(&v1::Hello) -> Result<(), Status>;
 
-/// Welcomes whoever is at the other end, and passes on what it says for as long as its stream lasts.
+/// Welcomes the peer, and forwards its messages until its stream ends.
 pub(super) async fn serve(
     dispatch: &Dispatch,
     request: Request<Streaming<v1::WorkerMessage>>,
@@ -73,7 +73,7 @@ pub(super) async fn serve(
     let stream_ends = async move {
         if let Err(status) = pass_on(&dispatch, (worker, peer), &mut inbox).await {
             tracing::debug!(?worker, %status, "worker stream broke");
-            // The worker may be gone already.
+            // The worker may have gone.
             let _ = outbox.try_send(Err(status));
         }
         dispatch.report(worker, WorkerReport::Gone).await;
@@ -119,7 +119,7 @@ fn check_simulator(hello: &v1::Hello) -> Result<(), Status> {
     )))
 }
 
-/// Passes on what a worker or trainer says until its stream ends.
+/// Forwards the messages of a worker or trainer until its stream ends.
 async fn pass_on(
     dispatch: &Dispatch,
     (worker, peer): (WorkerId, Peer),
@@ -142,8 +142,8 @@ async fn pass_on(
     Ok(())
 }
 
-/// The same report; but a checkpoint that was never published, or that is of another training, is no checkpoint, and what
-/// the dispatcher takes in is then as impossible as any other result that cannot be.
+/// Returns the report. If its checkpoint was never published or belongs to another training, its digest is replaced by invalid
+/// text, so that the dispatcher treats it like any impossible result.
 async fn published(
     report: WorkerReport,
     (dispatch, worker): (&Dispatch, WorkerId),
@@ -175,7 +175,7 @@ async fn published(
                 }
             }
         }
-        // The dispatcher says what is wrong with it.
+        // The dispatcher rejects it.
         Err(_) => Outcome::Checkpoint(digest),
     };
     Ok(WorkerReport::Result {
@@ -185,8 +185,7 @@ async fn published(
     })
 }
 
-/// Whether a checkpoint can be what the training under a lease came to. The dispatcher says what is wrong with a lease that
-/// is not held.
+/// Whether a checkpoint can be the result of the training under a lease. If the lease is not held, the dispatcher rejects it.
 fn is_of(lineage: &Lineage, lease: &TrainingLease) -> bool {
     let TrainingLease::Held(training) = lease else {
         return true;
@@ -194,7 +193,7 @@ fn is_of(lineage: &Lineage, lease: &TrainingLease) -> bool {
     lineage.parent == training.parent && lineage.configuration == training.configuration.to_toml()
 }
 
-/// The report in a message that is no part of a snapshot.
+/// The report in a message other than a snapshot.
 fn report(message: Option<v1::worker_message::Message>) -> Result<WorkerReport, Invalid> {
     use v1::worker_message::Message;
     match message {
@@ -232,7 +231,7 @@ fn report(message: Option<v1::worker_message::Message>) -> Result<WorkerReport, 
     }
 }
 
-/// A failure's words are stored, logged and shown to people.
+/// Shortens and cleans a failure's message, which is stored, logged and displayed.
 fn cleaned(outcome: v1::batch_result::Outcome) -> v1::batch_result::Outcome {
     match outcome {
         v1::batch_result::Outcome::Failure(failure) => v1::batch_result::Outcome::Failure(v1::Failure {
@@ -243,7 +242,7 @@ fn cleaned(outcome: v1::batch_result::Outcome) -> v1::batch_result::Outcome {
     }
 }
 
-/// Progress is shown to people: a loss that is no number any more, and a figure that no training has, are shown as none.
+/// Removes impossible figures from progress, because it is displayed: a loss that is not finite, or a figure that no training has.
 fn believable(progress: v1::TrainingProgress) -> v1::TrainingProgress {
     let within = |value: Option<f64>, most: f64| value.filter(|value| (0.0..=most).contains(value));
     let finite = |value: Option<f64>| value.filter(|value| value.is_finite());

@@ -1,8 +1,8 @@
 //! Metrics of a coordinator, in the format of Prometheus.
 //!
-//! [`Metrics`] is a value, not a global: a process may run several coordinators. What happens is counted where it
-//! happens, through handles that are cheap to clone; what the store knows anyway is read when somebody asks
-//! (`observed`). Every name is explained in docs/operations.md.
+//! [`Metrics`] is a value, not a global, because a process may run several coordinators. Events are counted where they happen,
+//! through handles that are cheap to clone. Values in the store are read on each request (`observed`). docs/operations.md explains
+//! every name.
 
 mod observed;
 
@@ -21,7 +21,7 @@ use std::sync::Arc;
 /// Content type of [`Metrics::render`]'s text.
 pub const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
-/// Before every name.
+/// Prefix of every name.
 const PREFIX: &str = "murmuration";
 
 /// The metrics of one coordinator; cheap to clone.
@@ -33,7 +33,7 @@ pub struct Metrics {
 }
 
 impl Metrics {
-    /// All at nought.
+    /// All metrics at zero.
     #[must_use]
     pub fn new() -> Self {
         let mut registry = Registry::with_prefix(PREFIX);
@@ -52,19 +52,19 @@ impl Metrics {
         }
     }
 
-    /// Where the dispatcher of workers or trainers counts.
+    /// The counters for the dispatcher of workers or trainers.
     #[must_use]
     pub fn dispatch(&self, peer: PeerKind) -> DispatchMetrics {
         self.dispatch.of(peer)
     }
 
-    /// Where campaigns count.
+    /// The counters for campaigns.
     #[must_use]
     pub fn campaigns(&self) -> CampaignMetrics {
         self.campaigns.clone()
     }
 
-    /// Everything, as text in the OpenMetrics format, which Prometheus reads.
+    /// All metrics as text in the OpenMetrics format, which Prometheus reads.
     ///
     /// # Errors
     /// If the store cannot be read.

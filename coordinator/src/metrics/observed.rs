@@ -15,7 +15,7 @@ use prometheus_client::{
 
 type ByCampaign = Family<[(&'static str, String); 1], Gauge>;
 
-/// As things stand now.
+/// The current values.
 pub(super) async fn observe(
     campaigns: &Campaigns,
     store: &Store,
@@ -24,7 +24,7 @@ pub(super) async fn observe(
     let store = store.clone();
     let counted = move || Ok::<_, StoreError>((store.count_labels()?, store.count_individuals()?));
     let (labels, archived) = blocking(counted).await??;
-    // Of those that are at work there are few; of all others the state will do.
+    // Few campaigns are active, so these are read in full; for all others the state is enough.
     let heads = campaigns.heads().await?;
     let at_work = heads.iter().filter(|listed| listed.active);
     let at_work = at_work.map(|listed| listed.head.id.clone()).collect();
@@ -52,7 +52,7 @@ pub(super) async fn observe(
     Ok(registry)
 }
 
-/// How many requests of each cost class are answered, wait and were refused.
+/// Number of requests in each cost class that are being answered, wait, or were refused.
 fn by_class(seats: &Seats, registry: &mut Registry) {
     let [answered, waiting] = [(); 2].map(|()| Family::<[(&'static str, &'static str); 1], Gauge>::default());
     let refused = Family::<[(&'static str, &'static str); 1], Counter>::default();
@@ -92,7 +92,7 @@ fn by_state(campaigns: &[ListedCampaign]) -> Family<[(&'static str, &'static str
     states
 }
 
-/// How far those have come that are at work. The others would only grow in number.
+/// Progress of each active campaign. Others are left out, because their number only grows.
 fn by_campaign(statuses: &[CampaignStatus], registry: &mut Registry) {
     let (done, all) = (ByCampaign::default(), ByCampaign::default());
     let (epoch, epochs) = (ByCampaign::default(), ByCampaign::default());

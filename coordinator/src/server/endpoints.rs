@@ -1,4 +1,4 @@
-//! The endpoints of a coordinator: the one that was asked for, and one for its own machine's processes.
+//! The endpoints of a coordinator: the requested one, and one for processes of its own machine.
 
 use super::{Options, ServerError};
 use murmuration_access::{
@@ -19,12 +19,12 @@ use tonic::transport::{Server, ServerTlsConfig};
 /// A listener's task.
 pub(super) type Serving = JoinHandle<Result<(), tonic::transport::Error>>;
 
-/// How processes of this machine, and of the same user, get in.
+/// Access for processes of this machine and the same user.
 #[derive(Debug, Clone)]
 pub struct LocalWay {
-    /// The URL: in the clear, since nothing leaves this machine.
+    /// The URL, unencrypted because the traffic stays on this machine.
     pub url: String,
-    /// Credentials to show there.
+    /// Credentials for this URL.
     pub credentials: Credentials,
 }
 
@@ -32,12 +32,12 @@ pub struct LocalWay {
 pub(super) struct Served {
     pub(super) routes: GuardedRouter,
     pub(super) seats: Seats,
-    /// True once everything is to end.
+    /// True once the server is to stop.
     pub(super) stopped: watch::Receiver<bool>,
 }
 
 impl Served {
-    /// Serves at the address that was asked for; and, where access is restricted, at a loopback address for this machine.
+    /// Serves at the requested address and, if access is restricted, at a loopback address for this machine.
     pub(super) async fn open(
         self,
         listener: TcpListener,
@@ -52,7 +52,7 @@ impl Served {
             source,
         })?;
         let own = local.token().digest();
-        // Where nobody is asked for a token, none has been revoked.
+        // Without restricted access there are no tokens to revoke.
         let sessions = Sessions::kept(data, local.token(), |token| {
             access.tokens.is_none() || access.whose(token).is_some() || token == own
         })?;
@@ -78,7 +78,7 @@ impl Served {
                 is_encrypted: false,
                 show_refusal: web::show_refusal,
             };
-            // Of its own, so that this machine's commands come in whoever else has taken all connections.
+            // Separate permits, so that this machine's commands can connect even if others have taken all connections.
             let permits = ConnectionPermits::of_this_machine();
             servers.push(self.at(listener, None, endpoint, permits)?);
             LocalWay {
@@ -89,7 +89,6 @@ impl Served {
         Ok((way, servers))
     }
 
-    /// Serves at one endpoint.
     fn at(
         &self,
         listener: TcpListener,
@@ -106,7 +105,7 @@ impl Served {
                 limits::UNREAD_BYTES_PER_STREAM * limits::MAX_STREAMS_PER_CONNECTION,
             )
             .max_concurrent_streams(limits::MAX_STREAMS_PER_CONNECTION)
-            // Browsers speak this on a plain connection.
+            // Browsers use HTTP/1 on an unencrypted connection.
             .accept_http1(true);
         if let Some(tls) = tls {
             server = server.tls_config(tls)?;
@@ -117,14 +116,14 @@ impl Served {
         let serving = server
             .add_routes(routes)
             .serve_with_incoming_shutdown(connections, async move {
-                // A dropped sender stops the server too.
+                // A dropped sender also stops the server.
                 let _ = stopped.wait_for(|&stopped| stopped).await;
             });
         Ok(tokio::spawn(serving))
     }
 }
 
-/// A listener, and where it listens.
+/// A listener, and its address.
 pub(super) async fn listen(address: SocketAddr) -> Result<(TcpListener, SocketAddr), ServerError> {
     let error = |source| ServerError::Listen { address, source };
     let listener = TcpListener::bind(address).await.map_err(error)?;
@@ -132,7 +131,7 @@ pub(super) async fn listen(address: SocketAddr) -> Result<(TcpListener, SocketAd
     Ok((listener, bound))
 }
 
-/// How clients name it.
+/// The URL of an address, for clients.
 pub(super) fn url(address: SocketAddr, is_encrypted: bool) -> String {
     let scheme = if is_encrypted { "https" } else { "http" };
     format!("{scheme}://{address}")

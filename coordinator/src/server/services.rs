@@ -1,4 +1,4 @@
-//! The gRPC services of a coordinator, and what each of their methods requires and costs.
+//! The gRPC services of a coordinator, with the requirements and cost of each method.
 
 use murmuration_access::{
     CostClass::{self, Bulk, Computing, Decision, Light, Reading, Streaming},
@@ -83,7 +83,7 @@ pub(super) const HEALTH: MethodRequirements = &[("Check", Nothing, Light), ("Wat
 
 pub(super) const REFLECTION: MethodRequirements = &[("ServerReflectionInfo", VIEWER, Streaming)];
 
-/// The services that are a coordinator's own.
+/// The coordinator's own services.
 pub(super) struct Services {
     pub(super) campaigns: CampaignApi,
     pub(super) checkpoints: CheckpointApi,
@@ -95,7 +95,7 @@ pub(super) struct Services {
 }
 
 impl Services {
-    /// Each with its methods' requirements, and the longest message that it reads.
+    /// The routes of all services, with the requirements of their methods and the maximum size of their messages.
     pub(super) fn routes(self) -> GuardedRouter {
         let campaigns =
             CampaignServiceServer::new(self.campaigns).max_decoding_message_size(limits::MAX_MESSAGE);

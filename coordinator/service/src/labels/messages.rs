@@ -1,11 +1,11 @@
-//! Labels and queries as the messages that carry them, and their errors as statuses.
+//! Conversions of labels and queries to and from their messages, and of their errors to statuses.
 
 use murmuration_model::labels::{Action, Agreement, Annotator, Change, Entry, RequestId};
 use murmuration_proto::{Invalid, parts::parts, v1};
 use murmuration_store::{LabelError, Undone};
 use std::collections::BTreeSet;
 
-/// The change by an answer; `now_ms` is its time unless it has one.
+/// The change for an answer; `now_ms` is its time unless the message has one.
 pub(super) fn change(message: v1::Answer, now_ms: u64) -> Result<Change, Invalid> {
     let time_ms = match message.time_ms {
         0 => now_ms,
@@ -22,7 +22,7 @@ pub(super) fn change(message: v1::Answer, now_ms: u64) -> Result<Change, Invalid
     })
 }
 
-/// Checks that what a request has added, if it was made before, is answers of the synthetic annotator.
+/// Checks that the earlier entries of a repeated request are answers of the synthetic annotator.
 pub(super) fn check_synthetic(before: &[Entry], request: &RequestId) -> Result<(), LabelError> {
     let synthetic = Annotator::synthetic();
     let is_own = |entry: &Entry| {
@@ -34,13 +34,13 @@ pub(super) fn check_synthetic(before: &[Entry], request: &RequestId) -> Result<(
     }
 }
 
-/// The first number that is there twice.
+/// The first number that occurs twice.
 pub(super) fn repeated(numbers: &[u64]) -> Option<u64> {
     let mut seen = BTreeSet::new();
     numbers.iter().copied().find(|number| !seen.insert(*number))
 }
 
-/// A change of classes as the entry that it is.
+/// The log entry of a change of classes.
 pub(super) fn change_of_classes(number: u64, change: &Change) -> v1::LabelEntry {
     v1::LabelEntry::from(Entry {
         number,
@@ -55,7 +55,7 @@ pub(super) fn appended(entries: Vec<Entry>) -> impl Iterator<Item = v1::AppendLa
     parts(entries, |entries| v1::AppendLabelsResponse { entries })
 }
 
-/// The undone entries and those that undid them, part by part.
+/// The undone answers and the entries that undid them, part by part.
 pub(super) fn undone(undone: Vec<Undone>) -> impl Iterator<Item = v1::UndoLabelsResponse> {
     let (entries, answers): (Vec<_>, Vec<_>) = undone
         .into_iter()
@@ -72,7 +72,7 @@ pub(super) fn undone(undone: Vec<Undone>) -> impl Iterator<Item = v1::UndoLabels
     entries.chain(answers)
 }
 
-/// How far two annotators agree, part by part.
+/// The agreement of two annotators, part by part.
 pub(super) fn agreed(agreement: Agreement) -> impl Iterator<Item = v1::Agreement> {
     let mut first = v1::Agreement::from(agreement);
     let confusions = std::mem::take(&mut first.confusions);
