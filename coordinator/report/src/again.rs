@@ -4,17 +4,17 @@ use super::{Entry, Report};
 use murmuration_proto::{CampaignSpec, EmbedderSource, World};
 use std::fmt::Write as _;
 
-/// The text of `spec.toml`: what is needed besides the specification, as comments, then the specification.
+/// The text of `spec.toml`: requirements besides the specification, as comments, then the specification.
 pub(super) fn specification(report: &Report) -> String {
     let mut text = String::new();
     for line in also_needed(report) {
-        // Writing into a string does not fail.
+        // Writing to a string cannot fail.
         let _ = writeln!(text, "# {line}");
     }
     text + &report.spec.to_toml()
 }
 
-/// Requirements besides the specification, in entries of one or two sentences; none if the specification suffices.
+/// Requirements besides the specification, in entries of one or two sentences; empty if the specification suffices.
 pub(super) fn also_needed(report: &Report) -> Vec<String> {
     let (campaign, repetition) = (&report.campaign, &report.repetition);
     let mut needed = Vec::new();
@@ -55,32 +55,33 @@ pub(super) fn also_needed(report: &Report) -> Vec<String> {
     needed
 }
 
-/// Whether commands reproduce the archive: people's answers were learned from in one round, and a file can hold them.
+/// Whether commands reproduce the archive: the campaign learned from people's answers in one round, and a file can hold these
+/// answers.
 pub(super) fn is_by_commands(report: &Report) -> bool {
     let repetition = &report.repetition;
     let is_one_round = repetition.attended && !repetition.adopted && repetition.rounds.len() == 1;
     is_one_round && report.names.named().machine == 0
 }
 
-/// Runs the campaign of a `spec.toml` again.
+/// The command that runs the campaign of a `spec.toml` again.
 pub(super) const RUN_AGAIN: &str = "murmuration run spec.toml";
 
-/// Teaches the campaign that a `spec.toml` ran, in one round.
+/// The commands that run a `spec.toml` again and teach its campaign in one round.
 pub(super) const TEACH_AGAIN: [&str; 3] = [
     RUN_AGAIN,
     "murmuration label latest --csv labels.csv",
     "murmuration refine latest",
 ];
 
-/// Writes the labels of a report's campaign.
+/// The command that writes the labels of a report's campaign.
 pub(super) fn write_labels(report: &Report) -> String {
     format!("murmuration labels {} --csv labels.csv", report.campaign)
 }
 
-/// Shows one individual's whole run as a GIF.
+/// The command that shows one individual's whole run as a GIF.
 pub(super) fn simulate(spec: &CampaignSpec, entry: &Entry, gif: &str) -> String {
     let genes: Vec<String> = entry.controller.genes().iter().map(f64::to_string).collect();
-    // Brackets, so that a first gene below zero is not taken for an option.
+    // Brackets keep a negative first gene from being taken for an option.
     format!(
         "{} --controller \"[{}]\" --seed {} --gif {gif}",
         simulator(spec),
@@ -89,7 +90,7 @@ pub(super) fn simulate(spec: &CampaignSpec, entry: &Entry, gif: &str) -> String 
     )
 }
 
-/// The command that simulates any controller of a campaign, before the options that say which.
+/// The start of a command that simulates any controller of a campaign; options for the controller follow.
 pub(super) fn simulator(spec: &CampaignSpec) -> String {
     match spec.model().preset() {
         Some(preset) if *spec.world() == World::default() => format!("murmuration simulate --model {preset}"),

@@ -1,9 +1,9 @@
-//! The axes of plots that are SVG.
+//! The axes of SVG plots.
 
 use crate::svg::{GRID, INK, MUTED, tenth};
 use maud::{Markup, html};
 
-/// A rectangle of a drawing in which values have places.
+/// A rectangle of a drawing with scales for values.
 #[derive(Debug, Clone, Copy)]
 pub struct Axes {
     /// Its left and right edge, pixels.
@@ -16,10 +16,10 @@ pub struct Axes {
     pub y: [f64; 2],
 }
 
-/// The numbers along an axis, and what they are numbers of.
+/// The numbers along an axis, and their title.
 #[derive(Debug, Clone)]
 pub struct Scale<'a> {
-    /// In words.
+    /// Name of the quantity.
     pub title: &'a str,
     /// Ascending, within the axis.
     pub ticks: Vec<f64>,
@@ -37,7 +37,7 @@ impl Axes {
         [place(x, self.x, self.across), place(y, self.y, [bottom, top])]
     }
 
-    /// The points of a line, for a `polyline`.
+    /// The points of a line, for the attribute of a `polyline`.
     pub fn line(&self, points: impl IntoIterator<Item = (f64, f64)>) -> String {
         let pixel = |(x, y)| {
             let [x, y] = self.at(x, y);
@@ -46,7 +46,7 @@ impl Axes {
         points.into_iter().map(pixel).collect::<Vec<_>>().join(" ")
     }
 
-    /// The axes with their numbers and titles; `grid` says whether there is a line at each number of the vertical one.
+    /// Draws the axes with their numbers and titles; `grid` adds a line at each number of the vertical axis.
     pub fn draw(&self, [x, y]: [&Scale<'_>; 2], grid: bool) -> Markup {
         let ([left, right], [top, bottom]) = (self.across, self.down);
         let number = |tick: f64, [low, high]: [f64; 2], unit| axis_number(tick, high - low) + unit;
@@ -82,7 +82,7 @@ impl Axes {
     }
 }
 
-/// Round numbers from `low` to `high`, at most `most` and one, no nearer to each other than `least`.
+/// Round numbers from `low` to `high`, at most `most` + 1, with distances of at least `least`.
 pub fn ticks([low, high]: [f64; 2], most: u32, least: f64) -> Vec<f64> {
     let rough = (high - low) / f64::from(most);
     let power = 10f64.powf(rough.log10().floor());
@@ -99,11 +99,11 @@ pub fn ticks([low, high]: [f64; 2], most: u32, least: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Parts of its axis that a tick must be away from zero; what is nearer is zero, and a rounding error.
+/// Ticks nearer to zero than this fraction of the axis are zero with a rounding error.
 const NEAR: f64 = 1e-9;
 
-/// The number at a tick of an axis that is `span` long: with as many decimals as tell neighbours apart, none that say
-/// nothing, and powers of ten where there would be too many digits.
+/// The number at a tick of an axis that is `span` long: enough decimals to tell neighbours apart, no trailing zeros, and powers of
+/// ten instead of too many digits.
 fn axis_number(value: f64, span: f64) -> String {
     if value.abs() <= span * NEAR {
         return "0".to_owned();
@@ -115,12 +115,12 @@ fn axis_number(value: f64, span: f64) -> String {
             None => text,
         };
     }
-    // Four, and more where the axis is shorter than a tenth.
+    // Four decimals, and more on an axis shorter than a tenth.
     let decimals = (3.0 - span.log10().floor()).clamp(4.0, 6.0) as usize;
     without_noughts(&format!("{value:.decimals$}")).to_owned()
 }
 
-/// Without the decimals that say nothing.
+/// Without trailing zeros.
 fn without_noughts(digits: &str) -> &str {
     if digits.contains('.') {
         digits.trim_end_matches('0').trim_end_matches('.')

@@ -1,4 +1,4 @@
-//! A map of points in the colours of their classes with a legend, fit for a paper: as SVG and as PNG.
+//! A map of points in the colours of their classes with a legend, suitable for a paper, as SVG and as PNG.
 
 use crate::{
     figure::{Anchor, Figure, GRID, INK, MUTED, Shape, Words},
@@ -11,21 +11,21 @@ use murmuration_proto::{Class, grouped};
 /// A point with its class.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClassPoint {
-    /// Where it is: right and up, in any unit; finite.
+    /// Its coordinates, right and up, in any unit; finite.
     pub at: [f64; 2],
     /// Its class.
     pub class: Class,
 }
 
-/// Side of the map, room around it for title and legend, and diameter of a point; pixels.
+/// Side of the map, margins for title and legend, and diameter of a point; pixels.
 const SIDE: f64 = 640.0;
 const TOP: f64 = 44.0;
 const LEGEND: f64 = 190.0;
 const DOT: f64 = 4.0;
-/// Pixels of the PNG for one of the SVG.
+/// PNG pixels per SVG pixel.
 const PNG_SCALE: f32 = 2.0;
 
-/// The map as SVG and as PNG. A unit is as long across as it is up.
+/// The map as SVG and as PNG, with the same scale across and up.
 pub fn draw(points: &[ClassPoint], title: &str) -> Result<(String, Vec<u8>), PictureError> {
     let figure = figure(points, title);
     Ok((figure.svg()?, figure.png(PNG_SCALE)?))
@@ -92,7 +92,7 @@ fn figure(points: &[ClassPoint], title: &str) -> Figure {
     }
 }
 
-/// Classes as they are drawn: what is random lies below the others.
+/// Classes in the order of drawing: random behaviours lie below the others.
 fn in_order() -> impl Iterator<Item = Class> {
     let others = Class::ALL.into_iter().filter(|class| *class != Class::Random);
     [Class::Random].into_iter().chain(others)
@@ -132,7 +132,7 @@ mod tests {
         points.extend([points[1]; 2]);
         let (svg, _) = draw(&points, "A & B").unwrap();
         assert!(svg.contains("A &amp; B") && svg.contains("dispersal") && !svg.contains("aggregation"));
-        // The points, and the dots of three classes in the legend.
+        // The points, and the legend's dots of three classes.
         assert_eq!(svg.matches("h0").count(), 5 + 3);
         let counts: Vec<&str> = svg
             .split("</text>")

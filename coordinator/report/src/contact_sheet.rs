@@ -1,4 +1,4 @@
-//! The contact sheet: the paths of all behaviours of a taxonomy in one figure, as a paper shows them.
+//! The contact sheet: the paths of all behaviours of a taxonomy in one figure, as in a paper.
 
 use super::{
     MedoidEntry, Report,
@@ -11,17 +11,17 @@ use std::fmt::Write as _;
 
 /// Side of a behaviour's square, in units of the figure.
 const SIDE: f64 = 240.0;
-/// Height of the line under it.
+/// Height of the caption under the square.
 const CAPTION: f64 = 30.0;
-/// Between two behaviours, and around all.
+/// Space between two behaviours, and around all.
 const GAP: f64 = 14.0;
-/// Most characters of a class's name that fit on that line, beside the number and the share.
+/// Most characters of a class's name in the caption, beside the number and the share.
 const MOST_OF_NAME: usize = 22;
 /// Most behaviours in a row.
 const MOST_ABREAST: usize = 8;
 
-/// The sheet as SVG: the largest cluster first, row by row, each behaviour with its number, its name if it has one, and
-/// the share of the archive that is in its cluster.
+/// The sheet as SVG: the largest cluster first, row by row, each behaviour with its number, its name if it has one, and the share
+/// of the archive in its cluster.
 pub(super) fn svg(report: &Report) -> String {
     let columns = columns(report.medoids.len());
     let rows = report.medoids.len().div_ceil(columns);
@@ -40,16 +40,16 @@ pub(super) fn svg(report: &Report) -> String {
     sheet + "</svg>\n"
 }
 
-/// Most bytes of a sheet that a page holds.
+/// Largest sheet that is embedded in a page, bytes.
 const MOST_IN_PAGE: usize = 2 << 20;
 
-/// The sheet as an address that a page can offer as a download; `None` if it is too large for a page.
+/// The sheet as a data address for a download in a page; `None` if it is too large for a page.
 pub(super) fn address(report: &Report) -> Option<String> {
     let sheet = svg(report);
     (sheet.len() <= MOST_IN_PAGE).then(|| {
         let mut address = "data:image/svg+xml,".to_owned();
         for byte in sheet.bytes() {
-            // The numbers of paths, most of a sheet, stay as they are.
+            // The characters of paths, most of a sheet, need no escape.
             if byte.is_ascii_alphanumeric() || b" .,:;/()='-_".contains(&byte) {
                 address.push(byte.into());
             } else {
@@ -61,7 +61,7 @@ pub(super) fn address(report: &Report) -> Option<String> {
     })
 }
 
-/// The paths of one behaviour as SVG, a unit for each world unit.
+/// The paths of one behaviour as SVG, one unit per world unit.
 pub(super) fn paths(report: &Report, medoid: &MedoidEntry) -> String {
     let (world, window) = (report.spec.world(), report.spec.image().window());
     let controller = &report.individuals[medoid.index as usize].controller;
@@ -69,7 +69,7 @@ pub(super) fn paths(report: &Report, medoid: &MedoidEntry) -> String {
     trajectory_svg(&medoid.replay, world, bodies.colouring(), window)
 }
 
-/// As near to a square of behaviours as there is, up to [`MOST_ABREAST`] in a row.
+/// Number of columns for a block of behaviours that is as square as possible, up to [`MOST_ABREAST`].
 fn columns(count: usize) -> usize {
     (1..MOST_ABREAST)
         .find(|columns| columns * columns >= count)

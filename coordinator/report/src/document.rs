@@ -1,9 +1,9 @@
-//! The frame of a page that is one file: its head, and what it may load.
+//! The frame of a one-file page: its head, and its content security policy.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-/// A page that is one HTML document. It sends nothing, embeds nothing of another site, and loads at most pictures that lie
-/// beside it.
+/// A page that is one HTML document. It sends nothing, embeds nothing of another site, and loads at most pictures that lie beside
+/// it.
 #[derive(Debug, Clone, Copy)]
 pub struct Document<'a> {
     /// Title, for the tab of a browser.
@@ -12,7 +12,7 @@ pub struct Document<'a> {
     pub style: &'a str,
     /// Whether scripts in it run.
     pub scripts: bool,
-    /// Whether it shows pictures that lie beside it, besides those that it holds.
+    /// Whether it shows picture files that lie beside it, in addition to embedded ones.
     pub pictures_beside: bool,
 }
 
@@ -37,7 +37,7 @@ impl Document<'_> {
         page.into_string()
     }
 
-    /// The policy of what a browser may load for it.
+    /// Its content security policy: what a browser may load.
     fn policy(&self) -> String {
         let scripts = if self.scripts {
             "script-src 'unsafe-inline'; "

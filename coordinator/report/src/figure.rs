@@ -1,4 +1,4 @@
-//! Drawings for papers, as SVG and as PNG. The PNG has a font of its own and none of the system's, so that the same drawing gives the
+//! Drawings for papers, as SVG and as PNG. The PNG uses its own font and none of the system's, so that the same drawing gives the
 //! same bytes on every machine.
 
 use crate::{
@@ -18,7 +18,7 @@ use tiny_skia::{
     Stroke, Transform,
 };
 
-/// As wide as Arial, for which the drawings leave room (`fonts/OFL.txt` has its licence): regular and bold.
+/// Fonts as wide as Arial, for which the drawings leave room: regular and bold. Their licence is in `fonts/OFL.txt`.
 const FONTS: [&[u8]; 2] = [
     include_bytes!("../fonts/Arimo-Regular.ttf"),
     include_bytes!("../fonts/Arimo-Bold.ttf"),
@@ -29,20 +29,20 @@ pub(crate) const INK: Rgb = [0x1d, 0x1d, 0x1b];
 pub(crate) const MUTED: Rgb = [0x5f, 0x5e, 0x58];
 pub(crate) const GRID: Rgb = [0xe4, 0xe1, 0xd8];
 
-/// A drawing, in units of which a PNG has several pixels each.
+/// A drawing. A PNG has several pixels per unit.
 pub(crate) struct Figure {
     pub(crate) size: [f64; 2],
     pub(crate) title: String,
     pub(crate) paper: Rgb,
-    /// From the lowest to the uppermost.
+    /// From bottom to top.
     pub(crate) shapes: Vec<Shape>,
 }
 
 pub(crate) enum Shape {
     Words(Words),
-    /// A line around a square, a unit wide.
+    /// A line around a square, one unit wide.
     Frame {
-        /// Its left and upper edge.
+        /// Left and upper edge.
         at: [f64; 2],
         side: f64,
         colour: Rgb,
@@ -52,9 +52,9 @@ pub(crate) enum Shape {
         diameter: f64,
         colour: Rgb,
     },
-    /// A square picture whose pixels stay sharp however large they are.
+    /// A square picture whose pixels stay sharp at any size.
     Picture {
-        /// Its left and upper edge.
+        /// Left and upper edge.
         at: [f64; 2],
         side: f64,
         /// Row by row.
@@ -64,13 +64,13 @@ pub(crate) enum Shape {
 
 pub(crate) struct Words {
     pub(crate) text: String,
-    /// The place of its baseline that `anchor` says.
+    /// The point on the baseline that `anchor` selects.
     pub(crate) at: [f64; 2],
     pub(crate) anchor: Anchor,
     pub(crate) size: f64,
     pub(crate) colour: Rgb,
     pub(crate) bold: bool,
-    /// Whether it runs from below to above.
+    /// Whether it runs upwards.
     pub(crate) upwards: bool,
 }
 
@@ -101,7 +101,7 @@ impl Figure {
             .into_string())
     }
 
-    /// With `scale` pixels for each unit.
+    /// Draws it with `scale` pixels per unit.
     pub(crate) fn png(&self, scale: f32) -> Result<Vec<u8>, PictureError> {
         let [width, height] = self.size.map(|side| (side as f32 * scale).round() as u32);
         let mut sheet = Pixmap::new(width, height).ok_or(PictureError::Size(width.max(height).into()))?;
@@ -110,7 +110,7 @@ impl Figure {
         for shape in &self.shapes {
             shape.draw(&mut sheet, Transform::from_scale(scale, scale));
         }
-        // Without opacity: every drawing has a background.
+        // Opacity is dropped, because every drawing has a background.
         let opaque = sheet.data().chunks_exact(4).flat_map(|pixel| &pixel[..3]);
         let opaque: Vec<u8> = opaque.copied().collect();
         encoded(&opaque, [width as usize, height as usize], png::ColorType::Rgb)
@@ -144,7 +144,7 @@ impl Shape {
                 side,
                 pixels,
             } => {
-                // Some programs blur pixels that they enlarge, so they are as large as they are drawn.
+                // Some programs blur enlarged pixels, so each pixel is embedded at its final size.
                 let scale = (*side as usize).div_ceil(pixels.len().isqrt());
                 let png = encoded(
                     &enlarged(pixels, scale),
@@ -246,7 +246,7 @@ impl Words {
         };
         for glyph in &glyphs {
             if let Some(outline) = font.outline_glyphs().get(*glyph) {
-                // An error would leave the letter out; the font is a part of the program, and whole.
+                // An error would omit the letter, but the embedded font is complete.
                 let _ = outline.draw(DrawSettings::unhinted(size, location), &mut pen);
             }
             pen.along += width(glyph);
@@ -261,7 +261,7 @@ impl Words {
 /// Draws the outlines of letters, with y downwards.
 struct Pen {
     path: PathBuilder,
-    /// Where the letter begins.
+    /// Start of the letter.
     along: f32,
 }
 
@@ -301,7 +301,7 @@ fn paint([red, green, blue]: Rgb) -> Paint<'static> {
     paint
 }
 
-/// The pixels of a square picture, each as a square of `scale` pixels a side.
+/// The pixels of a square picture, each drawn as a square with a side of `scale` pixels.
 fn enlarged(pixels: &[Rgb], scale: usize) -> Vec<u8> {
     let columns = pixels.len().isqrt();
     let side = columns * scale;
@@ -336,7 +336,7 @@ mod tests {
         })
     }
 
-    /// How dark each column is.
+    /// Darkness of each column.
     fn columns((width, _, pixels): (u32, u32, Vec<u8>)) -> Vec<u64> {
         let mut columns = vec![0; width as usize];
         for (place, pixel) in pixels.chunks(3).enumerate() {

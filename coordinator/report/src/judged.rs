@@ -1,4 +1,4 @@
-//! The rule-based judge's verdicts on the medoids of a report and on a sample of its archive, and the sentences made of them.
+//! The rule-based judge's verdicts on the medoids of a report and on a sample of its archive, and sentences about them.
 
 use crate::{Entry, Report};
 use murmuration_judge::{frames, judge};
@@ -8,25 +8,25 @@ use murmuration_sim::{replay::replay_frames, simulate::Start};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
-/// Individuals that are judged for the share of random behaviours: it is known to within 7 percentage points.
+/// Size of the sample. It gives the share of random behaviours to within 7 percentage points.
 const SAMPLE: usize = 200;
 
-/// Most steps of robots that are simulated for the sample, and for the medoids: as many as 200 of the paper's swarms take, half a
-/// second of one core. Reports are also made by coordinators, which have other work.
+/// Most robot steps to simulate for the sample, and for the medoids: those of 200 of the paper's swarms, which take half a second
+/// of one core. Coordinators also make reports, and have other work.
 const MOST_STEPS: u64 = 200 * 24 * 1200;
 
-/// Fewest individuals that say something of all.
+/// Smallest sample that represents the archive.
 const LEAST: usize = 50;
 
-/// Fewest robots whose swarm is judged.
+/// Fewest robots of a swarm that the judge can judge.
 const FEWEST_ROBOTS: u32 = 3;
 
 /// The rule-based judge's verdicts on the medoids of an archive and on a sample of it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Judged {
-    /// Its verdict on each medoid, in the order of the taxonomy; none where judging them would take long.
+    /// Its verdict on each medoid, in the order of the taxonomy; empty if judging would take too long.
     pub medoids: Vec<Verdict>,
-    /// Indices of individuals that are evenly spread over the archive, each with its verdict; likewise.
+    /// Indices of individuals evenly spread over the archive, each with its verdict; empty if judging would take too long.
     pub sample: Vec<(u64, Verdict)>,
 }
 
@@ -37,7 +37,7 @@ impl Judged {
     /// If one cannot be simulated.
     pub fn of(spec: &CampaignSpec, archive: &[Entry], medoids: &[u64]) -> Result<Self, Invalid> {
         let world = spec.world();
-        // The judge knows what several robots do for a while.
+        // The judge needs several robots and a full window of motion.
         if world.agents() < FEWEST_ROBOTS || world.horizon() < spec.image().window() {
             return Ok(Self::default());
         }
@@ -65,7 +65,7 @@ impl Judged {
         })
     }
 
-    /// The share of the sample of which the judge knows no class and no pattern, 0 to 1; `None` without a sample.
+    /// The share of the sample without a class and without a pattern, 0 to 1; `None` without a sample.
     pub(crate) fn random_share(&self) -> Option<f64> {
         let random = self.sample.iter().filter(|(_, verdict)| *verdict == RANDOM);
         let random = random.count();
@@ -85,7 +85,7 @@ pub enum Shown {
 }
 
 impl Shown {
-    /// The name of a card that has this name, if it has one from an annotator, and this verdict.
+    /// From an annotator's name, if any, and the judge's verdict, if any.
     pub fn of(name: Option<&ClassName>, verdict: Option<Verdict>) -> Self {
         let is_random = |name: &str| name.eq_ignore_ascii_case(Class::Random.name());
         match (name, verdict) {
@@ -96,7 +96,7 @@ impl Shown {
         }
     }
 
-    /// The class of its name, if it has one.
+    /// The class of its name, if it has a name.
     fn key(&self) -> Option<ClassKey> {
         match self {
             Self::Named(name) | Self::Judged(name) => Some(ClassKey::from(name.as_str())),
@@ -109,8 +109,8 @@ impl Shown {
     }
 }
 
-/// The places of the cards that show something that no card before them does, and the places of the others. What an annotator named
-/// goes before what the judge calls the same.
+/// Positions of the cards that show a new behaviour, and positions of the others. If an annotator and the judge give the same name,
+/// the annotator's card is the one that counts as new.
 pub(crate) fn distinct(shown: &[Shown]) -> (Vec<usize>, Vec<usize>) {
     let named = shown.iter().filter(|shown| shown.is_named());
     let named: BTreeSet<ClassKey> = named.filter_map(Shown::key).collect();
@@ -122,11 +122,12 @@ pub(crate) fn distinct(shown: &[Shown]) -> (Vec<usize>, Vec<usize>) {
     })
 }
 
-/// Summary in sentences: at least how many distinct behaviours annotators named, and how many more kinds the judge names.
-/// Names that are nearly the same count once. A judge makes mistakes, so its names are no such bound.
+/// Summary in sentences: a lower bound on the number of distinct behaviours that annotators named, and how many more kinds the
+/// judge names. Names that are nearly the same count once. The judge makes mistakes, so the number of its names is not a lower
+/// bound.
 pub fn found(shown: &[Shown]) -> Vec<(String, String)> {
     let (places, _) = distinct(shown);
-    // Names that are nearly the same stand together.
+    // Groups of names that are nearly the same.
     let mut named: Vec<Vec<&str>> = Vec::new();
     let near = |named: &[Vec<&str>], name: &str| {
         let is_near = |other: &&str| ClassKey::from(*other).is_near(&ClassKey::from(name));
@@ -162,7 +163,7 @@ pub fn found(shown: &[Shown]) -> Vec<(String, String)> {
     named.into_iter().chain(judged).collect()
 }
 
-/// A behaviour of no class, without a pattern.
+/// A behaviour of the class `random` without a pattern.
 const RANDOM: Verdict = Verdict::Class(Class::Random);
 
 impl Report {
@@ -178,7 +179,7 @@ impl Report {
         (0..self.medoids.len()).map(shown).collect()
     }
 
-    /// How well a card stands for its cluster; `None` where the class of no other member is known.
+    /// How well a card represents its cluster; `None` if no other member has a known class.
     pub(crate) fn purity(&self, place: usize) -> Option<Purity> {
         let index = self.medoids.get(place)?.index;
         let is_other = |other: u64| {
@@ -205,12 +206,12 @@ pub(crate) struct Purity {
     pub(crate) alike: usize,
     /// Members whose class is known, without the medoid; at least 1.
     pub(crate) known: usize,
-    /// Whether labels give the classes; otherwise the rule-based judge does.
+    /// Whether the classes come from labels; otherwise they come from the rule-based judge.
     pub(crate) by_labels: bool,
 }
 
 impl Purity {
-    /// Of members that are of the medoid's class, or not; `None` without any.
+    /// From one value per member: whether it is of the medoid's class. `None` without members.
     fn of(alike: impl Iterator<Item = bool>, by_labels: bool) -> Option<Self> {
         let alike: Vec<bool> = alike.collect();
         (!alike.is_empty()).then(|| Self {
@@ -255,9 +256,9 @@ mod tests {
     fn what_annotators_named_is_said_before_what_the_judge_names() {
         let named = |name: &str| Shown::Named(name.to_owned());
         let judged = |name: &str| Shown::Judged(name.to_owned());
-        let said = |shown: &[Shown]| {
-            let said = found(shown).into_iter();
-            said.map(|(count, names)| format!("{count}: {names}"))
+        let message = |shown: &[Shown]| {
+            let message = found(shown).into_iter();
+            message.map(|(count, names)| format!("{count}: {names}"))
                 .collect::<Vec<_>>()
         };
         let both = [
@@ -268,18 +269,18 @@ mod tests {
             judged("chain"),
         ];
         assert_eq!(
-            said(&both),
+            message(&both),
             [
                 "At least 1 distinct behaviour: ring",
                 "The rule-based judge names 2 more kinds of behaviour: milling, chain"
             ]
         );
         assert_eq!(
-            said(&both[3..4]),
+            message(&both[3..4]),
             ["The rule-based judge names 1 kind of behaviour: milling"]
         );
-        assert!(said(&both[2..3]).is_empty());
-        // The judge calls one of them as an annotator did, and an annotator's hand slipped.
+        assert!(message(&both[2..3]).is_empty());
+        // The judge and an annotator give the same name, and an annotator mistypes a name.
         let twice = [
             judged("milling"),
             named("milling"),
@@ -287,7 +288,7 @@ mod tests {
             judged("chain"),
         ];
         assert_eq!(
-            said(&twice),
+            message(&twice),
             [
                 "At least 1 distinct behaviour: milling or miling",
                 "The rule-based judge names 1 more kind of behaviour: chain"
@@ -295,7 +296,7 @@ mod tests {
         );
         assert_eq!(distinct(&twice), (vec![1, 2, 3], vec![0]));
         assert_eq!(
-            said(&[judged("milling"), named("miling")]),
+            message(&[judged("milling"), named("miling")]),
             ["At least 1 distinct behaviour: miling"]
         );
     }
@@ -319,7 +320,7 @@ mod tests {
             (first[0], milling),
             (first[1], chain),
             (second[0], milling),
-            // The medoid itself says nothing of the others.
+            // The medoid itself does not count.
             (report.medoids[0].index, milling),
         ];
         let of = |report: &Report, place| {
@@ -330,7 +331,7 @@ mod tests {
         assert_eq!(of(&report, 1), Some((1, 1, false)));
         assert_eq!(of(&report, 2), None);
 
-        // The label of the medoid and that of another member go before the judge.
+        // Labels of the medoid and of another member take precedence over the judge.
         let label = |class: &str| GivenClass {
             class: class.parse().unwrap(),
             by_machine: false,

@@ -1,7 +1,6 @@
 //! The report of a campaign: one self-contained page with the taxonomy, and the files that papers are made from.
 //!
-//! A report is plain data in ([`Report`]) and a folder of files out ([`write()`]). It does not simulate, project or
-//! cluster; its caller has done so.
+//! The input is plain data ([`Report`]), the output a folder of files ([`write()`]). The caller simulates, projects and clusters.
 
 mod again;
 pub mod atlas;
@@ -59,9 +58,9 @@ pub struct Report {
     pub individuals: Vec<Entry>,
     /// The taxonomy, largest cluster first; at least one.
     pub medoids: Vec<MedoidEntry>,
-    /// For each individual, the place in `medoids` of its nearest medoid.
+    /// Position in `medoids` of each individual's nearest medoid.
     pub clusters: Vec<u32>,
-    /// Individuals beside the medoids, each the farthest from all before it.
+    /// Individuals shown besides the medoids, each the farthest from the medoids and the ones before it.
     pub further: Vec<FurtherEntry>,
     pub map: Map,
     /// Pictures of individuals, for the map.
@@ -92,7 +91,6 @@ impl Report {
     }
 }
 
-/// A generation in figures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GenerationSummary {
     /// Its number, from 0.
@@ -116,13 +114,12 @@ pub struct Entry {
     pub features: Features,
     /// The embedding of its picture by the report's checkpoint, the mean over its trials; empty if none.
     pub embedding: Vec<f32>,
-    /// Its trials; none if it has only one.
+    /// Its trials; empty if it has only one.
     pub trials: Vec<TrialEntry>,
-    /// Robustness: the share of its trials to which no other medoid is nearer than its own, 0 to 1; `None` if it has one
-    /// trial.
+    /// Robustness, 0 to 1: the share of its trials whose nearest medoid is the individual's own; `None` if it has one trial.
     pub robustness: Option<f64>,
-    /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it stood after its generation, in the
-    /// behaviour space of the report.
+    /// Novelty when evaluated: mean distance to its nearest neighbours in the archive after its generation, in the behaviour space
+    /// of the report.
     pub novelty_when_evaluated: f64,
 }
 
@@ -160,9 +157,9 @@ pub struct MedoidEntry {
     pub novelty: f64,
     /// Its motion from the start to the horizon.
     pub replay: Replay,
-    /// Others of its cluster, which show how alike they are; `None` if it is alone there.
+    /// Other members of its cluster, to show how alike they are; `None` if the medoid is the only member.
     pub spread: Option<Spread>,
-    /// The name of its cluster, if that comes from an earlier version of the taxonomy.
+    /// Name of its cluster, if inherited from an earlier version of the taxonomy.
     pub carried: Option<CarriedName>,
 }
 
@@ -180,14 +177,14 @@ pub struct FurtherEntry {
 pub struct Spread {
     /// The member that is nearest to the medoid.
     pub nearest: Member,
-    /// The member that half of the others are nearer than, or as near as; of an even number the farther of the two in the middle.
+    /// The member at the median distance; of an even number, the farther of the two in the middle.
     pub median: Member,
     /// The member that is farthest from the medoid.
     pub farthest: Member,
 }
 
 impl Spread {
-    /// Each with what it is called.
+    /// The members with their labels.
     fn members(&self) -> [(&'static str, &Member); 3] {
         [
             ("nearest", &self.nearest),
@@ -211,7 +208,7 @@ pub struct Member {
 /// The behaviour space, projected to two dimensions.
 #[derive(Debug, Clone)]
 pub struct Map {
-    /// One point an individual, by index.
+    /// One point per individual, by index.
     pub points: Vec<[f64; 2]>,
     /// The titles of the axes: across, then up.
     pub axis_titles: [String; 2],
@@ -226,7 +223,7 @@ pub struct ReportFiles {
 }
 
 impl ReportFiles {
-    /// Of files whose last one is the page.
+    /// Takes the last of the written files as the page.
     fn of(mut written: Vec<PathBuf>) -> Self {
         let page = written.pop().unwrap_or_default();
         Self {
@@ -257,12 +254,11 @@ pub enum ReportError {
     Folder(#[from] FolderError),
 }
 
-/// Writes a report into `folder`, whose former report it replaces.
+/// Writes a report into `folder`, replacing an earlier report.
 ///
-/// `report.html` needs no other file and no network. Beside it stand `spec.toml`, `archive.csv`, `taxonomy.csv`,
-/// `trials.csv` (where individuals have several trials), `classes.csv`, `generations.csv`, `map.svg`, `novelty.svg`,
-/// `contact-sheet.svg` and `medoids/NN-image.png`, `medoids/NN-trajectory.png`, `medoids/NN-trajectory.svg` (NN is the place
-/// in the taxonomy, from 01).
+/// `report.html` needs no other file and no network. Beside it are `spec.toml`, `archive.csv`, `taxonomy.csv`, `trials.csv` (where
+/// individuals have several trials), `classes.csv`, `generations.csv`, `map.svg`, `novelty.svg`, `contact-sheet.svg` and
+/// `medoids/NN-image.png`, `medoids/NN-trajectory.png`, `medoids/NN-trajectory.svg` (NN is the position in the taxonomy, from 01).
 ///
 /// # Errors
 /// [`ReportError::Inconsistent`], [`ReportError::Picture`] or [`ReportError::Drawing`] before anything is written;
@@ -299,7 +295,7 @@ pub fn write(report: &Report, mut files: Folder) -> Result<ReportFiles, ReportEr
     Ok(ReportFiles::of(files.finish()?))
 }
 
-/// The page of a report alone. The page of [`write()`] differs where it names the files beside it.
+/// The page of a report without the other files. Only the page of [`write()`] refers to the files beside it.
 pub fn page(report: &Report) -> Result<String, ReportError> {
     check(report)?;
     let (pictures, further) = (draw_medoids(report)?, draw_further(report)?);
@@ -374,7 +370,7 @@ fn check(report: &Report) -> Result<(), ReportError> {
     Ok(())
 }
 
-/// The PNG files of one medoid: small or clear ones for the page, large ones to keep.
+/// The PNG files of one medoid: small or transparent ones for the page, large ones for the folder.
 struct MedoidPictures {
     image: Vec<u8>,
     image_large: Vec<u8>,
@@ -430,7 +426,7 @@ fn draw_medoids(report: &Report) -> Result<Vec<MedoidPictures>, ReportError> {
 /// Size of the pictures of further behaviours, pixels.
 const FURTHER_SIZE: u32 = 320;
 
-/// A PNG file of the paths of each further behaviour.
+/// Draws the paths of each further behaviour as PNG.
 fn draw_further(report: &Report) -> Result<Vec<Vec<u8>>, ReportError> {
     let (world, window) = (report.spec.world(), report.spec.image().window());
     let drawn = report.further.par_iter().map(|further| {

@@ -7,23 +7,23 @@ use std::collections::BTreeMap;
 /// The classes of a campaign, and the individuals of each.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Names {
-    /// The classes of the answers that stand, in the order in which they were first named.
+    /// The classes of the current answers, in the order in which they were first named.
     pub classes: Vec<Class>,
-    /// The class of each individual that has one, by index: where annotators differ, the last answer.
+    /// The class of each individual that has one, by index. Where annotators differ, the last answer counts.
     pub by_individual: BTreeMap<u64, GivenClass>,
 }
 
-/// The name that a cluster has from an earlier version of its taxonomy.
+/// The name that a cluster inherits from an earlier version of its taxonomy.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CarriedName {
     pub class: ClassName,
-    /// The version that it comes from, from 1.
+    /// The earlier version, from 1.
     pub version: u32,
-    /// The place of its cluster in that version, from 0.
+    /// Index of the earlier cluster in that version, from 0.
     pub place: usize,
-    /// Members of that cluster that are in this one.
+    /// Members that both clusters share.
     pub shared: u64,
-    /// All its members.
+    /// All members of the earlier cluster.
     pub of: u64,
 }
 
@@ -31,16 +31,16 @@ pub struct CarriedName {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ClusterName<'a> {
     pub(super) class: &'a ClassName,
-    /// The colour of its class; `None` if no answer that stands names it.
+    /// The colour of its class; `None` if no current answer names the class.
     pub(super) colour: Option<Colour>,
-    /// Where it comes from, if it was not given to the medoid.
+    /// Its origin, if the name was not given to the medoid.
     pub(super) carried: Option<&'a CarriedName>,
-    /// Whether nobody but the rule-based judge gave it.
+    /// Whether only the rule-based judge gave it.
     pub(super) by_machine: bool,
 }
 
 impl ClusterName<'_> {
-    /// The name as the page shows it, with a word about where it comes from unless a person gave it to the medoid.
+    /// The name as the page shows it, with a remark on its origin unless a person gave it to the medoid.
     pub(super) fn in_words(&self) -> String {
         let shown = self.class.shown();
         match (self.carried, self.by_machine) {
@@ -98,7 +98,7 @@ impl Named {
 }
 
 impl Names {
-    /// The class of an individual, and its place among the classes.
+    /// The class of an individual, and its index among the classes.
     pub(super) fn of(&self, index: u64) -> Option<(usize, &Class)> {
         let given = self.by_individual.get(&index)?;
         let mut classes = self.classes.iter().enumerate();

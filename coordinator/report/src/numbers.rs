@@ -2,7 +2,7 @@
 
 pub(super) use murmuration_proto::{counted, grouped};
 
-/// Three significant digits or so: `0.0123`, `1.23`, `1,235`.
+/// About three significant digits: `0.0123`, `1.23`, `1,235`.
 pub(super) fn short(number: f64) -> String {
     match number.abs() {
         size if size >= 1e15 || !size.is_finite() => format!("{number:.2e}"),
@@ -16,7 +16,7 @@ pub(super) fn short(number: f64) -> String {
     }
 }
 
-/// `part` of `whole` in percent: `12.3 %`; `0 %` of nothing.
+/// `part` of `whole` in percent: `12.3 %`; `0 %` if `whole` is 0.
 pub(super) fn percent(part: u64, whole: u64) -> String {
     match whole {
         0 => "0 %".to_owned(),

@@ -1,18 +1,18 @@
-// Pictures of single controllers, for a map that has no tiles of them: those that are wanted are asked for a few at a time.
+// Pictures of single controllers, for a map without tiles. Requests a few at a time.
 class Singles {
-  // Most requests at a time, and most pictures that are kept.
+  // Most requests at a time, and most pictures kept.
   static AT_ONCE = 8;
   static KEPT = 4000;
-  // Milliseconds for which a part of the map is seen before its pictures are asked for: a map that moves shows many parts.
+  // Milliseconds that a part of the map stays in view before its pictures are requested: a moving map passes many parts.
   static SETTLED_MS = 120;
-  // Milliseconds until more are asked for after one did not come, at first and at most: the coordinator may be away for a while.
+  // Milliseconds to pause after a failed request, at first and at most: the coordinator may be away for a while.
   static PAUSE_MS = [500, 8000];
 
-  // `address(entry)` is where a picture is; `arrived()` hears that there are more.
+  // `address(entry)` is the address of a picture; `arrived()` is called when more pictures have arrived.
   constructor(address, arrived) {
     this.address = address;
     this.arrived = arrived;
-    // By entry, the one that was needed last at the end.
+    // Pictures by entry, the most recently used last.
     this.kept = new Map();
     this.wanted = [];
     this.asked = new Set();
@@ -22,7 +22,7 @@ class Singles {
     this.isTold = true;
   }
 
-  // The picture of an entry; null while it is not there.
+  // The picture of an entry; null if it has not arrived.
   known(entry) {
     const image = this.kept.get(entry);
     if (!image) return null;
@@ -31,7 +31,7 @@ class Singles {
     return image;
   }
 
-  // Takes the entries that are seen now, the first the most needed; those that were wanted before are no longer.
+  // Sets the entries in view, the most important first. Replaces the previous ones.
   want(entries) {
     this.wanted = [...new Set(entries)].slice(0, Singles.KEPT).filter((entry) => !this.kept.has(entry) && !this.asked.has(entry));
     clearTimeout(this.timer);
@@ -50,7 +50,7 @@ class Singles {
     image.src = this.address(entry);
   }
 
-  // Asks for a picture that did not come again, after the others and not at once.
+  // Requests a picture again after a failure: after the others, and after a pause.
   await(entry) {
     this.asked.delete(entry);
     this.wanted.push(entry);
@@ -69,7 +69,7 @@ class Singles {
     this.kept.set(entry, image);
     if (this.kept.size > Singles.KEPT) this.kept.delete(this.kept.keys().next().value);
     this.ask();
-    // Once for each picture of the screen.
+    // At most one call per animation frame.
     if (!this.isTold) return;
     this.isTold = false;
     requestAnimationFrame(() => {
@@ -79,15 +79,15 @@ class Singles {
   }
 }
 
-// The map of an atlas, on the elements of its page: `map` is the canvas, `source` the picture of a pixel a controller, `chosen`
-// tells of one controller, and `classes` lists the classes. Of a page with a coordinator, `choose(at, genes)` hears of the
-// controller that somebody chose, or of null, and `pictureOf(entry)` is the address of its picture; without `choose` there are
-// pictures of swarms beside the page. `seen` is what was seen of another atlas of as many controllers, as `seen()` of the answer
-// says it: zoom, middle, and place of the chosen controller.
+// The map of an atlas, on the elements of its page: `map` is the canvas, `source` the picture with one pixel per controller,
+// `chosen` describes one controller, and `classes` lists the classes. On a page with a coordinator, `choose(at, genes)` is called
+// with the chosen controller or null, and `pictureOf(entry)` is the address of its picture; without `choose`, the pictures of
+// swarms are files beside the page. `seen` restores the view of another atlas of the same size, as `seen()` of the result returned
+// it: zoom, middle, and position of the chosen controller.
 function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) {
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
   const map = new Uint32Array(bytes(data.map));
-  const said = new Uint8Array(bytes(data.said));
+  const judged = new Uint8Array(bytes(data.judged));
   const measured = new Float32Array(bytes(data.measured));
   const seeds = new BigUint64Array(bytes(data.seeds));
   const MIRRORED = 0x80000000, NOTHING = 0x7fffffff;
@@ -95,11 +95,11 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
   const canvas = document.getElementById("map"), pen = canvas.getContext("2d");
   const source = document.getElementById("source");
   const chosen = document.getElementById("chosen");
-  // Pixels of the screen a controller, and where the picture's corner is on the screen.
+  // Screen pixels per controller, and position of the picture's corner on the screen.
   let scale = 1, left = 0, top = 0;
-  // The scale at which the whole map is seen.
+  // The scale that shows the whole map.
   let whole = 1;
-  // The controller that somebody chose, and that of which the page tells.
+  // The chosen controller, and the described controller.
   let pinned = null, told = null;
   let onlyClass = null, shown = source;
 
@@ -110,8 +110,8 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     return entry === NOTHING ? null : { x, y, entry, mirrored: number >= MIRRORED };
   };
   const verdictsOf = (entry) =>
-    [...said.subarray(entry * data.starts, (entry + 1) * data.starts)].map((number) => data.verdicts[number - 1]);
-  // The most frequent class; of several, that of the earliest trial.
+    [...judged.subarray(entry * data.starts, (entry + 1) * data.starts)].map((number) => data.verdicts[number - 1]);
+  // The most frequent class; of several, the one of the earliest trial.
   const classOf = (entry) => {
     const classes = verdictsOf(entry).map((verdict) => verdict.class);
     const count = (name) => classes.filter((other) => other === name).length;
@@ -122,7 +122,7 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     return places.map((place, gene) => data.speeds[gene][place]);
   };
 
-  // The simulated one of a pair of mirror images has its picture in the tile where it is itself.
+  // Of a pair of mirror images, the simulated one has the picture, in its own tile.
   const simulated = new Map();
   map.forEach((number, pixel) => {
     if (number < NOTHING) simulated.set(number, pixel);
@@ -143,7 +143,7 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     draw();
     if (told) drawChosen(told);
   });
-  // The image that has the picture of an entry, and where in it; null while it is not there.
+  // The image that contains the picture of an entry, and the position in it; null if it has not arrived.
   const pictured = (entry) => {
     if (singles) {
       const image = singles.known(entry);
@@ -154,7 +154,7 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     const image = tile(Math.floor(column / n), Math.floor(row / n));
     return image && { image, x: (column % n) * data.side, y: (row % n) * data.side };
   };
-  // Draws the picture of a swarm; whether it is there.
+  // Draws the picture of a swarm. Returns whether it was available.
   const drawSwarm = (pen, at, x, y, size) => {
     const picture = pictured(at.entry);
     if (!picture) return false;
@@ -185,7 +185,7 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     return copy;
   };
 
-  // The controllers of a part of the map.
+  // The controllers in a part of the map.
   const between = (from, to) => {
     const found = [];
     for (let y = from[1]; y < to[1]; y++) for (let x = from[0]; x < to[0]; x++) found.push(entryAt(x, y));
@@ -208,7 +208,7 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     const seen = scale >= Math.max(28, 1.5 * whole) ? between(from, to) : [];
     const rim = 2;
     for (const at of seen) drawSwarm(pen, at, left + at.x * scale + rim, top + at.y * scale + rim, scale - 2 * rim);
-    // The chosen one first.
+    // The chosen controller comes first.
     singles?.want([...(pinned ? [pinned.entry] : []), ...seen.map(({ entry }) => entry)]);
     if (scale * n >= 24) {
       pen.strokeStyle = "#00000088";
@@ -235,7 +235,7 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     parent.append(made);
     return made;
   };
-  // Draws the picture of the controller that is told of; until it is there, nothing is in its place.
+  // Draws the picture of the described controller; the canvas is hidden until the picture arrives.
   const drawChosen = (at) => {
     const picture = chosen.querySelector("canvas");
     if (picture) picture.hidden = !drawSwarm(picture.getContext("2d"), at, 0, 0, data.side);
@@ -263,7 +263,7 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     data.genes.forEach((gene, place) => row(gene, genes[place]));
     row("starts", verdictsOf(at.entry).map((verdict) => verdict.name.replaceAll("_", " ")).join(", "));
     if (choose) {
-      // Its motion is beside the map.
+      // The page shows its motion beside the map.
     } else if (!at.mirrored) {
       data.features.forEach((feature, place) =>
         row(feature.replaceAll("_", " "), measured[at.entry * data.features.length + place].toPrecision(3)));
@@ -287,7 +287,7 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     };
     [left, top] = [into(left, x, canvas.clientWidth), into(top, y, canvas.clientHeight)];
   };
-  // From the chosen controller to one beside it, for keys; `far` to the same place of the tile beside its own.
+  // Moves from the chosen controller to its neighbour, for keys; with `far`, to the same position in the neighbouring tile.
   const go = ([dx, dy], far) => {
     const steps = far ? n : 1;
     const next = entryAt(pinned.x + dx * steps, pinned.y + dy * steps);
@@ -379,7 +379,7 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     top = (canvas.clientHeight - side * scale) / 2;
     draw();
   };
-  // A map that is seen whole stays so; of one that somebody zoomed, the place stays.
+  // On a resize, a map in full view stays in full view, and a zoomed map keeps its position.
   new ResizeObserver(() => (scale === whole ? fit() : draw())).observe(canvas);
   const begin = () => {
     fit();

@@ -1,26 +1,26 @@
-//! Where each controller is in the picture of an atlas.
+//! Position of each controller in the picture of an atlas.
 
 use super::Atlas;
 use murmuration_proto::{CampaignSpec, Controller, Enumeration, GeneSpace};
 
-/// The picture of all controllers of four speeds: tiles over the first two, pixels in each over the last two. The first
-/// speed of a pair goes right and the second up.
+/// The picture of all controllers of four speeds: the tiles by the first two, the pixels in each tile by the last two. The first
+/// speed of a pair increases to the right, the second upwards.
 #[derive(Debug, Clone)]
 pub struct Layout {
-    /// The values of a speed, ascending, for each of the four.
+    /// The values of each of the four speeds, ascending.
     speeds: [Vec<f64>; 4],
 }
 
 /// The controller at a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Place {
-    /// Place of the controller, or of that whose mirror image it is, among the atlas's entries.
+    /// Index among the atlas's entries, of the controller or of the simulated one whose mirror image it is.
     pub(super) entry: u32,
     pub(super) mirrored: bool,
 }
 
 impl Layout {
-    /// Most values of a speed: the picture is then 4,096 pixels wide.
+    /// Most values of a speed; the picture is then 4,096 pixels wide.
     const MOST_VALUES: usize = 64;
 
     /// The layout of a campaign's atlas; `None` unless it evaluates all controllers of a space of four speeds.
@@ -45,7 +45,7 @@ impl Layout {
         (speeds[0].len() <= Self::MOST_VALUES).then_some(Self { speeds })
     }
 
-    /// Values of a speed, which is also the number of tiles in a row, and of pixels in a row of a tile.
+    /// Number of values of a speed; also of tiles in a row, and of pixels in a row of a tile.
     pub fn values(&self) -> usize {
         self.speeds[0].len()
     }
@@ -60,7 +60,7 @@ impl Layout {
         &self.speeds
     }
 
-    /// The pixel of a controller, x to the right and y down; `None` if it is not one of the space.
+    /// The pixel of a controller, x to the right and y down; `None` if the controller is not in the space.
     pub fn pixel(&self, controller: &Controller) -> Option<[usize; 2]> {
         let genes = <&[f64; 4]>::try_from(controller.genes()).ok()?;
         let place = |gene: usize| self.speeds[gene].iter().position(|speed| *speed == genes[gene]);
@@ -69,7 +69,7 @@ impl Layout {
         Some([a * self.values() + c, (last - b) * self.values() + (last - d)])
     }
 
-    /// The controller at each pixel, row by row; `None` where nothing was evaluated.
+    /// The controller at each pixel, row by row; `None` if none was evaluated.
     pub(super) fn places(&self, atlas: &Atlas) -> Vec<Option<Place>> {
         let all = Enumeration::of(atlas.spec.controllers(), atlas.spec.world());
         let mut places = vec![None; self.side() * self.side()];

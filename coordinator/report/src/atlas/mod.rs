@@ -1,7 +1,7 @@
-//! The atlas of a controller space: what the judge says of every controller, as a table, a picture and a page.
+//! The atlas of a controller space: the judge's verdicts on every controller, as a table, a picture and a page.
 //!
-//! The picture stacks four dimensions: a tile for each pair of speeds while nothing is seen, and in each tile a pixel
-//! for each pair of speeds while something is.
+//! The picture stacks four dimensions: one tile per pair of speeds while a robot sees nothing, and in each tile one pixel per pair
+//! of speeds while it sees something.
 
 mod layout;
 mod page;
@@ -37,7 +37,7 @@ pub struct Atlas {
     pub entries: Vec<AtlasEntry>,
 }
 
-/// A controller of an atlas. What is said of it holds for its mirror image too.
+/// A controller of an atlas. Its data hold for its mirror image too.
 #[derive(Debug, Clone)]
 pub struct AtlasEntry {
     pub controller: Controller,
@@ -51,7 +51,7 @@ pub struct AtlasEntry {
     pub score: f64,
 }
 
-/// The files of an atlas, but for the pictures of swarms.
+/// The files of an atlas, except the pictures of swarms.
 const FILES: [&str; 7] = [
     "README.md",
     "spec.toml",
@@ -62,7 +62,7 @@ const FILES: [&str; 7] = [
     "atlas.html",
 ];
 
-/// Begins to fill the folder of an atlas, whose former atlas it replaces.
+/// Prepares the folder of an atlas, to replace an earlier atlas.
 ///
 /// # Errors
 /// As [`Folder::finish`], before any work is done.
@@ -72,10 +72,9 @@ pub fn folder(path: &Path, replaces: Replaces) -> Result<Folder, ReportError> {
     Ok(folder)
 }
 
-/// Writes `atlas.csv`, its `README.md` and `spec.toml`; where all
-/// controllers of four speeds were evaluated, also `atlas.png`, `atlas-poster.svg`, `atlas-poster.png` and, last, `atlas.html`,
-/// the page of the answer; otherwise the page is the table. The page shows pictures of swarms if [`Tiles`] wrote them into the same
-/// folder.
+/// Writes `atlas.csv`, its `README.md` and `spec.toml`. If all controllers of four speeds were evaluated, it also writes
+/// `atlas.png`, `atlas-poster.svg`, `atlas-poster.png` and, last, `atlas.html`, which is then the page of the result; otherwise the
+/// page is the table. The page shows pictures of swarms if [`Tiles`] wrote them into the same folder.
 ///
 /// # Errors
 /// As [`Folder::finish`], or [`ReportError::Drawing`].
@@ -109,8 +108,8 @@ pub fn write(atlas: &Atlas, mut files: Folder) -> Result<ReportFiles, ReportErro
     Ok(ReportFiles::of(files.finish()?))
 }
 
-/// Data for the script of an atlas's page, as JSON, and the picture as a PNG, a pixel a controller: for a page that a
-/// coordinator serves.
+/// Data for the script of an atlas's page, as JSON, and the picture as PNG, one pixel per controller, for a page that a coordinator
+/// serves.
 pub fn for_page(atlas: &Atlas, layout: &Layout) -> Result<(String, Vec<u8>), ReportError> {
     let tallies: Vec<Tally> = atlas
         .entries
@@ -125,7 +124,7 @@ pub fn for_page(atlas: &Atlas, layout: &Layout) -> Result<(String, Vec<u8>), Rep
     Ok((page::data(atlas, layout, &places).to_string(), picture))
 }
 
-/// The picture as a PNG, a pixel a controller.
+/// The picture as PNG, one pixel per controller.
 fn png(pixels: &[Rgb], layout: &Layout) -> Result<Vec<u8>, PictureError> {
     encoded(pixels.as_flattened(), [layout.side(); 2], png::ColorType::Rgb)
 }

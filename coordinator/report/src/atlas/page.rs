@@ -1,4 +1,4 @@
-//! The page: the picture to zoom into. It holds everything but the pictures of swarms.
+//! The page: the picture to zoom into. It contains everything except the pictures of swarms.
 
 use super::{Atlas, Layout, layout::Place};
 use crate::{Document, picture::columns::column};
@@ -15,9 +15,9 @@ const SCRIPT: &str = concat!(
     "showAtlas(JSON.parse(document.getElementById(\"data\").textContent));\n}\n"
 );
 
-/// Bit of a number of the map that says that a mirror image is there.
+/// Bit of a map number that marks a mirror image.
 const MIRRORED: u32 = 1 << 31;
-/// Value of the map where nothing was evaluated.
+/// Map number of a pixel without an evaluation.
 const NOTHING: u32 = MIRRORED - 1;
 
 pub(super) fn render(atlas: &Atlas, layout: &Layout, places: &[Option<Place>], map: &[u8]) -> String {
@@ -41,13 +41,13 @@ pub(super) fn render(atlas: &Atlas, layout: &Layout, places: &[Option<Place>], m
                 section #chosen aria-live="polite" { p { "Point at a controller." } }
             }
         }
-        // Nothing in it may end the element that holds it.
+        // The escape keeps the data from ending the element.
         script type="application/json" #data { (PreEscaped(data(atlas, layout, places).to_string().replace('<', "\\u003c"))) }
         script { (PreEscaped(SCRIPT)) }
     })
 }
 
-/// How the map is used, with a pointer and with keys.
+/// How to use the map with a pointer and with keys.
 pub const HOW: &str = "Scroll to zoom, drag to move, click for a controller. With keys: + and - zoom, Enter chooses the controller in the \
                        middle, arrow keys go on from it, with Shift by a tile, and Escape lets it go.";
 
@@ -58,7 +58,7 @@ pub fn canvas() -> Markup {
     }
 }
 
-/// Explains the map: the controllers that were simulated so far and their mirror images, and the place of each.
+/// Explains the map: how many controllers were simulated so far, their mirror images, and their positions.
 pub fn explained(spec: &CampaignSpec, layout: &Layout, simulated: u64) -> Markup {
     html! {
         p {
@@ -105,13 +105,13 @@ pub(super) fn data(atlas: &Atlas, layout: &Layout, places: &[Option<Place>]) -> 
         "side": atlas.spec.image().resolution(),
         "robot": robot(atlas),
         "map": column(places.iter().map(number)),
-        "said": column(entries().flat_map(|entry| entry.verdicts.iter().map(|verdict| [verdict.number()]))),
+        "judged": column(entries().flat_map(|entry| entry.verdicts.iter().map(|verdict| [verdict.number()]))),
         "measured": column(entries().flat_map(|entry| entry.features.map(|feature| (feature as f32).to_le_bytes()))),
         "seeds": column(entries().map(|entry| entry.seed.to_le_bytes())),
     })
 }
 
-/// The option that names the robots to `murmuration simulate`, if they are not those that it has by default.
+/// The option with the robots for `murmuration simulate`; empty for its default robots.
 fn robot(atlas: &Atlas) -> &'static str {
     let is_default = atlas.spec.model().preset().is_some() && *atlas.spec.world() == World::default();
     if is_default { "" } else { " --spec spec.toml" }

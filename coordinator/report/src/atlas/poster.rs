@@ -5,14 +5,14 @@ use crate::figure::{Anchor, Figure, INK, MUTED, Shape, Words};
 use murmuration_model::colours::{self, Rgb};
 use murmuration_proto::{Class, grouped};
 
-/// Side of the picture, and the room around it.
+/// Side of the picture, and the margins around it.
 const SIDE: f64 = 1323.0;
 const LEFT: f64 = 110.0;
 const TOP: f64 = 120.0;
 const LEGEND: f64 = 430.0;
 const BOTTOM: f64 = 90.0;
 
-/// Pixels of the poster as PNG for a unit of its SVG: 3,726 pixels across, 319 dots an inch on a page of A4 on its side.
+/// PNG pixels per SVG unit of the poster: 3,726 pixels across, 319 dots per inch on A4 paper in landscape.
 pub(super) const PNG_SCALE: f32 = 2.0;
 
 /// The poster of the picture with these pixels.
@@ -49,7 +49,7 @@ pub(super) fn poster(atlas: &Atlas, layout: &Layout, tallies: &[Tally], pixels: 
     }
 }
 
-/// Dark words that begin at a place.
+/// Dark text that begins at a position.
 fn words(text: String, at: [f64; 2], size: f64) -> Words {
     Words {
         text,
@@ -62,7 +62,7 @@ fn words(text: String, at: [f64; 2], size: f64) -> Words {
     }
 }
 
-/// The speeds while nothing is seen, which tiles go by.
+/// The axes of the tiles: the speeds while a robot sees nothing.
 fn axes(atlas: &Atlas, layout: &Layout) -> Vec<Words> {
     let tile = SIDE / layout.values() as f64;
     let every = (layout.values() / 10).max(1);
@@ -93,12 +93,12 @@ fn axes(atlas: &Atlas, layout: &Layout) -> Vec<Words> {
     all
 }
 
-/// A speed as people read it.
+/// A speed, rounded for people.
 fn rounded(speed: f64) -> String {
     format!("{}", (speed * 100.0).round() / 100.0)
 }
 
-/// The classes with their colours, and of how many controllers each is the most frequent one.
+/// The classes with their colours, and the number of controllers for which each is the most frequent one.
 fn legend(atlas: &Atlas, layout: &Layout, tallies: &[Tally]) -> Vec<Shape> {
     let x = LEFT + SIDE + 34.0;
     let counts = counts(atlas, layout, tallies);
@@ -147,7 +147,7 @@ fn legend(atlas: &Atlas, layout: &Layout, tallies: &[Tally]) -> Vec<Shape> {
         .collect()
 }
 
-/// Number of controllers of the picture whose most frequent class is each, mirror images included; the largest first.
+/// Number of controllers in the picture by their most frequent class, mirror images included; the largest first.
 fn counts(atlas: &Atlas, layout: &Layout, tallies: &[Tally]) -> Vec<(Class, u64)> {
     let places = layout.places(atlas);
     let class = |class: Class| {

@@ -1,11 +1,11 @@
-//! The atlas as CSV, and what its columns are.
+//! The atlas as CSV, and the description of its columns.
 
 use super::{Atlas, Tally};
 use csv::Writer;
 use murmuration_proto::{Enumeration, FEATURE_NAMES, Verdict};
 use std::io::{self, Write};
 
-/// One row a controller that was simulated, by index.
+/// One row per simulated controller, by index.
 pub(super) fn write(atlas: &Atlas, tallies: &[Tally], file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     let head = ["index".to_owned()]

@@ -9,12 +9,12 @@ use murmuration_proto::{Class, Verdict};
 pub struct Tally {
     /// The most frequent class; of several, that of the earliest trial.
     pub class: Class,
-    /// The share of trials that are of it, over 0 to 1.
+    /// The share of trials of that class, above 0 to 1.
     pub share: f64,
 }
 
 impl Tally {
-    /// The tally of at least one trial.
+    /// Sums up at least one verdict.
     pub fn of(verdicts: &[Verdict]) -> Self {
         let of = |class: Class| verdicts.iter().filter(|verdict| verdict.class() == class).count();
         let mut most = (Class::Random, 0);
@@ -29,14 +29,14 @@ impl Tally {
         }
     }
 
-    /// How sure the class is, over 0 to under 1: the share of trials that are of it, times how likely annotators are to
-    /// call them so too.
+    /// Certainty of the class, above 0 to below 1: the share of trials of that class, times the probability that annotators agree
+    /// with the judge about the class.
     pub(crate) fn sureness(&self) -> f64 {
         self.share * precision(self.class)
     }
 }
 
-/// Number of motions for which the annotators agree with the judge's class, and number of motions to which the judge gives it: on
+/// Number of motions for which the annotators agree with the judge's class, and number of motions to which the judge gives it, in
 /// the validation parts of all labelled sets (`docs/judge.md`).
 pub const fn agreed(class: Class) -> [u32; 2] {
     match class {
@@ -51,19 +51,19 @@ pub const fn agreed(class: Class) -> [u32; 2] {
     }
 }
 
-/// How likely the annotators are to call a motion by the class that the judge gives it, over 0 to under 1: by the rule of
-/// succession, since some classes were seldom met.
+/// Probability that annotators agree when the judge gives this class, above 0 to below 1. By the rule of succession, since some
+/// classes are rare in the sets.
 pub fn precision(class: Class) -> f64 {
     let [agreed, all] = agreed(class);
     f64::from(agreed + 1) / f64::from(all + 2)
 }
 
-/// Under everything: what is not sure is dark.
+/// Background of all colours: uncertain controllers are dark.
 const DARK: Rgb = [0; 3];
-/// Where nothing was evaluated.
+/// Colour of pixels without an evaluation.
 const NOTHING: Rgb = [0xff; 3];
 
-/// The colour of a controller: its class's, as bright as the class is sure.
+/// The colour of a controller: the colour of its class, the brighter the more certain.
 fn shade(tally: &Tally) -> Rgb {
     let part = (tally.sureness() * 255.0).round() as u8;
     colours::over(class_colour(tally.class), part, DARK)

@@ -1,4 +1,4 @@
-//! The files of an atlas agree with each other and with what the judge said.
+//! The files of an atlas agree with each other and with the judge's verdicts.
 
 use super::*;
 use crate::picture::sample::decode_png;
@@ -16,11 +16,11 @@ fn atlas() -> Atlas {
     let verdicts: Vec<Verdict> = Verdict::all().collect();
     let entry = |index: u64| {
         let place = index as usize;
-        let said = [place, place, place + place % 4].map(|place| verdicts[place % verdicts.len()]);
+        let message = [place, place, place + place % 4].map(|place| verdicts[place % verdicts.len()]);
         AtlasEntry {
             controller: all.controller(index),
             seed: index,
-            verdicts: said.to_vec(),
+            verdicts: message.to_vec(),
             features: [0.5, -1.0, 0.0, index as f64, 1e-3],
             score: 4.5,
         }
@@ -91,7 +91,7 @@ fn the_pixel_of_a_controller_and_of_its_mirror_image_is_of_the_class_in_its_row(
             painted += 1;
         }
     }
-    // The 25 that are their own mirror images came twice.
+    // The 25 controllers that are their own mirror images were counted twice.
     assert_eq!(painted, 625 + 25);
 }
 
@@ -144,7 +144,7 @@ fn a_tally_is_the_most_frequent_class_and_of_several_that_of_the_earliest_trial(
         (Class::Milling, 2.0 / 3.0)
     );
     assert_eq!(of(&[2, 1, 1, 2]).class, Class::Milling);
-    // Random ones with a pattern are random.
+    // Random behaviours with a pattern still count as random.
     assert_eq!(
         (of(&[9, 2, 10]).class, of(&[9, 2, 10]).share),
         (Class::Random, 2.0 / 3.0)
@@ -252,7 +252,7 @@ fn the_poster_as_png_has_the_map_and_the_legend() {
         .iter()
         .any(|colour| colour == first_of_legend);
     assert!(is_class, "{first_of_legend:?}");
-    // The words beside it.
+    // The text beside it.
     let words = (0..300).map(|x| at(110 + 1323 + 78 + x, 120 + 28));
     assert!(
         words
@@ -276,7 +276,7 @@ fn an_atlas_replaces_the_former_one_and_no_file_of_its_owner() {
     };
     write(&few, folder(&path, Replaces::Unchanged).unwrap()).unwrap();
     assert!(path.join("atlas.csv").is_file() && !path.join("atlas.html").exists());
-    // Files of these names in another folder are not an atlas's.
+    // Files with these names in another folder do not belong to an atlas.
     fs::write(place.path().join("README.md"), "mine").unwrap();
     let refused = folder(place.path(), Replaces::Changed).unwrap_err().to_string();
     assert!(refused.contains("did not write README.md"), "{refused}");

@@ -1,4 +1,4 @@
-//! The pictures of the swarms of an atlas: one PNG a tile, so that a page loads what it shows.
+//! The pictures of the swarms of an atlas: one PNG per tile, so that a page loads only the tiles in view.
 
 use super::Layout;
 use crate::{
@@ -8,7 +8,7 @@ use crate::{
 use murmuration_files::Folder;
 use murmuration_proto::{Controller, PictureShape};
 
-/// The folder of the pictures in that of an atlas.
+/// The folder of the pictures in the folder of an atlas.
 pub(super) const FOLDER: &str = "pictures";
 
 /// Draws the pictures of the controllers of an atlas, which come in the order of its archive.
@@ -16,7 +16,7 @@ pub(super) const FOLDER: &str = "pictures";
 pub struct Tiles {
     layout: Layout,
     shape: PictureShape,
-    /// Column and row of the tile that is being filled, and its pixels, row by row.
+    /// Column and row of the current tile, and its pixels, row by row.
     current: Option<([usize; 2], Vec<u8>)>,
 }
 
@@ -30,9 +30,8 @@ impl Tiles {
         }
     }
 
-    /// Adds the picture of a controller: the bytes of an image of one channel. The controllers of a tile come one after
-    /// the other; those that the picture of the atlas does not show are left out. A tile that is full is written into the atlas's
-    /// `folder`.
+    /// Adds the picture of a controller: the bytes of an image of one channel. The controllers of a tile come one after the other;
+    /// controllers outside the atlas's picture are left out. A full tile is written into the atlas's `folder`.
     ///
     /// # Errors
     /// If a tile cannot be written, or the image is of another size.

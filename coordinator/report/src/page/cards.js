@@ -1,6 +1,6 @@
 // Plays the whole run of a behaviour on its card.
 //
-// A card is "still" (the picture), "preview" (while pointed at or focused), "playing" or "paused" (on demand).
+// A card is "still" (the picture), "preview" (while pointed at or focused), "playing" or "paused" (both by its controls).
 const { world, agentColours, runs, counted, Playback } = window.murmuration;
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 const playAll = document.getElementById("play-all");
@@ -10,7 +10,7 @@ class Card extends Playback {
     const number = Number(card.dataset.place) + 1;
     super(card, { speed: document.getElementById("speed"), name: `behaviour ${number}` });
     this.card = card;
-    // Out of sight it plays on, and is drawn once it is seen again.
+    // Out of view, a card plays on without drawing.
     this.visible = false;
     this.load({ run: runs[number - 1], world, colours: agentColours });
     this.show("still");

@@ -1,4 +1,4 @@
-//! The taxonomy: one card a medoid.
+//! The taxonomy: one card per medoid.
 
 use super::{copyable, image_names, inline_png, robots::robots};
 use crate::{
@@ -55,7 +55,7 @@ pub(super) fn behaviours(
             }
             @let shown = report.shown();
             @let (distinct, others) = distinct(&shown);
-            // The judge does not know of species, so it cannot say which of their behaviours are of one kind.
+            // The judge does not know species, so it cannot tell which of their behaviours are of one kind.
             @if distinct.is_empty() || report.spec.model().species().len() > 1 {
                 @let all: Vec<usize> = (0..shown.len()).collect();
                 (cards(report, pictures, &all))
@@ -73,7 +73,7 @@ pub(super) fn behaviours(
     }
 }
 
-/// Individuals beside the medoids, folded.
+/// Individuals besides the medoids, folded.
 fn further_behaviours(report: &Report, pictures: &[Vec<u8>]) -> Markup {
     html! {
         details #further {
@@ -219,7 +219,7 @@ fn alike(purity: Purity) -> String {
     }
 }
 
-/// `3 of 4`: how many of its trials show an individual's own behaviour.
+/// As `3 of 4`: how many of its trials show an individual's own behaviour.
 fn of_starts(report: &Report, robustness: f64) -> String {
     let starts = report.spec.starts().get();
     format!("{:.0} of {starts}", robustness * starts as f64)

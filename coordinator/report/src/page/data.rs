@@ -1,5 +1,5 @@
-//! The numbers that the page's scripts draw from: columns of little-endian binary in base64, so that 100,000
-//! individuals and the motion of every medoid stay small and load at once.
+//! The numbers that the page's scripts draw: columns of little-endian binary in base64, so that 100,000 individuals and the motion
+//! of every medoid stay small and load at once.
 
 use crate::{
     Entry, Report, again,
@@ -15,7 +15,7 @@ use maud::{Markup, PreEscaped, html};
 use murmuration_model::colours;
 use serde::Serialize;
 
-/// Bytes for the motion of all medoids together, before base64.
+/// Bytes of all medoids' motions together, before base64.
 const MOTION_BYTES: usize = 6 << 20;
 
 /// Data that the report's script draws.
@@ -58,7 +58,7 @@ struct ArchiveView {
     medoids: Vec<usize>,
 }
 
-/// The sheets of pictures, and of the individual of each tile the exact genes and the seed, with which it can be simulated again.
+/// The sheets of pictures. For the individual of each tile also the exact genes and the seed, to simulate it again.
 #[derive(Debug, Serialize)]
 struct PicturesView {
     sheets: Vec<String>,
@@ -71,7 +71,7 @@ struct PicturesView {
 
 /// A block of JSON, which browsers do not run.
 pub(super) fn block(report: &Report) -> Markup {
-    // `<` could end the block; written as an escape it is the same JSON.
+    // `<` could end the block; its escape is the same JSON.
     let json = serde_json::json!(view(report))
         .to_string()
         .replace('<', "\\u003c");
@@ -136,13 +136,13 @@ fn pictures(report: &Report) -> PicturesView {
     }
 }
 
-/// The tile of an individual without a picture of its own.
+/// Tile number of an individual without its own picture.
 const TILELESS: u16 = u16::MAX;
 
-/// The class of an individual without a name.
+/// Class number of an individual without a name.
 const NAMELESS: u16 = u16::MAX;
 
-/// The number of an individual's trials that show its own behaviour; 255 if it has one trial.
+/// Number of an individual's trials that show its own behaviour; 255 if it has one trial.
 fn robust_starts(report: &Report, entry: &Entry) -> u8 {
     let starts = report.spec.starts().get() as f64;
     entry
@@ -150,7 +150,7 @@ fn robust_starts(report: &Report, entry: &Entry) -> u8 {
         .map_or(u8::MAX, |robustness| (robustness * starts).round() as u8)
 }
 
-/// The individuals on the map. Genes are in ten-thousandths, or coarser where genes are large.
+/// The individuals on the map. Genes are in ten-thousandths, or in a coarser unit if genes are large.
 fn archive(report: &Report) -> ArchiveView {
     let shown = shown_points(report);
     let entries = || shown.iter().map(|&index| &report.individuals[index]);

@@ -1,4 +1,4 @@
-// Tells the values of a plot at a pointer, or where the arrow keys are.
+// Shows the values of a plot at a pointer, or at a position moved by the arrow keys.
 const { grouped, short } = window.murmuration;
 
 class Curves {
@@ -11,7 +11,7 @@ class Curves {
     this.spoken.setAttribute("role", "status");
     this.told.after(this.spoken);
     this.at = -1;
-    // It takes the arrow keys itself, which a screen reader leaves to applications alone.
+    // The plot handles the arrow keys itself; a screen reader passes them only to applications.
     root.setAttribute("role", "application");
     root.setAttribute("aria-roledescription", "chart");
     root.setAttribute("aria-label", `${root.getAttribute("aria-label")}. Arrow keys tell single values.`);

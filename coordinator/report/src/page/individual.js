@@ -1,10 +1,10 @@
-// An individual of the map: its picture, what is known of it, and a panel that shows both with the command that replays it.
+// An individual of the map: its picture, its data, and a panel that shows both with the command that replays it.
 const { archive, classes, grouped, pictures, simulator } = window.murmuration;
 const TILELESS = 65535;
 const panel = document.getElementById("chosen");
 const genesEach = archive.genes.length / Math.max(archive.x.length, 1);
 
-// Sheets of pictures that were asked for, by number: a browser decodes one when it is first needed.
+// Decoded sheets of pictures by number. A browser decodes a sheet when it is first needed.
 const sheets = new Map();
 function sheet(number) {
   if (!sheets.has(number)) {
@@ -19,7 +19,7 @@ const cardOf = (i) => document.getElementById(`behaviour-${archive.cluster[i] + 
 const isMedoid = (i) => archive.medoids[archive.cluster[i]] === i;
 const hasOwnPicture = (i) => archive.tile[i] !== TILELESS || isMedoid(i);
 
-// Draws the picture of an individual, or of its medoid if it has none of its own.
+// Draws the picture of an individual, or of its medoid if the individual has none of its own.
 async function drawPicture(canvas, i) {
   canvas.dataset.of = i;
   const tile = archive.tile[i];
@@ -27,14 +27,14 @@ async function drawPicture(canvas, i) {
   const image = tile === TILELESS ? cardOf(i).querySelector("img.grey") : sheet(Math.floor(tile / tiles));
   const place = tile === TILELESS ? 0 : tile % tiles;
   await image.decode();
-  // Another one may have been asked for meanwhile.
+  // Another picture may have been requested meanwhile.
   if (canvas.dataset.of !== String(i)) return;
   canvas.width = canvas.height = side;
   const at = [(place % columns) * side, Math.floor(place / columns) * side];
   canvas.getContext("2d").drawImage(image, ...at, side, side, 0, 0, side, side);
 }
 
-// What a behaviour was called, if anything, and whether no person called it so.
+// The name of a behaviour, if it has one, and whether only the judge gave it.
 function named(i) {
   const name = classes[archive.class[i]];
   if (name === undefined) return "";
@@ -44,7 +44,7 @@ function named(i) {
 const titleOf = (i) => `Individual ${grouped(archive.index[i])}`;
 const whosePicture = (i) => (hasOwnPicture(i) ? "" : `It has no picture of its own here: this is that of its medoid, behaviour ${archive.cluster[i] + 1}.`);
 
-// Its genes as the map has them, to four digits.
+// Its genes as stored for the map, to four digits.
 const rounded = (i) =>
   Array.from(archive.genes.subarray(i * genesEach, (i + 1) * genesEach), (gene) => Number((gene * archive.geneUnit).toFixed(4)));
 
@@ -59,7 +59,7 @@ function facts(i) {
   return known.filter(([, value]) => value !== "");
 }
 
-// The exact genes and the command; null where the page has them not.
+// The exact genes and the command; null if the page does not have them.
 function replayOf(i) {
   const tile = archive.tile[i];
   if (tile !== TILELESS) {
@@ -78,7 +78,7 @@ const element = (name, text) => {
   return made;
 };
 
-// Shows an individual large, on the side of the map where it is not.
+// Shows an individual enlarged, on the other side of the map.
 function openPanel(i, isLeft) {
   const replay = replayOf(i);
   panel.querySelector("h3").textContent = titleOf(i);

@@ -1,4 +1,4 @@
-// Draws the behaviour space, and highlights a cluster: on the map, the pins and the legend.
+// Draws the behaviour space, and highlights a cluster on the map, the pins and the legend.
 const { clusterColours, equalScale, fit, Plot, steer, zoomButtons } = window.murmuration;
 const plot = new Plot(document.getElementById("space"));
 const { canvas } = plot;
@@ -7,18 +7,18 @@ const pins = document.getElementById("pins");
 const tip = document.getElementById("tip");
 const scheme = matchMedia("(prefers-color-scheme: dark)");
 const print = matchMedia("print");
-// Paper is light, whatever the screen is.
+// Paper is light, even if the screen is dark.
 const isDark = () => scheme.matches && !print.matches;
 const count = archive.x.length;
 const PIN = 46;
-// How far a pin's number stands out of it, and a little more.
+// How far the number of a pin extends beyond it, with a margin.
 const BADGE = 12;
 let chosen = -1;
 let hovered = -1;
 // The individual that the panel shows.
 let opened = -1;
 
-// Order of drawing: by cluster, so that a colour is set once a cluster.
+// Drawing order: by cluster, so that each colour is set once.
 const order = Uint32Array.from(archive.x.keys()).sort((a, b) => archive.cluster[a] - archive.cluster[b]);
 
 const starts = new Uint32Array(clusterColours.length + 1);
@@ -43,7 +43,7 @@ function paint() {
   }
 }
 
-// The clusters, with the highlighted one over the others.
+// The clusters, with the highlighted one on top.
 function groups() {
   const clusters = clusterColours.map((_, cluster) => cluster).sort((a, b) => (a === chosen) - (b === chosen));
   return clusters.map((cluster) => {
@@ -63,7 +63,7 @@ const labels = archive.medoids.map((_, cluster) => {
   const link = document.createElement("a");
   link.href = `#behaviour-${cluster + 1}`;
   link.className = "pin";
-  // Whoever presses on a pin and goes on moves over the map.
+  // A press that starts on a pin moves the map.
   link.draggable = false;
   link.dataset.place = cluster;
   link.style.setProperty("--cluster", clusterColours[cluster]);
@@ -97,7 +97,7 @@ function arrange() {
     const far = small ? 0 : PIN / Math.max(Math.hypot(dx, dy), 1);
     const at = (far) => [points[i][0] + dx * far + 0.01 * i, points[i][1] + dy * far];
     const [x, y] = at(far);
-    // At the edge of the map, where there is no room outside its point, a pin lies inside.
+    // At the edge of the map, where there is no room outside its point, a pin goes to the inside.
     const fits = x >= least && x <= width - least && y >= highest(x) && y <= height - least;
     [label.x, label.y] = at(fits ? far : -far);
   });
@@ -109,9 +109,9 @@ function arrange() {
       a.y = Math.min(Math.max(a.y, highest(a.x)), height - least);
     }
   }
-  // As parts of the map: a page that is printed is laid out anew, and no script is asked.
+  // As fractions of the map, because printing lays the page out again without the script.
   labels.forEach(({ link, x, y }, cluster) => {
-    // A pin without its point would say that the point is here.
+    // A pin without its point would suggest that the point is here.
     link.hidden = !plot.isOn(...points[cluster]);
     link.style.left = `${(100 * x) / width}%`;
     link.style.top = `${(100 * y) / height}%`;
@@ -149,7 +149,7 @@ function paintLeaders() {
   });
 }
 
-// Small maps: where one cluster lies among all points.
+// Small maps: the position of one cluster among all points.
 function paintSmall(small, cluster) {
   fit(small);
   const brush = small.getContext("2d");
@@ -209,7 +209,7 @@ function describe(i) {
   drawPicture(tip.querySelector("canvas"), i);
 }
 
-// From where to where the map is not covered by the panel.
+// The left and right end of the part that the panel does not cover.
 function besidePanel() {
   const width = canvas.clientWidth;
   const isOver = !panel.hidden && panel.offsetTop < canvas.clientHeight;
@@ -217,7 +217,7 @@ function besidePanel() {
   return panel.classList.contains("left") ? [panel.offsetLeft + panel.offsetWidth, width] : [0, panel.offsetLeft];
 }
 
-// Tells of a point, as a pointer or a key reaches it; of none with -1.
+// Describes the point under the pointer or reached by a key; none with -1.
 function hover(i) {
   if (i === hovered) return;
   hovered = i;
@@ -237,7 +237,7 @@ function show(i) {
   if (i < 0) return;
   opened = i;
   openPanel(i, place(i)[0] < canvas.clientWidth / 2);
-  // The panel says all that the tip said.
+  // The panel contains all that the tip shows.
   tip.hidden = true;
   schedule();
 }
@@ -254,7 +254,7 @@ function letGo() {
 canvas.addEventListener("pointermove", (event) => hover(plot.nearest(event.offsetX, event.offsetY)));
 canvas.addEventListener("pointerleave", () => hover(-1));
 canvas.addEventListener("blur", () => hover(-1));
-// A drag ends with a click too.
+// A drag also ends with a click.
 let pressed = [0, 0];
 canvas.addEventListener("pointerdown", ({ clientX, clientY }) => (pressed = [clientX, clientY]));
 canvas.addEventListener("click", ({ clientX, clientY, offsetX, offsetY }) => {
@@ -316,7 +316,7 @@ function moved() {
   isMoved = true;
   schedule();
 }
-// The wheel alone, and one finger, scroll the page.
+// The wheel without a modifier key, and one finger, scroll the page.
 steer(canvas, plot, {
   wheels: (event) => event.ctrlKey || event.metaKey,
   drags: (event) => event.pointerType !== "touch" && event.button === 0 && plot.zoom > 1,

@@ -1,7 +1,7 @@
-//! The page: one HTML document that needs nothing else.
+//! The page: one self-contained HTML document.
 //!
-//! `maud` makes the markup and escapes every text in it. The page holds its style sheet and scripts. Without scripts it
-//! still shows every picture, number and command.
+//! `maud` makes the markup and escapes every text in it. The page holds its style sheet and scripts. Without scripts it still shows
+//! every picture, number and command.
 
 mod cards;
 mod data;
@@ -20,7 +20,7 @@ use murmuration_model::{Timestamp, generations_in_words};
 use murmuration_proto::{BehaviourSpace, Method, Starts};
 
 const STYLE: &str = include_str!("style.css");
-/// Each in a scope of its own, in this order, so that one that fails takes no other with it.
+/// Each script has its own scope, so that a failure does not stop the others. They run in this order.
 const SCRIPTS: [[&str; 2]; 5] = [
     [scripts::INLINE, include_str!("data.js")],
     ["", include_str!("cards.js")],
@@ -146,7 +146,7 @@ fn facts(report: &Report) -> Markup {
     }
 }
 
-/// The number of generations, and why there are more than in the specification.
+/// The number of generations, and why it exceeds the specification's.
 fn generations(report: &Report) -> String {
     let (count, rounds) = (
         report.generations.len() as u32,
@@ -171,7 +171,7 @@ fn footer(report: &Report) -> Markup {
     }
 }
 
-/// `24 single-sensor robots`, `24 robots with 3 sensors`, or `24 robots of the species a and b`.
+/// As `24 single-sensor robots`, `24 robots with 3 sensors`, or `24 robots of the species a and b`.
 fn robots(report: &Report) -> String {
     let model = report.spec.model();
     let agents = report.spec.world().agents();
@@ -207,7 +207,7 @@ fn inline_png(file: &[u8]) -> String {
     format!("data:image/png;base64,{}", STANDARD.encode(file))
 }
 
-/// The page's words for the images: at the beginning of a sentence, and within one.
+/// The page's name for the images: at the beginning of a sentence, and within one.
 fn image_names(report: &Report) -> [&'static str; 2] {
     match report.spec.image().shape().channels() {
         1 => ["Grey image", "grey image"],

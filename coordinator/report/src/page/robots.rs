@@ -1,4 +1,4 @@
-//! The robots of a behaviour: what they look like, and what they do in each state of their sensors.
+//! The robots of a behaviour: their look, and their action in each state of their sensors.
 
 use crate::{Report, picture};
 use maud::{Markup, html};

@@ -1,4 +1,4 @@
-//! The sections under the taxonomy: map, novelty, filter, specification, how to read it.
+//! The sections under the taxonomy: map, novelty, filter, specification, and how to read the report.
 
 use super::{copyable, image_names};
 use crate::{
@@ -69,7 +69,7 @@ pub(super) fn map(report: &Report, files: Files) -> Markup {
     }
 }
 
-/// How many points have pictures of their own, where not all have.
+/// Number of points with their own pictures, if not all have one.
 fn pictures(report: &Report, shown: usize) -> Markup {
     let pictured = report.pictured.indices.len();
     html! {
@@ -79,7 +79,7 @@ fn pictures(report: &Report, shown: usize) -> Markup {
     }
 }
 
-/// The panel of the individual that somebody chose on the map; a script fills it.
+/// The panel of the individual chosen on the map; a script fills it.
 fn chosen() -> Markup {
     html! {
         section #chosen aria-labelledby="chosen-title" hidden {
@@ -149,7 +149,7 @@ fn space(report: &Report) -> Markup {
     }
 }
 
-/// The names of behaviours; nothing where there are no names.
+/// The names of behaviours; empty without names.
 pub(super) fn names(report: &Report, files: Files) -> Markup {
     let names = &report.names;
     let named = names.named();
@@ -210,7 +210,7 @@ pub(super) fn novelty(report: &Report) -> Markup {
     }
 }
 
-/// How a change of the embedding affects the values of novelty.
+/// How a change of the embedding affects values of novelty.
 fn moved(report: &Report) -> Markup {
     html! {
         "The embedding changed during this campaign: "
@@ -248,8 +248,8 @@ pub(super) fn filtered(report: &Report) -> Markup {
     }
 }
 
-/// A plot for wide pages and one for narrow pages; the style sheet shows the one that fits. A script tells its values at a pointer
-/// or by keys.
+/// A plot for wide pages and one for narrow pages; the style sheet shows the one that fits. A script shows values at the pointer or
+/// by keys.
 fn plot(name: &str, draw: impl Fn([f64; 2]) -> Curves) -> Markup {
     let (wide, narrow) = (draw(plots::WIDE), draw(plots::NARROW));
     html! {
@@ -261,7 +261,7 @@ fn plot(name: &str, draw: impl Fn([f64; 2]) -> Curves) -> Markup {
     }
 }
 
-/// Values of a plot for the script that shows them, and their places in the pictures.
+/// Values of a plot for the script that shows them, and the frames of the two pictures.
 #[derive(Debug, Serialize)]
 struct PlotView {
     x: Vec<u32>,
@@ -273,7 +273,7 @@ struct PlotView {
 #[derive(Debug, Serialize)]
 struct LineView {
     name: &'static str,
-    /// A value that is no number is null.
+    /// A value that is not a number is null.
     values: Vec<f64>,
 }
 
@@ -293,7 +293,7 @@ impl PlotView {
     }
 }
 
-/// The command that writes the files which a page alone does not have.
+/// The command that writes the files missing from a page alone.
 fn files_by_command(report: &Report) -> Markup {
     html! { code { "murmuration report " (report.campaign) } }
 }
@@ -364,7 +364,7 @@ fn controller(report: &Report) -> Markup {
     }
 }
 
-/// The meaning of the words and pictures.
+/// Explains the words and pictures.
 pub(super) fn reading(report: &Report) -> Markup {
     let entry = |word: &str, meaning: Markup| html! { div { dt { (word) } dd { (meaning) } } };
     html! {

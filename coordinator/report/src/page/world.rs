@@ -1,4 +1,4 @@
-//! A world in words: what is not as in the paper's.
+//! Describes how a world differs from the paper's.
 
 use crate::numbers::counted;
 use murmuration_proto::{Boundary, Noise, StartShape, World};
