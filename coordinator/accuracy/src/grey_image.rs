@@ -4,7 +4,7 @@ use murmuration_files::{InputKind, read_bytes};
 use murmuration_proto::onnx::ImageShape;
 use std::{io::Cursor, path::Path};
 
-/// The pixels of a PNG that is one of these `images`, 8 bits each; or what is wrong with the file.
+/// Reads the pixels of a PNG with the shape `images` and 8 bits per pixel; or returns an error message about the file.
 pub(super) fn pixels(image: &Path, images: ImageShape) -> Result<Vec<u8>, String> {
     let ImageShape { height, width, .. } = images;
     if images.channels != 1 {

@@ -1,4 +1,4 @@
-//! Labelled sets: a label file with pictures beside it, or with the data to simulate them again.
+//! Labelled sets: a label file with pictures beside it, or with the data to simulate the behaviours again.
 
 use super::grey_image::pixels;
 use murmuration_files::{InputKind, read_bytes};
@@ -15,7 +15,7 @@ mod swarms;
 
 pub use swarms::Swarm;
 
-/// The behaviours of a label file that have a class by an annotator other than the synthetic one, each once.
+/// The behaviours of a label file that have a class from an annotator other than the synthetic one, each once.
 #[derive(Debug, Clone)]
 pub struct LabelledSet {
     file: LabelFile,
@@ -39,8 +39,8 @@ impl LabelledSet {
     /// classes get the judge's spelling, others keep their first spelling.
     ///
     /// # Errors
-    /// If the file cannot be read, has no column `index` (or `id`) or `class`, has two rows of one annotator about one behaviour, or no row with
-    /// a class.
+    /// If the file cannot be read, has no column `index` (or `id`) or `class`, has two rows of one annotator about one behaviour, or
+    /// has no row with a class.
     pub fn read(path: impl Into<PathBuf>) -> Result<Self, LabelFileError> {
         let path = path.into();
         let text = read_bytes(&path, InputKind::Labels).map_err(|error| LabelFileError::Unreadable {
@@ -85,12 +85,12 @@ impl LabelledSet {
         self.rows().map(|(_, row)| row.cell("pattern"))
     }
 
-    /// Whether the file has what is needed to simulate each behaviour again: its controller, and the seed of its start.
+    /// Whether the file has the columns to simulate each behaviour again: its controller, and the seed of its start.
     pub fn can_be_simulated(&self) -> bool {
         self.file.has("seed") && self.file.has_controllers()
     }
 
-    /// The absolute values of the five hand-crafted features of each behaviour, as the authors compare them: the direction in
+    /// The absolute values of the five hand-crafted features of each behaviour, which the authors also compare: the direction in
     /// which a swarm turns does not matter.
     ///
     /// # Errors
@@ -100,11 +100,12 @@ impl LabelledSet {
         features.map(|features| Ok(features?.map(f64::abs))).collect()
     }
 
-    /// The image of each behaviour, the grey PNG `folder/ID.png` with 8 bits per pixel, for an embedder that takes such `images`:
+    /// Reads the image of each behaviour, the grey PNG `folder/ID.png` with 8 bits per pixel, for an embedder that takes `images`:
     /// rows are axis 0 (x).
     ///
     /// # Errors
-    /// Names the first image that is missing or has another format: that of an embedder of several channels is none of a PNG.
+    /// Names the first image that is missing or has another format. An embedder of several channels never fits, because the PNG
+    /// is grey.
     pub fn images(&self, folder: &Path, images: ImageShape) -> Result<Vec<Vec<u8>>, LabelFileError> {
         let image = |(behaviour, row): (&Behaviour, Row<'_>)| {
             if !is_file_name(&behaviour.id) {
@@ -116,8 +117,7 @@ impl LabelledSet {
         self.rows().map(image).collect()
     }
 
-    /// The image of each behaviour for an embedder that takes such `images`, simulated again from `starts` as
-    /// [`LabelledSet::swarms`] has them.
+    /// Simulates each behaviour again for an embedder that takes `images`; the starts are as in [`LabelledSet::swarms`].
     ///
     /// # Errors
     /// If a column is missing, a value is out of range, or the file's images are of another size or have other channels.
@@ -153,7 +153,7 @@ impl LabelledSet {
     }
 }
 
-/// Checks that an embedder of such `images` takes pictures in `format`.
+/// Checks that an embedder of `images` takes pictures in `format`.
 fn check_images(format: &ImageFormat, images: ImageShape) -> Result<(), Invalid> {
     let pictures = ImageShape::from(format.shape());
     if pictures == images {
@@ -166,7 +166,7 @@ fn check_images(format: &ImageFormat, images: ImageShape) -> Result<(), Invalid>
     })
 }
 
-/// The behaviours of a file to which an annotator gave a class, in the order of their first rows; and the rows in which the
+/// The behaviours of a file with a class from an annotator, in the order of their first rows, and the number of rows in which the
 /// synthetic annotator gave one.
 fn behaviours(file: &LabelFile) -> Result<(Vec<Behaviour>, u64), LabelFileError> {
     let known = Class::ALL.map(|class| (ClassKey::from(class.name()), class.name().to_owned()));
@@ -205,7 +205,7 @@ fn behaviours(file: &LabelFile) -> Result<(Vec<Behaviour>, u64), LabelFileError>
     Ok((behaviours, synthetic))
 }
 
-/// Whether `id` is a plain file name, not a path elsewhere.
+/// Whether `id` is a plain file name, without a path.
 fn is_file_name(id: &str) -> bool {
     let mut components = Path::new(id).components();
     matches!((components.next(), components.next()), (Some(Component::Normal(name)), None) if name == id)
@@ -220,7 +220,7 @@ mod tests {
 
     const HEAD: &str = "id,class,average_speed,angular_momentum,radial_variance_x20,scatter,group_rotation\n";
 
-    /// Writes a CSV file of these lines and reads it.
+    /// Writes these lines to a CSV file and reads it.
     fn read(lines: &str) -> Result<LabelledSet, LabelFileError> {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("labels.csv");
@@ -229,10 +229,10 @@ mod tests {
     }
 
     #[track_caller]
-    fn check_refused(lines: &str, said: &str) {
+    fn check_refused(lines: &str, expected: &str) {
         let features = read(lines).and_then(|labels| labels.absolute_features());
         let error = features.unwrap_err().to_string();
-        assert!(error.contains(said), "{error}\nnot {said:?}");
+        assert!(error.contains(expected), "{error}\nnot {expected:?}");
     }
 
     #[test]
@@ -336,7 +336,7 @@ mod tests {
         );
     }
 
-    /// Figures computed independently of this code.
+    /// The expected figures were computed independently of this code.
     #[test]
     fn hand_crafted_features_have_the_known_accuracy() {
         let check = |set: &str, not_random: [u64; 2], every: [u64; 2], percent: [f64; 2]| {

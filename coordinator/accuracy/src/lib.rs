@@ -1,7 +1,7 @@
-//! Measures how well distances between behaviours agree with the classes that annotators gave them.
+//! Measures how well distances between behaviours agree with the classes from annotators.
 //!
-//! [`Accuracy`] is the paper's measure, for any vectors. [`Summary`] has mean and spread of several figures. [`LabelledSet`] reads
-//! a labelled set. Embedding images is done elsewhere.
+//! [`Accuracy`] is the paper's measure, for any vectors. [`Summary`] gives mean and spread of several figures. [`LabelledSet`]
+//! reads a labelled set. This crate does not embed images.
 
 mod grey_image;
 mod labelled_set;

@@ -67,7 +67,7 @@ impl Accuracy {
     }
 }
 
-/// The triplets with one anchor: for each positive, the negatives farther away.
+/// Counts the triplets with one anchor: for each positive, the negatives farther away.
 fn with_anchor(behaviours: &[(&str, Vec<f64>)], anchor: usize) -> Tally {
     let (class, from) = &behaviours[anchor];
     let (mut positives, mut negatives) = (Vec::new(), Vec::new());
@@ -87,7 +87,7 @@ fn with_anchor(behaviours: &[(&str, Vec<f64>)], anchor: usize) -> Tally {
     }
 }
 
-/// Compared instead of distances, because a square root could make ties.
+/// Squared distances are compared, because a square root could make ties.
 fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
@@ -137,10 +137,11 @@ mod tests {
         ];
         let accuracy = Accuracy::measure(&on_a_line.map(|(class, x)| (class, vec![x])));
         let expected = [
-            // From 2 the other clump is at 8, farther than all three; from 10 at 8, only the rings are farther.
+            // From 2, the other clump is at distance 8, farther than all three negatives; from 10, also at 8, only the rings are
+            // farther.
             ("clump", tally(2, 6)),
             (RANDOM, tally(0, 0)),
-            // From 0 all three are farther than 1; from 1 the clump at 2 ties.
+            // From 0, all three negatives are farther than 1; from 1, the clump at 2 ties.
             ("ring", tally(5, 6)),
         ];
         assert_eq!(accuracy.classes().collect::<Vec<_>>(), expected);
@@ -167,7 +168,7 @@ mod tests {
         assert_eq!(tally(1, 8).percent(), Some(12.5));
     }
 
-    /// Every triplet, one by one.
+    /// Counts every triplet, one by one.
     fn one_by_one(behaviours: &[(&str, Vec<f64>)]) -> Tally {
         let mut counted = Tally::default();
         for (i, a) in behaviours.iter().enumerate() {

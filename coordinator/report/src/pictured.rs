@@ -5,14 +5,14 @@ use murmuration_proto::PictureShape;
 
 /// Most individuals on the map of a page.
 pub(crate) const MOST_POINTS: usize = 100_000;
-/// Most individuals that have a picture of their own, and most pixels of all their pictures together.
+/// Most individuals that have a picture, and most pixels of all pictures together.
 const MOST_PICTURES: usize = 10_000;
 const MOST_PIXELS: usize = 25_000_000;
-/// Tiles in a row of a sheet, and most of them on a sheet.
+/// Tiles in a row of a sheet, and in a sheet.
 pub(crate) const COLUMNS: usize = 20;
 pub(crate) const TILES: usize = COLUMNS * COLUMNS;
 
-/// The pictures of some individuals, in the order of the archive; none of a report without them.
+/// The pictures of some individuals, in the order of the archive; empty if a report has no pictures.
 #[derive(Debug, Clone, Default)]
 pub struct Pictured {
     /// The individual of each tile, ascending.
@@ -32,17 +32,17 @@ impl Pictured {
 #[derive(Debug)]
 pub struct PictureSheets {
     shape: PictureShape,
-    /// Individuals that are to have a picture, the next one last.
+    /// Individuals whose pictures are still to come, the next one last.
     wanted: Vec<u64>,
     /// The individuals with a picture, ascending.
     indices: Vec<u64>,
-    /// Their pictures, each row by row, of several channels with red, green and blue of each pixel.
+    /// Their pictures row by row: grey values, or red, green and blue of each pixel if there are several channels.
     tiles: Vec<Vec<u8>>,
 }
 
 impl PictureSheets {
-    /// For an archive of so many individuals with pictures of this shape: at most 10,000 pictures, fewer if they are larger than
-    /// 50 pixels a side, of evenly chosen individuals.
+    /// Prepares for an archive of `individuals` with pictures of this shape: at most 10,000 pictures of evenly spaced individuals,
+    /// fewer if pictures have a side above 50 pixels.
     pub fn of(individuals: usize, shape: PictureShape) -> Self {
         let most = MOST_PICTURES.min(MOST_PIXELS / shape.pixels().max(1));
         let shown = thinned(individuals, MOST_POINTS);
@@ -57,8 +57,8 @@ impl PictureSheets {
         }
     }
 
-    /// Takes the picture of an individual, if it is to have one. Individuals come in the order of the archive; one that has no
-    /// picture is left out.
+    /// Adds the picture of an individual, if it is one of the chosen. Individuals must come in the order of the archive; one
+    /// without a picture is left out.
     ///
     /// # Errors
     /// [`PictureError`] if the image is of another shape.
@@ -73,7 +73,7 @@ impl PictureSheets {
         Ok(())
     }
 
-    /// The sheets. Blocks while they are encoded, which takes up to a second or two.
+    /// Encodes the sheets. Blocks for up to a second or two.
     pub fn finish(self) -> Result<Pictured, PictureError> {
         let sheets = self.tiles.chunks(TILES).map(|tiles| sheet(tiles, self.shape));
         Ok(Pictured {
@@ -83,7 +83,7 @@ impl PictureSheets {
     }
 }
 
-/// The pixels of an image as a screen has them, row by row.
+/// The pixels of an image in screen order, row by row.
 fn screen(image: &[u8], shape: PictureShape) -> Result<Vec<u8>, PictureError> {
     if shape.channels() > 1 || image.len() != shape.bytes() {
         return rgb(image, shape);
@@ -96,8 +96,8 @@ fn screen(image: &[u8], shape: PictureShape) -> Result<Vec<u8>, PictureError> {
     Ok(rows)
 }
 
-/// Tiles as one PNG. Of each value it has the upper four bits alone, which nobody misses in a picture of this size, and which
-/// halve the file.
+/// Encodes tiles as one PNG with the upper four bits of each value: at this size the difference is invisible, and the file is half
+/// as large.
 fn sheet(tiles: &[Vec<u8>], shape: PictureShape) -> Result<Vec<u8>, PictureError> {
     let side = shape.side();
     let (width, height) = (COLUMNS * side, tiles.len().div_ceil(COLUMNS) * side);
@@ -111,7 +111,7 @@ fn sheet(tiles: &[Vec<u8>], shape: PictureShape) -> Result<Vec<u8>, PictureError
         pixels.extend_from_slice(row);
     }
     if is_grey {
-        // The width is even, so that no byte is shared by two rows.
+        // The width is even, so no byte spans two rows.
         let pairs = pixels.chunks_exact(2);
         pixels = pairs.map(|pair| pair[0] & 0xf0 | pair[1] >> 4).collect();
     } else {
@@ -140,7 +140,7 @@ mod tests {
         PictureShape::new(channels, side).unwrap()
     }
 
-    /// Width and the pixels of a sheet, as bytes.
+    /// Width and pixels of a sheet, as bytes.
     fn decoded(sheet: &[u8]) -> (usize, Vec<u8>) {
         let mut decoder = png::Decoder::new(std::io::Cursor::new(sheet));
         decoder.set_transformations(png::Transformations::EXPAND);
@@ -165,7 +165,7 @@ mod tests {
             let place = tile % TILES;
             let corner = place / COLUMNS * 2 * width + place % COLUMNS * 2;
             let grey = (index % 16 * 17) as u8;
-            // Axis 0 of an image is x, which goes right here.
+            // Axis 0 of an image is x, which points right here.
             let rows = [corner, corner + 1, corner + width, corner + width + 1].map(|at| pixels[at]);
             assert_eq!(rows, [grey, 255, 0, grey], "{index}");
         }

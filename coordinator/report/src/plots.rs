@@ -15,32 +15,32 @@ pub(super) const WIDE: [f64; 2] = [1180.0, 340.0];
 /// Size in pixels for a narrow page.
 pub(super) const NARROW: [f64; 2] = [360.0, 260.0];
 
-// The page's style sheet knows these colours, and those of `svg`, by value and replaces them in the dark.
+// The page's style sheet replaces these colours, and those of `svg`, by value in the dark.
 const BEST: &str = "#1f5f8b";
 const MEAN: &str = "#b0621c";
 
-/// Size in pixels of the map, and what is free around the points: left, above, right, below.
+/// Size of the map in pixels, and margins around the points: left, above, right, below.
 const MAP: [f64; 2] = [1080.0, 720.0];
 const MAP_FREE: [f64; 4] = [80.0, 16.0, 16.0, 60.0];
 
-/// Most points of a line and most individuals of a map that are drawn one by one.
+/// Most points of a line, and most individuals of a map that are drawn one by one.
 const MOST_STEPS: usize = 1500;
 const MOST_POINTS: usize = 20_000;
 
-/// A plot over generations, and what a script needs to tell its values.
+/// A plot over generations, with the data for a script that shows its values.
 pub(super) struct Curves {
     pub(super) svg: String,
-    /// Each with its values by generation.
+    /// The lines, with their values by generation.
     pub(super) lines: Vec<Line>,
     pub(super) frame: Frame,
 }
 
-/// Where the values of a plot are in its picture.
+/// Position of a plot's axes in its picture.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Frame {
-    /// Where the first generation and the `last` one are, as parts of the width from the left.
+    /// Positions of the first and the `last` generation, as fractions of the width from the left.
     pub(super) across: [f64; 2],
-    /// Where 0 and `top` are, as parts of the height from above.
+    /// Positions of 0 and `top`, as fractions of the height from above.
     pub(super) down: [f64; 2],
     pub(super) last: u32,
     pub(super) top: f64,
@@ -65,7 +65,7 @@ pub(super) fn filtered(generations: &[GenerationSummary], size: [f64; 2]) -> Cur
     over_generations(size, vec![("", BEST, filtered)], "rejected")
 }
 
-/// A line's name, its colour, and its values by generation.
+/// Name, colour, and values by generation.
 pub(super) type Line = (&'static str, &'static str, Vec<(u32, f64)>);
 
 fn over_generations(size: [f64; 2], lines: Vec<Line>, title: &str) -> Curves {
@@ -129,7 +129,7 @@ fn over_generations(size: [f64; 2], lines: Vec<Line>, title: &str) -> Curves {
     }
 }
 
-/// A plot without a title: its page has one, and a browser would show it at the pointer.
+/// A plot without a title: its page has one, and a browser would show a title as a tooltip.
 fn drawing([width, height]: [f64; 2], content: &Markup) -> String {
     let plot = html! {
         svg xmlns="http://www.w3.org/2000/svg" width=(width) height=(height) viewBox={ "0 0 " (width) " " (height) }
@@ -169,7 +169,7 @@ pub(super) fn map(report: &Report) -> String {
     drawing(MAP, &content)
 }
 
-/// The axes of the map: all points with some room, and a unit as long across as it is up.
+/// The axes of the map, with room around the points and the same scale across and up.
 fn map_axes(points: &[[f64; 2]]) -> Axes {
     let [left, above, right, below] = MAP_FREE;
     let (across, down) = ([left, MAP[0] - right], [above, MAP[1] - below]);
@@ -195,8 +195,8 @@ fn map_axes(points: &[[f64; 2]]) -> Axes {
     }
 }
 
-/// The generations that a curve is drawn from, at most 1,500: neighbours become one, with the highest best, the mean of the
-/// means and the sum of what was filtered.
+/// At most 1,500 generations to draw a curve from. Neighbours are merged: the highest best, the mean of the means and the sum of
+/// the filtered.
 pub fn condensed(generations: &[GenerationSummary]) -> Vec<GenerationSummary> {
     let together = generations.len().div_ceil(MOST_STEPS).max(1);
     let one = |group: &[GenerationSummary]| GenerationSummary {
@@ -254,7 +254,7 @@ mod tests {
                 *point = [place, -place];
             }
             let svg = map(&report);
-            // The marks of the medoids are numbers too, and whole ones.
+            // The numbers of the medoids are numbers too, but whole ones.
             let ticks = numbers(&svg);
             assert!(ticks.contains(&nought), "{ticks:?}");
             let nearest = ticks.iter().map(|tick| tick.parse::<f64>().unwrap().abs());
@@ -286,7 +286,7 @@ mod tests {
             let spans = ["cx", "cy"]
                 .map(|axis| (place(circles[0], axis) - place(circles.last().unwrap(), axis)).abs());
             let (across, up) = (spans[0] * height, spans[1] * width);
-            // To a tenth of a pixel.
+            // Positions are rounded to a tenth of a pixel.
             assert!(
                 (across - up).abs() <= 0.2 * width.max(height),
                 "{spans:?} for {width} by {height}"

@@ -1,12 +1,12 @@
-//! Points in colours, as pictures without words.
+//! Coloured points, as pictures without text.
 
 use crate::picture::{PictureError, encoded};
 use murmuration_model::colours::Rgb;
 
-/// Share of a map's side that is free at each edge.
+/// Margin at each edge, as a share of a map's side.
 const FREE: f64 = 0.03;
 
-/// Where points are on a square of this side, right and down. A unit is as long across as it is up.
+/// Positions of points on a square with this side, right and down, with the same scale across and up.
 pub fn places(points: &[[f64; 2]], side: f64) -> Vec<[f64; 2]> {
     let range = |axis: usize| {
         let values = points.iter().map(|point| point[axis]);
@@ -31,7 +31,7 @@ pub fn places(points: &[[f64; 2]], side: f64) -> Vec<[f64; 2]> {
     points.iter().map(place).collect()
 }
 
-/// The points as PNG of this side in pixels, later ones over earlier ones, on nothing: the page behind shows through.
+/// The points as a PNG with this side in pixels; later points cover earlier ones, and the background is transparent.
 pub fn png(points: &[([f64; 2], Rgb)], side: usize, radius: i64) -> Result<Vec<u8>, PictureError> {
     let mut pixels = vec![[0; 4]; side * side];
     draw(points, (side, radius), |pixel, [red, green, blue]| {
@@ -40,7 +40,7 @@ pub fn png(points: &[([f64; 2], Rgb)], side: usize, radius: i64) -> Result<Vec<u
     encoded(pixels.as_flattened(), [side; 2], png::ColorType::Rgba)
 }
 
-/// Tells `set` the colour of each pixel of the points, row by row.
+/// Calls `set` with each pixel of the points and its colour, row by row.
 fn draw(points: &[([f64; 2], Rgb)], (side, radius): (usize, i64), mut set: impl FnMut(usize, Rgb)) {
     let at: Vec<[f64; 2]> = points.iter().map(|(at, _)| *at).collect();
     let inside = |value: i64| usize::try_from(value).ok().filter(|&value| value < side);
@@ -54,7 +54,7 @@ fn draw(points: &[([f64; 2], Rgb)], (side, radius): (usize, i64), mut set: impl 
     }
 }
 
-/// The pixels of a point, from its centre.
+/// The pixels of a point, relative to its centre.
 fn disc(radius: i64) -> impl Iterator<Item = (i64, i64)> {
     let along = move || -radius..=radius;
     let all = along().flat_map(move |x| along().map(move |y| (x, y)));

@@ -1,4 +1,4 @@
-//! A report of an invented campaign, for tests. Its robots drive as robots do; the report does not care what they see.
+//! A report of an invented campaign, for tests. Its robots drive without sensing, which makes no difference to a report.
 
 use super::{
     Entry, FurtherEntry, GenerationSummary, Judged, Map, MedoidEntry, Member, Names, PictureSheets, Pictured,
@@ -32,7 +32,7 @@ pub(super) fn report(sample: &Sample) -> Report {
     let mut stream = RandomStream::derive(spec.seed(), Purpose::Propose, 0);
     let count = spec.medoids() as usize;
     let population = sample.individuals.div_ceil(20);
-    // Cluster c is chosen more rarely than c - 1, and its medoid is individual c.
+    // Larger cluster numbers are rarer, and the medoid of cluster c is individual c.
     let clusters: Vec<u32> = (0..sample.individuals)
         .map(|i| {
             if i < count {
@@ -145,7 +145,7 @@ fn further(medoids: &[MedoidEntry]) -> Vec<FurtherEntry> {
     .collect()
 }
 
-/// Members that look like the medoid, at distances that no other cluster has.
+/// Members that look like the medoid, at distances unique to the cluster.
 fn spread(place: usize, image: &[u8]) -> Spread {
     let member = |index: usize, distance: f64| Member {
         index: index as u64,
@@ -159,7 +159,7 @@ fn spread(place: usize, image: &[u8]) -> Spread {
     }
 }
 
-/// Two classes, the first medoid and two others of the first of them, one of these by the machine alone.
+/// Two classes. The first has the first medoid and two other individuals, one of them named by the judge alone.
 fn names() -> Names {
     let class = |name: &str, colour: &str, labels| Class {
         name: name.parse().unwrap(),
@@ -191,7 +191,7 @@ fn generation_of(generation: u32, stream: &mut RandomStream) -> GenerationSummar
     }
 }
 
-/// Robots that drive as if they saw nobody, and stop at walls.
+/// Robots that drive as if they saw no others, and stop at walls.
 fn swarm(entry: &Entry, world: &World, frames: u32) -> Replay {
     let mut stream = RandomStream::derive(entry.seed, Purpose::Start, 0);
     let margin = world.margin();
@@ -225,7 +225,7 @@ fn swarm(entry: &Entry, world: &World, frames: u32) -> Replay {
     Replay::new(steps, agents.len(), poses).unwrap()
 }
 
-/// Where agents were in the last frames, each species in its channel if there are several.
+/// Positions of agents in the last frames, with one channel per species if there are several.
 fn image(replay: &Replay, controller: &Controller, spec: &CampaignSpec) -> Vec<u8> {
     let (world, shape) = (spec.world(), spec.image().shape());
     let species = controller.species_of_robots(world.agents());

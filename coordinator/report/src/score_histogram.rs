@@ -1,24 +1,24 @@
-//! The histogram of heuristic scores, of random behaviours and of the others, with the cutoff of the filter: as SVG.
+//! The histogram of heuristic scores, of random behaviours and of the others, with the cutoff of the filter, as SVG.
 
 use crate::svg::{Drawing, MUTED, WHITE, tenth};
 use maud::html;
 use murmuration_model::colours;
 use murmuration_proto::Class;
 
-/// Size of the plot and room around the bars (left, top, right, bottom); pixels.
+/// Size of the plot, and margins around the bars (left, top, right, bottom); pixels.
 const SIZE: [f64; 2] = [640.0, 340.0];
 const FREE: [f64; 4] = [56.0, 44.0, 14.0, 48.0];
-/// Width of a bar in scores; bars begin at its multiples.
+/// Width of a bar in scores; bars begin at multiples of it.
 const BAR: f64 = 1.0;
-/// The bars of behaviours that are not random, and the line of the cutoff.
+/// Colours of the bars of behaviours that are not random, and of the line of the cutoff.
 const OTHER: &str = "#1f5f8b";
 const CUT: &str = "#be464d";
 
-/// Largest score, either side of 0, that has a place in the histogram: no robot comes near it, and there is a bar for each score
-/// between the lowest and the highest.
+/// Largest score, on either side of 0, in the histogram. No robot comes near it. It bounds the number of bars, of which there is
+/// one for each score between the lowest and the highest.
 pub const MOST_SCORE: f64 = 1e4;
 
-/// A bar: scores from `low` on, and how many controllers are random there and how many are not.
+/// A bar: scores from `low` on, and the numbers of random and of other controllers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Bar {
     low: f64,
@@ -26,8 +26,8 @@ struct Bar {
     other: usize,
 }
 
-/// The histogram of the scores of controllers with the class of each; scores are within [`MOST_SCORE`] of 0. The filter rejects
-/// those under `cutoff`.
+/// The histogram of controllers' scores, with their classes; scores are within [`MOST_SCORE`] of 0. The filter rejects scores below
+/// `cutoff`.
 pub fn svg(scores: &[(f64, Class)], cutoff: f64, title: &str) -> String {
     let bars = bars(scores, cutoff);
     let most = bars
@@ -77,8 +77,7 @@ pub fn svg(scores: &[(f64, Class)], cutoff: f64, title: &str) -> String {
     drawing.with(&content).into_string()
 }
 
-/// The bars from the lowest score to the highest, those of no controller included; the cutoff is in one of them, too. None
-/// without scores.
+/// The bars from the lowest score to the highest, empty ones included; they also cover the cutoff. No bars without scores.
 fn bars(scores: &[(f64, Class)], cutoff: f64) -> Vec<Bar> {
     let place = |score: f64| (score.clamp(-MOST_SCORE, MOST_SCORE) / BAR).floor();
     let places = || {

@@ -1,14 +1,14 @@
-//! Common parts of drawings that are one SVG file: their head, their colours, and the grid of percentages.
+//! Common parts of SVG drawings: their head, their colours, and the grid of percentages.
 
 use maud::{Markup, html};
 
-/// The colour of words and of lines that matter.
+/// Colour of text and of main lines.
 pub const INK: &str = "#1d1d1b";
-/// The colour of lesser words.
+/// Colour of secondary text.
 pub const MUTED: &str = "#5f5e58";
 /// The colour of grids and frames.
 pub const GRID: &str = "#e4e1d8";
-/// White, for papers.
+/// Background for papers.
 pub const WHITE: &str = "#fff";
 
 /// The head of a drawing.
@@ -16,19 +16,19 @@ pub const WHITE: &str = "#fff";
 pub struct Drawing<'a> {
     /// Width and height, pixels.
     pub size: [f64; 2],
-    /// Size of its words, pixels.
+    /// Size of its text, pixels.
     pub font_size: u32,
-    /// Its title where it stands alone.
+    /// Its title when shown alone.
     pub title: &'a str,
-    /// The description for people who cannot see it; `None` where its picture has such words.
+    /// The description for people who cannot see it; `None` if text in the drawing describes it.
     pub label: Option<&'a str>,
     pub paper: &'a str,
-    /// Whether it shrinks to the width of a page that holds it.
+    /// Whether it shrinks to the width of its page.
     pub shrinks: bool,
 }
 
 impl Drawing<'_> {
-    /// The drawing with this content. It needs nothing else, and prints at any size.
+    /// The drawing with this content. It is self-contained, and prints at any size.
     pub fn with(&self, content: &Markup) -> Markup {
         let [width, height] = self.size;
         let role = self.label.map(|_| "img");
@@ -44,7 +44,7 @@ impl Drawing<'_> {
     }
 }
 
-/// Lines at 0, 25, 50, 75 and 100 percent from `left` to `right`, each with its number; `y` is the height of a percentage.
+/// Lines at 0, 25, 50, 75 and 100 percent from `left` to `right`, each with its number; `y` gives the height of a percentage.
 pub fn percent_grid([left, right]: [f64; 2], y: impl Fn(f64) -> f64) -> Markup {
     html! {
         @for percent in [0.0, 25.0, 50.0, 75.0, 100.0] {
@@ -54,7 +54,7 @@ pub fn percent_grid([left, right]: [f64; 2], y: impl Fn(f64) -> f64) -> Markup {
     }
 }
 
-/// Pixels to a tenth: nobody sees more, and files stay small.
+/// Rounds pixels to a tenth, which nobody can see and which keeps files small.
 pub fn tenth(pixels: f64) -> f64 {
     (10.0 * pixels).round() / 10.0
 }

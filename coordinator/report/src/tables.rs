@@ -1,5 +1,5 @@
-//! The archive, the taxonomy, the classes and the generations as CSV: a header, then numbers that read
-//! back exactly, and names as [`to_cell`] writes them.
+//! The archive, the taxonomy, the classes and the generations as CSV: a header, numbers that read back exactly, and names as
+//! [`to_cell`] writes them.
 
 use super::{Entry, Report};
 use csv::Writer;
@@ -10,7 +10,7 @@ use murmuration_model::{
 use murmuration_proto::FEATURE_NAMES;
 use std::io::{self, Write};
 
-/// One row an individual, by index. Clusters count from 1, as the cards do.
+/// One row per individual, by index. Clusters count from 1, as on the cards.
 pub(super) fn archive(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     let own = ["index", "cluster", "map_x", "map_y"].map(str::to_owned);
@@ -32,8 +32,8 @@ pub(super) fn archive(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     table.flush()
 }
 
-/// One row a medoid, largest cluster first. Its novelty is measured in the whole archive. The name of its cluster is the
-/// class of the medoid, or one that comes from an earlier version of the taxonomy, which the next column says.
+/// One row per medoid, largest cluster first. Its novelty is measured in the whole archive. The name of its cluster is the class of
+/// the medoid, or inherited from an earlier version of the taxonomy, which the next column then names.
 pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     let own = [
@@ -70,7 +70,7 @@ pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> 
     table.flush()
 }
 
-/// One row a trial, by individual, then by start.
+/// One row per trial, by individual, then by start.
 pub(super) fn trials(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     let own = ["index", "start", "seed"].into_iter().chain(FEATURE_NAMES);
@@ -87,7 +87,7 @@ pub(super) fn trials(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     table.flush()
 }
 
-/// One row a class, in the order in which they were first named: how many individuals are of it, and how many answers say so.
+/// One row per class, in the order in which they were first named, with the numbers of its individuals and of its answers.
 pub(super) fn classes(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     table.write_record(["class", "colour", "individuals", "labels"])?;
@@ -116,7 +116,7 @@ pub(super) fn generations(report: &Report, file: &mut dyn Write) -> io::Result<(
     table.flush()
 }
 
-/// The columns of a table of individuals: its own, then what is known of an individual, then its class.
+/// The columns of a table of individuals: its own, then the data of an individual, then its class.
 fn columns(own: &[String], report: &Report) -> Vec<String> {
     let known = ["generation", "seed", "novelty_when_evaluated", "robustness"].map(str::to_owned);
     let genes = report.spec.model().gene_names();

@@ -200,12 +200,12 @@ fn a_name_from_an_earlier_version_is_on_the_card_the_legend_and_the_table() {
     });
     let (_place, files) = written(&report);
     let page = fs::read_to_string(&files.page).unwrap();
-    for said in [
+    for expected in [
         "<span class=\"class\" style=\"--class:#e6861d\">wall</span>",
         "Name carried over from behaviour 5 of version 1 of the taxonomy: 7 of its 9 individuals are here.",
         "wall (carried over) · ",
     ] {
-        assert!(page.contains(said), "{said}");
+        assert!(page.contains(expected), "{expected}");
     }
     assert!(!page.contains("Behaviour 2<"));
     let mut table = csv::Reader::from_path(files.page.with_file_name("taxonomy.csv")).unwrap();
@@ -217,15 +217,15 @@ fn a_name_from_an_earlier_version_is_on_the_card_the_legend_and_the_table() {
 #[test]
 fn a_page_names_what_behaviours_are_compared_by() {
     let features = page(&sample::report(&SMALL));
-    for said in [
+    for expected in [
         "(Table 1 of Mattson and Brown), each its mean over the last 100 steps: average speed, angular momentum, radial variance \
          (times 20, as in the authors' simulator), scatter, group rotation. The distance between two behaviours is Euclidean.",
         "The behaviour space has 5 dimensions",
         "This campaign measures nothing on it.",
     ] {
         assert!(
-            features.contains(&said.replace('\'', "&#39;")) || features.contains(said),
-            "{said}"
+            features.contains(&expected.replace('\'', "&#39;")) || features.contains(expected),
+            "{expected}"
         );
     }
     let report = sample::report(&LATENT);
@@ -248,7 +248,7 @@ fn a_page_names_what_behaviours_are_compared_by() {
 #[test]
 fn a_page_begins_with_what_was_found_and_folds_what_is_random_or_shown_already() {
     let mut report = sample::report(&SMALL);
-    // The first medoid has a label, which goes before the judge's word.
+    // The first medoid has a label, which takes precedence over the judge.
     report.judged.medoids = [Class::Random, Class::Milling, Class::Random]
         .map(Verdict::Class)
         .into();
@@ -257,11 +257,11 @@ fn a_page_begins_with_what_was_found_and_folds_what_is_random_or_shown_already()
         (1, Verdict::Class(Class::Milling)),
     ];
     let found = page(&report);
-    let said = "<strong>At least 1 distinct behaviour</strong>: ring, or &quot;mill&quot;. \
+    let expected = "<strong>At least 1 distinct behaviour</strong>: ring, or &quot;mill&quot;. \
                 <strong>The rule-based judge names 1 more kind of behaviour</strong>: milling. \
                 Of about 50 % of the archive it knows no kind (a sample of 2).";
     assert!(
-        found.contains(said),
+        found.contains(expected),
         "{}",
         &found[found.find("class=\"answer\"").unwrap()..][..300]
     );
@@ -323,12 +323,12 @@ fn a_place_that_cannot_be_written_is_named() {
 
 #[test]
 fn what_does_not_fit_together_is_refused_before_anything_is_written() {
-    let check = |damage: fn(&mut Report), said: &str| {
+    let check = |damage: fn(&mut Report), expected: &str| {
         let mut report = sample::report(&SMALL);
         damage(&mut report);
         let place = tempfile::tempdir().unwrap();
         let error = write(&report, folder_of(place.path())).unwrap_err().to_string();
-        assert!(error.contains(said), "{error:?} does not say {said:?}");
+        assert!(error.contains(expected), "{error:?} does not say {expected:?}");
         assert_eq!(fs::read_dir(place.path()).unwrap().count(), 0);
     };
     check(|report| report.medoids.clear(), "no medoid");
@@ -354,7 +354,8 @@ fn a_full_page_stays_small() {
     assert!(bytes < 6_000_000, "{bytes} bytes");
 }
 
-/// Writes samples into the folder that `SAMPLE_REPORT` names, to be looked at:
+/// Writes samples for inspection into the folder that `SAMPLE_REPORT` names:
+///
 /// `SAMPLE_REPORT=samples cargo test --release -p murmuration-coordinator a_sample_to_look_at -- --ignored`
 #[test]
 #[ignore = "for people to look at"]

@@ -1,5 +1,5 @@
-//! Files of tracks: CSV with the columns frame, robot, x, y and perhaps heading and species, found by name in any order; other
-//! columns are passed over.
+//! Files of tracks: CSV with the columns frame, robot, x, y and optionally heading and species, found by name in any order. Other
+//! columns are ignored.
 
 use crate::Sighting;
 use murmuration_model::labels::{LabelFile, LabelFileError};
@@ -10,13 +10,13 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// The tracks of a swarm: at least one robot, seen at least once.
+/// The tracks of a swarm: at least one robot with at least one sighting.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tracks {
     pub(crate) path: PathBuf,
-    /// By number of the robot, then frame; no robot without a sighting.
+    /// By number of the robot, then by frame; every robot has a sighting.
     pub(crate) robots: BTreeMap<u32, BTreeMap<u32, Sighting>>,
-    /// The species of robots, by their number, as far as the file says.
+    /// The species of robots by their number, if the file has them.
     species: BTreeMap<u32, String>,
     frames: [u32; 2],
 }
@@ -38,7 +38,7 @@ pub enum TracksError {
         path: PathBuf,
         /// Number of the robot.
         robot: u32,
-        /// First and last frame without it.
+        /// First and last missing frame.
         frames: [u32; 2],
     },
     #[error("{}: robot {robot} {what}", path.display())]
@@ -60,11 +60,11 @@ fn missing([first, last]: [u32; 2]) -> String {
 }
 
 impl Tracks {
-    /// Reads the text of the file at `path`.
+    /// Parses the text of the file at `path`.
     ///
     /// # Errors
-    /// Names line and column of the first cell that cannot be used; or there is no row, a robot is in a frame twice, or it is of
-    /// two species.
+    /// Names line and column of the first invalid cell. Also if there is no row, a robot is in a frame twice, or a robot has two
+    /// species.
     pub fn parse(path: &Path, text: Vec<u8>) -> Result<Self, TracksError> {
         let file = LabelFile::with_columns(&["frame", "robot", "x", "y"], path, text)?;
         let mut robots: BTreeMap<u32, BTreeMap<u32, Sighting>> = BTreeMap::new();
@@ -111,10 +111,11 @@ impl Tracks {
         u32::try_from(self.robots.len()).unwrap_or(u32::MAX)
     }
 
-    /// Number of robots of each species of `model`; `None` if the file says nothing of species.
+    /// Number of robots of each species of `model`; `None` if the file has no species.
     ///
     /// # Errors
-    /// [`TracksError::Species`] where a robot has none, or one that the model has not, or comes after robots of a later species.
+    /// [`TracksError::Species`] if a robot has no species, one that the model does not have, or comes after robots of a later
+    /// species.
     pub fn counts(&self, model: &CapabilityModel) -> Result<Option<Vec<u32>>, TracksError> {
         if self.species.is_empty() {
             return Ok(None);
@@ -153,7 +154,7 @@ impl Tracks {
         Ok(Some(counts))
     }
 
-    /// The first and the last frame that a robot is in.
+    /// The first and the last frame with a robot.
     pub const fn frames(&self) -> [u32; 2] {
         self.frames
     }
@@ -165,7 +166,7 @@ impl Tracks {
         known.count() as f64 / sightings().count() as f64
     }
 
-    /// Number of frames in which robots are missing that were in one before or are in one after, summed over the robots.
+    /// Number of missing rows; a complete file has one for each robot in each frame.
     pub fn missing(&self) -> u64 {
         let [first, last] = self.frames.map(u64::from);
         let all = (last - first + 1) * self.robots.len() as u64;
@@ -173,8 +174,8 @@ impl Tracks {
     }
 }
 
-/// The tracks of a swarm whose robots had these poses (x, y, heading) in each frame, from frame 0 on; [`Tracks::parse`] reads the
-/// same numbers back. `species` has the name of each robot's species; without any there is no column for it.
+/// Writes the tracks of a swarm whose robots had these poses (x, y, heading) in each frame, from frame 0 on; [`Tracks::parse`]
+/// reads the same numbers back. `species` has the name of each robot's species; if it is empty, there is no such column.
 pub fn to_csv(frames: &[Vec<[f64; 3]>], species: &[&str]) -> String {
     let header = "frame,robot,x,y,heading";
     let mut text = match species {
@@ -183,7 +184,7 @@ pub fn to_csv(frames: &[Vec<[f64; 3]>], species: &[&str]) -> String {
     };
     for (frame, poses) in frames.iter().enumerate() {
         for (robot, [x, y, heading]) in poses.iter().enumerate() {
-            // Text takes whatever is written to it.
+            // Writing to a string cannot fail.
             let _ = match species.get(robot) {
                 None => writeln!(text, "{frame},{robot},{x},{y},{heading}"),
                 Some(name) => writeln!(text, "{frame},{robot},{x},{y},{heading},{name}"),
@@ -208,7 +209,7 @@ mod tests {
         assert_eq!((tracks.robots(), tracks.frames()), (2, [10, 12]));
         assert_eq!(tracks.robots[&7][&12].at, [3.0, 4.0]);
         assert_eq!(tracks.share_of_headings(), 0.0);
-        // Frame 11 of both, and frame 12 of robot 3.
+        // Both robots miss frame 11, and robot 3 misses frame 12.
         assert_eq!(tracks.missing(), 3);
         let some = parsed("frame,robot,x,y,heading\n0,0,1,1,0.5\n1,0,1,1,\n").unwrap();
         assert_eq!(some.share_of_headings(), 0.5);
@@ -216,7 +217,7 @@ mod tests {
 
     #[test]
     fn what_is_wrong_is_named_by_line_and_column() {
-        let check = |text: &str, said: &str| assert_eq!(parsed(text).unwrap_err().to_string(), said);
+        let check = |text: &str, message: &str| assert_eq!(parsed(text).unwrap_err().to_string(), message);
         check(
             "frame,x,y\n1,2,3\n",
             "t.csv, line 1: there is no column \"robot\"; its columns are frame, x, y",

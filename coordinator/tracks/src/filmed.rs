@@ -1,21 +1,21 @@
-//! Scale between a film and its world: pace and units.
+//! Scale between a film and its world: time and length.
 
 use murmuration_proto::{Invalid, World};
 
-/// How a world was filmed.
+/// The scale of a film.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Filmed<'a> {
     pub(crate) world: &'a World,
     /// World units to a unit of the tracks.
     scale: f64,
-    /// Where the origin of the tracks is, world units.
+    /// Origin of the tracks in the world, world units.
     origin: [f64; 2],
-    /// Frames from one step to the next.
+    /// Number of frames per step.
     pub(crate) frames_a_step: f64,
 }
 
 impl<'a> Filmed<'a> {
-    /// A film of `world` whose tracks are in world units, with a frame for each step.
+    /// A film of `world` with tracks in world units and one frame per step.
     pub const fn new(world: &'a World) -> Self {
         Self {
             world,
@@ -40,8 +40,8 @@ impl<'a> Filmed<'a> {
         }
     }
 
-    /// The same, with tracks of an arena of this width and height in the units of the tracks, whose corner is their origin. It is
-    /// scaled by one factor until it fits the world, and its centre is the world's.
+    /// The same, with tracks of an arena of this width and height in the units of the tracks, with a corner at their origin. The
+    /// arena is scaled by one factor to fit the world, and both have the same centre.
     ///
     /// # Errors
     /// If a side is not over 0 and finite.
@@ -66,13 +66,13 @@ impl<'a> Filmed<'a> {
         self.scale
     }
 
-    /// A place of the tracks in the world.
+    /// Converts a position from the tracks to the world.
     pub(crate) fn place(&self, at: [f64; 2]) -> [f64; 2] {
-        // A scale of 1 without an offset leaves every bit as it is.
+        // A scale of 1 without an offset changes no bit.
         [0, 1].map(|axis| self.origin[axis] + self.scale * at[axis])
     }
 
-    /// Distance from which on a motion is no jitter of the camera, world units: a fifth of the largest radius.
+    /// Distance up to which a motion may be jitter of the camera, world units: a fifth of the largest radius.
     pub(crate) fn still(&self) -> f64 {
         self.world.radius() / 5.0
     }

@@ -10,24 +10,24 @@ pub const MAX_GAP_FRAMES: u32 = 25;
 /// Most poses of a motion (480 MB).
 pub const MAX_POSES: u64 = 20_000_000;
 
-/// Most steps before and after a step whose motion says where a robot looks.
+/// Most steps before and after a step over which its direction of motion is measured.
 const MOST_STEPS: usize = 5;
 
 impl Tracks {
     /// The pose (x, y, heading; world units and radians) of each robot, in the order of their numbers, at the end of the film and
-    /// before each of at most `steps` steps up to there: fewer if the film is shorter.
+    /// before each of the last `steps` steps: fewer if the film is shorter.
     ///
-    /// Between two frames, and in up to [`MAX_GAP_FRAMES`] without it, a robot moves straight ahead at one speed and turns the
-    /// shorter way; before its first frame and after its last it stands still for as long. Where no heading is known, it is
-    /// the direction of the motion from up to five steps before to as many after, the fewest in which the robot moves by a fifth of its
-    /// radius; one that moves by less keeps its last.
+    /// Between two frames, and over gaps of up to [`MAX_GAP_FRAMES`], a robot moves straight ahead at one speed and turns the
+    /// shorter way. Before its first frame and after its last, it stands still for at most as long. Unknown headings are directions
+    /// of motion, from up to five steps before to as many after: the fewest over which the robot moves by a fifth of its radius. A
+    /// robot that moves by less keeps its last heading.
     ///
     /// # Errors
     /// If the film is shorter than a step, a robot is missing for longer, or there would be more than [`MAX_POSES`].
     pub fn ending(&self, steps: u32, filmed: &Filmed<'_>) -> Result<Vec<Vec<[f64; 3]>>, TracksError> {
         let [first, last] = self.frames().map(f64::from);
         let whole = ((last - first) / filmed.frames_a_step).floor();
-        // A cast of what is larger gives the largest.
+        // The cast of a larger number saturates.
         let steps = steps.min(whole as u32);
         if steps == 0 {
             return Err(TracksError::Short(self.path.clone()));
@@ -37,7 +37,7 @@ impl Tracks {
             let allowed = format!("small enough to keep {poses} poses under {MAX_POSES}");
             return Err(Invalid::new("image.window", steps, allowed).into());
         }
-        // From the end, so that frames are met exactly where there is one for each step.
+        // Counted from the end, so that moments coincide with frames if there is one frame per step.
         let moments = (0..=steps).map(|step| last - f64::from(steps - step) * filmed.frames_a_step);
         let moments: Vec<f64> = moments.collect();
         let mut frames = vec![Vec::with_capacity(self.robots.len()); moments.len()];
@@ -55,7 +55,7 @@ impl Tracks {
         Ok(frames)
     }
 
-    /// Checks that a robot is not missing for too long about a moment.
+    /// Checks that the gap around a moment is not too long.
     fn check_gap(
         &self,
         robot: u32,
@@ -69,10 +69,10 @@ impl Tracks {
             (Some((before, _)), Some((after, _))) => [before + 1, after - 1],
             (None, Some((after, _))) => [first, after - 1],
             (Some((before, _)), None) => [before + 1, last],
-            // No robot is without a sighting.
+            // Every robot has a sighting.
             (None, None) => [first, last],
         };
-        // Next to each other, nothing is between them.
+        // Adjacent frames have no gap.
         let count = (u64::from(missing[1]) + 1).saturating_sub(missing[0].into());
         if count <= u64::from(MAX_GAP_FRAMES) {
             return Ok(());
@@ -85,16 +85,16 @@ impl Tracks {
     }
 }
 
-/// The sightings at or next to a moment.
+/// The last sighting at or before a moment, and the first one at or after it.
 fn around(sightings: &BTreeMap<u32, Sighting>, moment: f64) -> [Option<(u32, Sighting)>; 2] {
-    // Moments are between the first frame and the last.
+    // Moments lie between the first frame and the last.
     let before = sightings.range(..=moment.floor() as u32).next_back();
     let after = sightings.range(moment.ceil() as u32..).next();
     let own = |found: Option<(&u32, &Sighting)>| found.map(|(frame, sighting)| (*frame, *sighting));
     [own(before), own(after)]
 }
 
-/// A robot at a moment, in the world.
+/// A robot at a moment, in world coordinates.
 fn seen(sightings: &BTreeMap<u32, Sighting>, moment: f64, filmed: &Filmed<'_>) -> Sighting {
     let placed = |sighting: Sighting| Sighting {
         at: filmed.place(sighting.at),
@@ -103,7 +103,7 @@ fn seen(sightings: &BTreeMap<u32, Sighting>, moment: f64, filmed: &Filmed<'_>) -
     let (before, after) = match around(sightings, moment) {
         [Some(before), Some(after)] if before.0 < after.0 => (before, after),
         [Some((_, only)), _] | [None, Some((_, only))] => return placed(only),
-        // No robot is without a sighting.
+        // Every robot has a sighting.
         [None, None] => {
             return Sighting {
                 at: filmed.place([0.0; 2]),
@@ -127,8 +127,8 @@ fn seen(sightings: &BTreeMap<u32, Sighting>, moment: f64, filmed: &Filmed<'_>) -
     }
 }
 
-/// The heading of a robot at each step of its path, radians: where none is known, the direction of the motion about the step; where
-/// there is hardly one, the heading before, or else the first that there is; 0 if there is none.
+/// The heading of a robot at each step of its path, radians. If unknown, the direction of motion around the step; if the robot
+/// hardly moves, the previous heading, or else the first known one; 0 if there is none.
 fn headings(path: &[Sighting], filmed: &Filmed<'_>) -> Vec<f64> {
     let known: Vec<Option<f64>> = (0..path.len())
         .map(|step| path[step].heading.or_else(|| direction(path, step, filmed)))
@@ -141,8 +141,8 @@ fn headings(path: &[Sighting], filmed: &Filmed<'_>) -> Vec<f64> {
     kept.collect()
 }
 
-/// The direction of the motion from some steps before to as many after, the fewest in which it is no jitter; `None` if there are
-/// none.
+/// The direction of motion, from a few steps before to as many after: the fewest steps whose motion exceeds jitter. `None` if there
+/// are none.
 fn direction(path: &[Sighting], step: usize, filmed: &Filmed<'_>) -> Option<f64> {
     (1..=MOST_STEPS).find_map(|steps| {
         let before = path[step.saturating_sub(steps)];

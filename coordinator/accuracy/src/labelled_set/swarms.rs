@@ -1,4 +1,4 @@
-//! Labelled swarms, to simulate them again.
+//! Labelled swarms that can be simulated again.
 
 use super::{Behaviour, LabelledSet, Row};
 use murmuration_files::{InputKind, read_bytes};
@@ -10,7 +10,7 @@ use std::{collections::HashMap, path::Path};
 /// Columns of a start: behaviour, agent and pose.
 const START: [&str; 5] = ["id", "agent", "x", "y", "theta"];
 
-/// A labelled swarm, to simulate it again.
+/// A labelled swarm that can be simulated again.
 #[derive(Debug, Clone)]
 pub struct Swarm {
     pub controller: Controller,
@@ -21,12 +21,11 @@ pub struct Swarm {
 impl LabelledSet {
     /// The swarm of each behaviour, in the file's order.
     ///
-    /// Controllers are in columns, one for each gene ([`Row::controller`]). Starts follow from the column `seed`, or are
-    /// in the CSV file `starts`, with a row for each agent of each behaviour (`id`, `agent` from 0 in order, `x`, `y`,
-    /// `theta`).
+    /// Controllers are in columns, one per gene ([`Row::controller`]). Starts derive from the column `seed`, or are in the CSV file
+    /// `starts`, with a row for each agent of each behaviour (`id`, `agent` from 0 in order, `x`, `y`, `theta`).
     ///
     /// # Errors
-    /// Names the file, and the line and column if there are any, of data that is missing or cannot be simulated.
+    /// Names the file, and the line and column if possible, of data that is missing or cannot be simulated.
     pub fn swarms(&self, starts: Option<&Path>) -> Result<Vec<Swarm>, LabelFileError> {
         let mut poses = starts.map(read_starts).transpose()?;
         let mut start = |behaviour: &Behaviour, row: Row<'_>| match &mut poses {

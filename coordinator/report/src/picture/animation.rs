@@ -9,14 +9,14 @@ use gif::{DisposalMethod, Encoder, Frame, Repeat};
 use murmuration_model::colours::{PAPER, over};
 use murmuration_proto::{Pose, Replay, World};
 
-/// How an animation is made.
+/// Options of an animation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Animation {
     /// Longer side of the picture in pixels, 16 to 4096.
     pub size: u32,
-    /// Pictures a second, 1 to 50; GIF counts in hundredths of a second, so that 30 is shown as 33.
+    /// Pictures per second, 1 to 50. GIF counts in hundredths of a second, so 30 becomes 33.
     pub fps: u32,
-    /// Most pictures; a longer replay is thinned out evenly, and its last frame always kept.
+    /// Most pictures. A longer replay is thinned out evenly and keeps its last frame.
     pub frames: u32,
     /// Steps that the trail behind each agent shows; 0 for none.
     pub trail: u32,
@@ -34,21 +34,21 @@ impl Default for Animation {
     }
 }
 
-/// Poses drawn in one animation at most (pictures times agents), which bounds time and size for huge swarms.
+/// Most poses in one animation (pictures times agents), to bound time and size for huge swarms.
 const MOST_POSES: usize = 400_000;
-/// More agents than this have no trails: they would only cover each other.
+/// Larger swarms have no trails, which would only cover each other.
 const MOST_TRAILS: usize = 1000;
-/// How many ages a trail is faded in.
+/// Number of shades of a trail.
 const AGES: usize = 4;
-/// How long the end is held before the animation begins again, hundredths of a second.
+/// How long the end is shown before the animation repeats, hundredths of a second.
 const HOLD: u16 = 150;
 
 /// The whole run as a GIF that loops: agents coloured by `colouring`, with short trails, on a light background.
 ///
-/// Works from one agent to 10,000; of a swarm too large for `animation.frames` pictures, fewer are shown.
+/// Works from one agent to 10,000; large swarms get fewer than `animation.frames` pictures.
 ///
 /// # Errors
-/// [`PictureError::Size`] where the picture would be too small or too large.
+/// [`PictureError::Size`] if the picture would be too small or too large.
 pub fn animation_gif(
     replay: &Replay,
     world: &World,
@@ -75,7 +75,7 @@ pub fn animation_gif(
     Ok(encoder.into_inner()?)
 }
 
-/// The pictures of an animation, one after the other, for an encoder of films.
+/// The pictures of an animation, one after the other, for a video encoder.
 #[derive(Debug)]
 pub struct Film<I> {
     /// Pixels of each row.
@@ -86,10 +86,10 @@ pub struct Film<I> {
     pub pictures: I,
 }
 
-/// The pictures that [`animation_gif`] shows, in all colours.
+/// The pictures that [`animation_gif`] shows, in full colour.
 ///
 /// # Errors
-/// [`PictureError::Size`] where the picture would be too small or too large.
+/// [`PictureError::Size`] if the picture would be too small or too large.
 pub fn animation_film<'a>(
     replay: &'a Replay,
     world: &'a World,
@@ -154,13 +154,13 @@ fn draw_trails(sketch: &mut Sketch, frames: &[&[Pose]]) {
     for age in 0..AGES.min(segments) {
         let ages = AGES.min(segments);
         let (first, last) = (age * segments / ages, (age + 1) * segments / ages);
-        // Multiples of a tenth: these shades are in the palette.
+        // Multiples of a tenth, because the palette has these shades.
         let part = 255 * (age + 1 + AGES - ages) / 10;
         sketch.paths(&frames[first..=last], part as u8, 1.5);
     }
 }
 
-/// The smallest rectangle that turns `before` into `now`; pixels in it that stay are marked, which packs well.
+/// The smallest rectangle that turns `before` into `now`. Unchanged pixels in it are marked as such, which compresses well.
 fn changes(before: &[u8], now: &[u8], width: u16) -> Frame<'static> {
     let columns = usize::from(width);
     let changed = |i: usize| before.get(i) != Some(&now[i]);
@@ -194,7 +194,7 @@ mod tests {
     use crate::picture::sample::{ring, world};
     use murmuration_model::colours::AGENTS;
 
-    /// The delay and the whole picture, places in the palette.
+    /// The delay, and the whole picture as indices into the palette.
     type Shown = (u16, Vec<u8>);
 
     /// Plays a GIF: its size, its frames and the palette.

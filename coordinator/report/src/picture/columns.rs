@@ -1,4 +1,4 @@
-//! Numbers for scripts to draw from: columns of little-endian binary in base64, small and quick to read.
+//! Numbers for scripts to draw: columns of little-endian binary in base64, small and quick to read.
 
 use super::{Colouring, thinned};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
@@ -21,7 +21,7 @@ pub struct WorldView {
     obstacles: Vec<ObstacleView>,
 }
 
-/// An obstacle about its centre: a disc has a radius, a box a width and a height.
+/// An obstacle at its centre: a disc has a radius, a box a width and a height.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 struct ObstacleView {
     x: f64,
@@ -66,19 +66,19 @@ impl From<&Obstacle> for ObstacleView {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MotionView {
     agents: usize,
-    /// Place of each agent's species, a column of bytes; only of several species.
+    /// Index of each agent's species, a column of bytes; only with several species.
     species: Option<String>,
     radii: Option<Vec<f64>>,
     /// The step of each frame.
     steps: Vec<u32>,
-    /// Columns with a value for each frame and agent: 0 to 65535 over the world.
+    /// Columns with a value per frame and agent: 0 to 65535 over the world.
     x: String,
     y: String,
-    /// Likewise, 0 to 255 over a turn.
+    /// Likewise, 0 to 255 over a full turn.
     heading: String,
 }
 
-/// The motion, with frames left out to keep to `most_bytes` before base64.
+/// The motion, with frames left out to stay within `most_bytes` before base64.
 pub fn motion(replay: &Replay, world: &World, colouring: Colouring<'_>, most_bytes: usize) -> MotionView {
     let agents = replay.agents();
     let most = (most_bytes / (POSE_BYTES * agents)).min(MOST_FRAMES);
@@ -107,7 +107,7 @@ pub fn motion(replay: &Replay, world: &World, colouring: Colouring<'_>, most_byt
     }
 }
 
-/// Finite `values` over the span that they take, as 0 to 65535; in the middle where they are all the same.
+/// Finite `values` scaled from their span to 0 to 65535; the middle if all are equal.
 pub fn spread(values: impl Iterator<Item = f64> + Clone) -> String {
     let low = values.clone().fold(f64::INFINITY, f64::min);
     let span = span(values.clone());
@@ -115,14 +115,14 @@ pub fn spread(values: impl Iterator<Item = f64> + Clone) -> String {
     column(values.map(|value| sixteen_bits(place(value)).to_le_bytes()))
 }
 
-/// From the least to the greatest of finite `values`; 0 of none.
+/// Difference between the largest and the smallest of finite `values`; 0 without values.
 pub fn span(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let low = values.clone().fold(f64::INFINITY, f64::min);
     let high = values.fold(f64::NEG_INFINITY, f64::max);
     (high - low).max(0.0)
 }
 
-/// Numbers, each as its bytes.
+/// Encodes numbers, each given as its bytes.
 pub fn column<const N: usize>(values: impl Iterator<Item = [u8; N]>) -> String {
     STANDARD.encode(values.collect::<Vec<_>>().as_flattened())
 }

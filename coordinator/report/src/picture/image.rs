@@ -1,26 +1,26 @@
-//! The image of a behaviour, the right way round.
+//! The image of a behaviour, in screen orientation.
 
 use super::{PictureError, SIZES};
 use murmuration_model::colours;
 use murmuration_proto::PictureShape;
 
-/// Grey value of what is between two pictures.
+/// Grey value of the gap between two pictures.
 const GAP: u8 = 255;
 
-/// The image of a behaviour as a PNG, every pixel `scale` pixels wide, without smoothing. One channel is grey. Of several, each
-/// is in the colour of its species on black, and where species were at one place their colours add up.
+/// The image of a behaviour as PNG, every pixel `scale` pixels wide, without smoothing. One channel is grey. Several channels have
+/// the colours of their species on black; where species overlap, their colours add up.
 ///
-/// `image` has the bytes of a picture of this `shape`, as in an evaluation (axis 0 is x); the PNG has x to the right and y down,
-/// as on the screen.
+/// `image` has the bytes of a picture of this `shape`, as in an evaluation (axis 0 is x). The PNG has x to the right and y down, as
+/// on the screen.
 ///
 /// # Errors
-/// [`PictureError::Shape`] where there are not as many bytes, [`PictureError::Size`] where the picture would be smaller than 1
-/// pixel or wider than 4096.
+/// [`PictureError::Shape`] if the number of bytes differs, [`PictureError::Size`] if the picture would be smaller than 1 pixel or
+/// wider than 4096.
 pub fn image_png(image: &[u8], shape: PictureShape, scale: u32) -> Result<Vec<u8>, PictureError> {
     image_row_png(&[image], shape, scale)
 }
 
-/// Images as [`image_png`] has one, side by side, with a white line of `scale` pixels between two.
+/// Images drawn as by [`image_png`], side by side, with a white line of `scale` pixels between neighbours.
 pub fn image_row_png(images: &[&[u8]], shape: PictureShape, scale: u32) -> Result<Vec<u8>, PictureError> {
     images.iter().try_for_each(|image| check(image, shape))?;
     let columns = (shape.side() as u64 + 1) * images.len() as u64;
@@ -55,7 +55,7 @@ pub fn image_row_png(images: &[&[u8]], shape: PictureShape, scale: u32) -> Resul
     encoded(&screen, [width, height], colours)
 }
 
-/// Pixels, row by row, as a PNG of this width and height.
+/// Encodes pixels, row by row, as a PNG of this width and height.
 pub(crate) fn encoded(
     pixels: &[u8],
     [width, height]: [usize; 2],
@@ -70,10 +70,10 @@ pub(crate) fn encoded(
     Ok(file)
 }
 
-/// The pixels of an image as the PNG of [`image_png`] shows them: row by row, red, green and blue of each.
+/// The pixels of an image as [`image_png`] shows them: row by row, red, green and blue of each.
 ///
 /// # Errors
-/// [`PictureError::Shape`] where there are not as many bytes as the shape has.
+/// [`PictureError::Shape`] if the number of bytes differs from the shape's.
 pub fn rgb(image: &[u8], shape: PictureShape) -> Result<Vec<u8>, PictureError> {
     check(image, shape)?;
     let side = shape.side();

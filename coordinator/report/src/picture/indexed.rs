@@ -1,20 +1,20 @@
-//! The palette that all frames of an animation share, and pixels as places in it.
+//! The palette that all frames of an animation share, and pixels as indices into it.
 
 use super::sketch::Sketch;
 use murmuration_model::colours::{AGENTS, LINE, PAPER, Rgb, over};
 use std::collections::HashMap;
 
-/// Place of the colour that means "as in the frame before".
+/// Index of the colour that means "as in the frame before".
 pub(super) const UNCHANGED: u8 = 0;
-/// Place of the background.
+/// Index of the background.
 const BACKGROUND: u8 = 1;
-/// Opacities of an agent's colour that have a place of their own; the last is the body.
+/// Opacities of an agent's colour in the palette; the last is the body.
 const SHADES: u8 = 10;
 
-/// The shared palette, with a memory of the colours that it was asked for.
+/// The shared palette, with a cache of requested colours.
 pub(super) struct Palette {
     colours: Vec<Rgb>,
-    /// Only ever looked up, so that its order does not matter.
+    /// Its order does not matter, because it is never iterated.
     places: HashMap<(Rgb, u8), u8>,
 }
 
@@ -34,12 +34,12 @@ impl Palette {
         }
     }
 
-    /// Red, green, blue of every place, as the file wants them.
+    /// Red, green, blue of every index, in the format of the file.
     pub(super) fn bytes(&self) -> Vec<u8> {
         self.colours.as_flattened().to_vec()
     }
 
-    /// The sketch on the background, as places in the palette, row by row.
+    /// The sketch on the background, as palette indices, row by row.
     pub(super) fn index(&mut self, sketch: &Sketch) -> Vec<u8> {
         sketch
             .pixels()
@@ -54,7 +54,7 @@ impl Palette {
     }
 }
 
-/// The place nearest to `wanted` by red, green and blue; the first of several.
+/// The index nearest to `wanted` by red, green and blue; the first of several.
 fn nearest(colours: &[Rgb], wanted: Rgb) -> u8 {
     let distance = |&colour: &Rgb| -> i32 {
         (0..3)

@@ -1,7 +1,7 @@
-//! Pictures of a swarm: the image that the search saw, the paths in colour, the motion as an animation.
+//! Pictures of a swarm: the image that the search sees, the paths in colour, and the motion as an animation.
 //!
-//! Everything here turns plain data into the bytes of a PNG, GIF or SVG file, or of a film's pictures; nothing is read or written. The pictures
-//! are for people, so no result rests on them; still, the same input gives the same bytes.
+//! The functions turn plain data into the bytes of a PNG, GIF or SVG file, or into a film's pictures, without reading or writing
+//! files. The pictures are for people, and no result depends on them. The same input still gives the same bytes.
 
 mod animation;
 pub mod columns;
@@ -23,7 +23,7 @@ pub use vector::trajectory_svg;
 
 use murmuration_proto::PictureShape;
 
-/// Sides in pixels that can be asked for of a drawing; an image may be smaller.
+/// Allowed sides of a drawing, pixels; an image may be smaller.
 pub(crate) const SIZES: std::ops::RangeInclusive<u32> = 16..=4096;
 
 /// Why a picture cannot be made.
@@ -31,9 +31,9 @@ pub(crate) const SIZES: std::ops::RangeInclusive<u32> = 16..=4096;
 pub enum PictureError {
     #[error("a picture of {shape} pixels cannot be made of {bytes} bytes")]
     Shape {
-        /// Shape that was named.
+        /// Expected shape.
         shape: PictureShape,
-        /// Bytes that came with it.
+        /// Number of bytes of the image.
         bytes: usize,
     },
     #[error("a picture cannot be {0} pixels wide: {min} to {max} is possible", min = SIZES.start(), max = SIZES.end())]
@@ -44,7 +44,7 @@ pub enum PictureError {
     Gif(#[from] gif::EncodingError),
 }
 
-/// `pixels` if it is one of [`SIZES`].
+/// Checks that `pixels` is one of [`SIZES`].
 fn side(pixels: u64) -> Result<u32, PictureError> {
     u32::try_from(pixels)
         .ok()

@@ -1,21 +1,21 @@
-//! A robot from above: its body, and what its sensors cover.
+//! A robot from above: its body, and the range of its sensors.
 
 use maud::{Markup, html};
 use murmuration_model::colours;
 use murmuration_proto::{Robot, Seen, SeenRobots, Sensor};
 use std::f64::consts::PI;
 
-/// Half the side of a drawing, its units.
+/// Half of a drawing's side, in its units.
 const HALF: f64 = 120.0;
-/// Length of a sensor without limit, and of the longest with one.
+/// Length of a sensor without a limit, and of the longest sensor with one.
 const LONGEST: f64 = 104.0;
-/// Radius of a body that would be too small to see.
+/// Smallest radius of a drawn body, so that it stays visible.
 const SMALLEST_BODY: f64 = 7.0;
 
 /// A drawing (SVG) of a robot that heads to the right; positive angles turn clockwise, as on the pictures of swarms. Its sensors
-/// look at `angles`, one for each; `None` draws where those that are free can look.
+/// look at `angles`, one per sensor; `None` draws the possible directions of free sensors.
 ///
-/// Lengths are to scale, but for a body that would be too small, and for sensors without limit, which go to the edge.
+/// Lengths are to scale, except for a very small body, and for sensors without a limit, which reach the edge.
 pub fn robot_svg(robot: &Robot, angles: Option<&[f64]>) -> Markup {
     let ranges = robot.sensors().iter().filter_map(sensor_reach);
     let longest = ranges.fold(10.0 * robot.radius(), f64::max);
@@ -49,7 +49,7 @@ fn drawn_sensor(i: usize, sensor: &Sensor, chosen: Option<f64>, scale: f64) -> M
     let free = sensor.angle();
     let middles = match (free.value().or(chosen), free.range()) {
         (Some(angle), _) => vec![angle],
-        // Beside the middle, where another sensor often is.
+        // Off the middle, where another sensor often is.
         (None, Some([low, high])) => vec![low + 0.75 * (high - low)],
         (None, None) => free.choices().to_vec(),
     };
@@ -96,12 +96,12 @@ fn at(angle: f64, distance: f64) -> [f64; 2] {
     [distance * angle.cos(), distance * angle.sin()]
 }
 
-/// A length with two decimals.
+/// Rounds a length to two decimals.
 fn short(length: f64) -> f64 {
     (100.0 * length).round() / 100.0 + 0.0
 }
 
-/// A sensor in words: `a cone 0.4 rad wide at 1.57 rad that sees walls up to 40`.
+/// A sensor in words, as `a cone 0.4 rad wide at 1.57 rad that sees walls up to 40`.
 pub fn sensor_in_words(sensor: &Sensor, angle: Option<f64>) -> String {
     let shape = match sensor.half_angle() {
         0.0 => "a ray".to_owned(),

@@ -1,4 +1,4 @@
-//! Invented swarms for tests, and a decoder to look at the pictures made of them.
+//! Invented swarms for tests, and a decoder to check the pictures made of them.
 
 use murmuration_proto::{Pose, Purpose, RandomStream, Replay, World, v1};
 use rand::RngExt as _;
@@ -9,7 +9,7 @@ pub fn world(lines: &str) -> World {
     World::try_from(message).unwrap()
 }
 
-/// Agents that circle around the middle, each at its own distance, after random starts.
+/// Agents that circle around the middle, with random distances, phases and speeds.
 pub fn ring(world: &World, steps: u32, stride: u32) -> Replay {
     let mut stream = RandomStream::derive(7, Purpose::Start, 0);
     let (cx, cy) = (world.width() / 2.0, world.height() / 2.0);

@@ -12,7 +12,7 @@ use tiny_skia::{
 /// The sizes and species of the bodies of a swarm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bodies {
-    /// The place of the species of each agent.
+    /// The species of each agent, as an index.
     species: Vec<usize>,
     /// The radius of each species, world units.
     radii: Vec<f64>,
@@ -21,11 +21,11 @@ pub struct Bodies {
 /// The meaning of an agent's colour, and its size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Colouring<'a> {
-    /// Which agent it is; all are as large as the world says.
+    /// By the agent's number; all agents have the radius of the world.
     Agents,
-    /// Its species.
+    /// By species.
     Species {
-        /// The place of the species of each agent.
+        /// The species of each agent, as an index.
         of_agents: &'a [usize],
         /// The radius of each species, world units.
         radii: &'a [f64],
@@ -42,7 +42,7 @@ impl Bodies {
         }
     }
 
-    /// By species if there are several.
+    /// By species if there are several, else by agent.
     pub fn colouring(&self) -> Colouring<'_> {
         match self.radii.len() {
             0 | 1 => Colouring::Agents,
@@ -55,7 +55,7 @@ impl Bodies {
 }
 
 impl Colouring<'_> {
-    /// The agents that have the colour at `place`, out of so many.
+    /// The agents that have the colour `place`, of a swarm of `agents`.
     pub(super) fn agents(self, place: usize, agents: usize) -> impl Iterator<Item = usize> {
         let count = colours::AGENTS.len();
         (0..agents).filter(move |&agent| match self {
@@ -73,7 +73,8 @@ pub(super) struct Sketch<'a> {
     scale: f32,
     /// Radius of the largest body, world units.
     radius: f64,
-    /// The longest way along each axis that is a path, world units: on a torus, a longer one is a jump to the other side.
+    /// Largest distance along each axis between two points of a path, world units: on a torus, a larger distance is a jump to the
+    /// other side.
     longest: [f32; 2],
 }
 
@@ -108,7 +109,7 @@ impl<'a> Sketch<'a> {
         self.pixels.fill(tiny_skia::Color::TRANSPARENT);
     }
 
-    /// The walls, a thin line around where bodies can be, and obstacles.
+    /// Draws the walls, a thin line around the area that bodies can reach, and the obstacles.
     pub(super) fn walls(&mut self, world: &World) {
         for obstacle in world.obstacles() {
             let [x, y] = obstacle.centre().map(|value| value as f32 * self.scale);
@@ -132,7 +133,7 @@ impl<'a> Sketch<'a> {
             world.width() as f32 * self.scale,
             world.height() as f32 * self.scale,
         );
-        // On the middle of pixels a line is sharp, and without padding it is still inside the picture.
+        // A line is sharp at the middle of pixels; this also keeps it inside the picture if there is no padding.
         let inset = near.floor() + 0.5;
         let Some(rect) = Rect::from_ltrb(inset, inset, width - inset, height - inset) else {
             return;
@@ -140,9 +141,9 @@ impl<'a> Sketch<'a> {
         self.stroke(&PathBuilder::from_rect(rect), colours::LINE, 140, 1.0);
     }
 
-    /// Paths through the agents' `frames`, oldest first, `width` pixels wide, with an opacity of `part` / 255.
+    /// Draws paths through the agents' `frames`, oldest first, `width` pixels wide, with an opacity of `part` / 255.
     ///
-    /// They replace what is under them, so that crossings do not grow darker and joints are not seen.
+    /// They replace the pixels under them, so that crossings do not grow darker and joints are invisible.
     pub(super) fn paths(&mut self, frames: &[&[Pose]], part: u8, width: f32) {
         let agents = frames.first().map_or(0, |frame| frame.len());
         for (place, &colour) in colours::AGENTS.iter().enumerate() {
@@ -163,7 +164,7 @@ impl<'a> Sketch<'a> {
         }
     }
 
-    /// The bodies at `poses`: discs, each with a tick that points where it heads, set off from the paths under them.
+    /// Draws the bodies at `poses`: discs, each with a tick in the direction of its heading, set off from the paths under them.
     pub(super) fn bodies(&mut self, poses: &[Pose]) {
         for (place, &colour) in colours::AGENTS.iter().enumerate() {
             let radius = self.radius(place);
@@ -201,12 +202,12 @@ impl<'a> Sketch<'a> {
         })
     }
 
-    /// Whether an agent left on one side and came in on the other.
+    /// Whether an agent left on one side and entered on the other.
     fn jumps(&self, from: Pose, to: Pose) -> bool {
         (0..2).any(|axis| (to[axis] - from[axis]).abs() > self.longest[axis])
     }
 
-    /// Radius in pixels of the bodies that have the colour at `place`; large enough to be seen.
+    /// Radius of the bodies that have the colour `place`, pixels; always large enough to see.
     fn radius(&self, place: usize) -> f32 {
         let own = match self.colouring {
             Colouring::Agents => None,

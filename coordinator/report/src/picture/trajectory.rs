@@ -11,20 +11,20 @@ use murmuration_proto::{Boundary, Pose, Replay, World};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Paper {
     Light,
-    /// None: the picture takes on the colour of the page that it is put on.
+    /// Transparent: the picture takes on the colour of the page.
     Clear,
 }
 
-/// How many ages a path is faded in.
+/// Number of shades of a path.
 const AGES: u32 = 20;
 
 /// The paths of the last `window` steps as a PNG whose longer side is `size` pixels (16 to 4096).
 ///
-/// Agents are coloured by `colouring`, older parts are fainter, the bodies stand where they are at the end, each with a
-/// tick that points where it heads, and the walls are a thin line. x goes right and y down, as on the screen.
+/// Agents are coloured by `colouring`, older parts are fainter. The bodies are at their last positions, each with a tick in the
+/// direction of its heading, and the walls are a thin line. x goes right and y down, as on the screen.
 ///
 /// # Errors
-/// [`PictureError::Size`] where the picture would be too small or too large.
+/// [`PictureError::Size`] if the picture would be too small or too large.
 pub fn trajectory_png(
     replay: &Replay,
     world: &World,
@@ -46,7 +46,7 @@ pub fn trajectory_png(
     encode(&sketch, paper)
 }
 
-/// Runs of frames of about one age, oldest first: first frame, last frame, opacity out of 255.
+/// Runs of frames of similar age, oldest first: first frame, last frame, opacity out of 255.
 pub(super) fn ages(steps: &[u32], window: u32) -> Vec<(usize, usize, u8)> {
     let end = steps.last().copied().unwrap_or(0);
     let start = end.saturating_sub(window.max(1));
@@ -68,7 +68,7 @@ pub(super) fn ages(steps: &[u32], window: u32) -> Vec<(usize, usize, u8)> {
         .collect()
 }
 
-/// Whether an agent left on one side of a torus and came in on the other.
+/// Whether an agent left on one side of a torus and entered on the other.
 pub(super) fn is_jump(world: &World, from: Pose, to: Pose) -> bool {
     let sides = [world.width(), world.height()].map(|side| side as f32 / 2.0);
     world.boundary() == Boundary::Torus && (0..2).any(|axis| (to[axis] - from[axis]).abs() > sides[axis])

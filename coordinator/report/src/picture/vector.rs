@@ -8,9 +8,9 @@ use murmuration_model::colours;
 use murmuration_proto::{Boundary, Obstacle, Pose, Replay, World};
 use std::fmt::Write as _;
 
-/// The paths of the last `window` steps. Agents are coloured by `colouring`, older parts are fainter, the bodies stand where they
-/// are at the end, each with a tick that points where it heads, and the walls are a thin line. x goes right and y down, as on
-/// the screen; a unit of the picture is a world unit, and the background is clear.
+/// The paths of the last `window` steps. Agents are coloured by `colouring`, older parts are fainter. The bodies are at their last
+/// positions, each with a tick in the direction of its heading, and the walls are a thin line. x goes right and y down, as on the
+/// screen. A unit of the picture is a world unit, and the background is transparent.
 pub fn trajectory_svg(replay: &Replay, world: &World, colouring: Colouring<'_>, window: u32) -> String {
     let (width, height) = (world.width(), world.height());
     let mut svg = format!(
@@ -41,7 +41,7 @@ pub fn trajectory_svg(replay: &Replay, world: &World, colouring: Colouring<'_>, 
     svg + "</svg>\n"
 }
 
-/// The walls, a thin line around where bodies can be, and obstacles.
+/// Draws the walls, a thin line around the area that bodies can reach, and the obstacles.
 fn surroundings(svg: &mut String, world: &World) {
     let line = colours::hex(colours::LINE);
     for obstacle in world.obstacles() {
@@ -75,7 +75,7 @@ fn surroundings(svg: &mut String, world: &World) {
     }
 }
 
-/// Each colour that has agents, with these.
+/// Each colour with its agents, if it has any.
 fn coloured(colouring: Colouring<'_>, agents: usize) -> impl Iterator<Item = (String, Vec<usize>)> {
     colours::AGENTS
         .iter()
@@ -86,7 +86,7 @@ fn coloured(colouring: Colouring<'_>, agents: usize) -> impl Iterator<Item = (St
         })
 }
 
-/// The way of an agent through some frames.
+/// The path of an agent through some frames.
 fn path(frames: &[&[Pose]], agent: usize, world: &World) -> String {
     let mut path = String::new();
     for (place, frame) in frames.iter().enumerate() {

@@ -5,7 +5,7 @@ function column(text, Kind) {
   return new Kind(bytes.buffer);
 }
 
-// Fits a canvas to its place on the page; true where that changed it.
+// Adapts a canvas to its size on the page. Returns whether that changed it.
 function fit(canvas) {
   const dense = Math.min(window.devicePixelRatio || 1, 2);
   const width = Math.round(canvas.clientWidth * dense);
@@ -16,11 +16,11 @@ function fit(canvas) {
   return true;
 }
 
-// How points lie on a canvas whose columns run from 0 to 65535 over `spans`: in the middle of it, and a unit as long across
-// as it is up, so that distances can be compared.
+// Scales points, whose columns run from 0 to 65535 over `spans`, to a canvas: centred, and with the same scale across and up, so
+// that distances can be compared.
 function equalScale(spans, width, height, room) {
   const fits = [(width - 2 * room) / spans[0], (height - 2 * room) / spans[1]].filter(Number.isFinite);
-  // Nothing is as long as nothing, nor is a canvas that is not shown.
+  // There is no scale without a span, and none on a hidden canvas.
   const unit = fits.length ? Math.max(Math.min(...fits), 0) : 0;
   return {
     across: (x) => width / 2 + (x / 65535 - 0.5) * spans[0] * unit,
@@ -28,10 +28,10 @@ function equalScale(spans, width, height, room) {
   };
 }
 
-// Half a world: on a torus, a longer way between two frames is a jump to the other side.
+// Half of the world. On a torus, a larger distance between two frames is a jump to the other side.
 const JUMP = 32768;
 
-// A swarm's motion, to be asked for its poses at any step.
+// A swarm's motion, with its poses at any step.
 class Run {
   constructor({ agents, species, radii, steps, x, y, heading }) {
     this.agents = agents;
@@ -45,7 +45,7 @@ class Run {
     this.poses = { x: new Float64Array(agents), y: new Float64Array(agents), heading: new Float64Array(agents) };
   }
 
-  // The place of an agent's colour: that of its species if there are several.
+  // The index of an agent's colour: by species if there are several.
   colourOf(agent, colours) {
     return (this.species ? this.species[agent] : agent) % colours.length;
   }
@@ -62,7 +62,7 @@ class Run {
     return low;
   }
 
-  // Poses between two frames; the heading takes the shorter way round.
+  // Interpolates poses between two frames; the heading takes the shorter way round.
   posesAt(step, poses) {
     const frame = this.frameAt(step);
     const next = Math.min(frame + 1, this.steps.length - 1);
@@ -73,7 +73,7 @@ class Run {
     for (let i = 0; i < this.agents; i++) {
       const across = this.x[to + i] - this.x[from + i];
       const down = this.y[to + i] - this.y[from + i];
-      // Who left a torus on one side is there until it has come in on the other.
+      // An agent that leaves a torus on one side stays there until the frame in which it has entered on the other.
       const still = this.wraps && (Math.abs(across) > JUMP || Math.abs(down) > JUMP);
       poses.x[i] = this.x[from + i] + (still ? 0 : part * across);
       poses.y[i] = this.y[from + i] + (still ? 0 : part * down);
@@ -88,7 +88,7 @@ const TRAIL_STEPS = 60;
 const TRAIL_AGES = 5;
 const MOST_TRAILS = 400;
 
-// Draws a run as it is at a step: walls, where the robots came from, the robots.
+// Draws a run at a step: walls, trails, robots.
 function drawSwarm(canvas, run, step, world, colours) {
   fit(canvas);
   const pen = canvas.getContext("2d");
@@ -177,7 +177,7 @@ function drawBodies(pen, run, colours, radiusOf, across, down) {
   });
 }
 
-// Where a dot of a radius covers the pixels around its centre, and how much of each.
+// The pixels around the centre that a dot of a radius covers, and the covered part of each.
 function dotOf(radius) {
   const reach = Math.ceil(radius);
   const cover = [];
@@ -190,7 +190,7 @@ function dotOf(radius) {
   return cover;
 }
 
-// Lays a dot into the pixels of an image: a hundred thousand take a few milliseconds, which paths would not.
+// Paints a dot into the pixels of an image. A hundred thousand take a few milliseconds; paths would take much longer.
 function stamp({ data, width, height }, dot, x, y, colour, strength) {
   for (let i = 0; i < dot.length; i++) {
     const pixel = dot[i];

@@ -1,13 +1,14 @@
-// Plays a motion on a canvas, with a button, a slider, and a line that says which step is shown.
+// Plays a motion on a canvas, with a button, a slider, and a line with the current step.
 
 const STEPS_A_SECOND = 100;
-// How many times as fast, where the page has no menu of speeds.
+// Speed factor if the page has no menu of speeds.
 const USUAL_SPEED = 4;
 // How long the last step stays before the motion starts again.
 const HOLD_MS = 1000;
 
 class Playback {
-  // `root` holds the canvas and the controls; `speed` is the menu of speeds, and `name` is what the button plays.
+  // `root` contains the canvas and the controls; `speed` is the menu of speeds, and `name` names the motion in the label of the
+  // button.
   constructor(root, { speed = null, name = "" } = {}) {
     this.canvas = root.querySelector("canvas");
     this.button = root.querySelector(".toggle");
@@ -28,7 +29,7 @@ class Playback {
     addEventListener("resize", () => this.draw());
   }
 
-  // Takes a motion: its run, its world, and the colours of its robots.
+  // Sets the motion: its run, its world, and the colours of its robots.
   load(motion) {
     this.motion = motion;
     if (this.scrub) this.scrub.max = motion.run.last;
@@ -37,7 +38,7 @@ class Playback {
   play() {
     if (this.playing) return;
     this.playing = true;
-    // Of a motion that was shown before, one may still be asked for.
+    // A frame of the previous motion may still be scheduled.
     cancelAnimationFrame(this.frame);
     let before = performance.now();
     const tick = (now) => {
@@ -74,7 +75,7 @@ class Playback {
     this.tell();
   }
 
-  // Shows the present step, in the picture and on the controls.
+  // Shows the current step in the picture and on the controls.
   tell() {
     this.draw();
     if (!this.motion || !this.scrub) return;

@@ -1,12 +1,12 @@
-// A hundred thousand points on a canvas: where they are, and which one is nearest to a pointer.
+// A hundred thousand points on a canvas: their positions, and the point nearest to a pointer.
 
-// Pixels between the points and the edge, less where the canvas is narrow.
+// Pixels between the points and the edge; less on a narrow canvas.
 const ROOM = 34;
-// Pixels within which a pointer reaches a point.
+// Largest distance from a pointer to its point, pixels.
 const REACH = 16;
-// How many times larger than the whole a part of it can be shown.
+// Largest zoom, relative to the whole map.
 const MOST_ZOOM = 200;
-// Pixels that a wheel turns for e times the size.
+// Pixels that a wheel turns to zoom by a factor of e.
 const WHEEL = 400;
 const LINE = 16;
 const PAPER = { light: [255, 255, 255], dark: [28, 29, 27] };
@@ -15,20 +15,19 @@ class Plot {
   constructor(canvas) {
     this.canvas = canvas;
     this.count = 0;
-    // For each point whether it can be seen; null where all can.
+    // 1 for each visible point, 0 for each hidden one; null if all are visible.
     this.visible = null;
     this.whole();
   }
 
-  // Shows all of the map. What this and the two that follow change is seen once the map is laid out again: a wheel turns many
-  // times between two pictures of the screen.
+  // Shows all of the map. This method and the next two take effect at the next layout: a wheel turns many times per frame.
   whole() {
     this.zoom = 1;
-    // What is in the middle of the canvas, as parts of the whole map's width and height.
+    // The middle of the canvas, as fractions of the whole map's width and height.
     this.middle = [0.5, 0.5];
   }
 
-  // Shows the map so many times as large; what is at a place on the canvas stays there.
+  // Zooms by the factor `times`; the point at (x, y) of the canvas stays there.
   zoomAt(x, y, times) {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     const zoom = Math.min(Math.max(this.zoom * times, 1), MOST_ZOOM);
@@ -38,7 +37,7 @@ class Plot {
     this.moveBy(0, 0);
   }
 
-  // Moves what is on the canvas by so many pixels, as far as the map goes.
+  // Moves the map by so many pixels, up to its edges.
   moveBy(across, down) {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     const way = [across / width, down / height];
@@ -46,7 +45,7 @@ class Plot {
     this.middle = this.middle.map((at, axis) => Math.min(Math.max(at - way[axis] / this.zoom, edge), 1 - edge));
   }
 
-  // Whether a point lies on the canvas and can be seen.
+  // Whether a point is on the canvas and visible.
   isShown(i) {
     if (this.visible !== null && this.visible[i] === 0) return false;
     return this.isOn(this.across[i], this.down[i]);
@@ -57,7 +56,7 @@ class Plot {
     return x >= 0 && y >= 0 && x <= this.width && y <= this.height;
   }
 
-  // Moves the map so that a point is in its middle, if it is not on the canvas; whether it did.
+  // Moves the map so that a point is in its middle, if it is not on the canvas. Returns whether the map moved.
   reveal(i) {
     const [x, y] = [this.across[i], this.down[i]];
     if (this.isOn(x, y)) return false;
@@ -66,7 +65,7 @@ class Plot {
     return true;
   }
 
-  // Takes the places of the points, 0 to 65535 each way over spans that need not be equal.
+  // Sets the positions of the points, 0 to 65535 along each axis, over spans that may differ.
   place(x, y, spans) {
     this.spans = spans;
     this.x = x;
@@ -77,7 +76,7 @@ class Plot {
     this.layOut();
   }
 
-  // Computes where the points lie on the canvas, for its present size.
+  // Computes the positions of the points on the canvas, for its present size.
   layOut() {
     fit(this.canvas);
     const { clientWidth: width, clientHeight: height } = this.canvas;
@@ -86,7 +85,7 @@ class Plot {
     const [left, top] = [width * (0.5 - this.middle[0] * this.zoom), height * (0.5 - this.middle[1] * this.zoom)];
     const across = (x) => left + this.zoom * scale.across(x);
     const down = (y) => top + this.zoom * scale.down(y);
-    // Where a point at the lowest places lies, and how far from it one at the highest.
+    // Position of a point at (0, 0), and the distance from it to a point at (65535, 65535).
     this.corner = [across(0), down(0)];
     this.reach = [across(65535) - this.corner[0], down(65535) - this.corner[1]];
     const { corner, reach } = this;
@@ -97,12 +96,12 @@ class Plot {
     this.sort();
   }
 
-  // Sorts the points on the canvas into squares, so that the nearest one is found among a few.
+  // Sorts the points on the canvas into squares, so that the search for the nearest one is short.
   sort() {
     this.columns = Math.ceil(this.width / REACH) + 1;
     const rows = Math.ceil(this.height / REACH) + 1;
     this.squares = this.columns * rows;
-    // Those that are not shown are in a square of their own, the last, in which nobody looks.
+    // Hidden points go into a last square of their own, which no search visits.
     const square = new Uint32Array(this.count);
     this.begins = new Uint32Array(this.squares + 2);
     for (let i = 0; i < this.count; i++) {
@@ -136,7 +135,7 @@ class Plot {
     return best;
   }
 
-  // The nearest point that lies in a direction, for keys; the one in the middle where there was none before.
+  // The nearest point in a direction, for keys; without a current point, the one nearest to the middle.
   towards(from, dx, dy) {
     if (from < 0) return this.nearestToMiddle();
     let best = from;
@@ -164,8 +163,8 @@ class Plot {
     return best;
   }
 
-  // Paints groups of points, one over the other: `points`, `colourOf(i)` as a number 0xrrggbb, `strength`, which is 0 for a
-  // point that cannot be seen and 1 for one that covers what is under it, and `size`, how large points are beside others.
+  // Paints groups of points, one over the other. A group has `points`, `colourOf(i)` as a number 0xrrggbb, `strength` from 0
+  // (invisible) to 1 (opaque), and `size`, the radius relative to a usual point.
   paint(isDark, groups) {
     const { canvas } = this;
     fit(canvas);
@@ -183,20 +182,20 @@ class Plot {
     canvas.getContext("2d").putImageData(layer, 0, 0);
   }
 
-  // Pixels of the canvas for one of the page.
+  // Canvas pixels per page pixel.
   density() {
     return this.canvas.width / Math.max(this.canvas.clientWidth, 1);
   }
 
-  // The radius of a usual point, in pixels of the canvas. Points grow with the zoom, but more slowly.
+  // The radius of a usual point, in canvas pixels. Points grow with the zoom, but more slowly.
   radius() {
     const radius = this.count > 30000 ? 1.2 : this.count > 3000 ? 2 : 3.2;
     return radius * Math.min(1 + Math.log2(this.zoom) / 4, 2.5) * this.density();
   }
 }
 
-// Lets somebody zoom and move a map: by the wheel where `wheels(event)`, by drags of pointers where `drags(event)`, and by two
-// fingers. `changed` hears of it, and lays the map out.
+// Zooms and moves a map: by the wheel if `wheels(event)`, by drags of pointers if `drags(event)`, and by two fingers. Calls
+// `changed`, which lays the map out.
 function steer(area, plot, { wheels, drags, changed }) {
   const held = new Map();
   const onCanvas = (x, y) => {
@@ -236,7 +235,7 @@ function steer(area, plot, { wheels, drags, changed }) {
   for (const end of ["pointerup", "pointercancel"]) area.addEventListener(end, ({ pointerId }) => held.delete(pointerId));
 }
 
-// The buttons of a map: nearer, farther, all of it.
+// The zoom buttons of a map: in, out, whole map.
 function zoomButtons(root, plot, changed) {
   const { canvas } = plot;
   const ways = {

@@ -26,12 +26,12 @@ fn images_with_channels_are_in_the_colours_of_the_species() {
     };
     assert!(lit(0) && lit(1));
     let page = page(&report);
-    for said in [
+    for expected in [
         "computes from a coloured image, and by the five hand-crafted features",
         "<figcaption>coloured image</figcaption>",
         "50 × 50 grey values of each species, shown in its colour",
     ] {
-        assert!(page.contains(said), "{said}");
+        assert!(page.contains(expected), "{expected}");
     }
     assert!(!page.contains(">grey image<"));
 }

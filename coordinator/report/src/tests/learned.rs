@@ -1,4 +1,4 @@
-//! The report of a campaign whose embedder people taught.
+//! The report of a campaign whose embedder learned from people.
 
 use super::*;
 use murmuration_model::Round;
@@ -10,7 +10,7 @@ pub(super) const LATENT: Sample = Sample {
     ..SMALL
 };
 
-/// A campaign that people taught in one round.
+/// A campaign with one round of labels from people.
 fn taught() -> Report {
     let mut report = sample::report(&LATENT);
     let checkpoint = CheckpointDigest::of(b"taught");
@@ -43,18 +43,18 @@ fn a_specification_promises_its_archive_only_where_it_leads_there() {
     let spec = fs::read_to_string(files.page.with_file_name("spec.toml")).unwrap();
     let round = &taught.repetition.rounds[0];
     let (parent, checkpoint) = (round.parent, round.checkpoint);
-    for said in [
+    for expected in [
         "This specification alone does not reproduce the archive of campaign sample-1.".to_owned(),
         "The labels that campaign sample-1 learned from are needed".to_owned(),
         format!("Round 1 fine-tuned checkpoint {parent} on the classes of 206 individuals"),
         format!("into checkpoint {checkpoint}"),
     ] {
-        assert!(page.contains(&said) && spec.contains(&said), "{said}");
+        assert!(page.contains(&expected) && spec.contains(&expected), "{expected}");
     }
     assert!(page.contains("murmuration labels sample-1 --csv labels.csv"));
     assert_eq!(CampaignSpec::from_toml(&spec).unwrap(), taught.spec);
 
-    // No file holds what the synthetic annotator answered.
+    // No file holds the answers of the synthetic annotator.
     let mut named = self::taught();
     assert!(!again::is_by_commands(&named));
     named.names.by_individual.retain(|_, given| !given.by_machine);

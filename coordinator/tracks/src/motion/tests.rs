@@ -8,7 +8,7 @@ fn tracks(text: &str) -> Tracks {
     Tracks::parse(Path::new("t.csv"), text.as_bytes().to_vec()).unwrap()
 }
 
-/// The tracks of robot 0 that is in these frames, at (x, 100).
+/// The tracks of robot 0 in these frames, at (x, 100).
 fn line(frames: &[(u32, f64)]) -> Tracks {
     let rows: String = frames
         .iter()
@@ -66,12 +66,12 @@ fn a_robot_stands_still_before_its_first_frame_and_after_its_last() {
 fn frames_come_at_their_own_pace_and_arenas_in_their_own_units() {
     let world = World::default();
     let film = line(&[(0, 0.0), (10, 1.0), (20, 2.0), (30, 3.0)]);
-    // Four frames a step: the last is at frame 30, the first at frame 2.
+    // With four frames per step, the last moment is at frame 30, the first at frame 2.
     let slow = Filmed::new(&world).with_frame_time(0.25).unwrap();
     let motion = film.ending(99, &slow).unwrap();
     assert_eq!(motion.len(), 8);
     assert!((xs(&motion)[0] - 0.2).abs() < 1e-12 && xs(&motion)[7] == 3.0);
-    // 4 m by 2 m: a metre is 125 units, and there are 125 units above and below.
+    // The arena is 4 m by 2 m: a metre is 125 units, and 125 units are free above and below.
     let metres = Filmed::new(&world).with_arena([4.0, 2.0]).unwrap();
     assert_eq!(metres.scale(), 125.0);
     let film = tracks("frame,robot,x,y\n0,0,0,0\n1,0,4,2\n");
@@ -90,7 +90,7 @@ fn frames_come_at_their_own_pace_and_arenas_in_their_own_units() {
 fn headings_are_the_cameras_or_else_those_of_the_motion() {
     let world = World::default();
     let filmed = Filmed::new(&world);
-    // It moves down once, and later to the left; the camera is off by little.
+    // The robot moves down once, and later to the left, with a small error of the camera.
     let rows = |frame: u32| match frame {
         0..4 => "0,0",
         4..16 => "0.3,2",
@@ -111,7 +111,7 @@ fn headings_are_the_cameras_or_else_those_of_the_motion() {
         |step: usize, heading: f64| assert!((headings[step] - heading).abs() < 0.2, "{step}: {headings:?}");
     (0..11).for_each(|step| is(step, down));
     (11..20).for_each(|step| is(step, left));
-    // Known ones are kept, and a robot turns the shorter way between them.
+    // Known headings are kept, and a robot turns the shorter way between them.
     let film = tracks("frame,robot,x,y,heading\n0,0,9,0,3\n2,0,9,0,-3\n3,0,9,9,\n");
     let headings: Vec<f64> = film
         .ending(9, &filmed)
@@ -121,7 +121,7 @@ fn headings_are_the_cameras_or_else_those_of_the_motion() {
         .collect();
     assert_eq!((headings[0], headings[2], headings[3]), (3.0, -3.0, down));
     assert!((headings[1] - TAU / 2.0).abs() < 1e-12, "{headings:?}");
-    // One that never moves looks to the right.
+    // A robot that never moves heads to the right.
     let still = line(&[(0, 3.0), (1, 3.0)]).ending(9, &filmed).unwrap();
     assert_eq!(still[1][0], [3.0, 100.0, 0.0]);
 }
