@@ -1,4 +1,4 @@
-//! `submit`, `watch`, `list`, `show`, `pause`, `cancel`, `digest`: campaigns of some coordinator.
+//! `submit`, `watch`, `list`, `show`, `pause`, `cancel`, `digest`: campaigns of a coordinator.
 
 use super::{
     CliError, Global,
@@ -85,7 +85,7 @@ pub struct Digest {
     partial: bool,
 }
 
-/// The answer that `show` prints.
+/// The output of `show`.
 enum Shown {
     Campaign(v1::Campaign),
     Individual(v1::Campaign, v1::Individual),
@@ -97,8 +97,8 @@ impl Submit {
         let spec = read_spec(&self.spec, self.seed)?;
         let submit = async |connection: &mut Connection| {
             if connection.is_own() {
-                let said = "no coordinator runs over this data directory: start `murmuration serve`, or use `murmuration run`";
-                return Err(CliError::Failed(said.to_owned()));
+                let message = "no coordinator runs over this data directory: start `murmuration serve`, or use `murmuration run`";
+                return Err(CliError::Failed(message.to_owned()));
             }
             let request = v1::CreateCampaignRequest {
                 campaign: Some(v1::create_campaign_request::Campaign::Spec((&spec).into())),
@@ -114,7 +114,7 @@ impl Submit {
 }
 
 impl Adopt {
-    /// Moves a campaign to another checkpoint; where this process runs the coordinator, to the end.
+    /// Moves a campaign to another checkpoint. If this process runs the coordinator, it continues the campaign to its end.
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let adopt = async |connection: &mut Connection| {
             let checkpoint = super::checkpoints::find(&mut connection.checkpoints, &self.checkpoint).await?;
@@ -135,7 +135,7 @@ impl Adopt {
 }
 
 impl Refine {
-    /// Begins a round of feedback; where this process runs the coordinator, to the end.
+    /// Begins a round of feedback. If this process runs the coordinator, it continues the campaign to its end.
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let refine = async |connection: &mut Connection| {
             let request = v1::RefineCampaignRequest {
@@ -199,7 +199,7 @@ async fn listed(global: &Global) -> Result<Vec<v1::Campaign>, CliError> {
     connection::with(global, InProcess::NONE, list).await
 }
 
-/// The campaigns as a table; those of studies are only counted, unless the table has `studies`.
+/// Prints the campaigns as a table; without `studies`, campaigns of studies are only counted.
 fn show_list(global: &Global, campaigns: Vec<v1::Campaign>, studies: bool) -> Result<(), CliError> {
     let mut folded: BTreeMap<String, u64> = BTreeMap::new();
     let mut table = Table::new([
@@ -279,9 +279,9 @@ fn show_campaign(global: &Global, campaign: &v1::Campaign) -> Result<(), CliErro
     let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
     let stage = stage(campaign).map_or_else(String::new, |stage| format!(" (stage: {stage})"));
     outln!("# {} is {}{stage}", campaign.id, state(campaign))?;
-    for said in [&campaign.error, &campaign.waiting] {
-        if !said.is_empty() {
-            outln!("# {said}")?;
+    for expected in [&campaign.error, &campaign.waiting] {
+        if !expected.is_empty() {
+            outln!("# {expected}")?;
         }
     }
     let why = generations_in_words(&spec, campaign.generations, campaign.rounds_done);

@@ -1,4 +1,4 @@
-//! `certs`: certificates to begin with, for a cluster of one's own.
+//! `certs`: certificates for a first cluster of one's own.
 
 use super::{
     CliError,
@@ -25,14 +25,14 @@ use std::{
 };
 use webpki::EndEntityCert;
 
-/// How long they are good for.
+/// Validity of the certificates, days.
 const DAYS: u32 = 365;
 const DAY: Duration = Duration::from_secs(24 * 3600);
-/// Names by which a coordinator is always reached from its own machine.
+/// Names by which a coordinator can always be reached from its own machine.
 const OWN_NAMES: [&str; 3] = ["localhost", "127.0.0.1", "::1"];
 /// Common name of the CA.
 const CA_NAME: &str = "Murmuration development CA";
-/// The certificates that are always made.
+/// The certificates that are always created.
 const OWN_FILES: [&str; 3] = ["ca", "server", "trainer"];
 
 const EXAMPLES: &str = "\
@@ -59,7 +59,7 @@ pub struct Certs {
     worker: Vec<MachineName>,
 }
 
-/// The name of the files of a machine's certificate.
+/// The name of a machine's certificate files.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct MachineName(String);
 
@@ -87,11 +87,11 @@ impl FromStr for MachineName {
     }
 }
 
-/// A DNS name (also `*.` and one) or an address, as a certificate can have it.
+/// A DNS name (also with the wildcard `*.` in front) or an address, as certificates allow it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Host(String);
 
-/// Why a text is no [`Host`].
+/// Why a text is not a [`Host`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 enum HostError {
     #[error(
@@ -117,7 +117,7 @@ impl FromStr for Host {
         let name = text.strip_prefix("*.").unwrap_or(text);
         let is_address = name.parse::<IpAddr>().is_ok();
         let fits = match ServerName::try_from(name) {
-            // A wildcard stands for names in a domain, and a dot at the end is no part of a certificate's names.
+            // A wildcard stands for names within a domain, and names in certificates do not end with a dot.
             Ok(ServerName::DnsName(_)) => !name.ends_with('.') && (name == text || name.contains('.')),
             Ok(_) => is_address && name == text,
             Err(_) => false,
@@ -130,7 +130,7 @@ impl FromStr for Host {
 }
 
 impl Host {
-    /// As it stands in a URL.
+    /// As written in a URL.
     fn in_url(&self) -> String {
         match self.0.parse() {
             Ok(IpAddr::V6(address)) => format!("[{address}]"),
@@ -157,11 +157,11 @@ impl Certs {
         let files: Vec<(PathBuf, PathBuf)> = pairs.iter().map(|pair| self.files(&pair.name)).collect();
         for path in files.iter().flat_map(|(certificate, key)| [certificate, key]) {
             if is_there(path)? {
-                let said = format!(
+                let message = format!(
                     "{} exists already: name another folder, or remove the file",
                     path.display()
                 );
-                return Err(CliError::Input(said));
+                return Err(CliError::Input(message));
             }
         }
         fs::create_dir_all(&self.dir).map_err(|error| CliError::unwritable(&self.dir, &error))?;
@@ -172,7 +172,7 @@ impl Certs {
         let mut written = Vec::new();
         for (path, (content, mode)) in paths.zip(contents) {
             if let Err(error) = write(path, content, mode) {
-                // A part of the certificates would be in the way of the next call. What cannot be removed is said then.
+                // An incomplete set would be in the way of the next call. That call reports files that cannot be removed.
                 written
                     .into_iter()
                     .for_each(|path: &PathBuf| drop(fs::remove_file(path)));
@@ -199,7 +199,7 @@ impl Certs {
         Ok(())
     }
 
-    /// Certificates for workers alone, of the CA that is there.
+    /// Creates certificates for workers only, signed by the existing CA.
     fn add(&self, ca: &Path, ca_key: &Path) -> Result<Vec<Pair>, CliError> {
         if !self.host.is_empty() {
             return Err(CliError::Input(format!(
@@ -231,7 +231,7 @@ impl Certs {
             .map_err(|error| cannot(&error))
     }
 
-    /// A certificate for each machine that is to have one of its own, or else one for all workers.
+    /// One certificate for each named machine, or else one for all workers.
     fn workers(&self, issuer: &Issuer<'_, KeyPair>) -> Result<Vec<Pair>, rcgen::Error> {
         let names = self.worker_names().into_iter();
         names
@@ -364,7 +364,7 @@ fn write(path: &Path, text: &str, mode: u32) -> Result<(), CliError> {
     let mut file = options.open(path).map_err(unwritable)?;
     let written = file.write_all(text.as_bytes()).and_then(|()| file.sync_all());
     written.map_err(|error| {
-        // Half a key would be in the way of the next try.
+        // An incomplete key would be in the way of the next try.
         let _ = fs::remove_file(path);
         unwritable(error)
     })

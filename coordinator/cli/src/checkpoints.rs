@@ -1,4 +1,4 @@
-//! `checkpoints`: published embedders, listed, shown, exported and imported.
+//! `checkpoints`: lists, shows, exports and imports published embedders.
 
 use super::{
     CliError, Global,
@@ -109,7 +109,7 @@ fn print_whole(checkpoint: &v1::Checkpoint, as_json: bool) -> Result<(), OutputE
     let mut metrics: Vec<_> = checkpoint.metrics.iter().collect();
     metrics.sort_by_key(|(name, _)| *name);
     for (name, value) in metrics {
-        // With an exponent where there would be hundreds of digits.
+        // An exponent avoids hundreds of digits.
         outln!("# {name}: {value:?}")?;
     }
     print(&checkpoint.configuration)
@@ -120,7 +120,7 @@ async fn export(client: &mut CheckpointClient, digest: &str, file: &Path) -> Res
     write(file, bytes)
 }
 
-/// The model of the one checkpoint whose digest begins like this.
+/// The model of the one checkpoint whose digest has this beginning.
 pub async fn fetch(client: &mut CheckpointClient, beginning: &str) -> Result<Vec<u8>, CliError> {
     let digest = find(client, beginning).await?.digest;
     let request = v1::FetchCheckpointRequest {
@@ -131,8 +131,8 @@ pub async fn fetch(client: &mut CheckpointClient, beginning: &str) -> Result<Vec
     while let Some(chunk) = chunks.message().await? {
         bytes.extend(chunk.data);
         if bytes.len() > MAX_MODEL_BYTES {
-            let said = format!("checkpoint {digest} is longer than {MAX_MODEL_BYTES} bytes");
-            return Err(CliError::Failed(said));
+            let text = format!("checkpoint {digest} is longer than {MAX_MODEL_BYTES} bytes");
+            return Err(CliError::Failed(text));
         }
     }
     if CheckpointDigest::of(&bytes).to_string() != digest {
@@ -161,7 +161,7 @@ async fn all(client: &mut CheckpointClient) -> Result<Vec<v1::Checkpoint>, CliEr
     whole(parts.into_inner()).await?.checkpoints.validated()
 }
 
-/// The one checkpoint whose digest begins like this.
+/// The one checkpoint whose digest has this beginning.
 pub(super) async fn find(client: &mut CheckpointClient, beginning: &str) -> Result<v1::Checkpoint, CliError> {
     let mut found = all(client).await?;
     found.retain(|checkpoint| checkpoint.digest.starts_with(beginning));

@@ -1,7 +1,6 @@
-//! How a command reaches a coordinator: one that runs, or one of its own over the data directory.
+//! How a command reaches a coordinator: a running one, or one of its own over the data directory.
 //!
-//! Nothing but [`with`], [`with_new`] and [`with_own`] opens a connection, so that no command can leave a coordinator that it started
-//! without an end.
+//! Only [`with`], [`with_new`] and [`with_own`] open a connection, so that every command ends the coordinator that it starts.
 
 use super::{CliError, Global};
 use murmuration_access::{ListenConfig, local_token};
@@ -29,20 +28,20 @@ pub type EvaluationClient = EvaluationServiceClient<Coordinator>;
 pub type TransferClient = TransferServiceClient<Coordinator>;
 pub type LabelClient = LabelServiceClient<Coordinator>;
 
-/// A coordinator that answers, for as long as this value lives.
+/// A connection to a coordinator, which stays available for the lifetime of this value.
 pub struct Connection {
     pub client: Client,
     pub checkpoints: CheckpointClient,
     pub evaluations: EvaluationClient,
     pub labels: LabelClient,
     pub transfers: TransferClient,
-    /// Present if this process had to start one.
+    /// The coordinator that this process started, if any.
     own: Option<LocalCluster>,
 }
 
-/// How long a process that holds the data directory may take to say its address, as a coordinator does once it listens.
+/// How long to wait for the address of the process that holds the data directory. A coordinator publishes it once it listens.
 const ADDRESS_WAIT: Duration = Duration::from_secs(5);
-/// Pause between two looks for that address.
+/// Pause between two reads of that address.
 const ADDRESS_PAUSE: Duration = Duration::from_millis(50);
 
 impl Connection {
@@ -107,7 +106,7 @@ impl Connection {
         })
     }
 
-    /// Asks, then ends what was started, whatever came of the asking.
+    /// Calls `ask`, then ends the coordinator that this process started, even after an error.
     async fn asked<T>(
         mut self,
         ask: impl AsyncFnOnce(&mut Self) -> Result<T, CliError>,
@@ -117,20 +116,20 @@ impl Connection {
             Some(own) => own.shutdown().await.map_err(CliError::from),
             None => Ok(()),
         };
-        // Why the command failed is what the person who typed it wants to know first.
+        // The error of the command matters more than an error at shutdown.
         let answer = answer?;
         ended?;
         Ok(answer)
     }
 
-    /// Whether this process runs the coordinator, so that nothing goes on after it.
+    /// Whether this process runs the coordinator, so that all work ends with the command.
     pub const fn is_own(&self) -> bool {
         self.own.is_some()
     }
 }
 
-/// Connects `ask` to the coordinator that was named, or to the one that holds the data directory, or to one that is started over
-/// it for as long as that takes, with this crew (and goes on with no campaign by itself).
+/// Calls `ask` with a connection to the coordinator named on the command line, or else to the one that holds the data directory, or
+/// else to one started for the call with this crew. A started coordinator resumes no campaign by itself.
 pub async fn with<T>(
     global: &Global,
     crew: InProcess,
@@ -140,7 +139,7 @@ pub async fn with<T>(
     connection.asked(ask).await
 }
 
-/// As [`with`]; a data directory that does not exist is created.
+/// As [`with`], but creates the data directory if it does not exist.
 pub async fn with_new<T>(
     global: &Global,
     crew: InProcess,
@@ -150,7 +149,7 @@ pub async fn with_new<T>(
     connection.asked(ask).await
 }
 
-/// Connects `ask` to a coordinator that is started, for as long as that takes, over a data directory that this process holds.
+/// Calls `ask` with a connection to a coordinator started for the call, over a data directory that this process holds.
 pub async fn with_own<T>(
     global: &Global,
     data: DataDirectory,
@@ -161,7 +160,7 @@ pub async fn with_own<T>(
 }
 
 pub async fn connect(url: &str, credentials: &Credentials) -> Result<Coordinator, CliError> {
-    // Answers may take as long as they like, but whoever listens there must answer pings.
+    // Answers may take any time, but the server must answer pings.
     let endpoint = credentials
         .endpoint(url)?
         .connect_timeout(Duration::from_secs(5))
@@ -190,11 +189,11 @@ mod tests {
         let data = folder.path().join("data");
         let Arguments { global } = Arguments::parse_from(["test", "--data", data.to_str().unwrap()]);
         let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
-        // SQLite's log lies beside the database for as long as somebody has it open.
+        // SQLite keeps its log beside the database while a process has it open.
         let log = data.join("murmuration.sqlite-wal");
         for fails in [false, true] {
             let ask = async |connection: &mut Connection| {
-                // It waits for workers, until it is told to stop.
+                // The campaign waits for workers until the coordinator shuts down.
                 let request = v1::CreateCampaignRequest {
                     campaign: Some(v1::create_campaign_request::Campaign::Spec((&spec).into())),
                     ..v1::CreateCampaignRequest::default()
@@ -213,7 +212,7 @@ mod tests {
                 fails.then(|| "as asked".to_owned())
             );
             assert!(!log.exists(), "the database is still open");
-            // A program that a test beside this one starts holds the lock too, from its fork until its exec.
+            // A child process of a concurrent test also holds the lock, from its fork until its exec.
             let is_free = async || {
                 while DataDirectory::hold(&data).is_err() {
                     tokio::time::sleep(Duration::from_millis(5)).await;

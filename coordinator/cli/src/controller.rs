@@ -4,8 +4,8 @@ use super::CliError;
 use murmuration_proto::{CapabilityModel, Controller, Invalid, Preset, counted, text::quoted};
 use std::{f64::consts::PI, ffi::OsString};
 
-/// Reads `0.6,1,0.4,0.5`, also in brackets, as controllers are printed: `[0.6, 1, 0.4, 0.5]`. Angles may be written like
-/// `-pi/3` or `2pi/3`. Without a `model`, it is the paper's with as many genes.
+/// Reads `0.6,1,0.4,0.5`, or the same in brackets as controllers are printed: `[0.6, 1, 0.4, 0.5]`. Angles may be written like
+/// `-pi/3` or `2pi/3`. Without a `model`, the controller is for the paper's model with that number of genes.
 pub(super) fn parse(text: &str, model: Option<&CapabilityModel>) -> Result<Controller, CliError> {
     let text = text.trim();
     let in_brackets = text.strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
@@ -24,8 +24,8 @@ pub(super) fn parse(text: &str, model: Option<&CapabilityModel>) -> Result<Contr
     Ok(Controller::new(model, &genes)?)
 }
 
-/// Marks a word of the command line that begins with a minus sign but is a list of numbers as a controller, not an option: clap
-/// takes what begins with a space for a value, and `parse` takes the space off again.
+/// Puts a space before a word of the command line that is a list of numbers and begins with a minus sign, so that clap takes it for
+/// a value and not for an option. `parse` removes the space.
 pub fn marked(word: OsString) -> OsString {
     let is_list = |text: &str| {
         let number = text.strip_prefix('-').unwrap_or_default();

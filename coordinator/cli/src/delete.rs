@@ -1,4 +1,4 @@
-//! `delete`: says what is of a campaign, and deletes it.
+//! `delete`: lists the data of a campaign, and deletes it.
 
 use super::{
     CliError, Global,
@@ -38,7 +38,7 @@ impl Delete {
                 preview: !self.yes,
             };
             let deletion = connection.client.delete_campaign(request).await?.into_inner();
-            // A campaign of a study is only deleted for who names the study.
+            // Deleting a campaign of a study requires the name of the study.
             let study = match self.yes {
                 true => String::new(),
                 false => {

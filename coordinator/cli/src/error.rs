@@ -22,24 +22,24 @@ use std::{
 };
 use tonic::{Code, Status};
 
-/// Why a command failed, in words for the person who typed it.
+/// Why a command failed, as a message for its user.
 #[derive(Debug)]
 pub enum CliError {
     /// Bad usage or input: exit code 2.
     Input(String),
-    /// It was asked well and failed: exit code 1.
+    /// Failure of a valid request: exit code 1.
     Failed(String),
     /// Standard output cannot be written.
     Output(OutputError),
 }
 
 impl CliError {
-    /// A failure of a valid request, for this reason.
+    /// Failure of a valid request, with its reason.
     pub fn failed(reason: impl fmt::Display) -> Self {
         Self::Failed(reason.to_string())
     }
 
-    /// A file named by the person that cannot be read.
+    /// A file named by the user that cannot be read.
     pub fn unreadable(path: &Path, error: &io::Error) -> Self {
         Self::Input(format!("cannot read {}: {error}", path.display()))
     }
@@ -61,7 +61,7 @@ impl CliError {
         ))
     }
 
-    /// A command that needs a data directory for itself: where another process holds it, the `hint` says what to do.
+    /// Error if another process holds the data directory that a command needs; the `hint` gives advice.
     pub(super) fn busy(error: StoreError, hint: &str) -> Self {
         match error {
             StoreError::InUse { .. } => Self::Failed(format!("{error}: {hint}")),
@@ -81,7 +81,7 @@ impl CliError {
 impl fmt::Display for CliError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Input(said) | Self::Failed(said) => f.write_str(said),
+            Self::Input(message) | Self::Failed(message) => f.write_str(message),
             Self::Output(error) => error.fmt(f),
         }
     }
@@ -156,15 +156,15 @@ impl From<FolderError> for CliError {
 
 impl From<ExportError> for CliError {
     fn from(error: ExportError) -> Self {
-        let said = error.to_string();
+        let message = error.to_string();
         match error {
             ExportError::NotEmpty(_)
             | ExportError::NoExport(_)
             | ExportError::WorkingFolder(_)
-            | ExportError::Damaged { .. } => Self::Input(said),
-            ExportError::File { doing: "read", .. } => Self::Input(said),
+            | ExportError::Damaged { .. } => Self::Input(message),
+            ExportError::File { doing: "read", .. } => Self::Input(message),
             ExportError::File { .. } | ExportError::Aside { .. } | ExportError::Answer(_) => {
-                Self::Failed(said)
+                Self::Failed(message)
             }
         }
     }
@@ -172,12 +172,12 @@ impl From<ExportError> for CliError {
 
 impl From<BackupError> for CliError {
     fn from(error: BackupError) -> Self {
-        let said = error.to_string();
+        let message = error.to_string();
         match error {
             BackupError::Store(error) => error.into(),
             BackupError::Target(TargetError::NotEmpty(_) | TargetError::Within { .. })
-            | BackupError::NoBackup { .. } => Self::Input(said),
-            _ => Self::Failed(said),
+            | BackupError::NoBackup { .. } => Self::Input(message),
+            _ => Self::Failed(message),
         }
     }
 }
@@ -190,14 +190,14 @@ impl From<LabelFileError> for CliError {
 
 impl From<StoreError> for CliError {
     fn from(error: StoreError) -> Self {
-        let said = error.to_string();
+        let message = error.to_string();
         match error {
             StoreError::NoDirectory(_)
             | StoreError::NoFolder(_)
             | StoreError::NoCampaign(_)
             | StoreError::NoCheckpoint(_)
-            | StoreError::NoIndividual { .. } => Self::Input(said),
-            _ => Self::Failed(said),
+            | StoreError::NoIndividual { .. } => Self::Input(message),
+            _ => Self::Failed(message),
         }
     }
 }
@@ -226,7 +226,7 @@ impl From<EmbedError> for CliError {
 impl From<Status> for CliError {
     fn from(status: Status) -> Self {
         let message = Text::line(status.message());
-        let said = match (status.code(), status.source()) {
+        let text = match (status.code(), status.source()) {
             (Code::Unavailable, _) => format!("the coordinator cannot be reached: {message}"),
             (_, Some(source)) => format!(
                 "the connection to the coordinator failed ({}); the URL of an encrypted coordinator begins with https://",
@@ -235,13 +235,13 @@ impl From<Status> for CliError {
             (_, None) => message.into(),
         };
         match status.code() {
-            Code::InvalidArgument | Code::NotFound => Self::Input(said),
-            _ => Self::Failed(said),
+            Code::InvalidArgument | Code::NotFound => Self::Input(text),
+            _ => Self::Failed(text),
         }
     }
 }
 
-/// Where `murmuration` keeps the report of a campaign.
+/// The folder in which `murmuration` keeps the report of a campaign.
 pub(super) fn report_folder(data: &Path, campaign: &CampaignId) -> PathBuf {
     data.join("reports").join(campaign.as_str())
 }

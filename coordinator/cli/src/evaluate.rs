@@ -1,4 +1,4 @@
-//! `evaluate`: controllers of a search that runs elsewhere, on the workers of a coordinator.
+//! `evaluate`: controllers of an external search, evaluated by the workers of a coordinator.
 
 use super::{
     CliError, Global,
@@ -25,9 +25,9 @@ use std::{
 };
 use tokio_stream::StreamExt as _;
 
-/// Controllers of a request.
+/// Controllers per request.
 const IN_A_REQUEST: usize = 64;
-/// Most bytes of a response: one result of the largest pictures, of as many starts as there may be.
+/// Largest response, bytes: one result with the largest pictures and the most starts.
 const MAX_RESPONSE: usize = 128 << 20;
 
 #[derive(Debug, clap::Args)]
@@ -127,8 +127,8 @@ impl Evaluate {
         genomes.iter().zip(0..).map(task).collect()
     }
 
-    /// Evaluates the controllers, and writes each result once it is there: to a table, or as JSON. Returns the number of
-    /// controllers that could not be evaluated, which are left out.
+    /// Evaluates the controllers, and writes each result as it arrives: to a table, or as JSON. Returns the number of controllers
+    /// that could not be evaluated; these have no result.
     async fn write_results(
         &self,
         table: Option<Table<'_, impl Write>>,
@@ -189,13 +189,13 @@ fn all_evaluated(failed: u64) -> Result<(), CliError> {
     match failed {
         0 => Ok(()),
         failed => {
-            let said = format!("{} could not be evaluated", counted(failed, "controller"));
-            Err(CliError::Failed(said))
+            let message = format!("{} could not be evaluated", counted(failed, "controller"));
+            Err(CliError::Failed(message))
         }
     }
 }
 
-/// Evaluates controllers, and writes each result once it is there; returns the number of those that failed.
+/// Evaluates controllers, and writes each result as it arrives. Returns the number of failures.
 async fn evaluated(
     connection: &mut Connection,
     spec: &CampaignSpec,
@@ -212,8 +212,8 @@ async fn evaluated(
     while let Some(response) = responses.next().await {
         for result in response?.results {
             let Some((index, (controller, seed))) = rows.next() else {
-                let said = "more results came than there are controllers";
-                return Err(CliError::Failed(said.to_owned()));
+                let message = "more results came than there are controllers";
+                return Err(CliError::Failed(message.to_owned()));
             };
             count.add();
             if !result.failure.is_empty() {
@@ -267,7 +267,7 @@ fn requests(spec: &CampaignSpec, tasks: &Tasks) -> Vec<v1::EvaluateRequest> {
         .collect()
 }
 
-/// The columns of the table, named as those of a report's archive.csv.
+/// The columns of the table, named as in a report's archive.csv.
 fn header(controller: &Controller, evaluated: &json::Evaluated) -> impl Iterator<Item = String> {
     let own = ["index", "seed"].into_iter().chain(FEATURE_NAMES);
     let embedding = (0..evaluated.embedding.len()).map(|dimension| format!("embedding_{dimension}"));

@@ -69,8 +69,8 @@ impl Export {
             (Some(text), ..) => controller::parse(text, self.robots.read()?.0.as_ref())?,
             (None, Some(campaign), Some(index)) => of_individual(global, campaign.clone(), index).await?,
             _ => {
-                let said = "a controller is missing: name a campaign and an index, or give --controller";
-                return Err(CliError::Input(said.to_owned()));
+                let message = "a controller is missing: name a campaign and an index, or give --controller";
+                return Err(CliError::Input(message.to_owned()));
             }
         };
         if global.json {
@@ -84,7 +84,7 @@ impl Export {
     }
 }
 
-/// The controller of an individual of a campaign's archive.
+/// Fetches the controller of an individual in a campaign's archive.
 async fn of_individual(global: &Global, campaign: String, index: u64) -> Result<Controller, CliError> {
     let get = async |connection: &mut Connection| {
         let campaign = get_campaign(&mut connection.client, campaign).await?;
@@ -114,7 +114,8 @@ fn header(controller: &Controller) -> String {
     text + "\n#endif\n"
 }
 
-/// Differs between controllers: a program that includes two does not compile, where it would otherwise have only the first.
+/// A name that differs between controllers, so that a program that includes two headers does not compile; with equal names the
+/// second would be ignored.
 fn guard(controller: &Controller) -> String {
     let text = format!("{} {controller}", controller.model().to_line());
     let digest = CheckpointDigest::of(text.as_bytes()).to_string();
@@ -125,7 +126,7 @@ fn guard(controller: &Controller) -> String {
 fn suffixes(model: &CapabilityModel) -> Vec<String> {
     let mut suffixes: Vec<String> = Vec::new();
     for (place, species) in model.species().iter().enumerate() {
-        // A name of a species may have a minus sign, and a name in C not.
+        // Names of species may contain a minus sign, names in C may not.
         let name = format!("_{}", species.name().as_str().replace('-', "_"));
         suffixes.push(match model.species().len() {
             1 => String::new(),
@@ -179,7 +180,7 @@ mod tests {
     use super::*;
     use std::{error::Error, fs, process::Command};
 
-    /// Two species, one of three sensors, with names and numbers that C could take amiss.
+    /// Two species, one with three sensors, with names and numbers that are special in C.
     fn swarm() -> Result<Controller, Box<dyn Error>> {
         let text = "[[species]]\nname = \"a-b\"\ncount = 3\nrobot.sensors = [{}, { angle = 1e-3 }, { angle = \"free\", \
                     angle_range = [-1, 1] }]\n[[species]]\nname = \"a_b\"\ncount = 2\nmodel = \"turbopi\"\n";

@@ -1,4 +1,4 @@
-//! Films of swarms: pictures go to ffmpeg, which encodes them.
+//! Films of swarms, encoded by ffmpeg.
 
 use super::{
     CliError,
@@ -16,10 +16,10 @@ use std::{
 
 /// The program that encodes, in the PATH.
 const ENCODER: &str = "ffmpeg";
-/// Bytes of what the encoder says that are kept.
+/// Largest error message of the encoder that is kept, bytes.
 const MAX_ERROR_BYTES: u64 = 64 << 10;
 
-/// Encodes a film with so many pictures a second to `path`.
+/// Encodes a film at `fps` pictures per second to `path`.
 pub(super) fn encode(
     film: Film<impl Iterator<Item = Vec<u8>>>,
     fps: u32,
@@ -43,7 +43,7 @@ fn encode_by(
     finish(file, path)
 }
 
-/// Runs the encoder, which writes the film to `file`, which becomes `path`.
+/// Runs the encoder, which writes the film to `file`. The caller moves it to `path`.
 fn run(
     encoder: &Path,
     film: Film<impl Iterator<Item = Vec<u8>>>,
@@ -53,14 +53,14 @@ fn run(
 ) -> Result<(), CliError> {
     let mut running = start(encoder, (film.width, film.height), fps, file)?;
     let errors = running.stderr.take();
-    // Read at once: an encoder that says much would wait for its reader, and the reader for the encoder.
+    // Read concurrently: an encoder with a long message would wait for its reader, while the reader waited for the encoder.
     let errors = thread::spawn(move || {
-        let (mut said, mut rest) = (Vec::new(), errors);
+        let (mut message, mut rest) = (Vec::new(), errors);
         if let Some(errors) = &mut rest {
-            let _ = errors.take(MAX_ERROR_BYTES).read_to_end(&mut said);
+            let _ = errors.take(MAX_ERROR_BYTES).read_to_end(&mut message);
             let _ = io::copy(errors, &mut io::sink());
         }
-        said
+        message
     });
     let mut pictures = running.stdin.take();
     let fed = film
@@ -72,15 +72,15 @@ fn run(
         });
     drop(pictures);
     let ended = running.wait();
-    let said = errors.join().unwrap_or_default();
+    let message = errors.join().unwrap_or_default();
     let ended =
         ended.map_err(|error| CliError::Failed(format!("{ENCODER} cannot be waited for: {error}")))?;
-    // Why it ended says more than that it no longer reads.
+    // The encoder's message tells more than the broken pipe.
     if !ended.success() {
-        let said = String::from_utf8_lossy(&said);
-        let said = murmuration_proto::Text::line(said.trim());
+        let message = String::from_utf8_lossy(&message);
+        let message = murmuration_proto::Text::line(message.trim());
         return Err(CliError::Failed(format!(
-            "{ENCODER} could not write {}: {said}",
+            "{ENCODER} could not write {}: {message}",
             path.display()
         )));
     }
@@ -92,10 +92,10 @@ fn start(encoder: &Path, (width, height): (u32, u32), fps: u32, file: &Path) -> 
     Command::new(encoder)
         .args(["-hide_banner", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
         .args(["-s", &size, "-r", &fps.to_string(), "-i", "-"])
-        // Players want sides that are even, and this order of colours.
+        // Players need even sides and this pixel format.
         .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart"])
         .args(["-f", "mp4"])
-        // With the protocol before it, no name is taken for an option or a URL.
+        // With the protocol in front, no name is taken for an option or a URL.
         .arg(named(file))
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
@@ -109,7 +109,7 @@ fn start(encoder: &Path, (width, height): (u32, u32), fps: u32, file: &Path) -> 
         })
 }
 
-/// A file as ffmpeg wants it named.
+/// A file's name in the form for ffmpeg.
 fn named(path: &Path) -> OsString {
     let mut name = OsString::from("file:");
     name.push(path);
@@ -121,7 +121,7 @@ mod tests {
     use super::*;
     use std::{os::unix::fs::PermissionsExt as _, path::PathBuf};
 
-    /// A program of this text in place of ffmpeg.
+    /// A script with this text in place of ffmpeg.
     fn encoder(folder: &Path, text: &str) -> PathBuf {
         let path = folder.join("encoder");
         fs::write(&path, format!("#!/bin/sh\n{text}\n")).unwrap();
@@ -143,14 +143,14 @@ mod tests {
         let out = folder.path().join("film.mp4");
         let text = format!(
             "echo \"$@\" >'{0}'; for last; do :; done; cat >\"${{last#file:}}\"",
-            folder.path().join("said").display(),
+            folder.path().join("message").display(),
         );
         encode_by(&encoder(folder.path(), &text), film(), 25, &out).unwrap();
         assert_eq!(fs::read(&out).unwrap(), [[0; 6], [1; 6], [2; 6]].concat());
-        let said = fs::read_to_string(folder.path().join("said")).unwrap();
+        let message = fs::read_to_string(folder.path().join("message")).unwrap();
         assert!(
-            said.contains("-s 2x1 -r 25 -i -") && said.contains("-f mp4 file:"),
-            "{said}"
+            message.contains("-s 2x1 -r 25 -i -") && message.contains("-f mp4 file:"),
+            "{message}"
         );
     }
 
@@ -165,8 +165,8 @@ mod tests {
         encode_by(&encoder(folder.path(), half), film(), 25, &out).unwrap_err();
         assert_eq!(fs::read(&out).unwrap(), first);
         let nothing = encoder(folder.path(), "cat >/dev/null; exit 0");
-        let said = encode_by(&nothing, film(), 25, &out).unwrap_err().to_string();
-        assert!(said.contains("wrote nothing to"), "{said}");
+        let message = encode_by(&nothing, film(), 25, &out).unwrap_err().to_string();
+        assert!(message.contains("wrote nothing to"), "{message}");
         assert_eq!(fs::read_dir(folder.path().join("new")).unwrap().count(), 1);
     }
 
@@ -180,23 +180,23 @@ mod tests {
             pictures: (0..40).map(|_| vec![0; 10_000]),
         };
         let loud = encoder(folder.path(), text);
-        let said = encode_by(&loud, much, 25, &folder.path().join("film.mp4")).unwrap_err();
-        assert!(said.to_string().contains("xxxx"), "{said}");
+        let message = encode_by(&loud, much, 25, &folder.path().join("film.mp4")).unwrap_err();
+        assert!(message.to_string().contains("xxxx"), "{message}");
     }
 
     #[test]
     fn an_encoder_that_is_not_there_or_fails_is_named_with_why() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("film.mp4");
-        let said = encode_by(&folder.path().join("none"), film(), 25, &out)
+        let message = encode_by(&folder.path().join("none"), film(), 25, &out)
             .unwrap_err()
             .to_string();
         assert!(
-            said.contains("needs the program ffmpeg") && said.contains("--gif"),
-            "{said}"
+            message.contains("needs the program ffmpeg") && message.contains("--gif"),
+            "{message}"
         );
         let failing = encoder(folder.path(), "cat >/dev/null; echo no such codec >&2; exit 1");
-        let said = encode_by(&failing, film(), 25, &out).unwrap_err().to_string();
-        assert!(said.contains("film.mp4: no such codec"), "{said}");
+        let message = encode_by(&failing, film(), 25, &out).unwrap_err().to_string();
+        assert!(message.contains("film.mp4: no such codec"), "{message}");
     }
 }

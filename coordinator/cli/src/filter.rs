@@ -1,4 +1,4 @@
-//! `filter`: how the heuristic filter scores controllers.
+//! `filter`: the heuristic filter's scores of controllers.
 
 use super::{
     CliError, controller, json,
@@ -63,7 +63,7 @@ fn lines(path: &Path) -> Result<Vec<String>, CliError> {
         read_text(path, InputKind::Controllers)
     };
     let text = read.map_err(|error| CliError::unreadable(path, &error))?;
-    // Some editors put a mark of the byte order before a text.
+    // Some editors put a byte order mark before a text.
     Ok(text
         .trim_start_matches('\u{feff}')
         .lines()
@@ -86,7 +86,7 @@ fn document(controller: &Controller) -> json::FilterScore {
     }
 }
 
-/// Each metric, a star where it is under its threshold.
+/// Prints each metric, with a star if it is below its threshold.
 fn print_table(controllers: &[Controller]) -> Result<(), OutputError> {
     let metrics = METRICS.map(|metric| right(metric.name.to_uppercase()));
     let others = [right("SCORE"), left("VERDICT"), left("CONTROLLER")];

@@ -16,19 +16,19 @@ pub use {
     status_line::{StatusLine, name as stage_name},
 };
 
-/// How progress is shown.
+/// The form in which progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Show {
-    /// To a person, on stderr.
+    /// For a person, on stderr.
     Person,
-    /// To a program: every status as a line of JSON on stdout.
+    /// For a program: every status as a line of JSON on stdout.
     Lines,
 }
 
-/// Least time between two plain lines.
+/// Minimum time between two plain lines.
 const LINE_INTERVAL: Duration = Duration::from_secs(2);
 
-/// Follows a campaign until it stops; its last status.
+/// Follows a campaign until it stops. Returns its last status.
 pub async fn follow(client: &mut Client, campaign: &str, show: Show) -> Result<v1::Campaign, CliError> {
     let mut view = View::new(show);
     let last = follow_with(client, campaign, |status| view.draw(status)).await?;
@@ -36,7 +36,7 @@ pub async fn follow(client: &mut Client, campaign: &str, show: Show) -> Result<v
     Ok(last)
 }
 
-/// Follows a campaign until it stops, and has each status drawn; the last one.
+/// Follows a campaign until it stops, and calls `draw` with each status. Returns the last one.
 pub async fn follow_with(
     client: &mut Client,
     campaign: &str,
@@ -59,10 +59,10 @@ pub async fn follow_with(
     })
 }
 
-/// The progress that has been shown, and how.
+/// The progress shown so far, and its form.
 pub struct View {
     to: Screen,
-    /// The stage that was last heard of, and since when.
+    /// The stage of the last status, and since when.
     stage: Option<(v1::CampaignStage, Instant)>,
     /// Notices up to this number have been shown.
     noticed: u64,
@@ -125,7 +125,7 @@ impl View {
         Ok(())
     }
 
-    /// Says what was not said yet of what befell the campaign.
+    /// Prints new notices about the campaign.
     fn notice(&mut self, notices: &[v1::Notice]) {
         for notice in notices.iter().filter(|notice| notice.number > self.noticed) {
             let line = format!("notice: {}", notice.text);
@@ -139,7 +139,7 @@ impl View {
         self.noticed = self.noticed.max(latest);
     }
 
-    /// Says of a stage that is over how long it took.
+    /// Prints how long a stage took that has ended.
     fn end_stage(&mut self, now: v1::CampaignStage) {
         let Some((before, since)) = self.stage.replace((now, Instant::now())) else {
             return;
@@ -167,7 +167,7 @@ impl View {
     }
 }
 
-/// How far a stage has come; nothing before anybody has said how much there is to do.
+/// Progress of a stage; empty while the amount of work is unknown.
 fn how_far(line: &StatusLine) -> String {
     if line.total == 0 {
         return String::new();

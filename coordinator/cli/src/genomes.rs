@@ -1,4 +1,4 @@
-//! Tables of genomes as the authors' RobotSwarmSimulator writes them: CSV without a header, a row for each controller, with its
+//! Tables of genomes in the format of the authors' RobotSwarmSimulator: CSV without a header, one row per controller, with its
 //! genes in the order of `murmuration robot`.
 
 use super::CliError;
@@ -6,11 +6,11 @@ use csv::{ReaderBuilder, StringRecord, Trim};
 use murmuration_proto::text;
 use std::path::Path;
 
-/// The rows of a file, if it is such a table: a cell of its first row is a number, and none is the name of a gene. `None` if it has a
+/// Reads the rows of a file in this format: a cell of its first row is a number, and none is the name of a gene. `None` if it has a
 /// header.
 ///
 /// # Errors
-/// Names the row that has not as many finite numbers as there are genes, and what is wrong with it.
+/// Names the row that does not have one finite number per gene, and its fault.
 pub(super) fn read(path: &Path, text: &[u8], genes: &[&str]) -> Result<Option<Vec<Vec<f64>>>, CliError> {
     let reader = ReaderBuilder::new()
         .has_headers(false)
@@ -20,7 +20,7 @@ pub(super) fn read(path: &Path, text: &[u8], genes: &[&str]) -> Result<Option<Ve
     let mut rows = Vec::new();
     for (place, record) in reader.into_records().enumerate() {
         let Ok(record) = record else {
-            // The reader of the header refuses a file that is not CSV.
+            // The reader of files with a header reports files that are not CSV.
             return Ok(None);
         };
         if place == 0 && is_header(&record, genes) {
@@ -44,7 +44,7 @@ fn is_header(record: &StringRecord, genes: &[&str]) -> bool {
     record.iter().any(|cell| genes.contains(&cell)) || !record.iter().any(is_number)
 }
 
-/// The numbers of a row, or what is wrong with it.
+/// The numbers of a row, or an error message about it.
 fn numbers(record: &StringRecord, genes: &[&str]) -> Result<Vec<f64>, String> {
     let columns = record.len();
     if columns == genes.len() + 1 && record.iter().next_back() == Some("") {
@@ -107,10 +107,10 @@ mod tests {
             ("1,inf,1,1\n", "row 1: right_0 = \"inf\""),
             ("1,2,3,4,\n", "row 1: it ends with a comma"),
         ] {
-            let said = read_text(text).unwrap_err();
+            let message = read_text(text).unwrap_err();
             assert!(
-                said.contains(&format!("genomes.csv: {said_of}")) && said.contains("4 genes"),
-                "{said}"
+                message.contains(&format!("genomes.csv: {said_of}")) && message.contains("4 genes"),
+                "{message}"
             );
         }
     }

@@ -1,4 +1,4 @@
-//! `health`: whether a process is there, for container engines and scripts.
+//! `health`: checks whether a process is there, for container engines and scripts.
 
 use super::{CliError, Global, connection};
 use murmuration_link::{Credentials, READY, outln};
@@ -45,7 +45,7 @@ impl Health {
     }
 }
 
-/// The address of the process that was named, else of the coordinator that holds the data directory.
+/// The address of the process named on the command line, or else of the coordinator that holds the data directory.
 fn address(global: &Global) -> Result<(String, Credentials), CliError> {
     if let Some(url) = &global.coordinator {
         return Ok((url.clone(), global.credentials()?));

@@ -1,6 +1,6 @@
 //! The JSON that commands print for programs, and its schemas.
 //!
-//! A document that a coordinator answers with is its message (`Document`). Other documents have a type here.
+//! Most documents are messages of a coordinator (`Document`). The others have a type here.
 
 mod campaign;
 mod data;
@@ -28,7 +28,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, generate::SchemaSettings, js
 use serde::{Serialize, Serializer};
 use std::borrow::Cow;
 
-/// Version of every document; it rises when a field changes its meaning or is removed. New fields leave it as it is.
+/// Version of every document. It rises when a field changes its meaning or is removed, not for new fields.
 const VERSION: u32 = 2;
 
 /// The printed document: the version, then its fields.
@@ -42,7 +42,7 @@ struct Versioned<T> {
     document: T,
 }
 
-/// Whole numbers beyond this are texts: jq and JavaScript read numbers as doubles, which are exact only up to here.
+/// Larger whole numbers become strings: jq and JavaScript read numbers as doubles, which are exact only up to here.
 const MAX_EXACT: u64 = (1 << 53) - 1;
 
 /// A whole number such as a seed.
@@ -91,11 +91,11 @@ pub fn print<T: Serialize>(document: T) -> Result<(), OutputError> {
         schema: VERSION,
         document,
     };
-    // No document has a key that is no string, and nothing else can fail.
+    // Only a key that is not a string could fail, and no document has one.
     outln!("{}", serde_json::to_string(&versioned).unwrap_or_default())
 }
 
-/// Prints one document a line.
+/// Prints one document per line.
 pub fn print_all<T: Serialize>(documents: impl IntoIterator<Item = T>) -> Result<(), OutputError> {
     documents.into_iter().try_for_each(print)
 }

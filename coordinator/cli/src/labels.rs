@@ -1,4 +1,4 @@
-//! `label`, `labels`, `classes`, `agreement`: what people say about behaviours.
+//! `label`, `labels`, `classes`, `agreement`: classes that people give to behaviours.
 
 use super::{
     CliError, Global,
@@ -104,7 +104,7 @@ pub struct AgreementCommand {
 
 impl LabelCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        // Errors in the file are reported before anything is started.
+        // Reports errors in the file before starting anything.
         let table = match &self.csv {
             Some(file) => {
                 let text = read(file, InputKind::Labels)?;
@@ -149,7 +149,7 @@ impl LabelCommand {
 }
 
 impl LabelCommand {
-    /// The judge answers; returns the campaign's id and the number of answers.
+    /// Lets the judge answer. Returns the campaign's id and the number of answers.
     async fn add_synthetic(self, connection: &mut Connection) -> Result<(String, usize), CliError> {
         let campaign = get_campaign(&mut connection.client, self.campaign).await?.id;
         let request = v1::AppendSyntheticLabelsRequest {
@@ -164,11 +164,11 @@ impl LabelCommand {
     }
 }
 
-/// The answers that were added, and the labels that stand then.
+/// The answers that were added, and the labels afterwards.
 struct Added {
     campaign: String,
     count: usize,
-    /// The digest of the labels that stand.
+    /// Digest of all labels.
     digest: String,
     classes: Vec<v1::LabelClass>,
 }
@@ -193,7 +193,7 @@ impl Added {
     }
 }
 
-/// Adds all rows of a file; the campaign's id, and their number.
+/// Adds all rows of a file. Returns the campaign's id and the number of rows.
 async fn add(
     connection: &mut Connection,
     campaign: String,
@@ -202,7 +202,7 @@ async fn add(
     let status = get_campaign(&mut connection.client, campaign).await?;
     let spec = CampaignSpec::try_from(status.spec.unwrap_or_default())?;
     let len = u64::from(status.generations_done) * u64::from(spec.search().population());
-    // The coordinator would refuse them too, but knows no lines.
+    // The coordinator would refuse them too, but cannot name the line.
     table.check_indices(&status.id, len)?;
     let campaign = status.id;
     if table.describes(spec.model()) {
@@ -236,7 +236,7 @@ async fn individuals(
     Ok(individuals)
 }
 
-/// A name that no other request has: when, and by which process.
+/// A unique name for a request, from the time and the process.
 fn request_id() -> String {
     let now = SystemTime::now()
         .duration_since(UNIX_EPOCH)
@@ -248,7 +248,7 @@ impl LabelsCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         if let Some(file) = &self.csv {
             FileType::Csv.check("--csv", file)?;
-            // It may hold answers that somebody corrected by hand.
+            // The file may hold answers corrected by hand.
             self.overwrite.check(file)?;
         }
         let list = async |connection: &mut Connection| self.list(connection).await;
@@ -274,7 +274,7 @@ impl LabelsCommand {
         Ok(())
     }
 
-    /// The labels, and the text of the file if one is wanted.
+    /// Lists the labels, with the text of the file if requested.
     async fn list(
         &self,
         connection: &mut Connection,
@@ -299,7 +299,7 @@ impl LabelsCommand {
             let individual = individuals.get(&answer.index);
             individual.map(|individual| Labelled { answer, individual })
         });
-        // Between the two questions something of the archive was rolled back.
+        // Part of the archive was rolled back between the two requests.
         let moved = || {
             CliError::Failed(format!(
                 "the archive of {} changed while its labels were read: try again",
@@ -332,7 +332,7 @@ impl ClassesCommand {
         Ok(())
     }
 
-    /// Makes the change that was asked for, if one was; the classes after that.
+    /// Makes the requested change, if any. Returns the classes afterwards.
     async fn with(self, client: &mut LabelClient) -> Result<v1::ListClassesResponse, CliError> {
         use v1::change_class_request::Change;
         let change = if let Some(class) = self.create {
@@ -359,7 +359,7 @@ impl ClassesCommand {
     }
 }
 
-/// Says which classes have nearly the same name, and how to make one of two.
+/// Warns of classes with nearly the same name, and tells how to merge them.
 fn warn_of_near_names(campaign: &str, classes: &[v1::LabelClass]) {
     for (place, class) in classes.iter().enumerate() {
         let later = |name: &&String| classes[place..].iter().any(|other| other.name == **name);

@@ -1,6 +1,6 @@
-//! The command line's commands, and what `murmuration-lab` shares with them.
+//! The commands of the command line, and code that they share with `murmuration-lab`.
 //!
-//! Stdout is data, everything else goes to stderr. ARCHITECTURE.md has the map of the crates.
+//! Stdout is for data; everything else goes to stderr. ARCHITECTURE.md has the map of the crates.
 
 mod campaigns;
 mod certs;
@@ -76,7 +76,7 @@ impl Global {
         Credentials::read(&self.trust, &IdentityFiles::default())
     }
 
-    /// A command to type next: `words`, with what names the same coordinator or data directory as this command line did.
+    /// A command to type next: `words`, with the options that name this command's coordinator or data directory.
     pub fn next(&self, words: &str) -> String {
         let (option, place) = match &self.coordinator {
             Some(url) => ("coordinator", url.clone()),
@@ -93,7 +93,7 @@ impl Global {
         format!("murmuration {words} --{option} {}", quoted(&place))
     }
 
-    /// The values of an option that is not given: from the environment, and its default.
+    /// The values of an option that is not given: from the environment, and the default.
     fn defaults(option: &str) -> [Option<String>; 2] {
         let command = Self::augment_args(clap::Command::new("murmuration"));
         let option = command
@@ -109,10 +109,10 @@ impl Global {
     }
 }
 
-/// The future of a command. Each is boxed: one state machine of all commands takes long to compile.
+/// The future of a command. Boxed, because one state machine of all commands takes long to compile.
 pub type Execution<'a> = Pin<Box<dyn Future<Output = Result<(), CliError>> + 'a>>;
 
-/// A command, by its group in `murmuration --help`.
+/// A command, grouped as in `murmuration --help`.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     #[command(flatten)]
@@ -139,7 +139,7 @@ impl Command {
         ]
     }
 
-    /// Whether it is a server. Servers log what they do, other commands only what goes wrong.
+    /// Whether the command is a server. Servers log their work, other commands only errors.
     pub const fn is_server(&self) -> bool {
         matches!(self, Self::Cluster(ClusterCommand::Serve(_)))
     }
@@ -319,7 +319,7 @@ impl ClusterCommand {
     }
 }
 
-/// A word of a command line as a shell takes it.
+/// Quotes a word for a shell.
 pub fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_./:=@%+,".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

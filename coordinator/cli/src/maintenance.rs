@@ -1,4 +1,4 @@
-//! `backup`, `restore`, `doctor`: what is kept in a data directory of this machine, without its coordinator.
+//! `backup`, `restore`, `doctor`: the content of a data directory of this machine, without its coordinator.
 
 use super::{CliError, Global, json};
 use murmuration_link::{OutputError, errln, outln, termination};
@@ -15,7 +15,7 @@ use std::{
     pin::pin,
 };
 
-/// How a data directory is examined that another process holds.
+/// Advice on a data directory that another process holds.
 const WHILE_IN_USE: &str = "stop that process first; or back up the data directory while it is in use (`murmuration backup NEW_DIR`) \
                             and check the backup (`murmuration doctor --data NEW_DIR`)";
 
@@ -75,7 +75,7 @@ impl Restore {
     }
 }
 
-/// Does `work`, and interrupts it when the process is told to leave: it removes what it has written.
+/// Runs `work`, and interrupts it at a termination signal; it then removes the files that it has written.
 async fn until_told(
     work: impl AsyncFnOnce(&Interrupt) -> Result<Manifest, BackupError>,
 ) -> Result<Manifest, CliError> {
@@ -201,7 +201,7 @@ fn print_campaign(campaign: &CampaignFindings) -> Result<(), OutputError> {
     Ok(())
 }
 
-/// How a checkpoint is, in a word or two.
+/// The condition of a checkpoint in a word or two.
 pub(super) fn condition_name(condition: &Condition) -> &str {
     match condition {
         Condition::Whole => "undamaged",

@@ -1,11 +1,11 @@
-//! The change that a command made, and the next command to type.
+//! Messages about the change that a command made, and the next command to type.
 
 use super::{CliError, Global, json};
 use murmuration_link::{OutputError, errln, outln};
 use murmuration_proto::{CampaignSpec, v1};
 
-/// Tells what a command changed, and what to type next; or the state that the campaign is in, where that is not (or no
-/// longer) the `expected` one.
+/// Prints the change that a command made and the next command to type; or the campaign's state, if it is not (or no longer) the
+/// `expected` one.
 pub fn changed(
     global: &Global,
     campaign: &v1::Campaign,
@@ -47,7 +47,7 @@ pub fn what_next(global: &Global, campaign: &v1::Campaign) -> String {
     next
 }
 
-/// Why a campaign that failed did, and what to type next.
+/// Error with the reason why a campaign failed, and the next command to type.
 pub fn failed(global: &Global, campaign: &v1::Campaign) -> CliError {
     let (id, error) = (&campaign.id, &campaign.error);
     CliError::Failed(format!(
@@ -56,7 +56,7 @@ pub fn failed(global: &Global, campaign: &v1::Campaign) -> CliError {
     ))
 }
 
-/// The state in a word; a running campaign that nobody works on was interrupted, one whose disk is full waits.
+/// The state in a word. A running campaign without a process that works on it is interrupted; one with a full disk waits.
 pub fn state(campaign: &v1::Campaign) -> String {
     match campaign.state() {
         v1::CampaignState::Running if !campaign.waiting.is_empty() => "waiting".to_owned(),

@@ -1,4 +1,4 @@
-//! `quarantine`: machines whose results were found wrong, in a data directory of this machine.
+//! `quarantine`: machines that returned wrong results, in a data directory of this machine.
 
 use super::{
     CliError, Global, json,
@@ -68,7 +68,7 @@ fn lift(global: &Global, machine: MachineId) -> Result<(), CliError> {
         }
         error => error.into(),
     };
-    // Held until it is lifted.
+    // Holds the data directory until the quarantine is lifted.
     let directory = DataDirectory::hold_existing(&global.data).map_err(held)?;
     let store = Store::open(&directory)?;
     if !store.lift_quarantine(machine)? {

@@ -1,4 +1,4 @@
-//! `recognise`: what a swarm that a camera tracked does, and what in a campaign is like it.
+//! `recognise`: the behaviour of a swarm that a camera tracked, and the most similar individuals of a campaign.
 
 mod assumed;
 mod shown;
@@ -24,9 +24,9 @@ use murmuration_sim::{evaluate::observe, features::FEATURE_STEPS};
 use murmuration_tracks::{Tracks, TracksError};
 use std::path::PathBuf;
 
-/// Side of each picture of the row, pixels, if there is room.
+/// Side of each picture of the row, pixels, if they fit.
 const PICTURE_SIDE: u32 = 400;
-/// Most pixels across the row.
+/// Largest width of the row, pixels.
 const ROW_WIDTH: u32 = 4096;
 
 #[derive(Debug, clap::Args)]
@@ -68,7 +68,7 @@ pub struct Recognise {
     overwrite: Overwrite,
 }
 
-/// The tracks as a behaviour, with what a campaign has like it.
+/// The tracks as a behaviour, with the nearest individuals of a campaign.
 struct Recognised {
     campaign: String,
     assumed: Assumed,
@@ -76,7 +76,7 @@ struct Recognised {
     shape: PictureShape,
     evaluation: Evaluation,
     nearest: v1::FindNearestResponse,
-    /// Pictures of the nearest, if they are to be shown.
+    /// Pictures of the nearest individuals, if they are to be shown.
     pictures: Vec<Vec<u8>>,
 }
 
@@ -104,7 +104,7 @@ impl Recognise {
         let (controller, world) = self.swarm(&spec, tracks)?;
         let assumed = Assumed::of(self, tracks, &controller, (&world, &spec))?;
         let steps = (spec.image().window() - 1).max(FEATURE_STEPS);
-        // The campaign looks no further back than the start of its own swarms.
+        // A campaign's picture reaches back at most to the start of its swarms.
         let steps = steps.min(spec.world().horizon());
         let frames = tracks.ending(steps, &assumed.filmed(&world)?)?;
         let assumed = assumed.with_steps(frames.len() as u64 - 1, u64::from(steps));
@@ -143,7 +143,7 @@ impl Recognise {
         })
     }
 
-    /// The robots, as their controller says where they look, and the world that they were filmed in.
+    /// The robots, with the sensor angles of their controller, and the filmed world.
     fn swarm(&self, spec: &CampaignSpec, tracks: &Tracks) -> Result<(Controller, World), CliError> {
         let (model, world) = match &self.robot {
             Some(path) => described(path)?,
@@ -180,7 +180,7 @@ impl Recognise {
     }
 }
 
-/// The evaluation with the embedding by a checkpoint of the coordinator.
+/// The evaluation with its embedding by a checkpoint of the coordinator.
 async fn embedded(
     connection: &mut Connection,
     digest: &str,
@@ -194,7 +194,7 @@ async fn embedded(
     Ok(evaluation.embedded(embedding, dimensions)?)
 }
 
-/// The picture of the swarm, and then those of the nearest.
+/// Draws the picture of the swarm, then the pictures of the nearest individuals.
 fn row(recognised: &Recognised) -> Result<Vec<u8>, CliError> {
     let mut images = vec![recognised.evaluation.image()];
     images.extend(recognised.pictures.iter().map(Vec::as_slice));

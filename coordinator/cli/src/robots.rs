@@ -1,4 +1,4 @@
-//! Robots on the command line: which ones an option names, and `robot`, which shows them.
+//! Robots on the command line: options that name robots, and `robot`, which shows them.
 
 use super::{
     CliError,
@@ -29,7 +29,7 @@ pub struct RobotArgs {
 }
 
 impl RobotArgs {
-    /// The files that are read.
+    /// The input files.
     pub(super) fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.robot.iter().chain(&self.spec)
     }
@@ -148,7 +148,7 @@ fn show(model: &CapabilityModel) -> Result<(), OutputError> {
     Ok(())
 }
 
-/// `radius 5, wheels of radius 2, speeds up to 1`.
+/// As `radius 5, wheels of radius 2, speeds up to 1`.
 fn body(robot: &Robot) -> String {
     let [first, second] = robot.drive().limits();
     let radius = robot.radius();
@@ -162,7 +162,7 @@ fn body(robot: &Robot) -> String {
     }
 }
 
-/// The values of each gene of a model's controllers, in their order.
+/// The range of each gene of a model's controllers, in their order.
 pub(super) fn gene_values(model: &CapabilityModel) -> Vec<String> {
     let mut values = Vec::with_capacity(model.genes());
     for species in model.species() {

@@ -1,4 +1,4 @@
-//! `run` and `resume`: a campaign to its report.
+//! `run` and `resume`: bring a campaign to its report.
 
 use super::{
     CliError, Global,
@@ -52,7 +52,7 @@ pub struct InProcessArgs {
     trainers: Option<usize>,
 }
 
-/// More threads than any machine has would take all of its memory.
+/// A larger number, more than any machine has threads, would use up the memory.
 fn at_most_4096() -> clap::builder::RangedU64ValueParser<usize> {
     clap::builder::RangedU64ValueParser::new().range(0..=4096)
 }
@@ -67,16 +67,16 @@ impl InProcessArgs {
         }
     }
 
-    /// At least one of each, where nobody else could do the work.
+    /// The crew for a command that works alone: at least one worker and one trainer.
     pub fn some(&self) -> Result<InProcess, CliError> {
         let crew = self.count();
         if crew.workers == 0 {
-            let said = "--workers 0: a campaign needs at least one worker";
-            return Err(CliError::Input(said.to_owned()));
+            let message = "--workers 0: a campaign needs at least one worker";
+            return Err(CliError::Input(message.to_owned()));
         }
         if crew.trainers == 0 {
-            let said = "--trainers 0: a campaign needs at least one trainer";
-            return Err(CliError::Input(said.to_owned()));
+            let message = "--trainers 0: a campaign needs at least one trainer";
+            return Err(CliError::Input(message.to_owned()));
         }
         Ok(crew)
     }
@@ -95,7 +95,7 @@ impl Run {
         }
         let data = DataDirectory::hold(&global.data).map_err(|error| self.held(error, global))?;
         if spec.space().embeds() {
-            // To be told after the dataset is simulated would be late.
+            // An error must come now, not after the dataset is simulated.
             Runtime::load()?;
         }
         let run = async |connection: &mut Connection| {
@@ -120,7 +120,7 @@ impl Run {
 }
 
 impl Run {
-    /// Another process holds the data directory: it can run the campaign too.
+    /// Error if another process holds the data directory, with the advice to submit the campaign to that process.
     fn held(&self, error: StoreError, global: &Global) -> CliError {
         let StoreError::InUse { holder, .. } = &error else {
             return error.into();
@@ -133,7 +133,7 @@ impl Run {
         }
         let seed = self.seed.map_or(String::new(), |seed| format!(" --seed {seed}"));
         let submit = format!("submit {}{seed}", quoted(&self.spec.display().to_string()));
-        // By the data directory `submit` finds the process, and the token that it asks for.
+        // `submit` finds the process, and the token for it, by the data directory.
         let submit = global.next(&submit);
         CliError::busy(
             error,
@@ -164,8 +164,8 @@ impl Resume {
     }
 }
 
-/// Continues a campaign by a `change`; where this process runs the coordinator, to its report. `what` says what the campaign does
-/// then.
+/// Continues a campaign after a `change`. If this process runs the coordinator, brings the campaign to its report. `what` tells in
+/// a verb what the campaign does, for the message.
 pub(super) async fn go_on(
     global: &Global,
     crew: InProcess,
@@ -192,7 +192,7 @@ pub(super) async fn go_on(
     Ok(())
 }
 
-/// Reads a campaign file, with another seed if there is one.
+/// Reads a campaign file, and replaces its seed by `seed` if there is one.
 pub fn read_spec(path: &Path, seed: Option<u64>) -> Result<CampaignSpec, CliError> {
     let text = read_words(path, InputKind::Campaign)?;
     let spec = CampaignSpec::from_toml(&text).map_err(|error| CliError::spec(path, &error))?;
@@ -267,8 +267,8 @@ async fn finish(
         v1::CampaignState::Failed => return Err(next_step::failed(global, &last)),
         _ => {
             let next = next_step::what_next(global, &last);
-            let said = format!("campaign {} was stopped by another command; {next}", last.id);
-            return Err(CliError::Failed(said));
+            let message = format!("campaign {} was stopped by another command; {next}", last.id);
+            return Err(CliError::Failed(message));
         }
     }
     let id = validation::id(&last)?;

@@ -1,4 +1,4 @@
-//! `serve`: a coordinator that stays.
+//! `serve`: a coordinator that runs until it is stopped.
 
 use super::{CliError, Global, run::InProcessArgs};
 use clap::builder::BoolishValueParser;
@@ -13,11 +13,11 @@ use std::{
     path::PathBuf,
 };
 
-/// Advice where another process holds the data directory.
+/// Advice if another process holds the data directory.
 const ONE_COORDINATOR: &str =
     "only one coordinator can use a data directory: stop that process first, or name another --data DIR";
 
-/// Port on which coordinators listen unless told otherwise.
+/// Default port of coordinators.
 const PORT: u16 = 7700;
 
 #[derive(Debug, clap::Args)]

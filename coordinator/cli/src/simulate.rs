@@ -1,4 +1,4 @@
-//! `simulate`: one controller, or a reference case, on this machine.
+//! `simulate`: one controller, or a reference case, simulated on this machine.
 
 use super::{
     CliError, controller,
@@ -24,7 +24,7 @@ use std::{
 
 /// Side of the trajectory picture, pixels.
 const TRAJECTORY_SIZE: u32 = 1000;
-/// Pixels that each pixel of the image becomes.
+/// Size of an image pixel in the picture, pixels.
 const IMAGE_SCALE: u32 = 10;
 
 #[derive(Debug, clap::Args)]
@@ -135,7 +135,7 @@ impl Simulate {
         Ok(())
     }
 
-    /// Draws the motion that `replay` records with every so many steps.
+    /// Draws the motion that `replay` records at the given step interval.
     fn write_motion(
         &self,
         world: &World,
@@ -184,7 +184,7 @@ impl Simulate {
     }
 }
 
-/// The name of each robot's species; none if all robots are of one.
+/// The name of each robot's species; empty if there is only one species.
 fn species<'a>(controller: &'a Controller, world: &World) -> Vec<&'a str> {
     let species = controller.model().species();
     if species.len() == 1 {

@@ -1,9 +1,9 @@
-//! Tables as commands print them: a line of headings, columns two spaces apart.
+//! Tables that commands print: a line of headings, columns two spaces apart.
 
 use comfy_table::CellAlignment;
 use murmuration_link::{OutputError, outln};
 
-/// A column: its heading, and the side on which its cells begin.
+/// A column: its heading, and the alignment of its cells.
 pub struct Column {
     heading: String,
     side: CellAlignment,

@@ -1,4 +1,4 @@
-//! `show --taxonomy`: the clusters of a campaign and what they are called.
+//! `show --taxonomy`: the clusters of a campaign and their names.
 
 use super::{
     CliError, Global,

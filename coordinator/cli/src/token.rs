@@ -1,4 +1,4 @@
-//! `token`: a secret for somebody, shown once.
+//! `token`: creates a secret for a person, shown once.
 
 use super::{CliError, json};
 use murmuration_access::{HolderName, Role, file_entry};

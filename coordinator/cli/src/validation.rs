@@ -1,18 +1,18 @@
-//! Validation of a coordinator's messages, before any of it is printed or becomes part of a path.
+//! Validation of a coordinator's messages, before any part of them is printed or used in a path.
 //!
-//! The coordinator at the other end may be a stranger's: its words are cleaned, and an id that is none is refused.
+//! The coordinator may be a stranger's: its texts are cleaned, and invalid ids are refused.
 
 use super::{CliError, connection::Client};
 use murmuration_model::CampaignId;
 use murmuration_proto::{CheckpointDigest, Invalid, Text, v1};
 use tonic::Response;
 
-/// A message whose words can be printed as they are.
+/// A message that becomes safe to print.
 pub trait Validated: Sized {
-    /// The same, cleaned.
+    /// Cleans the texts of the message.
     ///
     /// # Errors
-    /// Where an id or digest is none.
+    /// If an id or digest is invalid.
     fn validated(self) -> Result<Self, CliError>;
 }
 
@@ -34,7 +34,7 @@ pub async fn get_digest(
     validated(client.get_digest(v1::GetDigestRequest { campaign }).await?)
 }
 
-/// The message of an answer, cleaned.
+/// The message of a response, cleaned.
 pub fn validated<T: Validated>(answer: Response<T>) -> Result<T, CliError> {
     answer.into_inner().validated()
 }
@@ -43,12 +43,12 @@ fn clean(words: &mut String) {
     *words = Text::line(words).into();
 }
 
-/// An invalid answer is the coordinator's fault, not the person's.
+/// Error for an invalid answer, which is the coordinator's fault and not the user's.
 fn nonsense(invalid: &Invalid) -> CliError {
     CliError::Failed(format!("the coordinator's answer is invalid: {invalid}"))
 }
 
-/// The id of a campaign, as one that can be part of a path.
+/// The id of a campaign, checked so that it can be part of a path.
 pub fn id(campaign: &v1::Campaign) -> Result<CampaignId, CliError> {
     campaign.id.parse().map_err(|invalid| nonsense(&invalid))
 }
@@ -200,14 +200,14 @@ mod tests {
             "small-\u{1b}[2J",
             "small-+1",
         ] {
-            let CliError::Failed(said) = campaign(bad).validated().unwrap_err() else {
+            let CliError::Failed(message) = campaign(bad).validated().unwrap_err() else {
                 panic!("{bad} is the person's fault");
             };
             assert!(
-                said.starts_with("the coordinator's answer is invalid: campaign = "),
-                "{said}"
+                message.starts_with("the coordinator's answer is invalid: campaign = "),
+                "{message}"
             );
-            assert!(!said.contains('\u{1b}'), "{said:?}");
+            assert!(!message.contains('\u{1b}'), "{message:?}");
         }
         for good in ["small-1", "a-b_C-9-12"] {
             assert_eq!(id(&campaign(good)).unwrap().as_str(), good);

@@ -1,4 +1,4 @@
-//! How many of a known number of things are done.
+//! Progress over a known number of items.
 
 use super::LINE_INTERVAL;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -6,21 +6,21 @@ use murmuration_link::errln;
 use murmuration_proto::{counted, grouped};
 use std::{io::IsTerminal as _, time::Instant};
 
-/// How many of a known number of things are done: a bar on a terminal, a line from time to time elsewhere.
+/// Progress over a known number of items: a bar on a terminal, a line from time to time elsewhere.
 #[derive(Debug)]
 pub struct Count {
-    /// Present on a terminal.
+    /// `None` without a terminal.
     bar: Option<ProgressBar>,
     done: u64,
     all: u64,
-    /// The unit that is counted, in the singular.
+    /// The counted unit, in the singular.
     unit: &'static str,
-    /// When the next line is due.
+    /// Earliest time of the next line.
     next: Instant,
 }
 
 impl Count {
-    /// None of so many.
+    /// Begins at 0 of `all`.
     pub fn of(all: u64, unit: &'static str) -> Self {
         let template = format!("{{wide_bar:.cyan/dim}} {{human_pos}}/{{human_len}} {unit}s · {{eta}} left");
         Self {
@@ -32,7 +32,7 @@ impl Count {
         }
     }
 
-    /// One more is done.
+    /// Counts one more item.
     pub fn add(&mut self) {
         self.done += 1;
         match &self.bar {
@@ -52,7 +52,7 @@ impl Count {
     }
 }
 
-/// A bar with this template of indicatif's.
+/// A bar with this `indicatif` template.
 pub fn bar(length: u64, template: &str) -> ProgressBar {
     let bar = ProgressBar::new(length);
     if let Ok(style) = ProgressStyle::with_template(template) {

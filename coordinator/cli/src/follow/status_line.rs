@@ -5,13 +5,13 @@ use murmuration_model::TimeLeft;
 use murmuration_proto::{figure, grouped, rounded, v1};
 use std::time::Duration;
 
-/// How far a campaign's stage has come, and a line about it.
+/// Progress of a campaign's stage, and a line about it.
 pub struct StatusLine {
     pub done: u64,
     pub total: u64,
-    /// The unit that is counted, in the singular.
+    /// The counted unit, in the singular.
     pub unit: String,
-    /// Rises when there is something to say again.
+    /// Rises when there is something new to print.
     pub step: u64,
     pub text: String,
 }
@@ -31,7 +31,7 @@ pub const fn name(stage: v1::CampaignStage) -> &'static str {
 }
 
 impl StatusLine {
-    /// The progress; while the campaign waits, what it waits for.
+    /// The progress; if the campaign waits, the reason.
     pub fn of(status: &v1::Campaign) -> Self {
         let line = Self::of_stage(status);
         if status.waiting.is_empty() {
@@ -55,7 +55,7 @@ impl StatusLine {
         }
     }
 
-    /// Adds how long the whole campaign takes at least, where it has more to do than this stage.
+    /// Adds the minimum time of the whole campaign, if further stages follow.
     fn with_whole(self, status: &v1::Campaign) -> Self {
         match status.time_left {
             Some(v1::TimeLeft {
@@ -82,7 +82,7 @@ impl StatusLine {
         Self::at(progress, parts)
     }
 
-    /// A line with the progress of a stage and a text made of `parts`.
+    /// A line with the progress of a stage and a text made from `parts`.
     fn at(progress: v1::StageProgress, parts: Vec<String>) -> Self {
         Self {
             step: progress.done,
@@ -143,7 +143,7 @@ impl StatusLine {
     }
 }
 
-/// How fast it goes and how long it will take, if it goes at all.
+/// Rate and remaining time; empty without a rate.
 fn pace(status: &v1::Campaign, progress: &v1::StageProgress, unit: &str) -> Vec<String> {
     let Some(seconds) = progress.seconds_left else {
         return Vec::new();

@@ -1,11 +1,11 @@
-//! Campaigns, and how they end.
+//! Documents about campaigns and their results.
 
 use super::Document;
 use murmuration_proto::v1;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// How a campaign ended.
+/// The result of a campaign.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Run {
     /// Its id.
@@ -16,11 +16,11 @@ pub(crate) struct Run {
     pub(crate) report: String,
     /// Evaluations of its archive.
     pub(crate) evaluations: u64,
-    /// Time that the command took.
+    /// Duration of the command.
     pub(crate) seconds: f64,
 }
 
-/// What was deleted with a campaign, or would be.
+/// The data that was deleted with a campaign, or would be.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Deletion<'a> {
     /// Whether it was deleted.
@@ -34,7 +34,7 @@ pub(crate) struct Deletion<'a> {
 pub(crate) struct Digest<'a> {
     /// Id of the campaign.
     pub(crate) campaign: &'a str,
-    /// Whether the campaign is completed; otherwise its archive still grows, or stays without its end.
+    /// Whether the campaign is completed; otherwise its archive still grows, or stays incomplete.
     pub(crate) complete: bool,
     #[serde(flatten)]
     pub(crate) digest: Document<'a, v1::GetDigestResponse>,
@@ -49,7 +49,7 @@ pub(crate) struct Taxonomy<'a> {
     pub(crate) taxonomy: Document<'a, v1::Taxonomy>,
 }
 
-/// Where a report was written.
+/// The location of a report.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Report {
     /// Path of its page.

@@ -1,4 +1,4 @@
-//! Exports, checkpoints, and data directories: backups, and what the doctor found.
+//! Documents about exports, checkpoints and data directories: backups, and the findings of `doctor`.
 
 use super::Time;
 use murmuration_export::Exported;
@@ -22,20 +22,20 @@ pub(crate) struct Backup {
     database: String,
     /// Digests of the checkpoints that the database names.
     checkpoints: Vec<String>,
-    /// Where the checkpoints are kept; null if they are in the backup.
+    /// Location of the checkpoints; null if they are in the backup.
     checkpoint_store: Option<String>,
 }
 
 /// The condition of a data directory.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Doctor {
-    /// Whether nothing is damaged.
+    /// Whether there is no damage.
     healthy: bool,
     /// Path of the database.
     database: String,
     /// Version of the database's schema.
     database_schema: u32,
-    /// What is wrong with the database as a whole.
+    /// Damage to the database as a whole.
     faults: Vec<String>,
     /// Every checkpoint that the database names, oldest first.
     checkpoints: Vec<CheckpointState>,
@@ -52,7 +52,7 @@ struct CheckpointState {
     condition: CheckpointCondition,
 }
 
-/// Whether a checkpoint's bytes are those of its digest.
+/// Whether a checkpoint's bytes match its digest.
 #[derive(Debug, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 #[schemars(inline)]
@@ -72,17 +72,17 @@ struct CampaignReport {
     /// Its state; null if it cannot be read.
     state: Option<&'static str>,
     condition: CampaignCondition,
-    /// What the database holds.
+    /// Amounts in the database.
     stored: Amounts,
-    /// How much of it is undamaged, from the beginning on.
+    /// Undamaged amounts, counted from the beginning.
     whole: Amounts,
-    /// What is damaged.
+    /// Kinds of damage.
     problems: Vec<String>,
-    /// What to know besides; null if there is nothing.
+    /// Further advice; null if there is none.
     note: Option<String>,
 }
 
-/// Whether a campaign can go on.
+/// Whether a campaign can continue.
 #[derive(Debug, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 #[schemars(inline)]
@@ -93,7 +93,7 @@ enum CampaignCondition {
     Unreadable,
 }
 
-/// How much there is of a campaign.
+/// Amounts of a campaign's data.
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 struct Amounts {
@@ -105,7 +105,7 @@ struct Amounts {
     individuals: u64,
     /// Entries of the label log.
     labels: u64,
-    /// Whether there is a taxonomy.
+    /// Whether a taxonomy exists.
     taxonomy: bool,
 }
 

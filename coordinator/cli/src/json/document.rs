@@ -1,7 +1,7 @@
 //! Messages of the contract as documents: a message's fields keep their names, and their comments describe them in the schema.
 //!
-//! Every field is there, in the order of its number; an absent one is null. A value of an enum is named without the enum's prefix, in
-//! lower case and with hyphens (`fine-tune`). Bytes are base64.
+//! Every field is present, in the order of its number; an absent value is null. A value of an enum has the name without the enum's
+//! prefix, in lower case and with hyphens (`fine-tune`). Bytes are base64.
 
 use super::{MAX_EXACT, Whole};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
@@ -20,7 +20,7 @@ use serde_json::json;
 use std::{borrow::Cow, collections::BTreeMap, sync::LazyLock};
 
 static CONTRACT: LazyLock<DescriptorPool> = LazyLock::new(|| {
-    // The build wrote them.
+    // The build wrote the bytes, so they decode.
     DescriptorPool::decode(FILE_DESCRIPTORS).unwrap_or_default()
 });
 
@@ -75,7 +75,7 @@ impl Serialize for Fields<'_> {
     }
 }
 
-/// A value, and the kind of what it holds.
+/// A value, and the kind of its content.
 struct Part<'a>(&'a Kind, &'a Value);
 
 impl Serialize for Part<'_> {
@@ -96,7 +96,7 @@ impl Serialize for Part<'_> {
                 let choice = kind
                     .as_enum()
                     .and_then(|choices| Some((choices, choices.get_value(*number)?)));
-                // A newer coordinator knows more of them.
+                // A newer coordinator has further values.
                 choice
                     .map_or_else(
                         || number.to_string(),
@@ -121,7 +121,7 @@ impl Serialize for Part<'_> {
     }
 }
 
-/// A choice without the prefix of its enum, which that without a meaning (`..._UNSPECIFIED`) shows.
+/// The name of an enum value without the prefix of the enum, which the value `..._UNSPECIFIED` reveals.
 fn choice_name(choices: &EnumDescriptor, name: &str) -> String {
     let unspecified = choices.default_value();
     let prefix = unspecified.name().strip_suffix("UNSPECIFIED").unwrap_or_default();
@@ -170,7 +170,7 @@ fn schema_of_kind(kind: &Kind) -> serde_json::Value {
         Kind::Bool => json!({ "type": "boolean" }),
         Kind::String => json!({ "type": "string" }),
         Kind::Bytes => json!({ "type": "string", "contentEncoding": "base64" }),
-        // Null where it is absent or not finite.
+        // Null if absent or not finite.
         Kind::Double | Kind::Float => json!({ "type": ["number", "null"] }),
         Kind::Uint64 | Kind::Int64 | Kind::Fixed64 | Kind::Sfixed64 | Kind::Sint64 => {
             json!({ "type": ["integer", "string"] })
@@ -186,7 +186,7 @@ fn schema_of_kind(kind: &Kind) -> serde_json::Value {
     }
 }
 
-/// The comment on what is at a path of a file, on one line.
+/// The comment at a path of a file, on one line.
 fn comment(file: &FileDescriptorProto, path: &[i32]) -> String {
     let mut locations = file.source_code_info.iter().flat_map(|info| &info.location);
     let location = locations.find(|location| location.path == path);

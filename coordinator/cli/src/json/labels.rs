@@ -1,4 +1,4 @@
-//! Labels, and how far annotators agree.
+//! Documents about labels, and about agreement between annotators.
 
 use super::Document;
 use murmuration_proto::v1;
@@ -16,7 +16,7 @@ pub(crate) struct AddedLabels {
     pub(crate) label_digest: String,
 }
 
-/// How far two annotators agree.
+/// Agreement of two annotators.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Agreement<'a> {
     /// The first annotator and the second.

@@ -1,4 +1,4 @@
-//! Machines, and what people and machines show to a coordinator.
+//! Documents about machines, and about credentials for a coordinator.
 
 use murmuration_model::MachineId;
 use schemars::JsonSchema;
@@ -31,13 +31,13 @@ pub(crate) struct LiftedQuarantine {
 /// A new token.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Token {
-    /// Whom it is for.
+    /// Name of its holder.
     pub(crate) name: String,
     /// `viewer`, `annotator` or `operator`.
     pub(crate) role: String,
     /// The secret itself.
     pub(crate) token: String,
-    /// What the tokens file holds in place of the secret.
+    /// Digest of the secret, which the tokens file contains.
     pub(crate) digest: String,
 }
 

@@ -1,4 +1,4 @@
-//! Documents about robots and their controllers: what they are, what evaluations came to, and swarms that a camera tracked.
+//! Documents about robots and controllers: descriptions, results of evaluations, and tracked swarms.
 
 use super::{Document, Whole};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
@@ -18,9 +18,9 @@ pub(crate) struct Robots {
     model: String,
     /// The description as an inline table of TOML, as in campaign files.
     description: String,
-    /// The species, in order; one without a name that matters if all robots are of one kind.
+    /// The species, in order. If all robots are of one kind, there is one, and its name has no meaning.
     species: Vec<OneSpecies>,
-    /// Numbers of robots of each species, to choose from; empty if there is one species.
+    /// The ratios to choose from, each the number of robots of each species; empty if there is one species.
     ratios: Vec<Vec<u32>>,
     /// Names of a controller's genes, in order.
     genes: Vec<String>,
@@ -46,7 +46,7 @@ struct OneSpecies {
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 struct OneSensor {
-    /// Its angle from the heading, radians; null if that is a gene.
+    /// Its angle from the heading, radians; null if the angle is a gene.
     angle: Option<f64>,
     /// Lowest and highest value of a free angle, radians; null unless it is free in a range.
     angle_range: Option<[f64; 2]>,
@@ -60,7 +60,7 @@ struct OneSensor {
     wall_range: Option<f64>,
     /// What it sees: `robots` or the name of one species, `walls`, `obstacles`.
     sees: Vec<String>,
-    /// The same in words.
+    /// The sensor in words.
     words: String,
 }
 
@@ -148,9 +148,9 @@ pub(crate) struct ExportedController {
 struct SpeciesController {
     /// Its name.
     name: String,
-    /// What the two numbers of a pair are: left and right, or speed and turn.
+    /// Meaning of the two numbers of a pair: left and right, or speed and turn.
     pair: [&'static str; 2],
-    /// The pair of each sensor state; the highest bit of a state is the first sensor's.
+    /// One pair of speeds per sensor state; the highest bit of a state is the first sensor's.
     speeds: Vec<[f64; 2]>,
     /// The angle of each sensor, radians.
     angles: Vec<f64>,
@@ -196,10 +196,10 @@ pub(crate) struct Evaluated {
 }
 
 impl Evaluated {
-    /// The means over the trials of a controller.
+    /// Takes the means over the trials of a controller.
     ///
     /// # Errors
-    /// If a trial has not five features.
+    /// If a trial does not have five features.
     pub(crate) fn new(
         index: u64,
         (controller, seed): (&Controller, u64),
@@ -220,7 +220,7 @@ impl Evaluated {
     }
 }
 
-/// A controller that was simulated here, and its behaviour.
+/// A controller that this command simulated, and its behaviour.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Simulated {
     /// The genes, in the order in which `murmuration robot` names them.
@@ -244,7 +244,7 @@ impl Simulated {
     }
 }
 
-/// A tracked swarm, and what in a campaign is like it.
+/// A tracked swarm, and the most similar individuals of a campaign.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Recognised<'a> {
     /// Id of the campaign.
@@ -253,15 +253,15 @@ pub(crate) struct Recognised<'a> {
     pub(crate) robots: u32,
     /// The first and the last frame.
     pub(crate) frames: [u32; 2],
-    /// Rows that are missing, of one for each robot in each frame.
+    /// Missing rows, where a complete table has one per robot and frame.
     pub(crate) missing: u64,
-    /// Share of the rows that have a heading, 0 to 1; in the others a robot is taken to look where it moves.
+    /// Share of the rows that have a heading, 0 to 1. In the others, a robot is assumed to head where it moves.
     pub(crate) share_of_headings: f64,
     /// Time from one frame to the next, in units of the world's time.
     pub(crate) frame_time: f64,
     /// World units to a unit of the tracks.
     pub(crate) scale: f64,
-    /// Steps at the end of the tracks that the picture is of.
+    /// Steps at the end of the tracks that the picture shows.
     pub(crate) steps: u64,
     #[serde(flatten)]
     pub(crate) behaviour: Behaviour,

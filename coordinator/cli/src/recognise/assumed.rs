@@ -1,4 +1,4 @@
-//! Assumptions where tracks say nothing.
+//! Assumptions about tracks, where they lack data.
 
 use super::{super::CliError, Recognise};
 use murmuration_link::errln;
@@ -9,12 +9,12 @@ use murmuration_tracks::{Filmed, Tracks, TracksError};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Arena(pub(super) [f64; 2]);
 
-/// How tracks were understood.
+/// The interpretation of the tracks.
 pub(super) struct Assumed {
     pub(super) robots: u32,
     /// First and last.
     pub(super) frames: [u32; 2],
-    /// Sightings that are missing, of one for each robot in each frame.
+    /// Missing sightings, where complete tracks have one per robot and frame.
     pub(super) missing: u64,
     /// Share of the sightings with a heading, 0 to 1.
     pub(super) share_of_headings: f64,
@@ -22,14 +22,14 @@ pub(super) struct Assumed {
     pub(super) frame_time: f64,
     /// World units to a unit of the tracks.
     pub(super) scale: f64,
-    /// Steps that features and picture are of.
+    /// Steps that features and picture cover.
     pub(super) steps: u64,
-    /// Steps that the campaign's are of.
+    /// Steps that the campaign's features and pictures cover.
     wanted: u64,
     arena: Option<Arena>,
-    /// Whether sensors look somewhere that only the controller would say, and it is not known.
+    /// Whether the direction of sensors depends on the controller, which is unknown.
     looks_unknown: bool,
-    /// Whether nothing says how many robots of each species there are.
+    /// Whether the number of robots of each species is unknown.
     counts_unknown: bool,
     /// Robots that the campaign's swarms have.
     campaign_robots: u32,
@@ -70,7 +70,7 @@ impl Assumed {
         Ok(assumed)
     }
 
-    /// How a world was filmed.
+    /// The scale between film and world.
     pub(super) fn filmed<'a>(&self, world: &'a World) -> Result<Filmed<'a>, Invalid> {
         let filmed = Filmed::new(world).with_frame_time(self.frame_time)?;
         match self.arena {
@@ -79,7 +79,7 @@ impl Assumed {
         }
     }
 
-    /// The same, of so many steps where so many were wanted.
+    /// The same with this number of steps, and the number that the campaign would use.
     pub(super) fn with_steps(self, steps: u64, wanted: u64) -> Self {
         Self {
             steps,
@@ -88,7 +88,7 @@ impl Assumed {
         }
     }
 
-    /// Says on stderr how the tracks were understood.
+    /// Reports the interpretation of the tracks on stderr.
     pub(super) fn tell(&self) {
         let [first, last] = self.frames;
         let missing = match self.missing {
@@ -142,8 +142,8 @@ impl Assumed {
     }
 }
 
-/// A controller of robots about which nothing is known but the model: free angles are as near to straight ahead as they can be. There
-/// are as many robots of each species as `counts` says, or as in the first ratio.
+/// A controller for robots of which only the model is known. Free angles are as near to straight ahead as possible. `counts` gives
+/// the number of robots of each species; without it, the first ratio does.
 pub(super) fn unknown(model: &CapabilityModel, counts: Option<&[u32]>) -> Result<Controller, CliError> {
     let ratios = model.ratios();
     let ratio = counts.map_or(Some(0), |counts| ratios.iter().position(|ratio| ratio == counts));
@@ -174,7 +174,7 @@ pub(super) fn unknown(model: &CapabilityModel, counts: Option<&[u32]>) -> Result
             }
         }));
     }
-    // The ratio, where that is a gene, is the last one.
+    // If the ratio is a gene, it is the last one.
     genes.resize(model.genes(), ratio as f64);
     Ok(Controller::new(model, &genes)?)
 }

@@ -11,7 +11,7 @@ use murmuration_engine::nearest::{UNLIKE, is_unlike, relative_distance};
 use murmuration_link::{OutputError, outln};
 use murmuration_proto::{FEATURE_NAMES, figure, in_full, rounded, v1};
 
-/// Prints it, for a person or for programs.
+/// Prints the result, for a person or for programs.
 pub(super) fn show(recognised: &Recognised, as_json: bool) -> Result<(), OutputError> {
     match as_json {
         true => json::print(document(recognised)),
@@ -52,40 +52,40 @@ fn named(neighbour: &v1::Neighbour) -> String {
     }
 }
 
-/// Which cluster the swarm belongs to, whether it is like what is there, and what it may be called.
+/// The cluster of the swarm, its similarity to the cluster's members, and its possible name.
 fn verdict(campaign: &str, nearest: &v1::FindNearestResponse) -> String {
     let medoid = nearest.medoid.clone().unwrap_or_default();
-    let mut said = match is_unlike(medoid.distance, nearest.mean_distance) {
+    let mut message = match is_unlike(medoid.distance, nearest.mean_distance) {
         true => format!("It is like nothing in {campaign}: the"),
         false => "The".to_owned(),
     };
-    said += &format!(
+    message += &format!(
         " nearest cluster is {} (individual {}), {} from its medoid",
         medoid.cluster + 1,
         medoid.index,
         figure(medoid.distance)
     );
     if let Some(times) = relative(nearest) {
-        said += &format!(
+        message += &format!(
             ", {} times as far as its members are on average (from {UNLIKE} on, a behaviour counts as unlike all others)",
             rounded(times, 1)
         );
     }
     if !nearest.is_taxonomy {
-        said += ". The campaign has no taxonomy yet; these are the clusters that it would have now";
+        message += ". The campaign has no taxonomy yet; these are the clusters that it would have now";
     }
     if let Some(labelled) = &nearest.labelled {
-        said += &format!(
+        message += &format!(
             ". The nearest individual with a class is {} ({}): {}",
             labelled.index,
             figure(labelled.distance),
             labelled.class
         );
     }
-    said + "."
+    message + "."
 }
 
-/// The distance from the medoid by the mean distance of its members; `None` if they are all at one place.
+/// Distance from the medoid divided by the mean distance of the medoid's members; `None` if all members are at one place.
 fn relative(nearest: &v1::FindNearestResponse) -> Option<f64> {
     relative_distance(nearest.medoid.as_ref()?.distance, nearest.mean_distance)
 }
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn what_is_far_from_every_cluster_is_like_nothing() {
-        let said = |distance: f64| {
+        let message = |distance: f64| {
             let neighbour = |class: &str| v1::Neighbour {
                 index: 7,
                 distance,
@@ -129,11 +129,11 @@ mod tests {
             verdict("quick-1", &nearest)
         };
         assert_eq!(
-            said(1.0),
+            message(1.0),
             "The nearest cluster is 3 (individual 7), 1.0000 from its medoid, 2.0 times as far as its members are on average (from 3 \
              on, a behaviour counts as unlike all others). The nearest individual with a class is 7 (1.0000): ring."
         );
-        assert!(said(1.6).starts_with("It is like nothing in quick-1: the nearest cluster"));
-        assert!(said(1e301).len() < 400, "{}", said(1e301));
+        assert!(message(1.6).starts_with("It is like nothing in quick-1: the nearest cluster"));
+        assert!(message(1e301).len() < 400, "{}", message(1e301));
     }
 }
