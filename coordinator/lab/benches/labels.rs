@@ -1,4 +1,4 @@
-//! An answer and a question with 10,000 labels on disk, beside reading the whole log, which neither does.
+//! An answer and a query with 10,000 labels on disk, compared to reading the whole log, which neither does.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use murmuration_engine::{
@@ -20,12 +20,12 @@ use std::{
 
 const LABELS: u64 = 10_000;
 const POPULATION: u64 = 500;
-/// Individuals: some are left to be asked about.
+/// Individuals; some remain unlabelled, to be asked about.
 const ARCHIVE: u64 = LABELS + 4 * POPULATION;
 
 type Done<T> = Result<T, Box<dyn Error>>;
 
-/// A campaign most of whose archive was answered about.
+/// A campaign with labels for most of its archive.
 fn labelled(store: &Store) -> Done<CampaignId> {
     let text =
         format!("model = \"single-sensor\"\nmethod = \"hand-crafted\"\n[search]\npopulation = {POPULATION}");
@@ -45,8 +45,8 @@ fn labelled(store: &Store) -> Done<CampaignId> {
         let record = GenerationRecord::of(generation as u32, &[0.0], 0);
         store.commit_generation(&id, &record, &individuals, &Provenance::default())?;
     }
-    let said = (0..LABELS).map(answer).collect::<Done<Vec<Change>>>()?;
-    store.add_labels(&id, &"import".parse()?, said)?;
+    let message = (0..LABELS).map(answer).collect::<Done<Vec<Change>>>()?;
+    store.add_labels(&id, &"import".parse()?, message)?;
     Ok(id)
 }
 
@@ -80,26 +80,26 @@ fn labels(c: &mut Criterion) {
     let store = Store::open(&directory).expect("a store");
     let id = labelled(&store).expect("a labelled campaign");
     let runtime = tokio::runtime::Runtime::new().expect("threads");
-    // Questions about what is stored, without workers.
+    // Queries of stored data, without workers.
     let queries = Queries::new(store.clone(), Spaces::new(store.clone()), Interrupt::default());
     let wish = question().expect("a wish");
     let ask = || {
         let asked = queries.next(id.as_str(), wish.clone(), Instant::now());
         runtime.block_on(asked).expect("a question")
     };
-    // The archive is clustered with the first question; that has a benchmark of its own.
+    // The first query clusters the archive, which has its own benchmark.
     ask();
     let mut group = c.benchmark_group("10000 labels");
     group
         .sample_size(20)
         .warm_up_time(Duration::from_millis(200))
         .measurement_time(Duration::from_secs(2));
-    let mut said = 0;
+    let mut message = 0;
     group.bench_function("answer", |b| {
         b.iter(|| {
-            said += 1;
-            let change = answer(said % ARCHIVE).expect("an answer");
-            let request = format!("answer-{said}").parse().expect("a name");
+            message += 1;
+            let change = answer(message % ARCHIVE).expect("an answer");
+            let request = format!("answer-{message}").parse().expect("a name");
             store.add_labels(&id, &request, vec![change]).expect("it is kept")
         });
     });

@@ -22,7 +22,7 @@ use murmuration_proto::{
 use murmuration_train::network::Network;
 use std::{num::NonZeroU32, path::Path, path::PathBuf};
 
-/// Length of an untrained network's embeddings, as many as there are features.
+/// Length of an untrained network's embeddings: the number of features.
 const DIMENSIONS: usize = 5;
 
 #[derive(Debug, clap::Args)]
@@ -186,7 +186,7 @@ impl AccuracyCommand {
     }
 }
 
-/// The files of labels, and the behaviours that were read from them.
+/// Document about the label files and the behaviours read from them.
 pub(crate) fn document(labels: &[PathBuf], sets: &[LabelledSet]) -> json::Set {
     let labels = labels.iter().map(|labels| labels.display().to_string());
     json::Set {
@@ -201,14 +201,14 @@ pub(crate) fn starts_file(labels: &Path) -> PathBuf {
     labels.with_file_name("starts.csv")
 }
 
-/// The starts beside the file of a set, if there are any and the set has no seeds.
+/// The starts beside the file of a set, if the file exists and the set has no seeds.
 pub(crate) fn starts_beside(set: &LabelledSet) -> Result<Option<PathBuf>, CliError> {
     let starts = starts_file(set.path());
     Ok((!set.can_be_simulated() && is_there(&starts)?).then_some(starts))
 }
 
-/// The images of a set: those in `images` beside its file, or else simulated again, from the starts in `starts.csv` beside it
-/// where the file has no seeds.
+/// The images of a set: from the folder `images` beside its file, or else simulated again, with the starts from `starts.csv` beside
+/// it if the file has no seeds.
 pub(super) fn images_beside(set: &LabelledSet, shape: ImageShape) -> Result<Vec<Vec<u8>>, CliError> {
     let folder = set.path().with_file_name("images");
     let starts = starts_beside(set)?;
@@ -219,7 +219,7 @@ pub(super) fn images_beside(set: &LabelledSet, shape: ImageShape) -> Result<Vec<
     })
 }
 
-/// The embeddings of images, none of which may have taught the embedder its class.
+/// The embeddings of images. Fails if the embedder has learned the class of one of them.
 pub(super) fn embeddings(
     embedder: &mut Embedder,
     images: &[Vec<u8>],
@@ -261,15 +261,15 @@ pub(super) fn features(sets: &[LabelledSet]) -> Result<Vec<Vec<f64>>, CliError> 
     Ok(vectors)
 }
 
-/// A checkpoint that was named.
+/// A checkpoint named on the command line.
 struct Named {
     digest: String,
-    /// The pictures whose classes it was told; of a file nobody knows.
+    /// The pictures whose classes it has learned; unknown for a file.
     seen: SeenPictures,
     embedder: Embedder,
 }
 
-/// A checkpoint by its file, or else by its digest.
+/// Reads a checkpoint from its file, or else fetches it by its digest.
 async fn checkpoint(named: &str, global: &Global) -> Result<Named, CliError> {
     let path = Path::new(named);
     let is_digest = named.len() <= 64 && named.bytes().all(|byte| byte.is_ascii_hexdigit());
@@ -289,7 +289,7 @@ async fn checkpoint(named: &str, global: &Global) -> Result<Named, CliError> {
     })
 }
 
-/// The bytes of a checkpoint, and what it has seen.
+/// The bytes of a checkpoint, and the pictures whose classes it has learned.
 pub(super) async fn fetch(
     client: &mut CheckpointClient,
     named: &str,
@@ -347,7 +347,7 @@ fn percent(percent: Option<f64>) -> String {
     percent.map_or_else(|| "-".to_owned(), |percent| format!("{percent:.2} %"))
 }
 
-/// Prints the number of labelled behaviours, and what of the files was left out.
+/// Prints the number of labelled behaviours, and the number of ignored rows.
 pub(crate) fn tell_counted(sets: &[LabelledSet]) {
     errln!(
         "{} with a class given by an annotator",
@@ -361,12 +361,12 @@ pub(crate) fn tell_counted(sets: &[LabelledSet]) {
     }
 }
 
-/// The behaviours with a class that an annotator gave, other than the synthetic one.
+/// Number of behaviours with a class from an annotator other than the synthetic one.
 fn behaviours(sets: &[LabelledSet]) -> u64 {
     sets.iter().map(|set| set.classes().count() as u64).sum()
 }
 
-/// The answers of the synthetic annotator, which were left out.
+/// Number of answers of the synthetic annotator, which are ignored.
 fn synthetic(sets: &[LabelledSet]) -> u64 {
     sets.iter().map(LabelledSet::synthetic).sum()
 }

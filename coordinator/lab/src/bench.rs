@@ -1,4 +1,4 @@
-//! `bench`: what this machine does, and what labels bring.
+//! `bench`: the speed of this machine, and the accuracy that labels bring.
 
 mod all;
 mod cluster;
@@ -26,17 +26,17 @@ use std::{
     time::{Duration, Instant},
 };
 
-// The least that things take, counted by hand: docs/performance.md says how.
+// Minimum work, counted by hand as in docs/performance.md.
 
-/// Pairs of robots that look at each other in a simulation of the paper's world: 24 robots, 1,200 steps.
+/// Pairs of robots in a simulation of the paper's world, over all steps: 24 robots, 1,200 steps.
 const PAIRS: u64 = 24 * 23 * 1200;
-/// Operations of a pair of robots with one sensor in a step.
+/// Operations per pair of robots with one sensor and step.
 const ONE_SENSOR: u64 = 14;
-/// Operations of a pair of robots with two sensors in a step.
+/// Operations per pair of robots with two sensors and step.
 const TWO_SENSORS: u64 = 21;
 /// Operations of a simulation of the paper's world with one sensor.
 const SIMULATION: u64 = PAIRS * ONE_SENSOR;
-/// Multiply-adds of a picture in training with the compact network, forward and back.
+/// Multiply-adds per picture in training with the compact network, forward and back.
 const TRAINED_PICTURE: u64 = 4_546_112;
 /// Bytes of a result that the coordinator receives: a picture of 50 x 50 pixels, and five features in f64.
 const RESULT: u64 = 50 * 50 + 5 * 8;
@@ -151,14 +151,14 @@ fn simulations(seconds: f64, as_json: bool) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The duration of `--seconds`.
+/// The duration given by `--seconds`.
 fn span(seconds: f64) -> Result<Duration, CliError> {
     Duration::try_from_secs_f64(seconds)
         .map_err(|_| CliError::Input(format!("--seconds {seconds}: must be a positive number")))
 }
 
-/// Evaluations a second, scalar and with this machine's best instructions: the same uniform sample of the paper's
-/// controllers in turns, so that whatever else the machine does disturbs both alike.
+/// Evaluations a second, scalar and with this machine's best instructions. Both take turns on the same uniform sample of the
+/// paper's controllers, so that other load disturbs both alike.
 fn alternately(model: Preset, full: bool, span: Duration) -> Result<[f64; 2], CliError> {
     let space = ControllerSpace::for_model(v1::ControllerSpace::default(), &model.into())?;
     let mut stream = RandomStream::derive(1, Purpose::Propose, 0);
@@ -193,7 +193,7 @@ fn simulate(arch: Arch, controller: &Controller, start: &Start) -> Result<Swarm,
     Ok(swarm)
 }
 
-/// CPU time of all threads of this process so far, which other programs of a shared machine hardly change.
+/// CPU time of all threads of this process so far, which other programs on the machine hardly change.
 fn process_cpu() -> Duration {
     cpu_time(ClockId::ProcessCPUTime)
 }
@@ -202,7 +202,7 @@ fn thread_cpu() -> Duration {
     cpu_time(ClockId::ThreadCPUTime)
 }
 
-/// In user and in system mode.
+/// User and system time together.
 fn cpu_time(clock: ClockId) -> Duration {
     let time = clock_gettime(clock);
     Duration::new(time.tv_sec.unsigned_abs(), time.tv_nsec.unsigned_abs() as u32)

@@ -1,4 +1,4 @@
-//! The campaign of a specification: found again or begun, and followed to its end.
+//! Finds or begins the campaign of a specification, and follows it to its end.
 
 use murmuration_cli::{
     CliError,
@@ -11,10 +11,10 @@ use murmuration_proto::{CampaignSpec, parts::whole, v1};
 use murmuration_study::cell_digest;
 use std::collections::BTreeMap;
 
-/// The campaigns that a coordinator has, by their specification.
+/// The campaigns of a coordinator, by their specification.
 #[derive(Debug, Default)]
 pub(super) struct KnownCampaigns {
-    /// By id the digest of the specification, which never changes; nothing of one that this version does not understand.
+    /// Digest of the specification, which never changes, by id; `None` if this version cannot read the specification.
     digests: BTreeMap<String, Option<String>>,
     /// The ids, oldest first.
     ids: Vec<String>,
@@ -27,14 +27,14 @@ impl KnownCampaigns {
         Ok(known)
     }
 
-    /// Asks which campaigns there are now. Only new ones are looked into.
+    /// Updates the list of campaigns. Only new ones are examined.
     pub(super) async fn renew(&mut self, client: &mut Client) -> Result<(), CliError> {
         let listed = client.list_campaigns(v1::ListCampaignsRequest {}).await?;
         self.take(whole(listed.into_inner()).await?.campaigns.validated()?);
         Ok(())
     }
 
-    /// These campaigns are all that there are, oldest first.
+    /// Replaces the list by all present campaigns, oldest first.
     fn take(&mut self, listed: Vec<v1::Campaign>) {
         let mut digests = BTreeMap::new();
         self.ids.clear();
@@ -58,8 +58,8 @@ impl KnownCampaigns {
     }
 }
 
-/// The campaign of a specification: one of `known`, which have this specification, or a new one of a `study`, which
-/// may be nothing.
+/// The campaign of a specification: a usable one of `known`, which have this specification, or else a new one of `study`, which may
+/// be empty.
 pub(super) async fn begin(
     client: &mut Client,
     spec: &CampaignSpec,
@@ -77,7 +77,7 @@ pub(super) async fn begin(
     validated(client.create_campaign(request).await?)
 }
 
-/// Lets a campaign go on until it stops, wherever it is, and shows each status; the last one.
+/// Resumes a campaign if necessary, follows it until it stops, and shows each status. Returns the last one.
 pub(super) async fn to_rest(
     client: &mut Client,
     begun: v1::Campaign,
@@ -94,7 +94,7 @@ pub(super) async fn to_rest(
     }
 }
 
-/// Brings a campaign to its end, as [`to_rest`] does; one that was completed.
+/// Brings a campaign to its end, as [`to_rest`] does. Returns it completed.
 pub(super) async fn to_end(
     client: &mut Client,
     begun: v1::Campaign,
@@ -104,29 +104,28 @@ pub(super) async fn to_end(
     match last.state() {
         v1::CampaignState::Completed => Ok(last),
         v1::CampaignState::Failed => {
-            let said = format!("campaign {} failed: {}", last.id, last.error);
-            Err(CliError::Failed(said))
+            let message = format!("campaign {} failed: {}", last.id, last.error);
+            Err(CliError::Failed(message))
         }
         _ => Err(CliError::Failed(stopped(&last))),
     }
 }
 
-/// A campaign that stands still, though nothing went wrong.
+/// Message about a campaign that stopped without a failure.
 pub(super) fn stopped(campaign: &v1::Campaign) -> String {
     format!("campaign {} was stopped by another command", campaign.id)
 }
 
-/// The first campaign that is, or will be, what its specification says: one that nobody cancelled, taught or moved to another
-/// checkpoint.
+/// The first campaign that follows its specification: one that was not cancelled, taught by people, or moved to another checkpoint.
 async fn usable(client: &mut Client, known: Vec<String>) -> Result<Option<v1::Campaign>, CliError> {
     for campaign in known {
-        // As it is now: it may have gone on since it became known.
+        // The current state: the campaign may have continued since it was listed.
         let campaign = get_campaign(client, campaign).await?;
         if campaign.state() == v1::CampaignState::Cancelled {
             continue;
         }
         let digest = get_digest(client, &campaign.id).await?;
-        // Before the first checkpoint there is nothing that could have been adopted.
+        // Without a checkpoint, none can have been adopted.
         let adopted = digest.adopted && !campaign.checkpoint.is_empty();
         if !digest.attended && !adopted {
             return Ok(Some(campaign));
@@ -159,7 +158,7 @@ mod tests {
         assert_eq!(known.of(&spec), ["b-1"]);
         known.take(vec![one, other.clone(), again.clone()]);
         assert_eq!(known.of(&spec), ["b-1", "a-3"]);
-        // The first was deleted.
+        // Now the first campaign is deleted.
         known.take(vec![other, again]);
         assert_eq!(known.of(&spec), ["a-3"]);
     }

@@ -1,4 +1,4 @@
-//! `murmuration lab`: the commands that measure and study. Nothing but the program depends on this crate.
+//! `murmuration lab`: the commands that measure and study. Only the program depends on this crate.
 
 mod accuracy;
 mod atlas;

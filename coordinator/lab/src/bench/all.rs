@@ -51,7 +51,7 @@ struct Row {
     floor: Floor,
 }
 
-/// The least that a result takes.
+/// The minimum work per result.
 #[derive(Debug, Clone, Copy)]
 struct Floor {
     count: u64,
@@ -91,7 +91,7 @@ impl Row {
     }
 }
 
-/// Three digits or more.
+/// At least three digits.
 fn rate(rate: f64) -> String {
     if rate < 100.0 {
         format!("{rate:.2}")
@@ -222,8 +222,8 @@ impl Printed {
     }
 }
 
-/// The least time of each of two kinds of work in turns, seconds of CPU time, for as long as `span`, at least once. A round
-/// says what each took; a peer that is not there took `None`.
+/// Times two kinds of work in turns for as long as `span`, at least once. Returns the least time of each, seconds of CPU time. A
+/// round returns both times, with `None` for a missing peer.
 fn in_turns(
     span: Duration,
     mut round: impl FnMut() -> Result<(f64, Option<f64>), CliError>,
@@ -249,7 +249,7 @@ fn this_machine() -> Machine {
     }
 }
 
-/// In words, for people.
+/// Description for people.
 fn machine_in_words(machine: &Machine) -> String {
     let cpu = machine.cpu.as_deref().unwrap_or("unknown CPU");
     format!(
@@ -258,7 +258,7 @@ fn machine_in_words(machine: &Machine) -> String {
     )
 }
 
-/// The name in the text of /proc/cpuinfo; aarch64 has none there.
+/// The name from the text of /proc/cpuinfo; aarch64 has none there.
 fn cpu(text: &str) -> Option<String> {
     let line = text.lines().find(|line| line.starts_with("model name"))?;
     Some(line.split_once(':')?.1.trim().to_owned())

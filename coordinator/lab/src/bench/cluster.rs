@@ -1,4 +1,4 @@
-//! `bench cluster`: what the coordinator, the network and the disk cost beside the evaluations themselves.
+//! `bench cluster`: the cost of coordinator, network and disk compared to the evaluations alone.
 
 mod campaign;
 mod null_worker;
@@ -64,7 +64,7 @@ pub(super) struct Took {
     pub(super) cpu: Duration,
 }
 
-/// The best of several rounds, and how many evaluations each had.
+/// The best of several rounds, and the number of evaluations per round.
 #[derive(Debug, Clone, Copy)]
 struct Best {
     results: u64,
@@ -135,7 +135,7 @@ impl ClusterBench {
         Ok(())
     }
 
-    /// Two workers, for `bench all`; the best of three rounds.
+    /// Short version for `bench all`: two workers, the best of three rounds.
     pub(super) const fn short(generations: u32, null_generations: u32) -> Self {
         Self {
             workers: 2,
@@ -153,12 +153,12 @@ impl ClusterBench {
         Ok([campaign.per_second(), plain.per_second()])
     }
 
-    /// Null results a second of the coordinator's CPU time.
+    /// Null results per second of the coordinator's CPU time.
     pub(super) async fn null_results(&self) -> Result<f64, CliError> {
         Ok(self.null_evaluations().await?.cpu_seconds_each().recip())
     }
 
-    /// The same controllers in a campaign and in a plain loop, in turns.
+    /// Runs the same controllers in a campaign and in a plain loop, in turns.
     async fn beside_loop(
         &self,
         spec: &CampaignSpec,
@@ -187,14 +187,14 @@ impl ClusterBench {
         Ok((Best::of(results, &campaigns), Best::of(results, &loops)))
     }
 
-    /// A campaign whose evaluations cost nothing: what the coordinator takes.
+    /// Runs a campaign whose evaluations cost nothing, to measure the coordinator.
     async fn null_evaluations(&self) -> Result<Best, CliError> {
         let spec = spec(&format!(
             "method = \"hand-crafted\"\n[search]\npopulation = 1000\ngenerations = {}\n",
             self.null_generations
         ))?;
         let mut rounds = Vec::new();
-        // A folder holds the campaign of one round.
+        // A kept folder holds the campaign of one round.
         let count = if self.keep.is_some() { 1 } else { self.rounds };
         for _ in 0..count {
             let bench = match &self.keep {
@@ -224,14 +224,14 @@ impl ClusterBench {
     }
 }
 
-/// Nobody's campaigns get made-up ones among them.
+/// Creates a new folder, so that no made-up campaigns get into a real data directory.
 fn new_folder(folder: &Path) -> Result<(), CliError> {
     let refused = |why: &dyn std::fmt::Display| {
-        let said = format!(
+        let message = format!(
             "--keep {}: {why}; name a folder that is new or empty",
             folder.display()
         );
-        Err(CliError::Input(said))
+        Err(CliError::Input(message))
     };
     match std::fs::create_dir_all(folder).and_then(|()| std::fs::read_dir(folder)) {
         Ok(mut entries) => match entries.next() {

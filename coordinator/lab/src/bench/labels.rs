@@ -128,7 +128,7 @@ fn images(labels: &LabelledSet, folder: &Path, image: &ImageFormat) -> Result<Ve
     Ok(labels.images(&folder.join("images"), image.shape().into())?)
 }
 
-/// Pictures of each controller from further starts, as a campaign simulates them; the first is that of individual `first`.
+/// Simulates pictures of each controller from further starts, as a campaign does; the first is that of individual `first`.
 fn further(labels: &LabelledSet, spec: &CampaignSpec, first: u64) -> Result<Vec<Vec<Vec<u8>>>, CliError> {
     let Some(feedback) = spec.feedback().filter(|feedback| feedback.starts() > 1) else {
         return Ok(vec![Vec::new(); labels.classes().count()]);

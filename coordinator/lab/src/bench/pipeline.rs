@@ -1,4 +1,4 @@
-//! `bench pipeline`: where the time of a latent campaign goes.
+//! `bench pipeline`: how the time of a latent campaign splits into stages.
 
 use super::{
     SIMULATION, TRAINED_PICTURE,
@@ -41,7 +41,7 @@ pub struct PipelineBench {
 /// Pictures of each controller of the dataset.
 const STARTS: u32 = 2;
 
-/// The stages that are told apart, in their order; the time of any other counts as that of the stage before it.
+/// The measured stages, in their order. The time of any other stage counts for the one before it.
 const STAGES: [CampaignStage; 4] = [
     CampaignStage::Dataset,
     CampaignStage::Pretrain,
@@ -49,17 +49,17 @@ const STAGES: [CampaignStage; 4] = [
     CampaignStage::Taxonomy,
 ];
 
-/// Pause between two looks at the campaign's status.
+/// Pause between two queries of the campaign's status.
 const PAUSE: Duration = Duration::from_millis(50);
 
 pub(super) struct Pipeline {
-    /// Each of [`STAGES`].
+    /// The time of each of [`STAGES`].
     stages: [Took; 4],
     /// Simulations of the dataset and of the archive.
     simulations: u64,
-    /// Multiply-adds of the training, at least.
+    /// Minimum multiply-adds of the training.
     multiply_adds: u64,
-    /// As many simulations in a plain loop.
+    /// Time of the same number of simulations in a plain loop.
     plain: Duration,
 }
 
@@ -68,7 +68,7 @@ impl Pipeline {
         self.stages.iter().map(|took| took.wall).sum()
     }
 
-    /// Operations for each simulation, at least: its own, and its part of the training. A multiply-add counts twice.
+    /// Minimum operations per simulation: its own, and its part of the training. A multiply-add counts twice.
     pub(super) const fn floor(&self) -> u64 {
         SIMULATION + 2 * self.multiply_adds / self.simulations
     }
@@ -80,7 +80,7 @@ impl Pipeline {
 }
 
 impl PipelineBench {
-    /// Two workers, for `bench all`.
+    /// Short version for `bench all`, with two workers.
     pub(super) const fn short(controllers: u32, generations: u32) -> Self {
         Self {
             controllers,
@@ -131,7 +131,7 @@ impl PipelineBench {
 
     /// Runs the campaign, then the plain loop.
     pub(super) async fn measure(&self) -> Result<Pipeline, CliError> {
-        // Otherwise the campaign would wait for a worker that can embed.
+        // Without the library, the campaign would wait for a worker that can embed.
         Runtime::load()?;
         let spec = self.spec()?;
         let crew = InProcess {

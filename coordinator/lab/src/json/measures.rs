@@ -1,4 +1,4 @@
-//! What is measured: embeddings, the judge, every controller, this machine.
+//! Measurements of embeddings, the judge, atlases and this machine.
 
 use murmuration_accuracy as accuracy;
 use murmuration_train::bench::Figures;
@@ -6,12 +6,12 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// The labelled behaviours that something was measured by.
+/// The labelled behaviours of a measurement.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Set {
     /// The files.
     pub(crate) labels: Vec<String>,
-    /// Behaviours with a class that an annotator gave, other than the synthetic one.
+    /// Behaviours with a class from an annotator other than the synthetic one.
     pub(crate) behaviours: u64,
     /// Rows by the synthetic annotator, which are not counted.
     pub(crate) synthetic_left_out: u64,
@@ -53,7 +53,7 @@ pub(crate) struct UntrainedAccuracy {
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 pub(crate) struct Tally {
-    /// Those whose anchor is nearer to the positive than to the negative.
+    /// Triplets whose anchor is nearer to the positive than to the negative.
     correct: u64,
     /// All of them.
     triplets: u64,
@@ -76,44 +76,44 @@ pub(crate) struct Spread {
 pub(crate) struct Judge {
     #[serde(flatten)]
     pub(crate) set: Set,
-    /// Of the rule-based judge with annotators.
+    /// Agreement of the rule-based judge with annotators.
     #[serde(flatten)]
     pub(crate) agreement: Agreement,
-    /// The patterns among behaviours of no class, by name.
+    /// The patterns among behaviours of the class `random`, by name.
     pub(crate) patterns: BTreeMap<String, PatternCounts>,
-    /// By class: number of behaviours in whose world it has no meaning, so that the judge cannot answer with it.
+    /// By class: number of behaviours whose world gives the class no meaning, so that the judge cannot answer with it.
     pub(crate) without_meaning: BTreeMap<String, u64>,
-    /// Of the second judge with annotators.
+    /// Agreement of the second judge with annotators.
     pub(crate) second_judge: Agreement,
-    /// Behaviours that have the same class from both judges.
+    /// Behaviours to which both judges give the same class.
     pub(crate) judges_agreed: u64,
     /// Cohen's kappa between the judges, -1 to 1; null if agreement by chance is certain.
     pub(crate) judges_kappa: Option<f64>,
-    /// Behaviours that have the same class from both judges, and from annotators.
+    /// Behaviours to which both judges and annotators give the same class.
     pub(crate) all_agreed: u64,
 }
 
-/// How often a judge says what annotators say.
+/// How often a judge and annotators agree.
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 pub(crate) struct Agreement {
-    /// Behaviours that have the same class from the judge.
+    /// Behaviours to which the judge and annotators give the same class.
     pub(crate) agreed: u64,
     /// Cohen's kappa, -1 to 1; null if agreement by chance is certain.
     pub(crate) kappa: Option<f64>,
-    /// By the class that annotators gave: how many behaviours have which class from the judge.
+    /// By the annotators' class: number of behaviours by the judge's class.
     pub(crate) judged_by_class: BTreeMap<String, BTreeMap<String, u64>>,
 }
 
-/// How often a pattern was seen.
+/// How often annotators and the judge see a pattern.
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 pub(crate) struct PatternCounts {
-    /// By annotators.
+    /// Behaviours in which annotators see it.
     pub(crate) given: u64,
-    /// By annotators and the judge.
+    /// Behaviours in which annotators and the judge see it.
     pub(crate) agreed: u64,
-    /// By the judge.
+    /// Behaviours in which the judge sees it.
     pub(crate) judged: u64,
 }
 
@@ -124,13 +124,13 @@ pub(crate) struct Atlas {
     pub(crate) campaign: String,
     /// Digest of the campaign's archive.
     pub(crate) digest: String,
-    /// Path of its page or, where it has none, of its table.
+    /// Path of its page, or of its table if it has no page.
     pub(crate) atlas: String,
     /// Controllers that were simulated.
     pub(crate) controllers: u64,
 }
 
-/// A speed of this machine beside that of a peer.
+/// A speed of this machine beside that of another implementation, the peer.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct BenchAll {
     /// What was measured.
@@ -145,15 +145,15 @@ pub(crate) struct BenchAll {
     pub(crate) peer_name: Option<&'static str>,
     /// `ours` divided by `peer`; null without `peer`.
     pub(crate) ratio: Option<f64>,
-    /// The least that one result takes, as docs/performance.md counts it by hand.
+    /// Minimum work per result, counted by hand in docs/performance.md.
     pub(crate) floor: u64,
-    /// What the floor counts.
+    /// Unit of `floor`.
     pub(crate) floor_unit: &'static str,
-    /// Where it was measured.
+    /// The machine of the measurement.
     pub(crate) machine: Machine,
 }
 
-/// A machine that measures.
+/// A machine.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 #[schemars(inline)]
 pub(crate) struct Machine {
@@ -170,11 +170,11 @@ pub(crate) struct Machine {
 pub(crate) struct BenchSimulate {
     /// Capability model.
     pub(crate) model: &'static str,
-    /// What was done with each controller.
+    /// Work per controller.
     pub(crate) what: &'static str,
     /// Evaluations a second on one core.
     pub(crate) evaluations_per_second_per_core: f64,
-    /// The speed divided by that without SIMD.
+    /// The speed divided by the speed without SIMD.
     pub(crate) ratio_to_scalar: f64,
 }
 
@@ -189,14 +189,13 @@ pub(crate) struct BenchCluster {
     pub(crate) results: u64,
     /// Evaluations on disk a second, in the best round.
     pub(crate) results_per_second: f64,
-    /// CPU time of an evaluation, in the best round: of coordinator and workers, or of the coordinator alone for null
-    /// evaluations.
+    /// CPU time per evaluation in the best round: of coordinator and workers, or of the coordinator alone for null evaluations.
     pub(crate) cpu_seconds_per_result: f64,
     /// Evaluations a second of a plain loop on as many threads; null for null evaluations.
     pub(crate) loop_results_per_second: Option<f64>,
-    /// CPU time of an evaluation in the plain loop; null for null evaluations.
+    /// CPU time per evaluation in the plain loop; null for null evaluations.
     pub(crate) loop_cpu_seconds_per_result: Option<f64>,
-    /// The speed divided by that of the plain loop; null for null evaluations.
+    /// The speed divided by the speed of the plain loop; null for null evaluations.
     pub(crate) ratio_to_loop: Option<f64>,
 }
 
@@ -207,13 +206,13 @@ pub(crate) struct BenchPipeline {
     pub(crate) stage: &'static str,
     /// How long it lasted.
     pub(crate) seconds: f64,
-    /// CPU time of coordinator, workers and trainer meanwhile.
+    /// CPU time of coordinator, workers and trainer during the stage.
     pub(crate) cpu_seconds: f64,
     /// Its share of the campaign's time, 0 to 1.
     pub(crate) share: f64,
     /// Simulations of dataset and archive.
     pub(crate) simulations: u64,
-    /// How long that many simulations take in a plain loop.
+    /// Time of the same number of simulations in a plain loop.
     pub(crate) loop_seconds: f64,
 }
 
@@ -232,11 +231,11 @@ pub(crate) struct BenchTrain {
     seconds_per_step: f64,
     /// Time of an epoch.
     seconds_per_epoch: f64,
-    /// Most memory that the process has held so far; null if the system does not say.
+    /// Peak memory of the process so far; null if the system does not say.
     peak_memory_bytes: Option<u64>,
 }
 
-/// An accuracy after labels.
+/// Accuracy after a number of labels.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct BenchLabels {
     /// Query strategy that chose the labelled behaviours.

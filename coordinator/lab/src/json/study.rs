@@ -1,4 +1,4 @@
-//! Studies.
+//! Documents about studies.
 
 use murmuration_study as study;
 use schemars::JsonSchema;
@@ -8,7 +8,7 @@ use std::{collections::BTreeMap, path::Path};
 /// A study and its tables.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Study {
-    /// Its name.
+    /// Name of the study.
     study: String,
     /// Path of the page of its report; null if no report was written.
     report: Option<String>,
@@ -18,7 +18,7 @@ pub(crate) struct Study {
     measured: Vec<StudyCell>,
     /// A table for each measure.
     tables: Vec<StudyTable>,
-    /// How many of the judged individuals were named by whom: `judge`, or an annotator.
+    /// Number of judged individuals by who named them: `judge`, or an annotator.
     named_by: BTreeMap<String, usize>,
 }
 
@@ -68,21 +68,21 @@ struct StudyRow {
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 struct StudyFigure {
-    /// Replicates that have it; of accuracies the different embeddings.
+    /// Replicates that have the figure; for accuracies, the number of different embeddings.
     replicates: usize,
     /// Their mean.
     mean: f64,
     /// Their sample standard deviation; null for a single replicate.
     deviation: Option<f64>,
-    /// Mean with the judge's errors; null of figures that do not rest on the judge.
+    /// Mean with the judge's errors; null for figures that do not depend on the judge.
     mean_with_judge_errors: Option<f64>,
-    /// 5th and 95th percentile with the judge's errors; null of figures that do not rest on the judge.
+    /// 5th and 95th percentile with the judge's errors; null for figures that do not depend on the judge.
     range_with_judge_errors: Option<[f64; 2]>,
-    /// What was published; null if the study file does not say.
+    /// Published value; null if the study file has none.
     published: Option<f64>,
 }
 
-/// A study and how far it is.
+/// A study and its progress.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct ListedStudy {
     /// Its name.
@@ -91,7 +91,7 @@ pub(crate) struct ListedStudy {
     pub(crate) cells: usize,
     /// Number of the cells that were measured.
     pub(crate) measured: usize,
-    /// Why its folder cannot be read; the numbers are 0 then. Absent if it can.
+    /// Why its folder cannot be read; absent if it can. If present, the numbers are 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) problem: Option<String>,
 }

@@ -1,7 +1,7 @@
 //! How accurate an embedding becomes with labels: accuracy against their number, by query strategy.
 //!
-//! A labelled set stands for an annotator: whichever of its behaviours a strategy asks about, the set names its class. Accuracy is
-//! measured on another set. [`Sets`] is the only way to have both, and does not come into being where they share a picture.
+//! A labelled set plays the annotator: it names the class of each of its behaviours that a strategy asks about. Accuracy is
+//! measured on another set. [`Sets`] holds both, and cannot be made if they share a picture.
 
 mod plot;
 mod pretrained;
@@ -44,11 +44,11 @@ pub struct Point {
     pub not_random: Option<f64>,
     /// Correct triplets, percent; `None` if there is none.
     pub every: Option<f64>,
-    /// The time of the fine-tuning.
+    /// Duration of the fine-tuning.
     pub took: Duration,
 }
 
-/// Why there is no curve.
+/// Why a curve cannot be computed.
 #[derive(Debug, thiserror::Error)]
 pub enum CurveError {
     #[error(transparent)]
@@ -74,20 +74,20 @@ pub enum CurveError {
 pub struct Curves<'a> {
     /// The set that is labelled, and the set that measures accuracy.
     pub sets: &'a Sets,
-    /// An embedder a seed.
+    /// One embedder per seed.
     pub pretrained: &'a [Pretrained],
-    /// How they are fine-tuned, a recipe for labels.
+    /// The recipe for fine-tuning on labels.
     pub recipe: &'a Recipe,
     /// Clusters that the strategy `medoids` begins with, 1 or more.
     pub medoids: usize,
 }
 
 impl Curves<'_> {
-    /// The curve of a strategy from the embedder at `which`, at ascending numbers of labels; `told` hears of every point.
+    /// Computes the curve of a strategy from the embedder at `which`, at ascending numbers of labels; calls `told` with every
+    /// point.
     ///
-    /// As in a campaign, what to ask next is chosen with the embedder that has learned from the labels so far; unlike
-    /// there, each number's embedder is fine-tuned from the pretrained one, so that it does not depend on the numbers
-    /// before it.
+    /// As in a campaign, the embedder that has learned from the labels so far chooses the next questions. Unlike there, each
+    /// embedder is fine-tuned from the pretrained one, so that it does not depend on earlier points.
     pub fn curve(
         &self,
         strategy: Strategy,
@@ -123,7 +123,7 @@ impl Curves<'_> {
         Ok(())
     }
 
-    /// All behaviours of the set that is labelled, the first to ask about first.
+    /// All behaviours of the set that is labelled, in the order of asking.
     fn ranking(&self, strategy: Strategy, embedder: &Network, seed: u64) -> Result<Vec<usize>, CurveError> {
         let train = self.sets.train();
         let queries = match strategy {
@@ -152,7 +152,7 @@ impl Curves<'_> {
         Ok(queries.into_iter().map(|query| query.index).collect())
     }
 
-    /// The classes of these behaviours, with their pictures; `None` if they are all of one.
+    /// The classes and pictures of the behaviours `asked`; `None` if all are of one class.
     fn labelled(&self, asked: &[usize]) -> Result<Option<LabelledPictures>, CurveError> {
         let train = self.sets.train();
         let (pictures, classes) = train.labelled_pictures(asked);

@@ -10,11 +10,11 @@ use murmuration_report::{
 };
 use std::collections::BTreeMap;
 
-/// Pixels.
+/// Size in pixels.
 const SIZE: [f64; 2] = [900.0, 520.0];
 
 /// Accuracy (anchor not random) against the number of labels as SVG: for each strategy the mean over the seeds, a bar of one
-/// standard deviation either way, and the figure of every seed as a dot.
+/// standard deviation either way, and a dot for every seed.
 pub fn plot(points: &[Point], title: &str) -> String {
     let figures = points.iter().filter_map(|point| point.not_random);
     let lowest = (figures.fold(100.0, f64::min) - 2.0).max(0.0);

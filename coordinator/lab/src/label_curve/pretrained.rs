@@ -1,4 +1,4 @@
-//! An embedder without labels: the one that a campaign's dataset and pretrain stages come to.
+//! An embedder without labels, as the dataset and pretrain stages of a campaign produce it.
 
 use super::CurveError;
 use murmuration_engine::campaign::dataset_tasks;
@@ -8,7 +8,7 @@ use murmuration_train::{network::Network, pictures::Pictures, training::Training
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// A pretrained embedder, and what it was trained on.
+/// A pretrained embedder, and its dataset.
 #[derive(Debug)]
 pub struct Pretrained {
     /// Seed of the campaign that would have trained it.
@@ -20,10 +20,10 @@ pub struct Pretrained {
 }
 
 impl Pretrained {
-    /// Simulates the dataset and trains, on all cores, as a campaign of this specification does.
+    /// Simulates the dataset and trains on all cores, as a campaign of this specification does.
     ///
     /// # Errors
-    /// Where the campaign trains no embedder, or it cannot be trained.
+    /// If the campaign trains no embedder, or training fails.
     pub fn of(spec: &CampaignSpec) -> Result<Self, CurveError> {
         let Some(EmbedderSource::Trained { dataset, training }) = spec.embedder() else {
             let allowed = "a campaign that trains an embedder of its own";

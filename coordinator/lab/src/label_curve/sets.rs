@@ -1,4 +1,4 @@
-//! Labelled behaviours, and the wall between those that are learned from and those that judge.
+//! Labelled behaviours, and the separation of those learned from and those that measure.
 
 use murmuration_model::labels::class_numbers;
 use murmuration_proto::{PictureShape, SeenPictures};
@@ -9,16 +9,16 @@ pub struct LabelledBehaviours {
     shape: PictureShape,
     classes: Vec<String>,
     pictures: Vec<Vec<u8>>,
-    /// For each behaviour, the pictures of its controller from further starts.
+    /// For each behaviour, pictures of its controller from further starts.
     further: Vec<Vec<Vec<u8>>>,
 }
 
-/// The same pictures are to be learned from and to judge.
+/// Error if a set to learn from and one to measure share pictures; the number of shared ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("{0} pictures are in both sets, that which is learned from and that which judges")]
 pub struct Overlap(pub usize);
 
-/// A set that is learned from and one that judges, without a picture in common.
+/// A set to learn from and a set to measure, without a picture in common.
 #[derive(Debug, Clone)]
 pub struct Sets {
     train: LabelledBehaviours,
@@ -26,10 +26,10 @@ pub struct Sets {
 }
 
 impl Sets {
-    /// These two.
+    /// Takes both sets.
     ///
     /// # Errors
-    /// Where they share pictures.
+    /// If they share pictures.
     pub fn new(train: LabelledBehaviours, validation: LabelledBehaviours) -> Result<Self, Overlap> {
         let further = train.further.iter().flatten();
         let seen = SeenPictures::of(train.pictures.iter().chain(further).map(Vec::as_slice));
@@ -55,7 +55,7 @@ impl Sets {
 }
 
 impl LabelledBehaviours {
-    /// None yet, with pictures of this shape.
+    /// An empty set for pictures of this shape.
     pub const fn new(shape: PictureShape) -> Self {
         Self {
             shape,
@@ -65,7 +65,8 @@ impl LabelledBehaviours {
         }
     }
 
-    /// Adds a behaviour; its picture has the shape of all, and so has each of `further`, of the same controller from other starts.
+    /// Adds a behaviour with its picture. `further` are pictures of the same controller from other starts. All pictures have the
+    /// shape of the set.
     pub fn push(&mut self, class: &str, picture: Vec<u8>, further: Vec<Vec<u8>>) {
         debug_assert_eq!(picture.len(), self.shape.bytes());
         self.classes.push(class.to_owned());
@@ -73,7 +74,7 @@ impl LabelledBehaviours {
         self.further.push(further);
     }
 
-    /// How many there are.
+    /// Number of behaviours.
     pub const fn count(&self) -> usize {
         self.classes.len()
     }
@@ -87,7 +88,7 @@ impl LabelledBehaviours {
         self.classes.iter().map(String::as_str)
     }
 
-    /// The pictures of some of them, one after the other.
+    /// The pictures of the behaviours `which`, one after the other.
     pub(super) fn pictures(&self, which: &[usize]) -> Vec<u8> {
         which
             .iter()
@@ -96,7 +97,7 @@ impl LabelledBehaviours {
             .collect()
     }
 
-    /// Pictures of some of them, one after the other, and the [number](class_numbers) of the class of each.
+    /// All pictures of the behaviours `which`, one after the other, and the [number](class_numbers) of the class of each.
     pub(super) fn labelled_pictures(&self, which: &[usize]) -> (Vec<u8>, Vec<u32>) {
         let numbers = class_numbers(self.classes());
         let (mut pictures, mut classes) = (Vec::new(), Vec::new());

@@ -1,4 +1,4 @@
-//! The labelled sets that embeddings of a study are measured by.
+//! The labelled sets that measure the embeddings of a study.
 
 use crate::accuracy;
 use murmuration_accuracy::{Accuracy, LabelledSet};
@@ -19,12 +19,12 @@ use std::{
 #[derive(Debug, Default)]
 pub(super) struct Labelled {
     sets: BTreeMap<String, Vec<LabelledSet>>,
-    /// Their pictures, made when they are first wanted: simulating them takes seconds.
+    /// Their pictures, simulated on first use, because that takes seconds.
     images: Mutex<BTreeMap<String, Vec<Vec<u8>>>>,
 }
 
 impl Labelled {
-    /// Reads the sets that a study names, and the bytes of their files.
+    /// Reads the sets of a study, and returns them with the bytes of their files.
     pub(super) fn read(study: &Study) -> Result<(Self, Vec<Vec<u8>>), CliError> {
         let (mut sets, mut contents) = (BTreeMap::new(), Vec::new());
         if !study.measures.which.contains(&Measure::Accuracy) {
@@ -44,7 +44,7 @@ impl Labelled {
         Ok((labelled, contents))
     }
 
-    /// The sets for the robots of a cell; `None` if the study names none.
+    /// The sets for the robots of a cell, with the robots' name; `None` if the study has none.
     fn of(&self, spec: &CampaignSpec) -> Option<(&str, &[LabelledSet])> {
         let model = spec.model().preset()?.name();
         let (model, sets) = self.sets.get_key_value(model)?;
@@ -59,7 +59,7 @@ impl Labelled {
         Ok(Some(accuracy::measure(sets, accuracy::features(sets)?)))
     }
 
-    /// The accuracy of a checkpoint, of which `file` are the bytes; `None` without sets for the robots of the cell.
+    /// The accuracy of a checkpoint with the bytes `file`; `None` without sets for the robots of the cell.
     pub(super) fn of_checkpoint(
         &self,
         spec: &CampaignSpec,

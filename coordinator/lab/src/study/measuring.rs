@@ -27,7 +27,7 @@ pub(super) struct Measuring {
     pub(super) measures: Arc<Measures>,
     pub(super) digest: String,
     pub(super) labelled: Arc<Labelled>,
-    /// The content of the atlas; known before the first cell is measured, where recall or richness is.
+    /// The content of the atlas; set before the first cell is measured, if recall or richness is.
     pub(super) reference: Option<Arc<Reference>>,
     pub(super) interrupt: Interrupt,
 }
@@ -65,7 +65,7 @@ impl Measuring {
     ) -> Result<Measured, CliError> {
         let digest = get_digest(&mut clients.campaigns, &campaign.id).await?;
         let has = |measure| self.measures.which.contains(&measure);
-        // Fetched once, however many measures take it.
+        // Fetched once for all measures.
         let archive = match self.reference.is_some() || has(Measure::Maps) {
             true => Some(Arc::new(judged_archive(clients, spec, &campaign.id).await?)),
             false => None,
@@ -158,7 +158,7 @@ impl Measuring {
         .await
     }
 
-    /// The accuracy of the embedding that the cell measures novelty by, or of the features where there is none.
+    /// The accuracy of the embedding that the cell measures novelty by, or of the features without an embedding.
     async fn accuracy(
         &self,
         clients: &mut Clients,
@@ -182,8 +182,8 @@ impl Measuring {
     }
 }
 
-/// By individual, the class by which a campaign whose rounds nobody attends has learned from it: a round begins with the last
-/// answer of the synthetic annotator, so what people said later was not learned from.
+/// The class of each individual that the campaign learned from, for rounds that run without people. A round begins with the last
+/// answer of the synthetic annotator; later answers of people were not learned from.
 async fn learned_classes(clients: &mut Clients, campaign: &str) -> Result<BTreeMap<u64, u32>, CliError> {
     let request = v1::ListLabelEntriesRequest {
         campaign: campaign.to_owned(),
@@ -200,7 +200,7 @@ async fn learned_classes(clients: &mut Clients, campaign: &str) -> Result<BTreeM
     Ok(labels.numbered_classes().into_iter().collect())
 }
 
-/// The verdicts of the workers' judge on the trials of a campaign.
+/// Fetches the workers' verdicts on the trials of a campaign.
 async fn shares(
     clients: &mut Clients,
     spec: &CampaignSpec,
@@ -212,7 +212,7 @@ async fn shares(
     Ok(trials)
 }
 
-/// The same of an archive that was fetched.
+/// The same from an archive fetched before.
 fn shares_of(archive: &[Judged]) -> JudgedTrials {
     archive
         .iter()
@@ -241,7 +241,7 @@ async fn search(clients: &mut Clients, campaign: &v1::Campaign) -> Result<Option
     }))
 }
 
-/// The result of a long computation.
+/// Runs a long computation on a thread for blocking work.
 async fn computed<T: Send + 'static>(
     compute: impl FnOnce() -> Result<T, CliError> + Send + 'static,
 ) -> Result<T, CliError> {
@@ -253,7 +253,7 @@ async fn computed<T: Send + 'static>(
     }
 }
 
-/// The individuals of a campaign that judges, in order.
+/// The individuals of a campaign with verdicts, in order.
 async fn judged_archive(
     clients: &mut Clients,
     spec: &CampaignSpec,
@@ -292,7 +292,7 @@ fn judged(
     })
 }
 
-/// How a coordinator is asked; cheap to clone.
+/// Clients of a coordinator; cheap to clone.
 #[derive(Clone)]
 pub(super) struct Clients {
     pub(super) campaigns: Client,

@@ -1,4 +1,4 @@
-//! `study`: grids of campaigns, and what is measured of them.
+//! `study`: grids of campaigns with their measures.
 
 mod labelled;
 mod measuring;
@@ -9,7 +9,7 @@ mod shown;
 use crate::json;
 use murmuration_cli::{
     CliError, Global,
-    files::{read_words, replaces},
+    files::{expect_outside_data, read_words, replaces},
     table::{Table, left, right},
 };
 use murmuration_files::{Folder, InputKind, Replaces};
@@ -86,7 +86,10 @@ impl ReportStudy {
             )));
         }
         let folder = match &self.out {
-            Some(out) => Folder::create(out, replaces(self.force)),
+            Some(out) => {
+                expect_outside_data(out)?;
+                Folder::create(out, replaces(self.force))
+            }
             None => Folder::create(folder.path(), Replaces::All),
         };
         let page = write_report(&outcome, folder?).map_err(report_error)?;
@@ -104,8 +107,8 @@ fn report_error(error: ReportError) -> CliError {
     }
 }
 
-/// A study of a data directory, with what was measured of it, and the classes that people gave: `corrections`, and of other
-/// individuals those from the page of the study.
+/// Reads a study of a data directory with its measurements and the classes from people. `corrections` take precedence over classes
+/// from the study's page.
 fn kept(data: &Path, name: &str, corrections: Corrections) -> Result<(StudyFolder, Outcome), CliError> {
     let kept = StudyFolder::open(data, name).map_err(folder_error)?;
     let folder = kept.folder.clone();
@@ -123,7 +126,7 @@ fn list(global: &Global) -> Result<(), CliError> {
                 measured: outcome.cells().count(),
                 problem: None,
             },
-            // One that is damaged hides none of the others.
+            // A damaged study does not hide the others.
             Err(error) => json::ListedStudy {
                 study: name,
                 cells: 0,
@@ -154,11 +157,11 @@ fn list(global: &Global) -> Result<(), CliError> {
     Ok(())
 }
 
-/// A folder of a study that cannot be read or written.
+/// Error for a study folder that cannot be read or written.
 fn folder_error(error: FolderError) -> CliError {
-    let said = error.to_string();
+    let message = error.to_string();
     match error {
-        FolderError::NoStudy { .. } => CliError::Input(said),
-        _ => CliError::Failed(said),
+        FolderError::NoStudy { .. } => CliError::Input(message),
+        _ => CliError::Failed(message),
     }
 }

@@ -1,4 +1,4 @@
-//! How far a study is: bars on a terminal, plain lines elsewhere.
+//! Progress of a study: bars on a terminal, plain lines elsewhere.
 
 use indicatif::{HumanDuration, MultiProgress, ProgressBar};
 use murmuration_cli::follow::{StatusLine, bar};
@@ -13,20 +13,20 @@ use std::{
     time::Instant,
 };
 
-/// How far a study is; cheap to clone.
+/// Progress of a study; cheap to clone.
 #[derive(Debug, Clone)]
 pub(super) struct Progress {
-    /// Present on a terminal.
+    /// `None` without a terminal.
     bars: Option<(MultiProgress, ProgressBar)>,
     done: Arc<AtomicUsize>,
     all: usize,
 }
 
-/// How far a campaign of a study is.
+/// Progress of a campaign of a study.
 #[derive(Debug)]
 pub(super) struct CellProgress {
     study: Progress,
-    /// Its name, in words.
+    /// Name of the campaign's cell, in words.
     words: String,
     bar: Option<ProgressBar>,
     begun: Instant,
@@ -47,7 +47,7 @@ impl Progress {
         }
     }
 
-    /// A campaign begins to be looked at.
+    /// Adds a campaign.
     pub(super) fn cell(&self, words: String) -> CellProgress {
         let bar = self
             .bars
@@ -64,7 +64,7 @@ impl Progress {
         }
     }
 
-    /// Says something between the bars.
+    /// Prints a line between the bars.
     pub(super) fn say(&self, line: &str) {
         match &self.bars {
             Some((bars, _)) => drop(bars.println(line)),
@@ -80,7 +80,7 @@ impl Progress {
 }
 
 impl CellProgress {
-    /// Its campaign is known.
+    /// Shows the id of the campaign, now that it is known.
     pub(super) fn begin(&self, campaign: &str) {
         if self.bar.is_none() {
             errln!("{}: campaign {campaign}", self.words);
@@ -102,7 +102,7 @@ impl CellProgress {
         }
     }
 
-    /// It is done with.
+    /// Ends the progress of the campaign.
     pub(super) fn end(self, how: &str) {
         let done = self.study.done.fetch_add(1, Ordering::Relaxed) + 1;
         if let Some(bar) = &self.bar {

@@ -1,4 +1,4 @@
-//! `study run`: every campaign of a study to its end, several at once, each measured as soon as it is completed.
+//! `study run`: runs every campaign of a study to its end, several at once, and measures each as soon as it is completed.
 
 use super::{
     folder_error, kept,
@@ -99,13 +99,13 @@ impl RunStudy {
     }
 }
 
-/// A campaign that is to be done.
+/// A campaign to run.
 enum Job {
-    /// The atlas that recall is measured by.
+    /// The atlas that recall is measured against.
     Atlas(Box<CampaignSpec>),
-    /// One that trains the embedder of the cell at this place, and perhaps of others; by its digest.
+    /// The campaign that trains the embedder of the cell at this index, and perhaps of others; with the campaign's digest.
     Embedder(String, Box<CampaignSpec>, usize),
-    /// The cell at this place; with the digest of the campaign that trains its embedder, if it shares one.
+    /// The cell at this index; with the digest of the campaign that trains its embedder, if it shares one.
     Cell(usize, Option<String>),
 }
 
@@ -119,13 +119,13 @@ struct StudyRun<'a> {
     study: &'a Study,
     folder: &'a StudyFolder,
     clients: Clients,
-    /// The data directory, of which one study at a time looks for campaigns and begins them.
+    /// The data directory. A lock in it lets only one study at a time look for campaigns and begin them.
     data: &'a Path,
     measuring: Measuring,
     /// The checkpoints that cells share, by the digest of the campaign that trains each.
     embedders: BTreeMap<String, CheckpointDigest>,
     waiting: VecDeque<Job>,
-    /// The campaigns of the coordinator, as they were when one was last looked for.
+    /// The campaigns of the coordinator at the last lookup.
     known: KnownCampaigns,
     progress: Progress,
 }
@@ -150,7 +150,7 @@ impl<'a> StudyRun<'a> {
             .iter()
             .enumerate()
             .filter(|(_, measured)| measured.is_none());
-        // Two rows may come to the same campaign.
+        // Two rows may give the same campaign.
         let mut wanted = BTreeSet::new();
         let missing: Vec<usize> = missing
             .map(|(place, _)| place)
@@ -162,7 +162,7 @@ impl<'a> StudyRun<'a> {
             .reference(&measuring.digest)
             .map_err(folder_error)?
             .map(Arc::new);
-        // Figures that are kept are computed from it too, so it is made again even if no cell is missing.
+        // Figures of earlier runs also depend on the atlas, so it is made again even if no cell is missing.
         if let (Some(plan), None) = (&study.measures.recall, &reference) {
             waiting.push_back(Job::Atlas(Box::new(plan.atlas.clone())));
         }
@@ -201,7 +201,7 @@ impl<'a> StudyRun<'a> {
         })
     }
 
-    /// Brings every campaign to its end, so many at once; `again` is the command that goes on.
+    /// Runs all campaigns to their end, `at_once` at a time; `again` is the command that continues after a failure.
     async fn finish(mut self, at_once: usize, again: &str) -> Result<(), CliError> {
         let mut running = JoinSet::new();
         let mut failures = Vec::new();
@@ -245,7 +245,7 @@ impl<'a> StudyRun<'a> {
         }
     }
 
-    /// The next campaign that waits for no embedder and no atlas, with its specification.
+    /// The next campaign that is ready to run, with its specification.
     fn next_ready(&mut self) -> Result<Option<(Job, CampaignSpec)>, CliError> {
         let place = self.waiting.iter().position(|job| self.is_ready(job));
         let Some(job) = place.and_then(|place| self.waiting.remove(place)) else {
@@ -266,7 +266,7 @@ impl<'a> StudyRun<'a> {
         Ok(Some((job, spec)))
     }
 
-    /// Whether a campaign waits for no embedder and no atlas.
+    /// Whether the embedder and the atlas that a campaign needs are there.
     fn is_ready(&self, job: &Job) -> bool {
         match job {
             Job::Atlas(_) | Job::Embedder(..) => true,
@@ -279,12 +279,12 @@ impl<'a> StudyRun<'a> {
         }
     }
 
-    /// Whether cells cannot be measured yet.
+    /// Whether cells must wait for the atlas to be measured.
     fn waits_for_atlas(&self) -> bool {
         self.study.measures.recall.is_some() && self.measuring.reference.is_none()
     }
 
-    /// Begins a campaign, in the order of the study, and leaves the rest to a task.
+    /// Begins a campaign, in the order of the study, and spawns a task for the rest.
     async fn start(
         &mut self,
         running: &mut JoinSet<Result<Done, String>>,
@@ -296,20 +296,20 @@ impl<'a> StudyRun<'a> {
             Job::Embedder(_, _, place) => format!("embedder of {}", self.words(*place)),
             Job::Cell(place, _) => self.words(*place),
         };
-        let said = |error: CliError, words: &str| format!("{words}: {error}");
+        let message = |error: CliError, words: &str| format!("{words}: {error}");
         let begun = self.found_or_begun(&spec).await;
-        let begun = begun.map_err(|error| said(error, &words))?;
+        let begun = begun.map_err(|error| message(error, &words))?;
         let progress = self.progress.cell(words.clone());
         let (mut clients, measuring) = (self.clients.clone(), self.measuring.clone());
         running.spawn(async move {
             let done = done(&mut clients, &measuring, (job, &spec), begun, &progress).await;
             progress.end(if done.is_ok() { "done" } else { "failed" });
-            done.map_err(|error| said(error, &words))
+            done.map_err(|error| message(error, &words))
         });
         Ok(())
     }
 
-    /// The campaign of a specification, which another study may have begun a moment ago.
+    /// Finds or begins the campaign of a specification. Another study may have begun it a moment ago.
     async fn found_or_begun(&mut self, spec: &CampaignSpec) -> Result<v1::Campaign, CliError> {
         let data = self.data.to_owned();
         let locked = tokio::task::spawn_blocking(move || lock_beginning(&data)).await;
@@ -342,7 +342,7 @@ impl<'a> StudyRun<'a> {
     }
 }
 
-/// Brings the campaign of a job to its end, and makes of it what the job is for.
+/// Runs the campaign of a job to its end, and makes the job's result from it.
 async fn done(
     clients: &mut Clients,
     measuring: &Measuring,

@@ -1,5 +1,5 @@
-//! Large archives: the novelty of a generation on one thread, beside brute force; and k-medoids by samples, as large archives are
-//! clustered, beside FasterPAM on the whole archive.
+//! Large archives: the novelty of a generation on one thread, compared to brute force; and k-medoids by samples, the method for
+//! large archives, compared to FasterPAM on the whole archive.
 
 use super::{
     super::{process_cpu, thread_cpu},
@@ -17,7 +17,7 @@ use std::{hint::black_box, time::Duration};
 
 const ARCHIVE: usize = 100_000;
 const GENERATION: usize = 100;
-/// Neighbours that a campaign asks for unless it is told otherwise.
+/// Default number of neighbours in a campaign.
 const NEIGHBOURS: usize = 15;
 
 pub(super) fn novelty(span: Duration) -> Result<Row, CliError> {
@@ -53,7 +53,7 @@ fn measured(span: Duration) -> Result<(f64, Option<f64>), CliError> {
     })
 }
 
-/// So many behaviours in clumps of differing width, as an archive has them, of five values each.
+/// `len` behaviours of five values each, in clumps of differing width like those of an archive.
 fn archive(len: usize) -> Result<Behaviours, CliError> {
     let mut stream = RandomStream::derive(1, Purpose::Start, len as u64);
     let mut behaviours = Behaviours::new(5);
@@ -69,14 +69,14 @@ fn archive(len: usize) -> Result<Behaviours, CliError> {
     Ok(behaviours)
 }
 
-/// Seconds of this thread's CPU time.
+/// CPU time of this thread, seconds.
 fn timed(work: impl FnOnce() -> Result<Vec<f64>, Interrupted>) -> Result<f64, CliError> {
     let begun = thread_cpu();
     black_box(work()).map_err(CliError::failed)?;
     Ok(thread_cpu().saturating_sub(begun).as_secs_f64())
 }
 
-/// Individuals for each second of the measurement, and the most: above the size up to which campaigns use FasterPAM.
+/// Individuals per second of the measurement, and the most. The most exceeds the size up to which campaigns use FasterPAM.
 const EACH_SECOND: f64 = 4_000.0;
 const MOST_CLUSTERED: usize = 20_000;
 /// Medoids of the paper's taxonomy.
@@ -104,7 +104,7 @@ pub(super) fn medoids(span: Duration) -> Result<Row, CliError> {
     })
 }
 
-/// Seconds of this process's CPU time.
+/// CPU time of this process, seconds.
 fn clustered(algorithm: Algorithm, behaviours: &Behaviours) -> Result<f64, CliError> {
     let begun = process_cpu();
     let mut stream = RandomStream::derive(1, Purpose::Medoids, 0);

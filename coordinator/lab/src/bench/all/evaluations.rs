@@ -1,4 +1,4 @@
-//! Simulations and evaluations of uniform controllers on one thread, beside the simulation's loop in numba.
+//! Simulations and evaluations of uniform controllers on one thread, compared to the simulation's loop in numba.
 
 use super::{
     super::{ONE_SENSOR, PAIRS, TWO_SENSORS, thread_cpu},
@@ -16,7 +16,7 @@ use serde_json::json;
 use std::{hint::black_box, time::Duration};
 
 const LOOP: &str = include_str!("../../../../../worker/sim/benches/numba_loop.py");
-/// Controllers in all, and how many of them are evaluated at once.
+/// Number of all controllers, and number of controllers evaluated at once.
 const CONTROLLERS: usize = 48;
 const AT_ONCE: usize = 8;
 
@@ -25,7 +25,7 @@ pub(super) fn rows(model: Preset, span: Duration, python: &str) -> Result<[Row; 
     let world = World::default();
     let tasks = uniform(model)?;
     let mut numba = Peer::start(python, "numba", LOOP, "", &population(&tasks, &world)?);
-    // The first step of a window clears the canvas: the shortest window draws one step.
+    // The first step of a window clears the canvas, so the shortest window draws one step.
     let shortest = v1::ImageFormat {
         window: Some(2),
         ..ImageFormat::default().into()
@@ -65,7 +65,7 @@ fn uniform(model: Preset) -> Result<Vec<(Controller, Start)>, CliError> {
     Ok(starts.map(|start| (space.sample(&mut stream), start)).collect())
 }
 
-/// Seconds of this thread's CPU time.
+/// CPU time of this thread, seconds.
 fn evaluated(evaluator: &mut Evaluator, tasks: &[(Controller, Start)]) -> Result<f64, CliError> {
     let begun = thread_cpu();
     for tasks in tasks.chunks(AT_ONCE) {
@@ -74,13 +74,13 @@ fn evaluated(evaluator: &mut Evaluator, tasks: &[(Controller, Start)]) -> Result
     Ok(thread_cpu().saturating_sub(begun).as_secs_f64())
 }
 
-/// Seconds that numba takes for the same swarms.
+/// Time of numba for the same swarms, seconds.
 fn simulated(numba: &mut Peer) -> Result<f64, CliError> {
     let seconds = numba.round()?;
     seconds.parse().map_err(|_| numba.failed(&seconds))
 }
 
-/// The line that the script reads first: where each swarm starts, and its controller.
+/// The script's first input line: the start of each swarm, and its controller.
 fn population(tasks: &[(Controller, Start)], world: &World) -> Result<String, CliError> {
     let pose = |agent: Agent| [agent.position[0], agent.position[1], agent.theta];
     let swarms = tasks.iter().map(|(controller, start)| {

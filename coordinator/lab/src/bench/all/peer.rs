@@ -1,4 +1,4 @@
-//! A peer in a process of Python, which takes a round for each line that it reads.
+//! A peer in a Python process, which runs one round per input line.
 
 use super::CliError;
 use std::{
@@ -15,7 +15,7 @@ pub(super) struct Peer {
 }
 
 impl Peer {
-    /// Runs the text of a script with an argument, and sends it a line. `None` where Python or the package is missing.
+    /// Runs the text of a script with an argument, and sends it a line. `None` if Python or the package is missing.
     pub(super) fn start(
         python: &str,
         package: &'static str,
@@ -40,18 +40,18 @@ impl Peer {
         if !line.is_empty() {
             writeln!(peer.to, "{line}").ok()?;
         }
-        // The first line says that it is ready; a script that fails ends without one.
+        // The first line reports readiness; a script that fails ends without one.
         peer.line().ok()?;
         Some(peer)
     }
 
-    /// Takes a round, and gives what the script prints.
+    /// Runs a round. Returns the output of the script.
     pub(super) fn round(&mut self) -> Result<String, CliError> {
         let answer = writeln!(self.to).and_then(|()| self.line());
         answer.map_err(|error| self.failed(&error.to_string()))
     }
 
-    /// The error of an answer that cannot be used.
+    /// The error for an unusable answer.
     pub(super) fn failed(&self, why: &str) -> CliError {
         CliError::Failed(format!("{} ended or answered something else: {why}", self.name))
     }
@@ -67,7 +67,7 @@ impl Peer {
 
 impl Drop for Peer {
     fn drop(&mut self) {
-        // It may have ended already.
+        // The process may have ended already.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

@@ -36,7 +36,7 @@ fn a_peer_that_is_missing_has_no_figure_and_no_ratio() {
 #[test]
 fn a_peer_that_does_not_run_is_no_error() {
     assert!(peer::Peer::start("/missing/python3", "numba", "", "", "").is_none());
-    // It ends without a word, as Python does where a package is missing.
+    // Python also ends without output if a package is missing.
     assert!(peer::Peer::start("false", "numba", "", "", "[]").is_none());
 }
 

@@ -1,4 +1,4 @@
-//! A training step on one thread, beside PyTorch's.
+//! A training step on one thread, compared to PyTorch's.
 
 use super::{
     super::{TRAINED_PICTURE, process_cpu},
@@ -10,7 +10,7 @@ use rayon::ThreadPoolBuilder;
 use std::time::Duration;
 
 const STEP: &str = include_str!("../../../../../trainer/train/benches/pytorch_step.py");
-/// Anchors of a step of the default recipe.
+/// Anchors in a step of the default recipe.
 const ANCHORS: usize = 256;
 
 pub(super) fn row(span: Duration, python: &str) -> Result<Row, CliError> {
@@ -38,7 +38,7 @@ pub(super) fn row(span: Duration, python: &str) -> Result<Row, CliError> {
     })
 }
 
-/// The least CPU time of a step among the ways in which PyTorch takes it. The script prints wall time and CPU time of each.
+/// The least CPU time of a step among PyTorch's modes. The script prints wall time and CPU time of each.
 fn best(pytorch: &mut Peer) -> Result<f64, CliError> {
     let line = pytorch.round()?;
     let ways: Vec<[f64; 2]> = serde_json::from_str(&line).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! One campaign in a cluster of this process, over a folder that lasts as long as it does, or that is kept.
+//! A campaign in a cluster of this process, over a temporary or a kept folder.
 
 use super::{CliError, Took, process_cpu};
 use murmuration_access::ListenConfig;
@@ -23,7 +23,7 @@ use std::{
 };
 use tempfile::TempDir;
 
-/// Shortest and longest pause between two questions of how far the campaign is.
+/// Shortest and longest pause between two queries of the campaign's progress.
 const PAUSES: (Duration, Duration) = (Duration::from_millis(3), Duration::from_millis(200));
 
 /// A cluster without campaigns.
@@ -47,9 +47,9 @@ impl Folder {
     }
 }
 
-/// A campaign that has come to its end.
+/// A campaign that has reached its end.
 pub(in crate::bench) struct Finished {
-    /// From the request to create it to its end.
+    /// From the request that creates the campaign to its end.
     pub(in crate::bench) took: Took,
     folder: Folder,
     spec: CampaignSpec,
@@ -70,14 +70,14 @@ impl Finished {
 }
 
 impl BenchCampaign {
-    /// Starts a cluster with this crew, which has the checkpoint `model` if there is one.
+    /// Starts a cluster with this crew, and publishes the checkpoint `model` if there is one.
     pub(in crate::bench) async fn start(crew: InProcess, model: Option<Vec<u8>>) -> Result<Self, CliError> {
         let folder = tempfile::tempdir()
             .map_err(|error| CliError::Failed(format!("cannot create a temporary folder: {error}")))?;
         Self::start_in(Folder::Temporary(folder), crew, model).await
     }
 
-    /// Starts a cluster without workers whose data directory is `folder`, and stays.
+    /// Starts a cluster without workers, whose data directory is `folder` and is kept.
     pub(super) async fn start_kept(folder: &Path) -> Result<Self, CliError> {
         Self::start_in(Folder::Kept(folder.to_owned()), InProcess::NONE, None).await
     }
@@ -107,7 +107,7 @@ impl BenchCampaign {
         self.cluster.coordinator().local()
     }
 
-    /// Runs a campaign up to its last generation, and ends the cluster.
+    /// Runs a campaign through its last generation, and ends the cluster.
     pub(super) async fn run(self, spec: &CampaignSpec) -> Result<Finished, CliError> {
         let generations = spec.search().generations();
         let begun = Instant::now();
@@ -118,7 +118,7 @@ impl BenchCampaign {
         .await
     }
 
-    /// Runs a campaign to its taxonomy, and ends the cluster. `saw` hears its stage after each pause.
+    /// Runs a campaign to its taxonomy, and ends the cluster. Calls `saw` with its stage after each pause.
     pub(in crate::bench) async fn complete(
         self,
         spec: &CampaignSpec,
@@ -132,7 +132,7 @@ impl BenchCampaign {
         .await
     }
 
-    /// Runs a campaign for as long as `pause` says how long to wait before the next look at its status.
+    /// Runs a campaign and queries its status until `pause` returns `None`; `pause` gives the time until the next query.
     async fn follow(
         self,
         spec: &CampaignSpec,
@@ -173,7 +173,7 @@ impl BenchCampaign {
     }
 }
 
-/// Half of the time that is left if the campaign goes on as before: questions are few, and the last comes just after the end.
+/// Half of the estimated remaining time, so that queries are few, and the last one comes just after the end.
 fn pause(elapsed: Duration, done: u32, all: u32) -> Duration {
     let left = elapsed * all.saturating_sub(done) / done.max(1);
     (left / 2).clamp(PAUSES.0, PAUSES.1)

@@ -1,4 +1,4 @@
-//! A worker whose evaluations cost nothing: what is left is the coordinator's part.
+//! A worker whose evaluations cost nothing, to measure the coordinator alone.
 
 use super::{CliError, thread_cpu};
 use murmuration_coordinator::server::LocalWay;
@@ -16,10 +16,10 @@ use tokio::{runtime, sync::watch};
 
 /// Evaluations that it accepts at once.
 const CREDITS: u32 = 1024;
-/// Every so many pixels of its picture one is grey: about as many as in the picture of a swarm.
+/// One pixel in this many is grey in its pictures, about as many as in the picture of a swarm.
 const GREY: usize = 20;
 
-/// The worker, on a thread of its own.
+/// The worker, in a thread of its own.
 pub(super) struct NullWorker {
     stop: watch::Sender<bool>,
     thread: JoinHandle<Result<Duration, CliError>>,
@@ -55,7 +55,7 @@ impl NullWorker {
         })
     }
 
-    /// Ends it; the CPU time that its thread took.
+    /// Ends it. Returns the CPU time of its thread.
     pub(super) fn end(self) -> Result<Duration, CliError> {
         self.stop.send_replace(true);
         let early = || CliError::Failed("the null worker ended early".to_owned());
@@ -67,14 +67,14 @@ fn failed(error: LinkError) -> CliError {
     CliError::Failed(error.to_string())
 }
 
-/// Its answers: one picture, and features at random, so that novelty is measured on as many behaviours as there are.
+/// Its answers: one picture, and random features, so that novelty is measured on distinct behaviours.
 struct Answers {
     image: Vec<u8>,
     stream: RandomStream,
 }
 
 impl Answers {
-    /// Features that a swarm in the paper's world can have.
+    /// Features within the range of a swarm in the paper's world.
     fn evaluation(&mut self) -> v1::Evaluation {
         let bits: u64 = self.stream.random();
         let feature = |place: u32| f64::from((bits >> (12 * place)) as u16 & 0xfff) / f64::from(1 << 15);

@@ -1,4 +1,4 @@
-//! The peer of a campaign: the same evaluations on as many threads, with nothing around them.
+//! The peer of a campaign: the same evaluations on the same number of threads, with nothing else.
 
 use super::{CliError, Took, process_cpu};
 use murmuration_embed::{EmbedError, Embedder, Runtime};
@@ -14,7 +14,7 @@ use std::{
 /// Evaluations that a thread takes at a time.
 const AT_ONCE: usize = 64;
 
-/// One evaluator a thread, and one embedder a thread where pictures are embedded.
+/// One evaluator per thread, and one embedder per thread if pictures are embedded.
 pub(in crate::bench) struct PlainLoop {
     threads: Vec<(Evaluator, Option<Embedder>)>,
 }
