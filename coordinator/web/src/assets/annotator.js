@@ -8,7 +8,7 @@ export function random() {
   return Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
-// The rule-based judge's name is nobody else's, whatever its case and what stands between its letters.
+// The rule-based judge's name is reserved, in any case and with any characters between its letters.
 const isReserved = (name) => name.toLowerCase().replace(/[^\p{L}\p{N}]/gu, "") === "synthetic";
 
 export function annotator() {
@@ -20,7 +20,7 @@ export function rename(name) {
   if (name.trim() && !isReserved(name)) localStorage.setItem(NAME, name.trim());
 }
 
-// Shows the name in a field, where it is changed; `renamed()` hears of a change there, or on another page of this browser.
+// Shows the name in a field for changing it. Calls `renamed()` after a change there, or on another page of this browser.
 export function showName(field, renamed) {
   field.value = annotator();
   field.addEventListener("change", () => {
@@ -37,7 +37,7 @@ export function showName(field, renamed) {
   addEventListener("pageshow", look);
 }
 
-// The window's id outlives a refresh, so that the same questions come again; a window that was duplicated takes another.
+// The window's id survives a reload, so that the same questions come again. A duplicated window gets a new id.
 export async function session() {
   const known = sessionStorage.getItem(SESSION);
   if (known && (await claim(known))) return known;
@@ -47,8 +47,8 @@ export async function session() {
   return fresh;
 }
 
-// Holds the id for as long as the page lives. Browsers have locks only where they trust the connection; elsewhere the
-// id is taken as it is.
+// Locks the id for as long as the page lives. Browsers have locks only on trusted connections; on others the id is used without a
+// lock.
 function claim(id) {
   if (!navigator.locks) return true;
   return new Promise((resolve) => {
@@ -56,14 +56,14 @@ function claim(id) {
       resolve(true);
       return new Promise(() => {});
     };
-    // A refreshed page may have to wait until its former self is gone.
+    // A reloaded page may have to wait until its predecessor is gone.
     const signal = AbortSignal.timeout(1000);
     navigator.locks.request(`murmuration.${id}`, { signal }, held).catch(() => resolve(false));
   });
 }
 
-// Waits until somebody has said who they are, here or on another page, in a dialog if the page has the form in one; false if they
-// would not.
+// Waits until the annotator's name is known, from this page or another one. If the form is in a dialog, opens that. Resolves to
+// false if the dialog is dismissed.
 export function introduced() {
   if (annotator()) return Promise.resolve(true);
   const form = document.getElementById("who");

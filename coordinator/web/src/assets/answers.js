@@ -1,4 +1,4 @@
-// The Answers page: shows the answers that stand; people select some, change theirs, or withdraw them.
+// The Answers page: shows the standing answers; people select some, change theirs, or withdraw them.
 import { annotator, introduced, session } from "./annotator.js";
 import { archived, follow, get, insist, path, pause } from "./coordinator.js";
 import { column } from "./drawing.js";
@@ -11,9 +11,9 @@ import { counted, grouped, shown } from "./words.js";
 
 // Least time between two requests for all answers.
 const PAUSE_MS = 1000;
-// Pictures that are added at once.
+// Pictures added at a time.
 const PART = 60;
-// Stand for answers that name no class.
+// Places of answers that name no class.
 const NOT_SURE = 65535;
 const SKIP = 65534;
 
@@ -22,11 +22,11 @@ const status = at("status");
 const list = at("answers");
 const player = new Player(document.querySelector(".player"));
 let told = { classes: [], annotators: [] };
-// Every answer that stands, the newest first.
+// All standing answers, newest first.
 let answers = [];
 let found = [];
 let room = PART;
-// By entry of `keyOf`, the answers that are selected.
+// The selected answers, by `keyOf`.
 const selected = new Map();
 
 const keyOf = ({ index, by }) => `${index} ${by}`;
@@ -39,7 +39,7 @@ const outbox = new Outbox(await session(), {
 });
 const palette = new Palette({ answer, outbox });
 
-// The individuals that are selected, each once.
+// The selected individuals, each once.
 const individuals = () => [...new Set([...selected.values()].map(({ index }) => index))];
 const own = (indices) => answers.filter(({ index, by }) => by === annotator() && indices.includes(index));
 
@@ -49,7 +49,7 @@ async function answer(text) {
     complain(status, new Error("Select pictures first: click them."));
     return;
   }
-  const others = own(indices).filter(({ said }) => said !== text);
+  const others = own(indices).filter(({ given }) => given !== text);
   if (indices.length > 1 && others.length > 0) {
     const asked =
       `You have already answered ${grouped(others.length)} of the ${counted(indices.length, "selected behaviour")} differently. ` +
@@ -115,10 +115,10 @@ function tell() {
   at("withdraw").disabled = mine === 0;
 }
 
-// Shows the answers that the menus ask for.
+// Shows the answers that match the menus.
 function sift() {
-  const [by, said] = [at("by").value, at("said").value];
-  found = answers.filter((one) => (by === "" || one.by === by) && (said === "" || one.said === said));
+  const [by, given] = [at("by").value, at("given").value];
+  found = answers.filter((one) => (by === "" || one.by === by) && (given === "" || one.given === given));
   for (const [key, one] of selected) if (!found.includes(one)) selected.delete(key);
   lay();
 }
@@ -147,8 +147,8 @@ function card(one) {
   picture.alt = "";
   picture.src = path(archived(one.index));
   const what = document.createElement("span");
-  what.className = "said";
-  what.textContent = shown(one.said);
+  what.className = "given";
+  what.textContent = shown(one.given);
   if (one.colour) what.style.setProperty("--class", one.colour);
   const who = document.createElement("span");
   who.className = "reason";
@@ -162,13 +162,13 @@ function card(one) {
 async function load() {
   told = await insist(() => get("answers/standing"));
   const [index, by] = [column(told.individual, Uint32Array), column(told.annotator, Uint16Array)];
-  const [said, time] = [column(told.answer, Uint16Array), column(told.time, Float64Array)];
+  const [given, time] = [column(told.answer, Uint16Array), column(told.time, Float64Array)];
   const nameOf = (place) => (place === NOT_SURE ? "not sure" : place === SKIP ? "skip" : told.classes[place].name);
   answers = Array.from(index, (of, i) => ({
     index: of,
     by: told.annotators[by[i]],
-    said: nameOf(said[i]),
-    colour: told.classes[said[i]]?.colour,
+    given: nameOf(given[i]),
+    colour: told.classes[given[i]]?.colour,
     time: time[i],
   }));
   answers.sort((one, other) => other.time - one.time || other.index - one.index);
@@ -177,19 +177,19 @@ async function load() {
   for (const one of answers) if (chosen.includes(keyOf(one))) selected.set(keyOf(one), one);
   palette.show(told.classes);
   fill(at("by"), "everybody", [...told.annotators].sort().map((name) => [name, name]));
-  const used = [...new Set(answers.map(({ said }) => said))].sort();
-  fill(at("said"), "any", used.map((name) => [name, shown(name)]));
+  const used = [...new Set(answers.map(({ given }) => given))].sort();
+  fill(at("given"), "any", used.map((name) => [name, shown(name)]));
   sift();
 }
 
-// Offers values in a menu, and keeps what is chosen.
+// Fills a menu with values, and keeps the current choice.
 function fill(menu, all, entries) {
   const chosen = menu.value;
   menu.replaceChildren(new Option(all, ""), ...entries.map(([value, text]) => new Option(text, value)));
   menu.value = entries.some(([value]) => value === chosen) ? chosen : "";
 }
 
-for (const id of ["by", "said"]) {
+for (const id of ["by", "given"]) {
   at(id).addEventListener("change", () => {
     room = PART;
     sift();
@@ -211,7 +211,7 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 
-// How long the label log is, how long it was when the answers were loaded, and whether they are loaded now.
+// Length of the label log now, its length when the answers were loaded, and whether they are being loaded.
 let entries = null;
 let loaded = null;
 let loading = false;

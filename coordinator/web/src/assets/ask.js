@@ -1,6 +1,7 @@
-// Asks before a form does what takes long or cannot be undone: its data-ask says what that is, its data-yes what agrees.
+// Asks before a form does something slow or irreversible. The form's data-ask is the question, data-yes the label of the button
+// that agrees.
 
-// In the capture phase: before the listeners of the form itself.
+// Capture phase, to run before the form's own listeners.
 document.addEventListener("submit", ask, true);
 
 function ask(event) {
@@ -22,20 +23,20 @@ function ask(event) {
   dialog.showModal();
 }
 
-// The form that a person was asked about, as it is on the page now: a page that follows the coordinator may have replaced it.
+// The form as it is on the page now: a page that follows the coordinator may have replaced it.
 function standing(form) {
   if (form.isConnected) return form;
   return [...document.forms].find((other) => other.getAttribute("action") === form.getAttribute("action"));
 }
 
-// Says something that needs no decision.
-function tell(said) {
+// Shows a message that needs no decision.
+function tell(message) {
   const dialog = document.createElement("dialog");
   dialog.className = "ask";
   dialog.setAttribute("aria-labelledby", "told");
   const text = document.createElement("p");
   text.id = "told";
-  text.textContent = said;
+  text.textContent = message;
   const form = document.createElement("form");
   form.method = "dialog";
   const button = document.createElement("button");
@@ -47,12 +48,12 @@ function tell(said) {
   dialog.showModal();
 }
 
-function dialogOf(said, button, yesText) {
+function dialogOf(message, button, yesText) {
   const dialog = document.createElement("dialog");
   dialog.className = "ask";
   const text = document.createElement("p");
   text.id = "asked";
-  text.textContent = said;
+  text.textContent = message;
   dialog.setAttribute("aria-labelledby", text.id);
   const form = document.createElement("form");
   form.method = "dialog";

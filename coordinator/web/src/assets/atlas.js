@@ -1,11 +1,11 @@
-// The atlas of a campaign: the map of all controllers, and the motion of the one that somebody chose.
+// The atlas of a campaign: the map of all controllers, and the motion of the chosen one.
 import { archived, get, insist, path } from "./coordinator.js";
 import { Endless } from "./endless.js";
 import { isForPage } from "./keys.js";
 import { complain } from "./outbox.js";
 import { showAtlas } from "./showatlas.js";
 
-// How long a choice stands before it is simulated: keys go over many controllers.
+// Delay between a choice and its simulation, because keys pass over many controllers.
 const SETTLED_MS = 150;
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 const root = document.querySelector(".atlas");
@@ -33,11 +33,11 @@ function begin() {
       endless.await(false);
       return endless.pause();
     }
-    // Until the motion of this choice is here, another one may be shown.
+    // Until this motion arrives, the stage may show another one.
     endless.await(true);
     due = setTimeout(() => {
       [state.at, state.genes] = [at, genes];
-      // A mirror image moves as what was simulated does in a mirror.
+      // A mirror image is shown as the simulated motion in a mirror.
       endless.canvas.classList.toggle("mirrored", at.mirrored);
       toggle.disabled = false;
       endless.begin(0);
@@ -53,7 +53,7 @@ function begin() {
   return choose;
 }
 
-// What was seen of the atlas that a slider led here from: the address has it, so that going back shows it again.
+// The view of the atlas that a slider led here from. It is in the address, so that going back shows it again.
 function seenBefore() {
   const told = new URLSearchParams(location.hash.slice(1));
   const [zoom, x, y] = ["zoom", "x", "y"].map((name) => Number(told.get(name) ?? NaN));
@@ -62,7 +62,7 @@ function seenBefore() {
   return { zoom, x, y, at: at.length === 2 && at.every(Number.isInteger) ? at : null };
 }
 
-// Sliders lead to the atlases of other numbers of robots and other noise, at the same place and zoom.
+// Sliders switch to the atlases of other numbers of robots and other noise, at the same place and zoom.
 function switches(atlas) {
   const others = document.querySelector(".others");
   if (!others) return;
@@ -76,7 +76,7 @@ function switches(atlas) {
   const go = (axis, value) => {
     const other = axis === "robots" ? "noise" : "robots";
     const placed = told.atlases.map(([id, robots, noise]) => ({ id, robots, noise }));
-    // There need not be one of each pair.
+    // Not every pair has an atlas.
     const [to] = placed
       .filter((place) => place[axis] === value)
       .sort((a, b) => Math.abs(a[other] - here[other]) - Math.abs(b[other] - here[other]));
@@ -91,7 +91,7 @@ function switches(atlas) {
     slider.addEventListener("input", () => tell(slider));
     slider.addEventListener("change", () => go(slider.name, Number(slider.value)));
   }
-  // A page that the browser kept has the sliders where they were moved to.
+  // A page that the browser kept still has the sliders' moved positions.
   addEventListener("pageshow", () => {
     for (const slider of sliders) {
       slider.value = slider.defaultValue;

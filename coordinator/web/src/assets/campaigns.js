@@ -1,10 +1,9 @@
-// The list of campaigns: asks the coordinator for what is looked for, and keeps what is chosen and unfolded while the list is sent
-// anew.
+// The list of campaigns: requests searches, and keeps choices and unfolded studies when the list is sent again.
 import { attend } from "./live.js";
 
 const KEPT = "murmuration.campaigns";
 const MOST_COMPARED = 6;
-// Least time between a key and the request for what it looks for.
+// Delay between a key and the search.
 const PAUSE_MS = 150;
 
 const list = document.querySelector("[data-live]");
@@ -20,7 +19,7 @@ let waiting = 0;
 
 const keep = () => sessionStorage.setItem(KEPT, JSON.stringify({ chosen: [...chosen], unfolded: [...unfolded] }));
 
-// Asks for what the form says; the address of the page says it too.
+// Requests the search of the form, and puts it into the page's address.
 function look() {
   const query = new URLSearchParams(new FormData(find));
   history.replaceState(null, "", `/?${query}`);
@@ -38,7 +37,7 @@ find.addEventListener("submit", (event) => {
   look();
 });
 
-// Makes the list as it was left; what is right already is not touched.
+// Restores choices and unfolded studies, and leaves correct ones untouched.
 function apply() {
   for (const box of list.querySelectorAll(".choose")) {
     if (box.checked !== chosen.has(box.value)) box.checked = chosen.has(box.value);
@@ -52,7 +51,7 @@ function apply() {
   tell();
 }
 
-// Says how many are chosen; those that the list does not show now are compared too.
+// Shows how many campaigns are chosen. Chosen ones outside the current list count too.
 function tell() {
   const enough = chosen.size >= 2 && chosen.size <= MOST_COMPARED;
   compare.querySelector("button").disabled = !enough;

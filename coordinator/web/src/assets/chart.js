@@ -1,12 +1,12 @@
-// Lines over a common axis, whose values are told at a pointer or by arrow keys.
+// Lines over a common axis, with values shown at the pointer or by arrow keys.
 import { grouped } from "./words.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const HEIGHT = 180;
 const ROOM = { left: 52, right: 12, top: 10, bottom: 24 };
-// About as many lines of the grid, besides the axis.
+// Approximate number of grid lines, besides the axis.
 const GRID = 4;
-// The least step of a grid that does not begin at 0: three digits tell percentages so far apart.
+// Least grid step of an axis that does not begin at 0: three digits distinguish percentages that far apart.
 const LEAST_STEP = 0.1;
 
 const element = (name, attributes = {}, text = "") => {
@@ -16,7 +16,7 @@ const element = (name, attributes = {}, text = "") => {
   return made;
 };
 
-// The smallest of 1, 2, 5, 10, 20 and so on (and of their tenths and so on) that is no less.
+// Rounds up to 1, 2, 5, 10, 20 and so on (or their tenths and so on).
 function roundUp(value) {
   const unit = 10 ** Math.floor(Math.log10(value));
   return unit * [1, 2, 5, 10].find((times) => times * unit >= value * (1 - 1e-9));
@@ -26,8 +26,8 @@ const short = (value) => (Number.isFinite(value) ? Number(value.toPrecision(3)).
 const lastOf = (values) => values.findLast(Number.isFinite);
 
 export class Chart {
-  // `across` names the axis, `lines` the lines; `name` says what a place on the axis is called. The heights begin at 0,
-  // unless `fromLeast`: then below the least value, as for percentages that are all high.
+  // `across` names the axis, `lines` the lines; `name` formats a place on the axis. Heights begin at 0; with `fromLeast` they begin
+  // below the least value, as for percentages that are all high.
   constructor(root, { across, lines, name = grouped, fromLeast = false }) {
     this.root = root;
     this.across = across;
@@ -35,15 +35,15 @@ export class Chart {
     this.name = name;
     this.fromLeast = fromLeast;
     this.events = [];
-    // Charts over the same places, which tell their values together.
+    // Charts over the same places, which show their values together.
     this.beside = [];
     this.at = -1;
     this.x = [];
-    // It takes the arrow keys itself, which a screen reader leaves to applications alone.
+    // The chart takes arrow keys, which screen readers pass to applications only.
     this.svg = element("svg", { role: "application", "aria-roledescription": "chart", tabindex: "0" });
     this.told = document.createElement("p");
     this.told.className = "reason";
-    // Says what keys point at, and nothing while values arrive.
+    // For screen readers: changes with keys, but not when values arrive.
     this.spoken = document.createElement("p");
     this.spoken.className = "unseen";
     this.spoken.setAttribute("role", "status");
@@ -61,14 +61,14 @@ export class Chart {
     new ResizeObserver(() => this.draw()).observe(root);
   }
 
-  // Has another chart over the same places tell its values where this one does.
+  // Shows another chart's values at the place where this one shows its own.
   link(other) {
     this.beside.push(other);
     other.beside.push(this);
   }
 
-  // Shows the values of each line at each x, NaN where there is none, and marks events: each an x and a text; the place of a
-  // line if it is of that alone; a label if there is a short one; and whether lines begin anew there.
+  // Shows the values of each line at each x, NaN where missing, and marks events. An event has an x and a text; the place of a
+  // line, if only that line has it; a short label, if any; and whether lines break there.
   show(x, values, events = []) {
     this.x = x;
     this.values = values;
@@ -120,7 +120,7 @@ export class Chart {
     ];
   }
 
-  // A line down for each event, with a flag on top that names it.
+  // A vertical line for each event, with a flag that names it.
   marked() {
     return this.events.map(({ x: at, text, line, label }) => {
       const x = this.acrossOf(at);
@@ -137,12 +137,12 @@ export class Chart {
     return this.values.flatMap((values, line) => this.pieces(line).map(([from, to]) => {
       const points = values.slice(from, to).map((y, i) => [this.acrossOf(this.x[from + i]), this.downOf(y)]);
       const told = points.filter(([, y]) => Number.isFinite(y)).map((point) => point.join(","));
-      // A round cap shows a piece of one point, which has no length.
+      // Round caps show a piece of one point, which has no length.
       return element("polyline", { class: `line line-${line}`, points: (told.length === 1 ? [...told, ...told] : told).join(" ") });
     }));
   }
 
-  // From where to where a line goes without a break.
+  // The ranges over which a line has no break.
   pieces(line) {
     const breaks = this.events.filter((event) => event.breaks && (event.line ?? line) === line);
     const ends = breaks.map(({ x }) => this.nearestTo(x));
@@ -166,7 +166,7 @@ export class Chart {
     return this.nearestBy((x) => Math.abs(this.acrossOf(x) - offset));
   }
 
-  // The place of the x that an event is nearest to.
+  // The place of the x nearest to an event.
   nearestTo(at) {
     return this.nearestBy((x) => Math.abs(x - at));
   }
@@ -185,7 +185,7 @@ export class Chart {
     for (const chart of this.beside) chart.point(at);
   }
 
-  // The values where the pointer is, or else the last.
+  // Shows the values at the pointer, or else the last ones.
   tell() {
     const at = this.at < 0 ? this.x.length - 1 : this.at;
     const events = this.events.filter((event) => this.nearestTo(event.x) === at).map(({ text }) => ` · ${text}`);
@@ -194,7 +194,7 @@ export class Chart {
       ...this.lines.flatMap((name, line) => {
         const key = document.createElement("span");
         key.className = `key-${line}`;
-        // A line that ends earlier than others says where.
+        // A line that ends before the others shows the place of its end.
         const place = this.at < 0 ? this.values[line].findLastIndex((value) => Number.isFinite(value)) : at;
         const where = place >= 0 && place !== at ? ` (${this.across} ${this.name(this.x[place])})` : "";
         key.textContent = `${name} ${short(this.values[line][place])}${where}`;

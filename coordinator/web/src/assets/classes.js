@@ -1,4 +1,4 @@
-// The Classes page: people rename, merge, colour and delete classes and give them keys; what a change does is said before.
+// The Classes page: people rename, merge, colour and delete classes and give them keys. A dialog explains each change first.
 import { annotator, introduced, random } from "./annotator.js";
 import { archived, follow, get, insist, path, post } from "./coordinator.js";
 import { chosenFor } from "./keys.js";
@@ -11,10 +11,10 @@ const dialog = at("change");
 const list = at("list");
 const fieldName = at("field-name");
 let classes = [];
-// What is shown, as text: what is the same is left alone, under a pointer too.
+// The displayed state, as text: an equal state leaves the page untouched, also under a pointer.
 let last = "";
 
-// What can be done to a class: its name on the button, the dialog's title and field, and what the change is and does.
+// The actions on a class: the label of the button, the dialog's title and field, the change, and its effects.
 const ACTS = {
   rename: {
     button: "Rename",
@@ -81,13 +81,13 @@ const ACTS = {
   },
 };
 
-// What else somebody chose a key for in this browser.
+// The other action that uses this key in this browser.
 function ownUse(key) {
   const what = chosenFor(key);
   return what ? ` In this browser you chose the key for something else (${what}), which it will no longer do.` : "";
 }
 
-// How many answers a change is about, and whose they are.
+// The number of answers that a change affects, and their annotators.
 function answersOf({ labels, people }) {
   if (labels === 0) return "No answer names this class yet. Later answers";
   const names = people.length > 3 ? `${counted(people.length, "annotator")}` : people.join(", ");
@@ -117,7 +117,7 @@ function menu(entries) {
   return field;
 }
 
-// Asks whether to do this to a class, and does it.
+// Asks for confirmation, then applies an action to a class.
 async function ask(act, of) {
   const [field, name] = act.field(of);
   at("change-title").textContent = act.title(of);
@@ -142,7 +142,7 @@ async function ask(act, of) {
   if (dialog.returnValue === "yes") await change(act.change(of, value()));
 }
 
-// Makes a change, as often as it takes to know that it was made.
+// Makes a change, with retries until it is acknowledged.
 async function change(what) {
   const body = { request_id: random(), annotator: annotator(), change: what };
   status.classList.remove("wrong");
@@ -213,11 +213,11 @@ function row(of) {
   return item;
 }
 
-// A change that was made; the newest, which is the first, can be undone.
-function past({ entry, annotator, time, said }, place) {
+// A past change. The first one, which is the newest, can be undone.
+function past({ entry, annotator, time, description }, place) {
   const item = document.createElement("li");
   const words = document.createElement("span");
-  words.textContent = `${annotator} ${said}, ${new Date(time).toLocaleString("en")}. `;
+  words.textContent = `${annotator} ${description}, ${new Date(time).toLocaleString("en")}. `;
   item.append(words);
   if (place === 0) {
     const button = document.createElement("button");

@@ -1,7 +1,7 @@
-// The colours of the points of a map, and what they mean.
+// The colours of a map's points, and their legend.
 import { grouped, shown } from "./words.js";
 
-// Stands for the class of individuals without one; no class has this name.
+// The class of individuals without one; no class has this name.
 export const NAMELESS_CLASS = "";
 const NAMELESS = { light: 0xa5a39b, dark: 0x6d6e68 };
 // From early to late: three colours that differ in lightness too.
@@ -10,8 +10,7 @@ const SHADES = { light: [0xd9b51f, 0x2f8f83, 0x33337f], dark: [0x3f5f9e, 0x3fa58
 const number = (colour) => parseInt(colour.slice(1), 16);
 const text = (colour) => `#${colour.toString(16).padStart(6, "0")}`;
 
-// A colour for each point, `of(i)`, and what the colours mean, `entries`: colour, words, number of individuals, and the value
-// that the filter knows them by.
+// `of(i)` is the colour of a point. `entries` is the legend: colour, words, number of individuals, and the filter's value.
 export function colouring(kind, points, known, isDark) {
   const nameless = isDark ? NAMELESS.dark : NAMELESS.light;
   if (kind === "cluster") return byCluster(points, nameless);
@@ -56,7 +55,7 @@ function byClass(points, known, nameless) {
   return { of: (i) => (known.of.has(i) ? colours[known.of.get(i)] : nameless), entries };
 }
 
-// How many individuals are of a class, and how many of them only the rule-based judge named; nothing if there are none.
+// The number of individuals of a class, and how many of them only the rule-based judge named; empty if there are none.
 function individualsOf(known, place) {
   const all = [...known.of].filter(([, of]) => of === place).map(([index]) => index);
   const machine = all.filter((index) => known.machine.has(index)).length;
@@ -75,7 +74,7 @@ function shade(part, isDark) {
   return mix(16) | mix(8) | mix(0);
 }
 
-// What a colour means, as an item of a list; a value is hidden and shown again by its button.
+// A legend entry, as an item of a list. Its button hides a value and shows it again.
 export function legendEntry([colour, name, count, value], hidden) {
   const item = document.createElement("li");
   const mark = document.createElement("span");

@@ -1,11 +1,11 @@
-// "What is this like?" on the page Play: the individuals of a campaign nearest to the swarm, as the coordinator answers.
+// "What is this like?" on the page Play: the individuals of a campaign nearest to the swarm.
 import { reply } from "./coordinator.js";
 import { sentence } from "./words.js";
 
 const at = (id) => document.getElementById(id);
 
 export class Comparison {
-  // `query` says what the controls say.
+  // `query` returns the state of the controls.
   constructor(query) {
     this.query = query;
     this.asked = null;
@@ -14,7 +14,7 @@ export class Comparison {
     this.campaign?.addEventListener("change", () => this.forget());
   }
 
-  // What is shown is of another controller now.
+  // Clears the results, which belong to an earlier controller.
   forget() {
     this.asked?.abort();
     this.asked = null;
@@ -50,7 +50,7 @@ export class Comparison {
   }
 }
 
-// The picture of a swarm, row by row, red, green and blue of each pixel.
+// Paints the picture of a swarm: row by row, red, green and blue of each pixel.
 function paint(canvas) {
   const pixels = atob(canvas.dataset.image);
   const pen = canvas.getContext("2d");

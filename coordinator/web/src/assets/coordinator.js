@@ -1,32 +1,32 @@
-// Requests to the coordinator, and the ways in which they fail.
+// Requests to the coordinator, and their errors.
 import { heard, listen } from "./events.js";
 
-// It said no: asking again would not help.
+// The coordinator refused the request: a retry would not help.
 export class Refused extends Error {}
-// It did not answer, or cannot now: asking again may help.
+// The coordinator did not answer, or cannot now: a retry may help.
 export class Unavailable extends Error {}
-// Nothing was heard of it at all.
+// The coordinator did not respond at all.
 export class Silent extends Unavailable {}
 
-// What it said to a request, if it did not say no.
+// The response to a request, or an error.
 export async function reply(request) {
   const response = await received(request);
   heard(true);
   if (response.ok) return response;
   const why = await received(response.text());
-  // The session is over: what was said is kept here until somebody has logged in again.
+  // The session is over. Unsent answers stay in this browser until the next log-in.
   if (response.status === 401) location.assign(`/login?to=${encodeURIComponent(location.pathname + location.search)}`);
-  // Somebody else who logs in may do what this one may not.
+  // A different log-in may have the right, so this may be retried.
   if (response.status >= 500 || [401, 403, 429].includes(response.status)) throw new Unavailable(why);
   throw new Refused(why);
 }
 
-// A reply, or what it says, which may be cut off on the way.
+// A response or its body; either may be cut off on the way.
 async function received(arriving) {
   try {
     return await arriving;
   } catch (error) {
-    // Nobody here waits for it any more.
+    // The caller cancelled the request.
     if (error.name === "AbortError") throw error;
     heard(false);
     throw new Silent("the coordinator is not responding");
@@ -40,12 +40,12 @@ async function answer(request) {
 
 const { campaign, created } = document.querySelector("main").dataset;
 
-// Names this campaign, and no other of the same id, in what the browser keeps.
+// Prefix for this campaign's keys in the browser's storage. Other campaigns with the same id have another one.
 export const keptAs = `murmuration.${campaign}@${created}`;
 
 export const path = (rest) => `/campaigns/${campaign}/${rest}`;
 
-// Where something of an individual is that never changes, under an address that no other campaign will have.
+// Address of something unchanging about an individual. No other campaign will have this address.
 export const archived = (rest) => `individuals/${rest}?created=${created}`;
 
 export const get = (rest) => answer(fetch(path(rest)));
@@ -61,7 +61,7 @@ export const post = (rest, body) =>
 
 export const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
-// Asks until there is an answer; `failed(error)` hears why there is none yet.
+// Retries until there is an answer. Calls `failed(error)` after each failure.
 export async function insist(ask, failed = () => {}) {
   for (let wait = 300; ; wait = Math.min(wait * 2, 5000)) {
     try {
@@ -74,8 +74,8 @@ export async function insist(ask, failed = () => {}) {
   }
 }
 
-// Tells `changed` how the campaign stands, now and whenever that changes. While nobody saw the page, another campaign may have
-// taken the place of this one.
+// Calls `changed` with the campaign's state, now and after every change. While the page was hidden, another campaign may have
+// replaced this one.
 export const follow = (changed) =>
   listen(path("changes"), (message) => {
     const seen = JSON.parse(message);

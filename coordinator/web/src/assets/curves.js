@@ -1,4 +1,4 @@
-// The curves of a campaign as the coordinator tells them.
+// The curves of a campaign, decoded from the coordinator's answers.
 import { column } from "./drawing.js";
 
 // The novelty of generations, in order.
@@ -7,9 +7,9 @@ export function noveltyOf(told) {
   return { generation: of(told.generation, Uint32Array), best: of(told.best, Float64Array), mean: of(told.mean, Float64Array) };
 }
 
-// What each epoch measured, the trainings of rounds after the first: its accuracy in percent and its loss, NaN where one was not
-// measured; `epochs` are lists of round, epoch, loss and accuracy. Where a round begins is an event, and lines begin anew: its losses
-// are of other triplets.
+// Measurements of each epoch, the trainings of rounds after the first: accuracy in percent and loss, NaN if not measured. `epochs`
+// are lists of round, epoch, loss and accuracy. A round's beginning is an event at which lines break, because its losses are of
+// other triplets.
 export function trainingOf(epochs) {
   const events = epochs.flatMap(([round], i) =>
     i > 0 && epochs[i - 1][0] !== round ? [{ x: i + 1, text: `round ${round} begins`, label: `round ${round}`, breaks: true }] : [],
@@ -26,5 +26,5 @@ export function trainingOf(epochs) {
   };
 }
 
-// What happened during a search, for a chart over its generations.
+// The events of a search, for a chart over its generations.
 export const eventsOf = ({ events }) => events.map(({ generation, text }) => ({ x: Math.max(generation - 1, 0), text }));

@@ -1,15 +1,15 @@
-// The motion of a swarm that has no end, with the controls of its player.
+// The motion of a swarm without an end, with the controls of its player.
 import { Unavailable } from "./coordinator.js";
 import { Pieces, draw } from "./pieces.js";
 import { Playback, STEPS_A_SECOND } from "./playback.js";
 import { grouped, sentence } from "./words.js";
 
-// In how much time what is left of a motion would be shown at most: where the coordinator simulates more slowly than it is
-// shown, the motion slows down instead of halting.
+// Least time in which the rest of a motion is shown. If the coordinator simulates more slowly than the motion plays, the motion
+// slows down instead of halting.
 const LEFT_MS = 400;
 
-// A swarm without an end on a canvas. `state` says by `query()` which one, and by `shown()` how its robots are drawn; `status` is the
-// line for what goes wrong, and `url` answers with pieces of the motion.
+// A swarm without an end on a canvas. `state.query()` selects the swarm, `state.shown()` tells how to draw its robots; `status` is
+// the line for errors, and `url` answers with pieces of the motion.
 export class Endless extends Playback {
   constructor(player, state, status, url = "/play/motion") {
     super(player, { speed: player.querySelector(".speed") });
@@ -23,7 +23,7 @@ export class Endless extends Playback {
     this.pieces = new Pieces({ came: (...came) => this.came(...came), failed: (error) => this.failed(error), url });
   }
 
-  // Shows the present state's motion from a step on.
+  // Shows the motion of the current state from a step on.
   begin(step) {
     this.target = step;
     this.await(true);
@@ -32,7 +32,7 @@ export class Endless extends Playback {
 
   came(piece, isNew) {
     this.waiting.hidden = true;
-    // What is wrong with the controls stays until they are right.
+    // An error in the controls stays until they are right.
     if (this.hasFailed) {
       this.status.textContent = "";
       this.status.classList.remove("wrong");
@@ -45,7 +45,7 @@ export class Endless extends Playback {
     this.tell();
   }
 
-  // Whether what is shown is not yet what the controls say.
+  // Marks the stage as busy while it does not yet show the state of the controls.
   await(is) {
     this.canvas.parentElement.setAttribute("aria-busy", is);
   }

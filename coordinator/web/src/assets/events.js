@@ -1,4 +1,4 @@
-// Events that the coordinator sends to a page, and the notice at the bottom of the page while none can be received.
+// Events from the coordinator, and the notice at the bottom of the page while none can be received.
 
 const SILENCE = "The coordinator is not responding. This page continues when it is back.";
 const CROWD = "Too many pages are open on this coordinator. This page updates again once another one is closed.";
@@ -14,15 +14,15 @@ function say(part, text) {
   note.hidden = note.textContent === "";
 }
 
-// Whether the coordinator was heard when it was last asked or listened to.
+// Reports whether the coordinator answered last time.
 export const heard = (is) => say("silence", is ? "" : SILENCE);
 
-// What the browser keeps of what was said here, and why; nothing where all of it was acknowledged.
+// Shows which answers the browser keeps, and why; empty text if all are acknowledged.
 export const keeping = (text) => say("kept", text);
 
-// Hands every message of a stream of events to `told`, and connects again until the function that it returns is called. A page
-// that nobody sees has no stream: a browser keeps pages that were left, to go back to them, and without TLS it
-// has six connections to a coordinator for all of its pages together.
+// Passes every message of an event stream to `told`, and reconnects until the returned function is called. A hidden page has no
+// stream: browsers keep left pages for going back, and without TLS they have six connections to a coordinator for all of its pages
+// together.
 export function listen(url, told) {
   const ending = new AbortController();
   let events = null;
@@ -33,10 +33,10 @@ export function listen(url, told) {
     stream.onopen = () => heard(true);
     stream.onmessage = (message) => told(message.data);
     stream.onerror = async () => {
-      // A lost connection is made again by the browser; one that was refused is not.
+      // Browsers reconnect a lost stream, but not a refused one.
       if (stream.readyState !== EventSource.CLOSED) return heard(false);
       const page = await ask();
-      // There may be a newer stream by now.
+      // A newer stream may exist by now.
       if (events !== stream) return;
       refused(page);
       setTimeout(() => {
@@ -63,9 +63,10 @@ export function listen(url, told) {
 
 const ask = () => fetch(location.pathname, { redirect: "manual", headers: { accept: "text/html" } }).catch(() => null);
 
-// Whose session is over is led to the log-in, as by any page; else there is no room.
+// A page without a session reloads and leads to the log-in. Otherwise the coordinator has no room for the stream, or does not
+// respond.
 function refused(page) {
-  // What the page shows was deleted: the page says so then.
+  // If the page's subject was deleted, the reloaded page says so.
   if (page?.type === "opaqueredirect" || page?.status === 404) location.reload();
   say("silence", page ? CROWD : SILENCE);
 }

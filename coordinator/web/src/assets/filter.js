@@ -1,10 +1,10 @@
-// Which points of the map are shown: those that the menus ask for, of no class, cluster or robustness that somebody has hidden.
-// The browser keeps it, for each campaign.
+// Selects the points that the map shows: those that match the menus, without hidden classes, clusters or robustness. The browser
+// keeps the filter of each campaign.
 
 const KINDS = ["class", "cluster", "robustness"];
 
 export class Filter {
-  // `key` is where the browser keeps it.
+  // `key` is the filter's key in the browser's storage.
   constructor(key) {
     this.key = key;
     this.showAll();
@@ -12,18 +12,18 @@ export class Filter {
   }
 
   showAll() {
-    // By what points are coloured, the values that are hidden. Classes are known by their names: their places change.
+    // Hidden values, by what colours the points. Classes are stored by name, because their places change.
     this.hidden = Object.fromEntries(KINDS.map((kind) => [kind, new Set()]));
     this.generations = [0, Infinity];
-    // The only values that are shown; null for all.
+    // The only shown values; null shows all.
     this.picked = { class: null, cluster: null, annotator: null };
   }
 
-  // What was kept, as far as it can be read.
+  // Reads the stored filter, as far as it is valid.
   read() {
     try {
       const kept = JSON.parse(localStorage.getItem(this.key)) ?? {};
-      // Which clusters those are that it names.
+      // The clusters to which the stored numbers belong.
       this.clusters = kept.clusters ?? null;
       for (const kind of KINDS) this.hidden[kind] = new Set(kept.hidden?.[kind] ?? []);
       const [first, last] = kept.generations ?? [];
@@ -41,7 +41,7 @@ export class Filter {
     localStorage.setItem(this.key, JSON.stringify({ clusters, generations, picked, hidden }));
   }
 
-  // Hears which clusters there are. If they are others, what was hidden by their numbers is shown again.
+  // Sets the current clusters. If they have changed, values hidden by cluster number are shown again.
   of(clusters) {
     if (this.clusters === clusters) return;
     if (this.clusters !== null) {
@@ -52,13 +52,13 @@ export class Filter {
     this.clusters = clusters;
   }
 
-  // Hides what has a value, or shows it again.
+  // Hides a value, or shows it again.
   toggle(kind, value) {
     const hidden = this.hidden[kind];
     if (!hidden.delete(value)) hidden.add(value);
   }
 
-  // Shows nothing but what has a value; everything, if that is so already.
+  // Hides all other values; shows everything if they are hidden already.
   only(kind, value, all) {
     const others = all.filter((other) => other !== value);
     const is = others.every((other) => this.hidden[kind].has(other)) && !this.hidden[kind].has(value);
@@ -71,7 +71,7 @@ export class Filter {
     return all && first === 0 && last === Infinity && Object.values(this.hidden).every((values) => values.size === 0);
   }
 
-  // For each of `count` points whether it is shown, by its values; null where all are.
+  // For each of `count` points whether it is shown, by its values; null if all are.
   shown(count, valueOf) {
     if (this.isOpen()) return null;
     const [first, last] = this.generations;

@@ -1,12 +1,12 @@
-// The pictures of what is selected, to be looked at before it is named.
+// The pictures of the selected individuals, for a look before naming them.
 import { archived, path } from "./coordinator.js";
 import { grouped } from "./words.js";
 
-// As many pictures as are looked at in a few seconds.
+// Limit of pictures, for a look of a few seconds.
 const MOST = 60;
 
 export class Gallery {
-  // `play(index)` plays a motion, `drop(index)` takes an individual out of the selection.
+  // `play(index)` plays a motion, `drop(index)` deselects an individual.
   constructor(root, line, { play, drop }) {
     this.root = root;
     this.line = line;
@@ -27,7 +27,7 @@ export class Gallery {
     });
   }
 
-  // Shows these individuals; of many, some evenly chosen.
+  // Shows these individuals, or an even sample of many.
   show(indices, nameOf) {
     const every = Math.max(indices.length / MOST, 1);
     const shown = Array.from({ length: Math.min(indices.length, MOST) }, (_, i) => indices[Math.floor(i * every)]);
@@ -36,7 +36,7 @@ export class Gallery {
     const part = shown.length < indices.length ? `${grouped(shown.length)} of ${grouped(indices.length)} are shown, evenly chosen. ` : "";
     this.line.textContent = `${part}Click a picture to play its motion; Shift and a click, or Delete, take it out of the selection.`;
     const cards = shown.map((index) => [index, nameOf(index)]);
-    // Cards that are the same stay, with the focus that one of them may have.
+    // Unchanged cards stay, and keep the focus if they have it.
     if (this.shown === JSON.stringify(cards)) return;
     this.shown = JSON.stringify(cards);
     const focused = document.activeElement?.closest(".card")?.dataset.index;

@@ -1,5 +1,5 @@
-// Points drawn by the graphics card, which keeps them: a picture of a hundred thousand takes it no time to speak of, and this
-// script none that grows with their number.
+// Draws points with the graphics card, which keeps them: even a hundred thousand take it next to no time, and cost this script no
+// time that grows with their number.
 
 // A point lies at `shift + scale * place` pixels from the upper left corner, for places from 0 to 1.
 const VERTEX = `#version 300 es
@@ -30,10 +30,10 @@ void main() {
   pixel = vec4(colour.rgb, colour.a * part);
 }`;
 
-// Programs that imitate a graphics card.
+// Software renderers.
 const IMITATION = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
-// Whether there is a card: a canvas that was asked for it can be drawn on in no other way.
+// Whether there is a graphics card. Uses a canvas of its own, because a canvas with a WebGL context has no other contexts.
 function hasCard() {
   const gl = document.createElement("canvas").getContext("webgl2");
   if (!gl) return false;
@@ -44,7 +44,8 @@ function hasCard() {
 }
 
 export class GlPoints {
-  // What draws on a canvas; null where the browser has no graphics card for it: without one a canvas is drawn sooner. `lost` hears when the card has forgotten everything, and is there again.
+  // Returns a renderer for a canvas, or null if there is no graphics card: without one a 2D canvas is faster. Calls `lost` when the
+  // card has lost all data and is available again.
   static of(canvas, lost) {
     if (!hasCard()) return null;
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false });
@@ -90,14 +91,14 @@ export class GlPoints {
     gl.vertexAttribPointer(place, parts, kind, true, 0, 0);
   }
 
-  // Takes the places of all points, 0 to 65535 each way.
+  // Sets the places of all points, 0 to 65535 each way.
   place(x, y) {
     this.fill(0, x, 1, this.gl.UNSIGNED_SHORT);
     this.fill(1, y, 1, this.gl.UNSIGNED_SHORT);
   }
 
-  // Takes the points that are shown, the last one on top; of every point its red, green, blue and strength, and its size, of which
-  // 255 is twice the radius.
+  // Sets the shown points, the last one on top. Of every point it takes red, green, blue and strength, and its size, of which 255
+  // is twice the radius.
   look(order, looks, sizes) {
     const { gl } = this;
     this.fill(2, looks, 4, gl.UNSIGNED_BYTE);
@@ -107,7 +108,7 @@ export class GlPoints {
     this.count = order.length;
   }
 
-  // Paints them: `scale` and `shift` in pixels of the canvas, its `paper` as red, green and blue.
+  // Paints the points: `scale` and `shift` in pixels of the canvas, its `paper` as red, green and blue.
   paint({ scale, shift, radius, paper }) {
     const { gl, at } = this;
     const { width, height } = gl.canvas;

@@ -1,9 +1,9 @@
-// Which keys are for the page, and which for what has the focus; what the page's keys do, which people choose.
+// Divides keys between the page and the focused control. Defines the actions of the page's keys, which people can change.
 import { shown } from "./words.js";
 
 const WAYS = ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "Home", "End", "PageUp", "PageDown"];
 
-// The keys that a control needs for itself; without a list, all. Whatever else is pressed on it is for the page.
+// The keys that a control keeps for itself; without a list, all. The page gets the others.
 const OWN = [
   ["input:not([type=checkbox], [type=range]), textarea"],
   ["select", [...WAYS, " ", "Enter", "Escape"]],
@@ -13,25 +13,25 @@ const OWN = [
   ["a", ["Enter"]],
 ];
 
-// Keys as their marks show them, and those that do the same as another one unless somebody chooses otherwise.
+// Labels of keys, and aliases of keys unless people choose otherwise.
 const NAMES = { " ": "Space", ArrowLeft: "←", ArrowRight: "→", ArrowUp: "↑", ArrowDown: "↓" };
 const ALIASES = { "=": "+", Backspace: "Delete" };
-// Keys that browsers, dialogs and this list need.
+// Keys reserved for browsers, dialogs and this list.
 const UNFIT = ["Tab", "Enter", "Escape", "?", "Dead", "Unidentified", "Process"];
 const MODIFIERS = ["Shift", "Control", "Alt", "AltGraph", "Meta", "CapsLock"];
 // The pages on which classes have keys.
 const NAMING = ["label", "sheet", "map", "answers"];
-// By action, the key that somebody chose for it in this browser.
+// Storage key for the keys chosen in this browser, by action.
 const CHOSEN = "murmuration.keys";
 
 const list = document.getElementById("keys");
-// By name, the usual key of an action, what it does, and the pages that have it.
+// Actions by name: default key, description, and pages.
 const actions = new Map(
   JSON.parse(list?.dataset.actions ?? "[]").map(([name, key, what, pages]) => [name, { key, what, pages }]),
 );
 const here = [...actions.keys()].filter((name) => actions.get(name).pages.includes(list.dataset.page));
 let chosen = kept();
-// By key, the class that it names on this page.
+// The classes of this page, by key.
 let classes = new Map();
 
 function kept() {
@@ -43,7 +43,7 @@ function kept() {
   }
 }
 
-// In an open list letters and digits look for an entry. Not every browser says whether a list is open.
+// In an open list, letters and digits search for an entry. Not every browser tells whether a list is open.
 const isOpen = (control) => CSS.supports("selector(:open)") && control.matches("select:open");
 
 export function isForPage({ key, target, ctrlKey, metaKey, altKey }) {
@@ -56,28 +56,28 @@ export function isForPage({ key, target, ctrlKey, metaKey, altKey }) {
 
 const keyOf = (name) => chosen[name] ?? actions.get(name).key;
 
-// The name of what a key does on this page; nothing if it does nothing, or names a class.
+// The action of a key on this page; undefined if it has none, or names a class.
 export function actionOf(key) {
   if (classes.has(key)) return undefined;
   return here.find((name) => keyOf(name) === key) ?? here.find((name) => keyOf(name) === ALIASES[key]);
 }
 
-// Whether somebody chose a key for anything: no class gets it by itself.
+// Whether a person chose this key for an action; classes do not get it automatically.
 export const isChosen = (key) => Object.values(chosen).includes(key);
 
-// What somebody chose a key for, in words; nothing if it is free.
+// The action for which a person chose this key, in words; undefined if it is free.
 export function chosenFor(key) {
   const name = [...actions.keys()].find((name) => chosen[name] === key);
   return name && actions.get(name).what;
 }
 
-// Hears which keys name classes.
+// Sets the keys that name classes.
 export function claim(keys) {
   classes = keys;
   tell();
 }
 
-// Shows the keys in force, on buttons and in the list. A key that a class has does nothing else, and that is said.
+// Shows the current keys, on buttons and in the list. The list says so if a class's key hides an action.
 function tell() {
   for (const mark of document.querySelectorAll("kbd[data-action]")) {
     const key = keyOf(mark.dataset.action);
@@ -92,24 +92,24 @@ function tell() {
   }
 }
 
-// Why an action cannot have a key; nothing if it can.
+// Why an action cannot have a key; undefined if it can.
 function clash(name, key) {
-  const said = NAMES[key] ?? key;
+  const shownKey = NAMES[key] ?? key;
   if (UNFIT.includes(key) || /^F\d/.test(key)) {
-    return `${said} cannot be chosen: browsers and this list need it. Press another key, or Escape to keep the present one.`;
+    return `${shownKey} cannot be chosen: browsers and this list need it. Press another key, or Escape to keep the present one.`;
   }
   const by = classes.get(key);
-  if (by) return `${said} names the class “${shown(by)}”. Press another key, or give the class another one on the page Classes.`;
+  if (by) return `${shownKey} names the class “${shown(by)}”. Press another key, or give the class another one on the page Classes.`;
   const { pages } = actions.get(name);
   if (/^[1-9]$/.test(key) && !NAMING.includes(list.dataset.page) && pages.some((page) => NAMING.includes(page))) {
-    return `${said} may name a class on another page where this key would count too. Press another key.`;
+    return `${shownKey} may name a class on another page where this key would count too. Press another key.`;
   }
   const other = [...actions].find(([one, of]) => one !== name && keyOf(one) === key && of.pages.some((page) => pages.includes(page)));
-  if (other) return `${said} is taken: ${other[1].what}. Press another key, or change that one first.`;
+  if (other) return `${shownKey} is taken: ${other[1].what}. Press another key, or change that one first.`;
   return undefined;
 }
 
-// Gives an action a key, or says why not; whether it did.
+// Gives an action a key, or shows why not; returns whether it did.
 function give(name, key) {
   const why = clash(name, key);
   if (why) {
@@ -125,13 +125,13 @@ function give(name, key) {
 }
 
 function say(words, isWrong = false) {
-  const line = document.getElementById("keys-said");
+  const line = document.getElementById("keys-message");
   line.classList.toggle("wrong", isWrong);
   line.textContent = words;
 }
 
-// The button whose action waits for a key, and whether it has one, or keeps its own, once that key is let go: until then the key
-// does nothing to the button or the dialog.
+// The button that waits for a key, and whether the choice is done. Until that key is released, it does not act on the button or the
+// dialog.
 let waits = null;
 let isDone = false;
 
@@ -144,7 +144,7 @@ function wait(button) {
 
 function choose(event) {
   if (!waits || MODIFIERS.includes(event.key)) return;
-  // The focus goes on, and with it the choice ends.
+  // Moving the focus ends the choice.
   if (event.key === "Tab") return;
   event.preventDefault();
   event.stopPropagation();
@@ -163,12 +163,12 @@ function letGo(event) {
   if (isDone) wait(null);
 }
 
-// A pointer leaves no focus behind: Space and arrows are the page's again. Keys leave it where it is.
+// After a click the control loses the focus, so that Space and arrows act on the page again. After a key it keeps the focus.
 document.addEventListener("change", ({ target }) => {
   if (target.matches("select, [type=checkbox], [type=range]") && !target.matches(":focus-visible")) target.blur();
 });
 
-// The list of the page's keys.
+// Opens the list of the page's keys.
 document.addEventListener("keydown", (event) => {
   if (event.key !== "?" || !list || !isForPage(event)) return;
   event.preventDefault();
@@ -191,7 +191,7 @@ list?.addEventListener("keydown", choose, true);
 list?.addEventListener("keyup", letGo, true);
 list?.addEventListener("cancel", (event) => waits && event.preventDefault());
 list?.addEventListener("focusout", () => waits && wait(null));
-// Another window of this browser chose a key.
+// Another window of this browser changed a key.
 addEventListener("storage", ({ key }) => {
   if (key !== CHOSEN) return;
   chosen = kept();

@@ -29,7 +29,7 @@ const outbox = new Outbox(queue.session, {
   },
   refused(item, error) {
     complain(status, error);
-    for (const { index } of item.body.answers ?? []) queue.said.delete(index);
+    for (const { index } of item.body.answers ?? []) queue.answeredHere.delete(index);
     queue.top();
   },
   changed(outbox) {
@@ -73,7 +73,7 @@ function show() {
 }
 
 async function showPaths(index) {
-  // The player says why there is no motion.
+  // The player shows why a motion is missing.
   const motion = await motionOf(index).motion.catch(() => null);
   if (!motion || shown !== index) return;
   const paths = at("paths");
@@ -82,7 +82,7 @@ async function showPaths(index) {
   drawPaths(paths, motion);
 }
 
-// Why no question is shown.
+// The reason why no question is shown.
 function nothing() {
   if (queue.trouble) return ["No question available", `${sentence(queue.trouble.message)} New questions appear by themselves.`];
   if (!queue.loaded || !queue.exhausted) return ["…", ""];
@@ -98,7 +98,7 @@ function count() {
   const unsent = outbox?.items.filter((item) => item.path === "labels").length ?? 0;
   const done = queue.own + unsent;
   const open = Math.max(queue.individuals - queue.answered - unsent, 0);
-  // For agreement the questions are what others have answered.
+  // In agreement mode, the questions are the behaviours with answers by others.
   const most = queue.agreement ? Math.max(queue.answered, done) : done + open;
   const goal = at("goal").value === "all" ? most : Math.min(Number(at("goal").value), most);
   at("share").max = Math.max(goal, 1);
@@ -112,7 +112,7 @@ function howMany(done, goal) {
   return `${grouped(done)} of ${grouped(goal)} answered by you${left(goal - done)}`;
 }
 
-// How many behaviours others have answered, and how many are left.
+// The number of behaviours with answers by others, and of behaviours left.
 function whoElse(open) {
   const people = queue.answered - queue.own - queue.synthetic;
   const parts = [`${grouped(open)} not answered yet`];
@@ -150,7 +150,7 @@ at("goal").addEventListener("change", () => {
 palette.show((await insist(() => get("labels"))).classes);
 settings();
 
-// Others answer too, and the archive grows while the page is open.
+// Other annotators answer too, and the archive grows, while the page is open.
 let labels = null;
 let stands = null;
 follow(async (seen) => {

@@ -1,12 +1,12 @@
-// Parts of the page that follow the coordinator: an element with data-live names where its content comes from. If it has places
-// with data-slot, the content is theirs, and what is around them stays.
+// Parts of the page that follow the coordinator: data-live is the address of an element's content. If the element has places with
+// data-slot, only their content changes.
 import "./ask.js";
 import { listen } from "./events.js";
 
-// By element, what ends its stream.
+// Functions that end streams, by element.
 const streams = new Map();
 
-// Has an element follow the address that it names now.
+// Makes an element follow its current address.
 export function attend(part) {
   streams.get(part)?.();
   streams.set(part, listen(part.dataset.live, (content) => {
@@ -22,7 +22,7 @@ export function attend(part) {
 
 document.querySelectorAll("[data-live]").forEach(attend);
 
-// Gives a place its content. It never becomes lower, so that what is below it stays where it is.
+// Sets the content of a slot. A slot never shrinks, so that everything below it stays in place.
 function fill(slot, { childNodes }) {
   const before = slot.offsetHeight;
   const fresh = slot.cloneNode(false);
@@ -31,8 +31,8 @@ function fill(slot, { childNodes }) {
   if (slot.offsetHeight < before) slot.style.minHeight = `${before}px`;
 }
 
-// Makes a node like another, and leaves alone what is the same: a button that is pressed meanwhile stays that button. A node
-// never becomes one of another id or action: a click that began on Pause must not end on Resume.
+// Updates a node to match another, and keeps equal parts: a button being pressed stays the same button. A node with another id or
+// action is replaced: a click that began on Pause must not end on Resume.
 function renew(old, fresh) {
   if (old.isEqualNode(fresh)) return;
   if (old.nodeType !== Node.ELEMENT_NODE || old.nodeName !== fresh.nodeName || isAnother(old, fresh)) {

@@ -1,4 +1,4 @@
-// The Map page: shows which behaviours are alike, and names those that a line is drawn around.
+// The Map page: shows which behaviours are alike, and names those inside a drawn line.
 import { introduced, session } from "./annotator.js";
 import { NAMELESS_CLASS, colouring, legendEntry } from "./colours.js";
 import { archived, follow, get, insist, keptAs, path, pause } from "./coordinator.js";
@@ -34,16 +34,16 @@ const gallery = new Gallery(at("gallery"), at("gallery-line"), {
   play: choose,
   drop: (i) => select([...selected].filter((other) => other !== i)),
 });
-// Milliseconds that a pointer stays before a motion is asked for: one that only passes wants none.
+// Delay before a motion is requested, because a passing pointer needs none.
 const STAYS_MS = 150;
-// What was chosen on this page before, in any campaign.
+// Prefix for choices on this page, for all campaigns.
 const CHOICE = "murmuration.map.";
 let known = { classes: [], of: new Map(), machine: new Set() };
 let points = null;
-// The individuals that the annotator of the filter has answered.
+// Individuals that the filter's annotator has answered.
 let answered = null;
 let selected = new Set();
-// The colour of each point, by what they are coloured by now.
+// The current colour of each point.
 let colourOf = () => 0;
 
 const outbox = new Outbox(await session(), {
@@ -67,7 +67,7 @@ async function answer(text) {
   return indices;
 }
 
-// Paints points and legend anew.
+// Repaints points and legend.
 function paint() {
   if (!points) return;
   const kind = at("colouring").value;
@@ -80,13 +80,13 @@ function paint() {
   draw();
 }
 
-// Paints the points, in the colours that they have.
+// Repaints the points in their current colours.
 function draw() {
   plot.show(colourOf, { selected, standsOut: (i) => known.of.has(i) || points.isMedoid.has(i) }, dark.matches);
   sketch.draw();
 }
 
-// What the points are hidden by.
+// The value by which a filter hides a point.
 function valueOf(kind, i) {
   if (kind === "class") return known.classes[known.of.get(i)]?.name ?? NAMELESS_CLASS;
   if (kind === "cluster") return points.cluster[i];
@@ -95,7 +95,7 @@ function valueOf(kind, i) {
   return Math.floor(i / points.population);
 }
 
-// Hides and shows points as the filter says; what is hidden is not selected.
+// Applies the filter; hidden points are deselected.
 function sift() {
   if (!points) return;
   filter.keep();
@@ -120,14 +120,14 @@ function nameOf(i) {
   return known.machine.has(i) ? `${shown(name)} (by the rule-based judge)` : shown(name);
 }
 
-// The cluster of an individual, by its number; nothing where it has none yet.
+// The cluster's number of an individual; empty if it has none yet.
 function clusterOf(i) {
   const cluster = points.cluster[i];
   if (cluster === undefined) return "";
   return points.isMedoid.has(i) ? ` · medoid of cluster ${cluster + 1}` : ` · cluster ${cluster + 1}`;
 }
 
-// How many of its starts lead to the behaviour of its cluster; nothing where individuals have one.
+// How many starts of an individual lead to the behaviour of its cluster; empty if individuals have one start.
 function robustnessOf(i) {
   return i < points.robust.length ? ` · robustness ${points.robust[i]} of ${points.starts}` : "";
 }
@@ -165,7 +165,7 @@ function select(indices, adds = false) {
   paint();
 }
 
-// Says how many are selected, and how many of these have a class that an answer would change.
+// Shows the number of selected individuals, and how many of them have a class that an answer would change.
 function tellSelected() {
   const named = [...selected].filter((i) => known.of.has(i)).length;
   const already = named === 0 ? "" : named === selected.size ? ", all already named" : `, ${grouped(named)} of them already named`;
@@ -190,9 +190,9 @@ function back() {
   redraw();
 }
 at("back").addEventListener("click", back);
-// Each click on a button is a step of its own to go back.
+// Each click on a button is its own step of the history.
 document.querySelector(".zoom").addEventListener("click", () => views.settle(), true);
-// Once for each picture of the screen, however often the map is moved meanwhile.
+// At most one repaint per frame, however often the map moves.
 let due = false;
 function redraw() {
   if (due) return;
@@ -257,7 +257,7 @@ at("legend").addEventListener("click", (event) => {
   else filter.toggle(kind, value);
   sift();
 });
-// Reads what the annotator of the filter has answered.
+// Loads the answers of the filter's annotator.
 async function answeredBy() {
   const name = filter.picked.annotator;
   if (name !== null) {
@@ -287,7 +287,7 @@ addEventListener("resize", () => {
 
 const read = (places) => [column(places.x, Uint16Array), column(places.y, Uint16Array), places.spans];
 
-// The meaning of a distance on the map.
+// Explanations of distances on the map.
 const DISTANCES = {
   axes:
     "The axes are the two directions in which the behaviours vary most, both at the same scale. Behaviours that are far " +
@@ -302,7 +302,7 @@ function settle() {
   sift();
 }
 
-// The colours that were chosen before; without a choice those of classes where there are any, and else of clusters.
+// Restores the chosen colouring; by default that of classes if there are any, else of clusters.
 function chooseColours() {
   const menu = at("colouring");
   const kept = localStorage.getItem(`${CHOICE}colouring`);
@@ -310,7 +310,7 @@ function chooseColours() {
   menu.value = offered(kept) ? kept : known.of.size === 0 && offered("cluster") ? "cluster" : "class";
 }
 
-// Reads the archive as it stands; t-SNE follows when it is there.
+// Loads the current archive; t-SNE follows when it is computed.
 async function load() {
   const [about, axes] = await Promise.all([insist(() => get("points")), insist(() => get("points/axes"))]);
   const cluster = column(about.cluster, Uint16Array);
@@ -342,7 +342,7 @@ async function load() {
   }
 }
 
-// t-SNE can be chosen once it is known.
+// Enables the choice of t-SNE once it is computed.
 function offer(there) {
   const option = at("projection").querySelector("[value=neighbours]");
   option.disabled = !there;
@@ -371,7 +371,7 @@ async function label() {
   await answeredBy();
 }
 
-// The individual that an address names is shown once, when it is there with its name.
+// Shows the individual in the address once, when its name has been loaded.
 let named = /^#individual-(\d{1,9})$/.exec(location.hash)?.[1];
 function begin() {
   if (!points || entries === null || !(named < points.count)) return;
@@ -383,9 +383,9 @@ let stands = null;
 let entries = null;
 follow(async (seen) => {
   tellDoing(seen);
-  const [moved, said] = [seen.archive_state !== stands, seen.labels !== entries];
+  const [moved, labelled] = [seen.archive_state !== stands, seen.labels !== entries];
   [stands, entries] = [seen.archive_state, seen.labels];
   if (moved) load().catch((error) => complain(status, error));
-  if (said) await label();
+  if (labelled) await label();
   begin();
 });

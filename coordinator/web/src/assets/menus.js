@@ -1,6 +1,6 @@
-// The menus and numbers with which people filter the map.
+// The menus and numbers of the map's filter.
 
-// By kind, the menu and how the values that it offers are written in it. The first entry of each is for all.
+// The menu of each kind, and the format of its values. The first entry of each is for all.
 const MENUS = {
   class: { id: "of-class", written: (name) => `=${name}`, read: (text) => text.slice(1) },
   cluster: { id: "of-cluster", written: String, read: Number },
@@ -10,7 +10,7 @@ const MENUS = {
 const at = (id) => document.getElementById(id);
 
 export class Menus {
-  // `changed(kind)` hears of every change of the filter that was made here.
+  // Calls `changed(kind)` after every change of the filter made here.
   constructor(filter, changed) {
     this.filter = filter;
     for (const [kind, { id, read }] of Object.entries(MENUS)) {
@@ -35,7 +35,7 @@ export class Menus {
     this.showGenerations();
   }
 
-  // Offers values. What is picked stays picked for as long as it is offered.
+  // Sets the offered values. A picked value stays picked while it is offered.
   offer(kind, entries) {
     const { picked } = this.filter;
     const { id, written } = MENUS[kind];

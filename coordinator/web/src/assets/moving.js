@@ -1,9 +1,9 @@
-// Behaviours of a campaign that searches, as small moving pictures: the newest, and the most novel.
+// Behaviours of a searching campaign as small moving pictures: the newest, and the most novel.
 import { archived, get, insist, path, pause } from "./coordinator.js";
 import { Player } from "./player.js";
 import { grouped } from "./words.js";
 
-// Least time for which the same behaviours are shown.
+// Least display time of a behaviour.
 const PAUSE_MS = 10000;
 
 const rest = document.getElementById("rest");
@@ -28,7 +28,7 @@ rest.addEventListener("click", () => {
 });
 tell();
 
-// Shows the picture of an individual until its motion is there; whether it is another than before.
+// Shows the picture of an individual until its motion arrives; returns whether it is a new one.
 function put(place, found) {
   if (!found || place.index === found[0]) return false;
   const [index, generation, novelty] = found;
@@ -50,7 +50,7 @@ async function move({ root, player, index }) {
   if (resting) player.pause();
 }
 
-// Shows what there is while `searching()`; what was found last stays after that.
+// Shows found behaviours while `searching()`; the last ones stay after that.
 export async function follow(searching) {
   if (asking) return;
   if (!searching()) {
@@ -61,7 +61,7 @@ export async function follow(searching) {
   try {
     const told = await insist(() => get("shown"));
     const fresh = Object.entries(players).flatMap(([kind, places]) => places.filter((place, i) => put(place, told[kind][i])));
-    // One after the other: they take a little of what the search needs.
+    // One at a time, because replays take a little time from the search.
     for (const place of fresh) await move(place);
     await pause(PAUSE_MS);
   } finally {

@@ -1,4 +1,4 @@
-// The page on which a campaign is described: says what it costs, or what is wrong, while it is written.
+// The page for a new campaign: shows the cost, or the error, while the form is edited.
 const PAUSE_MS = 300;
 
 const form = document.getElementById("new");
@@ -19,11 +19,11 @@ async function look() {
     document.getElementById("outcome").replaceChildren(...fresh.querySelector("#outcome").childNodes);
     mark();
   } catch {
-    // The coordinator does not answer now: starting will say so.
+    // The coordinator does not answer now. Submitting the form would show that.
   }
 }
 
-// Marks the field that is wrong.
+// Marks the wrong field.
 function mark() {
   const wrong = document.querySelector("#outcome .error")?.dataset.field;
   for (const field of form.querySelectorAll(".field input, .field select")) {
@@ -33,7 +33,7 @@ function mark() {
   }
 }
 
-// Selects the line that is wrong, where a file was checked.
+// Selects the wrong line of a file.
 function select() {
   const line = Number(document.querySelector("#outcome .error")?.dataset.line);
   if (!text || !line) return;

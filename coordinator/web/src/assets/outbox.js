@@ -1,6 +1,6 @@
-// Answers that the coordinator has not yet acknowledged. They are sent at once, one after the other, each under an id of
-// its own, so that one that was not acknowledged can be sent again. Until then the browser keeps them, through a refresh
-// and a restart of the browser or the coordinator.
+// Answers that the coordinator has not yet acknowledged. They are sent at once, one at a time, each under its own id, so that
+// unacknowledged ones can be sent again. Until then the browser keeps them, through a reload and a restart of the browser or the
+// coordinator.
 import { annotator, random } from "./annotator.js";
 import "./ask.js";
 import { Refused, Silent, keptAs, pause, post } from "./coordinator.js";
@@ -10,14 +10,14 @@ import { counted } from "./words.js";
 const KEPT = `${keptAs}.unsent.`;
 
 export class Outbox {
-  // `told(item, reply)` hears of what was acknowledged, `refused(item, error)` of what never will be, `changed(outbox)`
-  // of both and of every delay.
+  // Calls `told(item, reply)` for acknowledged items, `refused(item, error)` for refused ones, and `changed(outbox)` after both and
+  // after every delay.
   constructor(session, { told, refused, changed }) {
     this.key = KEPT + session;
     this.told = told;
     this.refused = refused;
     this.changed = changed;
-    // Why nothing is acknowledged at present, if nothing is.
+    // The error that delays acknowledgements, if any.
     this.trouble = null;
     this.sending = false;
     this.items = this.left();
@@ -25,7 +25,7 @@ export class Outbox {
     this.send();
   }
 
-  // What this window and others that are gone left behind. Sending twice what a living one sends too does no harm.
+  // Unsent items of this window and of closed ones. If an open window sends an item too, the duplicate does no harm.
   left() {
     const keys = Object.keys(localStorage).filter((key) => key.startsWith(KEPT));
     const items = keys.flatMap((key) => JSON.parse(localStorage.getItem(key)));
@@ -38,12 +38,12 @@ export class Outbox {
     else localStorage.removeItem(this.key);
   }
 
-  // Names individuals.
+  // Adds answers about individuals.
   answer(indices, text) {
     this.add("labels", { annotator: annotator(), answers: indices.map((index) => ({ index, answer: text })) });
   }
 
-  // Takes back the annotator's last answer.
+  // Withdraws the annotator's last answer.
   undo() {
     this.add("undo", { annotator: annotator() });
   }
@@ -86,7 +86,7 @@ export class Outbox {
     this.sending = false;
   }
 
-  // Says on the page how things stand: on its line, and of what is kept here at the bottom.
+  // Shows the state on the page's line, and unsent items at the bottom of the page.
   tell(line) {
     const { items, trouble } = this;
     const open = items.length > 0;
@@ -99,7 +99,7 @@ export class Outbox {
   }
 
   kept() {
-    // The others take answers back.
+    // All other items are withdrawals.
     const isAnswer = ({ path }) => path === "labels";
     const answers = this.items.filter(isAnswer).reduce((sum, { body }) => sum + body.answers.length, 0);
     const others = this.items.filter((item) => !isAnswer(item)).length;
@@ -108,7 +108,7 @@ export class Outbox {
   }
 }
 
-// Learning waits until everything that was said is with the coordinator.
+// Delays learning until the coordinator has acknowledged every answer.
 export function beforeLearning(outbox) {
   const form = document.querySelector("form.learn");
   form?.addEventListener("submit", async (event) => {
@@ -119,7 +119,7 @@ export function beforeLearning(outbox) {
   });
 }
 
-// What is being done with the campaign, where the page has a place for it.
+// Shows the campaign's current activity, if the page has a place for it.
 export function tellDoing({ doing }) {
   const line = document.getElementById("doing");
   if (line) line.textContent = doing ?? "";

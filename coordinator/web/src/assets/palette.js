@@ -1,15 +1,15 @@
-// The classes as buttons with keys, and a field for those that are new.
+// The classes as buttons with keys, and a field for new classes.
 import { keptAs } from "./coordinator.js";
 import { actionOf, claim, isChosen, isForPage } from "./keys.js";
 import { counted, grouped, shown } from "./words.js";
 
-// The keys that classes get by themselves, in this order: digits, then the letters that no page uses.
+// The default keys of classes, in this order: digits, then letters that no page uses.
 const KEYS = [..."123456789abcdefghijklmopqtvwxyz"];
-// Says that somebody does without the paper's classes.
+// Storage key: a person has hidden the paper's classes.
 const OFFERS = `${keptAs}.offers`;
 
 export class Palette {
-  // `answer(text)` names what the page shows and returns the individuals that it named; `outbox` takes later changes of it.
+  // `answer(text)` names the page's individuals and returns them; `outbox` takes later changes of the answer.
   constructor({ answer, outbox }) {
     this.root = document.querySelector(".palette");
     this.buttons = this.root.querySelector(".classes");
@@ -18,13 +18,13 @@ export class Palette {
     this.field = this.form.elements.class;
     this.choose = answer;
     this.outbox = outbox;
-    // By class, the individuals that were called so here.
-    this.said = new Map();
-    // Pairs of classes of which somebody here said that they differ.
+    // The individuals named here, by class.
+    this.named = new Map();
+    // Pairs of similar classes that a person here wants to keep separate.
     this.differ = new Set();
     this.similar = null;
     this.classes = [];
-    // By key, the class that it means.
+    // Classes by key.
     this.keys = new Map();
     // The paper's classes, if they are offered.
     this.paper = null;
@@ -44,7 +44,7 @@ export class Palette {
     this.root.addEventListener("click", (event) => {
       const button = event.target.closest("button");
       if (!button || button.form) return;
-      // A pointer leaves no focus behind: Space plays.
+      // After a click the button loses the focus, so that Space plays.
       if (event.detail > 0) button.blur();
       if (button.dataset.do === "undo") this.outbox.undo();
       else if (button.dataset.do === "instead") this.instead();
@@ -65,7 +65,7 @@ export class Palette {
     return true;
   }
 
-  // Does what a key of the palette is for; whether it is one.
+  // Performs an action of the palette; returns whether it is one.
   act(name) {
     if (name === "name") this.field.focus();
     else if (name === "undo") this.outbox.undo();
@@ -75,8 +75,8 @@ export class Palette {
     return true;
   }
 
-  // A class has the key that somebody chose for it. Else it keeps its key for as long as it is there, whichever others go; one
-  // that comes has the first that is free, and that nobody here chose for something else.
+  // A class has the key that a person chose for it. Otherwise it keeps its key while it exists, whichever others go. A new class
+  // gets the first key that is free and not chosen for an action.
   assign(classes) {
     const former = new Map([...this.keys].map(([key, name]) => [name, key]));
     this.keys = new Map(classes.filter(({ shortcut }) => shortcut).map(({ name, shortcut }) => [shortcut, name]));
@@ -94,7 +94,7 @@ export class Palette {
     claim(this.keys);
   }
 
-  // The paper's classes that no answer names yet. Where others began with words of their own, nothing is offered.
+  // The paper's classes without an answer. If people began with classes of their own, nothing is offered.
   offered(classes) {
     const names = new Set(classes.map(({ name }) => name));
     if (this.paper === null) {
@@ -105,8 +105,8 @@ export class Palette {
     return this.paper.filter((name) => !names.has(name)).map((name) => ({ name }));
   }
 
-  // The classes in the order in which they get keys: while the paper's are offered, these first, so that theirs are the same
-  // whichever of them are named already.
+  // The order in which classes get keys: the paper's first while they are offered, so that their keys do not depend on which of
+  // them have answers.
   inOrder(classes, offered) {
     const all = [...classes, ...offered];
     const paper = this.paper.map((name) => all.find((of) => of.name === name));
@@ -119,13 +119,13 @@ export class Palette {
     this.show(this.classes);
   }
 
-  // Shows the classes, in their order, and those that are offered.
+  // Shows the classes in their order, and the offered ones.
   show(classes) {
     const offered = this.offered(classes);
     const inOrder = this.inOrder(classes, offered);
     this.assign(inOrder);
     const focused = this.root.contains(document.activeElement) ? document.activeElement.dataset.answer : null;
-    // A class that is offered stays where it is once it is named: whoever aims at the next one must not miss it.
+    // An offered class stays in place when it gets its first answer, so that a click on its neighbour does not miss.
     this.buttons.replaceChildren(...inOrder.map((known) => this.button(known)));
     this.offers.hidden = offered.length === 0;
     this.root.classList.add("ready");
@@ -141,12 +141,12 @@ export class Palette {
     this.warn(classes);
   }
 
-  // Two names that are nearly the same may be meant to be one: what was said here can be said otherwise at once.
+  // Warns of two classes with nearly the same name, and offers to change the answers given here.
   warn(classes) {
     this.classes = classes;
     const pairs = classes.flatMap(({ name, near }) => near.map((other) => [name, other]));
     const open = pairs.filter((pair) => !this.differ.has(String([...pair].sort())));
-    const own = open.filter(([name]) => this.said.has(name));
+    const own = open.filter(([name]) => this.named.has(name));
     this.similar = own.at(-1) ?? open[0] ?? null;
     const hint = this.root.querySelector(".near");
     hint.hidden = this.similar === null;
@@ -158,11 +158,11 @@ export class Palette {
     instead.textContent = `Use “${shown(other)}” instead`;
   }
 
-  // What was called by a name that was typed wrongly is called by the other.
+  // Changes the answers with the mistyped class to the other class.
   instead() {
     const [name, other] = this.similar;
-    const indices = this.said.get(name);
-    this.said.delete(name);
+    const indices = this.named.get(name);
+    this.named.delete(name);
     this.outbox.answer(indices, other);
   }
 
@@ -173,10 +173,10 @@ export class Palette {
 
   async answer(text) {
     const indices = await this.choose(text);
-    if (indices) this.said.set(text, [...(this.said.get(text) ?? []), ...indices]);
+    if (indices) this.named.set(text, [...(this.named.get(text) ?? []), ...indices]);
   }
 
-  // A class, or, without a colour, one that is offered.
+  // The button of a class, or, without a colour, of an offered one.
   button({ name, colour, labels }) {
     const button = document.createElement("button");
     button.type = "button";

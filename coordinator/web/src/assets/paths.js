@@ -1,15 +1,15 @@
-// The whole motion of a swarm in one picture: the path of each robot in its colour, and where the robots end.
+// A whole motion in one picture: the path of each robot in its colour, and the robots' last positions.
 import { drawArena, drawBodies, fit } from "./drawing.js";
 import { motionOf } from "./player.js";
 
-// Poses that are joined by lines, at most: of longer motions of larger swarms every so many steps.
+// Most poses joined by lines; longer motions or larger swarms skip steps.
 const MOST_POSES = 60_000;
 // Half a world: on a torus, a longer way between two frames is a jump to the other side.
 const JUMP = 32768;
 
-// Lays the paths of an individual over its picture, which `root` holds, once its motion is there, if that is still wanted.
+// Draws an individual's paths over its picture in `root`, once its motion has arrived, if `isWanted()` still holds.
 export async function layPaths(root, index, isWanted = () => root.isConnected) {
-  // The player says why there is no motion.
+  // The player shows why a motion is missing.
   const motion = await motionOf(index, isWanted).motion.catch(() => null);
   if (!motion || !isWanted()) return;
   let canvas = root.querySelector(".paths");

@@ -1,16 +1,16 @@
-// The motion of a swarm that has no end, a piece at a time, and how it is drawn.
+// The motion of a swarm without an end, a piece at a time, and its drawing.
 import { insist, reply } from "./coordinator.js";
 import { drawArena, fit } from "./drawing.js";
 
 const VERSION = 1;
 const HEADER_WORDS = 5;
-// Pieces that are asked for before they are needed.
+// Pieces requested in advance.
 const AHEAD = 1;
-// Where sensors can be told apart.
+// Least radius, and most robots, for which sensors are drawn.
 const LEAST_RADIUS_PX = 4;
 const MOST_WITH_SENSORS = 200;
 
-// Frames at even steps, as the coordinator sends them: little-endian, as every browser reads them.
+// Frames at even steps, in the coordinator's format, which is little-endian like all browsers.
 class Piece {
   constructor(bytes) {
     const [version, first, stride, frames, robots] = new Uint32Array(bytes, 0, HEADER_WORDS);
@@ -24,7 +24,7 @@ class Piece {
     this.sensed = new Uint8Array(bytes, 4 * HEADER_WORDS + this.poses.byteLength);
   }
 
-  // Hands x, y, heading and what it senses of each robot of a world to `told`.
+  // Passes x, y, heading and sensor state of each robot to `told`.
   at(step, { width, height, torus }, told) {
     const place = Math.min(Math.max((step - this.first) / this.stride, 0), this.frames - 1);
     const frame = Math.floor(place);
@@ -33,7 +33,7 @@ class Piece {
     const to = 3 * Math.min(frame + 1, this.frames - 1) * this.robots;
     const between = (i, side) => {
       const way = this.poses[to + i] - this.poses[from + i];
-      // Who left a torus on one side is there until it has come in on the other.
+      // On a torus, a robot that leaves on one side stays there until it comes in on the other.
       return this.poses[from + i] + (torus && Math.abs(way) > side / 2 ? 0 : part * way);
     };
     for (let i = 0; i < this.robots; i++) {
@@ -43,21 +43,21 @@ class Piece {
   }
 }
 
-// Asks for the pieces of one motion, and holds those that are still to be shown.
+// Requests the pieces of one motion, and holds those still to be shown.
 export class Pieces {
-  // `came` hears that there is more to show, `failed` why there is not; `url` answers with pieces.
+  // Calls `came` when there is more to show, and `failed` on an error; `url` answers with pieces.
   constructor({ came, failed, url }) {
     this.url = url;
     this.came = came;
     this.failed = failed;
     this.held = [];
     this.asked = null;
-    // Before a motion begins there is nothing to ask for.
+    // Before a motion begins there is nothing to request.
     this.isNew = true;
     this.ended = false;
   }
 
-  // Another motion, from a step on. What is shown stays until its first piece is here.
+  // Begins another motion, from a step on. The old one stays until the first piece arrives.
   begin(query, step) {
     this.asked?.abort();
     this.asked = null;
@@ -96,7 +96,7 @@ export class Pieces {
     }
   }
 
-  // The piece that a step is in; asks for what comes after it.
+  // The piece that contains a step; requests the next piece.
   of(step) {
     const place = this.held.findIndex((piece) => step <= piece.last);
     this.held.splice(0, Math.max(place, 0));
@@ -105,7 +105,7 @@ export class Pieces {
   }
 }
 
-// Draws a swarm at a step of a piece. `swarm` is its world and its species; `counts` says how many robots each has.
+// Draws a swarm at a step of a piece. `swarm` is its world and its species; `counts` are the numbers of robots of each.
 export function draw(canvas, piece, step, { swarm, counts, genes }) {
   fit(canvas);
   const pen = canvas.getContext("2d");
@@ -132,13 +132,13 @@ function layer({ colour, radius, sensors }, scale, genes) {
     headings: new Path2D(),
     seeing: new Path2D(),
     blind: new Path2D(),
-    // What cones cover, of sensors that are on and of those that are off.
+    // Areas covered by the cones of sensors that are on, and of those that are off.
     lit: new Path2D(),
     dim: new Path2D(),
   };
 }
 
-// A robot: its body, full where a sensor is on; its heading; and where its sensors look, as far as they do if that has an end.
+// Adds a robot: its body, filled if a sensor is on; its heading; and its sensors' directions, up to their range if they have one.
 function add(layer, x, y, heading, sensed) {
   const { radius, sensors } = layer;
   const body = sensed ? layer.on : layer.off;
@@ -169,7 +169,7 @@ function paint(pen, { colour, radius, on, off, headings, seeing, blind, lit, dim
   const thin = Math.max(0.25 * radius, 1);
   pen.fillStyle = colour;
   pen.strokeStyle = colour;
-  // Under the robots, and each path as one area: where many cones overlap, robots are still seen.
+  // Under the robots, and each path as one area, so that robots stay visible where many cones overlap.
   pen.globalAlpha = 0.08;
   pen.fill(dim);
   pen.globalAlpha = 0.2;

@@ -1,17 +1,17 @@
-// The page Play: a person sets a controller, and the swarm that it controls moves.
+// The page Play: a person sets a controller, and watches the swarm.
 import { Comparison } from "./compare.js";
 import { Endless } from "./endless.js";
 import { actionOf, isForPage } from "./keys.js";
 
-// Where a motion is shown from when its controller is changed: at the latest here, as far as the paper looks at it; and before
-// this many steps of one robot, which are simulated at once.
+// After a change of the controller the motion continues from the current step, but at most from step LOOKED_AT, the last that the
+// paper looks at, and after at most AT_ONCE steps times robots, which are simulated without delay.
 const LOOKED_AT = 1200;
 const AT_ONCE = 120_000;
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 const at = (id) => document.getElementById(id);
 const root = at("play");
 
-// What the controls say: what an address holds.
+// The state of the controls, as the address holds it.
 class State {
   constructor() {
     this.swarm = JSON.parse(root.dataset.swarm);
@@ -33,7 +33,7 @@ class State {
     return query.toString();
   }
 
-  // What is needed to draw the robots.
+  // What the drawing needs.
   shown() {
     const { swarm } = this;
     const genes = this.numbers();
@@ -51,7 +51,7 @@ function playground() {
   const isValid = () => [...root.querySelectorAll(".number")].every((control) => control.value && control.checkValidity());
 
   const comparison = new Comparison(() => state.query());
-  // What changes at once is the motion; the address follows when it has been changed.
+  // The motion changes at once; the address follows at the end of the change.
   const changed = (step) => {
     complain();
     comparison.forget();
@@ -116,7 +116,7 @@ function playground() {
     else return;
     event.preventDefault();
   });
-  // A link within the page changes the address too.
+  // Links within the page change the address too.
   addEventListener("popstate", () => new URL(location).search !== new URL(told, location).search && location.reload());
 
   history.replaceState(null, "", `${told}${location.hash}`);
@@ -125,7 +125,7 @@ function playground() {
   else endless.play();
 }
 
-// Numbers that are not allowed are marked by the browser; what they may be is said here.
+// Browsers mark numbers that are not allowed; this shows the allowed ones.
 function complain() {
   const wrong = [...root.querySelectorAll(".number")].find((control) => !control.value || !control.checkValidity());
   const status = at("status");

@@ -1,4 +1,4 @@
-// Asks the coordinator for the motion of a behaviour, and plays it.
+// Requests the motion of a behaviour, and plays it.
 import { archived, get, insist } from "./coordinator.js";
 import { Run } from "./drawing.js";
 import { actionOf } from "./keys.js";
@@ -10,8 +10,8 @@ const calm = matchMedia("(prefers-reduced-motion: reduce)");
 
 const kept = new Map();
 
-// The motion of an individual, asked for once, whoever wants it, and asked for again until nobody does; why it is not there yet, and
-// who wants to hear that.
+// The motion of an individual. It is requested once for all callers, with retries while any of them wants it. Also holds the reason
+// for a delay, and a callback for it.
 export function motionOf(index, isWanted = () => true) {
   if (!kept.has(index)) {
     const asked = { why: "Simulating…", late: () => {}, wanted: [] };
@@ -43,7 +43,7 @@ export class Player extends Playback {
     this.speed?.addEventListener("change", () => localStorage.setItem(SPEED, this.speed.value));
   }
 
-  // Shows an individual's motion, from the start, or, where motion is not wanted, its end.
+  // Shows an individual's motion from the start, or only its end if the visitor prefers no motion.
   async show(index) {
     this.index = index;
     this.motion = null;
@@ -81,7 +81,7 @@ export class Player extends Playback {
     this.pause();
   }
 
-  // Goes a part of the run back or on.
+  // Skips a part of the run, forwards or back.
   skip(part) {
     if (!this.motion) return;
     const { last } = this.motion.run;
@@ -94,7 +94,7 @@ export class Player extends Playback {
     this.tell();
   }
 
-  // Twice or half as fast.
+  // Doubles or halves the speed.
   pace(faster) {
     const place = this.speed.selectedIndex + (faster ? 1 : -1);
     if (place < 0 || place >= this.speed.length) return;
@@ -103,7 +103,7 @@ export class Player extends Playback {
   }
 }
 
-// Does what a key of a page with one player is for; whether it is one.
+// Performs the action of a key on a page with one player; returns whether it had one.
 export function playerKey(player, { key }) {
   const name = actionOf(key);
   if (name === "play") player.toggle();

@@ -1,13 +1,13 @@
-// The points of the map, which keys go through and lines are drawn around.
+// The points of the map, for keys and drawn lines.
 import { fit } from "./drawing.js";
 import { GlPoints } from "./glpoints.js";
 import { encloses } from "./lasso.js";
 import { PAPER, Plot } from "./plot.js";
 
-// Without a graphics card: milliseconds for a picture while the map moves, and after which it has come to rest.
+// Without a graphics card: milliseconds per frame while the map moves, and until it counts as resting.
 const BUDGET_MS = 8;
 const REST_MS = 150;
-// Points that are always painted, all of them.
+// So few points are always all painted.
 const FEW = 10_000;
 
 export class Points extends Plot {
@@ -15,12 +15,12 @@ export class Points extends Plot {
     super(canvas);
     this.groups = [];
     this.isDark = false;
-    // Milliseconds that all points take this script, and what paints all of them once the map rests.
+    // Milliseconds that this script takes for all points, and the timer that paints all of them once the map rests.
     this.cost = 0;
     this.rest = 0;
-    // The groups with one point of so many, for a map that moves.
+    // The groups thinned to one point in `every`, for a moving map.
     this.thinned = { every: 1, groups: this.groups };
-    // What draws them; null where only this script can.
+    // The renderer on the graphics card; null if this script paints.
     this.card = GlPoints.of(canvas, () => {
       this.card.place(this.x, this.y);
       this.look();
@@ -34,7 +34,7 @@ export class Points extends Plot {
     super.place(x, y, spans);
   }
 
-  // The squares are sorted when somebody points at one: a map that is moved has another sixty times a second.
+  // The squares are sorted only when a pointer needs them: a moving map changes them sixty times a second.
   sort() {
     this.isSorted = false;
   }
@@ -53,8 +53,7 @@ export class Points extends Plot {
     return found;
   }
 
-  // Paints every point that is shown: those that stand out over the others, and with a selection, those that are not in it
-  // faded.
+  // Paints every shown point: outstanding ones over the others, and with a selection, the unselected ones faded.
   show(colourOf, { selected, standsOut }, isDark) {
     const groups = [[], [], []];
     for (let i = 0; i < this.count; i++) groups[selected.has(i) ? 2 : standsOut(i) ? 1 : 0].push(i);
@@ -70,7 +69,7 @@ export class Points extends Plot {
     this.repaint();
   }
 
-  // Tells the card how the points look.
+  // Sends the points' looks to the graphics card.
   look() {
     if (!this.card) return;
     const [looks, sizes] = [new Uint8Array(4 * this.count), new Uint8Array(this.count)];
@@ -90,8 +89,8 @@ export class Points extends Plot {
     this.card.look(Uint32Array.from(order), looks, sizes);
   }
 
-  // Paints the points where they lie now, as they looked last. Where this script paints them and they take too long for a map that
-  // moves, these are some of them, evenly chosen, until it rests.
+  // Paints the points at their current places, with their last looks. If this script paints them, and all take too long for a
+  // moving map, it paints an even sample until the map rests.
   repaint(moves = false) {
     if (!this.card) return this.paintSome(moves && this.count > FEW ? 2 ** Math.max(Math.ceil(Math.log2(this.cost / BUDGET_MS)), 0) : 1);
     fit(this.canvas);
@@ -104,7 +103,7 @@ export class Points extends Plot {
     });
   }
 
-  // Paints one point of `every`.
+  // Paints one point in `every`.
   paintSome(every) {
     clearTimeout(this.rest);
     if (this.thinned.every !== every) {

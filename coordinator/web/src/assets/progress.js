@@ -1,4 +1,4 @@
-// The Progress page: what changes is sent by the coordinator; novelty and trainings are drawn as curves.
+// The Progress page: the coordinator sends what changes; novelty and trainings are drawn as curves.
 import "./live.js";
 import { Chart } from "./chart.js";
 import { get, insist, pause } from "./coordinator.js";
@@ -17,7 +17,7 @@ const overEpochs = (id, line, heights = {}) =>
 const accuracy = overEpochs("accuracy", "accuracy on held-out triplets, %", { fromLeast: true });
 const loss = overEpochs("loss", "mean loss");
 accuracy.link(loss);
-// How the campaign stood when the curves were drawn.
+// The campaign's state when the curves were drawn.
 let drawn = "";
 let asking = false;
 
@@ -56,7 +56,7 @@ const searching = () => facts().searching !== undefined;
 const found = document.getElementById("found");
 const taxonomy = live.querySelector("[data-slot=taxonomy]");
 
-// The taxonomy takes the place of what was found on the way: what is below both stays where it is.
+// Replaces the found behaviours by the taxonomy, without moving the content below.
 function replace() {
   const shown = document.getElementById("shown");
   const there = taxonomy.childElementCount > 0;

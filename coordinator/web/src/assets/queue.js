@@ -1,32 +1,32 @@
-// What this window is asked, some of it before it is needed.
+// This window's questions, some of them loaded in advance.
 import { annotator } from "./annotator.js";
 import { archived, insist, path, post } from "./coordinator.js";
 import { motionOf } from "./player.js";
 
-// The one that is looked at, and the next three.
+// The current question, and the next three.
 const HELD = 4;
-// As many as the coordinator lets a window wish for.
+// The coordinator's limit of requested questions.
 const AGAIN = 100;
-// Before others are given what this window holds.
+// Interval of renewals, shorter than the time after which the coordinator gives a window's questions to others.
 const RENEW_MS = 60_000;
 
 export class Queue {
-  // `changed()` hears of a new first question and of new counts.
+  // Calls `changed()` after a new first question and after new counts.
   constructor(session, changed) {
     this.session = session;
     this.changed = changed;
     this.questions = [];
-    // Individuals: answered by anybody, by whoever sits here, by the rule-based judge alone; and all that there are.
+    // Numbers of individuals: with an answer by anybody, by this annotator, by the rule-based judge alone; and all.
     this.answered = 0;
     this.own = 0;
     this.synthetic = 0;
     this.individuals = 0;
     this.loaded = false;
-    // Whether the coordinator had no question when it was last asked.
+    // Whether the last request returned no question.
     this.exhausted = false;
-    // Why it cannot be asked at present, if it cannot.
+    // The error of the last request, if any.
     this.trouble = null;
-    this.said = new Set();
+    this.answeredHere = new Set();
     this.again = [];
     this.asking = false;
     this.wanted = false;
@@ -41,29 +41,29 @@ export class Queue {
     return this.questions[0];
   }
 
-  // The first question was answered.
+  // Removes the first question after its answer.
   take() {
-    this.said.add(this.questions.shift().index);
+    this.answeredHere.add(this.questions.shift().index);
     this.changed();
-    // Where nothing arrives, no acknowledged answer has the next ones be asked for.
+    // Without a question left, no acknowledgement will trigger the next request.
     if (this.questions.length === 0) this.top();
   }
 
-  // Answers were undone, the newest first: those questions come first again.
+  // Puts the questions of undone answers, newest first, at the front again.
   giveBack(indices) {
-    for (const index of indices) this.said.delete(index);
+    for (const index of indices) this.answeredHere.delete(index);
     this.again = [...indices, ...this.again].slice(0, AGAIN);
     this.top();
   }
 
-  // Another kind of question from now on.
+  // Switches to another kind of question.
   set(strategy, agreement) {
     this.strategy = strategy;
     this.agreement = agreement;
     this.top();
   }
 
-  // Has the window hold as many questions as it should.
+  // Fills the window's questions.
   async top() {
     this.wanted = true;
     if (this.asking) return;
@@ -95,8 +95,8 @@ export class Queue {
     });
     this.trouble = null;
     this.again = this.again.filter((index) => !again.includes(index));
-    // What was answered meanwhile was on its way.
-    this.questions = asked.queries.filter(({ index }) => !this.said.has(index));
+    // Leave out questions answered during the request.
+    this.questions = asked.queries.filter(({ index }) => !this.answeredHere.has(index));
     this.answered = asked.answered;
     this.own = asked.own;
     this.synthetic = asked.synthetic;

@@ -1,4 +1,4 @@
-// The medoids on the page of a study: their motion on a click, and what people say of them.
+// The medoids on a study's page: a click plays their motion, and people judge them.
 import { annotator, introduced } from "./annotator.js";
 import { insist, reply } from "./coordinator.js";
 import { Endless } from "./endless.js";
@@ -8,7 +8,7 @@ const root = document.getElementById("judging");
 const status = document.getElementById("status");
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 
-// The medoid that is played.
+// The medoid being played.
 const state = {
   swarm: null,
   index: 0,
@@ -32,8 +32,8 @@ function play(endless, card) {
   else endless.play();
 }
 
-// The newest word about each individual that the coordinator has not kept yet, the oldest first. One is sent after the other: an
-// older word that is sent again must not arrive after a newer one.
+// The newest unsaved answer about each individual, oldest first. They are sent one at a time, so that a retry of an older answer
+// cannot arrive after a newer one.
 const unsent = new Map();
 let sending = false;
 
@@ -57,7 +57,7 @@ async function send() {
       const [about, { details }] = unsent.entries().next().value;
       try {
         await keep(about);
-        // What is said of this cell meanwhile would seem to be taken back.
+        // If more answers about this cell are unsaved, a reload would seem to revert them.
         if (![...unsent.values()].some((word) => word.details === details)) await open(details);
       } catch (error) {
         unsent.delete(about);
@@ -71,7 +71,7 @@ async function send() {
   status.textContent = "All saved.";
 }
 
-// Has the coordinator keep what was said last about an individual.
+// Saves the newest answer about an individual.
 async function keep(about) {
   let word;
   const ask = () => {
@@ -80,11 +80,11 @@ async function keep(about) {
     return reply(fetch(root.dataset.classes, { method: "POST", headers, body: word.body }));
   };
   await insist(ask, ({ message }) => (status.textContent = `Not saved yet: ${message}.`));
-  // Another word came while this one was on its way.
+  // A newer answer may have replaced this one during the request.
   if (unsent.get(about) === word) unsent.delete(about);
 }
 
-// Shows the medoids of a cell as they stand, with the focus where it was.
+// Shows the current medoids of a cell, and keeps the focus.
 async function open(details) {
   const focused = document.activeElement?.closest("[data-class]");
   const [index, text] = [focused?.closest("[data-index]")?.dataset.index, focused?.dataset.class];

@@ -1,4 +1,4 @@
-// The Sheet page: shows a cluster at once; people mark the behaviours that differ and name the others together.
+// The Sheet page: shows a whole cluster; people mark the behaviours that differ and name the others together.
 import { introduced, session } from "./annotator.js";
 import { archived, follow, get, insist, path } from "./coordinator.js";
 import { column, fit } from "./drawing.js";
@@ -18,14 +18,14 @@ const sheet = at("sheet");
 const over = at("over");
 const player = new Player(document.querySelector(".player"));
 let clusters = [];
-// What the clusters are of: how many individuals, in which space, and whether they are the last.
+// Properties of the clusters: number of individuals, archive version, and whether they are the final ones.
 let made = { of: 0, archive_version: null, final: false };
-// Others that wait for the next look: nothing changes under somebody's hands.
+// New clusters, shown with the next answer or choice, so that nothing moves during one.
 let coming = null;
 let labelled = new Set();
-// What was answered here, whether the coordinator knows it yet or not.
-const said = new Set();
-// Those that were put off: they come again once there is nothing else.
+// Individuals answered here, acknowledged or not.
+const answered = new Set();
+// Individuals put off: they come again when nothing else is left.
 let later = new Set();
 
 await introduced();
@@ -48,7 +48,7 @@ function answer(text) {
   if (rest.length === 0) return;
   const indices = rest.map((card) => Number(card.dataset.index));
   for (const index of indices) {
-    said.add(index);
+    answered.add(index);
     labelled.add(index);
   }
   for (const card of cards()) if (card.getAttribute("aria-pressed") === "true") later.add(Number(card.dataset.index));
@@ -57,9 +57,9 @@ function answer(text) {
   return indices;
 }
 
-// These were not answered after all: they are looked at again.
+// Shows these individuals again, because their answers were refused or undone.
 async function forget(indices) {
-  for (const index of indices) said.delete(index);
+  for (const index of indices) answered.delete(index);
   await load();
   if (coming) show(coming);
 }
@@ -124,7 +124,7 @@ function go(by) {
   look();
 }
 
-// Shows the cluster that was chosen, of those that there are by now.
+// Shows the chosen cluster, from the newest clusters.
 function look() {
   if (coming) show(coming);
   else lay();
@@ -154,10 +154,10 @@ lasso(over, sheet, {
   },
 });
 sheet.addEventListener("click", (event) => {
-  // Pointers are the lasso's; this is the keyboard.
+  // Keyboard only; the lasso handles pointers.
   if (event.detail === 0) toggle(event.target.closest(".card"));
 });
-// A pointer that only passes wants no motion.
+// Delayed, because a passing pointer needs no motion.
 let looking = 0;
 const watch = (event) => {
   const card = event.target.closest(".card");
@@ -181,10 +181,10 @@ document.addEventListener("keydown", (event) => {
   else if (name === "next") go(1);
 });
 
-// Reads the clusters as they are now; what somebody looks at is left as it is until they look at something else.
+// Loads the current clusters; the displayed one stays until the next choice or answer.
 async function load() {
   const [points, labels] = await Promise.all([insist(() => get("points")), insist(() => get("labels"))]);
-  labelled = new Set([...column(labels.individual, Uint32Array), ...said]);
+  labelled = new Set([...column(labels.individual, Uint32Array), ...answered]);
   palette.show(labels.classes);
   const of = column(points.cluster, Uint16Array);
   made = { of: of.length, archive_version: points.archive_version, final: points.final };
@@ -197,7 +197,7 @@ async function load() {
   tellHowFar();
 }
 
-// Shows other clusters, of them that which holds what was looked at last.
+// Switches to other clusters, and chooses the one that contains the medoid of the last one.
 function show(fresh) {
   const first = clusters[Number(at("cluster").value)]?.[0];
   const chosen = fresh.findIndex((members) => members.includes(first));
@@ -211,7 +211,7 @@ function show(fresh) {
   lay();
 }
 
-// What the clusters are of, and whether there are others.
+// Shows the basis of the clusters, and whether new ones wait.
 function tellHowFar() {
   at("fresh").hidden = coming === null;
   if (coming) at("so-far").textContent = "The archive has been clustered again. The new clusters appear with your next answer.";
@@ -219,7 +219,7 @@ function tellHowFar() {
   else at("so-far").textContent = `These are the clusters of the first ${counted(made.of, "behaviour")}; the search may continue.`;
 }
 
-// Whether the coordinator has other clusters by now; while the search goes on, once the archive is a quarter larger.
+// Whether the coordinator has newer clusters. During the search, only once the archive has grown by a quarter.
 function isOutgrown(seen) {
   const grown = seen.individuals > made.of + Math.floor(made.of / 4);
   return grown || seen.archive_version !== made.archive_version || (seen.completed && !made.final);

@@ -1,9 +1,9 @@
-// What lies over the points of the map and changes with the pointer: a line that is drawn, the point that is pointed at, medoids.
+// The layer over the map's points that changes with the pointer: the drawn line, the point under the pointer, and medoids.
 import { fit } from "./drawing.js";
 import { trace } from "./lasso.js";
 
 export class Sketch {
-  // `medoids()` are the points with a ring.
+  // `medoids()` returns the points with a ring.
   constructor(canvas, plot, medoids) {
     this.canvas = canvas;
     this.plot = plot;

@@ -1,4 +1,4 @@
-// The page of a study: its tables and plots follow the cells that are done, and what people say of its medoids.
+// The page of a study: its tables and plots follow completed cells and people's answers about medoids.
 import "./live.js";
 import "./rejudge.js";
 
@@ -15,13 +15,13 @@ async function renew() {
     while (version() !== shown) {
       const now = version();
       const answer = await fetch(tables.dataset.tables);
-      // The next change of a cell asks again.
+      // The next change of a cell triggers a new request.
       if (!answer.ok) return;
       tables.innerHTML = await answer.text();
       shown = now;
     }
   } catch {
-    // The notice at the bottom of the page says that the coordinator is silent.
+    // The notice at the bottom of the page already reports an unresponsive coordinator.
   } finally {
     asking = false;
   }

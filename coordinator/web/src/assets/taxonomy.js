@@ -1,4 +1,4 @@
-// Plays the medoids and has them named, merged and tried from further starts.
+// Plays the medoids, and lets people name them, merge them and try further starts.
 import { introduced, session } from "./annotator.js";
 import { follow, insist, reply } from "./coordinator.js";
 import "./keys.js";
@@ -13,7 +13,7 @@ for (const card of document.querySelectorAll(".medoid")) {
   const player = new Player(card);
   const play = async () => {
     await player.show(Number(card.dataset.index));
-    // The pointer may have gone on.
+    // The pointer may have left meanwhile.
     if (player.index !== null) stage.classList.add("in-motion");
   };
   const rest = () => {
@@ -38,8 +38,7 @@ for (const card of document.querySelectorAll(".medoid")) {
   });
 }
 
-// The page says what it was made from: the search may have ended since. A page stays for some seconds, however fast the archive
-// grows.
+// Reloads the page when the archive has changed since it was made. A page stays for some seconds, however fast the archive grows.
 const { archiveState } = document.getElementById("content").dataset;
 const STAYS_MS = 3000;
 let next = null;
@@ -48,20 +47,20 @@ follow((seen) => {
   next = setTimeout(() => location.reload(), Math.max(0, STAYS_MS - performance.now()));
 });
 
-// What is to be said after the page has come again.
-const SAID = "murmuration.said";
-const said = sessionStorage.getItem(SAID);
-if (said && status) {
-  sessionStorage.removeItem(SAID);
-  status.textContent = said;
+// Message to show after the reload.
+const MESSAGE = "murmuration.message";
+const message = sessionStorage.getItem(MESSAGE);
+if (message && status) {
+  sessionStorage.removeItem(MESSAGE);
+  status.textContent = message;
 }
 
 function again(words) {
-  sessionStorage.setItem(SAID, words);
+  sessionStorage.setItem(MESSAGE, words);
   location.reload();
 }
 
-// The further starts of a medoid, over the page; the address of the button is a page of them.
+// Shows the further starts of a medoid in a dialog; the link's address is a page of them.
 const further = document.querySelectorAll(".further");
 for (const link of further) {
   link.addEventListener("click", (event) => {
@@ -105,7 +104,7 @@ async function tryStarts(link) {
 }
 
 if (status) {
-  // What is to be said once everything has been acknowledged, where that changes the page.
+  // Message to show once everything is acknowledged, if that changes the page.
   let after = null;
   const outbox = new Outbox(await session(), {
     told({ path }, reply) {
@@ -120,7 +119,7 @@ if (status) {
       else outbox.tell(status);
     },
   });
-  // Who only reads is asked nothing; `words` are what is to be said of an answer that changes the page.
+  // Asks for the annotator's name only when there is an answer; `words` is the message for an answer that changes the page.
   async function name(indices, answer, words = null) {
     if (!answer || !(await introduced())) return;
     if (words !== null) after = words;

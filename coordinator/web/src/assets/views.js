@@ -1,13 +1,13 @@
-// The parts of a map that were shown before, to go back to.
+// The views of a map, to go back to.
 
-// A map that was not moved for so long has come to rest: the next movement is another step back.
+// After so long without movement, the map rests: the next movement is a new step of the history.
 const REST_MS = 400;
 const MOST = 100;
 
 const same = (one, other) => one.every((part, i) => part === other[i]);
 
 export class Views {
-  // `plot` is the map; `told(canGoBack)` hears whether there is anything to go back to.
+  // `plot` is the map; calls `told(canGoBack)` after changes of the history.
   constructor(plot, told) {
     this.plot = plot;
     this.told = told;
@@ -18,14 +18,14 @@ export class Views {
     return [this.plot.zoom, ...this.plot.middle];
   }
 
-  // Forgets the views: the map shows something else.
+  // Clears the history, because the map shows something else.
   forget() {
     this.past = [];
     this.settle();
     this.told(false);
   }
 
-  // The map was moved, or is being moved: what it showed when it last rested is kept.
+  // Called when the map moves: stores the view of its last rest.
   moved() {
     if (this.timer === null) {
       if (same(this.rest, this.now())) return;
@@ -37,14 +37,14 @@ export class Views {
     this.timer = setTimeout(() => this.settle(), REST_MS);
   }
 
-  // A movement ends here, whatever follows.
+  // Ends the current movement; the next one is a new step.
   settle() {
     clearTimeout(this.timer);
     this.timer = null;
     this.rest = this.now();
   }
 
-  // Shows what was shown before, once the map is laid out again; whether there was anything.
+  // Returns to the previous view, once the map is laid out again; returns whether there was one.
   back() {
     this.settle();
     const view = this.past.pop();
