@@ -1,4 +1,4 @@
-//! The answers that stand: people look through them, change theirs, and withdraw them.
+//! Standing answers: people look through them, change theirs, and withdraw them.
 
 use super::{
     Web, keys,
@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use tonic::Request;
 
-/// Stands for an answer that names no class, in the column of answers.
+/// Place of an answer that names no class, in the column of answers.
 const NOT_SURE: u16 = u16::MAX;
 const SKIP: u16 = u16::MAX - 1;
 
@@ -39,7 +39,7 @@ pub(super) async fn page(OfCampaign { record, visitor, .. }: OfCampaign) -> Resu
             (keys::list(&KEYS, keys::Page::Answers))
             div.choices.once-named.scripted {
                 label { "By " select #by { option value="" { "everybody" } } }
-                label { "Answer " select #said { option value="" { "any" } } }
+                label { "Answer " select #given { option value="" { "any" } } }
             }
         }
         (parts::who())
@@ -71,7 +71,7 @@ pub(super) async fn page(OfCampaign { record, visitor, .. }: OfCampaign) -> Resu
     Ok(campaign_page(&record, Part::Answers, &visitor, content))
 }
 
-/// The answers that stand, in columns.
+/// The standing answers, in columns.
 #[derive(Debug, Serialize)]
 pub(super) struct AnswersView {
     classes: Vec<teach::ClassView>,
@@ -105,7 +105,7 @@ fn columns(labels: &Labels) -> AnswersView {
         let next = people.len() as u16;
         people.entry(&label.annotator).or_insert(next);
     }
-    let said = |answer: &Answer| match answer {
+    let message = |answer: &Answer| match answer {
         Answer::Class(class) => place.get(class).copied().unwrap_or(NOT_SURE),
         Answer::NotSure => NOT_SURE,
         Answer::Skip => SKIP,
@@ -118,7 +118,7 @@ fn columns(labels: &Labels) -> AnswersView {
         annotators: names.iter().map(|(name, _)| name.to_string()).collect(),
         individual: column(standing.iter().map(|label| (label.index as u32).to_le_bytes())),
         annotator: column(standing.iter().map(|label| person(label).to_le_bytes())),
-        answer: column(standing.iter().map(|label| said(&label.answer).to_le_bytes())),
+        answer: column(standing.iter().map(|label| message(&label.answer).to_le_bytes())),
         time: column(standing.iter().map(|label| (label.time_ms as f64).to_le_bytes())),
     }
 }
@@ -132,17 +132,17 @@ pub(super) struct Withdraw {
     individuals: Vec<u64>,
 }
 
-/// Withdraws answers; responds with the classes after that.
+/// Withdraws answers; responds with the updated classes.
 pub(super) async fn withdraw(
     State(web): State<Web>,
     Path(campaign): Path<String>,
-    Json(said): Json<Withdraw>,
+    Json(message): Json<Withdraw>,
 ) -> Result<Json<teach::ClassesView>, Refused> {
     let request = v1::WithdrawLabelsRequest {
         campaign: campaign.clone(),
-        request_id: said.request_id,
-        annotator: said.annotator,
-        indices: said.individuals,
+        request_id: message.request_id,
+        annotator: message.annotator,
+        indices: message.individuals,
     };
     web.labels.withdraw_labels(Request::new(request)).await?;
     teach::classes(&web, campaign).await

@@ -6,12 +6,12 @@ use axum::http::{HeaderName, HeaderValue, header::CACHE_CONTROL};
 use murmuration_model::CampaignRecord;
 use serde::Deserialize;
 
-/// For as long as the browser wants.
+/// The browser may keep the response as long as it wants.
 const LASTING: &str = "private, max-age=31536000, immutable";
-/// Until it is used again, when the browser must ask.
+/// The browser must ask the coordinator before each use.
 const CHECKED: &str = "private, no-cache";
 
-/// Whether a header is one of these.
+/// Whether a header is one of these two.
 pub(super) fn is_kept(cache_control: &HeaderValue) -> bool {
     cache_control == LASTING || cache_control == CHECKED
 }
@@ -26,8 +26,8 @@ pub(super) struct Created {
 }
 
 impl Created {
-    /// The header that says how long a browser may keep a response. Caches between may not keep it, since the request may
-    /// have needed a token.
+    /// The header that tells a browser how long to keep a response. It forbids shared caches, since the request may have needed a
+    /// token.
     pub(super) fn keep(&self, record: &CampaignRecord) -> (HeaderName, &'static str) {
         let kept = match self.created == Some(record.archive_version().origin()) {
             true => LASTING,

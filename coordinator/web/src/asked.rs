@@ -1,6 +1,6 @@
 //! Parameters of a request: the query of its address, and its form.
 //!
-//! As axum's extractors of the same names, but errors are shown on our error page, with the field.
+//! Like axum's extractors of the same names, but errors appear on our error page and name the field.
 
 use super::page_error::PageError;
 use axum::{
@@ -56,12 +56,12 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Form<T> {
     }
 }
 
-/// The field that axum refused, by what it `said` ("Failed to ...: FIELD: reason", or a reason with the field in backticks), with its
-/// value in the query or form.
-fn refused(said: &str, pairs: &[u8]) -> Invalid {
+/// Finds the field that axum refused and its value in the query or form. `message` is axum's: "Failed to ...: FIELD: reason", or a
+/// reason with the field in backticks.
+fn refused(message: &str, pairs: &[u8]) -> Invalid {
     let pairs: Vec<(String, String)> = serde_urlencoded::from_bytes(pairs).unwrap_or_default();
     let find = |field: &str| pairs.iter().find(|(name, _)| name == field);
-    let part = |separator| said.split(separator).nth(1).unwrap_or_default();
+    let part = |separator| message.split(separator).nth(1).unwrap_or_default();
     if let Some((field, value)) = find(part(": ")) {
         return Invalid::new(field, text::quoted(value), "a value that this page takes");
     }
@@ -85,7 +85,7 @@ mod tests {
 
     #[tokio::test]
     async fn the_field_of_a_query_or_form_is_named() {
-        for (asked, said) in [
+        for (asked, expected) in [
             ("page=-1", "page = \"-1\": must be a value that this page takes"),
             (
                 "a=%1b&page=%1b%5bm",
@@ -96,11 +96,11 @@ mod tests {
         ] {
             let request = Request::get(format!("/?{asked}")).body(Body::empty()).unwrap();
             let query = Query::<Wanted>::from_request(request, &()).await;
-            assert_eq!(query.unwrap_err().to_string(), said);
+            assert_eq!(query.unwrap_err().to_string(), expected);
             let request = Request::post("/").header(CONTENT_TYPE, "application/x-www-form-urlencoded");
             let request = request.body(Body::from(asked)).unwrap();
             let form = Form::<Wanted>::from_request(request, &()).await;
-            assert_eq!(form.unwrap_err().to_string(), said);
+            assert_eq!(form.unwrap_err().to_string(), expected);
         }
         let request = Request::get("/?page=7").body(Body::empty()).unwrap();
         let Query(wanted) = Query::<Wanted>::from_request(request, &()).await.unwrap();

@@ -1,5 +1,5 @@
-//! The atlas of a campaign that evaluates all controllers of four speeds: its map, with the motion of the controller that
-//! somebody chose beside it. The coordinator simulates that motion itself, as for the page Play.
+//! The atlas of a campaign that evaluates all controllers of four speeds: its map, with the motion of the chosen controller beside
+//! it. The coordinator simulates that motion itself, as on the page Play.
 
 mod others;
 
@@ -33,13 +33,13 @@ use serde_json::json;
 use std::sync::Arc;
 use tonic::Status;
 
-/// Individuals that are read at once.
+/// Individuals per read.
 const CHUNK: u64 = 4096;
 
-/// Most bytes of the atlases that are kept; the one that was drawn last is kept whatever it has.
+/// Byte limit of the cached atlases; the latest stays however large it is.
 const MOST_BYTES: usize = 64 << 20;
 
-/// The atlases that were drawn last, for the requests of their pages; cheap to clone.
+/// Cache of the latest atlases, for the requests of their pages; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct DrawnAtlas(LatestAnswers<(ArchiveVersion, u64), Arc<Parts>>);
 
@@ -120,7 +120,7 @@ pub(super) async fn data(
     Ok(([(CONTENT_TYPE, "application/json")], parts.data.clone()))
 }
 
-/// The picture, a pixel a controller.
+/// The picture, one pixel per controller.
 pub(super) async fn picture(
     State(web): State<Web>,
     Path(id): Path<String>,
@@ -134,7 +134,7 @@ async fn parts_of(web: &Web, id: &str) -> Result<Arc<Parts>, PageError> {
     let layout = atlas_of(&record).ok_or(PageError::NoPage)?;
     let wanted = (record.archive_version(), record.individuals());
     let (store, campaign) = (web.store.clone(), record.id.clone());
-    // Both requests of a page are about the same archive.
+    // Both requests of a page need the same archive.
     let draw = async {
         let parts = in_background(move |interrupt| Parts::draw(&store, &record, &layout, interrupt)).await?;
         Ok(Arc::new(

@@ -1,4 +1,4 @@
-//! The classes of a campaign: people rename, merge, colour and delete them, give them keys, and revert that.
+//! The classes of a campaign: people rename, merge, colour and delete them, give them keys, and undo changes.
 
 use super::{
     Web, keys,
@@ -23,9 +23,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use tonic::Request;
 
-/// Pictures of a class that its row shows.
+/// Pictures of a class in its row.
 const PICTURES: usize = 6;
-/// Changes that the page lists.
+/// Changes on the page.
 const CHANGES: usize = 20;
 
 const KEYS: [(&str, &str); 3] = [
@@ -72,7 +72,7 @@ pub(super) async fn page(OfCampaign { record, visitor, .. }: OfCampaign) -> Resu
 #[derive(Debug, Serialize)]
 pub(super) struct DetailsView {
     classes: Vec<NamedClassView>,
-    /// The changes of classes that stand, the newest first.
+    /// The standing changes of classes, newest first.
     changes: Vec<ChangeView>,
 }
 
@@ -95,7 +95,7 @@ struct ChangeView {
     annotator: String,
     /// In RFC 3339.
     time: String,
-    said: String,
+    description: String,
 }
 
 pub(super) async fn details(
@@ -144,7 +144,7 @@ fn told(labels: &Labels) -> DetailsView {
         entry,
         annotator: change.annotator.to_string(),
         time: Timestamp::from_ms(change.time_ms).to_string(),
-        said: said(&change.action),
+        description: describe(&change.action),
     });
     DetailsView {
         classes,
@@ -152,8 +152,8 @@ fn told(labels: &Labels) -> DetailsView {
     }
 }
 
-/// A change of a class in words, after the annotator's name.
-fn said(action: &Action) -> String {
+/// A change of a class as a phrase that follows the annotator's name.
+fn describe(action: &Action) -> String {
     match action {
         Action::Create { class } => format!("added “{}”", class.shown()),
         Action::Rename { class, to } => format!("renamed “{}” to “{}”", class.shown(), to.shown()),
@@ -194,9 +194,9 @@ enum Wanted {
 pub(super) async fn change(
     State(web): State<Web>,
     Path(campaign): Path<String>,
-    Json(said): Json<Changed>,
+    Json(message): Json<Changed>,
 ) -> Result<Json<DetailsView>, Refused> {
-    let change = match said.change {
+    let change = match message.change {
         Wanted::Create { class } => Change::Create(v1::CreateClass { class }),
         Wanted::Rename { class, to } => Change::Rename(v1::RenameClass { class, to }),
         Wanted::Merge { class, into } => Change::Merge(v1::MergeClass { class, into }),
@@ -207,8 +207,8 @@ pub(super) async fn change(
     };
     let request = v1::ChangeClassRequest {
         campaign: campaign.clone(),
-        request_id: said.request_id,
-        annotator: said.annotator,
+        request_id: message.request_id,
+        annotator: message.annotator,
         change: Some(change),
     };
     web.labels.change_class(Request::new(request)).await?;

@@ -1,4 +1,4 @@
-//! Deleting a campaign: what would go is said first.
+//! Deleting a campaign: the page first lists the data that would be deleted.
 
 use super::{Web, asked::Form, layout::layout, of_campaign::OfCampaign, page_error::PageError};
 use axum::{
@@ -19,7 +19,7 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
     ))
 }
 
-/// The data to be deleted, and the button. A campaign of a study is only deleted for somebody who names the study, which the form does.
+/// The data to be deleted, and the button. The form of a campaign of a study names the study, which the deletion requires.
 fn question(record: &CampaignRecord, deletion: &Deletion) -> Markup {
     let id = record.id.as_str();
     html! {
@@ -63,7 +63,7 @@ pub(super) async fn delete(
     Ok(Redirect::to("/"))
 }
 
-/// The button on a campaign's page, if the campaign may be deleted. It leads to the page that asks: to count what would go takes
+/// The button on a campaign's page, if the campaign may be deleted. It leads to the page that asks, because counting the data takes
 /// too long for a page that is sent again and again.
 pub(super) fn button(record: &CampaignRecord) -> Markup {
     html! {
@@ -92,13 +92,13 @@ mod tests {
             ..samples::record("model = \"single-sensor\"\nmethod = \"random\"")
         };
         let page = question(&cell, &deletion).into_string();
-        for said in [
+        for expected in [
             "the study <strong>phase</strong>",
             "name=\"study\" value=\"phase\"",
             "100 individuals",
             "cannot be undone",
         ] {
-            assert!(page.contains(said), "{said} is not in {page}");
+            assert!(page.contains(expected), "{expected} is not in {page}");
         }
         let alone = CampaignRecord { study: None, ..cell };
         assert!(!question(&alone, &deletion).into_string().contains("study"));

@@ -22,10 +22,10 @@ use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::Status;
 
-/// Individuals read at once.
+/// Individuals per read.
 const CHUNK: u64 = 1000;
 
-/// The answers that stand, as `murmuration labels --csv` writes them.
+/// The standing answers, as `murmuration labels --csv` writes them.
 pub(super) async fn labels(OfCampaign { web, record, .. }: OfCampaign) -> Result<Response, PageError> {
     let (store, of) = (web.store.clone(), record.clone());
     let table = in_background(move |_| label_table(&store, &of)).await??;
@@ -53,13 +53,13 @@ fn label_table(store: &Store, record: &CampaignRecord) -> Result<Result<Vec<u8>,
     Ok(to_csv(&record.spec, labelled).map_err(io::Error::other))
 }
 
-/// A row for each individual, as `murmuration export --csv` writes them. The table is sent while it is read.
+/// A row for each individual, as `murmuration export --csv` writes them. The table is streamed.
 pub(super) async fn archive(OfCampaign { web, record, .. }: OfCampaign) -> Result<Response, PageError> {
     let (parts, stream) = mpsc::channel(1);
     let (store, of) = (web.store.clone(), record.clone());
     spawn(async move {
         if let Err(broken) = send(store, of, &parts).await {
-            // The client must not take the file for whole; it may be gone.
+            // The error keeps the client from taking the file as complete. The client may be gone.
             let _ = parts.send(Err(io::Error::other(broken))).await;
         }
     });
@@ -98,15 +98,15 @@ async fn send(
     Ok(())
 }
 
-/// The table of an archive, as far as it was read.
+/// The table of an archive, built part by part.
 struct ArchiveTable {
     store: Store,
     record: CampaignRecord,
     classes: BTreeMap<u64, ClassName>,
     clusters: Vec<u32>,
-    /// None once its last part was made.
+    /// `None` after the last part.
     table: Option<IndividualTable<Vec<u8>>>,
-    /// Index of the individual that comes next.
+    /// Index of the next individual.
     first: u64,
 }
 

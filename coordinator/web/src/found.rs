@@ -1,5 +1,4 @@
-//! Searches in the list of campaigns, and their results: a page at a time, so that the list answers quickly
-//! with any number of campaigns.
+//! Searches in the list of campaigns. Results come a page at a time, so that the list answers quickly with any number of campaigns.
 
 use murmuration_engine::campaign::ListedCampaign;
 use murmuration_model::{CampaignId, CampaignState};
@@ -7,10 +6,10 @@ use murmuration_proto::CampaignName;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Most lines of a page, and most campaigns that a study of it shows.
+/// Most lines of a page, and most campaigns of a study on a page.
 const MOST: usize = 50;
 
-/// The words by which the list can be filtered, with all stages of running campaigns together.
+/// The states that the list can be filtered by; `running` covers all stages.
 pub(super) const STATES: [&str; 7] = [
     "running",
     "waiting",
@@ -21,7 +20,7 @@ pub(super) const STATES: [&str; 7] = [
     "cancelled",
 ];
 
-/// The parameters of the list's address; an empty field asks for nothing.
+/// The parameters of the list's address; an empty field does not filter.
 #[derive(Debug, Clone, Default, Deserialize, Serialize)]
 #[serde(default)]
 pub(super) struct Wanted {
@@ -29,7 +28,7 @@ pub(super) struct Wanted {
     pub(super) words: String,
     /// One of [`STATES`].
     pub(super) state: String,
-    /// The campaigns of this study alone, none of them folded.
+    /// Only the campaigns of this study, unfolded.
     pub(super) study: String,
     /// The page, from 0.
     pub(super) page: usize,
@@ -39,11 +38,11 @@ pub(super) struct Wanted {
 pub(super) struct Found {
     /// Newest first.
     pub(super) lines: Vec<Line>,
-    /// How many campaigns match, on all pages.
+    /// Number of matching campaigns on all pages.
     pub(super) matching: usize,
-    /// How many there are.
+    /// Number of all campaigns.
     pub(super) all: usize,
-    /// How many pages the matching ones take.
+    /// Number of pages of matching campaigns.
     pub(super) pages: usize,
 }
 
@@ -52,22 +51,22 @@ pub(super) enum Line {
     Campaign(CampaignId),
     Study {
         name: CampaignName,
-        /// The newest of its campaigns that match, newest first.
+        /// The study's newest matching campaigns, newest first.
         cells: Vec<CampaignId>,
-        /// How many match, by state.
+        /// Number of matching campaigns by state.
         states: BTreeMap<&'static str, u64>,
     },
 }
 
 impl Wanted {
-    /// Whether it leaves campaigns out.
+    /// Whether the search leaves campaigns out.
     pub(super) fn filters(&self) -> bool {
         [&self.words, &self.state, &self.study]
             .into_iter()
             .any(|asked| !asked.trim().is_empty())
     }
 
-    /// The address of a page of what is wanted.
+    /// The address of a page of the results.
     pub(super) fn address(&self, path: &str, page: usize) -> String {
         let wanted = Self { page, ..self.clone() };
         match serde_urlencoded::to_string(wanted) {
@@ -108,7 +107,7 @@ impl Wanted {
             && (words.is_empty() || words.iter().all(|word| text().contains(word)))
     }
 
-    /// Newest first; a study is where its newest campaign would be.
+    /// Newest first; a study takes the place of its newest campaign.
     fn lines(&self, matching: &[&ListedCampaign]) -> Vec<Line> {
         let mut lines = Vec::new();
         let mut places: BTreeMap<&str, usize> = BTreeMap::new();

@@ -31,18 +31,18 @@ fn block(text: &str) -> Markup {
     }
     let entry = text.strip_prefix("**").and_then(|text| text.split_once("**"));
     match entry {
-        Some((word, said)) => html! { p id=(slug(word)) { strong { (word) } (inline(said)) } },
+        Some((word, message)) => html! { p id=(slug(word)) { strong { (word) } (inline(message)) } },
         None => html! { p { (inline(text)) } },
     }
 }
 
-/// An entry's place on the page: its first word or words in lower case, with hyphens.
+/// An entry's anchor: its first word or words in lower case, with hyphens.
 fn slug(word: &str) -> String {
     let first = word.split([',', '.', '(']).next().unwrap_or_default();
     first.trim().to_lowercase().replace(' ', "-")
 }
 
-/// A paragraph with its code, emphasis and links to the web; links to other files are their texts.
+/// A paragraph with its code, emphasis and web links; links to other files become plain text.
 pub(super) fn inline(text: &str) -> Markup {
     let mut rest = text;
     let mut parts = Vec::new();
@@ -64,14 +64,14 @@ fn marked_part(text: &str) -> Option<(Markup, &str)> {
         return Some((html! { code { (code) } }, after));
     }
     if let Some(text) = text.strip_prefix('*') {
-        let (said, after) = text.split_once('*')?;
-        return Some((html! { em { (said) } }, after));
+        let (message, after) = text.split_once('*')?;
+        return Some((html! { em { (message) } }, after));
     }
-    let (said, after) = text.strip_prefix('[')?.split_once("](")?;
+    let (message, after) = text.strip_prefix('[')?.split_once("](")?;
     let (address, after) = after.split_once(')')?;
     let part = match address.starts_with("https://") {
-        true => html! { a href=(address) { (said) } },
-        false => html! { (said) },
+        true => html! { a href=(address) { (message) } },
+        false => html! { (message) },
     };
     Some((part, after))
 }

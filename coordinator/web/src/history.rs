@@ -8,17 +8,17 @@ use murmuration_store::{CheckpointRecord, Store, StoreError, TaxonomyVersion};
 use murmuration_study::wide;
 use std::collections::BTreeSet;
 
-/// Most rows for rounds that are still to come.
+/// Most rows for future rounds.
 const MOST_TO_COME: u32 = 10;
 
-/// A checkpoint of a campaign's archive, and what was made with it.
+/// A checkpoint of a campaign's archive, and the taxonomy made with it.
 #[derive(Debug, Clone, PartialEq)]
 struct Step {
-    /// The rounds before it, its own included: 0 for the first checkpoint.
+    /// Rounds up to this checkpoint, its own included: 0 for the first checkpoint.
     round: u32,
-    /// `None` where there is none (yet).
+    /// `None` if there is none (yet).
     checkpoint: Option<Learned>,
-    /// The taxonomy that was made with it.
+    /// The taxonomy made with the checkpoint.
     version: Option<TaxonomyVersion>,
 }
 
@@ -29,14 +29,14 @@ struct Learned {
     made_ms: u64,
     /// The labels that it learned from, in words; `None` if there were none.
     from: Option<String>,
-    /// Share of the held-out triplets that its parent told apart; `None` where that is not known, or the parent was judged by other
-    /// triplets.
+    /// Share of the held-out triplets that the parent checkpoint told apart; `None` if unknown, or if the parent was measured on
+    /// other triplets.
     before: Option<f64>,
-    /// Share of the held-out triplets that it tells apart, as far as that is known.
+    /// Share of the held-out triplets that this checkpoint tells apart; `None` if unknown.
     after: Option<f64>,
 }
 
-/// The table; nothing for a campaign that embeds nothing. Blocks while it reads the store.
+/// The table; empty for a campaign without an embedding. Blocks while it reads the store.
 pub(super) fn read(store: &Store, record: &CampaignRecord) -> Result<Markup, StoreError> {
     if !record.spec.space().embeds() {
         return Ok(Markup::default());
@@ -52,8 +52,8 @@ pub(super) fn read(store: &Store, record: &CampaignRecord) -> Result<Markup, Sto
     ))
 }
 
-/// The checkpoints of an archive, with their rounds: those that led to what it is embedded with, what it moves to, and those of
-/// former taxonomies.
+/// The checkpoints of an archive, with their rounds: the lineage of the current one, the one that the archive moves to, and those
+/// of former taxonomies.
 fn checkpoints(
     store: &Store,
     record: &CampaignRecord,
@@ -62,7 +62,7 @@ fn checkpoints(
     let (now, next) = (record.embedder.checkpoint(), record.embedder.next());
     let parent = next.map(|next| store.checkpoint(next)).transpose()?;
     let parent = parent.and_then(|next| next.lineage.parent);
-    // A round is done once there is its checkpoint, to which the archive only then moves.
+    // A round is done once its checkpoint exists; only then does the archive move to it.
     let moves_on = now.is_some() && parent == now;
     let rounds = store.repetition(record)?.rounds;
     let mut all = led_to(now, record.rounds.done.saturating_sub(moves_on.into()), &rounds);
@@ -77,8 +77,8 @@ fn checkpoints(
     Ok(all)
 }
 
-/// The checkpoints that led to that of an archive after so many rounds. If `rounds`, its lineage, has another number of them, it was
-/// adopted, and what led to it are no rounds of this campaign.
+/// The checkpoints that led to the archive's current one, with their rounds. `done` counts the campaign's rounds, `rounds` is the
+/// checkpoint's lineage. If their lengths differ, the checkpoint was adopted, and its lineage does not belong to this campaign.
 fn led_to(now: Option<CheckpointDigest>, done: u32, rounds: &[Round]) -> Vec<(u32, CheckpointDigest)> {
     if rounds.len() != done as usize {
         return now.into_iter().map(|adopted| (done, adopted)).collect();
@@ -120,7 +120,7 @@ fn learned(store: &Store, digest: CheckpointDigest) -> Result<Learned, StoreErro
     })
 }
 
-/// Whether the accuracies of two checkpoints are shares of the same triplets.
+/// Whether the accuracies of two checkpoints come from the same triplets.
 fn are_judged_alike(one: &Lineage, other: &Lineage) -> bool {
     let [ours, theirs] = [one, other].map(|lineage| Configuration::from_toml(&lineage.configuration));
     one.data_digest == other.data_digest
@@ -131,7 +131,7 @@ fn accuracy(lineage: &Lineage) -> Option<f64> {
     lineage.metrics.get("triplet_accuracy").copied()
 }
 
-/// One step for each taxonomy and for each checkpoint without one, in the order of rounds and of time.
+/// One step for each taxonomy and for each checkpoint without one, ordered by round, then by time.
 fn steps(versions: Vec<TaxonomyVersion>, known: Vec<(u32, Learned)>) -> Vec<Step> {
     let of =
         |digest: Option<CheckpointDigest>| known.iter().find(|(_, learned)| Some(learned.digest) == digest);
@@ -161,7 +161,7 @@ impl Step {
         self.checkpoint.as_ref().map(|learned| learned.digest)
     }
 
-    /// When its taxonomy was made, or else its checkpoint; milliseconds since 1970-01-01 UTC.
+    /// When the taxonomy was made, or else the checkpoint; milliseconds since 1970-01-01 UTC.
     fn made_ms(&self) -> Option<u64> {
         match &self.version {
             Some(version) => version.made_ms,
@@ -170,7 +170,7 @@ impl Step {
     }
 }
 
-/// Adds a step for each round that the campaign learns now or will learn by itself, so that the table does not grow when they come.
+/// Adds a step for the current round and for each round that will begin by itself, so that the table keeps its height.
 fn with_rounds_to_come(record: &CampaignRecord, mut steps: Vec<Step>) -> Vec<Step> {
     let ends = match record.state {
         CampaignState::Running | CampaignState::Paused => {
@@ -210,7 +210,7 @@ fn table(record: &CampaignRecord, steps: &[Step]) -> Markup {
 
 fn line(record: &CampaignRecord, before: &[Step], step: &Step, is_last: bool) -> Markup {
     let learned = step.checkpoint.as_ref();
-    // A round learns one checkpoint; another one at the same round was adopted.
+    // A round trains one checkpoint; a second one at the same round was adopted.
     let of_round = before.iter().find(|earlier| earlier.round == step.round);
     let digests = of_round.and_then(|earlier| earlier.digest()).zip(step.digest());
     let is_adopted = digests.is_some_and(|(learned, this)| learned != this);
@@ -309,14 +309,14 @@ mod tests {
         assert_eq!(rounds, [(0, true), (1, false), (2, true)]);
         let record = record(CampaignState::Completed, Rounds::default());
         let page = table(&record, &steps).into_string();
-        for said in [
+        for expected in [
             "pictures without labels",
             "<td>the classes of 20 individuals</td><td>50.0 %</td><td>75.0 %</td>",
             "<a href=\"/campaigns/two-1/taxonomy?version=2\">version 2</a>",
             "<td>1,200</td>",
             "<td>none</td>",
         ] {
-            assert!(page.contains(said), "{said} is not in {page}");
+            assert!(page.contains(expected), "{expected} is not in {page}");
         }
         assert!(!page.contains("to come"), "{page}");
     }
@@ -346,7 +346,7 @@ mod tests {
         assert_eq!(led_to(Some(second), 1, rounds), [(0, first), (1, second)]);
         assert_eq!(led_to(Some(first), 0, &[]), [(0, first)]);
         assert_eq!(led_to(None, 0, &[]), []);
-        // One of another campaign that had learned a round, before this one had.
+        // The checkpoint of another campaign's round, adopted before this campaign's first round.
         assert_eq!(led_to(Some(second), 0, rounds), [(0, second)]);
     }
 

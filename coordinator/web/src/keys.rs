@@ -1,4 +1,4 @@
-//! The keys of the pages: what each of them does, which of them people can choose, and the list that shows them.
+//! The keys of the pages: the action of each, which of them people can choose, and the list that shows them.
 
 use maud::{Markup, html};
 use serde_json::json;
@@ -28,7 +28,7 @@ impl Page {
 /// An action with a key. People can choose another key for it, which their browser keeps.
 struct Action {
     name: &'static str,
-    /// The usual key, as browsers call it.
+    /// The default key, by its name in browsers.
     key: &'static str,
     what: &'static str,
     pages: &'static [Page],
@@ -45,10 +45,10 @@ const fn action(name: &'static str, key: &'static str, what: &'static str, pages
 
 /// Pages on which people name behaviours.
 const NAMING: &[Page] = &[Page::Label, Page::Sheet, Page::Map, Page::Answers];
-/// Pages with one motion that the keys play.
+/// Pages on which keys control one motion.
 const PLAYING: &[Page] = &[Page::Label, Page::Map];
 
-/// Everything that a key does, wherever the focus is. No page has two actions with one usual key.
+/// All actions with keys that work wherever the focus is. No two actions of a page have the same default key.
 const ACTIONS: [Action; 16] = [
     action("name", "n", "name a class, new or existing", NAMING),
     action("undo", "u", "undo your last answer", NAMING),
@@ -93,13 +93,13 @@ const ACTIONS: [Action; 16] = [
     ),
 ];
 
-/// The key of every class, for the list of a page with a palette.
+/// The keys of all classes, for the list of a page with a palette.
 pub(super) const CLASSES: (&str, &str) = (
     "1 … z",
     "the class with that key, as its button shows; choose keys of classes on the page Classes",
 );
 
-/// The usual key of an action, as a mark that a script keeps true.
+/// The default key of an action, as a mark that a script updates.
 pub(super) fn mark(name: &str) -> Markup {
     let key = ACTIONS
         .iter()
@@ -120,7 +120,8 @@ fn shown(key: &str) -> &str {
     }
 }
 
-/// The button that shows the keys of a page, and the list, which the key `?` shows too; `fixed` are those that nobody can change.
+/// The button that shows the keys of a page, and the list, which the key `?` shows too; `fixed` are the keys that cannot be
+/// changed.
 pub(super) fn list(fixed: &[(&str, &str)], page: Page) -> Markup {
     let own = ACTIONS.iter().filter(|action| action.pages.contains(&page));
     let chosen = html! {
@@ -138,18 +139,18 @@ pub(super) fn list(fixed: &[(&str, &str)], page: Page) -> Markup {
         }
     };
     let note = html! {
-        p #keys-said.reason role="status" { "Your browser keeps the keys that you choose." }
+        p #keys-message.reason role="status" { "Your browser keeps the keys that you choose." }
     };
     dialog(fixed, page.name(), &chosen, &note)
 }
 
-/// The same for a page whose keys cannot be chosen.
+/// The same for a page without configurable keys.
 pub(super) fn fixed(keys: &[(&str, &str)]) -> Markup {
     dialog(keys, "", &Markup::default(), &Markup::default())
 }
 
-/// The list, with what people can choose of it. It tells the page's script of all actions: a class that gets the key of one has it
-/// on other pages.
+/// The list, with the configurable keys. It carries all actions for the page's script, because a class with the key of an action
+/// has it on other pages too.
 fn dialog(fixed: &[(&str, &str)], page: &str, chosen: &Markup, note: &Markup) -> Markup {
     let all: Vec<_> = ACTIONS
         .iter()

@@ -46,8 +46,8 @@ pub(super) async fn one(OfCampaign { web, record, visitor }: OfCampaign) -> Resu
             summary { "Settings" }
             div.choices {
                 label { "Ask " select #strategy {
-                    @for (strategy, said) in STRATEGIES {
-                        option value=(strategy) selected[strategy == usual] { (said) }
+                    @for (strategy, expected) in STRATEGIES {
+                        option value=(strategy) selected[strategy == usual] { (expected) }
                     }
                 } }
                 label { "Goal " select #goal {
@@ -64,14 +64,14 @@ pub(super) async fn one(OfCampaign { web, record, visitor }: OfCampaign) -> Resu
     Ok(campaign_page(&record, Part::Label, &visitor, content))
 }
 
-/// The query strategies, and how the menu names them.
+/// The query strategies and their names in the menu.
 const STRATEGIES: [(Strategy, &str); 3] = [
     (Strategy::Medoids, "medoids first, then uncertain ones"),
     (Strategy::Coverage, "medoids first, then what is unlike them"),
     (Strategy::Random, "at random"),
 ];
 
-/// The keys of the sheet that nobody can change.
+/// The keys of the sheet that cannot be changed.
 const SHEET_KEYS: [(&str, &str); 3] = [
     keys::CLASSES,
     ("Tab", "go from picture to picture, and play its motion"),

@@ -5,9 +5,9 @@ use maud::{DOCTYPE, Markup, html};
 use murmuration_model::{ArchiveVersion, CampaignRecord, CampaignState};
 use murmuration_report::atlas::Layout;
 
-/// The title of the page on which people play.
+/// The title of the page Play.
 pub(super) const PLAY: &str = "Play";
-/// The title of the page that explains the words of the others.
+/// The title of the glossary.
 pub(super) const GLOSSARY: &str = "Glossary";
 /// The title of the list of studies.
 pub(super) const STUDIES: &str = "Studies";
@@ -51,7 +51,7 @@ pub(super) fn layout(title: &str, visitor: &Visitor, content: Markup) -> Markup 
     layout_with(title, visitor, &["live.js"], content)
 }
 
-/// A page around `content`, with these scripts.
+/// A page around `content`, with the given scripts.
 pub(super) fn layout_with(title: &str, visitor: &Visitor, scripts: &[&str], content: Markup) -> Markup {
     document(
         title,
@@ -61,7 +61,7 @@ pub(super) fn layout_with(title: &str, visitor: &Visitor, scripts: &[&str], cont
     )
 }
 
-/// A page of a campaign, with the script that is called as it is.
+/// A page of a campaign, with the script named after it.
 pub(super) fn campaign_page(
     record: &CampaignRecord,
     part: Part,
@@ -94,7 +94,7 @@ pub(super) fn campaign_page(
     document(&title, links, &[&format!("{}.js", name.to_lowercase())], main)
 }
 
-/// The notice that a page shows where scripts do not run.
+/// Notice for browsers that do not run scripts.
 fn without_scripts(record: &CampaignRecord, part: Part) -> Markup {
     let page = |path: &str, name: &str| html! { a href={ "/campaigns/" (record.id) (path) } { (name) } };
     html! {
@@ -124,7 +124,7 @@ fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Marku
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="color-scheme" content="light dark";
                 title { (title) " · Murmuration" }
-                // Nothing is shown before the whole page is read: what comes last may move what comes first.
+                // Browsers paint the page only once all of it is read: later parts may move earlier ones.
                 link rel="expect" href="#whole" blocking="render";
                 link rel="icon" type="image/svg+xml" href="/assets/icon.svg";
                 link rel="stylesheet" href="/assets/style.css";
@@ -155,7 +155,7 @@ fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Marku
     }
 }
 
-/// The state of an archive: a page that shows the archive is loaded again when the state changes.
+/// The state of an archive. A page of the archive reloads when the state changes.
 #[derive(PartialEq, Eq)]
 pub(super) struct ArchiveState {
     pub(super) version: ArchiveVersion,
@@ -172,7 +172,7 @@ impl ArchiveState {
         }
     }
 
-    /// The state as one word of a page's markup, from which a script learns whether the page is of the archive as it is now.
+    /// The state as one word of a page's markup, by which a script tells whether the page is up to date.
     pub(super) fn word(&self) -> String {
         let completed = if self.completed { "completed" } else { "growing" };
         format!("{}-{}-{completed}", self.version, self.individuals)

@@ -7,7 +7,7 @@ use murmuration_model::{CampaignRecord, CampaignState, TimeLeft};
 use murmuration_proto::{Feedback, counted};
 use murmuration_store::{Store, StoreError};
 
-/// The button that has the campaign learn from its labels; nothing where the campaign has no embedding.
+/// The button that starts learning from the labels; empty if the campaign has no embedding.
 pub(super) async fn button(web: &Web, record: &CampaignRecord) -> Result<Markup, PageError> {
     if !record.spec.space().embeds() || record.state == CampaignState::Cancelled {
         return Ok(Markup::default());
@@ -23,18 +23,18 @@ pub(super) async fn button(web: &Web, record: &CampaignRecord) -> Result<Markup,
     })
 }
 
-/// How long a round takes, by what the last one took.
+/// Duration of a round, estimated from the last one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Estimate {
     /// Seconds of training.
     training: f64,
-    /// Seconds from the end of the training to the taxonomy, for as many individuals as there are now; `None` where the last round
+    /// Seconds from the end of the training to the taxonomy, scaled to the current number of individuals; `None` if the last round
     /// led to no taxonomy.
     after: Option<f64>,
 }
 
 impl Estimate {
-    /// `None` before the first round, and for a campaign that was imported.
+    /// `None` before the first round, and for imported campaigns.
     fn read(store: &Store, record: &CampaignRecord) -> Result<Option<Self>, StoreError> {
         let round = record.rounds.done;
         if round == 0 {
@@ -52,24 +52,24 @@ impl Estimate {
     }
 
     fn in_words(self) -> String {
-        let said = |seconds| TimeLeft::about(seconds).in_words();
+        let message = |seconds| TimeLeft::about(seconds).in_words();
         match self.after {
             Some(after) => format!(
                 "By the last round, that takes {}: {} of training, and {} to embed, search and cluster, pauses included.",
-                said(self.training + after),
-                said(self.training),
-                said(after)
+                message(self.training + after),
+                message(self.training),
+                message(after)
             ),
             None => format!(
                 "By the last round, the training takes {}; then the campaign embeds, searches and clusters.",
-                said(self.training)
+                message(self.training)
             ),
         }
     }
 }
 
-/// Seconds that a training took whose epochs ended at these times, in milliseconds. The median epoch stands for each, so that a
-/// pause in between does not count. `None` for fewer than two epochs.
+/// Seconds of a training, from the times at which its epochs ended, in milliseconds. It is the median epoch times their number, so
+/// that a pause does not count. `None` for fewer than two epochs.
 fn lasted(times: &[u64]) -> Option<f64> {
     let mut epochs: Vec<u64> = times
         .windows(2)
@@ -80,13 +80,13 @@ fn lasted(times: &[u64]) -> Option<f64> {
     Some(median as f64 / 1000.0 * times.len() as f64)
 }
 
-/// Seconds from the end of a training to the taxonomy that was made at `made_ms` of so many individuals, for `now` of them.
+/// Seconds from the end of a training to the taxonomy made at `made_ms`, scaled from its `individuals` to `now` individuals.
 fn until_made(trained_ms: u64, (made_ms, individuals): (u64, u64), now: u64) -> f64 {
     let took = made_ms.saturating_sub(trained_ms) as f64 / 1000.0;
     took * now as f64 / individuals.max(1) as f64
 }
 
-/// The effects of learning on a campaign, for a person who is about to begin it.
+/// Describes the effects of learning to a person who is about to begin it.
 fn announcement(record: &CampaignRecord, estimate: Option<Estimate>) -> String {
     let further = record.spec.feedback().map_or(0, Feedback::generations);
     let search = match further {
@@ -116,7 +116,7 @@ mod tests {
         assert_eq!(lasted(&[1_000, 3_000, 3_603_000, 3_605_000]), Some(8.0));
         assert_eq!(lasted(&[1_000]), None);
         assert_eq!(lasted(&[]), None);
-        // A clock that was set back tells nothing, and breaks nothing.
+        // A clock set back gives 0.
         assert_eq!(lasted(&[5_000, 1_000]), Some(0.0));
     }
 

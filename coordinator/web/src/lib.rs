@@ -1,4 +1,4 @@
-//! The web pages, on the port that gRPC is served on: campaigns as they run, and what people teach them.
+//! The web pages, on the same port as gRPC: campaigns as they run, and the forms in which people teach them.
 //!
 //! `maud` makes the markup; style sheets and scripts are part of the binary, and need no build step. A page loads nothing
 //! from another site. Without scripts people can read and steer campaigns; labelling needs scripts. The handlers pass every
@@ -74,15 +74,15 @@ const OPERATOR: Requirement = Requirement::OPERATOR;
 pub struct Web {
     pub campaigns: Campaigns,
     pub store: Store,
-    /// Where behaviours lie in two dimensions.
+    /// Positions of behaviours in two dimensions.
     pub maps: Maps,
     pub archive: CampaignApi,
     pub labels: LabelApi,
-    /// Where swarms are simulated for people who play.
+    /// Simulates swarms for the page Play.
     pub play: Playground,
     pub studies: Studies,
     pub reports: Reports,
-    /// Latest messages of event streams.
+    /// Latest message of each event stream.
     pub sights: Recent<String>,
     pub atlas: DrawnAtlas,
     /// The judge's latest verdicts on medoids.
@@ -97,7 +97,7 @@ pub fn routes(services: GuardedRouter, web: Web, probes: GuardedRouter) -> Guard
         .merge(services.wrapped(blame_the_client))
 }
 
-/// The routes, served at an endpoint.
+/// Serves the routes at an endpoint.
 pub fn behind(routes: GuardedRouter, endpoint: Arc<Endpoint>, seats: Seats) -> Routes {
     routes
         .behind(endpoint.clone(), seats, nowhere)
@@ -111,7 +111,7 @@ pub fn show_refusal(refusal: Refusal, request: &RequestHead) -> Response {
     login::show_refusal(refusal, request)
 }
 
-/// Every page, and every asset and request of their scripts.
+/// All pages and assets, and the requests of scripts.
 fn pages() -> GuardedRouter<Web> {
     GuardedRouter::default()
         .get("/", VIEWER, Light, list::page)
@@ -124,7 +124,7 @@ fn pages() -> GuardedRouter<Web> {
         .post("/logout", Nothing, Light, login::log_out)
         .get("/events", VIEWER, Streaming, live::campaigns)
         .get("/play", VIEWER, Reading, play::page)
-        // These two change nothing; what is posted must come from a page of ours.
+        // These two change nothing. They are POSTs, which must come from our own pages.
         .post("/play/motion", VIEWER, Computing, play::motion)
         .post("/play/like", VIEWER, Computing, play::like)
         .post("/play/search", OPERATOR, Decision, play::search)
@@ -183,7 +183,7 @@ fn pages() -> GuardedRouter<Web> {
         .get("/campaigns/{id}/atlas", VIEWER, Computing, atlas::page)
         .get("/campaigns/{id}/atlas/data", VIEWER, Computing, atlas::data)
         .get("/campaigns/{id}/atlas/map.png", VIEWER, Computing, atlas::picture)
-        // Changes nothing, as the motion of the page Play.
+        // Changes nothing, like `/play/motion`.
         .post("/campaigns/{id}/pieces", VIEWER, Computing, play::pieces)
         .get("/campaigns/{id}/report", VIEWER, Computing, taxonomy::export)
         .get(

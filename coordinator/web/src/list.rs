@@ -1,4 +1,4 @@
-//! The list of campaigns: one line for each, those of a study together.
+//! The list of campaigns: one line per campaign, or per study.
 
 use super::{
     Web, archived,
@@ -97,7 +97,7 @@ pub(super) async fn table(web: &Web, wanted: &Wanted) -> Result<Markup, Campaign
     })
 }
 
-/// Links to the other pages of the list; nothing if there is one.
+/// Links to the other pages of the list; empty if there is only one.
 fn pages(wanted: &Wanted, pages: usize) -> Markup {
     let page = wanted.page.min(pages - 1);
     html! {
@@ -111,10 +111,10 @@ fn pages(wanted: &Wanted, pages: usize) -> Markup {
     }
 }
 
-/// The campaigns of a study, which a click unfolds.
+/// The campaigns of a study, folded until a click.
 fn folded(wanted: &Wanted, study: &CampaignName, states: &BTreeMap<&str, u64>, cells: Markup) -> Markup {
     let all: u64 = states.values().sum();
-    let said: Vec<String> = states
+    let message: Vec<String> = states
         .iter()
         .map(|(state, count)| format!("{count} {state}"))
         .collect();
@@ -127,7 +127,7 @@ fn folded(wanted: &Wanted, study: &CampaignName, states: &BTreeMap<&str, u64>, c
             details open[wanted.filters()] {
                 summary {
                     strong { "Study " (study.as_str()) }
-                    span.about { (counted(all, "campaign")) ": " (said.join(", ")) }
+                    span.about { (counted(all, "campaign")) ": " (message.join(", ")) }
                 }
                 ul.campaigns { (cells) }
                 p.reason { a href=(of_study.address("/", 0)) { "Only the campaigns of this study" } }
@@ -158,7 +158,7 @@ fn line(status: &CampaignStatus) -> Markup {
     }
 }
 
-/// The picture of a campaign: the behaviour of its largest cluster, else its newest individual, else its robot.
+/// The picture of a campaign: its largest cluster's medoid, else its newest individual, else its robot.
 fn picture(record: &CampaignRecord) -> String {
     match record.individuals().checked_sub(1) {
         None => format!("/campaigns/{}/robot", record.id),
@@ -167,7 +167,7 @@ fn picture(record: &CampaignRecord) -> String {
     }
 }
 
-/// Leads to the picture of the largest cluster's medoid: only a browser that shows a campaign asks which individual that is.
+/// Redirects to the picture of the largest cluster's medoid, so that only a browser that shows the campaign looks it up.
 pub(super) async fn behaviour(OfCampaign { web, record, .. }: OfCampaign) -> Result<Redirect, PageError> {
     let (store, campaign) = (web.store.clone(), record.id.clone());
     let first = blocking(move || store.first_medoid(&campaign)).await??;
@@ -175,13 +175,13 @@ pub(super) async fn behaviour(OfCampaign { web, record, .. }: OfCampaign) -> Res
     Ok(Redirect::temporary(&archived::picture(&record, first)))
 }
 
-/// When a campaign was created, and how long it took from then on.
+/// When a campaign was created, and how long it took.
 fn when(record: &CampaignRecord) -> Markup {
     let is_running = record.state == CampaignState::Running;
     let ended = record.ended_ms.or_else(|| is_running.then(now_ms));
     let took = ended.map(|ended| {
         let ms = ended.saturating_sub(record.created_ms);
-        // The list is sent again whenever it changes, so this changes once a minute.
+        // To the minute, because every change sends the list again.
         if is_running { so_far(ms) } else { duration(ms) }
     });
     html! {
@@ -197,7 +197,7 @@ fn now_ms() -> u64 {
     age.map_or(0, |age| age.as_millis() as u64)
 }
 
-/// A duration that goes on, to the minute.
+/// A running duration, to the minute.
 fn so_far(ms: u64) -> String {
     match ms / 60_000 {
         0 => "under a minute".to_owned(),
@@ -206,7 +206,7 @@ fn so_far(ms: u64) -> String {
     }
 }
 
-/// A duration, to two parts at most.
+/// A duration, in two units at most.
 fn duration(ms: u64) -> String {
     let seconds = ms / 1000;
     match seconds {
@@ -223,14 +223,14 @@ mod tests {
 
     #[test]
     fn durations_have_two_parts() {
-        for (seconds, said) in [
+        for (seconds, expected) in [
             (59, "59 s"),
             (60, "1 min 0 s"),
             (3_599, "59 min 59 s"),
             (3_660, "1 h 1 min"),
             (180_000, "2 d 2 h"),
         ] {
-            assert_eq!(duration(seconds * 1000 + 999), said);
+            assert_eq!(duration(seconds * 1000 + 999), expected);
         }
     }
 

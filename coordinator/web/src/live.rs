@@ -18,7 +18,7 @@ use std::{convert::Infallible, sync::Arc, time::Duration};
 use tokio::sync::{Mutex, mpsc};
 use tokio_stream::wrappers::ReceiverStream;
 
-/// Least time between two messages to one page.
+/// Least time between two messages to a page.
 const INTERVAL: Duration = Duration::from_millis(250);
 
 pub(super) type Events = Sse<axum::response::sse::KeepAliveStream<ReceiverStream<Result<Event, Infallible>>>>;
@@ -76,8 +76,8 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
 
 /// The markup of a taxonomy and of the rounds that led to it.
 struct Rendered {
-    /// Sources of the rendered message: the states of archive and campaign, the length of the label log, the rounds, and what the archive
-    /// moves to.
+    /// Sources of the markup: the states of archive and campaign, the length of the label log, the rounds, and the
+    /// checkpoint that the archive moves to.
     of: (ArchiveState, CampaignState, u64, Rounds, Option<CheckpointDigest>),
     taxonomy: Markup,
     history: Markup,
@@ -86,7 +86,7 @@ struct Rendered {
 /// The state of a campaign, for scripts.
 #[derive(Debug, Serialize)]
 struct ChangesView {
-    /// When the archive was made, milliseconds since 1970-01-01 UTC, and how often it was rolled back.
+    /// When the archive was created, milliseconds since 1970-01-01 UTC, and how often it was rolled back.
     created: String,
     archive_state: String,
     archive_version: String,
@@ -125,8 +125,8 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
     Ok(follow(sights, look))
 }
 
-/// Sends the result of `look` whenever it changes, for as long as the client listens. `look` runs several times a second for all
-/// who follow `sights`, so what it reads must not grow with the archive.
+/// Sends the result of `look` whenever it changes, while the client listens. `look` runs several times a second for all followers
+/// of `sights`, so the cost of its reads must not grow with the archive.
 pub(super) fn follow<Look, Looked, E>(sights: Followed<String>, look: Look) -> Events
 where
     Look: Fn() -> Looked + Send + 'static,
@@ -136,7 +136,7 @@ where
     let (events, stream) = mpsc::channel(1);
     tokio::spawn(async move {
         let mut seen = None;
-        // The first is new, whoever else follows.
+        // The first result must be new, even if others already follow.
         let mut age = Duration::ZERO;
         while let Ok(sight) = sights.within(age, look()).await {
             age = INTERVAL;

@@ -21,7 +21,7 @@ use murmuration_link::TokenDigest;
 use serde::{Deserialize, Serialize};
 use std::{sync::Arc, time::SystemTime};
 
-/// The log-in form, as it was filled in.
+/// The filled-in log-in form.
 #[derive(Deserialize)]
 pub(super) struct Given {
     token: String,
@@ -29,7 +29,7 @@ pub(super) struct Given {
     to: Destination,
 }
 
-/// The page to go to after the log-in.
+/// The page to show after the log-in.
 #[derive(Deserialize, Serialize)]
 pub(super) struct Going {
     #[serde(default)]
@@ -48,7 +48,7 @@ impl Default for Destination {
 }
 
 impl From<String> for Destination {
-    /// An address that is not plainly a path of this host becomes the front page.
+    /// Anything but a plain path of this host becomes the front page.
     fn from(address: String) -> Self {
         let (path, query) = address.split_once('?').unwrap_or((&address, ""));
         let plain = |c: char| c.is_ascii_alphanumeric() || "/-_.".contains(c);
@@ -119,14 +119,14 @@ pub(super) async fn log_in(
     }
 }
 
-/// Ends the session, and tells the browser to forget it and the pages that it keeps.
+/// Ends the session, and tells the browser to delete its cookie and the pages it keeps.
 pub(super) async fn log_out(Extension(endpoint): Extension<Arc<Endpoint>>, headers: HeaderMap) -> Response {
     let sessions = endpoint.sessions.clone();
     let forgotten = sessions.forget(&headers);
     let ended = blocking(move || sessions.log_out(&headers)).await;
     let answer = match ended {
         Ok(Ok(())) => (forgotten, Redirect::to("/")).into_response(),
-        // The browser keeps its cookie, so that it can ask again.
+        // The browser keeps its cookie, so that it can try again.
         Ok(Err(error)) => PageError::from(error).into_response(),
         Err(broken) => PageError::from(broken).into_response(),
     };
@@ -157,7 +157,7 @@ fn form(to: &Destination, error: &str) -> Markup {
     }
 }
 
-/// The response to a request that is refused: a page or the log-in for people, and a line of text for scripts.
+/// The response to a refused request: a page or the log-in for people, and a line of text for scripts.
 pub(super) fn show_refusal(refusal: Refusal, request: &RequestHead) -> Response {
     match (page_error::wants_page(&request.headers), status_of(&refusal)) {
         (true, StatusCode::UNAUTHORIZED) => {
@@ -171,7 +171,8 @@ pub(super) fn show_refusal(refusal: Refusal, request: &RequestHead) -> Response 
     }
 }
 
-/// The page that somebody wanted; where a button was pressed, the page of its campaign: what a button does has no address to go to.
+/// The page to return to after the log-in: the requested page; for a button, its campaign's page, because an action has no page of
+/// its own.
 fn page_of(method: &Method, uri: &Uri) -> Destination {
     if method.is_safe() {
         let address = uri.path_and_query();

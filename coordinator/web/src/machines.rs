@@ -1,4 +1,4 @@
-//! The table of workers and trainers, with what each does.
+//! The table of workers and trainers, with their activities.
 
 use maud::{Markup, html};
 use murmuration_dispatch::{ConnectedMachine, WorkInHand, WorkKind};
@@ -9,7 +9,7 @@ use murmuration_study::wide;
 /// Most rows of the table.
 const MOST: usize = 50;
 
-/// The table; nothing where nobody is connected.
+/// The table; empty if no machine is connected.
 pub(super) fn table(workers: &[ConnectedMachine], trainers: &[ConnectedMachine]) -> Markup {
     let workers = workers.iter().map(|machine| ("worker", machine));
     let trainers = trainers.iter().map(|machine| ("trainer", machine));

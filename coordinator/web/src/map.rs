@@ -1,4 +1,4 @@
-//! The map of a campaign's behaviours: the page, and the points that its script asks for.
+//! The map of a campaign's behaviours: the page, and the points for its script.
 
 use super::{
     Web, keys,
@@ -28,7 +28,7 @@ use murmuration_search::medoids::Clustering;
 use murmuration_service::OrStatus as _;
 use serde::Serialize;
 
-/// The keys that nobody can change: those of the map itself, while it has the focus, and of the selection.
+/// The keys that cannot be changed: those of the map, while it has the focus, and of the selection.
 const KEYS: [(&str, &str); 8] = [
     keys::CLASSES,
     ("arrows", "on the map: go from one behaviour to the next"),
@@ -121,7 +121,7 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
     Ok(campaign_page(&record, Part::Map, &visitor, content))
 }
 
-/// The properties of each point besides its place. While the archive grows, only its first individuals have a cluster.
+/// Properties of the points besides their places. While the archive grows, only its first individuals have a cluster.
 #[derive(Debug, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct PointsView {
@@ -185,7 +185,7 @@ pub(super) async fn points(
     }))
 }
 
-/// The name of a cluster, with a word about where it comes from unless a person gave it to the medoid.
+/// The name of a cluster, followed by its origin unless a person named the medoid.
 fn in_words(name: &ClusterName) -> String {
     let shown = name.class.shown();
     match name.origin {
@@ -223,7 +223,7 @@ pub(super) async fn neighbours(State(web): State<Web>, Path(id): Path<String>) -
     })
 }
 
-/// The places of points: columns over the spans that they take.
+/// The places of points: columns, scaled to the spans of the axes.
 #[derive(Debug, Serialize)]
 pub(super) struct PlacesView {
     x: String,

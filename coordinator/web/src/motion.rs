@@ -1,4 +1,4 @@
-//! The motion of an individual: for a script to draw, and as a file to download.
+//! The motion of an individual: for a script to draw, and as a download.
 
 use super::{
     Web,
@@ -33,10 +33,10 @@ use tonic::{Request, Status};
 
 /// Bytes of one motion, before base64.
 const MOTION_BYTES: usize = 2 << 20;
-/// How long a script waits for a worker; then it is told that they have other work, and may ask again.
+/// How long a script waits for a worker. Then the answer is that workers are busy, and the script may ask again.
 pub(super) const REPLAY_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// An individual that a worker has simulated again.
+/// An individual simulated again by a worker.
 struct Simulated {
     record: CampaignRecord,
     controller: Controller,
@@ -63,11 +63,11 @@ async fn simulated(web: &Web, campaign: &str, index: u64) -> Result<Simulated, S
     })
 }
 
-/// Data that a script draws a motion from.
+/// Data from which a script draws a motion.
 #[derive(Debug, Serialize)]
 struct IndividualView {
     world: WorldView,
-    /// Of the agents, or of the species.
+    /// One for each agent, or for each species.
     colours: Vec<String>,
     run: MotionView,
 }
@@ -92,7 +92,7 @@ pub(super) async fn motion(
     Ok(([created.keep(&record)], Json(view)))
 }
 
-/// The whole motion as an animated GIF to download. An error is answered with a page.
+/// The whole motion as an animated GIF to download. Errors are answered with a page.
 pub(super) async fn gif(
     State(web): State<Web>,
     Path((campaign, index)): Path<(String, u64)>,
@@ -113,7 +113,7 @@ pub(super) async fn gif(
     Ok((headers, drawn.await??))
 }
 
-/// The paths of the last steps, which its picture shows, as an SVG to download. An error is answered with a page.
+/// The paths of the last steps, as in the picture, as an SVG to download. Errors are answered with a page.
 pub(super) async fn svg(
     State(web): State<Web>,
     Path((campaign, index)): Path<(String, u64)>,

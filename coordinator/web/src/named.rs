@@ -1,4 +1,4 @@
-//! A campaign's taxonomy with the names that its behaviours were given.
+//! A campaign's taxonomy with the names of its behaviours.
 
 use super::Web;
 use maud::{Markup, html};
@@ -11,7 +11,7 @@ use murmuration_model::{CampaignRecord, labels::ClassName};
 use murmuration_proto::grouped;
 use murmuration_store::StoreError;
 
-/// The taxonomy that stands, and the names of its clusters, those that were carried over included.
+/// The current taxonomy, and the names of its clusters, including carried-over ones.
 #[derive(Debug)]
 pub(super) struct NamedTaxonomy {
     pub(super) taxonomy: Taxonomy,
@@ -19,7 +19,7 @@ pub(super) struct NamedTaxonomy {
 }
 
 impl NamedTaxonomy {
-    /// Reads them; `None` before the campaign has a taxonomy.
+    /// Reads both; `None` before the campaign has a taxonomy.
     pub(super) async fn read(web: &Web, record: &CampaignRecord) -> Result<Option<Self>, CampaignError> {
         let (store, id, spec) = (web.store.clone(), record.id.clone(), record.spec.clone());
         let read = move || -> Result<Option<Self>, StoreError> {
@@ -38,7 +38,8 @@ impl NamedTaxonomy {
         Some(&self.names.names.get(place)?.as_ref()?.class)
     }
 
-    /// The line under the picture of a medoid: its place from 1, its name if it has one, and its cluster's share of all individuals.
+    /// The line under the picture of a medoid: its number from 1, its name if it has one, and its cluster's share of all
+    /// individuals.
     pub(super) fn caption(&self, place: usize) -> Markup {
         let all = self.taxonomy.clusters.len().max(1) as f64;
         let medoid = &self.taxonomy.medoids[place];

@@ -1,4 +1,4 @@
-//! Extractor of the campaign of a page.
+//! Extractor for pages of a campaign.
 
 use super::{Web, page_error::PageError, visitor::Visitor};
 use axum::{

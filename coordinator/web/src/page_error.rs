@@ -34,7 +34,7 @@ pub(super) enum PageError {
     Service(#[from] Status),
     #[error(transparent)]
     Input(#[from] Invalid),
-    /// A form of another kind, or longer than is read.
+    /// The form has another content type, or is too long.
     #[error("the form of this request cannot be read: send it from the page that it belongs to")]
     Unread(StatusCode),
     #[error(transparent)]
@@ -43,7 +43,7 @@ pub(super) enum PageError {
     Picture(#[from] PictureError),
 }
 
-/// Whether the client would show a page: scripts and programs accept any content.
+/// Whether the client wants a page: scripts and programs accept any content.
 pub(super) fn wants_page(headers: &HeaderMap) -> bool {
     let accepts = headers.get(ACCEPT).and_then(|accepts| accepts.to_str().ok());
     accepts.is_some_and(|kinds| kinds.contains("text/html"))
@@ -83,7 +83,7 @@ impl PageError {
         (self.status(), page).into_response()
     }
 
-    /// The campaign that was probably meant, where there is none of the id in the address.
+    /// The campaign that was probably meant, if the address has an unknown id.
     const fn nearest(&self) -> Option<&CampaignId> {
         match self {
             Self::Campaign(CampaignError::Store(StoreError::NoCampaign(unknown))) => unknown.nearest.as_ref(),
@@ -162,12 +162,11 @@ impl IntoResponse for PageError {
     }
 }
 
-/// The words for a missing page: for clients that show no pages.
+/// Text for a missing page, for clients that show no pages.
 #[derive(Debug, Clone)]
 struct NotFound(String);
 
-/// A response as its client wants it: that something is not there is said in a page to browsers, and in JSON or a line of text to
-/// programs.
+/// Renders a missing page for its client: as a page for browsers, as JSON or a line of text for programs.
 pub(super) fn negotiated(response: Response, headers: &HeaderMap) -> Response {
     let Some(NotFound(text)) = response.extensions().get().cloned() else {
         return response;
@@ -182,7 +181,7 @@ pub(super) fn negotiated(response: Response, headers: &HeaderMap) -> Response {
     }
 }
 
-/// The status of a service, for a script.
+/// The error status of a service, for a script.
 #[derive(Debug)]
 pub(super) struct Refused(Status);
 

@@ -32,7 +32,7 @@ use murmuration_report::picture::{image_png, robot_svg};
 const CANCELLING: &str = "Cancelling ends this campaign for good: it cannot be resumed. Its archive and its labels stay. To stop it for a while, \
                           pause it.";
 
-/// Behaviours of each kind that a campaign shows while it searches.
+/// Behaviours of each kind on a searching campaign's page.
 pub(super) const SHOWN: usize = 3;
 
 /// A campaign: its status, the buttons that steer it, and its specification.
@@ -76,19 +76,19 @@ pub(super) async fn campaign(
     ))
 }
 
-/// The taxonomy on a campaign's page; nothing before there is one.
+/// The taxonomy on a campaign's page; empty before there is one.
 pub(super) async fn taxonomy(web: &Web, record: &CampaignRecord) -> Result<Markup, CampaignError> {
     let named = NamedTaxonomy::read(web, record).await?;
     Ok(named.map_or_else(Markup::default, |named| behaviours(record, &named)))
 }
 
-/// The history of a campaign over its rounds, as a table.
+/// The rounds of a campaign, as a table.
 pub(super) async fn rounds(web: &Web, record: &CampaignRecord) -> Result<Markup, CampaignError> {
     let (store, record) = (web.store.clone(), record.clone());
     Ok(blocking(move || history::read(&store, &record)).await??)
 }
 
-/// Where behaviours move as they are found, until there is a taxonomy in their place: as large from the beginning.
+/// Placeholder where found behaviours move until there is a taxonomy. It has its final size from the beginning.
 fn found(running: bool, world: &World) -> Markup {
     html! {
         section.scripted #shown aria-label="Behaviours as they are found" hidden[!running] {
@@ -104,10 +104,10 @@ fn found(running: bool, world: &World) -> Markup {
     }
 }
 
-/// The text in the place of a curve before there is a line to draw.
+/// Text in place of a curve that has no line yet.
 const NO_CURVE: &str = "The curve begins with its second point.";
 
-/// The place of a curve, which a script draws; as large before there is anything to draw.
+/// The place of a curve, which a script draws. It has its final size from the beginning.
 fn curve(id: &str, title: &str, shown: bool) -> Markup {
     html! {
         section.scripted #(id) aria-label=(title) hidden[!shown] {
@@ -117,7 +117,7 @@ fn curve(id: &str, title: &str, shown: bool) -> Markup {
     }
 }
 
-/// The places of the two curves of trainings, side by side: they are over the same epochs, and in units of their own.
+/// The places of the two training curves, side by side: they share their epochs, but have different units.
 fn training_curves(shown: bool) -> Markup {
     html! {
         section.scripted #training aria-label="Training" hidden[!shown] {
@@ -134,16 +134,16 @@ fn training_curves(shown: bool) -> Markup {
     }
 }
 
-/// Whether a campaign has trainings to draw: its own embedder's, or that of a round.
+/// Whether a campaign has training curves: from its own embedder's training, or from a round.
 fn trains(record: &CampaignRecord) -> bool {
     matches!(record.spec.embedder(), Some(EmbedderSource::Trained { .. })) || record.rounds.done > 0
 }
 
-/// The parts of a campaign's page that change while it runs, by the names of their places.
+/// The parts of a campaign's page that change while it runs. The fields are named after the slots of the page.
 #[derive(Debug, Default)]
 pub(super) struct Slots {
     pub(super) status: Markup,
-    /// The behaviours of the taxonomy; nothing before there is one.
+    /// The behaviours of the taxonomy; empty before there is one.
     pub(super) taxonomy: Markup,
     pub(super) history: Markup,
     /// Connected machines, and notices.
@@ -151,7 +151,7 @@ pub(super) struct Slots {
 }
 
 impl Slots {
-    /// The slots of a campaign as it is, without the taxonomy and the history, which take longer to read.
+    /// The slots without the taxonomy and the history, which take longer to read.
     pub(super) async fn of(web: &Web, status: &CampaignStatus) -> Self {
         let running = status.record.state == CampaignState::Running;
         let (workers, trainers) = match running {
@@ -174,7 +174,7 @@ impl Slots {
         }
     }
 
-    /// The markup that a script puts into the places of the page.
+    /// The markup for a script, which puts it into the slots of the page.
     pub(super) fn sent(&self) -> String {
         let slots = [
             ("status", &self.status),
@@ -211,12 +211,12 @@ fn figures(status: &CampaignStatus) -> Markup {
     }
 }
 
-/// Whether generations are evaluated now.
+/// Whether the campaign evaluates generations now.
 fn searches(status: &CampaignStatus) -> bool {
     status.active && status.stage == Stage::Evolve
 }
 
-/// Whether to show a button: the state allows the change, and a running campaign is not resumed.
+/// Whether to show a button: the state must allow the change, and a running campaign cannot be resumed.
 fn offered(status: &CampaignStatus, change: Change) -> bool {
     let allowed = status.record.state.after(change).is_some();
     allowed && !(change == Change::Resume && status.active)
@@ -230,7 +230,7 @@ fn capitalised(word: &str) -> String {
         .unwrap_or_default()
 }
 
-/// Current figures. While a campaign runs, those that are not known yet have their places too, so that nothing below them moves.
+/// Current figures. While a campaign runs, unknown figures have their places too, so that nothing below them moves.
 fn facts(status: &CampaignStatus) -> Markup {
     let record = &status.record;
     let running = record.state == CampaignState::Running;
@@ -263,7 +263,7 @@ fn facts(status: &CampaignStatus) -> Markup {
                 (fact("Accuracy on held-out triplets", accuracy.map(|share| format!("{:.1} %", 100.0 * share))))
             }
             (fact("Time left in this stage", stage_left(status)))
-            // On one line, whatever it says, or what is below would move.
+            // Always one line, so that nothing below it moves.
             @if running { div { dt { "Time left in all" } dd.on-one-line { (whole_left(status).as_deref().unwrap_or("–")) } } }
             (fact("Rate", rate.map(|rate| format!("{} per second", grouped(rate.round() as u64)))))
             (fact("Workers", Some(status.workers.to_string())))
@@ -305,7 +305,7 @@ pub(super) async fn robot(OfCampaign { record, .. }: OfCampaign) -> Result<impl 
     Ok(([(CONTENT_TYPE, "image/svg+xml")], drawing))
 }
 
-/// An individual's picture, as a PNG of its own size: browsers enlarge it sooner than this encodes a larger one.
+/// An individual's picture, as a PNG in its own size: browsers enlarge it faster than this process encodes a larger one.
 pub(super) async fn image(
     Path((_, index)): Path<(String, u64)>,
     Query(created): Query<Created>,
@@ -334,7 +334,7 @@ pub(super) async fn cancel(State(web): State<Web>, Path(id): Path<String>) -> Re
     Ok(page_of(cancelled.record.id.as_str()))
 }
 
-/// Begins to learn from the labels, and leads to the map, which shows the progress.
+/// Starts to learn from the labels, and redirects to the map, which shows the progress.
 pub(super) async fn refine(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
     let refined = web.campaigns.refine(&id).await?;
     Ok(Redirect::to(&format!("/campaigns/{}/map", refined.record.id)))

@@ -6,7 +6,7 @@ use murmuration_accuracy::RANDOM;
 use murmuration_model::{CampaignRecord, Timestamp};
 use murmuration_proto::{Class, World};
 
-/// The paper's classes that robots with either of its capability models can show, the one for everything else last.
+/// The paper's classes that robots with either of its capability models can show, `random` last.
 const OFFERED: [Class; 6] = [
     Class::CyclicPursuit,
     Class::Milling,
@@ -24,13 +24,13 @@ pub(super) fn moment(ms: u64) -> Markup {
     html! { time datetime=(text) { (minute) " UTC" } }
 }
 
-/// Gives a stage the shape of `world` before a motion is there, so that no motion that arrives moves the page. It is an empty
-/// drawing, because the pages' policy refuses styles in attributes.
+/// Gives a stage the shape of `world` before its motion arrives, so that the page does not move then. It is an empty drawing,
+/// because the pages' policy forbids style attributes.
 pub(super) fn shape(world: &World) -> Markup {
     html! { svg.shape viewBox={ "0 0 " (world.width()) " " (world.height()) } aria-hidden="true" {} }
 }
 
-/// A canvas on which a motion of `world` is played, and its controls.
+/// A canvas that plays a motion of `world`, and its controls.
 pub(super) fn stage(label: &str, world: &World) -> Markup {
     html! {
         div.player.scripted {
@@ -55,8 +55,8 @@ pub(super) fn speeds() -> Markup {
     }
 }
 
-/// Buttons for the classes, which a script adds, and for other answers; `single` where the page asks about one behaviour. The
-/// paper's classes are offered, those that have a meaning in `world`.
+/// Buttons for the classes, which a script adds, and for other answers. It offers the paper's classes that make sense in `world`.
+/// `single`: the page asks about one behaviour.
 pub(super) fn palette(world: &World, single: bool) -> Markup {
     let offered = OFFERED
         .iter()
@@ -95,8 +95,7 @@ pub(super) fn palette(world: &World, single: bool) -> Markup {
     }
 }
 
-/// The form that asks for the annotator's name until the browser knows it; until then, parts with the class `once-named`
-/// are hidden.
+/// The form for the annotator's name, shown until the browser knows it. Until then, parts with the class `once-named` are hidden.
 pub(super) fn who() -> Markup {
     html! {
         form #who.who hidden {
@@ -108,17 +107,17 @@ pub(super) fn who() -> Markup {
     }
 }
 
-/// The field in which annotators change their name.
+/// The field for changing the annotator's name.
 pub(super) fn rename() -> Markup {
     html! { label { "Answering as " input #annotator maxlength="64" autocomplete="nickname"; } }
 }
 
-/// The line on which the script reports what is saved, and errors.
+/// The line for the script's messages: saved answers and errors.
 pub(super) fn status_line() -> Markup {
     html! { p #status.status role="status" {} }
 }
 
-/// The dialog in which a script asks before it replaces or withdraws several answers.
+/// The dialog for a script that replaces or withdraws several answers.
 pub(super) fn confirm() -> Markup {
     html! {
         dialog #confirm aria-labelledby="confirm-title" {

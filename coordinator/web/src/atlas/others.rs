@@ -1,4 +1,4 @@
-//! The atlases that differ from one in the number of robots and in noise alone: sliders lead from one to the next.
+//! Atlases that differ from the current one only in the number of robots and in noise. Sliders switch between them.
 
 use crate::{Web, layout::atlas_of, page_error::PageError};
 use maud::{Markup, html};
@@ -8,21 +8,21 @@ use serde::Serialize;
 use serde_json::json;
 use std::cmp::Ordering;
 
-/// Records of campaigns that are in memory at once.
+/// Records of campaigns in memory at once.
 const AT_ONCE: usize = 50;
 
-/// Atlases of one robot in one world, apart from how many there are and what goes wrong with them.
+/// Atlases of one robot in one world, with different numbers of robots and different noise.
 #[derive(Debug, PartialEq)]
 pub(super) struct Others {
     /// The numbers of robots, ascending.
     robots: Vec<u32>,
     /// The noise, in words, the least first.
     noises: Vec<String>,
-    /// Each atlas with its places in these lists; the first is the one that the others are like.
+    /// Each atlas with its places in these lists; the first is the current one.
     atlases: Vec<(CampaignId, usize, usize)>,
 }
 
-/// The atlases that the script's sliders lead to.
+/// The atlases, for the script of the sliders.
 #[derive(Debug, Serialize)]
 struct OthersView<'a> {
     robots: &'a [u32],
@@ -199,7 +199,7 @@ mod tests {
             .iter()
             .map(|(id, robots, noise)| (id.as_str(), *robots, *noise))
             .collect();
-        // Of two that are the same, the newest.
+        // The newest of two equal atlases.
         assert_eq!(
             places,
             [("a-1", 1, 0), ("a-5", 2, 1), ("a-4", 2, 0), ("a-2", 0, 0)]

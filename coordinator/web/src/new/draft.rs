@@ -1,4 +1,4 @@
-//! A campaign that is being described: what the form holds, and what is wrong with it.
+//! A draft of a campaign: the content of the form, and the errors in it.
 
 use super::{
     super::page_error::PageError,
@@ -45,18 +45,18 @@ pub(super) const EXAMPLES: [(&str, &str, &str); 6] = [
     ),
 ];
 
-/// A campaign that is being described.
+/// A campaign as a person describes it.
 pub(super) enum Draft {
-    /// By the fields of the form; the rest of the file has no field there.
+    /// From the fields of the form, and the parts of a file that have no field.
     Fields(Table),
-    /// As a campaign file.
+    /// From a campaign file.
     File(String),
 }
 
 /// An error in a draft.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Problem {
-    /// The field, as its path in a campaign file; nothing if it is not known.
+    /// The field, as its path in a campaign file; empty if unknown.
     pub(super) field: String,
     /// The line of the file, from 1.
     pub(super) line: Option<usize>,
@@ -64,7 +64,7 @@ pub(super) struct Problem {
 }
 
 impl Draft {
-    /// The draft that the form begins with.
+    /// The initial draft of the form.
     pub(super) fn usual() -> Self {
         let [model, method] = [("model", "single-sensor"), ("method", Method::Latent.name())]
             .map(|(name, value)| (name.to_owned(), value.into()));
@@ -84,10 +84,10 @@ impl Draft {
         Ok(Self::File((*text).to_owned()).into_fields())
     }
 
-    /// The draft that was sent.
+    /// The submitted draft.
     pub(super) fn of_form(parameters: &Parameters) -> Result<Self, PageError> {
         if parameters.iter().any(|(name, _)| name == "text") {
-            // Browsers send the line ends of Windows.
+            // Browsers send Windows line ends.
             return Ok(Self::File(given(parameters, "text").replace("\r\n", "\n")));
         }
         let rest = given(parameters, "rest");
@@ -106,7 +106,7 @@ impl Draft {
         Ok(Self::Fields(suited(table)))
     }
 
-    /// The same as fields, if it can be read at all.
+    /// The same draft as fields, if it can be read at all.
     pub(super) fn into_fields(self) -> Self {
         match self {
             Self::File(text) => match text.parse() {
@@ -124,7 +124,7 @@ impl Draft {
         }
     }
 
-    /// The specification, or what is wrong with it.
+    /// The specification, or the error in the draft.
     pub(super) fn checked(&self) -> Result<CampaignSpec, Problem> {
         match self {
             Self::Fields(table) => {
@@ -137,7 +137,7 @@ impl Draft {
 }
 
 impl Problem {
-    /// An error, in the campaign file `text` if there is one.
+    /// Describes an error, with its line if `text` is the campaign file.
     fn of(error: &SpecFileError, text: &str) -> Self {
         match error {
             SpecFileError::Value(invalid) => Self {
@@ -153,14 +153,14 @@ impl Problem {
         }
     }
 
-    /// Whether it is about a field of the form.
+    /// Whether the error is about a field of the form.
     pub(super) fn is_about(&self, path: &str) -> bool {
         let last = |path: &str| path.rsplit('.').next().map(str::to_owned);
         self.field == path || (!self.field.contains('.') && Some(&self.field) == last(path).as_ref())
     }
 }
 
-/// Without what the method has no use for: a form shows the fields of all methods.
+/// Removes the fields that the method does not use: the form shows the fields of all methods.
 fn suited(mut table: Table) -> Table {
     let method = table
         .get("method")
@@ -182,7 +182,7 @@ fn suited(mut table: Table) -> Table {
     table
 }
 
-/// Without tables that hold nothing.
+/// Removes empty tables.
 fn without_empty(mut table: Table) -> Table {
     table.retain(|_, value| value.as_table().is_none_or(|inner| !inner.is_empty()));
     table

@@ -1,5 +1,5 @@
-//! Every field of a campaign file with its explanation: those of the contract's messages from their comments, those of trainings
-//! from the page of the documentation that lists them.
+//! Every field of a campaign file with its explanation. Explanations come from the comments of the contract's messages; those of
+//! trainings come from the page of the documentation that lists them.
 
 use super::{
     super::glossary::inline,
@@ -10,20 +10,20 @@ use murmuration_proto::spec_sections;
 use murmuration_study::wide;
 
 const CAMPAIGNS: &str = include_str!("../../../../docs/campaigns.md");
-/// The heading under which that page lists the fields of trainings.
+/// The heading of the fields of trainings on that page.
 const TRAINING: &str = "\n## Training\n";
 
-/// The list, folded until somebody wants it.
+/// The list, folded at first.
 pub(super) fn list() -> Markup {
     html! {
         details.every-field {
             summary { "Every field of a campaign file" }
             p.reason { "A field that is left out has its default. " code { "murmuration show" } " prints all fields with the values that a campaign has." }
             @for section in spec_sections::sections() {
-                @let said: Vec<_> = section.fields.iter().filter_map(|field| Some((field.name, explanation(section.path, field.name)?))).collect();
-                @if !said.is_empty() {
+                @let expected: Vec<_> = section.fields.iter().filter_map(|field| Some((field.name, explanation(section.path, field.name)?))).collect();
+                @if !expected.is_empty() {
                     h3 { @if section.path.is_empty() { "At the top of the file" } @else { code { "[" (section.path) "]" } } }
-                    dl { @for (field, said) in said { div { dt { code { (path(section.path, field)) } } dd { (said) } } } }
+                    dl { @for (field, expected) in expected { div { dt { code { (path(section.path, field)) } } dd { (expected) } } } }
                 }
             }
             h3 { code { "[training]" } " and " code { "[feedback.recipe]" } }
@@ -62,7 +62,7 @@ fn shown(block: &str) -> Markup {
     )
 }
 
-/// The cells of a row of a table; `None` of a line that is none.
+/// The cells of a row of a table; `None` if the line is not a row.
 fn cells(line: &str) -> Option<Vec<&str>> {
     let inner = line.trim().strip_prefix('|')?.strip_suffix('|')?;
     Some(inner.split('|').map(str::trim).collect())
@@ -83,12 +83,12 @@ mod tests {
             for field in fields.iter().map(|field| field.name) {
                 let is_listed = match explanation(section, field) {
                     Some(_) => page.contains(&format!("<dt><code>{}</code></dt>", path(section, field))),
-                    // Tables name several fields in a cell, and those of a network with its name.
+                    // A cell names several fields; tables prefix those of a network with its name.
                     None => ["", "network."]
                         .iter()
                         .any(|of| page.contains(&format!("<code>{of}{field}</code>"))),
                 };
-                // A table that has a heading of its own.
+                // `network` has a table under its own heading.
                 assert!(is_listed || field == "network", "{section} {field}");
             }
         }

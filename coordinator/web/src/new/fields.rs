@@ -1,16 +1,16 @@
-//! The fields of a campaign that the form has, each explained by the contract.
+//! The fields of the form for a campaign, with explanations from the contract.
 
 use murmuration_proto::{Method, Preset, spec_sections};
 use toml::{Table, Value};
 
 pub(super) struct Field {
-    /// The section of a campaign file that has it.
+    /// Its section of a campaign file.
     pub(super) section: &'static str,
-    /// Its name there.
+    /// Its name in that section.
     pub(super) name: &'static str,
     /// Its name on the page.
     pub(super) label: &'static str,
-    /// Its effect, in a sentence for a newcomer.
+    /// Its effect, in one sentence for newcomers.
     pub(super) meaning: &'static str,
     pub(super) kind: Kind,
 }
@@ -20,7 +20,7 @@ pub(super) enum Kind {
     Text,
     Number,
     Flag,
-    /// The robots of a preset, or others that only a campaign file can describe.
+    /// A preset's robots, or robots that only a campaign file can describe.
     Model,
     Method,
 }
@@ -165,7 +165,7 @@ pub(super) fn fields() -> impl Iterator<Item = &'static Field> {
     GROUPS.iter().flat_map(|(_, fields)| *fields)
 }
 
-/// The path of a field in a campaign file, by its section and its name.
+/// The path of a field in a campaign file.
 pub(super) fn path(section: &str, name: &str) -> String {
     match section {
         "" => name.to_owned(),
@@ -173,10 +173,10 @@ pub(super) fn path(section: &str, name: &str) -> String {
     }
 }
 
-/// The contract's comment on a field, without the names of its methods; `None` for unknown fields.
+/// The contract's comment on a field, without method names; `None` for unknown fields.
 pub(super) fn explanation(section: &str, name: &str) -> Option<String> {
-    let said = spec_sections::explanation(section, name)?;
-    Some(said.replace(" (RefineCampaign)", ""))
+    let message = spec_sections::explanation(section, name)?;
+    Some(message.replace(" (RefineCampaign)", ""))
 }
 
 impl Field {
@@ -185,12 +185,12 @@ impl Field {
         path(self.section, self.name)
     }
 
-    /// The contract's comment on it, without the names of its methods.
+    /// The contract's comment on the field, without method names.
     pub(super) fn explanation(&self) -> String {
         explanation(self.section, self.name).unwrap_or_default()
     }
 
-    /// The values to choose from, for a field that has such.
+    /// The values to choose from; empty for free text.
     pub(super) fn choices(&self) -> Vec<&'static str> {
         match self.kind {
             Kind::Model => Preset::ALL.iter().map(|preset| preset.name()).collect(),
@@ -199,7 +199,7 @@ impl Field {
         }
     }
 
-    /// Its value in a campaign file, as text; nothing if the file leaves it out.
+    /// Its value in a campaign file, as text; empty if the file omits it.
     pub(super) fn value(&self, table: &Table) -> String {
         let table = match self.section {
             "" => Some(table),
@@ -212,7 +212,7 @@ impl Field {
         }
     }
 
-    /// Puts what somebody wrote into a campaign file; nothing takes the field out.
+    /// Writes the entered text into a campaign file; empty text removes the field.
     pub(super) fn put(&self, table: &mut Table, text: &str) {
         let text = text.trim();
         let value = match (self.kind, text) {
@@ -225,7 +225,7 @@ impl Field {
             "" => table,
             section => {
                 let entry = table.entry(section).or_insert_with(|| Value::Table(Table::new()));
-                // A value that is not a table is refused when the whole is read.
+                // If the section is not a table, reading the whole file fails and reports it.
                 let Some(table) = entry.as_table_mut() else { return };
                 table
             }
@@ -237,7 +237,7 @@ impl Field {
     }
 }
 
-/// A number, with or without commas; what is none stays text, and is refused by the name of its field.
+/// A number, with or without commas. Anything else stays text, so that the error names the field.
 fn number(text: &str) -> Value {
     let plain = without_groups(text);
     match (plain.parse::<i64>(), plain.parse::<f64>()) {
@@ -247,7 +247,7 @@ fn number(text: &str) -> Value {
     }
 }
 
-/// A number without what parts its thousands, as in `10,000` and `10_000`. Other commas stay: `1,5` is no 15.
+/// Removes thousands separators, as in `10,000` and `10_000`. Other commas stay: `1,5` is not 15.
 fn without_groups(text: &str) -> String {
     for separator in [',', '_'] {
         let mut groups = text.trim_start_matches('-').split(separator);
@@ -267,15 +267,15 @@ mod tests {
     #[test]
     fn commas_part_thousands_and_nothing_else() {
         let read = ["10,000", "1_000_000", "-1,000", "1,5", "1,0000", "2.5", "7"].map(number);
-        let said = |text: &str| Value::String(text.to_owned());
+        let message = |text: &str| Value::String(text.to_owned());
         assert_eq!(
             read,
             [
                 Value::Integer(10_000),
                 Value::Integer(1_000_000),
                 Value::Integer(-1_000),
-                said("1,5"),
-                said("1,0000"),
+                message("1,5"),
+                message("1,0000"),
                 Value::Float(2.5),
                 Value::Integer(7),
             ]

@@ -1,5 +1,5 @@
-//! Starting a campaign: from fields, from a campaign file, as a copy of another, or from an example. What it will cost is said
-//! before it starts.
+//! Starting a campaign: from fields, from a campaign file, as a copy of another, or from an example. The page shows the cost before
+//! the start.
 
 mod draft;
 mod every_field;
@@ -26,16 +26,16 @@ use std::{
     time::{SystemTime, UNIX_EPOCH},
 };
 
-/// The fields of a form or of an address, as often as they are there.
+/// The fields of a form or of an address; a name may occur more than once.
 type Parameters = Vec<(String, String)>;
 
-/// The value of a field; nothing if it is not there.
+/// The value of a field; empty if it is missing.
 fn given<'a>(parameters: &'a Parameters, name: &str) -> &'a str {
     let found = parameters.iter().find(|(known, _)| known == name);
     found.map_or("", |(_, value)| value)
 }
 
-/// The page, empty or filled with an example or another campaign's specification.
+/// The page, initially or filled with an example or another campaign's specification.
 pub(super) async fn page(
     State(web): State<Web>,
     Query(parameters): Query<Parameters>,
@@ -54,7 +54,7 @@ pub(super) async fn page(
     Ok(view::page(&draft, &token(), false, &visitor).into_response())
 }
 
-/// The form was sent: to see what it costs, to be shown in the other way, or to start.
+/// Handles the submitted form: shows the cost, switches between fields and file, or starts the campaign.
 pub(super) async fn submitted(
     State(web): State<Web>,
     visitor: Visitor,
@@ -77,7 +77,7 @@ pub(super) async fn submitted(
             let created = web.campaigns.create(new).await?;
             Ok(page_of(created.record.id.as_str()).into_response())
         }
-        // A part of the page, for its script.
+        // The script needs only this part of the page.
         ("outcome", _) => Ok(view::outcome(&draft).into_response()),
         ("file", _) => shown(&draft.into_file()),
         ("fields", _) => shown(&draft.into_fields()),
@@ -85,7 +85,7 @@ pub(super) async fn submitted(
     }
 }
 
-/// Tells the pages that this process has made apart.
+/// A token that distinguishes the pages of this process.
 pub(super) fn token() -> String {
     static PAGES: AtomicU64 = AtomicU64::new(0);
     let age = SystemTime::now().duration_since(UNIX_EPOCH);
@@ -93,7 +93,7 @@ pub(super) fn token() -> String {
     format!("{nanos:x}.{:x}", PAGES.fetch_add(1, Ordering::Relaxed))
 }
 
-/// The request to start a campaign from a page: sent twice, it starts one. A form that was changed in between asks for another.
+/// The request id for starting a campaign from a page: sent twice, it starts one campaign. A changed form gets a new id.
 pub(super) fn request_of(token: &str, spec: &CampaignSpec) -> Result<RequestId, PageError> {
     let mut hasher = DefaultHasher::new();
     spec.to_toml().hash(&mut hasher);

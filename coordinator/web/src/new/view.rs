@@ -1,4 +1,4 @@
-//! The page on which a campaign is described.
+//! The page that describes a new campaign.
 
 use super::{
     super::{layout::layout_with, visitor::Visitor},
@@ -10,8 +10,7 @@ use maud::{Markup, html};
 use murmuration_proto::{CampaignSpec, EmbedderSource, Feedback, counted, grouped};
 use toml::Table;
 
-/// The page for a draft; `token` tells it apart from other pages. If somebody has just sent it to be checked or started, what is wrong
-/// with it is said first.
+/// The page for a draft; `token` distinguishes it from other pages. After a submission, errors come first.
 pub(super) fn page(draft: &Draft, token: &str, was_sent: bool, visitor: &Visitor) -> Markup {
     let problem = draft.checked().err();
     layout_with(
@@ -54,7 +53,7 @@ pub(super) fn page(draft: &Draft, token: &str, was_sent: bool, visitor: &Visitor
     )
 }
 
-/// Why nothing was started, with a link to the field that is wrong.
+/// The reason why nothing was started, with a link to the wrong field.
 fn refused(problem: &Problem, draft: &Draft) -> Markup {
     let field = fields().find(|field| problem.is_about(&field.path()));
     html! {
@@ -145,31 +144,31 @@ fn as_fields(table: &Table, problem: Option<&Problem>) -> Markup {
     }
 }
 
-/// A field with its explanation, and with what is wrong with it.
+/// A field with its explanation and its error.
 fn shown(field: &Field, table: &Table, has_own_robots: bool, problem: Option<&Problem>) -> Markup {
     let (path, value) = (field.path(), field.value(table));
-    let said = format!("about-{path}");
+    let message = format!("about-{path}");
     let wrong = problem.filter(|problem| problem.is_about(&path));
     html! {
         div.field {
             label for=(path) { (field.label) }
             @match field.kind {
                 Kind::Flag => {
-                    input #(path) name=(path) type="checkbox" value="true" checked[value == "true"] aria-describedby=(said);
+                    input #(path) name=(path) type="checkbox" value="true" checked[value == "true"] aria-describedby=(message);
                 },
                 Kind::Model | Kind::Method => {
-                    select #(path) name=(path) aria-describedby=(said) {
+                    select #(path) name=(path) aria-describedby=(message) {
                         @if field.kind == Kind::Model && has_own_robots { option value="" selected[value.is_empty()] { "as in the file" } }
                         @for choice in field.choices() { option selected[choice == value] { (choice) } }
                     }
                 },
                 Kind::Text | Kind::Number => {
-                    input #(path) name=(path) value=(value) autocomplete="off" aria-describedby=(said)
+                    input #(path) name=(path) value=(value) autocomplete="off" aria-describedby=(message)
                         inputmode=[(field.kind == Kind::Number).then_some("numeric")] aria-invalid=[wrong.map(|_| "true")]
                         autofocus[wrong.is_some()];
                 },
             }
-            p id=(said) {
+            p id=(message) {
                 (field.meaning) " " span.reason { (field.explanation()) }
                 @if let Some(wrong) = wrong { strong.error { " " (wrong.text) } }
             }

@@ -1,8 +1,8 @@
-//! The state of the page as its address holds it.
+//! The state of the page Play, as its address holds it.
 //!
-//! `model` names a preset, or else `robot` describes the robots as a campaign file does; `genes` are the numbers of the
-//! controller, separated by commas; `seed` is that of the start, and `robots` how many there are. What is absent is as usual.
-//! Where part of an address is wrong, the rest is kept.
+//! `model` names a preset, or else `robot` describes the robots as a campaign file does; `genes` are the numbers of the controller,
+//! separated by commas; `seed` is the seed of the start, and `robots` the number of robots. Missing parameters have their defaults.
+//! If a part of an address is wrong, the rest still applies.
 
 use super::knobs::{Knob, knobs};
 use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Invalid, Preset, World, v1};
@@ -11,11 +11,11 @@ use std::iter;
 /// The parameters of an address, or of a form, in order.
 pub(super) type Parameters = Vec<(String, String)>;
 
-/// Most robots that the page shows.
+/// Most robots on the page.
 pub(super) const MOST_ROBOTS: u32 = 1000;
-/// Most bytes of a description: encoded, it fits into an address.
+/// Byte limit of a description: encoded, it fits into an address.
 pub(super) const MOST_DESCRIPTION_BYTES: usize = 6000;
-/// Largest seed of a start, as of a campaign.
+/// Largest seed of a start, the same as for a campaign.
 const MOST_SEED: u64 = i64::MAX as u64;
 
 /// The swarm of an address, and the errors in it.
@@ -23,34 +23,32 @@ const MOST_SEED: u64 = i64::MAX as u64;
 pub(super) struct Address {
     /// The name or description of the robots.
     pub(super) robots: Robots,
-    /// The swarm; or why the description cannot be used, in the words for its author.
+    /// The swarm, or the error in the description, worded for its author.
     pub(super) play: Result<Play, String>,
-    /// The parameters that were not understood; the defaults stand in.
+    /// The rejected parameters; their defaults apply.
     pub(super) problems: Vec<Invalid>,
 }
 
-/// Where the robots of a swarm come from.
+/// Source of the robots of a swarm.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Robots {
-    /// They are known by name.
+    /// By name.
     Preset(Preset),
-    /// A text describes them.
+    /// By a text.
     Described(String),
 }
 
 /// A swarm, ready to be simulated.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Play {
-    /// Its controller.
     pub(super) controller: Controller,
-    /// Its world.
     pub(super) world: World,
     /// The seed of its start.
     pub(super) seed: u64,
 }
 
 impl Address {
-    /// Reads what can be read.
+    /// Reads the valid part of an address.
     pub(super) fn read(parameters: &Parameters) -> Self {
         let given = |name: &str| {
             let mut of_name = parameters.iter().filter(|(known, _)| known == name);
@@ -73,10 +71,10 @@ impl Address {
         }
     }
 
-    /// The swarm, if nothing is wrong with the address.
+    /// The swarm, if the whole address is valid.
     ///
     /// # Errors
-    /// Says what is wrong first.
+    /// The first error in the address.
     pub(super) fn strictly(self) -> Result<Play, String> {
         let play = self.play?;
         match self.problems.into_iter().next() {
@@ -86,7 +84,7 @@ impl Address {
     }
 }
 
-/// A value, or the usual one and a problem more.
+/// The value; on an error the default, with the error added to `problems`.
 fn kept<T>(read: Result<T, Invalid>, usual: T, problems: &mut Vec<Invalid>) -> T {
     read.unwrap_or_else(|problem| {
         problems.push(problem);
@@ -94,7 +92,7 @@ fn kept<T>(read: Result<T, Invalid>, usual: T, problems: &mut Vec<Invalid>) -> T
     })
 }
 
-/// Parameters that mean nothing, or are there twice.
+/// Unknown and repeated parameters.
 fn strange(parameters: &Parameters) -> Vec<Invalid> {
     const KNOWN: [&str; 5] = ["model", "robot", "genes", "seed", "robots"];
     let named = |name: &str| parameters.iter().filter(|(known, _)| known == name).count();
@@ -147,7 +145,7 @@ fn described(robots: &Robots) -> Result<(CapabilityModel, World), String> {
     }
 }
 
-/// The controller with these genes; each gene that is not allowed is as usual.
+/// The controller with these genes; a gene that is not allowed has its default.
 fn controller(model: &CapabilityModel, genes: Option<&str>, problems: &mut Vec<Invalid>) -> Controller {
     let knobs = knobs(model);
     let usual = || knobs.iter().map(|knob| knob.usual).collect::<Vec<_>>();
@@ -166,7 +164,7 @@ fn controller(model: &CapabilityModel, genes: Option<&str>, problems: &mut Vec<I
     allowed(model, &genes)
 }
 
-/// The controller with genes that were checked one by one.
+/// The controller with genes that were already checked one by one.
 #[expect(
     clippy::expect_used,
     reason = "a controller is its genes, each of which is allowed"
@@ -175,7 +173,7 @@ fn allowed(model: &CapabilityModel, genes: &[f64]) -> Controller {
     Controller::new(model, genes).expect("each of its genes is allowed")
 }
 
-/// The world with as many robots as asked for.
+/// The world with the given number of robots.
 fn counted_out(
     world: World,
     model: &CapabilityModel,
@@ -219,10 +217,10 @@ mod tests {
     }
 
     #[track_caller]
-    fn check(parameters: &[(&str, &str)], said: &str) -> Play {
+    fn check(parameters: &[(&str, &str)], message: &str) -> Play {
         let address = read(parameters);
         let problems: Vec<_> = address.problems.iter().map(Invalid::to_string).collect();
-        assert_eq!(problems, [said]);
+        assert_eq!(problems, [message]);
         address.play.unwrap()
     }
 
@@ -277,34 +275,34 @@ mod tests {
             "genes = \"0,0\": must be 4 numbers for the single-sensor, separated by commas",
         );
         for (robots, shown) in [("0", "\"0\""), ("1001", "\"1001\""), ("many", "\"many\"")] {
-            let said = format!("robots = {shown}: must be a whole number from 1 to 1000");
-            assert_eq!(check(&[("robots", robots)], &said).world.agents(), 24);
+            let message = format!("robots = {shown}: must be a whole number from 1 to 1000");
+            assert_eq!(check(&[("robots", robots)], &message).world.agents(), 24);
         }
-        let said = "seed = \"-1\": must be a whole number from 0 to 9223372036854775807";
+        let message = "seed = \"-1\": must be a whole number from 0 to 9223372036854775807";
         assert_eq!(
-            check(&[("seed", "-1"), ("robots", "30")], said).world.agents(),
+            check(&[("seed", "-1"), ("robots", "30")], message).world.agents(),
             30
         );
-        let said = "parameter = \"gene\": must be one of model, robot, genes, seed, robots";
-        check(&[("gene", "1")], said);
-        let said = "seed = given twice: must be given once: the first counts";
-        assert_eq!(check(&[("seed", "2"), ("seed", "3")], said).seed, 2);
-        let said = "robot = given: must be absent beside a model, which says what the robots are";
-        check(&[("model", "turbopi"), ("robot", CAMERA)], said);
+        let message = "parameter = \"gene\": must be one of model, robot, genes, seed, robots";
+        check(&[("gene", "1")], message);
+        let message = "seed = given twice: must be given once: the first counts";
+        assert_eq!(check(&[("seed", "2"), ("seed", "3")], message).seed, 2);
+        let message = "robot = given: must be absent beside a model, which says what the robots are";
+        check(&[("model", "turbopi"), ("robot", CAMERA)], message);
     }
 
     #[test]
     fn a_description_that_cannot_be_used_says_so_as_a_campaign_file_does() {
-        let said = |text: &str| read(&[("robot", text), ("seed", "3")]).play.unwrap_err();
+        let message = |text: &str| read(&[("robot", text), ("seed", "3")]).play.unwrap_err();
         let text = "[robot]\nsensors = [{ agnle = 1.0 }]\n";
-        assert!(said(text).contains("did you mean `angle`?"));
+        assert!(message(text).contains("did you mean `angle`?"));
         assert_eq!(
-            said(text),
+            message(text),
             CampaignSpec::robots_from_toml(text).unwrap_err().to_string()
         );
-        assert!(said("[robot]\nsensors = []\n").contains("1 to 6 sensors"));
-        assert!(said(&"#".repeat(6001)).contains("6001 bytes"));
-        assert!(said("[robot]\nsensors = [{}]\n[world]\nagents = 2000\n").contains("at most 1000"));
+        assert!(message("[robot]\nsensors = []\n").contains("1 to 6 sensors"));
+        assert!(message(&"#".repeat(6001)).contains("6001 bytes"));
+        assert!(message("[robot]\nsensors = [{}]\n[world]\nagents = 2000\n").contains("at most 1000"));
     }
 
     #[test]
@@ -313,9 +311,9 @@ mod tests {
                     [[species]]\nname = \"b\"\nrobot.sensors = [{}]\n";
         let address = read(&[("robot", text), ("robots", "7")]);
         assert_eq!(address.strictly().unwrap().world.agents(), 7);
-        let said = "robots = \"24\": must be 7, as many as all species have together, or absent";
+        let message = "robots = \"24\": must be 7, as many as all species have together, or absent";
         assert_eq!(
-            check(&[("robot", text), ("robots", "24")], said).world.agents(),
+            check(&[("robot", text), ("robots", "24")], message).world.agents(),
             7
         );
     }

@@ -1,4 +1,4 @@
-//! The motion of an archived individual from its first start, a piece at a time, simulated by the coordinator.
+//! The motion of an archived individual from its first start, a piece at a time. The coordinator simulates it.
 
 use super::{
     super::{Web, page_error::Refused},
@@ -17,7 +17,7 @@ use murmuration_service::OrStatus as _;
 use murmuration_store::StoreError;
 use serde::Deserialize;
 
-/// Which piece is asked for.
+/// Selects a piece.
 #[derive(Debug, Deserialize)]
 pub(in super::super) struct Wanted {
     index: u64,
@@ -26,7 +26,7 @@ pub(in super::super) struct Wanted {
     from: u32,
 }
 
-/// A piece of the motion of an individual, as [`motion`](super::motion) has them.
+/// A piece of the motion of an individual, in the format of [`motion`](super::motion).
 pub(in super::super) async fn pieces(
     State(web): State<Web>,
     Path(id): Path<String>,

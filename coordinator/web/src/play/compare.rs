@@ -1,4 +1,4 @@
-//! "What is this like?": the individuals of a campaign nearest to the swarm that is played with.
+//! "What is this like?": the individuals of a campaign nearest to the swarm of the page.
 
 use super::{
     super::{Web, archived, motion::REPLAY_TIMEOUT, page_error::Refused},
@@ -16,19 +16,20 @@ use murmuration_report::picture;
 use murmuration_service::{OrStatus as _, OtherBehaviour};
 use tonic::Status;
 
-/// Individuals that are shown.
+/// Individuals in the answer.
 const SHOWN: usize = 5;
-/// Most steps, summed over the robots, that one simulation of what is played with may have, where workers do it: more than those of
-/// 1,000 robots in the paper's world, and a second or two of a worker.
+/// Limit on the robot steps (steps times robots) of a simulation by workers: more than 1,000 robots need in the paper's world, and
+/// a second or two of a worker.
 const MOST_ROBOT_STEPS: u64 = 2_000_000;
 
-/// Whether the individuals of a campaign can be compared with a swarm in `world`: pictures of arenas of one size can.
+/// Whether the individuals of a campaign can be compared with a swarm in `world`. Pictures are comparable if the arenas have one
+/// size.
 pub(super) fn is_comparable(record: &CampaignRecord, world: &World) -> bool {
     let own = record.spec.world();
     (own.width(), own.height()) == (world.width(), world.height())
 }
 
-/// The part of the page that shows what in the campaign of the form is like the swarm of the form.
+/// The part of the page with the individuals of the form's campaign that are most like the form's swarm.
 pub(in super::super) async fn like(
     State(web): State<Web>,
     Form(mut parameters): Form<Parameters>,
@@ -37,7 +38,7 @@ pub(in super::super) async fn like(
     let play = strictly(&parameters)?;
     let record = web.campaigns.status(&campaign).await.or_status()?.record;
     check(&play, &record)?;
-    // The page would wait in vain.
+    // Without workers the page would wait in vain.
     web.archive.dispatch.check_staffed().or_status()?;
     let Play {
         controller,
@@ -93,7 +94,7 @@ fn check(play: &Play, record: &CampaignRecord) -> Result<(), Invalid> {
     check_cost(world)
 }
 
-/// Checks that workers simulate what is played with in a second or two: who plays shares them with every campaign.
+/// Checks that workers simulate the swarm in a second or two, because players share them with every campaign.
 pub(super) fn check_cost(world: &World) -> Result<(), Invalid> {
     let (agents, horizon) = (world.agents(), world.horizon());
     if u64::from(agents) * u64::from(horizon) <= MOST_ROBOT_STEPS {
@@ -104,7 +105,7 @@ pub(super) fn check_cost(world: &World) -> Result<(), Invalid> {
     Err(Invalid::new("world.horizon", horizon, allowed))
 }
 
-/// The swarm, of whose picture these are the pixels, and what it is like.
+/// The swarm's picture, made from `pixels`, and the individuals most like it.
 fn shown(record: &CampaignRecord, model: &CapabilityModel, pixels: &[u8], nearest: &Nearest) -> Markup {
     let side = record.spec.image().resolution();
     html! {
@@ -123,7 +124,7 @@ fn shown(record: &CampaignRecord, model: &CapabilityModel, pixels: &[u8], neares
     }
 }
 
-/// How the robots of a campaign differ from those that are played with.
+/// The difference between a campaign's robots and those of the page.
 fn difference(theirs: &CapabilityModel, own: &CapabilityModel) -> String {
     let [theirs, own] = [theirs.to_string(), own.to_string()];
     match theirs == own {

@@ -1,4 +1,4 @@
-//! The genes of a controller as a person sets them: their names, their limits, and where they begin.
+//! The genes of a controller as people set them: names, limits and defaults.
 
 use murmuration_proto::{CapabilityModel, DriveKind, Invalid, Preset, Robot, SensorAngle};
 use std::{fmt, iter};
@@ -19,11 +19,11 @@ pub(super) enum Values {
     Within([f64; 2]),
     /// One of these angles, radians.
     Angles(Vec<f64>),
-    /// The place of one of these numbers of robots of each species.
+    /// Index into these numbers of robots of each species.
     Ratios(Vec<Vec<u32>>),
 }
 
-/// The paper's cyclic pursuit, and its nested cycle (its angle, -pi / 3, rounded): what the presets begin with.
+/// The presets' initial controllers: the paper's cyclic pursuit, and its nested cycle with the angle -pi / 3 rounded.
 const PURSUIT: [f64; 4] = [-0.7, 0.3, 1.0, 1.0];
 const NESTED_CYCLE: [f64; 9] = [0.8, 0.5, 0.6, -0.5, -0.5, 0.0, -0.2, 0.5, -1.05];
 
@@ -49,7 +49,7 @@ pub(super) fn knobs(model: &CapabilityModel) -> Vec<Knob> {
     knobs
 }
 
-/// The allowed values and defaults of the genes of one robot: it turns until a sensor is on.
+/// The allowed values and defaults of one robot's genes. By default it turns until a sensor is on.
 fn of_robot(robot: &Robot) -> impl Iterator<Item = (Values, f64)> + use<'_> {
     let limits = robot.drive().limits();
     let shares = |state| match (robot.drive().kind(), state) {
@@ -67,7 +67,7 @@ fn of_angle(angle: &SensorAngle) -> (Values, f64) {
     match angle.range() {
         Some([low, high]) => {
             let third = low + (high - low) / 3.0;
-            // Few digits, so that addresses are short.
+            // Rounded to few digits, so that addresses stay short.
             let usual = ((third * 1e4).round() / 1e4).clamp(low, high);
             (Values::Within([low, high]), usual)
         }
@@ -80,10 +80,10 @@ fn of_angle(angle: &SensorAngle) -> (Values, f64) {
 }
 
 impl Knob {
-    /// Reads what somebody wrote.
+    /// Reads an entered value.
     ///
     /// # Errors
-    /// If it is not a number that the gene may be; says what it may be.
+    /// If it is not an allowed number of the gene; the error names the allowed ones.
     pub(super) fn read(&self, text: &str) -> Result<f64, Invalid> {
         let refused = || Invalid::new(self.name.clone(), format!("{text:?}"), self.values.to_string());
         let value: f64 = text.trim().parse().map_err(|_| refused())?;
@@ -156,28 +156,28 @@ mod tests {
     #[test]
     fn a_value_that_is_not_allowed_is_told_what_is() {
         let knobs = knobs(&described());
-        let said = |name: &str, text: &str| {
+        let message = |name: &str, text: &str| {
             let knob = knobs.iter().find(|knob| knob.name == name).unwrap();
             knob.read(text).unwrap_err().to_string()
         };
         assert_eq!(
-            said("a.left_00", "1.1"),
+            message("a.left_00", "1.1"),
             "a.left_00 = \"1.1\": must be a number from -1 to 1"
         );
         assert_eq!(
-            said("a.left_00", "NaN"),
+            message("a.left_00", "NaN"),
             "a.left_00 = \"NaN\": must be a number from -1 to 1"
         );
         assert_eq!(
-            said("a.angle_2", "0.7"),
+            message("a.angle_2", "0.7"),
             "a.angle_2 = \"0.7\": must be one of [0.5, 1.0]"
         );
         assert_eq!(
-            said("ratio", "2"),
+            message("ratio", "2"),
             "ratio = \"2\": must be a whole number from 0 to 1"
         );
         assert_eq!(
-            said("ratio", "0.5"),
+            message("ratio", "0.5"),
             "ratio = \"0.5\": must be a whole number from 0 to 1"
         );
     }

@@ -1,8 +1,7 @@
 //! The page on which people set a controller and watch the swarm that it controls.
 //!
-//! The whole state is in the address. The coordinator itself simulates, a piece of the motion at a time: each for a short
-//! time, and only for as long as the script waits for it. What the swarm is like, a worker evaluates: that needs a
-//! campaign's embedder.
+//! The whole state is in the address. The coordinator itself simulates, a piece of the motion at a time: each for a short time, and
+//! only while the script waits for it. A worker answers "What is this like?", because that needs a campaign's embedder.
 
 mod address;
 mod archived;
@@ -39,10 +38,10 @@ use murmuration_service::OrStatus as _;
 use std::sync::Arc;
 use tonic::Status;
 
-/// Most campaigns that are offered to compare a swarm with, and most whose records are in memory at once.
+/// Most campaigns offered for comparison, and most of their records in memory at once.
 const OFFERED: usize = 50;
 
-/// The swarms that were simulated last; cheap to clone.
+/// The latest simulated swarms; cheap to clone.
 #[derive(Debug, Clone, Default)]
 pub struct Playground(Arc<Kept>);
 
@@ -59,7 +58,7 @@ pub(super) async fn page(
     Ok(view::page(&address, &campaigns, &visitor))
 }
 
-/// The newest campaigns with individuals that a swarm can be compared with, newest first: [`OFFERED`] at most.
+/// The newest campaigns with individuals comparable with a swarm, newest first: [`OFFERED`] at most.
 async fn comparable(web: &Web, play: &Play) -> Result<Vec<CampaignId>, PageError> {
     let heads = web.campaigns.heads().await?;
     let ids: Vec<CampaignId> = heads.into_iter().rev().map(|listed| listed.head.id).collect();
@@ -78,7 +77,7 @@ async fn comparable(web: &Web, play: &Play) -> Result<Vec<CampaignId>, PageError
     Ok(comparable)
 }
 
-/// A piece of the motion of the swarm of an address, from the step `from` on.
+/// A piece of the motion of the address's swarm, from the step `from` on.
 pub(super) async fn motion(
     State(web): State<Web>,
     Form(mut parameters): Form<Parameters>,
@@ -107,7 +106,7 @@ fn strictly(parameters: &Parameters) -> Result<Play, Status> {
     play.map_err(Status::invalid_argument)
 }
 
-/// Takes the first step out of the parameters; without one the motion begins with its start.
+/// Takes the first step out of the parameters; 0 if it is missing.
 fn first_step(parameters: &mut Parameters) -> Result<u32, Invalid> {
     let Some(place) = parameters.iter().position(|(name, _)| name == "from") else {
         return Ok(0);
@@ -117,7 +116,7 @@ fn first_step(parameters: &mut Parameters) -> Result<u32, Invalid> {
     step.ok_or_else(|| not_a_step(format!("{text:?}")))
 }
 
-/// The first step of a piece, if it is not too far.
+/// Checks the first step of a piece.
 fn step(from: u32) -> Result<u32, Invalid> {
     if from <= MOST_STEPS {
         return Ok(from);
@@ -129,8 +128,8 @@ fn not_a_step(given: String) -> Invalid {
     Invalid::new("from", given, format!("a whole number from 0 to {MOST_STEPS}"))
 }
 
-/// Starts the campaign of an address of the page, and leads to it. The form says which page it is of, so that a second click
-/// starts nothing; what is no form is refused.
+/// Starts the campaign of an address of the page, and redirects to it. The form carries a token of its page, so that a second click
+/// starts nothing; an unreadable form is refused.
 pub(super) async fn search(
     State(web): State<Web>,
     Query(parameters): Query<Parameters>,
@@ -169,8 +168,8 @@ mod tests {
         };
         assert_eq!(step("1000000"), Ok(1_000_000));
         for bad in ["1000001", "-1", "1.5", ""] {
-            let said = format!("from = {bad:?}: must be a whole number from 0 to 1000000");
-            assert_eq!(step(bad), Err(said));
+            let message = format!("from = {bad:?}: must be a whole number from 0 to 1000000");
+            assert_eq!(step(bad), Err(message));
         }
         assert_eq!(first_step(&mut Vec::new()), Ok(0));
     }

@@ -1,7 +1,7 @@
 //! The motion of a swarm, a piece at a time.
 //!
-//! A piece continues the very swarm that ended the piece before, so that pieces together are one motion, bit for bit. The last
-//! few swarms are kept for that. One that is kept no more is simulated from its start again, to the same bits.
+//! A piece continues the swarm at the end of the piece before, so that pieces together are one motion, bit for bit. The last few
+//! swarms are kept for that. A dropped swarm is simulated from its start again, to the same bits.
 
 use super::address::Play;
 use murmuration_proto::Invalid;
@@ -15,16 +15,16 @@ use tonic::Status;
 
 /// The last step that a piece may begin with.
 pub(super) const MOST_STEPS: u32 = 1_000_000;
-/// Frames of a piece, and poses in all of them.
+/// Most frames of a piece, and most poses in all of them.
 const MOST_FRAMES: usize = 600;
 const MOST_POSES: usize = 120_000;
-/// Swarms of more robots have a frame every other step.
+/// Swarms of more robots have a frame only every other step.
 const EVERY_STEP: u32 = 256;
-/// Swarms that are kept, for as many people as may play at once.
+/// Number of kept swarms, one for each of as many simultaneous players.
 const MOST_KEPT: usize = 16;
-/// How long one request may simulate before its piece begins. What it has not reached by then, the next one reaches.
+/// Simulation time of a request before its piece begins. If that is too short, the next request continues from there.
 const TIME_LIMIT: Duration = Duration::from_secs(2);
-/// How long a piece may take: of a slow swarm it has fewer frames.
+/// Simulation time of a piece: a slow swarm gets fewer frames.
 const PIECE_LIMIT: Duration = Duration::from_millis(250);
 /// Steps of a small swarm between two looks at the clock.
 const PATIENCE_STEPS: u32 = 8;
@@ -42,10 +42,10 @@ pub(super) struct Piece {
     sensed: Vec<u8>,
 }
 
-/// The swarms that were simulated last, and for how long requests may simulate.
+/// The latest simulated swarms, and the time limits of requests.
 #[derive(Debug)]
 pub(super) struct Kept {
-    /// The latest at the end.
+    /// The latest last.
     swarms: Mutex<Vec<(Play, Swarm)>>,
     /// Before a piece begins, and during it.
     limits: [Duration; 2],
@@ -84,9 +84,9 @@ impl Piece {
         }
     }
 
-    /// All of it in little-endian: five whole numbers of 32 bits (version, first step, steps between frames, frames, robots);
-    /// for each robot of each frame x, y and heading, as floats of 32 bits; for each robot of each frame a byte of what it
-    /// senses, S1 in the highest bit.
+    /// The piece in little-endian: five whole numbers of 32 bits (version, first step, steps between frames, frames, robots); for
+    /// each robot of each frame x, y and heading, as floats of 32 bits; for each robot of each frame a byte with its sensor state,
+    /// S1 in the highest bit.
     pub(super) fn bytes(&self) -> Vec<u8> {
         let header = [
             VERSION,
@@ -113,7 +113,7 @@ impl Kept {
     /// The piece of a motion that begins with the step `first`.
     ///
     /// # Errors
-    /// If the swarm cannot be simulated, or was not that far within the time limit, or nobody wants the piece any more.
+    /// If the swarm cannot be simulated, did not reach the step within the time limit, or the client is gone.
     pub(super) fn piece(&self, play: &Play, first: u32, interrupt: &Interrupt) -> Result<Piece, Status> {
         let mut swarm = self.reached(play, first)?;
         let mut piece = Piece::begun(play, first);
@@ -139,7 +139,7 @@ impl Kept {
         }
     }
 
-    /// The kept swarm that is nearest before a step, or one at its start.
+    /// The kept swarm nearest before a step, or a new one at its start.
     fn reached(&self, play: &Play, step: u32) -> Result<Swarm, Invalid> {
         let mut kept = self.swarms.lock().unwrap_or_else(PoisonError::into_inner);
         let before = |(_, (of, swarm)): &(usize, &(Play, Swarm))| of == play && swarm.steps() <= step;
@@ -159,15 +159,15 @@ impl Kept {
     }
 }
 
-/// Says until a time limit whether to go on.
+/// Returns a function that tells whether to continue: until the time limit or the interrupt.
 fn is_time_for(limit: Duration, interrupt: &Interrupt) -> impl Fn() -> bool + use<'_> {
     let until = Instant::now() + limit;
     move || Instant::now() < until && interrupt.check().is_ok()
 }
 
-/// Steps a swarm until it has done so many steps; false if there was no time for it.
+/// Advances a swarm to the step `steps`; false if there was no time for it.
 fn advanced(swarm: &mut Swarm, steps: u32, is_time: impl Fn() -> bool) -> bool {
-    // A step of many robots among obstacles may take a part of a second.
+    // A step of many robots among obstacles may take a good part of a second.
     let patience = match swarm.agents().len() as u32 {
         0..=EVERY_STEP => PATIENCE_STEPS,
         _ => 1,
@@ -191,7 +191,7 @@ mod tests {
         Address::read(&owned.to_vec()).strictly().unwrap()
     }
 
-    /// Pieces of it have the same frames however busy the machine is.
+    /// Its pieces have the same frames, however busy the machine is.
     fn unhurried() -> Kept {
         Kept::within([Duration::from_secs(3600); 2])
     }

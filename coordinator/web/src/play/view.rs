@@ -1,4 +1,4 @@
-//! The markup of the page.
+//! The markup of the page Play.
 
 use super::{
     super::{
@@ -23,7 +23,7 @@ use serde_json::json;
 
 /// The page of an address.
 ///
-/// `campaigns` are those that its swarm can be compared with.
+/// `campaigns` are comparable with its swarm.
 pub(super) fn page(address: &Address, campaigns: &[CampaignId], visitor: &Visitor) -> Markup {
     let content = html! {
         div.wide-bar {
@@ -42,7 +42,7 @@ pub(super) fn page(address: &Address, campaigns: &[CampaignId], visitor: &Visito
     layout_with(PLAY, visitor, &["play.js"], content)
 }
 
-/// Links to the robots that are known by name.
+/// Links to the preset robots.
 fn presets(robots: &Robots) -> Markup {
     html! {
         nav aria-label="Robots" {
@@ -65,7 +65,7 @@ fn problems(problems: &[Invalid]) -> Markup {
     }
 }
 
-/// The form in which people describe a robot of their own.
+/// The form for describing a robot.
 fn description(address: &Address) -> Markup {
     let text = match &address.robots {
         Robots::Described(text) => text,
@@ -88,7 +88,7 @@ fn description(address: &Address) -> Markup {
     }
 }
 
-/// A description to begin with.
+/// The initial description.
 const EXAMPLE: &str = "\
 [robot]
 sensors = [
@@ -131,7 +131,7 @@ fn playground(address: &Address, play: &Play) -> Markup {
     }
 }
 
-/// The comparison with a campaign, and the button that searches on from the swarm.
+/// The comparison with a campaign, and the button that starts a search from the swarm.
 fn comparison(play: &Play, campaigns: &[CampaignId]) -> Markup {
     html! {
         section.compare.scripted aria-label="This swarm and campaigns" {
@@ -180,7 +180,7 @@ fn legend(model: &CapabilityModel) -> Markup {
     }
 }
 
-/// Where the swarm starts, and how many robots it has.
+/// The seed of the start, and the number of robots.
 fn start(play: &Play) -> Markup {
     html! {
         fieldset.start {
@@ -217,7 +217,7 @@ fn controller(play: &Play) -> Markup {
     }
 }
 
-/// A gene: its place among all, what it may be, and what it is.
+/// A gene: its place among all, its limits, and its value.
 type Setting<'a> = (usize, (&'a Knob, f64));
 
 /// The state table of one species, and its free angles.
@@ -289,7 +289,7 @@ fn setting(gene: usize, knob: &Knob, value: f64) -> Markup {
     }
 }
 
-/// A hundred steps from the middle to either end.
+/// The step of a control: a hundred steps from the middle to either end.
 fn step(low: f64, high: f64) -> f64 {
     (high - low) / 200.0
 }
@@ -305,17 +305,17 @@ fn colour(place: usize) -> String {
     colours::hex(colours::AGENTS[place % colours::AGENTS.len()])
 }
 
-/// Radii that a cone without limit is drawn long.
+/// Drawn length of a cone without limit, in radii of the robot.
 const UNLIMITED_RADII: f64 = 12.0;
 
-/// Half of a cone's opening angle, radians, and how far it is drawn, world units; a ray without limit has no length.
+/// Half of a cone's opening angle, radians, and its drawn length, world units; `None` for a ray without limit.
 fn cone(robot: &Robot, sensor: &Sensor) -> (f64, Option<f64>) {
     let half = sensor.half_angle();
     let drawn = (half > 0.0).then(|| UNLIMITED_RADII * robot.radius());
     (half, sensor_reach(sensor).or(drawn))
 }
 
-/// Data that the script draws a swarm from.
+/// Data from which the script draws a swarm.
 #[derive(Debug, Serialize)]
 pub(in super::super) struct SwarmView {
     world: WorldView,
@@ -333,12 +333,12 @@ struct SpeciesView {
 
 #[derive(Debug, Serialize)]
 struct SensorView {
-    /// The angle, radians, or the gene that has it.
+    /// The angle, radians, if it is fixed; otherwise `gene` has it.
     angle: Option<f64>,
     gene: Option<usize>,
     /// Half of the opening angle, radians.
     half: f64,
-    /// How far it is drawn, world units.
+    /// Drawn length, world units.
     reach: Option<f64>,
 }
 
