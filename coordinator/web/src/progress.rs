@@ -1,4 +1,4 @@
-//! The curves of a campaign's novelty and trainings, for the scripts of its Progress page.
+//! The novelty and training curves of a campaign, for the scripts of its Progress page.
 
 use super::{Web, page_error::Refused};
 use axum::{
@@ -12,7 +12,8 @@ use murmuration_service::OrStatus as _;
 use murmuration_store::StoreError;
 use serde::Serialize;
 
-/// The best and the mean novelty of each generation, as they were evaluated, in columns; of many generations, of several together.
+/// The best and the mean novelty of each generation, when evaluated, in columns. If there are many generations, a row covers
+/// several.
 #[derive(Debug, Serialize)]
 pub(super) struct GenerationsView {
     generation: String,
@@ -58,7 +59,7 @@ pub(super) struct EpochsView {
 /// The end of a round, or a notice.
 #[derive(Debug, Serialize)]
 struct EventView {
-    /// Generations that were complete then.
+    /// Number of complete generations at that time.
     generation: u32,
     text: String,
 }
@@ -99,7 +100,7 @@ pub(super) async fn epochs(
     Ok(Json(EpochsView { epochs, events }))
 }
 
-/// Whether the training of a round ended, from which epochs are known: a campaign may be paused in the middle of one.
+/// Whether the training of a round has ended. Known epochs alone do not tell, because a campaign may be paused during a training.
 fn has_ended(record: &CampaignRecord, round: u32) -> bool {
     match round {
         0 => Stage::of(record) != Stage::Pretrain,
@@ -117,8 +118,8 @@ fn learned(round: u32, generation: u32) -> EventView {
 
 const SHOWN: u32 = super::pages::SHOWN as u32;
 
-/// The newest individuals and the most novel ones, for the moving pictures of a campaign that searches: of each its index, its
-/// generation and its novelty when evaluated.
+/// The newest individuals and the most novel ones, for the moving pictures of a searching campaign: index, generation, and novelty
+/// when evaluated.
 #[derive(Debug, Serialize)]
 pub(super) struct ShownView {
     newest: Vec<(u64, u32, f64)>,

@@ -1,11 +1,11 @@
-//! How far a campaign has come, and how long it still takes, in words.
+//! The progress of a campaign and its remaining time, in words.
 
 use maud::{Markup, html};
 use murmuration_engine::campaign::CampaignStatus;
 use murmuration_model::{CampaignState, Stage, TimeLeft};
 use murmuration_proto::{counted, grouped, v1};
 
-/// The state of a campaign in words; of one that runs, its stage.
+/// The state of a campaign in words; while it runs, its stage.
 pub(super) fn state_name(status: &CampaignStatus) -> &'static str {
     match status.record.state {
         CampaignState::Running if !status.active => "interrupted",
@@ -57,13 +57,13 @@ const fn stage(stage: Stage) -> &'static str {
     }
 }
 
-/// How long the stage still takes, if that can be told.
+/// Remaining time of the stage, if known.
 pub(super) fn stage_left(status: &CampaignStatus) -> Option<String> {
     let seconds = status.progress()?.seconds_left?;
     Some(TimeLeft::about(seconds).in_words())
 }
 
-/// How long the whole campaign still takes, as far as that can be told.
+/// Remaining time of the whole campaign, as far as it is known.
 pub(super) fn whole_left(status: &CampaignStatus) -> Option<String> {
     status.time_left().map(TimeLeft::in_words)
 }

@@ -32,11 +32,11 @@ pub(super) struct Ask {
     again: Vec<u64>,
 }
 
-/// The questions that a window holds now.
+/// The questions that a window holds.
 #[derive(Debug, Serialize)]
 pub(super) struct QueriesView {
     queries: Vec<QueryView>,
-    /// Individuals about which somebody, this annotator, or the rule-based judge alone has answered.
+    /// Individuals with an answer by anybody; by this annotator; by the rule-based judge alone.
     answered: u64,
     own: u64,
     synthetic: u64,
@@ -94,17 +94,17 @@ struct Answer {
 pub(super) async fn answer(
     State(web): State<Web>,
     Path(campaign): Path<String>,
-    Json(said): Json<Answers>,
+    Json(message): Json<Answers>,
 ) -> Told<ClassesView> {
-    let answers = said.answers.into_iter().map(|answer| v1::Answer {
+    let answers = message.answers.into_iter().map(|answer| v1::Answer {
         index: answer.index,
         answer: answer.answer,
         time_ms: 0,
-        annotator: said.annotator.clone(),
+        annotator: message.annotator.clone(),
     });
     let request = v1::AppendLabelsRequest {
         campaign: campaign.clone(),
-        request_id: said.request_id,
+        request_id: message.request_id,
         answers: answers.collect(),
     };
     web.labels.append_labels(Request::new(request)).await?;
@@ -119,16 +119,16 @@ pub(super) struct Undo {
     annotator: String,
 }
 
-/// Responds with the individuals whose answers were undone, newest first.
+/// Responds with the individuals of the undone answers, newest first.
 pub(super) async fn undo(
     State(web): State<Web>,
     Path(campaign): Path<String>,
-    Json(said): Json<Undo>,
+    Json(message): Json<Undo>,
 ) -> Told<ClassesView> {
     let request = v1::UndoLabelsRequest {
         campaign: campaign.clone(),
-        request_id: said.request_id,
-        annotator: said.annotator,
+        request_id: message.request_id,
+        annotator: message.annotator,
     };
     let undone = web.labels.undo_labels(Request::new(request)).await?;
     let undone = whole(undone.into_inner()).await?;
@@ -145,7 +145,7 @@ pub(super) async fn undo(
 #[derive(Debug, Serialize)]
 pub(super) struct ClassesView {
     classes: Vec<ClassView>,
-    /// Individuals whose answers were undone, where that was asked.
+    /// Individuals of undone answers, if the request was to undo.
     individuals: Option<Vec<u64>>,
 }
 
@@ -155,7 +155,7 @@ pub(super) struct ClassView {
     name: String,
     /// `#rrggbb`.
     colour: String,
-    /// The key that somebody chose for it.
+    /// The key that a person chose for it.
     shortcut: Option<String>,
     /// Number of standing answers that name it.
     labels: u64,
@@ -206,7 +206,7 @@ impl From<&Class> for ClassView {
 pub(super) struct LabelsView {
     classes: Vec<ClassView>,
     annotators: Vec<String>,
-    /// Columns: the individual, the place of its class, and whether only the rule-based judge gave it.
+    /// Columns: the individual, the place of its class, and whether only the rule-based judge gave the class.
     individual: String,
     class: String,
     machine: String,

@@ -1,14 +1,14 @@
-//! The person who looks at a page, if they have logged in.
+//! The visitor of a page, logged in or not.
 
 use axum::{extract::FromRequestParts, http::request::Parts};
 use maud::{Markup, html};
 use murmuration_access::Endpoint;
 use std::{convert::Infallible, sync::Arc};
 
-/// The person who looks at a page.
+/// The visitor of a page.
 #[derive(Debug)]
 pub(super) struct Visitor {
-    /// The holder of the token that they logged in with.
+    /// The name on the token of their log-in.
     name: Option<String>,
 }
 
@@ -16,7 +16,7 @@ impl Visitor {
     /// A visitor without a session.
     pub(super) const ANYBODY: Self = Self { name: None };
 
-    /// Their name and the log-out button; nothing without a session.
+    /// Their name and the log-out button; empty without a session.
     pub(super) fn account(&self) -> Markup {
         html! {
             @if let Some(name) = &self.name {

@@ -1,5 +1,4 @@
-//! Which behaviours of several campaigns are the same: by their distance where all campaigns measure in one space, else by
-//! their classes.
+//! Matches behaviours of several campaigns: by distance if all campaigns measure in one space, else by class.
 
 use murmuration_engine::taxonomy::{distance, touch};
 use murmuration_model::labels::{ClassKey, ClassName};
@@ -8,30 +7,30 @@ use std::collections::BTreeMap;
 /// A medoid of one of the compared campaigns.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Behaviour {
-    /// The place of its campaign among the compared ones, from 0.
+    /// Index of its campaign among the compared ones.
     pub(super) campaign: usize,
-    /// Its place in the taxonomy of that campaign, from 0.
+    /// Index in the taxonomy of that campaign.
     pub(super) place: usize,
-    /// Where it is in the behaviour space of its campaign.
+    /// Place in the behaviour space of its campaign.
     pub(super) at: Vec<f64>,
     /// Mean distance of its cluster's members to it, in units of that space.
     pub(super) mean_distance: f64,
-    /// That of the annotators, or else of the judge.
+    /// Class by the annotators, or else by the judge.
     pub(super) class: Option<ClassName>,
 }
 
-/// Behaviours that are taken for the same one.
+/// Behaviours that count as the same one.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Group {
-    /// By campaign, the places of its behaviours in the list of all, largest cluster first.
+    /// For each campaign, indices of its behaviours in the list of all, largest cluster first.
     pub(super) members: Vec<Vec<usize>>,
-    /// A behaviour of another campaign that this one touches although it is in another group: the nearest, as a place in the list of
-    /// all. Only for a behaviour that is alone.
+    /// The nearest behaviour of another campaign that this one touches although it is in another group, as an index in the list of
+    /// all. Only set if this behaviour is alone in its group.
     pub(super) touches: Option<usize>,
 }
 
 impl Group {
-    /// How many campaigns have it.
+    /// Number of campaigns with this behaviour.
     pub(super) fn campaigns(&self) -> usize {
         self.members.iter().filter(|own| !own.is_empty()).count()
     }
@@ -48,12 +47,12 @@ impl Group {
     }
 }
 
-/// Groups of behaviours whose clusters touch: their medoids are nearer to each other than the mean distances of both clusters' members
-/// to their medoids come to together, as on the page Taxonomy. The nearest two are joined first; a group has one behaviour of a
-/// campaign at most. All are in one space.
+/// Groups of behaviours whose clusters touch: the distance of their medoids is less than the sum of both clusters' mean distances,
+/// as on the page Taxonomy. The nearest pair is joined first; a group has at most one behaviour of each campaign. All must be in
+/// one space.
 pub(super) fn by_distance(campaigns: usize, all: &[Behaviour]) -> Vec<Group> {
     let touching = touching(all);
-    // By behaviour, the group that it is in; by group, its members: at most one of each campaign.
+    // `group_of`: the group of each behaviour. `members`: the behaviours of each group, at most one of each campaign.
     let mut group_of: Vec<usize> = (0..all.len()).collect();
     let mut members: Vec<Vec<usize>> = (0..all.len()).map(|member| vec![member]).collect();
     for &(one, other, _) in &touching {
@@ -91,7 +90,7 @@ fn touching(all: &[Behaviour]) -> Vec<(usize, usize, f64)> {
                 continue;
             }
             let distance = distance(&ours.at, &theirs.at);
-            // Clusters of one individual have no extent, and may still be at one place.
+            // Clusters of one individual have no extent, but may be at the same place.
             if distance == 0.0 || touch(distance, [ours.mean_distance, theirs.mean_distance]) {
                 found.push((one, other, distance));
             }
@@ -101,7 +100,7 @@ fn touching(all: &[Behaviour]) -> Vec<(usize, usize, f64)> {
     found
 }
 
-/// Groups of behaviours of one class, and at last the behaviours that have none.
+/// One group of behaviours for each class; behaviours without a class come last.
 pub(super) fn by_class(campaigns: usize, all: &[Behaviour]) -> Vec<Group> {
     let mut classes: BTreeMap<ClassKey, Vec<usize>> = BTreeMap::new();
     let mut without = Vec::new();
@@ -121,7 +120,7 @@ pub(super) fn by_class(campaigns: usize, all: &[Behaviour]) -> Vec<Group> {
     groups
 }
 
-/// Groups that most campaigns have come first, then those of the first campaigns, largest clusters first.
+/// Sorts groups by the number of campaigns, most first, then by the first campaign, then by cluster size.
 fn ordered(mut groups: Vec<Group>) -> Vec<Group> {
     let first = |group: &Group| group.members.iter().flatten().min().copied();
     groups.sort_by_key(|group| (std::cmp::Reverse(group.campaigns()), first(group)));
@@ -165,7 +164,7 @@ mod tests {
                 vec![vec![], vec![4]],
             ]
         );
-        // The second of the first campaign is like one of the other, which is nearer to another.
+        // The first campaign's second behaviour touches one of the other campaign, which is nearer to another.
         let touches: Vec<_> = groups.iter().map(|group| group.touches).collect();
         assert_eq!(touches, [None, Some(3), None, None]);
         assert_eq!(groups[0].campaigns(), 2);
@@ -179,7 +178,7 @@ mod tests {
             behaviour(2, 0, 2.5),
             behaviour(0, 1, 3.0),
         ];
-        // 2.5 and 3.0 are nearest; 0.0 and 1.0 come next; the two groups do not become one, for both have one of the first campaign.
+        // 2.5 and 3.0 are nearest; 0.0 and 1.0 come next. The two groups do not join, because both have one of the first campaign.
         let groups = by_distance(3, &all);
         assert_eq!(
             members(&groups),
@@ -195,7 +194,7 @@ mod tests {
         };
         assert_eq!(by_distance(2, &[alone(0, 3.0), alone(1, 3.0)]).len(), 1);
         assert_eq!(by_distance(2, &[alone(0, 3.0), alone(1, 3.1)]).len(), 2);
-        // A gap of nothing is one, as on the page Taxonomy.
+        // A distance equal to the sum still counts as a gap, as on the page Taxonomy.
         assert_eq!(
             by_distance(2, &[behaviour(0, 0, 3.0), behaviour(1, 0, 5.0)]).len(),
             2

@@ -1,4 +1,4 @@
-//! Campaigns side by side: their curves and their taxonomies over each other, and what their specifications do not share.
+//! Campaigns side by side: their curves and taxonomies together, and the differences between their specifications.
 
 mod matching;
 mod taxonomies;
@@ -15,19 +15,19 @@ use murmuration_study::wide;
 use std::collections::{BTreeMap, BTreeSet};
 use toml::{Table, Value};
 
-/// Most campaigns that are compared: as many as there are colours for lines.
+/// Most campaigns on the page: the number of line colours.
 const MOST: usize = 6;
 
-/// A campaign that is compared.
+/// A campaign on the page.
 struct Compared {
     record: CampaignRecord,
     /// `None` before it has a taxonomy.
     named: Option<NamedTaxonomy>,
-    /// The judge's word on medoids, by their index, as far as it was asked.
+    /// Known verdicts of the judge on medoids, by their index.
     words: BTreeMap<u64, Verdict>,
 }
 
-/// The page of the campaigns that the address names. With `judged` in the address, the judge is asked about medoids without a name.
+/// The page of the campaigns in the address. If the address has `judged`, the judge is asked about medoids without a name.
 pub(super) async fn page(
     State(web): State<Web>,
     Query(parameters): Query<Vec<(String, String)>>,
@@ -47,7 +47,7 @@ pub(super) async fn page(
     let mut compared: Vec<Compared> = Vec::with_capacity(ids.len());
     for id in ids {
         let record = web.campaigns.status(&id).await?.record;
-        // `latest` may be one that is named too.
+        // `latest` may be a campaign that is also named by its id.
         if compared.iter().any(|other| other.record.id == record.id) {
             continue;
         }
@@ -89,7 +89,7 @@ fn shown(compared: &[Compared]) -> Markup {
     }
 }
 
-/// The curves of the page: the id of each, its title, and what is to be known of it.
+/// The curves of all campaigns: id, title, and note.
 const NOVELTY: [(&str, &str, &str); 2] = [
     (
         "best",
@@ -98,7 +98,7 @@ const NOVELTY: [(&str, &str, &str); 2] = [
     ),
     ("mean", "Mean novelty", ""),
 ];
-/// The curves of campaigns that embed.
+/// The curves of campaigns with embeddings.
 const TRAININGS: [(&str, &str, &str); 2] = [
     (
         "accuracy",
@@ -157,7 +157,7 @@ fn differences(records: &[&CampaignRecord]) -> Markup {
     }
 }
 
-/// The fields of a campaign file by their paths.
+/// The fields of a campaign file, by path.
 fn flat(text: &str) -> BTreeMap<String, String> {
     fn add(table: Table, path: &str, fields: &mut BTreeMap<String, String>) {
         for (name, value) in table {

@@ -1,5 +1,5 @@
-//! The taxonomies of the compared campaigns over each other: one map of all behaviours where there is one space, and a row for each
-//! behaviour, with what every campaign found of it.
+//! The taxonomies of the compared campaigns together: one map of all behaviours if they share a space, and a row for each
+//! behaviour, with a cell for each campaign.
 
 use super::{
     super::archived,
@@ -13,7 +13,7 @@ use murmuration_report::point_map;
 use murmuration_search::{interrupt::Interrupt, novelty::Behaviours, projection::principal_axes};
 use murmuration_study::wide;
 
-/// Side of the map, and room above and below what is on it, in the units of its drawing.
+/// Side of the map, and margin above and below its content, in the units of its drawing.
 const MAP: f64 = 640.0;
 const MARGIN: f64 = 24.0;
 
@@ -49,7 +49,7 @@ fn behaviours(compared: &[Compared]) -> Vec<Behaviour> {
             Behaviour {
                 campaign,
                 place,
-                // Campaigns are measured in one space only where nothing is scaled.
+                // Campaigns share a space only if nothing is scaled.
                 at: medoid.individual.behaviour(&Scale::unscaled(record.spec.space())),
                 mean_distance: medoid.mean_distance,
                 class: named
@@ -62,21 +62,21 @@ fn behaviours(compared: &[Compared]) -> Vec<Behaviour> {
     all
 }
 
-/// The class that the judge's word gives a behaviour; random behaviours are alike in nothing.
+/// The class by the judge's verdict; `None` for random, because random behaviours need not be alike.
 fn judged(verdict: Verdict) -> Option<ClassName> {
     let is_random = verdict == Verdict::Class(Class::Random);
     (!is_random).then(|| verdict.words().parse().ok()).flatten()
 }
 
-/// Whether distances between behaviours of all campaigns with a taxonomy mean something.
+/// Whether all campaigns with a taxonomy share one space, so that distances between their behaviours mean something.
 fn have_one_space(compared: &[Compared]) -> bool {
     let mut with = compared.iter().filter(|compared| compared.named.is_some());
     let first = with.next();
     first.is_some_and(|first| with.all(|other| share_a_space(&first.record, &other.record)))
 }
 
-/// Embeddings are comparable if one checkpoint made them; hand-crafted features if they are of the same robots in a world of the same
-/// size, which they are measured by. Both together are scaled by each campaign's own first generation.
+/// Embeddings are comparable if one checkpoint made them. Hand-crafted features are comparable for the same robots in worlds of the
+/// same size, which scales them. Both together are not: each campaign scales them by its own first generation.
 fn share_a_space(one: &CampaignRecord, other: &CampaignRecord) -> bool {
     let [ours, theirs] = [one, other].map(|record| record.spec.space());
     let same_parts = ours == theirs && ours != BehaviourSpace::Both;
@@ -87,7 +87,7 @@ fn share_a_space(one: &CampaignRecord, other: &CampaignRecord) -> bool {
     same_parts && (!ours.has_features() || same_features) && (!ours.embeds() || ours_by == theirs_by)
 }
 
-/// The behaviour space of a campaign.
+/// The behaviour space of a campaign, in words.
 fn space_in_words(record: &CampaignRecord) -> String {
     let space = record.spec.space();
     let checkpoint = record.embedder.checkpoint().filter(|_| space.embeds());
@@ -134,7 +134,7 @@ fn explanation(compared: &[Compared], has_one_space: bool, groups: &[Group], wit
     }
 }
 
-/// Whether the judge has not been asked about a medoid that has no name.
+/// Whether there is a medoid without a name or verdict.
 fn can_be_judged(Compared { named, words, .. }: &Compared) -> bool {
     named.iter().any(|named| {
         let mut medoids = named.taxonomy.medoids.iter().enumerate();
@@ -144,7 +144,7 @@ fn can_be_judged(Compared { named, words, .. }: &Compared) -> bool {
     })
 }
 
-/// The address of this page with the judge's words.
+/// The address of this page with the judge's verdicts.
 fn judged_address(compared: &[Compared]) -> String {
     let named = compared
         .iter()
@@ -152,7 +152,7 @@ fn judged_address(compared: &[Compared]) -> String {
     format!("/compare?{}judged=yes", named.collect::<String>())
 }
 
-/// All medoids along the two axes on which they differ most; lines join those that are taken for the same.
+/// All medoids along the two axes on which they differ most; lines join matched ones.
 fn map(compared: &[Compared], all: &[Behaviour], groups: &[Group]) -> Markup {
     let Some((places, shares)) = placed(all) else {
         return Markup::default();
@@ -193,7 +193,7 @@ fn map(compared: &[Compared], all: &[Behaviour], groups: &[Group]) -> Markup {
     }
 }
 
-/// Where behaviours of one space are on the map, and what share of the variance its axes have; `None` for fewer than two, and for
+/// Places of behaviours of one space on the map, and the axes' share of the variance; `None` for fewer than two behaviours, and for
 /// vectors that cannot be compared.
 fn placed(all: &[Behaviour]) -> Option<(Vec<[f64; 2]>, f64)> {
     let mut behaviours = Behaviours::new(all.first()?.at.len());
@@ -234,7 +234,7 @@ fn rows(
     wide("Behaviours", &table)
 }
 
-/// Which campaigns have a behaviour.
+/// The campaigns that have a behaviour, in words.
 fn found_in(
     compared: &[Compared],
     all: &[Behaviour],
@@ -273,7 +273,7 @@ fn found_in(
 
 fn in_so_many(campaigns: usize, with: usize) -> String {
     match (campaigns, with) {
-        // There is nothing to compare with.
+        // There is no other campaign to compare with.
         (_, 0 | 1) => String::new(),
         _ if campaigns == with => format!("all {with}"),
         _ => format!("{campaigns} of {with}"),

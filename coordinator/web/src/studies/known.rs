@@ -1,4 +1,4 @@
-//! The campaigns of a coordinator as the pages of studies look for them: by their specification.
+//! The campaigns of a coordinator, indexed by specification for the pages of studies.
 
 use murmuration_engine::{
     blocking::blocking,
@@ -12,25 +12,25 @@ use std::{
     time::Instant,
 };
 
-/// How far a campaign of a study is.
+/// The progress of a study's campaign.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum State {
     /// Nothing has begun.
     Waiting,
-    /// The campaign has so many generations of so many.
+    /// Complete generations, and all generations.
     Running(u32, u32),
-    /// Somebody paused the campaign, or its process ended.
+    /// A person paused the campaign, or its process ended.
     Stopped(&'static str),
-    /// The campaign is completed, and what it is for is not known yet.
+    /// The campaign is completed, but not measured yet.
     Measuring,
-    /// It failed for this reason.
+    /// The reason of the failure.
     Failed(String),
-    /// Its result is known.
+    /// The campaign is measured.
     Done,
 }
 
 impl State {
-    /// The word for it.
+    /// The state in a word.
     pub(super) const fn name(&self) -> &'static str {
         match self {
             Self::Waiting => "waiting",
@@ -43,7 +43,7 @@ impl State {
     }
 }
 
-/// Records that are in memory at once while the campaigns are read.
+/// Records in memory at once while the campaigns are read.
 const AT_ONCE: usize = 50;
 
 /// Digests of the specifications of campaigns, which never change.
@@ -64,7 +64,7 @@ impl Digests {
         self.kept().insert(record.id.clone(), digest);
     }
 
-    /// Forgets campaigns that are gone; those whose digest is not kept.
+    /// Drops deleted campaigns; returns the campaigns without a known digest.
     fn missing(&self, campaigns: &[ListedCampaign]) -> Vec<CampaignId> {
         let there: BTreeSet<&CampaignId> = campaigns.iter().map(|listed| &listed.head.id).collect();
         let mut kept = self.kept();
@@ -74,20 +74,20 @@ impl Digests {
     }
 }
 
-/// The campaigns of a coordinator, as studies look for them.
+/// The campaigns of a coordinator, by specification.
 #[derive(Debug)]
 pub(super) struct Known {
-    /// The oldest that nobody cancelled, by the digest of its specification.
+    /// The oldest campaign of each specification, by its digest; cancelled ones are left out.
     by_digest: BTreeMap<String, (String, State)>,
-    /// The ids of all.
+    /// The ids of all campaigns.
     ids: BTreeSet<String>,
-    /// When they began to be listed.
+    /// Time at which listing began.
     listed: Instant,
 }
 
 impl Known {
-    /// The campaigns as they stand. Of the records of all, only some are in memory at a time, and those of campaigns whose
-    /// specification was read before are read only where they run or have failed.
+    /// Reads the campaigns. Only some records are in memory at a time. Where the digest is already known, only records of running
+    /// or failed campaigns are read.
     pub(super) async fn read(campaigns: &Campaigns, digests: &Arc<Digests>) -> Result<Self, CampaignError> {
         let listed = Instant::now();
         let heads = campaigns.heads().await?;
@@ -110,7 +110,7 @@ impl Known {
         Ok(known)
     }
 
-    /// These campaigns, oldest first, which began to be listed at `listed`; and those of them of whose state more is to be said.
+    /// Indexes campaigns, oldest first. `listed` is when listing began. Also returns the campaigns whose state needs the record.
     fn of(
         campaigns: &[ListedCampaign],
         listed: Instant,
@@ -144,12 +144,12 @@ impl Known {
         (known, further)
     }
 
-    /// The campaign with this digest of its specification, and how far it is.
+    /// The campaign with this specification digest, and its state.
     pub(super) fn get(&self, digest: &str) -> Option<&(String, State)> {
         self.by_digest.get(digest)
     }
 
-    /// Whether a campaign that there was at some time is no more; what was listed before that time does not tell.
+    /// Whether a campaign that existed at `there_at` is gone. A list from before that time does not tell.
     pub(super) fn lost(&self, id: &str, there_at: Instant) -> bool {
         self.listed > there_at && !self.ids.contains(id)
     }

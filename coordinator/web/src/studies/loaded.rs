@@ -1,5 +1,5 @@
-//! Studies as their folders stand: read again when files in them change, and not more often than reading takes time for. What
-//! people say is read alone: the rest of the study is kept for it.
+//! Studies, read from their folders. A study is read again when its files change, but reading must not take more than a share of
+//! the time. When only people's classes change, the rest of the study is kept.
 
 use super::known::{Digests, Known};
 use axum::body::Bytes;
@@ -23,8 +23,8 @@ use std::{
 };
 use tokio::sync::{self, OnceCell};
 
-/// The files of a study's folder whose change is a change of the study, besides the classes that people gave; the folder of
-/// cells changes when a cell is measured.
+/// The files of a study's folder whose changes change the study. The file with people's classes is watched separately. The folder
+/// of cells changes when a cell is measured.
 const FILES: [&str; 5] = [
     STUDY_FILE,
     STUDY_ORIGIN,
@@ -32,11 +32,11 @@ const FILES: [&str; 5] = [
     "reference.json",
     "cells",
 ];
-/// How many times as long as reading a study takes is waited before it is read again.
+/// Pause between two reads of a study, as a multiple of the time that one read takes.
 const REST: u32 = 3;
-/// How long a study is kept in memory that nobody looks at; open pages look several times a second.
+/// How long an unused study stays in memory; open pages use theirs several times a second.
 const KEPT_FOR: Duration = Duration::from_secs(60);
-/// How long the list of campaigns stands: all pages that show studies share it.
+/// How long the list of campaigns is reused: all pages of studies share it.
 const LISTED_FOR: Duration = Duration::from_secs(1);
 
 /// The studies of a data directory; cheap to clone.
@@ -47,17 +47,17 @@ pub struct Studies(Arc<Shared>);
 struct Shared {
     data: PathBuf,
     held: Mutex<BTreeMap<String, Held>>,
-    /// The campaigns of the coordinator as they stood a moment ago, and when that was.
+    /// The coordinator's campaigns, and when they were listed.
     listed: sync::Mutex<Option<(Instant, Arc<Known>)>>,
     digests: Arc<Digests>,
 }
 
-/// Where a study is held.
+/// The cache slot of a study.
 #[derive(Debug, Clone)]
 struct Held {
-    /// Read by one request at a time, while others wait for it.
+    /// One request reads at a time, while others wait for it.
     read: Arc<sync::Mutex<Option<Read>>>,
-    /// When somebody looked at it last.
+    /// Time of the last use.
     used: Instant,
 }
 
@@ -78,12 +78,12 @@ pub(super) enum Unusable {
 struct Read {
     study: Arc<Loaded>,
     stamp: Stamp,
-    /// When all of it was read last, and how long that took.
+    /// When the last full read ended, and how long it took.
     ended: Instant,
     took: Duration,
 }
 
-/// When the files of a study were changed last; `None` of a file that does not exist.
+/// Modification times of a study's files; `None` for missing files.
 #[derive(Debug, Clone, Copy)]
 struct Stamp {
     files: [Option<SystemTime>; FILES.len()],
@@ -103,19 +103,19 @@ impl Stamp {
     }
 }
 
-/// A study as its folder stood.
+/// A study as it was in its folder.
 #[derive(Debug)]
 pub(super) struct Loaded {
     folder: StudyFolder,
     pub(super) outcome: Outcome,
     pub(super) jobs: Arc<Jobs>,
-    /// Why the classes that people gave cannot be read, if they cannot: the judge's word stands instead.
+    /// Why people's classes cannot be read, if so; the judge's verdicts apply instead.
     pub(super) problem: Option<String>,
     /// The markup of the tables and plots.
     pub(super) tables: String,
-    /// Changes with what the page shows.
+    /// Changes whenever the page's content does.
     pub(super) version: String,
-    /// The page of the report, once somebody has asked for it.
+    /// The page of the report, after the first request for it.
     report: OnceCell<Bytes>,
 }
 
@@ -125,7 +125,7 @@ pub(super) struct Jobs {
     pub(super) before: Vec<Job>,
     /// The cells, in the order of the study.
     pub(super) cells: Vec<Job>,
-    /// When they were read: the campaigns that they name were there before.
+    /// When the jobs were read: the campaigns that they name existed then.
     pub(super) read: Instant,
 }
 
@@ -133,9 +133,9 @@ pub(super) struct Jobs {
 pub(super) struct Job {
     /// Its name, in words.
     pub(super) words: String,
-    /// Digest of its specification; `None` while the embedder that it begins with is not known.
+    /// Digest of its specification; `None` while its initial embedder is unknown.
     pub(super) digest: Option<String>,
-    /// The id of its campaign, if it is done; empty if that is unknown.
+    /// If it is done, the id of its campaign; empty if that is unknown.
     pub(super) done: Option<String>,
 }
 
@@ -150,19 +150,19 @@ impl Studies {
         }))
     }
 
-    /// Their names, in alphabetical order.
+    /// The names of all studies, in alphabetical order.
     pub(super) async fn names(&self) -> Result<Vec<String>, Unusable> {
         let data = self.0.data.clone();
         Ok(blocking(move || studies(&data)).await??)
     }
 
-    /// The campaigns of a study alone, without reading what was measured of them.
+    /// The jobs of a study alone, without reading its measurements.
     pub(super) async fn jobs(&self, name: &str) -> Result<Jobs, Unusable> {
         let (data, name) = (self.0.data.clone(), name.to_owned());
         Ok(blocking(move || Jobs::look(&data, &name)).await??)
     }
 
-    /// The campaigns of the coordinator, as they stand or stood a moment ago.
+    /// The coordinator's campaigns, at most [`LISTED_FOR`] old.
     pub(super) async fn known(&self, campaigns: &Campaigns) -> Result<Arc<Known>, CampaignError> {
         // One request reads the list, and others wait for it.
         let mut listed = self.0.listed.lock().await;
@@ -176,7 +176,7 @@ impl Studies {
         Ok(known)
     }
 
-    /// A study as its folder stands, or as it stood a moment ago.
+    /// A study from its folder, or from memory if that was read recently.
     pub(super) async fn loaded(&self, name: &str) -> Result<Arc<Loaded>, Unusable> {
         let (data, wanted) = (self.0.data.clone(), name.to_owned());
         let stamp = blocking(move || -> Result<_, FolderError> {
@@ -208,7 +208,7 @@ impl Studies {
         Ok(study)
     }
 
-    /// Keeps the class that a person gave to an individual that was judged; `None` is the judge's word again.
+    /// Stores a person's class for a judged individual; `None` restores the judge's verdict.
     pub(super) async fn judge(
         &self,
         name: &str,
@@ -222,7 +222,7 @@ impl Studies {
             return Err(Invalid::new("index", index, allowed).into());
         }
         let place = self.place(name);
-        // One answer after the other: each is added to those before it.
+        // One answer at a time: each is added to those before it.
         let mut read = place.lock().await;
         let folder = study.folder.clone();
         let kept = blocking(move || {
@@ -232,14 +232,14 @@ impl Studies {
         });
         let kept: Result<(), Unusable> = kept.await?;
         kept?;
-        // The next view has this answer, even if the clock of the disk has not moved.
+        // Makes the next request read this answer, even if the disk's clock has not advanced.
         if let Some(read) = read.as_mut() {
             read.stamp.classes = None;
         }
         Ok(())
     }
 
-    /// Where a study is held once it was read; it is forgotten when nobody has looked for a while.
+    /// The cache slot of a study; it is dropped when the study is unused for a while.
     fn place(&self, name: &str) -> Arc<sync::Mutex<Option<Read>>> {
         let mut held = self.0.held();
         let place = held.entry(name.to_owned()).or_insert_with(|| {
@@ -254,7 +254,7 @@ impl Studies {
     }
 }
 
-/// Waits until nobody looks at a study any more, and forgets it.
+/// Waits until a study is unused, and drops it.
 async fn forget(shared: Weak<Shared>, name: String) {
     loop {
         tokio::time::sleep(KEPT_FOR).await;
@@ -279,14 +279,14 @@ impl Shared {
 }
 
 impl Jobs {
-    /// The jobs of a study whose folder is only looked into.
+    /// The jobs of a study, without reading its measurements.
     fn look(data: &Path, name: &str) -> Result<Self, FolderError> {
         let KeptStudy {
             folder,
             study,
             measures,
         } = StudyFolder::open(data, name)?;
-        // Whose campaign it was is not known without reading it.
+        // The campaign's id is in the measurement, which is not read here.
         let done = |_: usize, digest: Option<&str>| -> Result<Option<String>, FolderError> {
             let is_measured = digest.map(|digest| folder.is_measured(digest, &measures));
             Ok(is_measured.transpose()?.unwrap_or_default().then(String::new))
@@ -294,8 +294,8 @@ impl Jobs {
         Self::of(&study, &folder.embedders()?, None, done)
     }
 
-    /// Those of a study; `atlas` is what came of its atlas, and `done` says what came of the cell at a place, and with a digest if
-    /// that is known.
+    /// The jobs of a study. `atlas` is the atlas's result. `done` returns the result of a cell by its place, and its digest if that
+    /// is known.
     fn of(
         study: &Study,
         embedders: &BTreeMap<String, CheckpointDigest>,
@@ -351,12 +351,12 @@ impl Loaded {
         Ok(Self::of(folder, &outcome, jobs))
     }
 
-    /// The same study with the classes that people have given by now.
+    /// The same study with people's current classes.
     fn with_classes_as_they_are(&self) -> Self {
         Self::of(self.folder.clone(), &self.outcome, Arc::clone(&self.jobs))
     }
 
-    /// A study with the classes in its folder. A damaged file of classes hides nothing else.
+    /// A study with the classes in its folder. If their file is damaged, everything else still shows.
     fn of(folder: StudyFolder, outcome: &Outcome, jobs: Arc<Jobs>) -> Self {
         let (classes, problem) = match folder.classes() {
             Ok(classes) => (classes, None),
@@ -377,8 +377,8 @@ impl Loaded {
         }
     }
 
-    /// The page of the report. To draw it takes seconds, so it is drawn once, and goes on being drawn when nobody waits for it any
-    /// more: who asks again finds it.
+    /// The page of the report. Drawing takes seconds, so it is drawn once. It continues after the client is gone, for the next
+    /// request.
     pub(super) async fn report(self: &Arc<Self>) -> Result<Bytes, Undrawn> {
         let loaded = Arc::clone(self);
         let drawing = tokio::spawn(async move {
@@ -392,14 +392,14 @@ impl Loaded {
         drawing.await.map_err(|_| Broken)?
     }
 
-    /// The judge's word on an individual of the cell with this digest.
+    /// The judge's verdict on an individual of the cell with this digest.
     fn judged(&self, cell: &str, index: u64) -> Option<&JudgedIndividual> {
         let measured = self.outcome.cell(cell)?.measured;
         measured.behaviours.as_ref()?.individuals.get(&index)
     }
 }
 
-/// Why there is no page of a report.
+/// Why the page of a report cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Undrawn {
     #[error(transparent)]

@@ -1,4 +1,4 @@
-//! The medoids of a study's cells, which people may judge again: each with its picture, its motion and the classes.
+//! The medoids of a study's cells: each with its picture, its motion and the classes, for people to judge again.
 
 use super::loaded::Loaded;
 use crate::{
@@ -18,7 +18,7 @@ use murmuration_study::{JUDGE, MeasuredCell};
 use serde::Deserialize;
 use serde_json::json;
 
-/// The part of a study's page with the medoids: the script asks for those of a cell when somebody opens it.
+/// The part of a study's page with the medoids. The script requests those of a cell when a person opens it.
 pub(super) fn section(loaded: &Loaded) -> Markup {
     let (study, name) = (loaded.outcome.study(), loaded.outcome.study().name.as_str());
     let judged = || loaded.outcome.cells().filter(|cell| !last(cell).is_empty());
@@ -56,14 +56,14 @@ pub(super) fn section(loaded: &Loaded) -> Markup {
     }
 }
 
-/// The medoids of the last taxonomy of a cell; none if they were not judged.
+/// The medoids of the last taxonomy of a cell; empty if they were not judged.
 fn last<'a>(cell: &MeasuredCell<'a>) -> &'a [u64] {
     let behaviours = cell.measured.behaviours.as_ref();
     let taxonomy = behaviours.and_then(|behaviours| behaviours.taxonomies.last());
     taxonomy.map_or(&[], |taxonomy| taxonomy.medoids.as_slice())
 }
 
-/// The medoids of a cell, by its digest.
+/// The medoids of a cell, found by its digest.
 pub(crate) async fn of_cell(
     State(web): State<Web>,
     Path((name, digest)): Path<(String, String)>,
@@ -109,23 +109,23 @@ pub(crate) struct Said {
     /// Digest of the cell.
     cell: String,
     index: u64,
-    /// Name of the class; empty for the judge's word.
+    /// Name of the class; empty for the judge's verdict.
     class: String,
     /// Name of the annotator.
     by: String,
 }
 
-/// Keeps what somebody says.
+/// Stores a person's class.
 pub(crate) async fn judge(
     State(web): State<Web>,
     Path(name): Path<String>,
-    Json(said): Json<Said>,
+    Json(message): Json<Said>,
 ) -> Result<StatusCode, Refused> {
-    let class = match said.class.as_str() {
+    let class = match message.class.as_str() {
         "" => None,
         given => Some(class_of(given)?),
     };
-    let kept = web.studies.judge(&name, (said.cell, said.index), class, said.by);
+    let kept = web.studies.judge(&name, (message.cell, message.index), class, message.by);
     kept.await?;
     Ok(StatusCode::NO_CONTENT)
 }

@@ -1,6 +1,6 @@
-//! The pages of studies: which campaign of the grid is how far, and the tables and plots of the report as they stand.
+//! The pages of studies: the states of the grid's campaigns, and the current tables and plots of the report.
 //!
-//! They read what `murmuration lab study run` keeps in the data directory, and begin nothing themselves.
+//! They only read what `murmuration lab study run` keeps in the data directory.
 
 mod known;
 mod loaded;
@@ -93,7 +93,7 @@ pub(super) async fn page(
     ))
 }
 
-/// The state of the cells, whenever it changes.
+/// Sends the states of the cells whenever they change.
 pub(super) async fn events(State(web): State<Web>, Path(name): Path<String>) -> Result<Events, PageError> {
     web.studies.loaded(&name).await?;
     let sights = web.sights.follow(format!("study {name}"));
@@ -108,7 +108,7 @@ pub(super) async fn events(State(web): State<Web>, Path(name): Path<String>) -> 
     Ok(follow(sights, look))
 }
 
-/// The tables and plots as they stand, for the script of the page.
+/// The current tables and plots, for the script of the page.
 pub(super) async fn current_tables(
     State(web): State<Web>,
     Path(name): Path<String>,

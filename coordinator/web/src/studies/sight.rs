@@ -1,4 +1,4 @@
-//! The states of the cells of a study, from what was measured and from the campaigns of the coordinator.
+//! The states of the cells of a study, from the measurements and from the coordinator's campaigns.
 
 use super::{
     known::{Known, State},
@@ -8,12 +8,12 @@ use maud::{Markup, html};
 use murmuration_proto::{counted, grouped};
 use std::collections::BTreeMap;
 
-/// The state of a campaign that a study needs, and the campaign, where there is one.
+/// The state of a campaign that a study needs, and the campaign's id, if there is one.
 #[derive(Debug)]
 struct Seen {
     state: State,
     campaign: Option<String>,
-    /// Whether the campaign was deleted: what was measured of it stays.
+    /// Whether the campaign was deleted; its measurements stay.
     is_deleted: bool,
 }
 
@@ -25,11 +25,11 @@ pub(super) struct Sight {
 }
 
 impl Sight {
-    /// The states of a study's jobs among these campaigns.
+    /// Looks up the jobs of a study among the known campaigns.
     pub(super) fn of(jobs: &Jobs, known: &Known) -> Self {
         let seen = |job: &Job| {
             let found = job.digest.as_ref().and_then(|digest| known.get(digest));
-            // A measurement names its campaign, which need not be the oldest.
+            // A measurement names its campaign, which need not be the oldest with its specification.
             let named = job.done.clone().filter(|campaign| !campaign.is_empty());
             let campaign = named.or_else(|| found.map(|(id, _)| id.clone()));
             Seen {
@@ -55,7 +55,7 @@ impl Sight {
         self.cells.iter().filter(|seen| seen.state == State::Done).count()
     }
 
-    /// How many cells are how far, as a bar and in words.
+    /// The number of cells in each state, as a bar and in words.
     pub(super) fn progress(&self) -> Markup {
         let mut counts: BTreeMap<&str, u64> = BTreeMap::new();
         for seen in &self.cells {
@@ -74,7 +74,7 @@ impl Sight {
         }
     }
 
-    /// The part of a study's page that changes while it runs; a script reads from it when the tables have changed.
+    /// The part of a study's page that changes while it runs. A script reads from it when the tables have changed.
     pub(super) fn markup(&self, loaded: &Loaded) -> Markup {
         let study = loaded.outcome.study();
         let cells = study.cells.iter().zip(&self.cells);

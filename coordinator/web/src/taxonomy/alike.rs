@@ -1,4 +1,4 @@
-//! Clusters that may be one behaviour, and those that people have merged: a name makes them one.
+//! Pairs of clusters that may be one behaviour, and merged clusters: clusters with one name are one behaviour.
 
 use super::{Shown, starts};
 use crate::archived;
@@ -8,17 +8,17 @@ use murmuration_engine::taxonomy::{Alike, Origin};
 use murmuration_model::{CampaignRecord, labels::ClassName};
 use murmuration_proto::{counted, grouped, rounded};
 
-/// Pairs that are listed at once, the nearest, and most that are listed when somebody asks for the others.
+/// Pairs listed at first, nearest first, and most pairs listed on request.
 const AT_ONCE: usize = 3;
 const MOST: usize = 50;
 
-/// The name that people gave a cluster, or that was carried over; none that many behaviours may have.
+/// The name that people gave a cluster, or that was carried over; `None` for `random`, which many behaviours may share.
 fn name_of(shown: &Shown, place: usize) -> Option<&ClassName> {
     let name = shown.names.names.get(place)?.as_ref()?;
     (name.origin != Origin::Judge && name.class.key().as_str() != RANDOM).then_some(&name.class)
 }
 
-/// The clusters, largest first, those with one name together: they are one behaviour.
+/// The clusters, largest first; those with one name are grouped, because they are one behaviour.
 pub(super) fn groups(shown: &Shown) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for place in 0..shown.taxonomy.medoids.len() {
@@ -34,7 +34,7 @@ pub(super) fn groups(shown: &Shown) -> Vec<Vec<usize>> {
     groups
 }
 
-/// The pairs that are alike and not one yet.
+/// The pairs that are alike but not merged yet.
 fn open(shown: &Shown) -> impl Iterator<Item = &Alike> {
     let is_one = |pair: &&Alike| {
         let name = name_of(shown, pair.one);
@@ -64,7 +64,7 @@ pub(super) fn mark(shown: &Shown, place: usize) -> Markup {
     }
 }
 
-/// Leads to the pairs that are alike.
+/// Links to the pairs that are alike.
 pub(super) fn link(shown: &Shown) -> Markup {
     let pairs = open(shown).count();
     html! {
@@ -74,7 +74,7 @@ pub(super) fn link(shown: &Shown) -> Markup {
     }
 }
 
-/// The pairs that are alike, each to be merged with a click.
+/// The pairs that are alike, each with a button to merge it.
 pub(super) fn section(record: &CampaignRecord, shown: &Shown) -> Markup {
     html! {
         @if open(shown).next().is_some() {
@@ -104,12 +104,12 @@ fn pair_of(record: &CampaignRecord, shown: &Shown, pair: &Alike) -> Markup {
     let [one, other] = [pair.one + 1, pair.other + 1];
     let words = indices.map(|index| shown.words.get(&index).copied());
     let name = name_of(shown, pair.one).or_else(|| name_of(shown, pair.other));
-    // Where the judge tells them apart, it suggests no name for both.
+    // If the judge tells the two apart, there is no suggestion.
     let word = words[0].filter(|verdict| words[1] == Some(*verdict) && verdict.name() != RANDOM);
     let suggested = name
         .map(ClassName::shown)
         .or_else(|| word.map(|verdict| verdict.name().replace('_', " ")));
-    let said: Vec<String> = indices.iter().map(u64::to_string).collect();
+    let message: Vec<String> = indices.iter().map(u64::to_string).collect();
     html! {
         div.pictures aria-hidden="true" {
             @for index in indices { img src=(archived::picture(record, index)) width="75" height="75" loading="lazy" alt=""; }
@@ -125,7 +125,7 @@ fn pair_of(record: &CampaignRecord, shown: &Shown, pair: &Alike) -> Markup {
                     @else { " The judge tells them apart: " (starts::in_words(first)) " and " (starts::in_words(second)) "." }
                 }
             }
-            form.merge.scripted.once-named data-indices=(said.join(" ")) {
+            form.merge.scripted.once-named data-indices=(message.join(" ")) {
                 label { span.unseen { "One name for behaviours " (one) " and " (other) }
                     input name="name" list="names" maxlength="64" autocomplete="off" required placeholder="One name for both" value=[suggested];
                 }

@@ -22,7 +22,7 @@ impl Card<'_> {
     }
 }
 
-/// The cards of clusters that have one name, as one behaviour.
+/// The card of clusters with one name, as one behaviour.
 pub(super) fn merged(record: &CampaignRecord, shown: &Shown, group: &[usize]) -> Markup {
     let medoids = || group.iter().map(|&place| &shown.taxonomy.medoids[place]);
     let members: u64 = medoids().map(|medoid| medoid.cluster_size).sum();
@@ -82,7 +82,7 @@ pub(super) fn card(card: &Card<'_>) -> Markup {
     }
 }
 
-/// The card of an individual that is no medoid: picture and name.
+/// The card of an individual that is not a medoid: picture and name.
 pub(super) fn further(record: &CampaignRecord, name: Option<&GivenClass>, index: u64) -> Markup {
     let of = format!("individual {index}");
     html! {
@@ -94,7 +94,7 @@ pub(super) fn further(record: &CampaignRecord, name: Option<&GivenClass>, index:
     }
 }
 
-/// The picture of an individual, which plays its motion; `of` says what it is a picture of.
+/// The picture of an individual, which plays its motion; `of` names its subject.
 fn stage(record: &CampaignRecord, index: u64, of: &str) -> Markup {
     html! {
         div.stage tabindex="0" role="button" aria-label={ "Play " (of) } {
@@ -105,7 +105,7 @@ fn stage(record: &CampaignRecord, index: u64, of: &str) -> Markup {
     }
 }
 
-/// The field that gives an individual a name.
+/// The field for an individual's name.
 fn name_field(index: u64, of: &str, name: Option<&ClassName>) -> Markup {
     html! {
         form.naming.scripted data-index=(index) {
@@ -118,7 +118,7 @@ fn name_field(index: u64, of: &str, name: Option<&ClassName>) -> Markup {
     }
 }
 
-/// The judge's word, which may become the name with a click.
+/// The judge's verdict; a click makes it the name.
 fn judged(card: &Card<'_>, index: u64) -> Markup {
     let word = card.shown.words.get(&index).copied();
     let is_named_so = |verdict: Verdict| {
@@ -139,7 +139,7 @@ fn judged(card: &Card<'_>, index: u64) -> Markup {
     }
 }
 
-/// Links to what workers simulate of the controller: further starts, and files to download.
+/// Links that need workers: further starts, and files to download.
 fn files(card: &Card<'_>, index: u64) -> Markup {
     let number = card.place + 1;
     let of = format!("/campaigns/{}/individuals/{index}", card.record.id);
@@ -155,7 +155,7 @@ fn files(card: &Card<'_>, index: u64) -> Markup {
     }
 }
 
-/// The name of a behaviour, to be changed where its version stands, and where the name comes from.
+/// The name of a behaviour and its origin, editable if its version is current.
 fn naming(card: &Card<'_>, index: u64) -> Markup {
     let (name, number) = (card.name(), card.place + 1);
     html! {

@@ -1,4 +1,4 @@
-//! Before and after: two versions of a taxonomy side by side, with what became of clusters and names.
+//! Two versions of a taxonomy side by side, with the changes of clusters and names.
 
 use super::{map, versions};
 use crate::asked::Query;
@@ -25,10 +25,10 @@ use serde::Deserialize;
 
 /// Side of a map in the units of its drawing.
 const MAP: f64 = 480.0;
-/// Room above and below what is on a map.
+/// Margin above and below the content of a map.
 const MARGIN: f64 = 40.0;
 
-/// Which versions are asked for; the newest, and the one before it, without them.
+/// The requested versions; by default the newest and the one before it.
 #[derive(Debug, Deserialize)]
 pub(crate) struct Asked {
     before: Option<u32>,
@@ -39,21 +39,21 @@ pub(crate) struct Asked {
 struct Side {
     version: TaxonomyVersion,
     stored: StoredTaxonomy,
-    /// Share of the held-out triplets that its checkpoint tells apart, as far as known.
+    /// Share of the held-out triplets that its checkpoint tells apart, if known.
     accuracy: Option<f64>,
-    /// Where its medoids are on its map, by place; none where the map is not known.
+    /// Places of its medoids on its map, by place in the taxonomy; empty if the map is unknown.
     rings: Vec<[f64; 2]>,
-    /// The first and the last row of the map on which something is.
+    /// The highest and the lowest used row of the map.
     rows: [f64; 2],
 }
 
-/// Both, and what changed.
+/// Both versions, and the change between them.
 struct Compared {
     versions: Vec<TaxonomyVersion>,
     before: Side,
     after: Side,
     change: Change,
-    /// The names before, and the names after, with those that were carried over.
+    /// The names before, and the names after, carried-over ones included.
     named: Names,
     names: Names,
 }
@@ -88,7 +88,7 @@ pub(crate) async fn page(
     Ok(campaign_page(&record, Part::Taxonomy, &visitor, content))
 }
 
-/// The two versions that are asked for; `None` if they are not there, or one.
+/// Reads the requested versions; `None` if one is missing, or both are the same.
 fn read(
     store: &Store,
     maps: &Maps,
@@ -234,7 +234,7 @@ fn line(title: &str, cells: [Markup; 2]) -> Markup {
     html! { tr { th scope="row" { (title) } @for cell in cells { td { (cell) } } } }
 }
 
-/// Whether the largest cluster that became the one at `place` has the same medoid.
+/// Whether the cluster at `place` has the medoid of its largest predecessor.
 fn stays(compared: &Compared, place: usize) -> bool {
     let before = compared.change.predecessors(place).first().copied();
     before
@@ -356,7 +356,7 @@ fn picture(record: &CampaignRecord, (when, place): (&str, usize), medoid: u64) -
     }
 }
 
-/// The clusters that became this one, and how much of each.
+/// The predecessors of a cluster, and how much of each it has.
 fn carried_on(compared: &Compared, place: usize, from: &[usize]) -> Markup {
     let Compared {
         before,
@@ -384,7 +384,7 @@ fn carried_on(compared: &Compared, place: usize, from: &[usize]) -> Markup {
     }
 }
 
-/// Where the members of a new cluster come from.
+/// The origins of a new cluster's members.
 fn fresh(change: &Change, place: usize) -> Markup {
     html! {
         p { "New: no earlier cluster has most of its individuals here." }

@@ -1,5 +1,5 @@
-//! The rule-based judge's verdicts on medoids, and on further starts of them. Workers simulate and judge; the verdicts are kept in memory
-//! for as long as there is room, and stored nowhere.
+//! The rule-based judge's verdicts on medoids, and on further starts of them. Workers simulate and judge; the verdicts stay in
+//! memory while there is room, and are stored nowhere.
 
 use crate::Web;
 use murmuration_dispatch::{Evaluated, EvaluationJob};
@@ -14,11 +14,11 @@ use std::{
 };
 use tonic::Status;
 
-/// Further starts of a medoid that are simulated.
+/// Number of further starts of a medoid.
 pub(super) const STARTS: u64 = 20;
-/// Most individuals whose further starts are remembered: their pictures, some 50 kB each.
+/// Most individuals whose further starts are kept: their pictures take some 50 kB each.
 const MOST_STARTS: usize = 64;
-/// Most individuals of which the judge's word is remembered.
+/// Most individuals whose verdicts are kept.
 const MOST_WORDS: usize = 4096;
 
 /// The judge's latest verdicts; cheap to clone.
@@ -26,7 +26,7 @@ const MOST_WORDS: usize = 4096;
 pub struct Judged {
     starts: Arc<Mutex<Recent<Arc<Vec<Start>>>>>,
     words: Arc<Mutex<Recent<Verdict>>>,
-    /// One request asks the workers, and others wait for it: they may be about the same.
+    /// One request at a time asks the workers; the others may need the same verdicts.
     gate: Arc<tokio::sync::Mutex<()>>,
 }
 
@@ -44,7 +44,7 @@ fn key(record: &CampaignRecord, index: u64) -> Key {
     (record.id.to_string(), record.archive_version().origin(), index)
 }
 
-/// The newest answers.
+/// The newest values, oldest first.
 #[derive(Debug)]
 struct Recent<T>(VecDeque<(Key, T)>);
 
@@ -74,20 +74,19 @@ fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
 }
 
 impl Judged {
-    /// The judge's word on each of these medoids that it has been asked about: by the campaign, of all starts, or lately, of the
-    /// first.
+    /// Known verdicts on these medoids: the campaign's, over all starts, or else a recent one, on the first start.
     pub(crate) fn known(&self, record: &CampaignRecord, medoids: &[Medoid]) -> BTreeMap<u64, Verdict> {
         let lately = lock(&self.words);
         let word = |medoid: &Medoid| {
             let individual = &medoid.individual;
-            let said =
-                most_said(individual.verdicts()).or_else(|| lately.get(&key(record, individual.index)));
-            Some((individual.index, said?))
+            let message =
+                most_frequent(individual.verdicts()).or_else(|| lately.get(&key(record, individual.index)));
+            Some((individual.index, message?))
         };
         medoids.iter().filter_map(word).collect()
     }
 
-    /// Workers judge the medoids without a verdict.
+    /// Asks workers to judge the medoids without a verdict.
     pub(crate) async fn ask(
         &self,
         web: &Web,
@@ -113,7 +112,7 @@ impl Judged {
         Ok(())
     }
 
-    /// [`STARTS`] further starts of an individual, none of which is one of its trials.
+    /// [`STARTS`] further starts of an individual, none of them one of its trials.
     pub(super) async fn starts(
         &self,
         web: &Web,
@@ -141,7 +140,7 @@ impl Judged {
     }
 }
 
-/// The result of each task, in the world of a campaign; `None` where it was given up.
+/// The result of each task, in the world of a campaign; `None` if the task was given up.
 async fn evaluated(
     web: &Web,
     record: &CampaignRecord,
@@ -174,12 +173,12 @@ async fn evaluated(
     Ok(evaluated.into_iter().map(start).collect())
 }
 
-/// The verdict that is there most often, the first of those that are as often.
-fn most_said(verdicts: impl Iterator<Item = Verdict>) -> Option<Verdict> {
+/// The most frequent verdict, the first one on a tie.
+fn most_frequent(verdicts: impl Iterator<Item = Verdict>) -> Option<Verdict> {
     counted(verdicts).first().map(|(verdict, _)| *verdict)
 }
 
-/// Verdicts with how often they are there, most first.
+/// Verdicts with their counts, most frequent first.
 pub(super) fn counted(verdicts: impl Iterator<Item = Verdict>) -> Vec<(Verdict, usize)> {
     let mut counts: BTreeMap<Verdict, usize> = BTreeMap::new();
     for verdict in verdicts {
@@ -196,12 +195,12 @@ mod tests {
     use murmuration_proto::{Class, Pattern};
 
     #[test]
-    fn what_is_said_most_is_first() {
+    fn the_most_frequent_is_first() {
         let (milling, chain) = (Verdict::Class(Class::Milling), Verdict::Pattern(Pattern::Chain));
-        let said = [chain, milling, chain, milling, chain];
-        assert_eq!(counted(said.into_iter()), [(chain, 3), (milling, 2)]);
-        assert_eq!(most_said(said.into_iter()), Some(chain));
-        assert_eq!(most_said(std::iter::empty()), None);
+        let message = [chain, milling, chain, milling, chain];
+        assert_eq!(counted(message.into_iter()), [(chain, 3), (milling, 2)]);
+        assert_eq!(most_frequent(message.into_iter()), Some(chain));
+        assert_eq!(most_frequent(std::iter::empty()), None);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The map of a version of a taxonomy, as it was when that was made.
+//! The map of a version of a taxonomy, as it was when the version was made.
 
 use crate::asked::Query;
 use crate::{archived::Created, of_campaign::OfCampaign, page_error::PageError};
@@ -17,22 +17,22 @@ use serde::Deserialize;
 const SIDE: usize = 720;
 const DOT: i64 = 3;
 
-/// Which map.
+/// Selects a map.
 #[derive(Debug, Deserialize)]
 pub(crate) struct Which {
     version: u32,
-    /// The later version whose colours the clusters have that became its clusters.
+    /// The later version, whose colours the clusters take over from their successors.
     after: u32,
 }
 
-/// The colour of each cluster of a version, where `change` leads from it to another: that of the cluster which it became, and that of
-/// lines where it became none.
+/// The colour of each cluster of a version: that of its successor in the version to which `change` leads, or the colour of lines if
+/// it has none.
 pub(super) fn colours_before(change: &Change, clusters: usize) -> Vec<Rgb> {
     let colour = |before| change.successor(before).map_or(LINE, colours::cluster);
     (0..clusters).map(colour).collect()
 }
 
-/// Where the individuals of a version are on its map; none where that is not known.
+/// Places of a version's individuals on its map; empty if unknown.
 pub(super) fn points(
     store: &Store,
     maps: &Maps,
@@ -48,8 +48,8 @@ pub(super) fn points(
     Ok(points)
 }
 
-/// Stretches the shorter axis until it has half the length of the longer one, or nobody could tell the rings of a map apart whose
-/// behaviours lie almost on a line.
+/// Stretches the shorter axis to at least half the length of the longer one. Otherwise the rings of behaviours almost on a line
+/// would overlap.
 fn stretch(points: &mut [[f64; 2]]) {
     let length = |axis: usize| {
         let values = points.iter().map(|point| point[axis]);
@@ -107,7 +107,7 @@ fn draw(
     Ok(Some(dots(&points, &stored, &colours)))
 }
 
-/// The points with their colours, those of clusters that became none below the others.
+/// The points with their colours; clusters without a successor are painted below the others.
 fn dots(points: &[[f64; 2]], stored: &StoredTaxonomy, colours: &[Rgb]) -> Dots {
     let coloured = points.iter().zip(&stored.clusters);
     let mut dots: Dots = coloured

@@ -58,9 +58,9 @@ const KEYS: [(&str, &str); 3] = [
 /// The parameters of the page's address.
 #[derive(Debug, Deserialize)]
 pub(super) struct Asked {
-    /// The version to show; the newest without it.
+    /// The version to show; by default the newest.
     version: Option<u32>,
-    /// Whether the judge is to be asked about the medoids; any value says so.
+    /// Whether to ask the judge about the medoids; any value means yes.
     judged: Option<String>,
     /// Number of individuals to show beside the medoids.
     more: Option<usize>,
@@ -73,15 +73,15 @@ struct Shown {
     taxonomy: Taxonomy,
     names: Names,
     labels: Arc<Labels>,
-    /// Pairs of clusters whose medoids are alike, of the version that stands.
+    /// Pairs of clusters with similar medoids; empty unless the version is current.
     alike: Vec<Alike>,
-    /// The judge's word on medoids, by their index, as far as it was asked.
+    /// Known verdicts of the judge on medoids, by their index.
     words: BTreeMap<u64, Verdict>,
-    /// Individuals that are shown beside the medoids, far from these and from each other.
+    /// Individuals shown beside the medoids, far from these and from each other.
     further: Vec<u64>,
 }
 
-/// Individuals that are shown beside the medoids at a time, and at most.
+/// Individuals added beside the medoids at a time, and at most.
 const MORE: usize = 12;
 const MOST_MORE: usize = 240;
 
@@ -144,7 +144,7 @@ fn actions(record: &CampaignRecord, shown: &Shown) -> Markup {
     }
 }
 
-/// The version of that number, or the newest; `None` if there is none.
+/// The version of that number, by default the newest; `None` if there is none.
 fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Option<Shown>, StoreError> {
     let versions = store.taxonomy_versions(&record.id)?;
     let asked = asked.or(versions.last().map(|version| version.version));
@@ -175,7 +175,7 @@ fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Op
     }))
 }
 
-/// Summary of the named behaviours in one line; empty if nothing has a name.
+/// The named behaviours in one line; empty if nothing has a name.
 fn answer(shown: &Shown) -> Markup {
     let medoids = shown.taxonomy.medoids.iter().enumerate();
     let shown = medoids.map(|(place, medoid)| {
@@ -190,7 +190,7 @@ fn answer(shown: &Shown) -> Markup {
     }
 }
 
-/// The cards of a version, with what is to be said of all of them.
+/// The cards of a version, with an introduction.
 fn behaviours(record: &CampaignRecord, shown: &Shown) -> Markup {
     let embeds = record.spec.space().embeds();
     html! {
@@ -246,8 +246,8 @@ fn further(record: &CampaignRecord, shown: &Shown) -> Markup {
     }
 }
 
-/// The report as one file to download; workers simulate its motions again. An error is answered with a page, so the link
-/// must not be a `download`: browsers would save that page as the report.
+/// The report as one file to download; workers simulate its motions again. An error is answered with a page. The link must not be a
+/// `download`, or browsers would save that page as the report.
 pub(super) async fn export(
     State(web): State<Web>,
     Path(id): Path<String>,
@@ -261,7 +261,7 @@ pub(super) async fn export(
     Ok((headers, page))
 }
 
-/// All behaviours in one figure, to download as SVG. What is said of [`export`] holds here too.
+/// All behaviours in one figure, to download as SVG. Errors and links are as for [`export`].
 pub(super) async fn contact_sheet(
     State(web): State<Web>,
     Path(id): Path<String>,
@@ -275,10 +275,10 @@ pub(super) async fn contact_sheet(
     Ok((headers, sheet))
 }
 
-/// Most bytes of the reports, and of the contact sheets, that are kept.
+/// Byte limit of the cached reports, and of the cached contact sheets.
 const MOST_BYTES: usize = 32 << 20;
 
-/// The reports and the contact sheets that were drawn last; cheap to clone.
+/// The latest reports and contact sheets; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Reports {
     pages: LatestAnswers<ReportState, Bytes>,
@@ -320,7 +320,7 @@ async fn drawn(web: &Web, id: &str, pictures: PicturesOf) -> Result<(CampaignId,
 
 async fn draw(web: &Web, id: &CampaignId, pictures: PicturesOf) -> Result<Bytes, PageError> {
     web.archive.dispatch.check_staffed().or_status()?;
-    // The service of this process, without a network between.
+    // The service of this process, without a network in between.
     let mut archive = CampaignServiceClient::new(CampaignServiceServer::new(web.archive.clone()));
     let mut labels = LabelServiceClient::new(LabelServiceServer::new(web.labels.clone()));
     let gathered = async {

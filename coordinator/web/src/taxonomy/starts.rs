@@ -1,4 +1,4 @@
-//! How robust a behaviour is: its controller from further starts, each judged, with their pictures.
+//! Robustness of a behaviour: its controller from further starts, each judged, with their pictures.
 
 use super::judged::{STARTS, Start, counted};
 use crate::asked::Query;
@@ -14,10 +14,10 @@ use murmuration_model::{CampaignRecord, labels::ClassName};
 use murmuration_proto::{Verdict, grouped};
 use murmuration_report::picture::image_png;
 
-/// Pixels of the picture of a start that each pixel of its image becomes.
+/// Side of the square in a start's picture that shows one pixel of its image.
 const SCALE: u32 = 2;
 
-/// The page; a script shows the part `starts` of it beside the card.
+/// The page. A script shows its part `starts` beside the card.
 pub(crate) async fn page(
     Path((_, index)): Path<(String, u64)>,
     OfCampaign { web, record, visitor }: OfCampaign,
@@ -55,7 +55,7 @@ fn told(record: &CampaignRecord, index: u64, starts: &[Start]) -> Markup {
     html! {
         section #starts aria-labelledby="starts-title" {
             h2 #starts-title { "From " (STARTS) " further starts" }
-            p.said {
+            p.verdicts {
                 @for (place, (verdict, count)) in verdicts.iter().enumerate() {
                     @if place > 0 { "; " }
                     @if place == 0 { strong { (count) " of " (starts.len()) " starts: " (in_words(*verdict)) } } @else { (count) ": " (in_words(*verdict)) }
