@@ -1,27 +1,29 @@
 #!/usr/bin/env python3
-"""What a search finds beside uniform sampling: held-out targets, and niches of three spaces.
+"""Findings of searches, compared with uniform sampling: held-out targets, and niches of three spaces.
 
     make build
     pip install ./python numpy scipy
     python3 benches/finds.py --results finds.jsonl [--programs target/release] [--robots two three species] [--seeds 10]
 
-Of each robot, 20,000 uniform controllers are simulated, once for all searches.
+For each robot, 20,000 uniform controllers are simulated, once for all searches.
 
-Targets are rare behaviours. The controllers whose pictures are the least like any other are simulated from 20 starts. What these have in
-common is a target, if 1 to 5 of the 20,000 lie within its scatter: the distance from the mean of its 20 starts within which 15 of them
-lie. Up to 20 targets are taken, each as far from the others as can be. A search has found a target when one of its individuals lies within
-that scatter. The space is one that no search uses: invariants of the picture (how grey it is, its light by distance to the wall and to its
-own middle, its power spectrum; with two species also of both, and their coherence), each divided by its deviation over the 20,000.
+Targets are rare behaviours. The controllers whose pictures are least like any other are simulated from 20 starts. The mean of its
+20 starts is a target if 1 to 5 of the 20,000 lie within its scatter, the distance from the mean within which 15 of the starts lie.
+Up to 20 targets are taken, each as far from the others as can be. A search has found a target when one of its individuals lies
+within that scatter. The space is one that no search uses: invariants of the picture (how grey it is, its light by distance to the
+wall and to its own middle, its power spectrum; with two species also of both, and their coherence), each divided by its deviation
+over the 20,000.
 
-Niches are counted in that space, in that of the five features, and in the embedding of a network that no search uses, trained by another
-seed. Of the 20,000 and of one archive of each search (seed 0, which is not counted) the sparsest twentieth is left out, and 500 are taken,
-each as far from the others as can be. An individual reaches the niche of the nearest one.
+Niches are counted in that space, in that of the five features, and in the embedding of a network that no search uses, trained by
+another seed. The 20,000 and one archive of each search (seed 0, which is not counted) are taken together. The sparsest twentieth is
+left out, and 500 of the others, each as far from the rest as can be, are the niches. An individual reaches the nearest niche.
 
-Two columns compare a search with uniform sampling, in the mean over the seeds: the evaluations that uniform sampling needs for as many
-targets as the search has found after 3,000, and the evaluations that the search needs for as many as uniform sampling finds with 10,000.
+Two columns compare a search with uniform sampling, in the mean over the seeds: the evaluations after which uniform sampling has
+found as many targets as the search after 3,000; and the evaluations after which the search has found as many as uniform sampling
+after 10,000.
 
-Results are appended to the file; what it has is not run again. Evaluations are those of the search: the dataset of an embedder, which is
-trained once for each robot, is not counted.
+Results are appended to the file; runs that it has are not repeated. Only evaluations of the search count. Those of an embedder's
+dataset do not: it is trained once for each robot.
 """
 
 import argparse
@@ -45,7 +47,7 @@ COUNTED = (300, 1000, 3000, EVALUATIONS)
 MATCHED = 3000
 NICHES, NICHES_COUNTED = 500, (1000, EVALUATIONS)
 SPACES = ("features", "another embedding", "invariants")
-# Of the embedders that searches use, and of the one that they do not.
+# Seeds of the embedder that searches use, and of the one that they do not.
 EMBEDDER_SEED, OTHER_EMBEDDER_SEED = 1, 99
 
 ROBOTS = {
@@ -87,7 +89,7 @@ def means_by(bins, values):
 
 
 def invariants(pictures):
-    """Measures that no quarter turn or reflection of the arena changes: (n, measures)."""
+    """Measures that are invariant under quarter turns and reflections of the arena: (n, measures)."""
     parts = [_invariants(pictures[begin : begin + 1000]) for begin in range(0, len(pictures), 1000)]
     return np.concatenate(parts)
 
@@ -150,7 +152,7 @@ class Robot:
         return self.run(spec, seed)
 
     def measured(self, campaign, pictures=None):
-        """The places of its individuals in each space."""
+        """The places of a campaign's individuals in each space."""
         pictures = campaign.pictures() if pictures is None else pictures
         channels = pictures[:, None] if pictures.ndim == 3 else pictures
         batches = [channels[begin : begin + 1000].swapaxes(-1, -2).astype(np.float32) for begin in range(0, len(channels), 1000)]
@@ -177,7 +179,7 @@ class Robot:
         self.counts = [counts[rare[place]] for place in chosen]
 
     def findings(self, campaign):
-        """By target, the evaluations until it was found, null if it was not; percentages of niches by space."""
+        """For each target the evaluations until it was found (None if it was not), and for each space the percentages of niches."""
         places = self.measured(campaign)
         hits = np.linalg.norm(places["invariants"][:, None] - self.centres, axis=2) <= self.radii
         reached = {space: self.niches[space].query(places[space])[1] for space in SPACES}
@@ -191,7 +193,7 @@ class Robot:
 
 
 def far_apart(points, count):
-    """Places of so many points, each as far from those before it as can be."""
+    """Indices of `count` points, each as far as can be from those before it."""
     chosen = [0] if len(points) else []
     away = np.full(len(points), np.inf)
     while len(chosen) < min(count, len(points)):
@@ -219,7 +221,7 @@ def found_by(runs):
 
 
 def evaluations(found, targets):
-    """Evaluations until so many targets are found."""
+    """Evaluations until `targets` targets are found."""
     needed = np.searchsorted(found, targets) + 1
     return f"{needed:,}" if needed <= EVALUATIONS else f"over {EVALUATIONS:,}"
 

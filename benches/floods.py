@@ -1,17 +1,21 @@
 #!/usr/bin/env python3
-"""What a guest costs the others: a viewer floods a coordinator, and an operator and a campaign go on beside it.
+"""Cost of a flood for the others: a viewer floods a coordinator, while an operator and a campaign go on.
 
     cargo build --release --workspace --bins --example fill
     pip install grpcio
     python3 benches/floods.py [--count 20000] [--seconds 60] [--programs target/release] [--only archives digests ...]
 
 A coordinator with tokens serves an archive of made-up individuals, and a campaign of small generations runs. Each flood comes from
-one token, by a process of low priority: archives and label logs that nobody reads, digests, lists of campaigns, pages of reports,
-watchers, swarms on the page Play, and the agreement of two annotators; all at once; and, by an annotator, requests of 20,000 labels, which are then undone, and
-requests of one label, alone and beside lists of all labels. Meanwhile an operator lists campaigns and resumes and pauses another one, and a second viewer
-opens a page and watches. The flood comes four times, for SECONDS in all. It prints a table: the campaign's pace beside that of the idle
-coordinator before and after, the share of all cores that the guest's process took, which would be another machine's, the 95th percentile of `list` and `pause`, the peak of resident memory above idle, how many of the second
-viewer's requests were refused, and how long SIGTERM took. It ends with exit code 1 if a figure is over its limit.
+one token, by a process of low priority: archives and label logs without reading them, digests, lists of campaigns, pages of
+reports, watchers, swarms on the page Play, and the agreement of two annotators; all at once; and, by an annotator, requests of
+20,000 labels, which are then undone, and requests of one label, alone and beside lists of all labels. Meanwhile an operator lists
+campaigns and resumes and pauses another one, and a second viewer opens a page and watches. The flood comes four times, for SECONDS
+in all.
+
+It prints a table: the campaign's pace relative to that of the idle coordinator before and after, the share of all cores that the
+guest's process took (which would be another machine's), the 95th percentile of `list` and `pause`, the peak of resident memory
+above idle, the number of the second viewer's refused requests, and the time that SIGTERM took. It ends with exit code 1 if a figure
+is over its limit.
 """
 
 import argparse
@@ -51,8 +55,8 @@ FLOODS = ("archives", "labels", "digests", "lists", "reports", "watchers", "play
 ANNOTATORS = 5
 LIMITS = {"list": 500, "pause": 500, "memory": 256, "refused": 0, "end": 5}
 PACE = 0.8
-# The flood comes and goes: the campaign's pace while it lasts is beside that of the idle stretches before and after, as a search slows
-# down while its archive grows.
+# Number of floods, with idle stretches between them. The campaign's pace in a flood is compared with that of the idle stretches
+# before and after, because a search slows down while its archive grows.
 STRETCHES = 4
 
 
@@ -68,7 +72,7 @@ class Client:
     """A connection with a token of its own."""
 
     def __init__(self, address, token):
-        # Without this, channels of a process share a connection.
+        # Otherwise the channels of a process share a connection.
         options = [("grpc.use_local_subchannel_pool", 1), ("grpc.max_receive_message_length", -1)]
         self.channel = grpc.insecure_channel(address, options)
         self.metadata = [("authorization", f"Bearer {token}")]
@@ -95,7 +99,7 @@ def page(address, token, path, form=None):
 
 
 def again(ended, count, act):
-    """Runs `act` over and over on so many threads."""
+    """Runs `act` over and over on `count` threads."""
 
     def loop(number):
         while not ended.is_set():
@@ -161,7 +165,7 @@ def flood(kind, address, token, ended):
 
 
 def processor_time(process):
-    """Seconds that the threads of a process have used."""
+    """CPU seconds of all threads of a process."""
     fields = pathlib.Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
@@ -182,7 +186,7 @@ def memory(process, what):
 
 
 class Cluster:
-    """A coordinator with one worker thread a core, and what is in its data directory."""
+    """A coordinator with one worker thread a core, and its filled data directory."""
 
     def __init__(self, programs, folder, count):
         self.programs, self.folder = programs, folder
@@ -227,7 +231,7 @@ class Cluster:
 
 
 def measure(cluster, seconds):
-    """What operator and second viewer see for so long; the campaign's generations a second."""
+    """Measures the operator's and the second viewer's requests for `seconds`, and the campaign's generations a second."""
     operator, other = Client(cluster.address, cluster.tokens["boss"]), cluster.tokens["other"]
     times, refused = {"list": [], "pause": []}, 0
     before, begun = cluster.generations(), time.perf_counter()
@@ -264,7 +268,7 @@ def late(stretches, what):
 
 @contextlib.contextmanager
 def flooding(context, kind, cluster):
-    """A guest floods meanwhile."""
+    """Runs a guest's flood during the block."""
     ended = context.Event()
     token = cluster.tokens["annotator" if kind in ("answers", "single", "polling") else "guest"]
     guest = context.Process(target=flood, args=(kind, cluster.address, token, ended))
@@ -279,7 +283,7 @@ def flooding(context, kind, cluster):
 
 
 def stretches(context, kind, cluster, seconds):
-    """The measures of idle and flooded stretches, by turns, and how far the memory grew beyond the first idle stretch, MiB."""
+    """The measures of alternating idle and flooded stretches, and the growth of memory beyond the first idle stretch, MiB."""
     measure(cluster, 5)
     idle, flooded = [measure(cluster, seconds)], []
     resident = memory(cluster.process, "VmRSS:")

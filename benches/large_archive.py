@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What the programs take for a large archive: seconds, and the peak of resident memory of each process.
+"""Time and memory of the programs with a large archive: seconds, and the peak of resident memory of each process.
 
     cargo build --release --workspace --bins --example fill
     python3 benches/large_archive.py [--count 100000 1000000] [--evaluated] [--folder DIR] [--programs target/release]
@@ -7,8 +7,8 @@
 It fills a data directory with made-up individuals (`coordinator/store/examples/fill.rs`), all but the last generation; with
 --evaluated a campaign of null evaluations runs instead, over gRPC and from its first generation to its last, in generations of
 1,000 (`murmuration lab bench cluster --keep`). It prints a table. Each item is a fresh process. `serve` finishes the campaign: it is
-killed with SIGKILL once it answers, and started again. The page is asked for ten times a second while the map is made: the
-longest wait says who holds up whom.
+killed with SIGKILL once it answers, and started again. The page is requested ten times a second while the map is made; the
+longest wait shows whether that delays the page.
 """
 
 import argparse
@@ -35,16 +35,16 @@ def row(item, seconds, cpu, mebibytes, note=""):
 
 
 def run(item, *command):
-    """Runs a command to its end; a row for it."""
+    """Runs a command to its end, and prints its row."""
     begun = time.perf_counter()
     process = subprocess.Popen([str(part) for part in command], stdout=subprocess.PIPE, text=True)
-    said = process.stdout.read()
+    message = process.stdout.read()
     _, status, used = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     seconds = time.perf_counter() - begun
     if process.returncode:
         sys.exit(f"{item}: exit code {process.returncode}")
-    row(item, seconds, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, said.strip().splitlines()[-1][:70] if said.strip() else "")
+    row(item, seconds, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, message.strip().splitlines()[-1][:70] if message.strip() else "")
 
 
 def peak(process):
@@ -60,7 +60,7 @@ def cpu(process):
 
 
 def get(url):
-    """Seconds until the whole answer is here, and the answer."""
+    """Seconds until the whole answer arrives, and the answer."""
     begun = time.perf_counter()
     with urllib.request.urlopen(url, timeout=3600) as answer:
         body = answer.read()
@@ -93,12 +93,12 @@ def serving(programs, data, workers, campaign):
 
 def state(programs, url):
     command = [programs / "murmuration", "list", "--coordinator", url, "--json"]
-    said = json.loads(subprocess.check_output([str(part) for part in command]))
-    return said["state"]
+    message = json.loads(subprocess.check_output([str(part) for part in command]))
+    return message["state"]
 
 
 def longest_wait(page, ended):
-    """Asks for the campaign's page until `ended`; the longest that one took."""
+    """Requests the campaign's page until `ended`; returns the longest time of a request."""
     longest = 0.0
     while not ended.is_set():
         longest = max(longest, get(page)[0])
@@ -107,7 +107,7 @@ def longest_wait(page, ended):
 
 
 def while_asking(page, path):
-    """Seconds that `path` took, the longest that the page took meanwhile, bytes of the answer."""
+    """Seconds that `path` took, the page's longest time meanwhile, and the bytes of the answer."""
     ended, waited = threading.Event(), []
     asking = threading.Thread(target=lambda: waited.append(longest_wait(page, ended)))
     asking.start()

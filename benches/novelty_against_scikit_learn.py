@@ -5,8 +5,8 @@
     cargo build --release --workspace --example novelty_of_file
     /tmp/peers/bin/python benches/novelty_against_scikit_learn.py [--most 1000000]
 
-It prints a table: seconds to build and to ask for 10,000 points (all, where there are fewer) and their 15 nearest
-neighbours, each the best of three, and the ratio scikit-learn : Murmuration. It fails where the two do not agree.
+It prints a table: seconds to build the index, and to find the 15 nearest neighbours of 10,000 points (or all, if there are
+fewer), each the best of three, and the ratio scikit-learn : Murmuration. It fails if the two results differ.
 """
 
 import argparse
@@ -25,7 +25,7 @@ DIMENSIONS, NEIGHBOURS, QUERIES, REPEATS = 5, 15, 10_000, 3
 
 
 def archive(count, random):
-    """Clumps of differing width, as an archive has them."""
+    """Points in clumps of different widths, as in an archive."""
     clump = numpy.arange(count) % 12
     centre = numpy.outer(clump, 0.37 * numpy.arange(1, DIMENSIONS + 1)) % 1.0
     return centre + random.uniform(-0.02, 0.02, (count, DIMENSIONS)) * (1 + clump)[:, None]
@@ -69,7 +69,7 @@ def main():
             break
         points, queries = archive(count, random), min(count, QUERIES)
         with tempfile.TemporaryDirectory() as folder:
-            # In turns, so that whatever else runs here slows both.
+            # In turns, so that other load on the machine slows both.
             pairs = [(ours(points, queries, pathlib.Path(folder)), theirs(points, queries)) for _ in range(REPEATS)]
         for mine, peer in pairs:
             numpy.testing.assert_allclose(mine[2], peer[2], rtol=1e-9)

@@ -5,13 +5,13 @@
     venv/bin/python benches/null_tasks_beside_dask_and_ray.py target/release/murmuration
 
 A null task takes a controller (four numbers) and a seed, and returns what an evaluation does: five numbers and a picture of
-2,500 bytes. Each system has its scheduler and one worker, and gets the tasks of a generation, 1,000, at a time: the next
-generation begins when all results of the last are there, as in a campaign.
+2,500 bytes. Each system has its scheduler and one worker, and gets a generation of 1,000 tasks at a time. The next
+generation begins when all results of the last have arrived, as in a campaign.
 
-What is compared is not the same work. Murmuration validates each result, measures novelty, breeds the next generation and puts
+The systems do not do the same work. Murmuration validates each result, measures novelty, breeds the next generation and puts
 every result on disk (synchronous) before it counts; its worker does nothing. Dask and Ray keep results in memory, and their
-workers call a Python function. Dask and Ray are measured twice: a task each, and tasks in batches of 50 as users would send
-them who know that tasks are cheap. CPU time is that of all processes of a system, from `resource` and `psutil`.
+workers call a Python function. Dask and Ray are measured twice: with single tasks, and with batches of 50, as experienced users
+would send cheap tasks. CPU time is that of all processes of a system, from `resource` and `psutil`.
 """
 
 import argparse
@@ -35,7 +35,7 @@ def nulls(tasks):
 
 
 def cpu_seconds():
-    """CPU time of this process and of those that it started and that still run."""
+    """CPU time of this process and of its running child processes."""
     total = 0.0
     me = psutil.Process()
     for process in [me, *me.children(recursive=True)]:
@@ -50,7 +50,7 @@ def cpu_seconds():
 def measured(evaluate, generations):
     """Seconds and CPU seconds of all generations; `evaluate` takes a list of tasks."""
     tasks = [((0.1, 0.2, 0.3, 0.4), seed) for seed in range(GENERATION)]
-    # The first generation starts whatever starts late.
+    # The first generation warms everything up.
     assert len(evaluate(tasks)) == GENERATION
     begun, cpu = time.perf_counter(), cpu_seconds()
     for _ in range(generations):

@@ -4,9 +4,9 @@
     cargo build --release --workspace --bins --example fill
     python3 benches/pages.py [--count 100000] [--folder DIR] [--programs target/release] [--times 30] [--limit 100]
 
-It fills a data directory with made-up individuals, lets a coordinator finish the campaign and a small one to compare it with, and asks
-for each thing as a page does: over a connection that stays open, the first time (when the coordinator reads what it keeps afterwards), then the given
-number of times. Ends with exit code 1 if the median of some interaction is over the limit.
+It fills a data directory with made-up individuals, and lets a coordinator finish that campaign and a small one for comparison. Then
+it makes each request as a page does, over a connection that stays open: once for the first time (when the coordinator fills its
+caches), then the given number of times. It ends with exit code 1 if the median of some interaction is over the limit.
 """
 
 import argparse
@@ -25,11 +25,11 @@ import urllib.parse
 from large_archive import MADE_UP as CAMPAIGN
 from large_archive import ROOT, run, serving
 
-# Pictures that the gallery of a selection shows, and connections that a browser opens to one coordinator.
+# Pictures in the gallery of a selection, and a browser's connections to one coordinator.
 GALLERY = 60
 CONNECTIONS = 6
 LABELS = 2000
-# The fields of the campaign that the large one is compared with.
+# The form fields of the small campaign for comparison.
 SMALL = {
     "step": "start",
     "name": "small",
@@ -42,7 +42,7 @@ SMALL = {
 
 
 class Page:
-    """A page of a browser: it keeps its connection."""
+    """A page in a browser, with a connection that stays open."""
 
     def __init__(self, url):
         self.address = url.removeprefix("http://")
@@ -53,7 +53,7 @@ class Page:
         self.send(path, urllib.parse.urlencode(fields), "application/x-www-form-urlencoded")
 
     def ask(self, path, body=None, whole=True):
-        """Milliseconds until the answer (or its first bytes) is here, and the answer."""
+        """Milliseconds until the answer (or its first bytes) arrives, and the answer."""
         return self.send(path, json.dumps(body) if body is not None else None, "application/json", whole)
 
     def send(self, path, body, kind, whole=True):
@@ -67,13 +67,13 @@ class Page:
         if answer.status >= 400:
             sys.exit(f"{path}: {answer.status} {read.decode()}")
         if not whole:
-            # What follows is not waited for.
+            # The rest of the answer is dropped.
             self.connection.close()
         return took, read
 
 
 class Interactions:
-    """What people do, each as a function of the number of the try that returns milliseconds."""
+    """People's interactions, each a function from the number of the try to milliseconds."""
 
     def __init__(self, url, count):
         self.page = Page(url)
@@ -102,14 +102,14 @@ class Interactions:
         return {"annotator": "Ana", "session": "bench", "strategy": "medoids", "count": 4, "agreement": False, "again": []}
 
     def answer(self, number):
-        said = [{"index": next(self.fresh), "answer": ["milling", "dispersal", "random"][number % 3]}]
-        return {"request_id": f"bench-{secrets.token_hex(8)}", "annotator": "Ana", "answers": said}
+        message = [{"index": next(self.fresh), "answer": ["milling", "dispersal", "random"][number % 3]}]
+        return {"request_id": f"bench-{secrets.token_hex(8)}", "annotator": "Ana", "answers": message}
 
     def change(self, **change):
         return {"request_id": f"bench-{secrets.token_hex(8)}", "annotator": "Ana", "change": change}
 
     def rename(self, number):
-        """There and back, so that the class has both names in turn."""
+        """Renames there and back, so that the class has both names in turn."""
         names = ["milling", "mill"]
         return self.change(rename={"class": names[number % 2], "to": names[(number + 1) % 2]})
 
@@ -117,7 +117,7 @@ class Interactions:
         return self.change(colour={"class": "dispersal", "colour": f"#{number % 256:02x}4080"})
 
     def all(self):
-        """By name."""
+        """All interactions by name."""
         names = ["", "/map", "/label", "/sheet", "/answers", "/classes", "/taxonomy", "/taxonomy/changes"]
         pages = {f"the page {name or '/'}": self.get(CAMPAIGN + name) for name in names}
         return {
@@ -147,7 +147,7 @@ class Interactions:
 
 
 def label(page, count):
-    """So many answers that stand, as one person's."""
+    """Adds answers of one person."""
     answers = [{"index": index, "answer": ["milling", "dispersal", "random"][index % 3]} for index in range(LABELS)]
     for first in range(0, LABELS, 500):
         body = {"request_id": f"before-{first}", "annotator": "Ben", "answers": answers[first : first + 500]}

@@ -2,7 +2,7 @@
 
 Usage: guide/chapters.py PROGRAM FOLDER
 
-FOLDER gets what mdbook reads: book.toml, and in `pages` the pages that SUMMARY.md lists, at their places in the
+FOLDER gets the input of mdbook: book.toml, and in `pages` the pages that SUMMARY.md lists, at the same paths as in the
 repository, with the files that they link to. Two chapters are generated: the fields of a campaign, from the comments of
 the contract, and the JSON of the commands, from the schemas that the program `murmuration` prints.
 """
@@ -48,7 +48,7 @@ def main() -> None:
 
 
 def links(text: str) -> list[str]:
-    """The addresses of a page's links and pictures, without those of the web."""
+    """The addresses of a page's links and pictures, except those on the web."""
     found = re.findall(r"\]\(([^)\s]+)\)", text)
     return [link.partition("#")[0] for link in found if "://" not in link and not link.startswith("#")]
 
@@ -79,15 +79,15 @@ class Field:
 
 
 def definitions(text: str) -> dict[str, tuple[str, list[Field]]]:
-    """The messages and enums of the contract by name: what is said of each, and its fields or values."""
+    """The messages and enums of the contract by name: the comment of each, and its fields or values."""
     found: dict[str, tuple[str, list[Field]]] = {}
-    said: list[str] = []
+    comment: list[str] = []
     inside = ""
     for line in map(str.strip, text.splitlines()):
         if line.startswith("//"):
-            said.append(line.removeprefix("//").strip())
+            comment.append(line.removeprefix("//").strip())
             continue
-        about = " ".join(said)
+        about = " ".join(comment)
         if opened := re.fullmatch(r"(?:message|enum) (\w+) \{", line):
             inside = opened[1]
             found[inside] = (about, [])
@@ -97,7 +97,7 @@ def definitions(text: str) -> dict[str, tuple[str, list[Field]]]:
             found[inside][1].append(Field(field[2], field[1] == "repeated ", field[3], about))
         elif inside and (value := re.fullmatch(r"([A-Z_]+) = \d+;", line)):
             found[inside][1].append(Field("", False, value[1], about))
-        said = []
+        comment = []
     return found
 
 
@@ -154,7 +154,7 @@ def type_of(field: Field, messages: dict[str, tuple[str, list[Field]]]) -> str:
         name = SCALARS.get(field.kind) or VALUES[field.kind]
         return f"list, each a {name}" if field.repeated else name
     if is_enum(field.kind, messages):
-        # The first value stands for none.
+        # The first value means unspecified.
         names = [value.name for value in messages[field.kind][1][1:]]
         prefix = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", field.kind).upper() + "_"
         return ", ".join(f"`{name.removeprefix(prefix).lower().replace('_', '-')}`" for name in names)
@@ -175,20 +175,20 @@ def json_chapter(program: str) -> str:
         "",
     ]
     for kind, about in kinds(program):
-        schema = json.loads(said(program, "schema", kind))
+        schema = json.loads(output(program, "schema", kind))
         lines += [f"## {kind}", "", f"{about}.", "", "| field | type | contents |", "|---|---|---|"]
         lines += [f"| `{path}` | {types} | {cell(contents)} |" for path, types, contents in json_fields(schema, "")]
         lines.append("")
     return "\n".join(lines)
 
 
-def said(program: str, *words: str) -> str:
+def output(program: str, *words: str) -> str:
     return subprocess.run([program, *words], check=True, capture_output=True, text=True).stdout
 
 
 def kinds(program: str) -> list[tuple[str, str]]:
     """The kinds of documents, and the commands that print each."""
-    text = " ".join(said(program, "schema", "--help").split())
+    text = " ".join(output(program, "schema", "--help").split())
     options = text.partition("Possible values:")[2].partition("Options:")[0]
     found = re.findall(r"- ([a-z-]+): (.*?)(?= - [a-z-]+: |$)", options.strip())
     if not found:
@@ -197,7 +197,7 @@ def kinds(program: str) -> list[tuple[str, str]]:
 
 
 def json_fields(schema: dict, path: str) -> Iterator[tuple[str, str, str]]:
-    """The fields within a schema: path, type and description."""
+    """The fields of a schema: path, type and description."""
     for name, inner in schema.get("properties", {}).items():
         yield from json_field(inner, f"{path}.{name}".strip("."))
     if isinstance(others := schema.get("additionalProperties"), dict):

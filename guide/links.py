@@ -2,7 +2,7 @@
 
 Usage: guide/links.py FOLDER
 
-Fails if a page links to a file that is not there, to a heading that the page does not have, or to a folder.
+Fails if a page links to a missing file, to a missing heading, or to a folder.
 """
 
 import sys
@@ -10,7 +10,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-# A guide with fewer was not built from all its pages.
+# A guide with fewer links was not built from all its pages.
 FEWEST = 500
 
 
@@ -24,7 +24,7 @@ class Page(HTMLParser):
         self.feed(file.read_text())
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Notes what an element links to, and what it is called."""
+        """Collects an element's links and anchors."""
         for name, value in attrs:
             if value and name in ("href", "src"):
                 self.links.append(value)
@@ -38,7 +38,7 @@ def main() -> None:
     followed = 0
     wrong = []
     for file, page in pages.items():
-        # The page for a missing page has links from the root of a site.
+        # The links of the page for missing pages begin at the site's root.
         if file.name in ("404.html", "toc.html"):
             continue
         for link in page.links:

@@ -1,4 +1,4 @@
-"""Generates the messages of the contract, `murmuration.v1`, and puts the programs into a wheel that is to have them."""
+"""Generates the messages of the contract, `murmuration.v1`, and adds the programs to a wheel on request."""
 
 import os
 import re
@@ -13,14 +13,14 @@ _PROGRAMS = ("murmuration", "murmuration-worker", "murmuration-trainer")
 
 
 class Contract(BuildHookInterface[Any]):
-    """Runs protoc on the contract, of which this project has one copy: `proto` in the repository.
+    """Runs protoc on the contract, whose only copy is `proto` in the repository.
 
     Generated files are not committed, so they cannot differ from the contract. A source distribution has the contract
     beside the package.
 
-    If the variable MURMURATION_WHEEL names a folder, a wheel gets the programs in it, which pip puts beside Python's,
-    and its folder `share` (the manual, completions of shells), which pip puts where shells and man look in an
-    environment.
+    If the variable MURMURATION_WHEEL names a folder, a wheel gets its programs and its folder `share` (the manual,
+    shell completions). Pip installs the programs beside Python's, and `share` where an environment's shells and man
+    look.
     """
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
@@ -48,29 +48,29 @@ class Contract(BuildHookInterface[Any]):
             build_data["tag"] = f"py3-none-{platform_tag(contents)}"
 
 
-# Names that wheels have for the kinds of machine in the header of a program: of Linux (e_machine, at byte 18 of an ELF
-# file), and of macOS (cputype, at byte 4 of a Mach-O file).
+# Wheels' names for the machine types in a program's header: on Linux (e_machine, at byte 18 of an ELF file), and on
+# macOS (cputype, at byte 4 of a Mach-O file).
 _LINUX_MACHINES = {62: "x86_64", 183: "aarch64"}
 _MACOS_MACHINES = {0x0100_0007: "x86_64", 0x0100_000C: "arm64"}
 _MACH_O = bytes.fromhex("cffaedfe")
-# Commands of a Mach-O file that say for which systems it is, and where in them the oldest version is.
+# Commands of a Mach-O file that name its systems, and the offset of the oldest version in each.
 _OLDEST_SYSTEM = {0x24: 8, 0x32: 12}
 
 
 def platform_tag(programs: Iterable[bytes]) -> str:
-    """The tag of the systems that programs run on, which are as new as the programs need.
+    """The wheel tag of the systems that programs run on, at least as new as the programs need.
 
     Args:
-        programs: The contents of their files.
+        programs: The contents of the program files.
     """
     contents = list(programs)
     if all(content.startswith(_MACH_O) for content in contents):
         machines = {_MACOS_MACHINES.get(_word(content, 4)) for content in contents}
         major, minor = max(_macos_version(content) for content in contents)
-        # From macOS 11 on, pip knows the first number alone.
+        # From macOS 11 on, pip uses only the first number.
         name = f"macosx_{major}_{0 if major >= 11 else minor}"
     else:
-        # Their C library has all symbols that the programs need.
+        # The C library must have all symbols that the programs need.
         minors = [int(minor) for content in contents for minor in re.findall(rb"GLIBC_2\.(\d+)", content)]
         machines = {_LINUX_MACHINES.get(int.from_bytes(content[18:20], "little")) for content in contents}
         name = f"manylinux_2_{max(minors, default=0)}"

@@ -1,4 +1,4 @@
-"""A coordinator that answers whatever a test tells it to, and what an honest one would answer."""
+"""A coordinator with answers chosen by a test, and the answers of an honest one."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ EMBEDDING = [0.5, 1.5]
 IMAGE = bytes(range(SIDE * SIDE))
 DIGEST = "0123456789abcdef" * 4
 
-# Of a method, `SERVICE/METHOD`: its answer; a list, if the answer is a stream. Bytes stand for a message that is none,
-# and a status for a refusal.
+# The answer of each method, `SERVICE/METHOD`; a list if the answer is a stream. Bytes are an invalid message, and a
+# status is a refusal.
 Told = dict[str, Any]
 
 
 class _Handler(grpc.GenericRpcHandler):
-    """Answers each method as told, whatever it is asked."""
+    """Answers each method as told, whatever the request."""
 
     def __init__(self, told: Told) -> None:
         self._told = told
@@ -49,7 +49,7 @@ class _Handler(grpc.GenericRpcHandler):
 
 @contextmanager
 def coordinator(told: Told) -> Iterator[str]:
-    """The URL of a coordinator that answers as `told`, which may change meanwhile."""
+    """The URL of a coordinator with the answers `told`, which may change meanwhile."""
     server = grpc.server(ThreadPoolExecutor(4), handlers=[_Handler(told)])
     port = server.add_insecure_port("127.0.0.1:0")
     server.start()
@@ -60,7 +60,7 @@ def coordinator(told: Told) -> Iterator[str]:
 
 
 def honest() -> Told:
-    """What an honest coordinator with one completed campaign answers: 2 generations of 2 individuals."""
+    """The answers of an honest coordinator with one completed campaign: 2 generations of 2 individuals."""
     campaign = _campaign()
     robust = [2, 1, 0, 2]
     taxonomy = v1.Taxonomy(medoids=[_medoid(0), _medoid(3)], clusters=[0, 0, 1, 1], loss=0.5, robust_trials=robust)

@@ -1,4 +1,4 @@
-"""What a coordinator answers that cannot be: each is an error of the library that names what is wrong."""
+"""Impossible answers of a coordinator: each becomes an error of the library that names the fault."""
 
 import copy
 import random
@@ -56,7 +56,7 @@ def first(chunks: list[v1.ArchiveChunk]) -> v1.Individual:
     return chunks[0].individuals[0]
 
 
-# Of each lie: the call that hears it, the method that tells it, how an honest answer becomes it, what the error says.
+# For each lie: the library's call, the contract's method, the change of the honest answer, and the error's text.
 LIES: list[tuple[str, str, Callable[[Any], object], str]] = [
     ("archive", ARCHIVE, lambda it: first(it).features.append(6.0), "individual 0 has 6 features, and not 5"),
     ("archive", ARCHIVE, lambda it: it[1].individuals[0].controller.pop(), "individual 2 has 3 genes, and not 4"),
@@ -115,20 +115,20 @@ LIES: list[tuple[str, str, Callable[[Any], object], str]] = [
     ("taxonomy", TAXONOMY, lambda it: it[0].medoids[0].MergeFrom(v1.Medoid(mean_distance=nan)), r"mean_distance\[0\]"),
     ("taxonomy", TAXONOMY, lambda it: it[0].robust_trials.pop(), "3 numbers of robust trials, and not 4"),
     ("taxonomy", CAMPAIGN, lambda it: it.spec.evaluation.Clear(), "robust trials of individual 0 is 2"),
-    ("wait", WATCH, lambda it: it.clear(), "ended before it said anything"),
+    ("wait", WATCH, lambda it: it.clear(), "ended without a message"),
     ("wait", WATCH, lambda it: it[0].MergeFrom(v1.Campaign(id="other-1")), "asked for campaign told-1, and"),
 ]  # fmt: skip
 
 
 @pytest.fixture
 def told() -> Told:
-    """What the coordinator answers."""
+    """The coordinator's answers."""
     return honest()
 
 
 @pytest.fixture
 def client(told: Told) -> Iterator[mm.Client]:
-    """A client of a coordinator that answers as `told`."""
+    """A client of a coordinator with the answers `told`."""
     with coordinator(told) as url, mm.connect(url) as client:
         yield client
 
@@ -155,7 +155,7 @@ def test_who_asks_for_too_much_at_once_is_told_so(client: mm.Client, told: Told)
 
 
 def test_one_picture_is_that_of_its_individual(client: mm.Client, told: Told) -> None:
-    # Of a small archive all pictures are asked for.
+    # For a small archive, all pictures are requested.
     told[CAMPAIGN].spec.search.population = 1_000
     assert client.campaign(ID).pictures([3]).shape == (1, SIDE, SIDE)
     with pytest.raises(mm.AnswerError, match="individual 3 came in the place of individual 9"):
@@ -224,7 +224,7 @@ def test_changed_bytes_are_an_answer_or_an_error_of_the_library(client: mm.Clien
 
 
 def _changed(message: Message, chance: random.Random) -> bytes:
-    """The bytes of a message; of one in four, some byte is another."""
+    """The bytes of a message; one message in four has a changed byte."""
     content = bytearray(message.SerializeToString())
     if content and chance.random() < 0.25:
         content[chance.randrange(len(content))] = chance.randrange(256)

@@ -1,5 +1,5 @@
-"""What callers give that is not what it should be, and what they may give instead of lists."""
-# Each call of the table below takes both, and needs one.
+"""Wrong arguments, and the accepted alternatives to lists."""
+# Each lambda of the table below takes two arguments, and uses one.
 # ruff: noqa: ARG005
 
 import pickle

@@ -86,7 +86,7 @@ def test_what_takes_the_call_and_answers_nothing_is_no_coordinator(monkeypatch: 
     monkeypatch.setattr(_client, "_SECONDS_TO_ANSWER", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as silent, pytest.raises(mm.UnavailableError, match="no coordinator"):
         mm.connect(f"http://127.0.0.1:{silent.getsockname()[1]}")
-    # Well ended without a message, and with one too many.
+    # A successful call without a message, and one with a message too many.
     for answers, error in (([], mm.AnswerError), ([v1.Campaign(id="told-1")] * 2, mm.MurmurationError)):
         with coordinator({"CampaignService/GetCampaign": answers}) as url, pytest.raises(error):
             mm.connect(url)

@@ -1,4 +1,4 @@
-"""Campaigns on a learned embedding, which run on the ONNX Runtime of the Python package."""
+"""Campaigns on a learned embedding. They use the ONNX Runtime of the Python package."""
 
 import os
 from importlib.util import find_spec

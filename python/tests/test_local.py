@@ -1,4 +1,4 @@
-"""A local cluster: it starts, and nothing of it is left, however its Python process ends."""
+"""A local cluster: it starts, and leaves nothing behind, however its Python process ends."""
 
 import contextlib
 import os
@@ -15,7 +15,7 @@ import pytest
 
 import murmuration as mm
 
-# Starts a cluster, says where its folder is, and does `then`.
+# Starts a cluster, prints its folder, and runs `then`.
 SCRIPT = """
 import os, signal, sys, threading, time
 # Whatever started the tests may ignore it.
@@ -80,7 +80,7 @@ def test_who_begins_a_call_as_another_thread_closes_the_client_is_told_so(
     call: Callable[[mm.Client], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     client = mm.local(workers=0, trainers=0)
-    # Another thread may do so between the check and the call.
+    # Another thread may close the client between the check and the call.
     monkeypatch.setattr(client.rpc, "check_open", client.close)
     with pytest.raises(mm.UnavailableError, match="closed during the call"):
         call(client)
@@ -121,7 +121,7 @@ def cluster_of_another_process(then: str) -> Iterator[tuple["subprocess.Popen[st
 def test_a_signal_that_ends_python_ends_its_cluster(how: signal.Signals, then: str, temporary: Path) -> None:
     with cluster_of_another_process(then) as (python, session):
         assert len(processes_of(session)) == 2
-        # So that it is in the middle of what it does.
+        # By now the process is in the middle of `then`.
         time.sleep(0.5)
         assert list(temporary.iterdir())
         python.send_signal(how)

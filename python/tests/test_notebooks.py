@@ -1,6 +1,6 @@
-"""The notebooks run, and say what their kept outputs say.
+"""The notebooks run, and their outputs equal the stored ones.
 
-With MURMURATION_WRITE_NOTEBOOKS=1 in the environment, the outputs of this run are kept instead.
+With MURMURATION_WRITE_NOTEBOOKS=1 in the environment, the outputs of this run are stored instead.
 """
 
 import os
@@ -18,13 +18,13 @@ from test_learned import LATENT
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples/notebooks"
 SECONDS_FOR_A_CELL = 120
-# The tag of cells at the end of a notebook that need PyTorch. On Linux with x86-64, PyPI has it with 3 GB of CUDA only,
-# so that it is no dependency of the tests.
+# The tag of cells at the end of a notebook that need PyTorch. On Linux with x86-64, PyPI has it only with
+# 3 GB of CUDA, so it is not a dependency of the tests.
 NEEDS_PYTORCH = "pytorch"
 
 
 def execute(notebook: NotebookNode, folder: Path) -> None:
-    """Runs all cells, and leaves out of their outputs what differs from run to run."""
+    """Runs all cells, and removes from their outputs the parts that differ from run to run."""
     nbclient.NotebookClient(
         notebook, timeout=SECONDS_FOR_A_CELL, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
     ).execute()
@@ -34,7 +34,7 @@ def execute(notebook: NotebookNode, folder: Path) -> None:
 
 
 def passing(output: NotebookNode) -> bool:
-    """Whether an output is a bar, which says how long something took, or a warning of some version of a package."""
+    """Whether an output differs from run to run: a bar with its times, or a warning of a package's version."""
     is_bar = output.output_type == "display_data" and list(output.data) == ["text/plain"]
     return is_bar or output.get("name") == "stderr"
 
@@ -49,7 +49,7 @@ def without_pytorch(notebook: NotebookNode) -> None:
 
 
 def words(cell: NotebookNode) -> list[str]:
-    """The words and numbers that a cell says. Pictures and lines of tables differ between versions of packages."""
+    """The words and numbers of a cell's outputs. Pictures and lines of tables differ between versions of packages."""
     texts = [output.get("text") or output.get("data", {}).get("text/plain", "") for output in cell.outputs]
     return [word for text in texts for word in re.findall(r"[\w.-]+", text)]
 

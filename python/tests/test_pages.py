@@ -1,4 +1,4 @@
-"""The Python blocks of pages, each page as one script."""
+"""The Python blocks of pages run, each page as one script."""
 
 import re
 import sys
@@ -18,7 +18,7 @@ def test_the_blocks_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest
     blocks = BLOCK.findall((ROOT / page).read_text())
     assert blocks
     monkeypatch.chdir(tmp_path)
-    # A smaller one, in the place of the example of the README.
+    # A smaller campaign, in place of the README's example.
     (tmp_path / "examples").mkdir()
     (tmp_path / "examples/quick.toml").write_text(tomli_w.dumps(SPEC))
     names: dict[str, object] = {}

@@ -1,4 +1,4 @@
-"""Where programs and their library are, and which systems a wheel of them is for."""
+"""The places of programs and their library, and the systems of a wheel with programs."""
 
 import importlib
 import struct

@@ -1,4 +1,4 @@
-"""Bars, as a coordinator tells of the stages of a campaign."""
+"""Bars for the stages of a campaign."""
 
 import pytest
 
@@ -20,7 +20,7 @@ def told(stage: v1.CampaignStage, done: int) -> v1.Campaign:
 
 
 def shown(*campaigns: v1.Campaign, capfd: pytest.CaptureFixture[str]) -> list[str]:
-    """What is left of each bar: its stage, and how much of how much."""
+    """The last state of each bar: its stage, and its count of how many."""
     bar = Bar(shown=True)
     for campaign in campaigns:
         bar.show(campaign)
@@ -41,7 +41,7 @@ def test_a_stage_that_another_follows_is_done(capfd: pytest.CaptureFixture[str])
         told(v1.CAMPAIGN_STAGE_EVOLVE, 1),
         capfd=capfd,
     )
-    # How far the last one is, is how far it is.
+    # The last bar keeps its progress.
     assert lasts == [
         "dataset 10/10",
         "pretrain 3/3",

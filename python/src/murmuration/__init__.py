@@ -1,6 +1,6 @@
 """Murmuration: search for the collective behaviours that a swarm of robots can show.
 
-A cluster runs on this machine for as long as it is needed, and returns tables and arrays:
+A local cluster runs for as long as it is needed, and the library returns tables and arrays:
 
     >>> with mm.local(workers=2) as client:
     ...     campaign = client.run(spec)
@@ -8,8 +8,7 @@ A cluster runs on this machine for as long as it is needed, and returns tables a
     >>> archive.num_rows
     100
 
-Everything that the library returns comes from a coordinator, over the same contract that the programs use. Its messages
-are in `murmuration.v1`.
+All results come from a coordinator, over the same contract that the programs use. Its messages are in `murmuration.v1`.
 """
 
 from ._campaign import Campaign

@@ -1,6 +1,6 @@
-"""What a coordinator answers, checked before it becomes tables and arrays.
+"""Checks a coordinator's answers before they become tables and arrays.
 
-A coordinator may be broken or of another version, and what answers at its address need be no coordinator.
+A coordinator may be broken or of another version, and the server at its address may not be a coordinator.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ import numpy.typing as npt
 from ._arguments import shown
 from ._errors import AnswerError
 
-# NAME-N. An id becomes a word of commands, which must not be an option.
+# NAME-N. Commands take an id as an argument, so it must not look like an option.
 _ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}-[0-9]{1,20}")
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 # Pixels along a side of a picture, and channels.
 _LARGEST_SIDE = 1_000
 _MOST_CHANNELS = 4
-# The first millisecond of the year 10000, which Python has no date for.
+# The first millisecond of the year 10000. Python's dates end before it.
 _END_OF_TIME_MS = 253_402_300_800_000
 
 
-def wrong(said: str) -> AnswerError:
-    """The error of an answer that cannot be. `said` names what is wrong with it."""
-    return AnswerError(f"the coordinator answered what cannot be: {said}")
+def wrong(message: str) -> AnswerError:
+    """The error for an impossible answer. `message` describes the fault."""
+    return AnswerError(f"the coordinator answered what cannot be: {message}")
 
 
 def identifier(text: str, asked: str = "latest") -> str:
-    """The id of a campaign, which is that of the one that was asked for."""
+    """Checks the id of a campaign, which must be the requested one."""
     if not _ID.fullmatch(text):
         raise wrong(f"a campaign has the id {shown(text)}, which is not NAME-N")
     if asked not in ("latest", text):
@@ -41,14 +41,14 @@ def identifier(text: str, asked: str = "latest") -> str:
 
 
 def digest(what: str, text: str) -> str:
-    """A digest: 64 hexadecimal digits."""
+    """Checks a digest: 64 hexadecimal digits."""
     if not _DIGEST.fullmatch(text):
         raise wrong(f"{what} is {shown(text)}, and not 64 hexadecimal digits")
     return text
 
 
 def word(name: Callable[[int], str], number: int, prefix: str) -> str:
-    """The value of an enum in a word. A newer coordinator may have values that have no name here: `unknown`."""
+    """The name of an enum's value; `unknown` for the values of a newer coordinator."""
     try:
         return name(number).removeprefix(prefix).lower() if number else "unknown"
     except ValueError:
@@ -56,20 +56,20 @@ def word(name: Callable[[int], str], number: int, prefix: str) -> str:
 
 
 def count(what: str, given: int, promised: int) -> None:
-    """Checks that there are as many of something as there must be."""
+    """Checks that the number of items is the promised one."""
     if given != promised:
         raise wrong(f"there are {given} {what}, and not {promised}")
 
 
 def lengths(of: str, what: str, lists: Iterable[Sized], length: int) -> None:
-    """Checks that each list has a length: that of an `of`, such as an individual, by its number."""
+    """Checks the length of each list. Errors name the list's owner, an `of` such as an individual, by its number."""
     for number, one in enumerate(lists):
         if len(one) != length:
             raise wrong(f"{of} {number} has {len(one)} {what}, and not {length}")
 
 
 def finite(what: str, numbers: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Numbers of any shape, of which none is infinite or not a number."""
+    """Checks that all numbers, of any shape, are finite."""
     is_one = np.isfinite(numbers)
     if not is_one.all():
         place = tuple(int(axis[0]) for axis in np.nonzero(~is_one))
@@ -78,37 +78,37 @@ def finite(what: str, numbers: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def measure(what: str, number: float) -> float:
-    """A sum or a mean of distances: finite, and not below 0."""
+    """Checks a sum or a mean of distances: finite, and not below 0."""
     if not (math.isfinite(number) and number >= 0):
         raise wrong(f"{what} is {number}, and not a finite number from 0")
     return number
 
 
 def same(what: str, number: int, expected: int) -> None:
-    """Checks that a thing has the number of the one that was asked for, or that is next."""
+    """Checks that an item has the expected number: the requested one, or the next one."""
     if number != expected:
         raise wrong(f"{what} {number} came in the place of {what} {expected}")
 
 
 def below(what: str, numbers: Sequence[int], end: int) -> None:
-    """Checks that each number is the place of something of which there are `end`."""
+    """Checks that each number is an index into `end` items."""
     for place, number in enumerate(numbers):
         if number >= end:
             raise wrong(f"{what} {place} is {number}, and must be below {end}")
 
 
 def time(milliseconds: int) -> int:
-    """A time, milliseconds since 1970-01-01 UTC, in the years up to 9999."""
+    """Checks a time, milliseconds since 1970-01-01 UTC, up to the year 9999."""
     if milliseconds >= _END_OF_TIME_MS:
         raise wrong(f"a time is {milliseconds} ms after 1970, which is after the year 9999")
     return milliseconds
 
 
 def channels(images: Sequence[bytes], side: int) -> int:
-    """The number of channels of pictures, which all have the same; 1 if there are no pictures.
+    """The number of channels, which must be the same in all pictures; 1 if there are no pictures.
 
     Args:
-        images: Their grey values, a byte for each pixel.
+        images: The grey values of each picture, a byte for each pixel.
         side: Pixels along a side.
     """
     if not 1 <= side <= _LARGEST_SIDE:

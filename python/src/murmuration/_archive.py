@@ -1,4 +1,4 @@
-"""What the coordinator has of one campaign: its state and its individuals."""
+"""Reads a campaign's state and individuals from the coordinator."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def status(rpc: Connection, campaign: str) -> v1.Campaign:
 
 
 def individuals(rpc: Connection, campaign: str, *, images: bool = False) -> Iterator[v1.Individual]:
-    """All individuals in order: as many as there were when they were asked for, or more."""
+    """All individuals in order: at least as many as there were at the call."""
     promised, number = _evaluated(rpc, campaign), 0
     request = v1.GetArchiveRequest(campaign=campaign, images=images)
     for chunk in rpc.stream("CampaignService/GetArchive", request, v1.ArchiveChunk):
@@ -26,13 +26,13 @@ def individuals(rpc: Connection, campaign: str, *, images: bool = False) -> Iter
             answers.same("individual", one.index, number)
             number += 1
             yield one
-    # Something may have been rolled back meanwhile.
+    # The archive may have been rolled back meanwhile.
     if number < promised and number < _evaluated(rpc, campaign):
         raise answers.wrong(f"the archive of {campaign} ended after {number} of {promised} individuals")
 
 
 def individual(rpc: Connection, campaign: str, index: int) -> v1.Individual:
-    """The individual at a place of the archive, with its picture."""
+    """The individual with this index, with its picture."""
     request = v1.GetIndividualRequest(campaign=campaign, index=index)
     found = rpc.call("CampaignService/GetIndividual", request, v1.Individual)
     answers.same("individual", found.index, index)
@@ -53,6 +53,6 @@ def generations(rpc: Connection, campaign: str) -> list[v1.GenerationSummary]:
 
 
 def _evaluated(rpc: Connection, campaign: str) -> int:
-    """The number of individuals that the complete generations have."""
+    """The number of individuals of the complete generations."""
     now = status(rpc, campaign)
     return now.generations_done * now.spec.search.population

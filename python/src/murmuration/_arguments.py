@@ -1,4 +1,4 @@
-"""What callers give, checked before it is sent: numbers, paths, texts."""
+"""Checks arguments before they are sent: numbers, paths, texts."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ import tomli_w
 
 from ._errors import InvalidError
 
-# Of a value that is wrong, what a message quotes.
+# Most characters of a wrong value in a message.
 _QUOTED = 80
 
 
 def plain(given: object) -> Any:  # noqa: ANN401
-    """What a value of a table of pyarrow, or an array of one number, stands for; anything else as it is."""
+    """The Python value of a pyarrow scalar or of an array of one number; other values unchanged."""
     if isinstance(given, pa.Scalar):
         return given.as_py()
     return given.item() if isinstance(given, np.ndarray) and given.ndim == 0 else given
 
 
 def shown(given: object) -> str:
-    """A value as a message quotes it: on one line, and no longer than that."""
+    """A value as messages quote it: on one line of limited length."""
     try:
-        said = str(given) if isinstance(given, np.generic) else repr(given)
+        message = str(given) if isinstance(given, np.generic) else repr(given)
     except ValueError:
-        # Python writes no number of more than 4,300 digits.
-        said = "a number of thousands of digits"
-    said = " ".join(said.split())
-    return said if len(said) <= _QUOTED else f"{said[:_QUOTED]}..."
+        # Python does not print numbers of more than 4,300 digits.
+        message = "a number of thousands of digits"
+    message = " ".join(message.split())
+    return message if len(message) <= _QUOTED else f"{message[:_QUOTED]}..."
 
 
 def whole(field: str, given: object, least: int, most: int) -> int:
@@ -53,7 +53,7 @@ def whole(field: str, given: object, least: int, most: int) -> int:
 
 
 def flag(field: str, given: object) -> bool:
-    """True or false, of Python or numpy."""
+    """A truth value of Python or numpy."""
     if isinstance(given, (bool, np.bool_)):
         return bool(given)
     raise InvalidError.of(field, shown(given), "True or False")
@@ -72,13 +72,13 @@ def text(field: str, given: object) -> str:
             value.encode()
             return value
         except UnicodeEncodeError:
-            # It has half of a pair of surrogates.
+            # The text has half of a surrogate pair.
             pass
     raise InvalidError.of(field, shown(value), "a text")
 
 
 def word(given: object) -> str:
-    """A word of a command: a text, or the name of a file as Python reads those that are no text."""
+    """An argument of a command: a text, or a file name that Python decoded with surrogate escapes."""
     if isinstance(given, str) and _can_be_passed(given):
         return given
     raise InvalidError.of("word", shown(given), "a text, as all words of a command must")
@@ -89,7 +89,7 @@ def path(field: str, given: object, expected: str = "a path") -> str:
     name = os.fsdecode(given) if isinstance(given, (str, bytes, os.PathLike)) else ""
     if not name or not _can_be_passed(name):
         raise InvalidError.of(field, shown(given), expected)
-    # Of a user that there is not, it is a name like any other.
+    # `~` with an unknown user stays a plain name.
     with suppress(RuntimeError):
         name = os.fspath(Path(name).expanduser())
     return f"./{name}" if name.startswith("-") else name
@@ -106,7 +106,7 @@ def read(field: str, given: object) -> str:
     """The text of a campaign file.
 
     Raises:
-        OSError: If it cannot be read.
+        OSError: If the file cannot be read.
     """
     file = Path(path(field, given, "a dict, or the path of a campaign file"))
     try:
@@ -130,7 +130,7 @@ def _document(spec: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _plain(value: object) -> object:
-    """A value of a specification without the types of numpy, which TOML's writer does not know."""
+    """A value of a specification without numpy's types, which the TOML writer does not support."""
     if isinstance(value, Mapping):
         return _document(value)
     if isinstance(value, (list, tuple)):

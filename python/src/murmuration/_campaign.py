@@ -34,22 +34,22 @@ else:
 if TYPE_CHECKING:
     from ._client import Client
 
-# How many pictures of the whole archive arrive in the time of one call for one picture.
+# Pictures of a whole archive that arrive in the time of one call for a single picture.
 _PICTURES_FOR_ONE_CALL = 20
 
 
 class Campaign:
-    """A campaign: one search with all that belongs to it.
+    """A campaign: one search with its archive, labels and taxonomy.
 
     Get one from `Client.run`, `Client.submit` or `Client.campaign`. In the examples, `campaign` is a completed campaign
     of 5 generations of 20 individuals.
 
     Attributes:
-        id: Its id, `NAME-N`, unique in a coordinator's store.
+        id: The campaign's id, `NAME-N`, unique in a coordinator's store.
     """
 
     def __init__(self, client: Client, identifier: str) -> None:
-        """Made by a `Client`, which knows that the campaign exists."""
+        """Use a `Client` instead, which checks that the campaign exists."""
         self._client = client
         self.id = identifier
 
@@ -77,7 +77,7 @@ class Campaign:
 
     @property
     def spec(self) -> dict[str, Any]:
-        """Its specification: the campaign file with every default filled in. `Client.run` takes it too.
+        """The campaign's specification: the campaign file with every default filled in. `Client.run` accepts it.
 
         Example:
             >>> campaign.spec["search"]["population"]
@@ -111,8 +111,8 @@ class Campaign:
             The campaign itself.
 
         Raises:
-            CampaignError: If it fails, or a person pauses or cancels it.
-            UnavailableError: If the coordinator ends meanwhile.
+            CampaignError: If the campaign fails, or a person pauses or cancels it.
+            UnavailableError: If the coordinator ends before that.
 
         Warns:
             RuntimeWarning: If the campaign waits for something, such as a worker, and no bar shows it.
@@ -123,19 +123,19 @@ class Campaign:
         """
         bar = Bar(None if progress is None else flag("progress", progress))
         last = v1.Campaign()
-        said: set[str] = set()
+        printed: set[str] = set()
         try:
             request = v1.WatchCampaignRequest(campaign=self.id)
             for last in self._client.rpc.stream("CampaignService/WatchCampaign", request, v1.Campaign):
                 answers.identifier(last.id, self.id)
                 bar.show(last)
-                if last.waiting and bar.is_hidden and last.waiting not in said:
-                    said.add(last.waiting)
+                if last.waiting and bar.is_hidden and last.waiting not in printed:
+                    printed.add(last.waiting)
                     warnings.warn(f"campaign {self.id} waits: {last.waiting}", RuntimeWarning, stacklevel=2)
         finally:
             bar.close()
         if not last.id:
-            raise answers.wrong(f"the watch of campaign {self.id} ended before it said anything")
+            raise answers.wrong(f"the watch of campaign {self.id} ended without a message")
         if last.state == v1.CAMPAIGN_STATE_RUNNING:
             raise self._client.rpc.explained(UnavailableError(f"the coordinator ended while {self.id} was running"))
         if last.state != v1.CAMPAIGN_STATE_COMPLETED:
@@ -151,18 +151,18 @@ class Campaign:
         """All individuals evaluated so far, in order.
 
         Args:
-            flat: Whether genes, features and the dimensions of the embedding have a column each, as a data frame likes
-                them, instead of columns of lists.
+            flat: Whether each gene, feature and dimension of the embedding has its own column, as suits a data frame,
+                instead of columns of lists.
 
         Returns:
             A table with these columns, and with units in the metadata of its schema: `index`; `generation`; `genes`,
             lists of float64; `features`, lists of 5 float64 (`murmuration.FEATURES` names them); `embedding`, lists of
             float32, null in a campaign without embedder; `novelty` when evaluated, in units of the behaviour space;
-            `class`, the last one given if annotators differ, null if there is none; `seed` of the start. `trials`
-            (seed, features and embedding of each) is there if individuals have several.
+            `class`, the last one given if annotators differ, null if there is none; `seed` of the start. There
+            is a column `trials` (seed, features and embedding of each) if individuals have several.
 
-            If `flat`, columns named as `gene_names` and `FEATURES` say and `embedding_0` and so on are in the place of
-            `genes`, `features` and `embedding`. There are no `trials`, and a completed campaign has a column `cluster`:
+            If `flat`, columns named after `gene_names` and `FEATURES`, and `embedding_0` and so on, replace `genes`,
+            `features` and `embedding`. There is no column `trials`, and a completed campaign has a column `cluster`:
             the number of the behaviour, from 1, as in reports.
 
         Example:
@@ -218,7 +218,7 @@ class Campaign:
         """The behaviours that the campaign found.
 
         Raises:
-            RefusedError: If it is not completed.
+            RefusedError: If the campaign is not completed.
 
         Example:
             >>> taxonomy = campaign.taxonomy()
@@ -232,7 +232,7 @@ class Campaign:
         return taxonomy_of(found, self.status(), self._classes())
 
     def generations(self) -> pa.Table:
-        """The complete generations.
+        """The complete generations of the campaign.
 
         Returns:
             A table: `generation`; `best_novelty` and `mean_novelty` of its individuals when it was evaluated, in units
@@ -248,7 +248,7 @@ class Campaign:
         """The BLAKE3 digest of the archive, 64 hexadecimal digits. One specification has one digest, on any machine.
 
         Args:
-            partial: Whether to return it also of a campaign that is not completed: of what its archive has so far.
+            partial: Whether to accept a campaign that is not completed, and return the digest of its archive so far.
 
         Raises:
             RefusedError: If the campaign is not completed, unless `partial` is true.
@@ -266,7 +266,7 @@ class Campaign:
         return answers.digest(f"the digest of {self.id}", found.digest)
 
     def replay(self, index: int, *, stride: int = 1) -> Replay:
-        """The motion of an individual, which a worker simulates again.
+        """The motion of an individual, simulated again by a worker.
 
         Args:
             index: Its place in the archive.
@@ -291,7 +291,7 @@ class Campaign:
 
         Returns:
             A table: `index` of the individual; `answer`, a class, `not sure` or `skip`; `annotator`; `time`; `entry`,
-            its place in the label log.
+            the answer's place in the label log.
 
         Example:
             >>> campaign.labels().column_names
@@ -304,7 +304,7 @@ class Campaign:
 
         Args:
             answers: A class, `not sure` or `skip` for each index; 1 to 50,000.
-            annotator: Who gives them.
+            annotator: The name of the annotator.
 
         Raises:
             InvalidError: If a class or the annotator's name is not allowed.
@@ -332,7 +332,7 @@ class Campaign:
         """Writes the report of a completed campaign, and returns the path of its page.
 
         Args:
-            folder: Where to write it. It is created if it does not exist.
+            folder: The folder of the report. It is created if it does not exist.
 
         Raises:
             ProgramError: If the campaign is not completed, or the folder cannot be written.
@@ -353,7 +353,7 @@ class Campaign:
                 255, column by column; its output `embeddings` is float32 (n, dimensions).
 
         Raises:
-            NotFoundError: If the campaign has no embedder, or none yet.
+            NotFoundError: If the campaign has no embedder (yet).
             ProgramError: If the file cannot be written.
         """
         checkpoint = self.status().checkpoint
@@ -367,8 +367,8 @@ class Campaign:
     def export(self, folder: str | os.PathLike[str], *, csv: bool = False, force: bool = False) -> Path:
         """Writes everything of the campaign to a folder, also while it runs, and returns the folder.
 
-        It has the campaign as one SQLite database, which `Client.import_campaign` takes back. The other files are to be
-        read elsewhere: individuals, labels and generations as Parquet, pictures as NPZ, embedders as ONNX, the
+        The folder has the campaign as one SQLite database, for `Client.import_campaign`. The other files are for other
+        programs: individuals, labels and generations as Parquet, pictures as NPZ, embedders as ONNX, the
         specification, a README about every column, and a datasheet.
 
         Args:
@@ -377,7 +377,7 @@ class Campaign:
             force: Whether to replace an export that the folder holds.
 
         Raises:
-            InvalidError: If the folder is not empty, or `force` and it holds something besides an export.
+            InvalidError: If the folder is not empty; with `force`, if it holds something besides an export.
             ProgramError: If the folder cannot be written.
 
         Example:
@@ -394,7 +394,7 @@ class Campaign:
         """Stops the campaign at its last complete generation.
 
         Raises:
-            RefusedError: If it is not running.
+            RefusedError: If the campaign is not running.
         """
         self._client.rpc.call("CampaignService/PauseCampaign", v1.PauseCampaignRequest(campaign=self.id), v1.Campaign)
 
@@ -402,7 +402,7 @@ class Campaign:
         """Continues the campaign where it was paused or interrupted, or where it failed.
 
         Raises:
-            RefusedError: If it is completed or cancelled.
+            RefusedError: If the campaign is completed or cancelled.
         """
         self._client.rpc.call("CampaignService/ResumeCampaign", v1.ResumeCampaignRequest(campaign=self.id), v1.Campaign)
 
@@ -410,7 +410,7 @@ class Campaign:
         """Ends the campaign for good. Its archive stays.
 
         Raises:
-            RefusedError: If it has already ended.
+            RefusedError: If the campaign has already ended.
         """
         self._client.rpc.call("CampaignService/CancelCampaign", v1.CancelCampaignRequest(campaign=self.id), v1.Campaign)
 
@@ -425,7 +425,7 @@ class Campaign:
         self._client.rpc.call("CampaignService/RefineCampaign", v1.RefineCampaignRequest(campaign=self.id), v1.Campaign)
 
     def _description(self) -> str:
-        """The text of its campaign file, with every default filled in."""
+        """The text of the campaign's file, with every default filled in."""
         return self.status().toml
 
     def _standing(self) -> list[label_v1.Label]:

@@ -1,4 +1,4 @@
-"""A coordinator, as a client sees it."""
+"""The client of a coordinator."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from .v1 import campaign_pb2 as v1
 
 Kind = TypeVar("Kind")
 
-# Until what answers nothing is taken for no coordinator.
+# Time limit for the coordinator's first answer.
 _SECONDS_TO_ANSWER = 30
 
 
 class Client:
     """A connection to a coordinator. Get one from `local` or `connect`.
 
-    It may be used in a `with` statement, at the end of which it is closed. In the examples, `client` is one.
+    A `with` statement closes it at its end. In the examples, `client` is a connection.
 
     Attributes:
-        url: The URL of the coordinator: its pages in a browser, and `--coordinator` of commands.
-        rpc: Calls of the contract's methods, for what the library does not offer.
+        url: The URL of the coordinator, for a browser and for `--coordinator` of commands.
+        rpc: The contract's methods, for requests that the library does not offer.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class Client:
         programs: str | os.PathLike[str] | None = None,
         cluster: Cluster | None = None,
     ) -> None:
-        """Made by `local` and `connect`."""
+        """Use `local` or `connect` instead."""
         self.url = url
         self._ca, self._token, self._programs, self._cluster = ca, token, programs, cluster
         trusted = ca.read_bytes() if ca else None
@@ -120,7 +120,7 @@ class Client:
             request.weight = whole("weight", weight, 1, 10_000)
         is_dict = isinstance(spec, Mapping)
         request.toml = toml(spec).decode() if isinstance(spec, Mapping) else read("spec", spec)
-        # A call that is made again starts nothing further.
+        # A repeated call starts no second campaign.
         request.request_id = uuid.uuid4().hex
         try:
             with _without_place(spec):
@@ -144,16 +144,16 @@ class Client:
         Args:
             robot: The name of a capability model (`"single-sensor"`), or a campaign as a dict or the path of its file
                 (ending in `.toml`), for other robots, worlds, numbers of starts, or an embedding by a `checkpoint`. A
-                `Campaign` stands for its robots, world, pictures and starts, and for its embedder if it has one.
+                `Campaign` gives its robots, world, pictures and starts, and its embedder if it has one.
             controllers: Genes, (n, genes), within the ranges of their sensors and drives.
-            seeds: The seed of each controller's first start, or one for all, 0 to 2^64 - 1. By default each has one of
-                its own, which follows from its place, as in `murmuration evaluate`.
+            seeds: The seed of each controller's first start, or one for all, 0 to 2^64 - 1. By default each has its
+                own, which follows from its place, as in `murmuration evaluate`.
             pictures: Whether to return pictures, too.
 
         Raises:
             InvalidError: If the campaign or a controller is not valid.
             UnavailableError: If no worker is connected.
-            BusyError: If the coordinator answers too many requests of the caller already.
+            BusyError: If the coordinator is already answering too many requests of the caller.
 
         Example:
             >>> result = client.evaluate("single-sensor", [[-0.7, 0.3, 1.0, 1.0], [1.0, 1.0, 1.0, 1.0]], seeds=7)
@@ -229,7 +229,7 @@ class Client:
         return [Campaign(self, answers.identifier(one.id)) for one in listed.campaigns]
 
     def import_campaign(self, folder: str | os.PathLike[str]) -> Campaign:
-        """Takes a campaign that was exported into the coordinator's store, to the same digest, with its id.
+        """Imports an exported campaign into the coordinator's store, with its id and the same digest.
 
         Every file and every value is checked first. A campaign that was running is paused.
 
@@ -237,7 +237,7 @@ class Client:
             folder: A folder that `Campaign.export` or `murmuration export` wrote.
 
         Raises:
-            InvalidError: If a file was changed, or there is a campaign of that id already.
+            InvalidError: If a file was changed, or the store already has a campaign with that id.
 
         Example:
             >>> folder = campaign.export("elsewhere")
@@ -250,12 +250,12 @@ class Client:
     def command(self, *words: str) -> dict[str, Any]:
         """Runs a command of the program `murmuration` on this coordinator, and returns what it prints with `--json`.
 
-        `murmuration schema` describes the documents. Of a command that prints none, such as `checkpoints export`, the
-        document is empty.
+        `murmuration schema` describes the documents. If a command prints none, such as `checkpoints export`, the result
+        is an empty document.
 
         Raises:
             InvalidError: If the command refuses its input, or prints several documents: `documents` returns them.
-            NotFoundError: If what the command is asked about does not exist.
+            NotFoundError: If the command names something that does not exist.
             ProgramError: If the program cannot be found, or fails.
 
         Example:
@@ -268,7 +268,7 @@ class Client:
         return documents[0] if documents else {}
 
     def printed(self, field: str, kind: type[Kind], *words: str) -> Kind:
-        """One field of the document that a command prints, of a kind. Errors are those of `command`."""
+        """A field of a command's document, checked to be a `kind`. Errors are those of `command`."""
         value = self.command(*words).get(field)
         if not isinstance(value, kind):
             raise ProgramError(f"`murmuration {words[0]}` printed no field `{field}`, or what is none")
@@ -279,7 +279,7 @@ class Client:
 
         Raises:
             InvalidError: If the command refuses its input.
-            NotFoundError: If what the command is asked about does not exist.
+            NotFoundError: If the command names something that does not exist.
             ProgramError: If the program cannot be found, or fails.
 
         Example:
@@ -309,17 +309,18 @@ def local(
     """Starts a cluster on this machine, and connects to it.
 
     The cluster is one process (`murmuration serve`), which listens to this machine only. It ends when the client is
-    closed, and when this process ends in whatever way, also when it is killed.
+    closed, and when this process ends, even if it is killed.
 
     Args:
-        data: The data directory, which is made if it does not exist; by default a temporary one, which is removed at
-            the end. The running campaigns of a data directory continue.
+        data: The data directory, created if it does not exist; by default a temporary one, which is removed at the
+            end. The running campaigns of a data directory continue.
         workers: Number of workers, 0 to 4096; by default one for each core.
         trainers: Number of trainers, 0 to 4096; by default one.
-        programs: The folder of the programs; by default the one where pip puts programs, or else the PATH.
+        programs: The folder of the programs; by default pip's folder for programs, or else the PATH.
 
     Raises:
-        ProgramError: If the cluster cannot start: there is no program, or another process uses the data directory.
+        ProgramError: If the cluster cannot start, for example without its program, or if another process uses the data
+            directory.
 
     Example:
         >>> with mm.local(workers=1) as client:
@@ -348,14 +349,14 @@ def connect(
         url: `http://HOST:PORT` or `https://HOST:PORT`.
         ca: File with the certificate of the authority that signed the coordinator's (PEM). Required for https.
         token: Your token, if the coordinator asks for one.
-        programs: The folder of the program `murmuration`, which reads campaign files and writes reports; by default the
-            one where pip puts programs, or else the PATH.
+        programs: The folder of the program `murmuration`, which reads campaign files and writes reports; by default
+            pip's folder for programs, or else the PATH.
 
     Raises:
-        InvalidError: If the URL or the token cannot be one, or a `ca` is missing.
+        InvalidError: If the URL or the token is malformed, or `ca` is missing.
         OSError: If the certificate cannot be read.
         UnavailableError: If no coordinator answers within 30 seconds.
-        RefusedError: If it does not accept the token.
+        RefusedError: If the coordinator does not accept the token.
 
     Example:
         >>> with mm.connect(client.url) as another:
@@ -369,7 +370,7 @@ def connect(
     try:
         client._found("latest", _SECONDS_TO_ANSWER)
     except NotFoundError:
-        # It answers, and has no campaigns.
+        # The coordinator answers; it only has no campaigns.
         pass
     except BaseException:
         client.close()
@@ -383,7 +384,7 @@ def _described(robot: str | os.PathLike[str] | Mapping[str, Any] | Campaign) -> 
 
 
 def _description_of(campaign: Campaign) -> dict[str, Any]:
-    """What evaluates controllers as a campaign does: its specification, with the embedder that it has."""
+    """A description that evaluates as a campaign does: its specification, with its current embedder."""
     spec = campaign.spec
     if checkpoint := campaign.status().checkpoint:
         spec = {name: value for name, value in spec.items() if name not in ("dataset", "training")}
@@ -393,11 +394,11 @@ def _description_of(campaign: Campaign) -> dict[str, Any]:
 
 @contextmanager
 def _without_place(spec: object) -> Iterator[None]:
-    """Leaves the place in a file out of errors, where the caller gave a dict."""
+    """Removes the place in a file from errors if the caller gave a dict."""
     try:
         yield
     except InvalidError as error:
         if not isinstance(spec, Mapping):
             raise
-        # What is wrong comes after the place, on a line of its own.
+        # The error follows the place, on its own line.
         raise error.reworded(str(error).rsplit("\n", 1)[-1]) from None

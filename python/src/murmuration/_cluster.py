@@ -20,9 +20,9 @@ from ._programs import environment
 # A coordinator checks its database before it listens.
 _SECONDS_TO_START = 120
 _SECONDS_TO_LOOK_AGAIN = 0.01
-# Until a guard has ended whose coordinator has.
+# Time limit for a guard to end after its coordinator.
 _SECONDS_TO_END = 0.5
-# Of a log, what a message quotes.
+# Length of a message's quotation from the log.
 _QUOTED_BYTES = 2_000
 
 
@@ -31,12 +31,12 @@ class Cluster:
 
     Attributes:
         url: The URL of the coordinator.
-        token: The token of this machine's commands; None where none is asked for.
+        token: The token of this machine's commands; None if the coordinator requires none.
     """
 
     def __init__(self, program: Path, data: Path | None, workers: int | None, trainers: int | None) -> None:
-        """Starts the cluster, and waits until it answers. Without `data`, its data directory is removed at its end."""
-        # The file has no name, so that nothing is left of it.
+        """Starts the cluster, and waits until it answers. Without `data`, it has a temporary data directory."""
+        # The file has no name, so that the system deletes it.
         self._log = tempfile.TemporaryFile()  # noqa: SIM115
         self._process = os.getpid()
         own = "" if data else tempfile.mkdtemp(prefix="murmuration-")
@@ -47,7 +47,7 @@ class Cluster:
                 command += [option, str(count)]
         try:
             self._guard = _start_guard(command, own, self._log)
-            # Also at the end of an interpreter whose programmer did not close it.
+            # Runs at the interpreter's end too, if the cluster was not closed.
             self._end = weakref.finalize(self, _end, self._guard, self._process, own, self._log)
             self.url, self.token = self._wait_for_address(data)
         except BaseException:
@@ -63,9 +63,9 @@ class Cluster:
         self._end()
 
     def why(self) -> str:
-        """Why it does not answer: the last lines of its log, if it has ended; otherwise nothing."""
+        """The last lines of its log if it has ended, as the reason for missing answers; otherwise empty."""
         if os.getpid() != self._process:
-            # A fork cannot tell.
+            # A fork cannot know whether the cluster has ended.
             return ""
         try:
             self._guard.wait(_SECONDS_TO_END)
@@ -74,7 +74,7 @@ class Cluster:
         return f"the local cluster has ended:\n{self._tail()}"
 
     def _wait_for_address(self, data: Path) -> tuple[str, str | None]:
-        """Where its coordinator listens, as its data directory says."""
+        """The coordinator's address and token, from its data directory."""
         assert self._guard.stdout is not None  # noqa: S101
         process = self._guard.stdout.readline().strip()
         last = time.monotonic() + _SECONDS_TO_START
@@ -88,7 +88,7 @@ class Cluster:
     def _tail(self) -> str:
         if self._log.closed:
             return ""
-        # Seeking would move the place at which the cluster writes.
+        # Seeking would move the cluster's position in the file too.
         log = self._log.fileno()
         begin = max(0, os.fstat(log).st_size - _QUOTED_BYTES)
         return os.pread(log, _QUOTED_BYTES, begin).decode(errors="replace").strip()
@@ -107,7 +107,7 @@ def _start_guard(command: list[str], own: str, log: IO[bytes]) -> subprocess.Pop
         stderr=log,
         text=True,
         env=environment(),
-        # Ctrl-C in a terminal is for Python alone, which then ends the cluster.
+        # Ctrl-C in a terminal reaches only Python, which then ends the cluster.
         start_new_session=True,
     )
 
@@ -119,7 +119,7 @@ def _end(guard: subprocess.Popen[str], process: int, own: str, log: IO[bytes]) -
         return
     assert guard.stdin is not None and guard.stdout is not None  # noqa: S101
     try:
-        # Closing it is not enough: a fork may hold it too.
+        # Closing the pipe is not enough: a fork may hold it too.
         guard.stdin.write("end\n")
         guard.stdin.close()
     except BrokenPipeError:
@@ -127,12 +127,12 @@ def _end(guard: subprocess.Popen[str], process: int, own: str, log: IO[bytes]) -
     guard.wait()
     guard.stdout.close()
     if own:
-        # The guard has done so, unless it was killed.
+        # The guard has removed it already, unless it was killed.
         shutil.rmtree(own, ignore_errors=True)
 
 
 def _holder(data: Path) -> dict[str, object]:
-    """The process that uses a data directory; nothing while that is being written."""
+    """Details of the process that uses a data directory; empty while they are being written."""
     try:
         holder = json.loads((data / "lock.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -141,7 +141,7 @@ def _holder(data: Path) -> dict[str, object]:
 
 
 def _instead(data: Path) -> str:
-    """How to use a coordinator that has the data directory; nothing if none has it."""
+    """How to use the coordinator that holds the data directory; empty if none does."""
     holder = _holder(data)
     try:
         os.kill(int(str(holder.get("process"))), 0)

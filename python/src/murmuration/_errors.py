@@ -1,4 +1,4 @@
-"""Errors, as the coordinator and the programs say them."""
+"""The errors of this library, with the messages of the coordinator and the programs."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class InvalidError(MurmurationError, ValueError):
     """A value that is not allowed.
 
     Attributes:
-        field: The field, as in a campaign file (`search.population`); None where the coordinator does not name one.
-        value: The value, as text; None where it is missing or the coordinator does not repeat it.
-        limit: What is allowed, such as `a whole number from 1 to 100000`; None where the coordinator does not say it.
+        field: The field, as in a campaign file (`search.population`); None if the coordinator does not name one.
+        value: The value, as text; None if it is missing or the coordinator does not repeat it.
+        limit: The allowed values, such as `a whole number from 1 to 100000`; None if the coordinator does not tell.
 
     Example:
         >>> try:
@@ -27,21 +27,23 @@ class InvalidError(MurmurationError, ValueError):
         search.population must be a whole number from 1 to 100000
     """
 
-    def __init__(self, said: str, field: str | None = None, value: str | None = None, limit: str | None = None) -> None:
-        super().__init__(said)
+    def __init__(
+        self, message: str, field: str | None = None, value: str | None = None, limit: str | None = None
+    ) -> None:
+        super().__init__(message)
         self.field = field
         self.value = value
         self.limit = limit
 
     @classmethod
     def of(cls, field: str, value: str | None, limit: str) -> InvalidError:
-        """The error about a field of this library; without `value` the field is missing."""
+        """The error about an argument of this library; without `value`, the argument is missing."""
         found = f"{field} is missing" if value is None else f"{field} = {value}"
         return cls(f"{found}: must be {limit}", field, value, limit)
 
-    def reworded(self, said: str) -> InvalidError:
+    def reworded(self, message: str) -> InvalidError:
         """The same error in other words."""
-        return InvalidError(said, self.field, self.value, self.limit)
+        return InvalidError(message, self.field, self.value, self.limit)
 
     def __reduce__(self) -> tuple[type[InvalidError], tuple[str, str | None, str | None, str | None]]:
         # Processes of a pool send it to each other.
@@ -53,7 +55,7 @@ class NotFoundError(MurmurationError, LookupError):
 
 
 class RefusedError(MurmurationError):
-    """A request that the coordinator does not carry out now, or not for this person."""
+    """A request that the coordinator refuses in the present state, or for this token."""
 
 
 class UnavailableError(MurmurationError, ConnectionError):
@@ -61,13 +63,13 @@ class UnavailableError(MurmurationError, ConnectionError):
 
 
 class BusyError(MurmurationError):
-    """A coordinator that answers too many requests of yours, or has no room on its disk: ask again later."""
+    """The coordinator has too many open requests of yours, or no room on its disk. Try again later."""
 
 
 class AnswerError(MurmurationError):
-    """An answer of the coordinator that cannot be, such as a picture of a wrong size. Nothing of it is used.
+    """An impossible answer of the coordinator, such as a picture of a wrong size. The whole answer is discarded.
 
-    The coordinator is broken or of another version, or something on the way to it changes what it says.
+    The coordinator is broken or of another version, or something on the way to it alters its answers.
     """
 
 
@@ -75,11 +77,11 @@ class CampaignError(MurmurationError):
     """A campaign that stopped before it was completed.
 
     Attributes:
-        state: Its state: `failed`, `paused` or `cancelled`; `unknown` if a newer coordinator has another.
+        state: The campaign's state: `failed`, `paused` or `cancelled`; `unknown` if a newer coordinator has another.
     """
 
-    def __init__(self, said: str, state: str) -> None:
-        super().__init__(said)
+    def __init__(self, message: str, state: str) -> None:
+        super().__init__(message)
         self.state = state
 
     def __reduce__(self) -> tuple[type[CampaignError], tuple[str, str]]:
@@ -93,7 +95,7 @@ class ProgramError(MurmurationError):
 
 _BY_CODE: dict[grpc.StatusCode, type[MurmurationError]] = {
     grpc.StatusCode.INVALID_ARGUMENT: InvalidError,
-    # A message that is larger than the coordinator reads.
+    # The message is larger than the coordinator accepts.
     grpc.StatusCode.OUT_OF_RANGE: InvalidError,
     grpc.StatusCode.NOT_FOUND: NotFoundError,
     grpc.StatusCode.FAILED_PRECONDITION: RefusedError,
@@ -108,21 +110,21 @@ _BY_CODE: dict[grpc.StatusCode, type[MurmurationError]] = {
 
 def of_status(error: grpc.RpcError) -> MurmurationError:
     """The error of a gRPC status."""
-    # What grpc raises for a call is also the call, which has the status.
+    # The error that grpc raises for a call is also the call, which has the status.
     if not isinstance(error, grpc.Call):
         return MurmurationError(str(error))
-    said = error.details() or error.code().name
+    message = error.details() or error.code().name
     kind = _BY_CODE.get(error.code(), MurmurationError)
-    return _invalid(said, error) if kind is InvalidError else kind(said)
+    return _invalid(message, error) if kind is InvalidError else kind(message)
 
 
-def _invalid(said: str, call: grpc.Call) -> InvalidError:
-    """The error with what the details of a status say of the field; a proxy may have dropped them."""
-    error = InvalidError(said)
+def _invalid(message: str, call: grpc.Call) -> InvalidError:
+    """The error with the field from the status's details; a proxy may have dropped them."""
+    error = InvalidError(message)
     try:
         status = rpc_status.from_call(call)
     except ValueError:
-        # Details of another status than the call's.
+        # The details belong to another status than the call's.
         return error
     for detail in status.details if status else ():
         request, info = error_details_pb2.BadRequest(), error_details_pb2.ErrorInfo()

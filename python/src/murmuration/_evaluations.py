@@ -1,4 +1,4 @@
-"""Evaluations of controllers that need not be of a campaign."""
+"""Evaluations of controllers, independent of a campaign's archive."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from .v1 import evaluation_pb2 as v1
 from .v1 import worker_pb2 as worker
 
 _MOST_SEEDS = 1 << 64
-# Seed that those of controllers derive from where none are given, as by default in `murmuration evaluate`.
+# Seed from which default seeds derive, the same as the default of `murmuration evaluate`.
 _SEED = 0
-# Kinds of numpy's types that become real numbers only by losing what they say: complex numbers, dates and durations.
+# Kinds of numpy types that lose their meaning as real numbers: complex numbers, dates and durations.
 _NO_REAL_NUMBERS = "cMm"
-# Controllers of a request: a few hundred milliseconds of one core, and with usual pictures less than a megabyte.
+# Controllers per request: a few hundred milliseconds of one core, and with usual pictures less than a megabyte.
 _IN_A_REQUEST = 64
 
 
 @dataclass(frozen=True, repr=False)
 class Evaluations:
-    """What evaluations of controllers came to, in their order.
+    """Results of evaluations, in the order of the controllers.
 
     Attributes:
         features: float64 (n, 5), the hand-crafted features that `FEATURES` names; means over the starts.
         embeddings: float32 (n, dimensions), means over the starts; None if the method does not embed.
-        pictures: uint8 (n, side, side), of the first start, rows from the top down; None unless they were asked for.
+        pictures: uint8 (n, side, side), of the first start, rows from the top down; None unless requested.
             With a channel for each species (n, channels, side, side).
         seeds: uint64 (n,), the seed of each controller's first start.
-        failures: By the number of the controller, why it could not be evaluated: workers were lost during it. Its
-            features and embedding are not a number, and its picture is black. Usually empty.
+        failures: Reasons for failed evaluations, by the number of the controller: workers were lost during it. Its
+            features and embedding are NaN, and its picture is black. Usually empty.
     """
 
     features: npt.NDArray[np.float64]
@@ -64,7 +64,7 @@ def evaluate(
     seeds: Iterable[Any] | int | None,
     pictures: bool,
 ) -> Evaluations:
-    """Has controllers evaluated as the text of a campaign file describes it."""
+    """Requests evaluations of controllers, as in the campaign file with the text `description`."""
     genes = _numbers("controllers", controllers, "(controllers, genes)")
     if genes.ndim != 2 or not len(genes):
         raise InvalidError.of("controllers", f"an array of shape {genes.shape}", "(controllers, genes), at least one")
@@ -75,8 +75,8 @@ def evaluate(
 
 
 def _seeds(seeds: Iterable[Any] | int, controllers: int) -> list[int]:
-    """The seeds that were given: one for each controller, or one for all."""
-    # Not by an array of numpy: numbers from 2^63 on may become floating-point numbers in it.
+    """The seeds of the controllers: given for each, or one for all."""
+    # Not via a numpy array, in which numbers from 2^63 on may become floating-point numbers.
     given = plain(seeds)
     if not isinstance(given, Iterable):
         given = [whole("seeds", given, 0, _MOST_SEEDS - 1)] * controllers
@@ -87,13 +87,13 @@ def _seeds(seeds: Iterable[Any] | int, controllers: int) -> list[int]:
 
 
 def _whole(answered: Iterable[v1.EvaluateResponse], controllers: int) -> tuple[list[v1.EvaluateResult], int]:
-    """The results of as many controllers, and the side of their pictures in pixels."""
+    """The results of all controllers, and the side of their pictures in pixels."""
     results: list[v1.EvaluateResult] = []
     sides: set[int] = set()
     for answer in answered:
         results.extend(answer.results)
         sides.add(answer.side)
-        # What has no end is not read to its end.
+        # A faulty answer may be endless.
         if len(results) > controllers:
             raise answers.wrong(f"more than {controllers} results came for {controllers} controllers")
     answers.count(f"results of {controllers} controllers", len(results), controllers)
@@ -124,7 +124,7 @@ def _evaluations(results: list[v1.EvaluateResult], side: int, pictures: bool) ->
 
 
 def _check(number: int, result: v1.EvaluateResult, usual: v1.EvaluateResult) -> None:
-    """Checks the trials of a controller by its number. All have as many of everything as those of the `usual` one."""
+    """Checks the trials of a controller. Their numbers and lengths must be those of the `usual` result."""
     if not result.trials:
         raise answers.wrong(f"controller {number} has no trials, and no failure")
     dimensions = len(usual.trials[0].embedding)
@@ -139,7 +139,7 @@ def _check(number: int, result: v1.EvaluateResult, usual: v1.EvaluateResult) -> 
 def replay(
     rpc: Connection, description: str, controller: npt.ArrayLike, seed: int, steps: int | None
 ) -> npt.NDArray[np.float64]:
-    """Has the motion of a controller simulated, in a world as the text of a campaign file describes it."""
+    """Requests the motion of a controller, in the world of the campaign file with the text `description`."""
     genes = _numbers("controller", controller, "(genes,)")
     if genes.ndim != 1:
         raise InvalidError.of("controller", f"an array of shape {genes.shape}", "the genes of one, (genes,)")
@@ -153,7 +153,7 @@ def replay(
 
 
 def _motion(answered: Iterable[v1.Motion], steps: int | None) -> npt.NDArray[np.float64]:
-    """The parts of a motion as one, (steps + 1, robots, 3); with any number of steps if that is not known."""
+    """Joins the parts of a motion, (steps + 1, robots, 3). Without `steps`, any number of them is accepted."""
     parts = [(part.agents, tables.poses("a motion's parts", part.poses, part.agents)) for part in answered]
     if not parts:
         raise answers.wrong("a motion has no parts")
@@ -167,7 +167,7 @@ def _motion(answered: Iterable[v1.Motion], steps: int | None) -> npt.NDArray[np.
 
 def _numbers(field: str, given: npt.ArrayLike, shape: str) -> npt.NDArray[np.float64]:
     given = plain(given)
-    # A column of a table or of a data frame has a list or an array in each row.
+    # Columns of tables and data frames have a list or an array in each row.
     listed = getattr(given, "to_pylist", None) or getattr(given, "to_list", None)
     try:
         array = np.asarray(listed() if listed else given)
@@ -182,7 +182,7 @@ def _numbers(field: str, given: npt.ArrayLike, shape: str) -> npt.NDArray[np.flo
 
 
 def _nothing_like(result: v1.EvaluateResult) -> list[worker.Evaluation]:
-    """What a controller that could not be evaluated has in the place of trials."""
+    """Placeholder trials for a controller that could not be evaluated."""
     usual = result.trials[0]
     nan = float("nan")
     lost = worker.Evaluation(features=[nan] * len(usual.features), embedding=[nan] * len(usual.embedding))
@@ -191,7 +191,7 @@ def _nothing_like(result: v1.EvaluateResult) -> list[worker.Evaluation]:
 
 
 def described(campaign: str | os.PathLike[str] | Mapping[str, Any]) -> str:
-    """The text of a campaign file: of the file, of a dict, or of a capability model by its name."""
+    """The text of a campaign file, from its path, from a dict, or from the name of a capability model."""
     if isinstance(campaign, str) and not campaign.endswith(".toml"):
         campaign = {"model": campaign}
     if isinstance(campaign, Mapping):
@@ -215,7 +215,7 @@ def _requests(
 
 
 def _mean(trials: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
-    """The mean as Murmuration rounds it: summed in the order of the trials, and divided once."""
+    """The mean with Murmuration's rounding: summed in the order of the trials, and divided once."""
     total = np.array(trials[0], dtype=np.float64)
     for trial in trials[1:]:
         total += np.array(trial, dtype=np.float64)

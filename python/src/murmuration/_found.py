@@ -1,4 +1,4 @@
-"""What a campaign found: motions and behaviours."""
+"""Results of a campaign: motions and behaviours."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ class Taxonomy:
             `mean_distance`, `novelty`, `class`, `cluster_name` (the class, or the name from an earlier version),
             `genes`, `seed`.
         pictures: Their pictures, as from `Campaign.pictures`.
-        clusters: The row of `medoids` that each individual of the archive belongs to, from 0; uint32 (individuals,).
-            Reports, pages and files number behaviours from 1: theirs is the row + 1.
+        clusters: For each individual of the archive its row of `medoids`, from 0; uint32 (individuals,). Reports, pages
+            and files number behaviours from 1: row + 1.
         loss: Sum of the distances of all individuals to their nearest medoids, in units of the behaviour space.
         robustness: The share of each individual's trials that are nearer to its own medoid than to any other, 0 to 1;
             float64 (individuals,). None if individuals have one trial.
@@ -63,7 +63,7 @@ class Taxonomy:
 
 
 def replay_of(answered: v1.Replay, horizon: int) -> Replay:
-    """The motion in a coordinator's answer, which ends at the world's last step, `horizon`."""
+    """The motion in a coordinator's answer. It ends at the world's last step, `horizon`."""
     steps = np.array(answered.steps, np.uint32)
     if not len(steps) or steps[0] != 0 or (np.diff(steps.astype(np.int64)) <= 0).any():
         raise answers.wrong("the frames of a motion are not numbered from 0 up")
@@ -75,11 +75,11 @@ def replay_of(answered: v1.Replay, horizon: int) -> Replay:
 
 
 def taxonomy_of(answered: v1.Taxonomy, campaign: v1.Campaign, classes: Mapping[int, str]) -> Taxonomy:
-    """The taxonomy in a coordinator's answer. `classes` are those of individuals that have one."""
+    """The taxonomy in a coordinator's answer. `classes` maps individuals to their classes."""
     if not answered.medoids:
         raise answers.wrong("a taxonomy has no medoids")
     individuals = campaign.generations_done * campaign.spec.search.population
-    # Otherwise the campaign goes on, and has more of them by now.
+    # A campaign that is not completed may have more individuals by now.
     if campaign.state == v1.CAMPAIGN_STATE_COMPLETED:
         answers.count("individuals in the taxonomy", len(answered.clusters), individuals)
     answers.below("the cluster of individual", answered.clusters, len(answered.medoids))

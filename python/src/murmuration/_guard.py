@@ -1,10 +1,10 @@
-"""Runs a coordinator for as long as a Python process lives. A program of its own: it imports nothing of the library.
+"""Runs a coordinator for as long as a Python process lives. A separate program, which imports nothing of the library.
 
 The Python process starts the guard, and the guard starts the coordinator. The guard ends the coordinator when the
-Python process asks for it, or ends in any way, SIGKILL included: the guard holds a descriptor of that process (where
-the system has such) and the end of a pipe. If the guard itself is killed, the system kills the coordinator
-(PR_SET_PDEATHSIG). The system sends that signal when the thread ends that started a process. So the guard, which has
-one thread, starts it.
+Python process asks for it, or ends in any way, SIGKILL included: the guard holds a descriptor of that process (if the
+system has such descriptors) and the end of a pipe. If the guard itself is killed, the system kills the coordinator
+(PR_SET_PDEATHSIG). The system does so when the thread that started the coordinator ends. The guard has only one
+thread, so it starts the coordinator.
 
 Arguments: the process id of the Python process; a folder to remove at the end, or an empty text; the command.
 """
@@ -19,12 +19,12 @@ import sys
 from collections.abc import Callable
 
 PR_SET_PDEATHSIG = 1
-# A coordinator finishes evaluations that have begun before it ends. If it is killed, it loses nothing acknowledged.
+# A coordinator finishes running evaluations before it ends. Killing it loses nothing acknowledged.
 SECONDS_TO_END = 10
 
 
 def dies_with_guard() -> Callable[[], None]:
-    """What the coordinator's process does before it is the coordinator: it asks to be killed when the guard ends."""
+    """Returns a function that the new process runs first: it asks to be killed when the guard ends."""
     prctl = getattr(ctypes.CDLL(None), "prctl", None)
     guard = os.getpid()
 
@@ -38,7 +38,7 @@ def dies_with_guard() -> Callable[[], None]:
 
 
 def parent_lives(parent: int) -> int | None:
-    """A descriptor that can be read once the Python process has ended; None where the system has none."""
+    """A descriptor that becomes readable when the Python process ends; None if the system has none."""
     try:
         return os.pidfd_open(parent)
     except (AttributeError, OSError):

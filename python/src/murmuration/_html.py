@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-# Of a picture in a notebook, in pixels of the screen.
+# Side of a picture in a notebook, in pixels of the screen.
 _SHOWN_SIDE = 100
 
 
@@ -24,14 +24,14 @@ def png(picture: npt.NDArray[np.uint8]) -> bytes:
 
     rows, columns = picture.shape
     header = struct.pack(">IIBBBBB", columns, rows, 8, 0, 0, 0, 0)
-    # Each row begins with its filter: none.
+    # Each row begins with the number of its filter: 0, for none.
     filtered = np.pad(picture, ((0, 0), (1, 0))).tobytes()
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(filtered)) + chunk(b"IEND", b"")
 
 
 def taxonomy_page(pictures: npt.NDArray[np.uint8], medoids: Sequence[Mapping[str, Any]]) -> str:
     """The medoids of a taxonomy as a row of pictures with words below."""
-    # Channels of species are shown as one.
+    # Merge the channels of species.
     grey = pictures.max(axis=1) if pictures.ndim == 4 else pictures
     figures = [_figure(number, *shown) for number, shown in enumerate(zip(grey, medoids, strict=True), 1)]
     return f'<div style="display:flex;flex-wrap:wrap;gap:8px">{"".join(figures)}</div>'

@@ -1,4 +1,4 @@
-"""The programs of Murmuration: where they are, and how they are run."""
+"""Finds and runs the programs of Murmuration."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ._arguments import path
 from ._errors import InvalidError, MurmurationError, NotFoundError, ProgramError, UnavailableError
 
 _NAME = "murmuration"
-# Exit code of programs for wrong usage or input.
+# The programs' exit code for wrong usage or input.
 _WRONG_INPUT = 2
 
 
@@ -29,7 +29,7 @@ def find(folder: str | os.PathLike[str] | None) -> Path:
     if folder is not None:
         places = [path("programs", folder)]
     else:
-        # A wheel puts programs there, which have the version of this library; `--target` of pip has a folder for both.
+        # A wheel puts programs of this library's version there; `--target` of pip has one folder for both.
         scripts = [sysconfig.get_path("scripts"), sysconfig.get_path("scripts", f"{os.name}_user")]
         scripts.append(os.fspath(Path(__file__).parents[1] / "bin"))
         places = [*scripts, *os.environ.get("PATH", os.defpath).split(os.pathsep)]
@@ -42,11 +42,11 @@ def find(folder: str | os.PathLike[str] | None) -> Path:
 
 
 def environment() -> dict[str, str]:
-    """The environment of programs: this process's, without what only a shell's commands are to be told.
+    """The environment of programs: this process's, without the variables for commands in a shell (`MURMURATION_*`).
 
     Embedders run on ONNX Runtime. If ORT_DYLIB_PATH does not name a library, it is set to the one in the Python package
-    `onnxruntime`, if that is installed. From its version 1.29 on, ONNX Runtime tells its makers about the machine as
-    soon as it is loaded, unless ORT_DISABLE_TELEMETRY is 1. It is set to that unless it is set to something else.
+    `onnxruntime`, if that is installed. From its version 1.29 on, ONNX Runtime reports the machine to its makers when
+    it is loaded, unless ORT_DISABLE_TELEMETRY is 1. This sets it to 1 unless it has a value.
     """
     kept = {name: value for name, value in os.environ.items() if not name.startswith("MURMURATION_")}
     if not kept.get("ORT_DYLIB_PATH") and (library := _onnxruntime()):
@@ -60,7 +60,7 @@ def _onnxruntime() -> Path | None:
     package = importlib.util.find_spec("onnxruntime")
     places = package.submodule_search_locations if package else None
     for place in places or ():
-        # Its name on Linux, and on macOS.
+        # The names on Linux and on macOS.
         for name in ("libonnxruntime.so*", "libonnxruntime.*dylib"):
             for library in sorted(Path(place, "capi").glob(name)):
                 return library
@@ -72,9 +72,9 @@ def run(program: Path, words: Sequence[str], variables: dict[str, str]) -> list[
 
     Raises:
         InvalidError: If the command refuses its input.
-        NotFoundError: If what it is asked about does not exist.
-        UnavailableError: If the coordinator does not answer it.
-        ProgramError: If it fails.
+        NotFoundError: If the command names something that does not exist.
+        UnavailableError: If the coordinator does not answer the command.
+        ProgramError: If the command fails.
     """
     command = [os.fspath(program), *words, "--json"]
     try:
@@ -105,11 +105,11 @@ def run(program: Path, words: Sequence[str], variables: dict[str, str]) -> list[
     return documents
 
 
-def _failed(command: str, code: int, said: str) -> MurmurationError:
-    # Of wrong usage the first line says what is wrong, and the others what to type.
-    said = said.partition("\n\nFor more information")[0] or f"{command} failed with exit code {code}"
-    if said.startswith("no coordinator answers "):
-        return UnavailableError(said)
+def _failed(command: str, code: int, message: str) -> MurmurationError:
+    # For wrong usage, the first line is the error; the others are help.
+    message = message.partition("\n\nFor more information")[0] or f"{command} failed with exit code {code}"
+    if message.startswith("no coordinator answers "):
+        return UnavailableError(message)
     if code != _WRONG_INPUT:
-        return ProgramError(said)
-    return NotFoundError(said) if said.startswith("there is no ") else InvalidError(said)
+        return ProgramError(message)
+    return NotFoundError(message) if message.startswith("there is no ") else InvalidError(message)

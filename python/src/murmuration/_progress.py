@@ -15,7 +15,7 @@ _TRAININGS = ("pretrain", "fine-tune")
 
 
 class Step(NamedTuple):
-    """How far a stage has come."""
+    """The progress of a stage."""
 
     stage: str
     done: int
@@ -29,7 +29,7 @@ class Bar:
     Without `shown`, bars are shown in notebooks and in terminals, but not where stderr is a file.
 
     Attributes:
-        is_hidden: Whether nobody sees it.
+        is_hidden: Whether the bar is not shown.
     """
 
     def __init__(self, shown: bool | None) -> None:
@@ -44,7 +44,7 @@ class Bar:
         self._bar: tqdm[NoReturn] | None = None
 
     def show(self, campaign: v1.Campaign) -> None:
-        """Shows where the campaign is."""
+        """Shows the campaign's progress."""
         step = step_of(campaign)
         if step is None:
             return
@@ -56,7 +56,7 @@ class Bar:
         elif step.stage == "evolve" and campaign.HasField("mean_novelty"):
             bar.set_postfix_str(f"novelty {campaign.mean_novelty:.3g}")
         else:
-            # It waits no more.
+            # The campaign no longer waits.
             bar.set_postfix_str("", refresh=False)
 
     def _bar_of(self, step: Step) -> tqdm[NoReturn]:
@@ -71,9 +71,9 @@ class Bar:
         return self._bar
 
     def _finish(self, following: str) -> None:
-        """Shows a stage as done that another one follows: its last progress may not have been told."""
+        """Shows a stage as done when another one follows: its last progress may not have arrived."""
         bar = self._bar
-        # A search also stops for a while when a person has its archive move to another embedder.
+        # A search also pauses when a person moves its archive to another embedder.
         if bar is None or (self._stage == "evolve" and following != "label"):
             return
         if bar.total and self._stage not in _TRAININGS:
@@ -81,31 +81,30 @@ class Bar:
         elif bar.n:
             bar.total = bar.n
         else:
-            # It was too short for a word about how far it was.
+            # The stage was too short to report progress.
             bar.bar_format = "{desc}: done"
 
     def close(self) -> None:
-        """Leaves the bar as it is."""
+        """Closes the bar in its present state."""
         if self._bar is not None:
             self._bar.close()
             self._bar = None
 
 
 class _Output:
-    """An output of a notebook's cell, which has the last line that a bar wrote.
+    """An output of a notebook's cell that shows a bar's last line.
 
-    It is text, and no widget: where a notebook is saved or shown without its kernel, of a widget there is nothing left
-    but the empty bar that it began with.
+    It is text, because a widget of a notebook that is saved or shown without its kernel becomes its initial, empty bar.
     """
 
-    # By which tqdm knows that it may draw with more than ASCII.
+    # Lets tqdm draw with more than ASCII.
     encoding = "utf-8"
 
     def __init__(self) -> None:
         self._shown: Any = None
 
     def write(self, written: str) -> int:
-        """Shows a bar; what moves a terminal's cursor is left out."""
+        """Shows a bar, without the characters that move a terminal's cursor."""
         from IPython.display import display
 
         if written.startswith("\r"):
@@ -124,11 +123,11 @@ def _is_in_notebook() -> bool:
 
 
 def step_of(campaign: v1.Campaign) -> Step | None:
-    """How far the stage of a campaign has come; None where nothing is counted."""
+    """The progress of a campaign's stage; None if the stage counts nothing."""
     if not campaign.HasField("progress"):
         return None
     stage = campaign.stage
-    # While the archive is clustered, all evaluations are done.
+    # All evaluations are done once the archive is clustered.
     if stage == v1.CAMPAIGN_STAGE_TAXONOMY:
         stage = v1.CAMPAIGN_STAGE_EVOLVE
     name = word(v1.CampaignStage.Name, stage, "CAMPAIGN_STAGE_").replace("_", "-")

@@ -16,15 +16,15 @@ from ._errors import AnswerError, InvalidError, MurmurationError, UnavailableErr
 
 Answer = TypeVar("Answer", bound=Message)
 
-# How gRPC begins what it says where nothing answers, or not in time.
+# Beginnings of gRPC's messages if no server answers, or not in time.
 _NOBODY = ("failed to connect to all addresses", "Deadline Exceeded")
 _OPTIONS = [
     # A picture may have up to a million bytes for each of its channels.
     ("grpc.max_receive_message_length", 64 * 1024 * 1024),
-    # A coordinator that vanished is noticed while a campaign is watched.
+    # Detects a vanished coordinator while a campaign is watched.
     ("grpc.keepalive_time_ms", 20_000),
     ("grpc.keepalive_timeout_ms", 10_000),
-    # As Murmuration's programs do.
+    # Like Murmuration's programs.
     ("grpc.enable_http_proxy", 0),
 ]
 
@@ -33,7 +33,7 @@ class Connection:
     """A connection to one coordinator."""
 
     def __init__(self, url: str, ca: bytes | None, token: str | None, why: Callable[[], str]) -> None:
-        """Connects when the first call is made. `why` says what is known of a coordinator that does not answer."""
+        """Connects at the first call. `why` returns what is known about a coordinator that does not answer."""
         scheme, address = _address(url)
         if scheme == "http":
             self._channel = grpc.insecure_channel(address, options=_OPTIONS)
@@ -96,35 +96,35 @@ class Connection:
 
     @contextmanager
     def _told(self) -> Iterator[None]:
-        """Raises what gRPC raises as errors of this library."""
+        """Turns gRPC's errors into errors of this library."""
         try:
             yield
         except grpc.RpcError as error:
             raise self.explained(of_status(error)) from None
         except ValueError as error:
-            # What gRPC raises for a channel that another thread has just closed.
+            # gRPC raises this for a channel that another thread has just closed.
             if isinstance(error, MurmurationError) or not self._is_closed:
                 raise
             raise UnavailableError("this client was closed during the call") from None
 
     def explained(self, error: MurmurationError) -> MurmurationError:
-        """An error of a call with what is known of a coordinator that does not answer."""
+        """A call's error, with the reason why the coordinator does not answer, if known."""
         if self._is_closed:
             return UnavailableError("this client was closed during the call")
         if not isinstance(error, UnavailableError):
             return error
         if why := self._why():
             return UnavailableError(f"{error}; {why}")
-        said = str(error)
-        if not said.startswith(_NOBODY):
+        message = str(error)
+        if not message.startswith(_NOBODY):
             return error
-        reason = said.rpartition(": ")[2]
+        reason = message.rpartition(": ")[2]
         check = "check the URL, and that `murmuration serve` runs there"
         return UnavailableError(f"no coordinator answers at {self._url} ({reason}): {check}")
 
 
 def _reader(answer: type[Answer]) -> Callable[[bytes], Answer | AnswerError]:
-    """What makes a message of bytes, or an error: gRPC would print one that is raised, and lose its kind."""
+    """Returns a parser of messages. It returns errors, because gRPC would print a raised one and lose its kind."""
 
     def read(content: bytes) -> Answer | AnswerError:
         try:
@@ -153,7 +153,7 @@ def _sound(read: Answer | AnswerError | None) -> Answer:
 
 
 def _token(given: object) -> str:
-    """A token that can be sent, without what a file has around it. Messages do not quote it."""
+    """Checks a token, without the white space that a file has around it. Messages do not quote it."""
     token = given.strip() if isinstance(given, str) else ""
     if not token.isascii() or not token.isprintable() or not token or " " in token:
         raise InvalidError.of("token", "(not shown)", "a text of visible ASCII characters, such as mur_...")

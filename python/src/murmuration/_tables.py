@@ -1,4 +1,4 @@
-"""What the coordinator sends, as tables and arrays."""
+"""Turns the coordinator's messages into tables and arrays."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ FEATURES = ("average_speed", "angular_momentum", "radial_variance_x20", "scatter
 The third is 20 times the radial variance.
 """
 
-# A column of a table, and what the table says of it.
+# A column of a table, with its field in the schema.
 Column: TypeAlias = "tuple[pa.Field[Any], pa.Array[Any] | pa.ChunkedArray[Any]]"
-# What the numbers of a column are called, where they are not called as the column is.
+# Names of a column's numbers, if they differ from the column's name.
 _NUMBERS_OF = {"embedding": "dimensions of the embedding"}
 # Answers that name no class.
 _NO_CLASS = ("not sure", "skip")
@@ -39,7 +39,7 @@ def matrix(column: pa.ChunkedArray[Any] | pa.Array[Any] | Iterable[Any]) -> npt.
         An array with the shape (rows, length of a list) and the column's kind of numbers.
 
     Raises:
-        InvalidError: If the column has nulls, or is none of lists of numbers, of one length.
+        InvalidError: If the column has nulls, or does not consist of lists of numbers of one length.
 
     Example:
         >>> mm.matrix(campaign.archive()["features"]).shape
@@ -66,7 +66,7 @@ def matrix(column: pa.ChunkedArray[Any] | pa.Array[Any] | Iterable[Any]) -> npt.
         raise InvalidError.of("column", f"lists of {min(lengths)} to {max(lengths)} numbers", "of one length")
     numbers: npt.NDArray[Any] = flat.to_numpy(zero_copy_only=False)
     if pa.types.is_null(kind):
-        # Empty lists say nothing of their numbers.
+        # Empty lists have no type of numbers.
         numbers = numbers.astype(np.float64)
     return numbers.reshape(len(array), lengths.pop() if lengths else 0)
 
@@ -77,7 +77,7 @@ def _array(column: pa.ChunkedArray[Any] | pa.Array[Any] | Iterable[Any]) -> pa.A
     if isinstance(column, pa.Array):
         return column
     try:
-        # Polars' own way, which copies nothing; of pandas each row is a list or an array.
+        # Polars converts without a copy; in pandas each row is a list or an array.
         array = column.to_arrow() if hasattr(column, "to_arrow") else pa.array(list(column))
         if not isinstance(array, pa.Array):
             raise TypeError(f"its `to_arrow` gives a {type(array).__name__}")
@@ -87,7 +87,7 @@ def _array(column: pa.ChunkedArray[Any] | pa.Array[Any] | Iterable[Any]) -> pa.A
 
 
 def archive(individuals: Sequence[v1.Individual], classes: Mapping[int, str]) -> pa.Table:
-    """The table of an archive, by index; `classes` are those of individuals that have one."""
+    """The table of an archive, by index; `classes` maps individuals to their classes."""
     first = individuals[0] if individuals else v1.Individual()
     columns = [
         _column("index", pa.uint64(), (one.index for one in individuals), about="place in the archive, from 0"),
@@ -119,7 +119,7 @@ def archive(individuals: Sequence[v1.Individual], classes: Mapping[int, str]) ->
 
 
 def flat(archive: pa.Table, genes: Sequence[str], clusters: npt.NDArray[np.uint32] | None) -> pa.Table:
-    """The table of an archive with a column for each number; `clusters` are rows of the medoids, from 0."""
+    """The table of an archive with a column for each number; `clusters` are row numbers of the medoids, from 0."""
     columns: list[Column] = []
     for field in archive.schema:
         column = archive[field.name]
@@ -206,22 +206,22 @@ def generations(summaries: Sequence[v1.GenerationSummary]) -> pa.Table:
 
 
 def classes_of(standing: Iterable[labels.Label]) -> dict[int, str]:
-    """The class of each individual that has one: where annotators differ, the one that was given last."""
+    """The class of each individual that has one; the last one given if annotators differ."""
     given = (label for label in standing if label.answer.answer not in _NO_CLASS)
     return {label.answer.index: label.answer.answer for label in sorted(given, key=lambda label: label.entry)}
 
 
 def pictures(images: Sequence[bytes], side: int) -> npt.NDArray[np.uint8]:
-    """Pictures as programs show them: rows from the top down, columns from left to right."""
+    """Pictures in the usual order: rows from the top down, columns from left to right."""
     channels = answers_.channels(images, side)
-    # The coordinator's pictures are column by column.
+    # The coordinator sends pictures column by column.
     columns = np.frombuffer(b"".join(images), np.uint8).reshape(len(images), channels, side, side)
     rows = np.ascontiguousarray(columns.swapaxes(2, 3))
     return rows[:, 0] if channels == 1 else rows
 
 
 def poses(what: str, numbers: Sequence[float], agents: int) -> npt.NDArray[np.float64]:
-    """The poses of a motion: frames, agents, (x, y, heading). `what` has them, in a sentence."""
+    """The poses of a motion: frames, agents, (x, y, heading). Errors call their owner `what`."""
     if agents == 0 or len(numbers) % (agents * 3):
         raise answers_.wrong(f"{what} have {len(numbers)} numbers, and not 3 for each of {agents} robots")
     return answers_.finite("poses", np.array(numbers, np.float64).reshape(-1, agents, 3))
@@ -254,7 +254,7 @@ def _column(name: str, kind: pa.DataType, values: Iterable[Any], **about: str) -
 def _lists(
     name: str, kind: pa.DataType, lists: Sequence[Sequence[float]], length: int, of: str = "individual", **about: str
 ) -> Column:
-    """A column of lists of one length, finite numbers; of nulls, if the length is 0. Each is of an `of`, in a word."""
+    """A column of lists of finite numbers, all of one length; nulls if the length is 0. Errors call a row an `of`."""
     column: pa.Array[Any]
     answers_.lengths(of, _NUMBERS_OF.get(name, name), lists, length)
     if length == 0:
