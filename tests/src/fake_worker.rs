@@ -121,7 +121,7 @@ impl FakeWorker {
         let mut beat = tokio::time::interval(Duration::from_millis(50));
         loop {
             tokio::select! {
-                said = self.receive() => match said {
+                message = self.receive() => match message {
                     Ok(Some(_)) => {}
                     Ok(None) => panic!("it was dismissed without a word"),
                     Err(status) => return status,

@@ -45,7 +45,7 @@ impl Running {
 
     /// Everything that it has said.
     #[must_use]
-    pub fn said(&self) -> String {
+    pub fn output(&self) -> String {
         fs::read_to_string(self.log.path()).unwrap()
     }
 
@@ -68,9 +68,9 @@ impl Running {
         loop {
             // Before its log is read: what it said last is read, too.
             let ended = self.child.try_wait().unwrap();
-            let said = self.said();
+            let message = self.output();
             let mut heard = self.heard;
-            for line in said[heard..]
+            for line in message[heard..]
                 .split_inclusive('\n')
                 .filter(|line| line.ends_with('\n'))
             {
@@ -80,8 +80,8 @@ impl Running {
                     return line.trim_end().to_owned();
                 }
             }
-            assert_eq!(ended, None, "it ended without saying {sign:?}:\n{said}");
-            assert!(begun.elapsed() < PATIENCE, "it never said {sign:?}:\n{said}");
+            assert_eq!(ended, None, "it ended without saying {sign:?}:\n{message}");
+            assert!(begun.elapsed() < PATIENCE, "it never said {sign:?}:\n{message}");
             thread::sleep(Duration::from_millis(5));
         }
     }
@@ -98,7 +98,7 @@ impl Running {
     #[track_caller]
     pub fn kill(mut self) {
         let ended = self.child.try_wait().unwrap();
-        assert_eq!(ended, None, "it had ended before it was killed:\n{}", self.said());
+        assert_eq!(ended, None, "it had ended before it was killed:\n{}", self.output());
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }
@@ -112,7 +112,7 @@ impl Running {
     pub fn terminate_and_hear(mut self) -> (Option<i32>, String) {
         self.signal("TERM");
         let code = self.child.wait().unwrap().code();
-        (code, self.said())
+        (code, self.output())
     }
 
     /// Waits until it ends by itself; its exit code.

@@ -63,8 +63,8 @@ impl ProcessCluster {
     pub fn start_in(folder: tempfile::TempDir, workers: usize, environment: Environment) -> Self {
         let mut coordinator = serve(folder.path(), "127.0.0.1:0", &environment);
         coordinator.wait_for("  pages:");
-        let said = coordinator.said();
-        let (_, rest) = said.split_once("http://").unwrap();
+        let message = coordinator.output();
+        let (_, rest) = message.split_once("http://").unwrap();
         let address = rest.split_whitespace().next().unwrap().to_owned();
         let runtime = Runtime::new().unwrap();
         let channel = {
@@ -129,8 +129,8 @@ impl ProcessCluster {
 
     /// SIGTERM; the coordinator must end well.
     pub fn terminate_coordinator(&mut self) {
-        let (code, said) = self.coordinator.take().unwrap().terminate_and_hear();
-        assert_eq!(code, Some(0), "{said}");
+        let (code, message) = self.coordinator.take().unwrap().terminate_and_hear();
+        assert_eq!(code, Some(0), "{message}");
     }
 
     /// Starts the coordinator again where it was.

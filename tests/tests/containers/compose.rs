@@ -133,8 +133,8 @@ impl ComposeCluster {
             .args(["exec", container, "touch", "/usr/local/bin/new"])
             .output()
             .unwrap();
-        let said = String::from_utf8_lossy(&written.stderr).into_owned();
-        assert!(said.contains("Read-only file system"), "{said}");
+        let message = String::from_utf8_lossy(&written.stderr).into_owned();
+        assert!(message.contains("Read-only file system"), "{message}");
     }
 
     fn containers(&self, service: Option<&str>) -> Vec<String> {
@@ -149,8 +149,8 @@ impl ComposeCluster {
 
     fn compose(&self, arguments: &[&str]) {
         let output = self.try_compose(arguments);
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.success(), "compose {arguments:?}:\n{said}");
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "compose {arguments:?}:\n{message}");
     }
 
     fn try_compose(&self, arguments: &[&str]) -> Output {
@@ -190,8 +190,8 @@ pub fn compose_file() -> Command {
 
 fn docker(arguments: &[&str]) -> String {
     let output = Command::new("docker").args(arguments).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "docker {arguments:?}: {said}");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "docker {arguments:?}: {message}");
     String::from_utf8(output.stdout).unwrap()
 }
 

@@ -34,8 +34,8 @@ fn every_profile_is_valid_and_names_its_images() {
             .env("AWS_SECRET_ACCESS_KEY", "something-long")
             .output()
             .unwrap();
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.success(), "{arguments:?}: {said}");
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{arguments:?}: {message}");
         String::from_utf8(output.stdout).unwrap()
     };
     for (profile, services) in [

@@ -169,9 +169,9 @@ pub fn impossible(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     ];
     let names: Vec<_> = cases.iter().map(|(name, ..)| *name).collect();
     let done = format!("workers answered with {}", names.join(", "));
-    for (name, evaluation, said) in cases {
+    for (name, evaluation, expected) in cases {
         let (_, status) = answer_all(&cluster, &evaluation);
-        assert!(status.message().contains(said), "{name}: {status}");
+        assert!(status.message().contains(expected), "{name}: {status}");
     }
     cluster.check_running(&id);
     let digest = cluster.finish(&id);
@@ -238,7 +238,7 @@ pub fn unfit(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let nowhere = Path::new("/dev/null/cache");
     let _cannot_embed = cluster.odd_worker(nowhere, &[("ORT_DYLIB_PATH", "/dev/null/onnxruntime.so")]);
     // It simulates the dataset; then the search needs embeddings.
-    let waits_for = |said: &'static str| move |status: &v1::Campaign| status.waiting.contains(said);
+    let waits_for = |expected: &'static str| move |status: &v1::Campaign| status.waiting.contains(expected);
     let status = cluster.wait_until(&id, waits_for("no connected worker can embed"));
     assert_eq!(status.state(), v1::CampaignState::Running, "{}", status.error);
     assert_eq!(status.dataset_done, 400);

@@ -103,12 +103,12 @@ fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 
 #[track_caller]
 fn names_file(failed: &Finished, command: &[&str], path: &Path) {
-    let said = &failed.stderr;
-    assert!(matches!(failed.code, Some(1 | 2)), "{command:?}: {said}");
-    assert!(said.contains(&path.display().to_string()), "{command:?}: {said}");
+    let message = &failed.stderr;
+    assert!(matches!(failed.code, Some(1 | 2)), "{command:?}: {message}");
+    assert!(message.contains(&path.display().to_string()), "{command:?}: {message}");
     assert!(
-        !said.contains("Os {") && !said.contains("panicked"),
-        "{command:?}: {said}"
+        !message.contains("Os {") && !message.contains("panicked"),
+        "{command:?}: {message}"
     );
 }
 

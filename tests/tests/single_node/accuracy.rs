@@ -51,11 +51,11 @@ impl Set {
     }
 
     #[track_caller]
-    fn check_refused(&self, arguments: &[&str], said: &str) {
+    fn check_refused(&self, arguments: &[&str], expected: &str) {
         let Finished { code, stdout, stderr } = self.run(arguments);
         assert!(
-            code == Some(2) && stderr.contains(said),
-            "exit code {code:?}\n{stderr}\nnot {said:?}"
+            code == Some(2) && stderr.contains(expected),
+            "exit code {code:?}\n{stderr}\nnot {expected:?}"
         );
         assert!(
             stdout.is_empty() && !stderr.contains("panicked"),
@@ -206,10 +206,10 @@ fn a_library_that_does_not_load_is_named() {
         .env("ORT_DYLIB_PATH", set.labels())
         .output()
         .unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
     assert!(
-        said.contains("labels.csv cannot be used as ONNX Runtime") && !said.contains("panicked"),
-        "{said}"
+        message.contains("labels.csv cannot be used as ONNX Runtime") && !message.contains("panicked"),
+        "{message}"
     );
     assert_eq!(output.status.code(), Some(1));
 }

@@ -39,13 +39,13 @@ async fn every_controller_is_evaluated_once_and_judged_as_its_motion_is() {
         assert_eq!(controller, all.controller(individual.index));
         assert_eq!(individual.novelty, 0.0);
         let seeds = Starts::new("starts", 2).unwrap().seeds(individual.seed);
-        let said = seeds.map(|seed| {
+        let message = seeds.map(|seed| {
             let motion = replay_frames(&controller, world, &Start::seeded(seed), &frames(world));
             i32::from(judge(&motion.unwrap(), world).number())
         });
         assert_eq!(
             individual.verdicts,
-            said.collect::<Vec<_>>(),
+            message.collect::<Vec<_>>(),
             "individual {}",
             individual.index
         );
@@ -141,12 +141,12 @@ fn an_atlas_that_is_killed_goes_on_to_the_same_digest_and_is_not_computed_again(
 fn what_no_atlas_can_be_made_of_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let murmuration = Murmuration::with_campaign(folder.path());
-    let check = |arguments: &[&str], said: &str| {
+    let check = |arguments: &[&str], expected: &str| {
         let refused = murmuration.run(arguments);
         assert_eq!(refused.code, Some(2), "{}", refused.stderr);
         assert!(
-            refused.stderr.contains(said),
-            "{:?} does not say {said:?}",
+            refused.stderr.contains(expected),
+            "{:?} does not say {expected:?}",
             refused.stderr
         );
     };

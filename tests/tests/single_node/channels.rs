@@ -81,7 +81,7 @@ async fn a_checkpoint_of_other_channels_is_refused() {
         completed(&mut cluster, &spec(SPECIES)).await,
         completed(&mut cluster, &spec("")).await,
     ];
-    for (campaign, checkpoint, said) in [
+    for (campaign, checkpoint, expected) in [
         (
             &each,
             &one,
@@ -98,7 +98,7 @@ async fn a_checkpoint_of_other_channels_is_refused() {
             checkpoint: checkpoint.checkpoint.clone(),
         };
         let refused = cluster.client.adopt_checkpoint(request).await.unwrap_err();
-        assert!(refused.message().contains(said), "{refused}");
+        assert!(refused.message().contains(expected), "{refused}");
     }
     cluster.stop().await;
 }
@@ -157,9 +157,9 @@ fn labelled_behaviours_have_the_channels_of_the_embedder() {
         let Finished { code, stderr, .. } = measured(channels, model);
         assert_eq!(code, Some(0), "{channels}: {stderr}");
     }
-    let refused = |channels: &str, model: &str, said: &str| {
+    let refused = |channels: &str, model: &str, expected: &str| {
         let Finished { code, stderr, .. } = measured(channels, model);
-        assert!(code == Some(2) && stderr.contains(said), "{stderr}\nnot {said:?}");
+        assert!(code == Some(2) && stderr.contains(expected), "{stderr}\nnot {expected:?}");
     };
     refused(
         "species",

@@ -168,10 +168,10 @@ async fn what_cannot_be_evaluated_is_refused() {
             "controllers[2]",
         ),
     ];
-    for (parts, said) in cases {
+    for (parts, expected) in cases {
         let refused = evaluate(&cluster, parts).await.unwrap_err();
         assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
-        assert!(refused.message().contains(said), "{said}: {refused}");
+        assert!(refused.message().contains(expected), "{expected}: {refused}");
     }
     cluster.stop().await;
 }
@@ -270,10 +270,10 @@ async fn motions_need_no_worker_and_what_has_none_is_refused() {
             "steps = 4294967295: must be a whole number from 1 to",
         ),
     ];
-    for (request, said) in refusals {
+    for (request, expected) in refusals {
         let refused = simulate(&cluster, request).await.unwrap_err();
         assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
-        assert!(refused.message().starts_with(said), "{said}: {refused}");
+        assert!(refused.message().starts_with(expected), "{expected}: {refused}");
     }
     cluster.stop().await;
 }

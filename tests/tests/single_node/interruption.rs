@@ -56,11 +56,11 @@ fn terminated_politely_it_says_how_to_go_on() {
     let mut process = murmuration.start(&["run", &spec]);
     process.wait_for("generation");
     murmuration.latest_when(|latest| generations(latest) > 0);
-    let (code, said) = process.terminate_and_hear();
-    assert_eq!(code, Some(1), "{said}");
+    let (code, message) = process.terminate_and_hear();
+    assert_eq!(code, Some(1), "{message}");
     assert!(
-        said.contains("complete generations are kept; next: murmuration resume small-1"),
-        "{said}"
+        message.contains("complete generations are kept; next: murmuration resume small-1"),
+        "{message}"
     );
     let kept = generations(&murmuration.latest());
     assert!(

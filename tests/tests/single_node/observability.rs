@@ -250,8 +250,8 @@ async fn a_lease_is_one_trace_on_coordinator_and_worker() {
         &["serve", "--workers", "0", "--listen", "127.0.0.1:0"],
         &variables,
     );
-    let said = coordinator.wait_for("serving ");
-    let worker = start_worker_with(said.rsplit(' ').next().unwrap(), &variables);
+    let message = coordinator.wait_for("serving ");
+    let worker = start_worker_with(message.rsplit(' ').next().unwrap(), &variables);
     let spec = folder.path().join("small.toml");
     std::fs::write(&spec, small_spec("").to_toml()).unwrap();
     let submitted = murmuration.run(&["submit", spec.to_str().unwrap()]);

@@ -89,7 +89,7 @@ async fn a_motion_is_that_of_the_swarm_and_is_kept_by_nobody() {
 #[tokio::test(flavor = "multi_thread")]
 async fn what_cannot_be_simulated_is_refused_with_what_is_wrong() {
     let playground = Playground::open().await;
-    for (form, said) in [
+    for (form, expected) in [
         ("model=none", "model = \"none\": must be \"single-sensor\""),
         (
             "robots=1001",
@@ -106,7 +106,7 @@ async fn what_cannot_be_simulated_is_refused_with_what_is_wrong() {
         let answer = playground.own_motion(form).await;
         assert_eq!(answer.status(), StatusCode::BAD_REQUEST, "{form}");
         let text = answer.text().await.unwrap();
-        assert!(text.contains(said), "{form}: {text}");
+        assert!(text.contains(expected), "{form}: {text}");
     }
     for origin in [Some("https://evil.example"), None] {
         let answer = playground.motion(origin, MILLING).await;
@@ -236,7 +236,7 @@ async fn what_a_swarm_is_like_is_found_in_the_space_of_the_campaign() {
         page.contains("its model is single-sensor, and this is turbopi"),
         "{page}"
     );
-    for (form, said) in [
+    for (form, expected) in [
         (MILLING.to_owned(), "campaign is missing"),
         (format!("{MILLING}&campaign=other-1"), "other-1"),
         (
@@ -250,7 +250,7 @@ async fn what_a_swarm_is_like_is_found_in_the_space_of_the_campaign() {
     ] {
         let (status, page) = post(form).await;
         assert!(
-            status.is_client_error() && page.contains(said),
+            status.is_client_error() && page.contains(expected),
             "{status}: {page}"
         );
     }

@@ -143,8 +143,8 @@ fn nothing_is_reported_of_a_study_that_was_not_measured() {
     fs::write(study.join("study.toml"), STUDY).unwrap();
     let report = Murmuration::over(&data).run(&["lab", "study", "report", "pair"]);
     assert_eq!(report.code, Some(1), "{}", report.stderr);
-    let said = "nothing of the study pair has been measured: `murmuration lab study run`";
-    assert!(report.stderr.contains(said), "{}", report.stderr);
+    let expected = "nothing of the study pair has been measured: `murmuration lab study run`";
+    assert!(report.stderr.contains(expected), "{}", report.stderr);
     assert!(!study.join("report.html").exists());
 }
 
@@ -329,8 +329,8 @@ fn shares_are_of_what_workers_judged_of_that_controller_alone_and_diagrams_show_
             shares[judge(&motion, &world).class() as usize].1 += 100.0 / 3.0;
         }
         for (class, share) in shares {
-            let said: f64 = cell[&format!("share_{class}")].parse().unwrap();
-            assert!((said - share).abs() < 1e-9, "{class}: {said}, not {share}");
+            let message: f64 = cell[&format!("share_{class}")].parse().unwrap();
+            assert!((message - share).abs() < 1e-9, "{class}: {message}, not {share}");
         }
     }
     let picture = fs::read_to_string(page.with_file_name("phase.svg")).unwrap();
@@ -378,7 +378,7 @@ fn shares_of_cells_that_nobody_judges_are_refused() {
     let file = written(folder.path(), &PHASE.replace("judge = true", "judge = false"));
     let refused = murmuration.run(&["lab", "study", "run", &file]);
     assert_eq!(refused.code, Some(2));
-    let said = "the campaign with robots = 4, seed = 1: evaluation.judge = false: must be true";
-    assert!(refused.stderr.contains(said), "{}", refused.stderr);
+    let expected = "the campaign with robots = 4, seed = 1: evaluation.judge = false: must be true";
+    assert!(refused.stderr.contains(expected), "{}", refused.stderr);
     assert!(!folder.path().join("data").exists(), "nothing ran");
 }

@@ -28,13 +28,13 @@ impl Page {
     }
 
     /// Posts as ana, and returns the status and the answer, which is null if it is not JSON.
-    async fn post(&self, path: &str, request: &str, mut said: Value) -> (StatusCode, Value) {
-        said["request_id"] = request.into();
-        said["annotator"] = "ana".into();
+    async fn post(&self, path: &str, request: &str, mut message: Value) -> (StatusCode, Value) {
+        message["request_id"] = request.into();
+        message["annotator"] = "ana".into();
         let address = format!("{}/campaigns/small-1/{path}", self.url);
         let posted = self.client.post(address).header("Origin", &self.url);
         let posted = posted.header("Content-Type", "application/json");
-        let answer = posted.body(said.to_string()).send().await.unwrap();
+        let answer = posted.body(message.to_string()).send().await.unwrap();
         let status = answer.status();
         let text = answer.text().await.unwrap();
         (status, serde_json::from_str(&text).unwrap_or_default())
@@ -93,7 +93,7 @@ async fn classes_are_changed_and_reverted_and_answers_withdrawn() {
         .change("4", json!({ "delete": { "class": "wall following" } }))
         .await;
     assert_eq!(told["classes"].as_array().unwrap().len(), 1);
-    assert_eq!(told["changes"][0]["said"], "deleted “wall following”");
+    assert_eq!(told["changes"][0]["description"], "deleted “wall following”");
     // Asked again, as by a page that heard no answer, it is not made again.
     page.change("4", json!({ "delete": { "class": "wall following" } }))
         .await;
@@ -120,9 +120,9 @@ async fn classes_are_changed_and_reverted_and_answers_withdrawn() {
         (json!([]), StatusCode::BAD_REQUEST),
     ] {
         let request = format!("withdraw {individuals}");
-        let said = json!({ "individuals": individuals });
+        let message = json!({ "individuals": individuals });
         assert_eq!(
-            page.post("withdraw", &request, said).await.0,
+            page.post("withdraw", &request, message).await.0,
             status,
             "{individuals}"
         );

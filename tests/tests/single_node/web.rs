@@ -41,16 +41,16 @@ impl Browser {
     }
 
     /// What a script posts about `small-1`, as JSON; the answer where it is one.
-    async fn tell(&self, path: &str, said: &str, status: StatusCode) -> Value {
+    async fn tell(&self, path: &str, message: &str, status: StatusCode) -> Value {
         let request = self
             .client
             .post(format!("{}/campaigns/small-1/{path}", self.url))
             .header("Origin", &self.url)
             .header("Content-Type", "application/json");
-        let answer = request.body(said.to_owned()).send().await.unwrap();
+        let answer = request.body(message.to_owned()).send().await.unwrap();
         let got = answer.status();
         let told = answer.text().await.unwrap();
-        assert_eq!(got, status, "{path} {said}: {told}");
+        assert_eq!(got, status, "{path} {message}: {told}");
         serde_json::from_str(&told).unwrap_or_default()
     }
 
@@ -193,8 +193,8 @@ async fn what_scripts_say_is_checked_and_said_once() {
             StatusCode::CONFLICT,
         ),
     ];
-    for (path, said, status) in refused {
-        browser.tell(path, said, status).await;
+    for (path, message, status) in refused {
+        browser.tell(path, message, status).await;
     }
     cluster.stop().await;
 }
@@ -208,8 +208,8 @@ async fn what_a_page_cannot_be_asked_for_is_told_on_a_page() {
         let answer = browser.get(asked).await;
         assert_eq!(answer.status(), StatusCode::BAD_REQUEST, "{asked}");
         let page = answer.text().await.unwrap();
-        let said = format!("{field} = &quot;");
-        assert!(page.contains(&said) && page.contains("All campaigns"), "{page}");
+        let expected = format!("{field} = &quot;");
+        assert!(page.contains(&expected) && page.contains("All campaigns"), "{page}");
         assert!(!page.contains("deserialize"), "{page}");
     }
     let origin = browser.url.clone();
@@ -245,12 +245,12 @@ async fn what_the_machine_said_is_told_apart_from_what_people_say() {
         strategy: v1::QueryStrategy::Medoids as i32,
     };
     let mut labels = LabelServiceClient::connect(cluster.url()).await.unwrap();
-    let said = labels.append_synthetic_labels(synthetic).await.unwrap();
-    assert_eq!(whole(said.into_inner()).await.unwrap().entries.len(), 2);
+    let message = labels.append_synthetic_labels(synthetic).await.unwrap();
+    assert_eq!(whole(message.into_inner()).await.unwrap().entries.len(), 2);
     assert_eq!(marks().await, 2);
-    let said =
+    let message =
         format!(r#"{{"request_id":"2","annotator":"ben","answers":[{{"index":{second},"answer":"ring"}}]}}"#);
-    browser.tell("labels", &said, StatusCode::OK).await;
+    browser.tell("labels", &message, StatusCode::OK).await;
     assert_eq!(marks().await, 1);
     let labels: Value = serde_json::from_str(&browser.page("/campaigns/small-1/labels").await).unwrap();
     let machine = labels["machine"].as_str().unwrap();
@@ -300,7 +300,7 @@ async fn what_takes_workers_says_at_once_that_there_are_none() {
     cluster.stop().await;
     let mut cluster = Cluster::start(folder.path(), 0).await;
     let browser = Browser::at(&cluster);
-    let said = "no worker is connected: start one with `murmuration-worker --coordinator URL`";
+    let expected = "no worker is connected: start one with `murmuration-worker --coordinator URL`";
     let begun = Instant::now();
     for (path, begins) in [
         ("/campaigns/small-1/report", "<!DOCTYPE html>"),
@@ -309,7 +309,7 @@ async fn what_takes_workers_says_at_once_that_there_are_none() {
         let answer = browser.get(path).await;
         assert_eq!(answer.status(), StatusCode::SERVICE_UNAVAILABLE, "{path}");
         let text = answer.text().await.unwrap();
-        assert!(text.contains(said) && text.starts_with(begins), "{path}: {text}");
+        assert!(text.contains(expected) && text.starts_with(begins), "{path}: {text}");
     }
     assert!(begun.elapsed() < Duration::from_secs(10));
     // A link that names the file would have browsers take the words for it.
@@ -338,7 +338,7 @@ async fn what_takes_workers_says_at_once_that_there_are_none() {
         labels.append_synthetic_labels(synthetic)
     );
     for refused in [replay.unwrap_err(), labelled.unwrap_err()] {
-        assert_eq!((refused.code(), refused.message()), (Code::Unavailable, said));
+        assert_eq!((refused.code(), refused.message()), (Code::Unavailable, expected));
     }
     cluster.stop().await;
 }

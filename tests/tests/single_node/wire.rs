@@ -126,7 +126,7 @@ async fn impossible_results_are_refused_by_name() {
         ),
     ];
     check_undisturbed(async |url| {
-        for (evaluation, extra, said) in cases {
+        for (evaluation, extra, expected) in cases {
             let mut impostor = FakeWorker::connect(&url).await;
             let (lease, batch) = impostor.lease(4).await;
             impostor
@@ -135,8 +135,8 @@ async fn impossible_results_are_refused_by_name() {
             let status = impostor.receive().await.unwrap_err();
             assert_eq!(status.code(), Code::InvalidArgument);
             assert!(
-                status.message().contains(said),
-                "{:?} does not say {said:?}",
+                status.message().contains(expected),
+                "{:?} does not say {expected:?}",
                 status.message()
             );
         }
@@ -181,10 +181,10 @@ async fn another_simulator_version_is_told_which_one_to_run() {
         .await
         .unwrap_err();
     assert_eq!(status.code(), Code::FailedPrecondition);
-    let said = format!(
+    let expected = format!(
         "needs workers with simulator version {SIMULATOR_VERSION}, worker \"impostor\" has version 0"
     );
-    assert!(status.message().contains(&said), "{status}");
+    assert!(status.message().contains(&expected), "{status}");
     cluster.stop().await;
 }
 

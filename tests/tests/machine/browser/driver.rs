@@ -80,8 +80,8 @@ fn listening(driver: &str) -> Option<(Child, u16)> {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    let said = BufReader::new(process.stdout.take().unwrap());
-    let port = said.lines().map(Result::unwrap).find_map(|line| {
+    let message = BufReader::new(process.stdout.take().unwrap());
+    let port = message.lines().map(Result::unwrap).find_map(|line| {
         let (_, port) = line.split_once("started successfully on port ")?;
         port.trim_end_matches('.').parse().ok()
     });

@@ -147,10 +147,10 @@ async fn change(window: &Window, action: &str) {
         .await;
 }
 
-async fn said(window: &Window, text: &str) {
+async fn expect_message(window: &Window, text: &str) {
     window
         .until(&format!(
-            "document.getElementById('keys-said').textContent.includes({text:?})"
+            "document.getElementById('keys-message').textContent.includes({text:?})"
         ))
         .await;
 }
@@ -170,14 +170,14 @@ pub async fn keys_of_actions_are_chosen_and_a_clash_is_said() {
     // What another action or a class has is refused, and so is what browsers need.
     change(&window, "undo").await;
     window.press("s").await;
-    said(&window, "s is taken: skip the behaviour").await;
+    expect_message(&window, "s is taken: skip the behaviour").await;
     window.press("1").await;
-    said(&window, "1 names the class “ring”").await;
+    expect_message(&window, "1 names the class “ring”").await;
     window.press("\u{e007}").await;
-    said(&window, "Enter cannot be chosen").await;
+    expect_message(&window, "Enter cannot be chosen").await;
     // Escape keeps the key, and the list stays open for what follows.
     window.press("\u{e00c}").await;
-    said(&window, "Nothing was changed").await;
+    expect_message(&window, "Nothing was changed").await;
     assert_eq!(
         window.value("document.getElementById('keys').open").await,
         json!(true)
@@ -185,14 +185,14 @@ pub async fn keys_of_actions_are_chosen_and_a_clash_is_said() {
     assert_eq!(window.value(undo).await, json!("u"));
     change(&window, "undo").await;
     window.press(",").await;
-    said(&window, ",: undo your last answer").await;
+    expect_message(&window, ",: undo your last answer").await;
     // What a control does with a key it does not do while the key is chosen; the key that became free can be another's.
     change(&window, "skip").await;
     window.press("u").await;
-    said(&window, "u: skip the behaviour").await;
+    expect_message(&window, "u: skip the behaviour").await;
     change(&window, "play").await;
     window.press("p").await;
-    said(&window, "p: play or pause").await;
+    expect_message(&window, "p: play or pause").await;
     for (width, height) in SIZES {
         for dark in [false, true] {
             window.resize(width, height, dark).await;
@@ -264,11 +264,11 @@ pub async fn keys_of_actions_are_chosen_and_a_clash_is_said() {
     change(&window, "undo").await;
     window.press("\u{e00c}").await;
     window.click("[data-of=undo] [data-do=reset]").await;
-    said(&window, "u is taken: skip the behaviour").await;
+    expect_message(&window, "u is taken: skip the behaviour").await;
     window.click("[data-of=skip] [data-do=reset]").await;
-    said(&window, "s: skip the behaviour").await;
+    expect_message(&window, "s: skip the behaviour").await;
     window.click("[data-of=undo] [data-do=reset]").await;
-    said(&window, "u: undo your last answer").await;
+    expect_message(&window, "u: undo your last answer").await;
     window
         .until("document.querySelector('[data-of=undo] [data-do=reset]').hidden")
         .await;

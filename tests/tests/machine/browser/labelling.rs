@@ -232,8 +232,8 @@ pub async fn who_begins_sees_what_others_answered_as_theirs_and_no_empty_frames_
     scene.labels.judge(60).await;
     let judged = scene.labels.standing().await;
     let open = (0..100).filter(|index| !judged.contains_key(index));
-    let said = open.take(10).map(|index| (index, "milling".to_owned()));
-    scene.labels.say("Ben", said).await;
+    let message = open.take(10).map(|index| (index, "milling".to_owned()));
+    scene.labels.say("Ben", message).await;
     for page in ["/label", "/sheet"] {
         let window = driver.open(&scene.url(page)).await;
         window.until("!document.getElementById('who').hidden").await;

@@ -41,11 +41,11 @@ pub async fn what_was_said_is_learned_and_the_map_changes() {
     window.picture("map-learned").await;
     // Now it is known how long a round takes, and it is said before the next.
     window.driver.refresh().await.unwrap();
-    let said = window.value("document.querySelector('.learn').dataset.ask").await;
-    let said = said.as_str().unwrap();
+    let message = window.value("document.querySelector('.learn').dataset.ask").await;
+    let message = message.as_str().unwrap();
     assert!(
-        said.contains("By the last round, that takes") && said.contains("of training"),
-        "{said}"
+        message.contains("By the last round, that takes") && message.contains("of training"),
+        "{message}"
     );
     window.close().await;
     scene.cluster.stop().await;

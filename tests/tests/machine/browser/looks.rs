@@ -104,8 +104,8 @@ pub async fn a_word_of_a_class_is_not_broken() {
         "cyclic pursuit",
         "aggregation",
     ];
-    let said = (0..).zip(classes).map(|(index, class)| (index, class.to_owned()));
-    scene.labels.say("Ben", said).await;
+    let message = (0..).zip(classes).map(|(index, class)| (index, class.to_owned()));
+    scene.labels.say("Ben", message).await;
     let window = scene.visit(&driver, "/label", "Ana").await;
     for (width, height) in SIZES.into_iter().chain(ZOOMED) {
         window.resize(width, height, false).await;

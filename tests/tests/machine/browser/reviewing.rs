@@ -121,15 +121,15 @@ pub async fn every_page_with_keys_lists_them() {
 pub async fn answers_are_looked_through_changed_and_withdrawn() {
     let driver = Driver::start();
     let mut scene = Scene::set().await;
-    let said = |from: u64, to: u64, class: &str| {
+    let message = |from: u64, to: u64, class: &str| {
         (from..to)
             .map(|index| (index, class.to_owned()))
             .collect::<Vec<_>>()
     };
-    scene.labels.say("Ben", said(0, 4, "ring")).await;
+    scene.labels.say("Ben", message(0, 4, "ring")).await;
     scene
         .labels
-        .say("Ana", [said(2, 8, "ring"), said(8, 10, "clump")].concat())
+        .say("Ana", [message(2, 8, "ring"), message(8, 10, "clump")].concat())
         .await;
     let window = scene.visit(&driver, "/answers", "Ana").await;
     window
@@ -147,7 +147,7 @@ pub async fn answers_are_looked_through_changed_and_withdrawn() {
     window.driver.execute(&menu("by", "Ana"), vec![]).await.unwrap();
     window
         .driver
-        .execute(&menu("said", "ring"), vec![])
+        .execute(&menu("given", "ring"), vec![])
         .await
         .unwrap();
     window
@@ -179,7 +179,7 @@ pub async fn answers_are_looked_through_changed_and_withdrawn() {
         .await;
 
     // One is withdrawn at once, and another person's cannot be.
-    window.driver.execute(&menu("said", ""), vec![]).await.unwrap();
+    window.driver.execute(&menu("given", ""), vec![]).await.unwrap();
     window.driver.execute(&menu("by", ""), vec![]).await.unwrap();
     window
         .until("document.querySelectorAll('.answer').length === 12")

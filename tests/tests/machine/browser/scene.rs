@@ -93,7 +93,7 @@ impl LabelClient {
     }
 
     /// Says of individuals what they are, as `annotator`.
-    pub async fn say(&mut self, annotator: &str, said: impl IntoIterator<Item = (u64, String)>) {
+    pub async fn say(&mut self, annotator: &str, message: impl IntoIterator<Item = (u64, String)>) {
         let answer = |(index, answer)| v1::Answer {
             index,
             answer,
@@ -103,7 +103,7 @@ impl LabelClient {
         let request = v1::AppendLabelsRequest {
             campaign: "latest".to_owned(),
             request_id: format!("{annotator} says"),
-            answers: said.into_iter().map(answer).collect(),
+            answers: message.into_iter().map(answer).collect(),
         };
         self.0.append_labels(request).await.unwrap();
     }
@@ -116,9 +116,9 @@ impl LabelClient {
             strategy: v1::QueryStrategy::Random as i32,
             count,
         };
-        let said = self.0.append_synthetic_labels(request).await.unwrap();
-        let said = whole(said.into_inner()).await.unwrap().entries;
-        assert_eq!(said.len(), count as usize);
+        let message = self.0.append_synthetic_labels(request).await.unwrap();
+        let message = whole(message.into_inner()).await.unwrap().entries;
+        assert_eq!(message.len(), count as usize);
     }
 
     /// Undoes what `annotator` said last.
@@ -182,8 +182,8 @@ pub async fn asked(window: &Window) -> u64 {
     window
         .until("/^Individual [\\d,]+$/.test(document.getElementById('which')?.textContent)")
         .await;
-    let said = window.text("#which").await;
-    said.trim_start_matches("Individual ")
+    let message = window.text("#which").await;
+    message.trim_start_matches("Individual ")
         .replace(',', "")
         .parse()
         .unwrap()

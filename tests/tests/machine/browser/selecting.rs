@@ -111,8 +111,8 @@ pub async fn lasso_all(window: &Window) -> usize {
     window
         .until("/^[0-9,]+ selected/.test(document.getElementById('selected').textContent)")
         .await;
-    let said = window.text("#selected").await;
-    let count = said.split(' ').next().unwrap().replace(',', "");
+    let message = window.text("#selected").await;
+    let count = message.split(' ').next().unwrap().replace(',', "");
     count.parse().unwrap()
 }
 
@@ -164,7 +164,7 @@ pub async fn the_map_zooms_hides_and_asks_before_it_replaces() {
         .await;
     saved(&window).await;
     let standing = scene.labels.standing().await;
-    let of = |class: &str| standing.values().filter(|said| *said == class).count();
+    let of = |class: &str| standing.values().filter(|message| *message == class).count();
     assert_eq!((of("edge"), of("rest")), (few, all - few));
 
     // What is hidden is not selected.
@@ -351,13 +351,13 @@ pub async fn medoids_are_named_and_the_report_is_taken_away() {
         "attachment; filename=\"small-1.html\""
     );
     let report = report.text().await.unwrap();
-    for said in [
+    for expected in [
         "into 4 clusters",
         ">milling</span>",
         "milling · 1",
         "download=\"contact-sheet.svg\"",
     ] {
-        assert!(report.contains(said), "{said}");
+        assert!(report.contains(expected), "{expected}");
     }
     let sheet = murmuration_tests::http::get(scene.url("/contact-sheet.svg"))
         .await

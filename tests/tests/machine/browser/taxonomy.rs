@@ -96,7 +96,7 @@ pub async fn behaviours_are_merged_tried_learned_from_and_compared() {
     window.click(".further").await;
     window
         .until(
-            "/\\d+ of 20 starts/.test(document.querySelector('dialog[open] .said').textContent) \
+            "/\\d+ of 20 starts/.test(document.querySelector('dialog[open] .verdicts').textContent) \
              && document.querySelectorAll('dialog[open] .starts img').length === 20",
         )
         .await;

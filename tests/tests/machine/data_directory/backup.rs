@@ -18,10 +18,10 @@ pub fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
     at_work.latest_when(|latest| generations(latest) > 2);
     // What people said on the page of a study is nowhere else.
     let classes = "studies/small/classes.csv";
-    let said = "cell,index,class,by\nabc,3,milling,ann\n";
+    let message = "cell,index,class,by\nabc,3,milling,ann\n";
     let at_home = folder.path().join("at-work").join(classes);
     fs::create_dir_all(at_home.parent().unwrap()).unwrap();
-    fs::write(&at_home, said).unwrap();
+    fs::write(&at_home, message).unwrap();
     let path = folder.path().join("backup");
     let backup = path.display().to_string();
     let made = at_work.run(&["backup", &backup, "--json"]).last_line();
@@ -43,7 +43,7 @@ pub fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
     assert_eq!(put_back.code, Some(0), "{}", put_back.stderr);
     assert_eq!(restored.run(&["checkpoints", "list", "--json"]).lines().len(), 1);
     let put_back = fs::read_to_string(folder.path().join("restored").join(classes));
-    assert_eq!(put_back.unwrap(), said);
+    assert_eq!(put_back.unwrap(), message);
     let done = generations(&restored.latest());
     assert!((2..240).contains(&done), "{done} generations");
     let resumed = restored.run(&["resume", "latest"]);
@@ -107,7 +107,7 @@ pub fn a_backup_is_refused_where_it_cannot_be_kept() {
     fs::create_dir(&empty).unwrap();
     symlink(&empty, &link).unwrap();
     let inside = "is in the data directory";
-    for (target, code, said) in [
+    for (target, code, expected) in [
         (Path::new("/dev/null/x"), 1, "Not a directory"),
         (&lost, 1, "unmounted, which is not there"),
         (&data.join("backups/monday"), 2, inside),
@@ -116,7 +116,7 @@ pub fn a_backup_is_refused_where_it_cannot_be_kept() {
         let target = target.display().to_string();
         let refused = murmuration.run(&["backup", &target]);
         assert!(
-            refused.code == Some(code) && refused.stderr.contains(&target) && refused.stderr.contains(said),
+            refused.code == Some(code) && refused.stderr.contains(&target) && refused.stderr.contains(expected),
             "{target}: {:?} {}",
             refused.code,
             refused.stderr

@@ -18,12 +18,12 @@ pub fn a_bucket_that_takes_nothing_is_named_before_anything_is_computed() {
     let bucket = Bucket::new(false);
     let murmuration = Murmuration::over(&folder.path().join("data"));
     let command = ["run", &spec(folder.path()), "--checkpoint-store", BUCKET];
-    let said = murmuration
+    let message = murmuration
         .start_with(&command, &bucket.environment())
         .wait_for("cannot be kept");
     assert!(
-        said.contains(BUCKET) && said.contains("--checkpoint-store"),
-        "{said}"
+        message.contains(BUCKET) && message.contains("--checkpoint-store"),
+        "{message}"
     );
     assert_eq!(murmuration.run(&["list", "--json"]).stdout, "");
 }

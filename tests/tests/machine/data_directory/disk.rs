@@ -38,12 +38,12 @@ pub fn on_a_full_disk_a_campaign_waits_for_room() {
     let refused = (0..100).find_map(|class| {
         let class = format!("class {class}");
         let file = label(folder.path(), "label.csv", &class);
-        let said = murmuration.run(&["label", "latest", "--csv", &file]);
-        if said.code == Some(0) {
+        let message = murmuration.run(&["label", "latest", "--csv", &file]);
+        if message.code == Some(0) {
             acknowledged = vec![class];
             return None;
         }
-        Some(said.stderr)
+        Some(message.stderr)
     });
     let refused = refused.expect("there was room for every label");
     assert!(refused.contains("is full: make room"), "{refused}");

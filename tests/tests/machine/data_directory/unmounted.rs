@@ -26,12 +26,12 @@ pub fn a_database_whose_volume_is_not_mounted_is_not_replaced() {
         &["doctor"],
         &["backup", &backup],
     ] {
-        let said = murmuration.run(command);
-        assert_ne!(said.code, Some(0), "{command:?}");
+        let message = murmuration.run(command);
+        assert_ne!(message.code, Some(0), "{command:?}");
         assert!(
-            said.stderr.contains(&moved.display().to_string()),
+            message.stderr.contains(&moved.display().to_string()),
             "{command:?}: {}",
-            said.stderr
+            message.stderr
         );
         assert_eq!(fs::read_link(&database).unwrap(), moved, "{command:?}");
     }

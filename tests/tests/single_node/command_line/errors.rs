@@ -40,8 +40,8 @@ fn bad_input_is_named_with_exit_code_2() {
             "4 | population = -1\n  |              ^^\nsearch.population must be a whole number, 0 or more, not",
         ),
     ];
-    for (text, said) in specs {
-        desk.check(&["run", &desk.write("bad.toml", text)], 2, said);
+    for (text, expected) in specs {
+        desk.check(&["run", &desk.write("bad.toml", text)], 2, expected);
     }
     let marked = format!("\u{feff}{minimal}[search]\r\npopulation = 5\r\ngenerations = 3\r\n");
     let marked = desk.write("marked.toml", &marked);
@@ -81,7 +81,7 @@ fn bad_input_is_named_with_exit_code_2() {
         "controller.right_1 = 1.5",
     );
     let digits = format!("0,0,0,1{}", "0".repeat(300));
-    for (controller, said) in [
+    for (controller, expected) in [
         (
             digits.as_str(),
             "controller.right_1 = 1e300: must be a number from -1 to 1",
@@ -89,7 +89,7 @@ fn bad_input_is_named_with_exit_code_2() {
         ("[0,0,0,0", "with or without square brackets around the list"),
         ("0 0 0 0", "separated by commas"),
     ] {
-        desk.check(&["simulate", "--controller", controller], 2, said);
+        desk.check(&["simulate", "--controller", controller], 2, expected);
     }
     desk.check(
         &["simulate", "--controller", "0,0,0,0", "--model", "two-sensor"],
@@ -161,15 +161,15 @@ fn a_file_that_never_ends_is_not_read_for_ever() {
             "a token's file has at most 4,096 bytes",
         ),
     ];
-    for (arguments, said) in cases {
-        desk.check(&arguments, 2, said);
+    for (arguments, expected) in cases {
+        desk.check(&arguments, 2, expected);
     }
 }
 
 #[test]
 fn a_picture_is_written_under_a_name_of_its_kind() {
     let desk = Desk::new();
-    for (option, name, said) in [
+    for (option, name, expected) in [
         (
             "--gif",
             "x.png",
@@ -188,7 +188,7 @@ fn a_picture_is_written_under_a_name_of_its_kind() {
     ] {
         let path = desk.path(name);
         let arguments = ["simulate", "--controller", "0,0,0,0", option, &path];
-        desk.check(&arguments, 2, &format!("{option} {path} {said}"));
+        desk.check(&arguments, 2, &format!("{option} {path} {expected}"));
         assert!(!Path::new(&path).exists());
     }
     for (option, name) in [("--png", "x.PNG"), ("--image", "x")] {
@@ -282,8 +282,8 @@ fn a_file_is_no_data_directory() {
         &["lab", "study", "list"],
         &["lab", "study", "show", "small"],
     ] {
-        let said = format!("{file} is no folder, and so no data directory");
-        desk.check(&[arguments, &["--data", &file]].concat(), 2, &said);
+        let message = format!("{file} is no folder, and so no data directory");
+        desk.check(&[arguments, &["--data", &file]].concat(), 2, &message);
     }
 }
 

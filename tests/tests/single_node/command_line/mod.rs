@@ -34,13 +34,13 @@ impl Desk {
     }
 
     #[track_caller]
-    fn check(&self, arguments: &[&str], code: i32, said: &str) {
+    fn check(&self, arguments: &[&str], code: i32, expected: &str) {
         let Finished {
             code: got, stderr, ..
         } = self.murmuration.run(arguments);
         assert!(
-            got == Some(code) && stderr.contains(said),
-            "{arguments:?}: exit code {got:?}\n{stderr}\nnot {said:?}"
+            got == Some(code) && stderr.contains(expected),
+            "{arguments:?}: exit code {got:?}\n{stderr}\nnot {expected:?}"
         );
         assert!(!stderr.contains("panicked"), "{stderr}");
     }

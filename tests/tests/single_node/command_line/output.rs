@@ -57,18 +57,18 @@ fn output_that_cannot_be_written_is_an_error_and_a_reader_that_left_is_none() {
     for (program, arguments) in PRINTING {
         let mut cramped = command(program, arguments, &desk);
         cramped.stdout(full());
-        let (code, said) = outcome(cramped);
-        assert_eq!(code, Some(1), "{program} {arguments:?}: {said}");
+        let (code, message) = outcome(cramped);
+        assert_eq!(code, Some(1), "{program} {arguments:?}: {message}");
         assert!(
-            said.contains("error: cannot write to standard output: No space left on device"),
-            "{program} {arguments:?}: {said}"
+            message.contains("error: cannot write to standard output: No space left on device"),
+            "{program} {arguments:?}: {message}"
         );
 
         let mut unheard = command(program, arguments, &desk);
         unheard.stdout(unread());
-        let (code, said) = outcome(unheard);
-        assert_eq!(code, Some(0), "{program} {arguments:?}: {said}");
-        assert!(!said.contains("error"), "{program} {arguments:?}: {said}");
+        let (code, message) = outcome(unheard);
+        assert_eq!(code, Some(0), "{program} {arguments:?}: {message}");
+        assert!(!message.contains("error"), "{program} {arguments:?}: {message}");
     }
 }
 

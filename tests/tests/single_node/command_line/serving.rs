@@ -108,9 +108,9 @@ fn pause_resume_and_cancel_survive_the_coordinator() {
     );
     let half = desk.murmuration.run(&["digest", "small-1"]);
     assert_eq!((half.code, half.stdout.as_str()), (Some(1), ""));
-    let said = "campaign small-1 is paused, so its archive is not complete; the digest of what is there: murmuration digest small-1 \
+    let expected = "campaign small-1 is paused, so its archive is not complete; the digest of what is there: murmuration digest small-1 \
                 --partial";
-    assert!(half.stderr.contains(said), "{}", half.stderr);
+    assert!(half.stderr.contains(expected), "{}", half.stderr);
     let half = desk
         .murmuration
         .run(&["digest", "small-1", "--partial", "--json"]);
@@ -118,8 +118,8 @@ fn pause_resume_and_cancel_survive_the_coordinator() {
         (half.code, &half.last_line()["complete"]),
         (Some(0), &false.into())
     );
-    let said = "campaign small-1 is paused: this is the digest of the";
-    assert!(half.stderr.contains(said), "{}", half.stderr);
+    let expected = "campaign small-1 is paused: this is the digest of the";
+    assert!(half.stderr.contains(expected), "{}", half.stderr);
     desk.check(&["cancel", "small-2"], 0, "campaign small-2 is cancelled");
     desk.check(
         &["watch", "small-2"],
@@ -187,8 +187,8 @@ fn a_campaign_says_who_is_missing_to_go_on() {
     desk.check(&["submit", &spec], 0, "campaign small-1 submitted");
     let page = |url: &str| murmuration_tests::page(&format!("{url}/campaigns/small-1"));
     let waits = |latest: &Value, program: &str| {
-        let said = latest["waiting"].as_str().unwrap();
-        said.contains(&format!("start one with `{program} --coordinator URL`"))
+        let message = latest["waiting"].as_str().unwrap();
+        message.contains(&format!("start one with `{program} --coordinator URL`"))
     };
     let mut crew = Vec::new();
     for (program, peer, comes) in [

@@ -86,10 +86,10 @@ async fn what_a_machine_of_another_kind_embedded_is_not_found_wrong() {
     let worker = Honest::join(&cluster, folder.path(), 3);
     let last = cluster.finish(&campaign).await;
     assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
-    let said = notices(&last);
+    let message = notices(&last);
     assert!(
-        said.contains(&format!("none of {count} results was wrong")),
-        "{said}"
+        message.contains(&format!("none of {count} results was wrong")),
+        "{message}"
     );
     worker.leave().await;
     cluster.stop().await;

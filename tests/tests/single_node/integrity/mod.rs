@@ -171,18 +171,18 @@ async fn generations_that_a_worker_found_wrong_had_a_part_in_are_done_again() {
         .await;
     liar.answer(lease, impossible(), batch.tasks.len()).await;
     assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
-    let said =
+    let expected =
         "impostor at 127.0.0.2 returned wrong results and is quarantined: start a worker on another machine";
     cluster
-        .watch_until(&campaign, |status| status.waiting.contains(said))
+        .watch_until(&campaign, |status| status.waiting.contains(expected))
         .await;
     let worker = Honest::join(&cluster, folder.path(), 3);
     let last = cluster.finish(&campaign).await;
     assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
-    let said = notices(&last);
+    let expected = notices(&last);
     assert!(
-        said.contains("individual 0 differs; the generations from 0 on"),
-        "{said}"
+        expected.contains("individual 0 differs; the generations from 0 on"),
+        "{expected}"
     );
     assert_eq!(
         cluster.digest(&campaign).await,
@@ -220,15 +220,15 @@ async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wron
     assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
     let worker = Honest::join(&cluster, folder.path(), 3);
     cluster.finish(&other).await;
-    let said = loop {
+    let text = loop {
         let status = cluster.finish(&campaign).await;
         if !status.notices.is_empty() && status.state() == v1::CampaignState::Completed {
             break notices(&status);
         }
     };
     assert!(
-        said.contains("individual 0 differs; the generations from 0 on"),
-        "{said}"
+        text.contains("individual 0 differs; the generations from 0 on"),
+        "{text}"
     );
     assert_eq!(cluster.digest(&campaign).await, expected);
     worker.leave().await;
@@ -286,8 +286,8 @@ async fn an_embedder_that_was_trained_on_lies_is_trained_anew() {
     let worker = Honest::join(&cluster, folder.path(), 3);
     let last = cluster.finish(&campaign).await;
     assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
-    let said = notices(&last);
-    assert!(said.contains("picture 0 of the dataset differs"), "{said}");
+    let message = notices(&last);
+    assert!(message.contains("picture 0 of the dataset differs"), "{message}");
     assert_eq!(cluster.digest(&campaign).await, undisturbed(&spec).await);
     worker.leave().await;
     cluster.stop().await;
@@ -347,10 +347,10 @@ async fn what_takes_three_workers_is_poisoned_and_the_campaign_goes_on() {
         let worker = Honest::join(&cluster, folder.path(), 3);
         let last = cluster.finish(&campaign).await;
         assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
-        let said = notices(&last);
-        assert!(said.contains("the task of individual 0 was poisoned"), "{said}");
-        assert!(said.contains("3 workers were lost during it"), "{said}");
-        assert_eq!(said.matches("impostor at 127.0.0.2").count(), 3, "{said}");
+        let message = notices(&last);
+        assert!(message.contains("the task of individual 0 was poisoned"), "{message}");
+        assert!(message.contains("3 workers were lost during it"), "{message}");
+        assert_eq!(message.matches("impostor at 127.0.0.2").count(), 3, "{message}");
         digests.push(cluster.digest(&campaign).await);
         worker.leave().await;
         cluster.stop().await;

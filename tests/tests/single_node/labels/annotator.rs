@@ -125,7 +125,7 @@ impl Annotator {
     }
 }
 
-pub(crate) fn stands(said: &[(u64, &str, &str)]) -> Vec<(u64, String, String)> {
+pub(crate) fn stands(message: &[(u64, &str, &str)]) -> Vec<(u64, String, String)> {
     let owned = |(index, who, answer): &(u64, &str, &str)| (*index, (*who).to_owned(), (*answer).to_owned());
-    said.iter().map(owned).collect()
+    message.iter().map(owned).collect()
 }

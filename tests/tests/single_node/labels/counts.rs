@@ -16,7 +16,7 @@ fn what_the_synthetic_annotator_answered_is_counted_apart() {
     let labels = folder.path().join("labels.csv").display().to_string();
     let written = murmuration.run(&["labels", "latest", "--csv", &labels]);
     assert_eq!(written.code, Some(0), "{}", written.stderr);
-    let said = "3 behaviours with a class given by an annotator\n\
+    let expected = "3 behaviours with a class given by an annotator\n\
                 skipped: 5 answers by the synthetic annotator, which is the rule-based judge\n";
     for arguments in [
         vec!["lab", "judge", "--labels", &labels],
@@ -25,7 +25,7 @@ fn what_the_synthetic_annotator_answered_is_counted_apart() {
     ] {
         let told = murmuration.run(&arguments);
         assert!(
-            told.code == Some(0) && told.stderr.ends_with(said),
+            told.code == Some(0) && told.stderr.ends_with(expected),
             "{}",
             told.stderr
         );
@@ -57,7 +57,7 @@ fn every_count_of_labels_says_what_it_counts() {
             Some(0)
         );
     }
-    let said = |arguments: &[&str]| {
+    let message = |arguments: &[&str]| {
         let told = murmuration.run(arguments);
         format!("{}{}", told.stdout, told.stderr)
     };
@@ -66,7 +66,7 @@ fn every_count_of_labels_says_what_it_counts() {
         (&["labels", "latest"], "3 answers, 2 with a class;"),
         (&["classes", "latest"], "2 answers with a class"),
     ] {
-        let told = said(arguments);
+        let told = message(arguments);
         assert!(told.contains(counts), "{told}\nnot {counts:?}");
     }
 }

@@ -15,14 +15,14 @@ fn serve(murmuration: &Murmuration) -> (Running, String) {
 async fn killed_right_after_it_acknowledged_a_label_the_coordinator_still_knows_it() {
     let (_folder, murmuration) = campaign();
     let (mut coordinator, mut url) = serve(&murmuration);
-    let mut said = Vec::new();
+    let mut message = Vec::new();
     for round in 0..5u64 {
         let channel = Channel::from_shared(url).unwrap().connect().await.unwrap();
         let mut ana = Annotator::of("ana", &channel);
         let (request, index) = (round.to_string(), round * 7);
         ana.say(&request, &[(index, "ring")]).await.unwrap();
         coordinator.kill();
-        said.push((index, "ana", "ring"));
+        message.push((index, "ana", "ring"));
 
         (coordinator, url) = serve(&murmuration);
         let channel = Channel::from_shared(url.clone())
@@ -31,7 +31,7 @@ async fn killed_right_after_it_acknowledged_a_label_the_coordinator_still_knows_
             .await
             .unwrap();
         let mut ana = Annotator::of("ana", &channel);
-        assert_eq!(ana.standing().await, stands(&said));
+        assert_eq!(ana.standing().await, stands(&message));
         // Who heard no answer sends it again.
         assert_eq!(ana.say(&request, &[(index, "ring")]).await.unwrap(), [round]);
         assert_eq!(ana.log().await.len() as u64, round + 1);

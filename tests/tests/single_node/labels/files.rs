@@ -79,9 +79,9 @@ fn what_labels_writes_every_command_reads() {
         vec!["lab", "accuracy", "--features", "--labels", &file],
     ] {
         let refused = murmuration.run(&arguments);
-        let said = "no row has a class by an annotator other than `synthetic`, which gave 12 classes";
+        let expected = "no row has a class by an annotator other than `synthetic`, which gave 12 classes";
         assert!(
-            refused.code == Some(2) && refused.stderr.contains(said),
+            refused.code == Some(2) && refused.stderr.contains(expected),
             "{}",
             refused.stderr
         );
@@ -139,12 +139,12 @@ fn a_column_that_a_command_needs_is_named_with_those_there_are() {
         ),
     ] {
         let refused = murmuration.run(&arguments);
-        let said = format!(
+        let expected = format!(
             "bare.csv, line 1: there is no column \"{column}\"; its columns are id, class, annotator"
         );
         assert!(
-            refused.code == Some(2) && refused.stderr.contains(&said),
-            "{}\nnot {said}",
+            refused.code == Some(2) && refused.stderr.contains(&expected),
+            "{}\nnot {expected}",
             refused.stderr
         );
     }
@@ -172,8 +172,8 @@ fn spellings_of_a_class_are_one_and_near_names_are_warned_of() {
     );
     let warned = "warning: classes \"dispersal\" and \"dispresal\" have nearly the same name";
     for arguments in [vec!["label", "latest", "--csv", &file], vec!["classes", "latest"]] {
-        let said = murmuration.run(&arguments).stderr;
-        assert!(said.contains(warned), "{said}");
+        let message = murmuration.run(&arguments).stderr;
+        assert!(message.contains(warned), "{message}");
     }
     // What it says to do mends it.
     let mended = murmuration.run(&["classes", "latest", "--merge", "dispresal", "dispersal"]);
@@ -256,12 +256,12 @@ fn no_label_in_a_file_is_a_formula() {
         let labels = murmuration
             .run(&["labels", "latest", "--csv", &out, "--force", "--json"])
             .lines();
-        let said = |place: usize, what: &str| labels[place]["answer"][what].as_str().unwrap().to_owned();
+        let message = |place: usize, what: &str| labels[place]["answer"][what].as_str().unwrap().to_owned();
         assert_eq!(
-            (said(0, "answer"), said(0, "annotator")),
+            (message(0, "answer"), message(0, "annotator")),
             ("=HYPERLINK(1)".into(), "@ana".into())
         );
-        assert_eq!(said(1, "answer"), "'tis");
+        assert_eq!(message(1, "answer"), "'tis");
     }
     let out = fs::read_to_string(folder.path().join("out.csv")).unwrap();
     for (written, given) in out.lines().zip(text.lines()) {
@@ -272,7 +272,7 @@ fn no_label_in_a_file_is_a_formula() {
 #[test]
 fn a_file_with_a_bad_row_is_refused_whole_and_its_line_named() {
     let (folder, murmuration) = campaign();
-    for (rows, said) in [
+    for (rows, expected) in [
         ("1,ring,ana,\n2,ring,ana,soon\n", "line 3: time"),
         (
             "1,ring,ana,\n\n100,ring,ana,\n",
@@ -287,7 +287,7 @@ fn a_file_with_a_bad_row_is_refused_whole_and_its_line_named() {
         );
         let refused = murmuration.run(&["label", "latest", "--csv", &file]);
         assert!(
-            refused.code == Some(2) && refused.stderr.contains(said),
+            refused.code == Some(2) && refused.stderr.contains(expected),
             "{}",
             refused.stderr
         );
@@ -365,10 +365,10 @@ fn classes_and_agreement_on_the_command_line() {
         ),
         (vec!["labels", "nobody-1"], "there is no campaign"),
     ];
-    for (arguments, said) in wrong {
+    for (arguments, expected) in wrong {
         let refused = murmuration.run(&arguments);
         assert!(
-            refused.code == Some(2) && refused.stderr.contains(said),
+            refused.code == Some(2) && refused.stderr.contains(expected),
             "{}",
             refused.stderr
         );
@@ -378,7 +378,7 @@ fn classes_and_agreement_on_the_command_line() {
 #[test]
 fn a_table_that_is_not_separated_by_commas_or_has_an_open_quote_is_refused() {
     let (folder, murmuration) = campaign();
-    for (text, said) in [
+    for (text, expected) in [
         (
             "id;class;annotator\n1;ring;ana\n",
             "line 1: the columns are separated by semicolons; save the file with commas",
@@ -395,7 +395,7 @@ fn a_table_that_is_not_separated_by_commas_or_has_an_open_quote_is_refused() {
         ] {
             let refused = murmuration.run(&arguments);
             assert!(
-                refused.code == Some(2) && refused.stderr.contains(said),
+                refused.code == Some(2) && refused.stderr.contains(expected),
                 "{}",
                 refused.stderr
             );
@@ -414,9 +414,9 @@ fn a_link_that_leads_nowhere_is_not_taken_for_nothing() {
     let unmounted = folder.path().join("unmounted");
     symlink(&unmounted, folder.path().join("images")).unwrap();
     let refused = murmuration.run(&["lab", "accuracy", "--untrained", "1", "--labels", &file]);
-    let said = format!("is a link to {}, which is not there", unmounted.display());
+    let expected = format!("is a link to {}, which is not there", unmounted.display());
     assert!(
-        refused.code == Some(2) && refused.stderr.contains(&said),
+        refused.code == Some(2) && refused.stderr.contains(&expected),
         "{}",
         refused.stderr
     );

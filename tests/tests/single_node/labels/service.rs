@@ -120,8 +120,8 @@ async fn nobody_takes_an_id_of_the_coordinators_own_requests() {
                 ));
             let answer = posted.send().await.unwrap();
             assert_eq!(answer.status(), 400, "{page}");
-            let said = answer.text().await.unwrap();
-            assert!(said.starts_with("request_id = "), "{page}: {said}");
+            let words = answer.text().await.unwrap();
+            assert!(words.starts_with("request_id = "), "{page}: {words}");
         }
     }
     assert_eq!(ana.log().await, before);
@@ -175,8 +175,8 @@ async fn nobody_answers_as_the_synthetic_annotator() {
                 .body(format!(r#"{{"annotator":"{name}",{body}}}"#));
             let answer = posted.send().await.unwrap();
             assert_eq!(answer.status(), 400, "{page}");
-            let said = answer.text().await.unwrap();
-            assert!(said.contains("a person's name"), "{page}: {said}");
+            let words = answer.text().await.unwrap();
+            assert!(words.contains("a person's name"), "{page}: {words}");
         }
     }
     assert_eq!(ana.log().await, before);

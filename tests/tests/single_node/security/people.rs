@@ -45,10 +45,10 @@ async fn each_role_may_do_its_own_and_no_more() {
             request_id: format!("{channel:p}"),
             answers: vec![answer],
         };
-        let said = LabelServiceClient::new(channel.clone())
+        let message = LabelServiceClient::new(channel.clone())
             .append_labels(request)
             .await;
-        said.map_or_else(|status| status.code(), |_| Code::Ok)
+        message.map_or_else(|status| status.code(), |_| Code::Ok)
     };
     let look = async |channel: &Coordinator| {
         let mut client = CampaignServiceClient::new(channel.clone());
@@ -84,7 +84,7 @@ async fn each_role_may_do_its_own_and_no_more() {
 async fn a_refusal_says_what_to_do() {
     let secrets = Secrets::new();
     let cluster = secrets.cluster(0).await;
-    let said = async |token: Option<&str>| {
+    let text = async |token: Option<&str>| {
         let channel = channel(&cluster, &secrets.credentials(token, None)).await;
         let request = v1::PauseCampaignRequest {
             campaign: "small-1".to_owned(),
@@ -92,8 +92,8 @@ async fn a_refusal_says_what_to_do() {
         let refused = CampaignServiceClient::new(channel).pause_campaign(request).await;
         refused.unwrap_err().message().to_owned()
     };
-    assert!(said(None).await.contains("MURMURATION_TOKEN_FILE"));
-    let viewer = said(Some(&secrets.people.viewer)).await;
+    assert!(text(None).await.contains("MURMURATION_TOKEN_FILE"));
+    let viewer = text(Some(&secrets.people.viewer)).await;
     assert_eq!(
         viewer,
         "this needs the role operator; the token of \"ana the viewer\" has the role viewer"

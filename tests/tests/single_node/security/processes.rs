@@ -55,9 +55,9 @@ fn stderr(output: &Output) -> &str {
 }
 
 #[track_caller]
-fn check_refused(murmuration: &Murmuration, arguments: &[&str], said: &[&str]) {
+fn check_refused(murmuration: &Murmuration, arguments: &[&str], expected: &[&str]) {
     let refused = murmuration.run(arguments);
-    let says = said.iter().all(|said| refused.stderr.contains(said));
+    let says = expected.iter().all(|expected| refused.stderr.contains(expected));
     assert!(refused.code == Some(2) && says, "{arguments:?}: {refused:?}");
 }
 
@@ -138,16 +138,16 @@ fn secrets_stay_where_they_are() {
 
     let local = fs::read_to_string(secrets.path("data/local-token")).unwrap();
     let key = fs::read_to_string(secrets.path("certs/server-key.pem")).unwrap();
-    let (code, said) = serving.terminate_and_hear();
+    let (code, message) = serving.terminate_and_hear();
     assert_eq!(code, Some(0));
-    assert!(said.contains("TRACE"), "it was to say everything");
+    assert!(message.contains("TRACE"), "it was to say everything");
     for secret in [
         token,
         &secrets.people.viewer,
         local.trim(),
         key.lines().nth(1).unwrap(),
     ] {
-        assert!(!said.contains(secret), "the log has {secret}");
+        assert!(!message.contains(secret), "the log has {secret}");
     }
 }
 
@@ -190,13 +190,13 @@ fn certificates_are_private_and_never_overwritten() {
         );
     }
     let other = secrets.text("other");
-    for (host, said) in [
+    for (host, expected) in [
         ("", "must be a DNS name"),
         ("https://swarm.example:7700", "must be a DNS name"),
         ("worker.murmuration.internal", "the certificate of a worker"),
     ] {
         let arguments = ["certs", &other, "--host", "swarm.example", "--host", host];
-        check_refused(&secrets.murmuration(), &arguments, &["--host", said]);
+        check_refused(&secrets.murmuration(), &arguments, &["--host", expected]);
     }
     assert!(!secrets.path("other").exists());
     // Workers are added to it, and to no other.
@@ -204,11 +204,11 @@ fn certificates_are_private_and_never_overwritten() {
     assert_eq!(more.code, Some(0), "{}", more.stderr);
     assert!(is_private(&secrets.path("certs/alpha-key.pem")));
     assert_eq!(fs::read(secrets.path("certs/ca-key.pem")).unwrap(), before);
-    let refused = |arguments: &[&str], said| {
+    let refused = |arguments: &[&str], expected| {
         check_refused(
             &secrets.murmuration(),
             &[&["certs", &certs], arguments].concat(),
-            &[said],
+            &[expected],
         );
     };
     refused(&["--worker", "alpha"], "alpha.pem exists already");

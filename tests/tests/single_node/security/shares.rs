@@ -153,10 +153,10 @@ async fn a_shutdown_waits_for_nobody_who_reads_or_watches() {
     }
     tokio::time::sleep(Duration::from_millis(500)).await;
     let begun = Instant::now();
-    let (code, said) = tokio::task::spawn_blocking(move || serving.terminate_and_hear())
+    let (code, text) = tokio::task::spawn_blocking(move || serving.terminate_and_hear())
         .await
         .unwrap();
-    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(code, Some(0), "{text}");
     assert!(begun.elapsed() < Duration::from_secs(5), "{:?}", begun.elapsed());
     let mut last = watching.pop().unwrap();
     let ended = loop {

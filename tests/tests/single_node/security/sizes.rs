@@ -146,8 +146,8 @@ async fn what_cannot_be_held_or_sent_is_refused_when_it_is_asked_for() {
     };
     let status = cluster.client.create_campaign(request).await.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument);
-    let said = "search.population = 100000: must be at most 4294 where image.resolution = 1000";
-    assert!(status.message().starts_with(said), "{status}");
+    let expected = "search.population = 100000: must be at most 4294 where image.resolution = 1000";
+    assert!(status.message().starts_with(expected), "{status}");
 
     let mut crowd = v1::CampaignSpec::from(&small_spec(""));
     crowd.world = Some(v1::World {
@@ -171,7 +171,7 @@ async fn what_cannot_be_held_or_sent_is_refused_when_it_is_asked_for() {
     };
     let status = cluster.client.get_replay(request).await.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument);
-    let said = "1201 frames of 10000 agents are 12010000 poses";
-    assert!(status.message().contains(said), "{status}");
+    let expected = "1201 frames of 10000 agents are 12010000 poses";
+    assert!(status.message().contains(expected), "{status}");
     cluster.stop().await;
 }

@@ -117,8 +117,8 @@ async fn a_trainer_trains_one_embedder_at_a_time() {
             panic!("a trainer of capacity {capacity} was let in")
         };
         assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
-        let said = format!("hello.capacity = {capacity}: must be");
-        assert!(refused.message().starts_with(&said), "{refused}");
+        let expected = format!("hello.capacity = {capacity}: must be");
+        assert!(refused.message().starts_with(&expected), "{refused}");
     }
     cluster.stop().await;
 }
@@ -208,8 +208,8 @@ async fn a_snapshot_of_an_epoch_that_the_training_does_not_have_is_refused() {
             }))
             .await;
         let status = trainer.dismissed().await;
-        let said = format!("snapshot.epoch = {epoch}: must be from 1 to 3");
-        assert!(status.message().starts_with(&said), "{status}");
+        let expected = format!("snapshot.epoch = {epoch}: must be from 1 to 3");
+        assert!(status.message().starts_with(&expected), "{status}");
     }
     cluster.stop().await;
 }

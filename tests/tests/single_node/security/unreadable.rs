@@ -2,6 +2,7 @@
 
 use murmuration_proto::{
     SIMULATOR_VERSION,
+    codec::MAX_REQUEST_PARTS,
     v1::{self, worker_message::Message as Said},
 };
 use murmuration_tests::{Cluster, FakeWorker};
@@ -65,5 +66,33 @@ async fn a_message_that_cannot_be_read_is_its_senders_fault() {
     ];
     let messages = texts.map(|campaign| v1::GetCampaignRequest { campaign });
     check(sent(&cluster, "/murmuration.v1.WorkerService/Work", messages.into()).await);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_small_message_of_many_parts_is_refused_before_it_is_decoded() {
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start(folder.path(), 0).await;
+    let check = |status: Status| {
+        assert_eq!(status.code(), Code::ResourceExhausted, "{status}");
+        assert!(status.message().contains("it has over 262144 parts"), "{status}");
+    };
+    let evaluations = v1::Evaluations {
+        evaluations: vec![v1::Evaluation::default(); MAX_REQUEST_PARTS],
+    };
+    let result = v1::BatchResult {
+        outcome: Some(v1::batch_result::Outcome::Evaluations(evaluations)),
+        ..Default::default()
+    };
+    let messages = [FakeWorker::hello(SIMULATOR_VERSION), Said::Result(result)];
+    let messages = messages.map(|message| v1::WorkerMessage {
+        message: Some(message),
+    });
+    check(sent(&cluster, "/murmuration.v1.WorkerService/Work", messages.into()).await);
+    let labels = v1::AppendLabelsRequest {
+        answers: vec![v1::Answer::default(); MAX_REQUEST_PARTS + 1],
+        ..Default::default()
+    };
+    check(sent(&cluster, "/murmuration.v1.LabelService/AppendLabels", vec![labels]).await);
     cluster.stop().await;
 }

@@ -29,8 +29,8 @@ async fn a_workers_words_are_cleaned_and_cut() {
     let status = cluster
         .watch_until(&campaign, |status| !status.waiting.is_empty())
         .await;
-    let said = "impostor returned work, which will be tried again: broken]0;owned 2Jtxet xxx";
-    assert!(status.waiting.starts_with(said), "{:?}", &status.waiting[..100]);
+    let expected = "impostor returned work, which will be tried again: broken]0;owned 2Jtxet xxx";
+    assert!(status.waiting.starts_with(expected), "{:?}", &status.waiting[..100]);
     assert!(status.waiting.len() < 3000, "{} bytes", status.waiting.len());
     cluster.stop().await;
 }
@@ -53,7 +53,7 @@ async fn names_that_cannot_be_seen_are_refused_by_field() {
     let campaign = cluster.create(&small_spec("")).await;
     cluster.finish(&campaign).await;
     let mut labels = LabelServiceClient::connect(cluster.url()).await.unwrap();
-    for (class, annotator, said) in [
+    for (class, annotator, expected) in [
         ("\u{200b}", "ana", "answers[0].class = "),
         ("gn\u{202e}ir", "ana", "answers[0].class = "),
         ("ring", "ana\u{2069}", "answers[0].annotator = "),
@@ -71,7 +71,7 @@ async fn names_that_cannot_be_seen_are_refused_by_field() {
         };
         let status = labels.append_labels(request).await.unwrap_err();
         assert_eq!(status.code(), Code::InvalidArgument);
-        assert!(status.message().starts_with(said), "{status}");
+        assert!(status.message().starts_with(expected), "{status}");
     }
     cluster.stop().await;
 }

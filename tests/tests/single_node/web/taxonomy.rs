@@ -66,7 +66,7 @@ async fn a_finished_campaign_shows_its_behaviours() {
 const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
 
 /// What Ana calls individuals, as a script says it.
-fn said(request: &str, names: &[(u64, &str)]) -> String {
+fn answers_of(request: &str, names: &[(u64, &str)]) -> String {
     let answers: Vec<Value> = names
         .iter()
         .map(|(index, answer)| serde_json::json!({ "index": index, "answer": answer }))
@@ -100,7 +100,7 @@ async fn a_taxonomy_outlives_learning_and_its_names_go_on() {
     let names = ["ring", "wall hugger", "clump", "cloud"];
     let named: Vec<(u64, &str)> = medoids.iter().copied().zip(names).collect();
     assert_eq!(named.len(), 4);
-    browser.tell("labels", &said("a", &named), StatusCode::OK).await;
+    browser.tell("labels", &answers_of("a", &named), StatusCode::OK).await;
     let request = v1::RefineCampaignRequest { campaign: id.clone() };
     cluster.client.refine_campaign(request).await.unwrap();
     cluster.finish(&id).await;
@@ -156,13 +156,13 @@ async fn a_taxonomy_outlives_learning_and_its_names_go_on() {
     assert_eq!(nowhere.status(), StatusCode::NOT_FOUND);
 
     let changes = browser.page("/campaigns/small-1/taxonomy/changes").await;
-    for said in [
+    for expected in [
         "<h2 id=\"maps\">Maps</h2>",
         "Accuracy on held-out triplets",
         "<td>100</td><td>120</td>",
         "The taxonomy now has 4 behaviours: ",
     ] {
-        assert!(changes.contains(said), "{said} {changes}");
+        assert!(changes.contains(expected), "{expected} {changes}");
     }
     assert!(!changes.contains("not known"), "{changes}");
     for version in [1, 2] {
@@ -202,7 +202,7 @@ async fn a_medoid_is_tried_from_further_starts_and_downloaded() {
     for (request, name, merged) in [("a", "ring", true), ("b", "Random", false)] {
         let names = [(first, name), (second, name)];
         browser
-            .tell("labels", &said(request, &names), StatusCode::OK)
+            .tell("labels", &answers_of(request, &names), StatusCode::OK)
             .await;
         let page = browser.page("/campaigns/small-1/taxonomy").await;
         assert_eq!(page.contains("One behaviour in 2 clusters"), merged, "{page}");
