@@ -15,20 +15,20 @@ use std::collections::{BTreeMap, BTreeSet};
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Individual {
-    /// Generation that it belongs to, from 0.
+    /// Generation of the individual, from 0.
     pub generation: u32,
     pub controller: Controller,
-    /// Seed of its start, the first one if there are several.
+    /// Seed of the start; of the first start if there are several.
     pub seed: u64,
-    /// Its place in the behaviour space.
+    /// Coordinates in the behaviour space.
     pub behaviour: Vec<f64>,
-    /// Number of the class by which the campaign's embedder learned from it, if it did.
+    /// Number of the class by which the campaign's embedder learned from the individual, if it did.
     pub class: Option<u32>,
 }
 
-/// Judges the last taxonomies of an archive, which is in the order of its individuals. The taxonomy of a generation is that of
-/// the archive as it stood after it, in the behaviour space of the whole archive; that of the last generation is the
-/// campaign's. `interrupt` ends a clustering.
+/// Judges the last taxonomies of an archive, which is in the order of its individuals. A generation's taxonomy is clustered from
+/// the archive after that generation, in the behaviour space of the whole archive; the last generation's is the campaign's.
+/// `interrupt` ends a clustering.
 pub fn measure_behaviours(
     spec: &CampaignSpec,
     archive: &[Individual],
@@ -57,7 +57,7 @@ pub fn measure_behaviours(
     })
 }
 
-/// The last batches of as many samples as a taxonomy has medoids, in the order in which they were drawn.
+/// The last batches of samples, in the order in which they were drawn. A batch is as large as a taxonomy.
 fn batches(spec: &CampaignSpec, archive: &[Individual], measures: &Measures) -> Vec<MedoidsOf> {
     let size = spec.medoids() as usize;
     let whole = archive.len() / size;
@@ -174,7 +174,7 @@ mod tests {
         let generations: Vec<u32> = taxonomies.iter().map(|(generation, _)| *generation).collect();
         assert_eq!(generations, [2, 3]);
         assert!(taxonomies[0].1.iter().all(|&index| index < 12) && taxonomies[0].1.len() == 3);
-        // 225 is 56 from its nearest neighbour, so it is its own cluster as soon as it is there.
+        // 225 is 56 from its nearest neighbour, so it is its own cluster as soon as the archive contains it.
         assert!(taxonomies[1].1.iter().any(|&index| index >= 12));
     }
 

@@ -17,7 +17,7 @@ impl Grid {
         whole.then_some(Self { columns, values })
     }
 
-    /// The pieces of the line where the values, interpolated along the edges between middles, are `level`.
+    /// The segments of the contour line at `level`. Values are interpolated along the edges between cell middles.
     pub(crate) fn contour(&self, level: f64) -> Vec<[Point; 2]> {
         let rows = self.values.len() / self.columns;
         let squares = (1..rows).flat_map(|row| (1..self.columns).map(move |column| (column, row)));
@@ -26,7 +26,7 @@ impl Grid {
             .collect()
     }
 
-    /// The pieces in the square between four neighbouring middles.
+    /// The segments in the square between four neighbouring middles.
     fn in_square(&self, [column, row]: [usize; 2], level: f64) -> Vec<[Point; 2]> {
         const CORNERS: [[usize; 2]; 4] = [[0, 0], [1, 0], [1, 1], [0, 1]];
         let value = |[right, down]: [usize; 2]| self.values[(row + down) * self.columns + column + right];
@@ -49,7 +49,7 @@ impl Grid {
         let crossings: Vec<Point> = (0..4).filter_map(crossing).collect();
         match crossings[..] {
             [first, second] => vec![[first, second]],
-            // Two opposite corners are above: the middle says whether they are one region.
+            // Two opposite corners are above the level: the value at the middle decides whether they are connected.
             [first, second, third, fourth] => {
                 let middle = (a + b + c + d) / 4.0;
                 match (middle >= level) == (a >= level) {

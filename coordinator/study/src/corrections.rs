@@ -8,9 +8,9 @@ use std::collections::BTreeMap;
 
 /// Name of the annotator of a behaviour if the file names none.
 const SOMEBODY: &str = "a person";
-/// Author of the classes of `medoids.csv` that the judge gave.
+/// The value of column `by` in `medoids.csv` for classes that the judge gave.
 pub const JUDGE: &str = "judge";
-/// Most characters that are kept of a name.
+/// Most characters of a name; longer names are cut.
 const NAME_CHARS: usize = 64;
 
 /// Classes that people gave to individuals of cells.
@@ -30,11 +30,11 @@ pub struct CorrectionsError {
 }
 
 impl Corrections {
-    /// Reads a table such as `medoids.csv` of a report (CSV): `cell`, `index`, `class`, and `by` for who gave the class. Rows
-    /// by the judge count if their class is not the judge's; see [`Corrections::of`].
+    /// Reads a table (CSV) such as `medoids.csv` of a report: `cell`, `index`, `class`, and `by` for who gave the class. Rows by
+    /// the judge count only if their class differs from the judge's; see [`Corrections::of`].
     ///
     /// # Errors
-    /// Names the line with a missing column, a value that is none, or another class than an earlier line about the individual.
+    /// Names the line with a missing column, an invalid value, or another class than an earlier line about the individual.
     pub fn parse(text: &str) -> Result<Self, CorrectionsError> {
         let mut reader = ReaderBuilder::new().flexible(true).from_reader(text.as_bytes());
         let unreadable = |error: csv::Error| CorrectionsError {
@@ -78,8 +78,7 @@ impl Corrections {
         Ok(Self { by_individual })
     }
 
-    /// Gives an individual of the cell with this digest a class by a person's word, or with `None` the judge's word again. The name
-    /// of the judge is no person's.
+    /// Sets the class that the person `by` gives to an individual of the cell with this digest; `None` restores the judge's class.
     ///
     /// # Errors
     /// If the name is empty, the judge's, or too long.
@@ -98,7 +97,7 @@ impl Corrections {
         Ok(())
     }
 
-    /// These, and of individuals that they have no class for, those of `others`.
+    /// These corrections, plus those of `others` for individuals that have none here.
     #[must_use]
     pub fn or(mut self, others: Self) -> Self {
         for (place, given) in others.by_individual {
@@ -107,10 +106,10 @@ impl Corrections {
         self
     }
 
-    /// The table that [`Corrections::parse`] reads, a row an individual.
+    /// The table that [`Corrections::parse`] reads, one row for each individual.
     pub fn to_csv(&self) -> String {
         let mut table = Writer::from_writer(Vec::new());
-        // Writing to memory cannot fail, and each row has as many cells.
+        // Writing to memory cannot fail, and all rows have the same number of cells.
         let _ = table.write_record(["cell", "index", "class", "by"]);
         for ((cell, index), (class, by)) in &self.by_individual {
             let _ = table.write_record([cell.as_str(), &index.to_string(), class.name(), &to_cell(by)]);
@@ -119,7 +118,7 @@ impl Corrections {
         String::from_utf8_lossy(&bytes).into_owned()
     }
 
-    /// The class that a person gave to an individual of a cell, and the person; `None` if the judge's word stands.
+    /// The class that a person gave to an individual of a cell, and the person; `None` if the judge's class holds.
     pub fn of(&self, cell: &Measured, index: u64) -> Option<(Class, &str)> {
         let (class, by) = self.by_individual.get(&(cell.cell.clone(), index))?;
         let judged = cell
@@ -146,7 +145,7 @@ struct Columns {
 }
 
 impl Columns {
-    /// The individual of a row, its class and who gave it; nothing for a row without a class.
+    /// The individual of a row, its class and who gave it; `None` for a row without a class.
     fn read(&self, row: &StringRecord) -> Result<Option<(Place, Given)>, String> {
         let cell = |place: usize| row.get(place).unwrap_or_default().trim();
         let name = cell(self.class);

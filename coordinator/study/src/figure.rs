@@ -6,17 +6,17 @@ use std::{borrow::Cow, fmt, str::FromStr};
 /// A measure of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Measure {
-    /// The classes of the behaviours that its last taxonomies consist of.
+    /// The classes of the behaviours in its last taxonomies.
     Behaviours,
-    /// The classes of all trials of its archive, which its workers judged.
+    /// The classes of all trials of its archive, as judged by its workers.
     Shares,
     /// The accuracy of its embedding on labelled sets.
     Accuracy,
     /// How its search and its taxonomy ended.
     Search,
-    /// Which share of what an atlas holds it finds.
+    /// The share of the atlas's niches and verdicts that its search finds.
     Recall,
-    /// How many behaviours there are, estimated from how often it met each.
+    /// The number of behaviours, estimated from how often it met each.
     Richness,
     /// Maps of its controllers and behaviours; they are pictures, not figures.
     Maps,
@@ -57,7 +57,7 @@ impl Measure {
         }
     }
 
-    /// Its figures, in the order of the columns of its table.
+    /// The figures of the measure, in the order of the columns of its table.
     pub fn figures(self) -> Vec<Figure> {
         match self {
             Self::Behaviours => {
@@ -65,7 +65,7 @@ impl Measure {
                 let distinct = [Figure::Distinct, Figure::DistinctBySecond, Figure::DistinctByBoth];
                 distinct.into_iter().chain(classes).collect()
             }
-            // Random first, which is what most is said of in the paper.
+            // Random first: the paper says most about it.
             Self::Shares => {
                 let classes = Class::ALL.into_iter().filter(|class| *class != Class::Random);
                 let classes = [Class::Random].into_iter().chain(classes).map(Figure::Share);
@@ -103,21 +103,21 @@ impl FromStr for Measure {
     }
 }
 
-/// A number that a cell has: a column of a table.
+/// A figure of a cell: one column of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Figure {
     /// Distinct classes among the medoids, the mean over the last taxonomies.
     Distinct,
-    /// The same by the second judge's word alone.
+    /// Distinct classes that the second judge gives, the mean over the last taxonomies.
     DistinctBySecond,
-    /// Distinct classes by which a medoid goes with both judges (or a person and the second judge), the mean over the last
+    /// Distinct classes of the medoids about which both judges agree (or a person and the second judge), the mean over the last
     /// taxonomies.
     DistinctByBoth,
     /// Medoids of a class, the mean over the last taxonomies.
     Class(Class),
     /// Percentage of all trials that are of a class.
     Share(Class),
-    /// Percentage of all trials that have a pattern; they are of the class `random` too.
+    /// Percentage of all trials that have a pattern. These trials are of the class `random` too.
     PatternShare(Pattern),
     /// Percentage of correct triplets whose anchor is not `random`.
     Accuracy,
@@ -135,20 +135,20 @@ pub enum Figure {
     Reached(Class),
     /// Niches of the reference that were met.
     NichesSeen,
-    /// Niches that there are, by Chao1.
+    /// Number of niches, estimated by Chao1.
     NichesChao1,
-    /// Niches that there are, by ACE.
+    /// Number of niches, estimated by ACE.
     NichesAce,
     /// Classes and patterns that were met.
     VerdictsSeen,
-    /// Classes and patterns that there are, by Chao1.
+    /// Number of classes and patterns, estimated by Chao1.
     VerdictsChao1,
-    /// Classes and patterns that there are, by ACE.
+    /// Number of classes and patterns, estimated by ACE.
     VerdictsAce,
 }
 
 impl Figure {
-    /// Its name in study files and tables.
+    /// Name in study files and tables.
     pub fn name(self) -> Cow<'static, str> {
         Cow::Borrowed(match self {
             Self::Distinct => "distinct",
@@ -177,7 +177,7 @@ impl Figure {
         Measure::ALL.into_iter().flat_map(Measure::figures)
     }
 
-    /// Decimals that it is shown with.
+    /// Decimals that tables and pages show.
     pub const fn decimals(self) -> usize {
         match self {
             Self::Distinct

@@ -43,7 +43,7 @@ pub enum StudyError {
 }
 
 impl Study {
-    /// Reads a study file; with `quick`, as its `[quick]` says. Label files are relative to `folder`.
+    /// Reads a study file, with the changes of `[quick]` if `quick`. Label files are relative to `folder`.
     pub fn from_toml(text: &str, folder: &Path, quick: bool) -> Result<Self, StudyError> {
         let message: StudyMessage = read_toml(text)?;
         let message = message.made(quick)?;
@@ -134,7 +134,7 @@ fn cell(
     })
 }
 
-/// The error of a cell, which is named.
+/// The error of a cell, with the cell's name.
 fn cell_error(study: &Study, values: &[usize], seed: u64, error: SpecFileError) -> StudyError {
     let named = study.axes.iter().zip(study.names(values));
     let mut words: Vec<String> = named
@@ -199,7 +199,7 @@ fn axes(messages: &[AxisMessage]) -> Result<Vec<Axis>, Invalid> {
     Ok(axes)
 }
 
-/// The name of an axis that sets this field too, or a table that it is in, or one that is in it.
+/// The name of the axis if it sets the same field, a table that contains the field, or a field within it.
 fn same_field<'a>(axis: &'a Axis, field: Option<&str>) -> Option<&'a str> {
     let (own, field) = (axis.field.as_deref()?, field?);
     let is_in = |inner: &str, outer: &str| {
@@ -210,7 +210,7 @@ fn same_field<'a>(axis: &'a Axis, field: Option<&str>) -> Option<&'a str> {
     (own == field || is_in(own, field) || is_in(field, own)).then_some(axis.name.as_str())
 }
 
-/// The axes of phase diagrams, which are of shares.
+/// The axes of the phase diagrams, which show shares.
 fn phase(message: &PhaseMessage, axes: &[Axis], measures: Option<&[String]>) -> Result<Phase, Invalid> {
     let shares = Measure::Shares.name();
     if !measures
@@ -239,7 +239,7 @@ fn phase(message: &PhaseMessage, axes: &[Axis], measures: Option<&[String]>) -> 
     Ok(Phase { x, y })
 }
 
-/// A name that can be a column of a table.
+/// Checks that a name can be a column of a table.
 fn axis_name(name: &str) -> Result<String, Invalid> {
     let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-' || c == '_';
     let columns = [
@@ -370,7 +370,7 @@ fn published(message: &PublishedMessage, axes: &[Axis]) -> Result<Published, Inv
     })
 }
 
-/// Lays `over` on `base`: a table in both is laid over in turn, every other value is replaced.
+/// Overrides the fields of `base` by those of `over`. A table in both is merged recursively; any other value is replaced.
 fn lay_over(base: &mut Table, over: &Table) {
     for (name, value) in over {
         match (base.get_mut(name), value) {

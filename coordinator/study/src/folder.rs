@@ -1,4 +1,4 @@
-//! The folder of a study in a data directory: its file, the embedders that its cells share, and what was measured.
+//! The folder of a study in a data directory: the study file, the embedders that its cells share, and the measurements.
 
 use crate::{
     corrections::Corrections, file::StudyError, identity::cell_digest, maps::Maps, measured::Measured,
@@ -15,14 +15,14 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// The file in the folder of all studies that is locked while a campaign of a study is looked for and begun.
+/// Lock file in the folder of all studies, held while a study looks for a campaign or starts it.
 const BEGINNING: &str = ".beginning";
 /// The content of the study's atlas.
 const REFERENCE: &str = "reference.json";
 /// Most bytes of a file in the folder.
 const MOST_BYTES: u64 = 256 << 20;
 
-/// Bytes at the beginning of the file of a cell that say which cell it is, and how it was measured.
+/// Bytes at the beginning of a cell's file that contain its cell and how it was measured.
 const BEGINS: u64 = 512;
 
 /// Why the folder of a study cannot be used.
@@ -40,13 +40,13 @@ pub enum FolderError {
     Cell(#[from] Invalid),
 }
 
-/// Where the study came from.
+/// How and from where the study was run.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Origin {
     /// Whether it was run with `--quick`.
     quick: bool,
     folder: PathBuf,
-    /// How its cells were measured.
+    /// How its cells are measured ([`measures_digest`](crate::measures_digest)).
     measures: String,
 }
 
@@ -86,8 +86,8 @@ pub fn studies(data: &Path) -> Result<Vec<String>, FolderError> {
     Ok(names)
 }
 
-/// Locks out other studies of this data directory that look for campaigns, or begin them, until the file is dropped: two studies
-/// that run at once would both begin a campaign that both have not found. Waits for others.
+/// Prevents other studies of this data directory from looking for campaigns or starting them until the returned file is dropped.
+/// Waits for the lock. Otherwise two studies that run at once would both find no campaign, and start it twice.
 pub fn lock_beginning(data: &Path) -> Result<fs::File, FolderError> {
     let folder = data.join(STUDIES);
     let path = folder.join(BEGINNING);
@@ -105,7 +105,7 @@ pub fn lock_beginning(data: &Path) -> Result<fs::File, FolderError> {
 }
 
 impl KeptStudy {
-    /// The study with what was measured of it, and with these classes instead of the judge's.
+    /// The study with its measurements, and with these classes instead of the judge's.
     pub fn outcome(self, corrections: Corrections) -> Result<Outcome, FolderError> {
         let measured = self.folder.all_measured(&self.study, &self.measures)?;
         let reference = self.folder.reference(&self.measures)?;
@@ -148,7 +148,7 @@ impl StudyFolder {
         &self.path
     }
 
-    /// Writes a file of it whole.
+    /// Writes a whole file of the folder.
     fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
         let path = self.path.join(name);
         match write_file(&path, bytes) {
@@ -157,7 +157,7 @@ impl StudyFolder {
         }
     }
 
-    /// Keeps the study file and how its cells are measured. `folder` is the file's, made absolute.
+    /// Stores the study file and how its cells are measured. `folder` is the folder of the file, as an absolute path.
     pub fn keep_study(
         &self,
         text: &str,
@@ -180,7 +180,7 @@ impl StudyFolder {
         kept.into_iter().map(parsed).collect()
     }
 
-    /// Keeps the checkpoints that cells share.
+    /// Stores the checkpoints that cells share.
     pub fn keep_embedders(&self, embedders: &BTreeMap<String, CheckpointDigest>) -> Result<(), FolderError> {
         let kept: BTreeMap<&String, String> = embedders
             .iter()
@@ -189,13 +189,13 @@ impl StudyFolder {
         self.write(STUDY_EMBEDDERS, &json_bytes(&kept))
     }
 
-    /// Keeps what the atlas of the study holds.
+    /// Stores the content of the study's atlas.
     pub fn keep_reference(&self, reference: &Reference) -> Result<(), FolderError> {
         self.write(REFERENCE, &json_bytes(reference))
     }
 
-    /// Contents of the atlas of the study, made for cells that are measured in this way; `None` if there is none, or one made in
-    /// another way, or if the file is damaged: then it is made again.
+    /// The content of the study's atlas for cells that are measured in this way. `None` if there is none, if it was made in another
+    /// way, or if the file is damaged: then it is made again.
     pub fn reference(&self, measures: &str) -> Result<Option<Reference>, FolderError> {
         let path = self.path.join(REFERENCE);
         if !path.is_file() {
@@ -208,7 +208,7 @@ impl StudyFolder {
     /// The classes that people gave on the page of the study.
     ///
     /// # Errors
-    /// [`FolderError::Unreadable`] names a file that cannot be read, and the line that is wrong.
+    /// [`FolderError::Unreadable`] names a file that cannot be read, and the invalid line.
     pub fn classes(&self) -> Result<Corrections, FolderError> {
         let path = self.path.join(STUDY_CLASSES);
         if !path.is_file() {
@@ -218,18 +218,18 @@ impl StudyFolder {
         Corrections::parse(&text).map_err(|error| unreadable(&path, error))
     }
 
-    /// Keeps the classes that people gave.
+    /// Stores the classes that people gave.
     pub fn keep_classes(&self, classes: &Corrections) -> Result<(), FolderError> {
         self.write(STUDY_CLASSES, classes.to_csv().as_bytes())
     }
 
-    /// Keeps what was measured of a cell.
+    /// Stores the measurements of a cell.
     pub fn keep(&self, measured: &Measured) -> Result<(), FolderError> {
         self.write(&of_cell(&measured.cell), &json_bytes(measured))
     }
 
-    /// Measurements of the cell with this digest in this way; `None` if there are none, or in another way, or if the file is
-    /// damaged: then it is measured again.
+    /// The measurements of the cell with this digest in this way. `None` if there are none, if they were made in another way, or if
+    /// the file is damaged: then the cell is measured again.
     pub fn measured(&self, cell: &str, measures: &str) -> Result<Option<Measured>, FolderError> {
         let path = self.path.join(of_cell(cell));
         if !path.is_file() {
@@ -241,7 +241,7 @@ impl StudyFolder {
         Ok(measured.filter(|measured| is_this(measured) && is_sound(measured)))
     }
 
-    /// Whether the cell with this digest was measured in this way, by the beginning of its file alone: the rest of it may be damaged.
+    /// Whether the cell with this digest was measured in this way. Reads only the beginning of its file: the rest may be damaged.
     pub fn is_measured(&self, cell: &str, measures: &str) -> Result<bool, FolderError> {
         let path = self.path.join(of_cell(cell));
         let mut beginning = Vec::new();
@@ -256,7 +256,7 @@ impl StudyFolder {
         Ok(says("cell", cell) && says("measures", measures))
     }
 
-    /// The measures of each cell of a study that were made in this way, in the order of the cells.
+    /// The measurements of each cell of a study that were made in this way, in the order of the cells.
     pub fn all_measured(&self, study: &Study, measures: &str) -> Result<Vec<Option<Measured>>, FolderError> {
         let embedders = self.embedders()?;
         let measured = |cell| match study.campaign_of(cell, &embedders)? {
@@ -282,7 +282,7 @@ fn of_cell(digest: &str) -> String {
 }
 
 fn json_bytes(value: &impl Serialize) -> Vec<u8> {
-    // Every key is a text or a number, and nothing else can fail.
+    // Serialization cannot fail: every key is a text or a number.
     serde_json::to_vec_pretty(value).unwrap_or_default()
 }
 

@@ -1,4 +1,5 @@
-//! Which campaign is which cell: equal specifications are one cell, whatever their campaigns and studies are called.
+//! Identifies cells by specification: campaigns with equal specifications are the same cell, whatever they and their studies are
+//! called.
 
 use crate::study::{Cell, Measures, RandomBatches, Study};
 use murmuration_proto::{
@@ -6,7 +7,7 @@ use murmuration_proto::{
 };
 use std::{collections::BTreeMap, fmt::Write as _};
 
-/// Version of what is measured; it rises when the same campaign would have other figures.
+/// Version of the measures; it rises when the same campaign would get other figures.
 const MEASURES_VERSION: u32 = 3;
 
 /// The digest of a specification without its name: 64 hexadecimal digits.
@@ -17,7 +18,7 @@ pub fn cell_digest(spec: &CampaignSpec) -> String {
     blake3::hash(text.as_bytes()).to_hex().to_string()
 }
 
-/// The digest of how a cell is measured, and of the label files' `contents`: 64 hexadecimal digits.
+/// The digest of how a cell is measured, including the `contents` of its label files: 64 hexadecimal digits.
 pub fn measures_digest(measures: &Measures, contents: &[&[u8]]) -> String {
     let mut words = format!("{MEASURES_VERSION} {SIMULATOR_VERSION}");
     for measure in &measures.which {
@@ -44,9 +45,8 @@ pub fn measures_digest(measures: &Measures, contents: &[&[u8]]) -> String {
     blake3::hash(words.as_bytes()).to_hex().to_string()
 }
 
-/// The campaign that trains the embedder of a cell with the seed of the embedder: the cell's dataset and training, and as
-/// little of a search as there can be. `None` for a cell that shares no embedder: its method has none or an untrained one, or
-/// its checkpoint is given.
+/// The campaign that trains the embedder of a cell with the embedder's seed: the cell's dataset and training, with the shortest
+/// possible search. `None` for a cell that shares no embedder: its method has none or an untrained one, or its checkpoint is given.
 ///
 /// # Errors
 /// If the seed is out of range.
@@ -83,8 +83,8 @@ impl Study {
         }
     }
 
-    /// The campaign of a cell, with the checkpoint of the embedder that it shares; `embedders` are known by the
-    /// [`cell_digest`] of the campaign that trains them. `None` if its embedder is not known yet.
+    /// The campaign of a cell, with the checkpoint of the embedder that it shares. `embedders` has the checkpoints by the
+    /// [`cell_digest`] of the campaign that trains them. `None` if the cell's embedder is not among them yet.
     pub fn campaign_of(
         &self,
         cell: &Cell,
@@ -100,10 +100,10 @@ impl Study {
     }
 }
 
-/// A cell that begins with a published checkpoint instead of training one.
+/// The cell's specification with a published checkpoint instead of a training.
 ///
 /// # Errors
-/// If the cell's method takes none.
+/// If the cell's method takes no checkpoint.
 pub(crate) fn with_checkpoint(
     spec: &CampaignSpec,
     checkpoint: CheckpointDigest,
@@ -115,7 +115,7 @@ pub(crate) fn with_checkpoint(
     message.try_into()
 }
 
-/// `NAME-embedder`, within the length of names.
+/// `NAME-embedder`, cut to the longest allowed name.
 fn short_name(spec: &CampaignSpec) -> String {
     let name: String = spec.name().as_str().chars().take(55).collect();
     format!("{name}-embedder")

@@ -1,25 +1,25 @@
 //! The judge's errors, carried into the figures by resampling.
 //!
-//! The judge and the annotators of the labelled sets differ about some behaviours ([`JudgeErrors`]). A resampling
-//! draws the labelled behaviours, the replicates and, for each individual that the judge named, the class that the annotators give to
-//! what the judge so names; of shares also the trials. The figures of many resamplings spread as far as judge, replicates and
-//! trials leave them open.
+//! The judge and the annotators of the labelled sets differ about some behaviours ([`JudgeErrors`]). A resampling draws the
+//! labelled behaviours and the replicates. For each individual that the judge named, it draws one of the classes that annotators
+//! gave to behaviours with the same class by the judge. For shares, it also draws the trials. The spread of the figures over many
+//! resamplings shows how far judge, replicates and trials leave them open.
 
 use crate::{figure::Figure, measured::JudgedBehaviours, shares::JudgedTrials};
 use murmuration_proto::{CapabilityModel, Class, Preset, Purpose, RandomStream};
 use std::collections::BTreeMap;
 
-/// Number of classes. A class is counted at its place in [`Class::ALL`], which is its number.
+/// Number of classes. Counts are indexed by the place of the class in [`Class::ALL`], which is its number.
 const CLASSES: usize = Class::ALL.len();
 
-/// How often figures are resampled.
+/// Number of resamplings.
 const RESAMPLINGS: usize = 1000;
 
-/// Most trials that are drawn one by one: of more, chance moves a share by less than two points. Trials of a replicate then stay
-/// as they are, and those of a class are shared out as the drawn behaviours are.
+/// Most trials that are drawn one by one. With more trials, chance moves a share by less than two points: the trials of a replicate
+/// are then not redrawn, and those of a class are divided in proportion to the drawn behaviours.
 const MOST_DRAWN: u64 = 1000;
 
-/// How many labelled behaviours of a class (row) the judge says to be of a class (column); both in the order of [`Class::ALL`].
+/// Number of labelled behaviours of a class (row) to which the judge gives a class (column); both in the order of [`Class::ALL`].
 type Counts = [[u16; CLASSES]; CLASSES];
 
 /// `tests/labelled/single_sensor/validation.csv`.
@@ -46,15 +46,15 @@ const TWO_SENSORS: Counts = [
     [0, 3, 0, 3, 2, 0, 0, 123],
 ];
 
-/// How the judge's word differs from that of the annotators, as measured on labelled behaviours.
+/// How the judge's classes differ from those of the annotators, as measured on labelled behaviours.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JudgeErrors {
-    /// The labelled behaviours: the class that the annotators gave, and the judge's.
+    /// The labelled behaviours: the annotators' class, and the judge's.
     pairs: Vec<(Class, Class)>,
 }
 
 impl JudgeErrors {
-    /// The errors on the labelled sets that fit a model best: behaviours of robots with one sensor, or with two.
+    /// The errors on the labelled sets that fit a model best: sets of robots with one sensor, or with two.
     pub fn of_model(model: &CapabilityModel) -> Self {
         match model.preset() {
             Some(Preset::SingleSensor) => Self::of_counts(&SINGLE_SENSOR),
@@ -73,13 +73,13 @@ impl JudgeErrors {
         }
     }
 
-    /// The labelled behaviours: the class that the annotators gave, and the judge's.
+    /// The labelled behaviours: the annotators' class, and the judge's.
     pub fn pairs(&self) -> &[(Class, Class)] {
         &self.pairs
     }
 
-    /// The figures of replicates, resampled; `known` says whether a person named an individual of a replicate, and how. Of the
-    /// same replicates and `row` they are the same.
+    /// The figures of the replicates, resampled. `known` returns the class that a person gave to an individual of a replicate, if
+    /// any. The same replicates and `row` give the same figures.
     pub(crate) fn resampled(
         &self,
         replicates: &[&JudgedBehaviours],
@@ -108,7 +108,7 @@ impl JudgeErrors {
                 classes if by_judge && !classes.is_empty() => {
                     classes[stream.below(classes.len() as u64) as usize]
                 }
-                // A person's word, or one of which nobody knows how often it is wrong.
+                // A person's class, or a class of the judge without a known error rate.
                 _ => class,
             };
             let drawn: Vec<usize> = named.individuals.iter().map(draw).collect();
@@ -121,8 +121,8 @@ impl JudgeErrors {
         figures.zip(means).collect()
     }
 
-    /// The shares of classes among the trials of replicates, resampled, percent. Of the same replicates and `row` they are
-    /// the same.
+    /// The shares of classes among the trials of the replicates, resampled, percent. The same replicates and `row` give the same
+    /// shares.
     pub(crate) fn resampled_shares(
         &self,
         replicates: &[&JudgedTrials],
@@ -154,7 +154,7 @@ impl JudgeErrors {
         (0..RESAMPLINGS).map(|_| one()).collect()
     }
 
-    /// As many labelled behaviours as there are, drawn with replacement: by the judge's class, those that the annotators gave.
+    /// Draws as many labelled behaviours as there are, with replacement: the annotators' classes, by the judge's class.
     fn drawn_labels(&self, stream: &mut RandomStream) -> [Vec<usize>; CLASSES] {
         let mut given: [Vec<usize>; CLASSES] = Default::default();
         for _ in &self.pairs {
@@ -165,7 +165,7 @@ impl JudgeErrors {
     }
 }
 
-/// As many trials as were judged, drawn from them with replacement: how many the judge calls by each class.
+/// Draws as many trials as were judged, with replacement: the number of trials of each class by the judge.
 fn redrawn(judged: &[u64; CLASSES], stream: &mut RandomStream) -> [u64; CLASSES] {
     let trials = judged.iter().sum();
     if trials > MOST_DRAWN {
@@ -185,8 +185,8 @@ fn redrawn(judged: &[u64; CLASSES], stream: &mut RandomStream) -> [u64; CLASSES]
     drawn
 }
 
-/// How many trials annotators would call by each class, of so many that the judge calls by each: each gets the class of one of the
-/// behaviours that `given` has for the judge's.
+/// Number of trials that annotators would give each class, from the number by the judge's class. Each trial gets the class of one
+/// of the behaviours in `given` with the same class by the judge.
 fn renamed(
     judged: &[u64; CLASSES],
     given: &[Vec<usize>; CLASSES],
@@ -195,7 +195,7 @@ fn renamed(
     let mut named = [0.0; CLASSES];
     for (class, (&count, classes)) in judged.iter().zip(given).enumerate() {
         if classes.is_empty() {
-            // Nobody knows how often this word is wrong.
+            // The error rate of this class is unknown.
             named[class] += count as f64;
         } else if count > MOST_DRAWN {
             let part = count as f64 / classes.len() as f64;
@@ -208,11 +208,11 @@ fn renamed(
     named
 }
 
-/// The individuals of a replicate by their place among them, for counting them many times.
+/// The individuals of a replicate, indexed for repeated counting.
 struct Named {
-    /// The class, by its place in [`Class::ALL`], and whether it is the judge's word.
+    /// Place of the class in [`Class::ALL`], and whether the judge gave it.
     individuals: Vec<(usize, bool)>,
-    /// The individuals of each taxonomy.
+    /// The individuals of each taxonomy, as places in `individuals`.
     taxonomies: Vec<Vec<usize>>,
 }
 
@@ -232,7 +232,7 @@ impl Named {
         }
     }
 
-    /// Adds the distinct classes, then the medoids of each class, as means over the taxonomies.
+    /// Adds the number of distinct classes, then the number of medoids of each class, as means over the taxonomies.
     fn count(&self, classes: &[usize], sums: &mut [f64; CLASSES + 1]) {
         let share = 1.0 / self.taxonomies.len().max(1) as f64;
         for taxonomy in &self.taxonomies {
@@ -252,7 +252,7 @@ mod tests {
     use crate::tables::Resampled;
     use murmuration_proto::Verdict;
 
-    /// So many trials each of milling and of dispersal.
+    /// This many trials each of milling and of dispersal.
     fn halves(count: usize) -> JudgedTrials {
         let both = [Class::Milling, Class::Dispersal].into_iter();
         both.flat_map(|class| std::iter::repeat_n(Verdict::Class(class), count))
@@ -272,7 +272,7 @@ mod tests {
     fn few_trials_of_one_replicate_spread_as_a_binomial_does() {
         let of = milling(&[&halves(8)]);
         assert!((of.mean - 50.0).abs() < 2.0, "{of:?}");
-        // 16 trials: a standard error of 12.5 points, 1.64 of which are 20.6.
+        // 16 trials have a standard error of 12.5 points; 1.64 of these are 20.6 points.
         let spread = (of.high - of.low) / 2.0;
         assert!((15.0..26.0).contains(&spread), "{of:?}");
     }

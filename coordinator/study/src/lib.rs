@@ -1,10 +1,10 @@
-//! Studies: grids of campaigns with what is measured of each, and the report.
+//! Studies: grids of campaigns with measurements of each, and the report.
 //!
-//! A [`Study`] is read from a study file; its [`Cell`]s are whole specifications. What is measured of a completed cell is plain
-//! data ([`Measured`]), which a [`StudyFolder`] keeps. [`Outcome`] brings study and measures together as tables, and
-//! [`write_report`] writes its pages and files.
+//! A [`Study`] is read from a study file; its [`Cell`]s are whole specifications. The measurements of a completed cell are plain
+//! data ([`Measured`]), which a [`StudyFolder`] stores. [`Outcome`] combines study and measurements into tables, and
+//! [`write_report`] writes the report's page and files.
 //!
-//! Runs no campaign: that is the caller's work. Knows neither the store nor the network.
+//! The caller runs the campaigns. This crate knows neither the store nor the network.
 
 mod behaviours;
 mod contours;

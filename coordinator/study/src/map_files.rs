@@ -17,7 +17,7 @@ use std::io::{self, Write};
 
 /// The folder of the files.
 const FOLDER: &str = "maps";
-/// Most characters of the name of a file that come from the names of a row.
+/// Most characters of a file's name that come from the names of a row.
 const NAME_CHARS: usize = 60;
 
 /// The pictures of a row.
@@ -30,7 +30,7 @@ pub(crate) struct RowMaps {
     controllers: Picture,
     /// SVG.
     scores: String,
-    /// How many neighbours are of a class, on the map of behaviours and on that of controllers, percent.
+    /// Share of neighbours of the same class, on the map of behaviours and on that of controllers, percent.
     alike: [Option<f64>; 2],
 }
 
@@ -55,7 +55,7 @@ impl Picture {
     }
 }
 
-/// The pictures of every row whose maps were made.
+/// The pictures of every row with maps.
 pub(crate) fn draw(outcome: &Outcome) -> Result<Vec<RowMaps>, ReportError> {
     let rows = outcome.study().rows().into_iter().enumerate();
     let maps = rows.filter_map(|(place, values)| {
@@ -88,7 +88,7 @@ fn row(
     })
 }
 
-/// Words as part of the name of a file: lower-case letters and digits, hyphens between.
+/// Words as part of a file's name: lower-case letters and digits, with hyphens between.
 fn file_name(words: &str) -> String {
     let parts = words.split(|c: char| !c.is_ascii_alphanumeric());
     let parts: Vec<String> = parts

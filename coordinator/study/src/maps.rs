@@ -1,6 +1,6 @@
 //! Maps of controllers and of behaviours by t-SNE, as in the paper's appendix, with classes and heuristic scores. They show the
-//! first generation of a campaign, which is sampled uniformly: campaigns with the same seed then map the same swarms, unless a
-//! filter or given controllers choose others. Campaigns that list controllers in order have no maps.
+//! first generation of a campaign, which is sampled uniformly. Campaigns with the same seed therefore map the same swarms, unless a
+//! filter or given controllers select others. Campaigns that list controllers in order have no maps.
 
 use crate::reference::Judged;
 use murmuration_proto::{CampaignSpec, Class, Invalid};
@@ -13,10 +13,10 @@ use murmuration_search::{
 };
 use serde::{Deserialize, Serialize};
 
-/// Most individuals of a map: more are no easier to see.
+/// Most individuals of a map: more do not make it easier to read.
 const MOST: usize = 5000;
 
-/// Farthest that t-SNE puts anything from the middle: maps of thousands are a few hundred across.
+/// Largest coordinate that t-SNE may give; maps of thousands are a few hundred across.
 const MOST_PLACE: f64 = 1e9;
 
 /// Why behaviours cannot be counted.
@@ -28,7 +28,6 @@ pub enum BehavioursError {
     Interrupted(#[from] Interrupted),
     #[error("individual {index} cannot be simulated: {error}")]
     Simulation {
-        /// Its index.
         index: u64,
         error: Invalid,
     },
@@ -47,21 +46,20 @@ pub struct Maps {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MappedIndividual {
-    /// Its index.
     pub index: u64,
-    /// Name of the class of most of its trials.
+    /// Name of the class of most trials.
     pub class: String,
-    /// The heuristic score of its controller.
+    /// The heuristic score of the controller.
     pub score: f64,
-    /// Where its genes are among those of the others, in the units of t-SNE.
+    /// Position on the map of controllers, in the units of t-SNE.
     pub controller: [f64; 2],
-    /// Where it is in the behaviour space, in the units of t-SNE.
+    /// Position on the map of behaviours, in the units of t-SNE.
     pub behaviour: [f64; 2],
 }
 
 impl Maps {
-    /// Whether it can be drawn: it has individuals, and every number of it is finite and one that a robot can have. What is read from
-    /// a file may have others.
+    /// Whether the maps can be drawn: there are individuals, and every number is finite and in range. Maps from a damaged file may
+    /// not be.
     pub fn is_sound(&self) -> bool {
         let is_sound = |individual: &MappedIndividual| {
             let places = [individual.controller, individual.behaviour];
@@ -71,8 +69,8 @@ impl Maps {
         !self.individuals.is_empty() && self.individuals.iter().all(is_sound)
     }
 
-    /// The share of individuals that are not random whose nearest other individual on a map is of the same class, percent; `at` is
-    /// the place on that map. `None` if all are random, or there is one alone.
+    /// Share of individuals, without those of class `random`, whose nearest neighbour on a map has the same class, percent. `at`
+    /// returns the position on that map. `None` if all are random, or there is only one.
     pub fn alike(&self, at: impl Fn(&MappedIndividual) -> [f64; 2]) -> Option<f64> {
         let places: Vec<([f64; 2], Class)> = self
             .individuals
@@ -96,14 +94,14 @@ impl Maps {
 }
 
 impl MappedIndividual {
-    /// Its class; `random` where a damaged file names none.
+    /// Its class; `random` if a damaged file names none.
     pub fn class(&self) -> Class {
         let named = Class::ALL.into_iter().find(|class| class.name() == self.class);
         named.unwrap_or(Class::Random)
     }
 }
 
-/// Maps the first generation of an archive, which is in order. `interrupt` ends it.
+/// Maps the first generation of an archive, which is in the order of its individuals. `interrupt` ends the computation.
 pub fn measure_maps(
     spec: &CampaignSpec,
     archive: &[Judged],
@@ -197,7 +195,7 @@ mod tests {
 
     #[test]
     fn the_share_of_neighbours_of_a_class_leaves_random_out() {
-        // From left to right; only the second one of milling has another class nearest to it.
+        // From left to right. Of the individuals that mill, only the second has a nearest neighbour of another class.
         let places = [
             (0.0, "milling"),
             (1.0, "milling"),

@@ -5,7 +5,7 @@ use murmuration_proto::Class;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The measures of a completed cell.
+/// The measurements of a completed cell.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Measured {
@@ -21,13 +21,13 @@ pub struct Measured {
     pub checkpoint: String,
     /// Individuals of the archive.
     pub evaluations: u64,
-    /// The behaviours that were judged, if they were.
+    /// The judged behaviours, if they were judged.
     pub behaviours: Option<JudgedBehaviours>,
     /// The verdicts of its trials, if they were counted.
     pub shares: Option<JudgedTrials>,
     /// The accuracy of the embedding; `None` if it was not measured or the cell has none.
     pub accuracy: Option<AccuracyFigures>,
-    /// How the search ended, if that was measured.
+    /// How the search ended, if measured.
     pub search: Option<SearchFigures>,
     /// The counts of its first individuals, if recall or richness was measured.
     #[serde(default)]
@@ -43,7 +43,7 @@ pub struct Measured {
 pub struct JudgedBehaviours {
     /// The taxonomies, the last of the search last; at least one.
     pub taxonomies: Vec<MedoidsOf>,
-    /// The individuals in them, by index.
+    /// The individuals of the taxonomies, by index.
     pub individuals: BTreeMap<u64, JudgedIndividual>,
 }
 
@@ -51,13 +51,13 @@ pub struct JudgedBehaviours {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MedoidsOf {
-    /// The last generation in it, from 0; of batches their number, from 0.
+    /// The last generation in it, from 0; for a batch, the number of the batch, from 0.
     pub generation: u32,
-    /// The indices of the individuals, of medoids that of the largest cluster first; at least one.
+    /// The indices of the individuals, at least one; of medoids, that of the largest cluster first.
     pub medoids: Vec<u64>,
 }
 
-/// An individual with the judges' words.
+/// An individual with the judges' classes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JudgedIndividual {
@@ -69,7 +69,7 @@ pub struct JudgedIndividual {
     pub class: String,
     /// Name of its pattern; empty if none.
     pub pattern: String,
-    /// Name of its class by the second judge; empty if it was not asked.
+    /// Name of its class by the second judge; empty if the second judge was not asked.
     #[serde(default)]
     pub second_class: String,
 }
@@ -78,7 +78,7 @@ pub struct JudgedIndividual {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AccuracyFigures {
-    /// `features`, or the digest of the checkpoint: equal ones are counted once.
+    /// `features`, or the digest of the checkpoint. Cells with equal values count once.
     pub embedding: String,
     /// Correct triplets whose anchor is not `random`, percent.
     pub anchor_not_random: f64,
@@ -97,8 +97,8 @@ pub struct SearchFigures {
 }
 
 impl JudgedBehaviours {
-    /// The figures, with the class that `class_of` says of an individual by its index. What the second judge says is counted only
-    /// if it was asked about all.
+    /// The figures, with the classes that `class_of` returns for the indices of individuals. The second judge's classes count only
+    /// if every individual has one.
     pub fn figures(&self, class_of: impl Fn(u64) -> Class) -> BTreeMap<Figure, f64> {
         let mut sums: BTreeMap<Figure, f64> = Class::ALL
             .map(|class| (Figure::Class(class), 0.0))
@@ -127,14 +127,14 @@ impl JudgedBehaviours {
         sums
     }
 
-    /// The judge's word of an individual; [`Class::Random`] of one that it was not asked about.
+    /// The judge's class of an individual; [`Class::Random`] if it was not judged.
     pub fn judged(&self, index: u64) -> Class {
         let individual = self.individuals.get(&index);
         let class = individual.and_then(|individual| named(&individual.class));
         class.unwrap_or(Class::Random)
     }
 
-    /// The second judge's word of an individual; `None` of one that it was not asked about.
+    /// The second judge's class of an individual; `None` if the second judge was not asked about it.
     pub fn second(&self, index: u64) -> Option<Class> {
         named(&self.individuals.get(&index)?.second_class)
     }
@@ -155,7 +155,7 @@ mod tests {
         }
     }
 
-    /// Two taxonomies of the individuals 1 to 4, with these words of the second judge.
+    /// Two taxonomies of the individuals 1 to 4, with these classes by the second judge.
     fn behaviours(second: [&str; 4]) -> JudgedBehaviours {
         let individual = |second: &str| JudgedIndividual {
             seed: 1,
@@ -191,7 +191,7 @@ mod tests {
         let figures = behaviours(["milling", "dispersal", "aggregation", "random"]).figures(class);
         assert_eq!(figures[&Figure::Distinct], 1.5);
         assert_eq!(figures[&Figure::DistinctBySecond], 3.0);
-        // Milling in both taxonomies; what only one judge names is of neither.
+        // Both judges name milling in both taxonomies. Classes that only one judge names do not count.
         assert_eq!(figures[&Figure::DistinctByBoth], 1.0);
     }
 

@@ -1,4 +1,4 @@
-//! A study with what was measured of its cells.
+//! A study with the measurements of its cells.
 
 #[cfg(test)]
 mod tests;
@@ -21,16 +21,16 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-/// A study with what was measured of its cells so far; cheap to clone, but for the corrections and the tables.
+/// A study with the measurements of its cells so far. Cloning is cheap, except for the corrections and the tables.
 #[derive(Debug, Clone)]
 pub struct Outcome {
     study: Arc<Study>,
-    /// By the place of the cell.
+    /// In the order of the study's cells.
     measured: Arc<[Option<Measured>]>,
     corrections: Corrections,
     /// The content of the atlas, if recall or richness is measured and the atlas is there.
     reference: Option<Arc<Reference>>,
-    /// Resampling takes seconds.
+    /// Computed once, because resampling takes seconds.
     tables: OnceLock<Vec<Table>>,
 }
 
@@ -41,8 +41,8 @@ pub struct MeasuredCell<'a> {
 }
 
 impl Outcome {
-    /// Brings a study and the measures of its cells together, which are in the order of the cells. Classes in `corrections`
-    /// replace the judge's.
+    /// Combines a study with the measurements of its cells, in the order of the cells. Classes in `corrections` replace the
+    /// judge's.
     pub fn new(study: Study, mut measured: Vec<Option<Measured>>, corrections: Corrections) -> Self {
         measured.resize(study.cells.len(), None);
         Self {
@@ -54,7 +54,7 @@ impl Outcome {
         }
     }
 
-    /// The same with other classes that people gave. Tables that rest on no such class are not computed again.
+    /// The same outcome with other classes from people. Tables that do not depend on such classes are not computed again.
     #[must_use]
     pub fn with_corrections(&self, corrections: Corrections) -> Self {
         let corrected = Self {
@@ -75,13 +75,13 @@ impl Outcome {
                 | Measure::Maps => table.clone(),
             };
             let tables: Vec<Table> = tables.iter().map(table).collect();
-            // Nobody else has it yet.
+            // Nothing else has set it.
             let _ = corrected.tables.set(tables);
         }
         corrected
     }
 
-    /// The same with what there is to find, which recall is measured by.
+    /// The same outcome with the content of the atlas, the reference of recall.
     #[must_use]
     pub(crate) fn with_reference(self, reference: Option<Reference>) -> Self {
         Self {
@@ -91,7 +91,7 @@ impl Outcome {
         }
     }
 
-    /// The content of the atlas; `None` if neither recall nor richness is measured, or not yet.
+    /// The content of the atlas; `None` if neither recall nor richness is measured, or the atlas is not there yet.
     pub fn reference(&self) -> Option<&Reference> {
         self.reference.as_deref()
     }
@@ -116,13 +116,13 @@ impl Outcome {
         self.cells().find(|cell| cell.measured.cell == digest)
     }
 
-    /// The campaign of each cell, in the study's order; `None` of those that were not measured.
+    /// The campaign of each cell, in the study's order; `None` for cells that were not measured.
     pub fn campaigns(&self) -> Vec<Option<String>> {
         let campaign = |measured: &Option<Measured>| Some(measured.as_ref()?.campaign.clone());
         self.measured.iter().map(campaign).collect()
     }
 
-    /// The class of an individual of a cell, and whose word it is.
+    /// The class of an individual of a cell, and who gave it.
     pub fn class_of(&self, cell: &Measured, index: u64) -> (Class, &str) {
         self.corrections.of(cell, index).unwrap_or_else(|| {
             let judged = cell
@@ -195,7 +195,7 @@ impl Outcome {
 
     fn table(&self, measure: Measure) -> Table {
         let rows: Vec<_> = self.study.rows().into_iter().enumerate().collect();
-        // Classes named by people alone have no errors of the judge.
+        // If people named every class, the judge's errors do not matter.
         let has_errors = measure != Measure::Behaviours || self.is_any_by_judge();
         let row =
             |(number, values): (usize, Vec<usize>)| self.row(measure, values, number as u64, has_errors);
@@ -205,7 +205,7 @@ impl Outcome {
         }
     }
 
-    /// Whether the judge's word stands of some individual.
+    /// Whether some individual has its class from the judge.
     fn is_any_by_judge(&self) -> bool {
         self.cells().any(|MeasuredCell { measured, .. }| {
             let mut individuals = measured.behaviours.iter().flat_map(|of| of.individuals.keys());
@@ -219,7 +219,7 @@ impl Outcome {
         let counted = cells
             .iter()
             .filter(|cell| match (measure, &cell.measured.accuracy) {
-                // An embedding that several cells share is one replicate.
+                // Cells that share an embedding count as one replicate.
                 (Measure::Accuracy, Some(accuracy)) => seen.insert(accuracy.embedding.as_str()),
                 _ => true,
             });
@@ -253,7 +253,7 @@ impl Outcome {
         }
     }
 
-    /// The figures of a row with the judge's errors.
+    /// The figures of a row, with the judge's errors.
     fn resampled(&self, cells: &[MeasuredCell<'_>], row: u64) -> BTreeMap<Figure, Resampled> {
         let judged = |cell: &MeasuredCell<'_>| cell.measured.behaviours.is_some();
         let cells: Vec<&MeasuredCell<'_>> = cells.iter().filter(|cell| judged(cell)).collect();
@@ -272,7 +272,7 @@ impl Outcome {
         summarised(Measure::Behaviours, &errors.resampled(&behaviours, known, row))
     }
 
-    /// Where the published figures of the study come from, each once.
+    /// The sources of the study's published figures, each once.
     pub fn sources(&self) -> BTreeSet<&str> {
         let sources = self
             .study
@@ -283,7 +283,7 @@ impl Outcome {
     }
 }
 
-/// The shares of a row with the judge's errors.
+/// The shares of a row, with the judge's errors.
 fn resampled_shares(cells: &[MeasuredCell<'_>], row: u64) -> BTreeMap<Figure, Resampled> {
     let Some(first) = cells.first() else {
         return BTreeMap::new();

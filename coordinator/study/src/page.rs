@@ -20,8 +20,8 @@ use std::collections::BTreeMap;
 
 const STYLE: &str = concat!(include_str!("page.css"), include_str!("tables.css"));
 
-/// The style sheet of [`tables_and_plots`], for a page that has the colours `--ink`, `--muted`, `--line` and `--accent`, and
-/// `--warm` for what was published.
+/// The style sheet of [`tables_and_plots`], for a page that defines the colours `--ink`, `--muted`, `--line`, `--accent`, and
+/// `--warm` for published figures.
 pub const TABLES_STYLE: &str = include_str!("tables.css");
 
 /// The pictures of a report, besides its tables.
@@ -30,7 +30,7 @@ pub(crate) struct Pictures {
     pub(crate) phase: Option<String>,
     /// The pictures of each measured cell, in order.
     pub(crate) behaviours: Vec<MedoidPictures>,
-    /// The maps of each row that has some.
+    /// The maps of each row with maps.
     pub(crate) maps: Vec<RowMaps>,
 }
 
@@ -59,7 +59,7 @@ pub(crate) fn render(outcome: &Outcome, drawn: &Pictures, files_beside: bool) ->
     })
 }
 
-/// The tables and plots of a study as they stand, without the maps: for a page in whose style sheets are [`TABLES_STYLE`].
+/// The tables and plots of a study so far, without the maps: for a page that includes [`TABLES_STYLE`].
 pub fn tables_and_plots(outcome: &Outcome) -> Markup {
     let phase = phase_picture::svg(outcome.study().name.as_str(), &outcome.phase_diagrams());
     let tables = outcome.tables().iter();
@@ -159,7 +159,7 @@ fn plot_of(table: &Table) -> String {
     format!("Plot: {}", table.measure.title())
 }
 
-/// Whether some figure of a table has this.
+/// Whether some entry of a table satisfies `has`.
 fn any(table: &Table, has: impl Fn(&Entry) -> bool) -> bool {
     table.rows.iter().flat_map(|row| row.entries.values()).any(has)
 }
@@ -287,10 +287,10 @@ fn judged_by(named: &BTreeMap<String, usize>) -> String {
     let judge = named
         .contains_key(JUDGE)
         .then(|| "the rule-based judge".to_owned());
-    let said: Vec<String> = judge.into_iter().chain(people).collect();
-    match said.is_empty() {
+    let message: Vec<String> = judge.into_iter().chain(people).collect();
+    match message.is_empty() {
         true => String::new(),
-        false => format!("Judged by: {}.", said.join("; ")),
+        false => format!("Judged by: {}.", message.join("; ")),
     }
 }
 
@@ -339,7 +339,7 @@ fn cell_medoids(outcome: &Outcome, cell: &MeasuredCell<'_>, pictures: &MedoidPic
     }
 }
 
-/// The second judge's word of a medoid.
+/// The second judge's class of a medoid.
 fn second(cell: &MeasuredCell<'_>, index: u64) -> Option<Class> {
     cell.measured.behaviours.as_ref()?.second(index)
 }

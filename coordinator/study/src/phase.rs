@@ -8,33 +8,33 @@ use crate::{
 use murmuration_proto::Class;
 use std::collections::BTreeMap;
 
-/// The shares of classes for one value each of all axes but those of the diagram.
+/// The shares of classes over the axes of the diagram, for one value of each other axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PhaseDiagram<'a> {
-    /// The values of the other axes, such as `filter = none`; none if there are no others.
+    /// The values of the other axes, such as `filter = none`; empty without other axes.
     pub of: Vec<String>,
     /// The axis from left to right.
     pub x: &'a Axis,
     /// The axis from bottom to top; `None` if there is one axis alone.
     pub y: Option<&'a Axis>,
-    /// For each value of `y` the cells from left to right, as mean shares of the replicates, percent; none where nothing is
+    /// The cells from left to right, for each value of `y`: mean shares over the replicates, percent; empty for cells that are not
     /// measured yet.
     cells: Vec<BTreeMap<Class, f64>>,
 }
 
 impl PhaseDiagram<'_> {
-    /// Its rows, that of the first value of `y` first.
+    /// The rows of cells, beginning with the first value of `y`.
     pub fn rows(&self) -> impl Iterator<Item = &[BTreeMap<Class, f64>]> {
         self.cells.chunks(self.x.values.len().max(1))
     }
 
-    /// The share of a class in each cell, row after row, percent; `None` where nothing is measured yet.
+    /// The share of a class in each cell, row after row, percent; `None` for cells that are not measured yet.
     pub fn shares(&self, class: Class) -> Vec<Option<f64>> {
         let share = |cell: &BTreeMap<Class, f64>| cell.get(&class).copied();
         self.cells.iter().map(share).collect()
     }
 
-    /// The classes that some cell shows in at least `percent` of its trials, that with the largest share first.
+    /// The classes with at least `percent` of the trials of some cell, the largest share first.
     pub fn classes(&self, percent: f64) -> Vec<Class> {
         let most = |class: Class| {
             let shares = self.shares(class).into_iter().flatten();
@@ -48,8 +48,8 @@ impl PhaseDiagram<'_> {
 }
 
 impl Outcome {
-    /// The phase diagrams of the study, one for each combination of the values of its other axes; none if the study file asks
-    /// for none.
+    /// The phase diagrams of the study, one for each combination of the values of its other axes; empty if the study file has no
+    /// `[phase]`.
     pub(crate) fn phase_diagrams(&self) -> Vec<PhaseDiagram<'_>> {
         let Some(phase) = self.study().phase else {
             return Vec::new();
@@ -136,7 +136,7 @@ mod tests {
         assert_eq!(of, [["filter = no"], ["filter = yes"]]);
         let milling = |diagram: &PhaseDiagram<'_>| diagram.shares(Class::Milling);
         let share = |place: usize| Some(100.0 / (place as f64 + 1.0));
-        // Cells of the study: noise, then filter, then robots.
+        // The study's cells are in the order noise, filter, robots.
         assert_eq!(milling(&diagrams[0]), [0, 1, 2, 6, 7, 8].map(share));
         assert_eq!(
             milling(&diagrams[1]),

@@ -10,7 +10,7 @@ use murmuration_proto::Class;
 use murmuration_report::svg::{Drawing, INK, MUTED, percent_grid, tenth};
 use std::{collections::BTreeMap, fmt::Write as _};
 
-/// Sides of the plot of a panel, and the room around it; pixels.
+/// Sides of the plot of a panel, and the space around it; pixels.
 const WIDTH: f64 = 260.0;
 const HEIGHT: f64 = 190.0;
 const LEFT: f64 = 62.0;
@@ -23,9 +23,9 @@ const LEGEND: f64 = 130.0;
 const TITLE: f64 = 34.0;
 /// Panels side by side.
 const PANELS: usize = 3;
-/// Share from which on a class has a panel, percent.
+/// Smallest share with which a class gets a panel, percent.
 const LEAST: f64 = 10.0;
-/// Shares that have a contour line, percent, and the width of the line.
+/// Shares with a contour line, percent, and the width of the line.
 const LEVELS: [(f64, f64); 3] = [(25.0, 0.8), (50.0, 1.8), (75.0, 0.8)];
 
 /// The picture of all diagrams of a study, one below the other; `None` if there are none.
@@ -91,10 +91,10 @@ fn panels(diagram: &PhaseDiagram<'_>) -> Vec<Markup> {
         .collect()
 }
 
-/// The class that most trials of each cell show, the paler the fewer do.
+/// The most frequent class of each cell: the smaller its share, the paler its colour.
 fn most_frequent(diagram: &PhaseDiagram<'_>, y: &Axis) -> Markup {
     let most = |cell: &BTreeMap<Class, f64>| {
-        // The first of equally frequent classes.
+        // Of equally frequent classes, the first.
         let most = cell
             .iter()
             .rev()
@@ -141,7 +141,7 @@ fn steps(diagram: &PhaseDiagram<'_>, y: &Axis) -> [f64; 2] {
     ]
 }
 
-/// A map: each cell has the colour of a class as strong as its share, which is written in it.
+/// A map: each cell has the colour of a class, as strong as its share, and shows the share.
 fn panel(
     name: &str,
     diagram: &PhaseDiagram<'_>,
@@ -154,7 +154,7 @@ fn panel(
         let cells = cells.iter().enumerate();
         cells
             .filter_map(|(column, cell)| Some(([column, row], of(cell)?)))
-            // Half a percent cannot be told from the paper.
+            // A tint below half a percent looks like white paper.
             .filter(|(_, (_, share))| *share >= 0.5)
             .collect::<Vec<_>>()
     });
@@ -221,7 +221,7 @@ fn frame() -> Markup {
     html! { rect width=(WIDTH) height=(HEIGHT) fill="none" stroke=(MUTED) stroke-width="0.8" {} }
 }
 
-/// The numbers of the axis from left to right, as many as there is room for, and its name.
+/// The numbers of the axis from left to right, as many as fit, and its name.
 fn ticks(axis: &Axis) -> Markup {
     let step = WIDTH / axis.values.len().max(1) as f64;
     let longest = axis.values.iter().map(|value| value.chars().count()).max();
@@ -236,7 +236,7 @@ fn ticks(axis: &Axis) -> Markup {
     }
 }
 
-/// A class's colour as strong as a share of it, percent.
+/// A class's colour, as strong as a share, percent.
 fn tint(class: Class, share: f64) -> colours::Rgb {
     colours::over(class_colour(class), (2.55 * share).round() as u8, PAPER)
 }
@@ -297,7 +297,7 @@ mod tests {
         let picture = drawn("x = \"robots\"");
         assert_eq!(picture.matches("p: slip = ").count(), 2);
         assert_eq!(picture.matches("<path").count(), 2 * 2);
-        // From all trials at six robots to none at twelve.
+        // The line falls from all trials at six robots to none at twelve.
         let down = format!("M{} 0L{} {HEIGHT}", WIDTH / 4.0, WIDTH * 0.75);
         assert_eq!(picture.matches(&down).count(), 2);
     }

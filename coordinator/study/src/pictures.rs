@@ -18,18 +18,16 @@ pub enum ReportError {
     Map { title: String, reason: String },
     #[error("cannot draw individual {index} of campaign {campaign}: {reason}")]
     Picture {
-        /// Its index.
         index: u64,
-        /// Its campaign.
         campaign: String,
         reason: String,
     },
 }
 
-/// The medoids of the last taxonomy of a cell by index, the largest cluster first: PNG files. None if they were not judged.
+/// PNG files of the medoids of a cell's last taxonomy, by index, the largest cluster first. Empty if the cell was not judged.
 pub(crate) type MedoidPictures = Vec<(u64, Vec<u8>)>;
 
-/// Simulates and draws the medoids of a cell; otherwise says of which individual there is no picture, and why.
+/// Simulates and draws the medoids of a cell. The error is an index without a picture, and the reason.
 pub(crate) fn of_cell(cell: &MeasuredCell<'_>) -> Result<MedoidPictures, (u64, String)> {
     let Some(behaviours) = &cell.measured.behaviours else {
         return Ok(Vec::new());

@@ -1,4 +1,4 @@
-//! The plot of a table: for each row the mean of a figure, its spread, the judge's errors, and what was published.
+//! The plot of a table: for each row the mean of a figure, its spread, the judge's errors, and the published figure.
 
 use crate::{
     figure::Figure,
@@ -15,7 +15,7 @@ pub(crate) const AXIS: f64 = 46.0;
 /// Free pixels beside the smallest and the largest value.
 pub(crate) const MARGIN: f64 = 24.0;
 
-/// The plot of a figure; nothing if no row has it. `name` names a row.
+/// The plot of a figure; empty if no row has it. `name` returns the name of a row.
 pub(crate) fn dots(rows: &[Row], figure: Figure, name: impl Fn(&Row) -> String) -> Markup {
     let shown: Vec<(&Row, &Entry)> = rows
         .iter()
@@ -58,7 +58,7 @@ fn marks(entry: &Entry, scale: &Scale, y: f64) -> Markup {
     }
 }
 
-/// Where values lie across the plot.
+/// Maps values to positions across the plot.
 struct Scale {
     low: f64,
     high: f64,
@@ -97,13 +97,13 @@ fn values(entry: &Entry) -> Vec<f64> {
     values
 }
 
-/// A tick's value without the rounding of its sum.
+/// A tick's value without its rounding error.
 fn number(value: f64) -> String {
     let text = format!("{value:.4}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// A table or plot that narrow screens scroll, also with keys; `name` tells it apart from others of its page.
+/// A table or plot that scrolls on narrow screens, also with keys; `name` distinguishes it from others of the page.
 pub fn wide(name: &str, content: &Markup) -> Markup {
     html! { div.wide tabindex="0" role="region" aria-label=(name) { (content) } }
 }

@@ -1,4 +1,4 @@
-//! Recall: which share of what an atlas holds a search finds, after so many evaluations.
+//! Recall: the share of an atlas's content that a search finds after a number of evaluations.
 
 use crate::{
     figure::Figure,
@@ -12,9 +12,9 @@ use std::{collections::BTreeMap, num::NonZeroU32};
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecallPlan {
-    /// The campaign of the atlas: one that judges. Robots and world are those of every cell.
+    /// The campaign of the atlas, with a judge. Its robots and world are those of every cell.
     pub atlas: CampaignSpec,
-    /// Evaluations after which is counted, ascending; 1 to 32 numbers, at most as many as any cell has.
+    /// Numbers of evaluations, ascending, at which recall is measured; 1 to 32 numbers, none above the evaluations of any cell.
     pub at: Vec<NonZeroU32>,
     /// Most niches of the behaviour space, 2 to 5,000.
     pub niches: NonZeroU32,
@@ -24,10 +24,10 @@ pub struct RecallPlan {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecallCounts {
-    /// Whether the individuals were drawn independently of each other, as those of the method `random` are where the campaign
-    /// begins with no given controllers.
+    /// Whether the individuals were drawn independently of each other. The method `random` does so, unless the campaign begins with
+    /// given controllers.
     pub is_independent: bool,
-    /// By the number of evaluations, ascending; at least one.
+    /// One for each number of evaluations, ascending; at least one.
     pub stages: Vec<RecallStage>,
 }
 
@@ -35,18 +35,18 @@ pub struct RecallCounts {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecallStage {
-    /// How many individuals.
+    /// Number of individuals.
     pub evaluations: u32,
-    /// Their trials of each verdict, by its name.
+    /// Number of their trials with each verdict, by its name.
     pub verdicts: BTreeMap<String, u64>,
-    /// How many of them lie in each niche of the reference, in its order.
+    /// Number of individuals in each niche of the reference, in its order.
     pub niches: Vec<u64>,
 }
 
-/// Counts what the first individuals of the archive of a campaign, which is in order, are.
+/// Counts the verdicts and niches of the first individuals of a campaign's archive, which is in the order of its individuals.
 ///
 /// # Errors
-/// [`Misfit`] if features are no numbers, or too large.
+/// [`Misfit`] if features are not finite, or too large.
 pub fn measure_recall(
     spec: &CampaignSpec,
     archive: &[Judged],
@@ -74,13 +74,13 @@ pub fn measure_recall(
     })
 }
 
-/// Whether the individuals of a campaign are drawn independently of each other, and from one distribution.
+/// Whether the individuals of a campaign are drawn independently of each other, from one distribution.
 pub(crate) fn is_independent(spec: &CampaignSpec) -> bool {
     spec.method() == Method::Random && spec.controllers().initial().is_empty()
 }
 
 impl RecallStage {
-    /// Recall by this stage, percent: of all niches, of the niches of each class, and of the classes and patterns.
+    /// Recall at this stage, percent: of all niches, of the niches of each class, and of the classes and patterns.
     pub fn recall(&self, reference: &Reference) -> BTreeMap<Figure, f64> {
         let niches = || reference.niches.iter().zip(&self.niches);
         let reached = |of: &dyn Fn(&str) -> bool| {
@@ -109,12 +109,12 @@ impl RecallStage {
             .collect()
     }
 
-    /// The number of classes and patterns that there are, estimated.
+    /// The estimated number of classes and patterns.
     pub(crate) fn richness_of_verdicts(&self) -> Option<Richness> {
         Richness::of(&self.verdicts.values().copied().collect::<Vec<_>>())
     }
 
-    /// The number of niches that the same draws would reach in the end, estimated.
+    /// The estimated number of niches that endless draws would reach.
     pub(crate) fn richness_of_niches(&self) -> Option<Richness> {
         Richness::of(&self.niches)
     }
@@ -136,7 +136,7 @@ impl RecallStage {
     }
 }
 
-/// `None` of nothing.
+/// `None` if `all` is 0.
 fn percent(count: usize, all: usize) -> Option<f64> {
     (all > 0).then(|| 100.0 * count as f64 / all as f64)
 }
@@ -212,7 +212,7 @@ mod tests {
         assert_eq!(of(Figure::NichesReached), [33.0, 67.0, 100.0]);
         assert_eq!(of(Figure::Reached(Class::Milling)), [50.0, 100.0, 100.0]);
         assert_eq!(of(Figure::Reached(Class::Dispersal)), [0.0, 0.0, 100.0]);
-        // Aggregation is nothing that the atlas has.
+        // The atlas has no aggregation.
         assert_eq!(of(Figure::VerdictsFound), [25.0, 50.0, 50.0]);
         assert!(
             !recall[0].contains_key(&Figure::Reached(Class::NestedCycle)),

@@ -1,4 +1,4 @@
-//! Recall over evaluations: its rows at each number of evaluations, their plot, and the tables they follow from.
+//! Recall over evaluations: its rows at each number of evaluations, their plot, and their tables.
 
 use crate::{
     figure::{Figure, Measure},
@@ -17,24 +17,24 @@ use murmuration_proto::{FEATURE_NAMES, counted, grouped};
 use murmuration_report::svg::{Drawing, MUTED, WHITE, percent_grid, tenth};
 use std::io::{self, Write};
 
-/// Panels beside each other; their size, and what is free around the curves of each; pixels.
+/// Panels beside each other; the size of a panel, and the space around its curves; pixels.
 const COLUMNS: usize = 5;
 const PANEL: [f64; 2] = [216.0, 190.0];
 const FREE: [f64; 4] = [34.0, 30.0, 12.0, 30.0];
-/// Height of a line of the legend, and of its entries in a line.
+/// Height of a line of the legend, and number of entries in a line.
 const LEGEND: f64 = 24.0;
 const LEGEND_COLUMNS: usize = 5;
 
-/// The dashes of rows, pixels: rows are told apart without their colours, too.
+/// The dashes of rows, pixels: they distinguish rows without colours.
 const DASHES: [&str; 6] = ["none", "7 3", "2 2", "9 3 2 3", "4 4", "12 3"];
 
-/// The rows of the grid after so many evaluations.
+/// The rows of the grid after a number of evaluations.
 pub(crate) struct Stage {
     pub(crate) evaluations: u32,
     pub(crate) rows: Vec<Row>,
 }
 
-/// Recall at each number of evaluations; empty where it is not measured.
+/// Recall at each number of evaluations; empty if it is not measured.
 pub(crate) fn stages(outcome: &Outcome) -> Vec<Stage> {
     let study = outcome.study();
     let is_measured = study.measures.which.contains(&Measure::Recall) && outcome.reference().is_some();
@@ -54,7 +54,7 @@ pub(crate) fn stages(outcome: &Outcome) -> Vec<Stage> {
         .collect()
 }
 
-/// A row at the stage at this place.
+/// A row at the stage `place`.
 fn row(outcome: &Outcome, values: Vec<usize>, place: usize) -> Row {
     let of_row = outcome.cells().filter(|cell| cell.cell.values == values);
     let stages = of_row.filter_map(|cell| Some((cell, stage_of(&cell, place)?)));
@@ -127,7 +127,7 @@ fn in_words(entry: Option<&Entry>) -> String {
     }
 }
 
-/// The plot, an SVG that stands alone: a panel for each figure, a curve for each row, its standard deviation shaded.
+/// The plot, a standalone SVG: a panel for each figure, a curve for each row, with its standard deviation shaded.
 pub(crate) fn plot(outcome: &Outcome, stages: &[Stage]) -> Markup {
     let has = |figure: &Figure| {
         stages
@@ -251,7 +251,7 @@ pub(crate) const RICHNESS: [&str; 9] = [
     "in_atlas",
 ];
 
-/// One row for each cell of independent draws, number of evaluations, and what was counted: niches, or classes and patterns.
+/// One row for each cell of independent draws, number of evaluations, and kind of count: niches, or classes and patterns.
 pub(crate) fn richness_csv(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     table.write_record(columns(outcome, RICHNESS))?;
@@ -370,7 +370,7 @@ mod tests {
         let picture = plot(&outcome, &stages(&outcome)).into_string();
         assert!(picture.contains("role=\"img\""));
         assert!(picture.contains("aria-label=\"Recall over evaluations: "));
-        // The share of all niches: both rows reach a half at first, and the second row all in the end.
+        // Of all niches, both rows reach half at first, and the second row all in the end.
         let lines: Vec<&str> = picture.split("<polyline").skip(1).take(2).collect();
         let dashes = |line: &str| line.split("stroke-dasharray=\"").nth(1).unwrap().to_owned();
         assert!(dashes(lines[0]).starts_with("none\"") && dashes(lines[1]).starts_with("7 3\""));

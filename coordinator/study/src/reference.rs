@@ -20,9 +20,9 @@ const TURNING: [usize; 2] = [1, 4];
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judged {
     pub controller: Controller,
-    /// Its features, means over its trials.
+    /// Features, as means over the trials.
     pub features: Features,
-    /// Its place in the behaviour space of its campaign.
+    /// Coordinates in the behaviour space of the campaign.
     pub behaviour: Vec<f64>,
     /// The verdict of each of its trials; at least one.
     pub verdicts: Vec<Verdict>,
@@ -32,13 +32,13 @@ pub struct Judged {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reference {
-    /// How the cells of the study are measured ([`measures_digest`](crate::measures_digest)), which the atlas is part of.
+    /// How the cells of the study are measured ([`measures_digest`](crate::measures_digest)), which includes the atlas.
     pub measures: String,
     /// Id of the campaign of the atlas.
     pub campaign: String,
     /// Digest of its archive.
     pub archive_digest: String,
-    /// Trials of each verdict by its name, mirror images included; verdicts without one are left out.
+    /// Trials of each verdict by its name, mirror images included; verdicts without trials are left out.
     pub verdicts: BTreeMap<String, u64>,
     /// The divisor of each feature: its standard deviation over the atlas, or 1 where that is 0.
     pub scale: Features,
@@ -52,7 +52,7 @@ pub struct Reference {
 pub struct Niche {
     /// Its centroid, in features divided by their scale.
     pub centroid: Features,
-    /// Name of the class that most of its controllers are of.
+    /// Name of the class of most of its controllers.
     pub class: String,
     /// Controllers of the atlas in it, mirror images included.
     pub members: u64,
@@ -70,8 +70,8 @@ pub enum ReferenceError {
 }
 
 impl Reference {
-    /// That of the archive of an atlas with at most `niches` niches. A controller whose mirror image the atlas leaves out counts
-    /// twice, with the features of its image.
+    /// The reference of an atlas's archive, with at most `niches` niches. A controller whose mirror image the atlas leaves out
+    /// counts twice, the second time with the features of its image.
     pub fn of(
         spec: &CampaignSpec,
         archive: &[Judged],
@@ -112,7 +112,7 @@ impl Reference {
     /// The niche of each individual.
     ///
     /// # Errors
-    /// [`Misfit`] if features are no numbers, or too large.
+    /// [`Misfit`] if features are not finite, or too large.
     pub(crate) fn niches_of(&self, archive: &[Judged]) -> Result<Vec<usize>, Misfit> {
         let mut centroids = Behaviours::new(FEATURES);
         for niche in &self.niches {
@@ -125,7 +125,7 @@ impl Reference {
         Ok(Tessellation::about(centroids).cells_of(&points))
     }
 
-    /// Whether its numbers can be computed with, as those of a damaged file may not.
+    /// Whether its numbers can be used for computation. Those of a damaged file may not.
     pub(crate) fn is_sound(&self) -> bool {
         let fits = |value: &f64| value.abs() <= MAX_FEATURE;
         let scales = self.scale.iter().all(|scale| fits(scale) && *scale > 0.0);
@@ -133,8 +133,8 @@ impl Reference {
     }
 }
 
-/// The individuals, and again those whose mirror image the atlas leaves out, each with its features or those of its image. An
-/// atlas of sampled controllers leaves none out: it samples a controller and its image alike.
+/// The individuals, each with its features. Those whose mirror image the atlas leaves out come again with the features of the
+/// image. An atlas of sampled controllers leaves none out: it samples a controller and its image alike.
 fn members<'a>(spec: &CampaignSpec, archive: &'a [Judged]) -> Vec<(Features, &'a Judged)> {
     let is_listed = spec.method() == Method::Exhaustive;
     let listed = is_listed
@@ -177,7 +177,7 @@ fn scaled(features: &Features, scale: &Features) -> Features {
     std::array::from_fn(|place| features[place] / scale[place])
 }
 
-/// The class that is counted most often; of several, the first.
+/// The most frequent class; of several, the first.
 fn most_frequent(counts: &[u64; Class::ALL.len()]) -> Class {
     let counted = Class::ALL.into_iter().zip(counts);
     let most = counted.rev().max_by_key(|(_, count)| **count);
@@ -241,7 +241,7 @@ mod tests {
     fn a_sampled_atlas_leaves_no_mirror_image_out() {
         let spec = spec("method = \"random\"");
         let turning = |genes, way: f64| judged(&spec, genes, [0.0, way, 0.0, 0.0, way], Class::Milling);
-        // A controller and its mirror image, as sampling may meet both.
+        // A controller and its mirror image: sampling may draw both.
         let archive = [
             turning([0.0, 1.0, 0.0, 1.0], 1.0),
             turning([1.0, 0.0, 1.0, 0.0], -1.0),

@@ -1,4 +1,4 @@
-//! Writes the report of a study: one self-contained page, and the tables that it follows from.
+//! Writes the report of a study: one self-contained page, and the tables behind it.
 
 use crate::{
     figure::Measure,
@@ -13,9 +13,9 @@ use murmuration_files::Folder;
 use rayon::prelude::*;
 use std::path::PathBuf;
 
-/// Writes `report.html`, `cells.csv` and `medoids.csv` into a folder, whose former report it replaces; for a study with phase
-/// diagrams, also `phase.svg`; where recall was measured, also `recall.svg` and `recall.csv`; where richness was, `richness.csv`;
-/// with either, `niches.csv`; where maps were made, also `maps.csv` and the folder `maps`. Returns the path of the page.
+/// Writes `report.html`, `cells.csv` and `medoids.csv` into a folder and replaces its former report. A study with phase diagrams
+/// also gets `phase.svg`; with recall, `recall.svg` and `recall.csv`; with richness, `richness.csv`; with either, `niches.csv`;
+/// with maps, `maps.csv` and the folder `maps`. Returns the path of the page.
 ///
 /// # Errors
 /// If a picture cannot be drawn, or as [`Folder::finish`].
@@ -37,7 +37,7 @@ pub fn write_report(outcome: &Outcome, mut files: Folder) -> Result<PathBuf, Rep
     Ok(files.finish()?.pop().unwrap_or_default())
 }
 
-/// The page of [`write_report`] alone, which names no file beside it.
+/// The page of [`write_report`] alone, without links to files beside it.
 pub fn report_page(outcome: &Outcome) -> Result<String, ReportError> {
     let pictures = draw(outcome)?;
     Ok(page::render(outcome, &pictures, false))

@@ -1,12 +1,11 @@
-//! How many kinds there are, estimated from how often each was met: Chao1 and ACE.
+//! Estimates the number of kinds from how often each was met: Chao1 and ACE.
 //!
-//! Both assume independent draws from one distribution, with each kind told from the others without error. Then the kinds
-//! that were met once or twice say how many were not met. Chao1 is a lower bound on the number of kinds: a kind so rare that
-//! its like was not met even once adds nothing.
+//! Both assume independent draws from one distribution, and that kinds are told apart without error. The kinds that were met once
+//! or twice then show how many were not met. Chao1 is a lower bound on the number of kinds: kinds too rare to be met add nothing.
 
 use serde::{Deserialize, Serialize};
 
-/// A kind met at most so often is rare to ACE (Chao, Hwang, Chen and Kuo 2000).
+/// ACE treats a kind that was met at most this often as rare (Chao, Hwang, Chen and Kuo 2000).
 const RARE: u64 = 10;
 /// Two-sided 95 % of the standard normal distribution.
 const NORMAL_95: f64 = 1.959_963_984_540_054;
@@ -22,15 +21,15 @@ pub struct Richness {
     pub standard_error: f64,
     /// The 95 % confidence interval of Chao1, kinds.
     pub interval: [f64; 2],
-    /// ACE: kinds; `None` where every rare kind was met once, about which ACE says nothing.
+    /// ACE: kinds; `None` if every rare kind was met once, because ACE is then undefined.
     pub ace: Option<f64>,
 }
 
 impl Richness {
-    /// From how often each kind was met; kinds that were not met count for nothing. `None` if nothing was met.
+    /// Estimates from how often each kind was met. Kinds with 0 are ignored. `None` if nothing was met.
     ///
-    /// Chao1 is S + f1 (f1 - 1) / (2 (f2 + 1)) of S kinds, f1 of them met once and f2 twice (Chao 1984; bias-corrected as in
-    /// Chao 2005), its variance and its interval, which is log-normal and never below S, those of Chao 1987 and of Colwell's
+    /// Chao1 is S + f1 (f1 - 1) / (2 (f2 + 1)) for S kinds, f1 of them met once and f2 twice (Chao 1984; bias-corrected as in Chao
+    /// 2005). Its variance and its interval, which is log-normal and never below S, are those of Chao 1987 and of Colwell's
     /// EstimateS 9, appendix B. ACE is that of Chao and Lee 1992 with the rare kinds apart (Chao and others 2000).
     pub fn of(abundances: &[u64]) -> Option<Self> {
         let met: Vec<u64> = abundances.iter().copied().filter(|&count| count > 0).collect();
@@ -95,7 +94,7 @@ fn ace(met: &[u64]) -> Option<f64> {
     }
     let covered = rare.len() as f64 / coverage;
     let pairs: u64 = rare.iter().map(|count| count * (count - 1)).sum();
-    // How much the rare kinds differ in abundance: the squared coefficient of variation.
+    // The squared coefficient of variation: how much the rare kinds differ in abundance.
     let variation = (covered * pairs as f64 / (draws * (draws - 1.0)) - 1.0).max(0.0);
     Some(abundant + covered + once / coverage * variation)
 }
@@ -127,7 +126,7 @@ mod tests {
 
     #[test]
     fn estimates_are_those_of_scikit_bio() {
-        // chao1, chao1_ci and ace of scikit-bio 0.7.
+        // Values of chao1, chao1_ci and ace of scikit-bio 0.7.
         check(
             &[0, 1, 1, 0, 0, 2, 0, 0, 2, 1, 0, 0],
             6.0,

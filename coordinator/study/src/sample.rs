@@ -1,4 +1,4 @@
-//! A small study with measures, for tests.
+//! A small study with measurements, for tests.
 
 use crate::{
     AccuracyFigures, JudgedBehaviours, JudgedIndividual, Measured, MedoidsOf, SearchFigures, Study,
@@ -16,8 +16,8 @@ pub(crate) fn study() -> Study {
     Study::from_toml(text, Path::new("/"), false).unwrap()
 }
 
-/// Measurements of a cell whose medoids are of these classes, a list a taxonomy; individuals have the indices from 0, taxonomy
-/// after taxonomy.
+/// Measurements of a cell whose medoids have these classes, one list for each taxonomy. Indices begin at 0 and count through the
+/// taxonomies.
 pub(crate) fn measured(study: &Study, place: usize, taxonomies: &[&[&str]]) -> Measured {
     let cell = cell_digest(&study.cells[place].spec);
     let mut next = 0..;

@@ -1,8 +1,8 @@
-//! The second judge: names the class of a behaviour by what it learned from labelled behaviours.
+//! The second judge: classifies a behaviour by what it learned from labelled behaviours.
 //!
-//! It sees the same paths as the rule-based judge and shares no code, measure or threshold with it, nor with an embedder. So where
-//! both agree, they agree from different evidence. `scripts/second-judge` grows its decision trees; docs/judge.md says how often it agrees
-//! with the annotators of the labelled sets.
+//! It sees the same paths as the rule-based judge, but shares no code, measure or threshold with it or with an embedder. If both
+//! judges agree, they agree from different evidence. `scripts/second-judge` grows its decision trees; docs/judge.md documents how
+//! often it agrees with the annotators of the labelled sets.
 
 mod canvas;
 mod forest;
@@ -13,22 +13,22 @@ mod statistics;
 use murmuration_proto::{Class, Replay, World};
 use paths::Paths;
 
-/// The class that the second judge gives the end of a motion in `world`: its last 160 steps, of which every fourth is enough.
+/// The second judge's class of the end of a motion in `world`: its last 160 steps, of which every fourth is enough.
 ///
-/// Pure. 24 robots take some half a millisecond; the cost grows with the square of their number. Never a class without meaning in
-/// `world`.
+/// Pure. 24 robots take about half a millisecond; the cost grows with the square of their number. Never returns a class that has no
+/// meaning in `world`.
 #[must_use]
 pub fn second_judge(motion: &Replay, world: &World) -> Class {
     second_judge_by(&second_judge_measures(motion, world), world)
 }
 
-/// The class that the second judge gives a motion of which it measured this in `world`.
+/// The second judge's class of a motion in `world` with these measures.
 #[must_use]
 pub fn second_judge_by(measures: &[f64], world: &World) -> Class {
     forest::class(measures, world)
 }
 
-/// Measures of the end of a motion in `world`, to train the second judge by: always as many numbers, all finite.
+/// Measures of the end of a motion in `world`, to train the second judge: always the same number of measures, all finite.
 #[must_use]
 pub fn second_judge_measures(motion: &Replay, world: &World) -> Vec<f64> {
     measures::measures(&Paths::of(motion, world))
@@ -40,7 +40,7 @@ mod tests {
     use murmuration_proto::v1;
     use std::f64::consts::TAU;
 
-    /// A motion of so many robots over 160 steps, each on its own path.
+    /// A motion of this many robots over 160 steps, each on its own path.
     fn motion(robots: u32, path: impl Fn(f64, f64) -> [f64; 2]) -> Replay {
         let at = |step: u32, robot: u32| {
             let [x, y] = path(f64::from(robot), f64::from(step));
@@ -91,7 +91,8 @@ mod tests {
         assert_eq!(second_judge(&motion(24, path), &World::default()), class);
     }
 
-    /// Without milling: a disc that turns as stiffly as a wheel is a concave path to it, as no labelled swarm turns so.
+    /// Milling is left out: the second judge calls a disc that turns like a rigid wheel a concave path, because no labelled swarm
+    /// turns like that.
     #[test]
     fn textbook_examples_are_known() {
         check(Class::CyclicPursuit, ring);

@@ -1,4 +1,4 @@
-//! The plot of the shares of classes: for each row a bar of the classes' colours, and the random share that was published.
+//! The plot of the shares of classes: for each row a bar of the classes' colours, and the published share of `random`.
 
 use crate::{
     figure::Figure,
@@ -15,7 +15,7 @@ const RIGHT: f64 = 24.0;
 /// Height of a bar.
 const BAR: f64 = 20.0;
 
-/// The bars of the rows that have shares; nothing if none has. `name` names a row.
+/// The bars of the rows with shares; empty if there are none. `name` returns the name of a row.
 pub(crate) fn bars(rows: &[Row], name: impl Fn(&Row) -> String) -> Markup {
     let shown: Vec<(&Row, Vec<Part>)> = rows
         .iter()
@@ -50,7 +50,7 @@ pub(crate) fn bars(rows: &[Row], name: impl Fn(&Row) -> String) -> Markup {
     }
 }
 
-/// The colours of the classes that some row has.
+/// A legend of the classes in the rows.
 pub(crate) fn legend(rows: &[Row]) -> Markup {
     let parts: Vec<Part> = rows.iter().flat_map(parts).collect();
     let classes = Class::ALL

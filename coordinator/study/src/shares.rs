@@ -1,15 +1,15 @@
-//! The shares of classes and patterns among all trials of a cell, as the workers' judge named them.
+//! The shares of classes and patterns among all trials of a cell, as judged by the workers.
 
 use crate::figure::Figure;
 use murmuration_proto::{Class, Pattern, Verdict};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// How many trials of a cell the judge gave each verdict.
+/// Number of trials of a cell with each verdict.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JudgedTrials {
-    /// Trials by the name of their verdict ([`Verdict::name`]): a trial with a pattern is counted by its pattern alone.
+    /// Trials by the name of their verdict ([`Verdict::name`]). A trial with a pattern counts only for its pattern.
     pub verdicts: BTreeMap<String, u64>,
 }
 
@@ -23,13 +23,13 @@ impl JudgedTrials {
         Verdict::all().map(|verdict| self.of(verdict)).sum()
     }
 
-    /// The trials of a class, those of its patterns included.
+    /// The trials of a class, including those of its patterns.
     pub fn of_class(&self, class: Class) -> u64 {
         let verdicts = Verdict::all().filter(|verdict| verdict.class() == class);
         verdicts.map(|verdict| self.of(verdict)).sum()
     }
 
-    /// The shares of all trials, percent; none without trials.
+    /// The shares of all trials, percent; empty without trials.
     pub fn figures(&self) -> BTreeMap<Figure, f64> {
         let trials = self.trials();
         if trials == 0 {

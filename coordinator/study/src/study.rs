@@ -12,7 +12,7 @@ use std::{collections::BTreeMap, num::NonZeroU32, path::PathBuf};
 pub struct Study {
     /// Its name; that of a quick study ends with `-quick`.
     pub name: CampaignName,
-    /// Its axes, in the order of the file; there may be none.
+    /// Its axes, in the order of the file; may be empty.
     pub axes: Vec<Axis>,
     /// The seed of each replicate, all different.
     pub seeds: Vec<u64>,
@@ -21,7 +21,7 @@ pub struct Study {
     pub measures: Measures,
     /// The axes of its phase diagrams; `None` if it has none.
     pub phase: Option<Phase>,
-    /// The values of the last axis vary fastest, then those of the others; the replicates of a row are together.
+    /// In the order of the rows: the values of the last axis vary fastest. The replicates of a row are together.
     pub cells: Vec<Cell>,
     pub(crate) published: Vec<Published>,
 }
@@ -33,7 +33,7 @@ pub struct Axis {
     pub name: String,
     /// The names of its values, 1 to 64, all different.
     pub values: Vec<String>,
-    /// The path of the field that an axis of numbers is about, such as `world.agents`; `None` of other axes.
+    /// The path of the field that an axis of numbers sets, such as `world.agents`; `None` for other axes.
     pub field: Option<String>,
     /// The number of each value of an axis of numbers; empty for other axes.
     pub numbers: Vec<f64>,
@@ -46,16 +46,16 @@ pub struct Cell {
     pub values: Vec<usize>,
     /// The replicate, from 0.
     pub replicate: usize,
-    /// Its specification, as the study file has it.
+    /// Its specification, as in the study file.
     pub spec: CampaignSpec,
 }
 
-/// The axes that a study lays its phase diagrams over.
+/// The axes of a study's phase diagrams.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Phase {
     /// The place of the axis from left to right; it has numbers.
     pub x: usize,
-    /// The place of the axis from bottom to top; it has numbers. `None` if there is one axis alone.
+    /// The place of the axis from bottom to top; it has numbers. `None` if there is only one axis.
     pub y: Option<usize>,
 }
 
@@ -64,34 +64,34 @@ pub struct Phase {
 pub struct Measures {
     /// Which measures, each once, in the order of [`Measure::ALL`].
     pub which: Vec<Measure>,
-    /// Taxonomies at the end of the search whose behaviours are judged, 1 to 1,000.
+    /// Taxonomies at the end of the search that are judged, 1 to 1,000.
     pub generations: NonZeroU32,
-    /// The substitute for the taxonomies of a random search.
+    /// What replaces the taxonomies of a random search.
     pub random: RandomBatches,
-    /// The labelled sets of the accuracy, by the name of a capability model: files, as the study file names them.
+    /// The labelled sets for the accuracy, by the name of a capability model; files as named in the study file.
     pub labelled: BTreeMap<String, LabelledSets>,
-    /// How recall and richness are measured; present where they are.
+    /// How recall and richness are measured; `None` if they are not.
     pub recall: Option<RecallPlan>,
 }
 
-/// The label files of a capability model, joined.
+/// The label files of a capability model; they are joined.
 pub type LabelledSets = Vec<PathBuf>;
 
-/// The substitute for the taxonomies of a random search.
+/// What replaces the taxonomies of a random search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RandomBatches {
     /// Batches of as many samples as a taxonomy has medoids, as in the paper.
     Samples,
-    /// The medoids of its archive, as with the other methods.
+    /// The medoids of its archive, as in the other methods.
     Medoids,
 }
 
-/// Figures that somebody published of some rows of the grid.
+/// Published figures of some rows of the grid.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Published {
-    /// Where; may be empty.
+    /// The publication; may be empty.
     pub source: String,
-    /// The rows: by the place of an axis, the place of its value. Other axes may have any value.
+    /// The rows: the place of a value, by the place of its axis. Other axes may have any value.
     pub rows: BTreeMap<usize, usize>,
     pub figures: BTreeMap<Figure, f64>,
 }
@@ -99,15 +99,15 @@ pub(crate) struct Published {
 impl Study {
     pub(crate) const MAX_CELLS: usize = 2000;
 
-    /// The end of the name of a quick study, and of no other name.
+    /// The ending that the names of quick studies have, and no other names.
     pub const QUICK: &str = "-quick";
 
-    /// Whether `--quick` shortened it.
+    /// Whether `--quick` shortened the study.
     pub(crate) fn is_quick(&self) -> bool {
         self.name.as_str().ends_with(Self::QUICK)
     }
 
-    /// The rows of the grid: for each axis, the place of a value; in the order of the cells.
+    /// The rows of the grid, in the order of the cells: for each axis, the place of a value.
     pub fn rows(&self) -> Vec<Vec<usize>> {
         let mut rows: Vec<Vec<usize>> = self.cells.iter().map(|cell| cell.values.clone()).collect();
         rows.dedup();
@@ -135,7 +135,7 @@ impl Study {
         words.join(" · ")
     }
 
-    /// The published value of a figure of a row, and its source.
+    /// The published value of a figure in a row, and its source.
     pub fn published(&self, values: &[usize], figure: Figure) -> Option<(f64, &str)> {
         let of_row = |published: &&Published| {
             let mut rows = published.rows.iter();

@@ -15,18 +15,18 @@ pub struct Table {
 pub struct Row {
     /// For each axis, the place of its value.
     pub values: Vec<usize>,
-    /// Its figures; those that no cell has yet are missing.
+    /// Its figures; figures that no cell has yet are missing.
     pub entries: BTreeMap<Figure, Entry>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Entry {
-    /// Replicates that have it; of accuracies the different embeddings. At least one.
+    /// Number of replicates with the figure; for accuracies, number of different embeddings. At least one.
     pub count: usize,
     pub mean: f64,
-    /// Their sample standard deviation (over n - 1); `None` for a single replicate.
+    /// Sample standard deviation (over n - 1); `None` for a single replicate.
     pub deviation: Option<f64>,
-    /// The figure with the judge's errors; `None` of figures that do not rest on the judge.
+    /// The figure with the judge's errors; `None` for figures that do not depend on the judge.
     pub resampled: Option<Resampled>,
     /// The published figure.
     pub published: Option<f64>,
@@ -44,7 +44,7 @@ pub struct Resampled {
 }
 
 impl Resampled {
-    /// Summarises resampled figures; `None` if there are none.
+    /// Summary of resampled figures; `None` if there are none.
     pub(crate) fn of(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         let last = values.len().checked_sub(1)?;
@@ -58,7 +58,7 @@ impl Resampled {
 }
 
 impl Table {
-    /// Its columns: the figures that a row has.
+    /// The columns of the table: the figures of its rows.
     pub fn figures(&self) -> Vec<Figure> {
         let mut figures = self.measure.figures();
         figures.retain(|figure| self.rows.iter().any(|row| row.entries.contains_key(figure)));

@@ -14,7 +14,7 @@ use toml::Table;
 #[serde(deny_unknown_fields)]
 pub(super) struct StudyMessage {
     pub(super) name: String,
-    /// The replicates. Default: one, of seed 1.
+    /// The replicates. Default: one, with seed 1.
     pub(super) seeds: Option<Seeds>,
     /// How many embedders the replicates share.
     pub(super) embedders: Option<u32>,
@@ -47,7 +47,7 @@ pub(super) struct StudyMessage {
 pub(super) enum Seeds {
     /// Replicates with the seeds from 1.
     Replicates(u64),
-    /// A replicate each.
+    /// One replicate for each seed.
     List(Vec<u64>),
 }
 
@@ -57,7 +57,7 @@ pub(super) enum Seeds {
 pub(super) struct BehavioursMessage {
     /// Taxonomies at the end of the search.
     pub(super) generations: Option<u32>,
-    /// The substitute for the taxonomies of a random search.
+    /// What replaces the taxonomies of a random search.
     pub(super) random: Option<String>,
 }
 
@@ -67,7 +67,7 @@ pub(super) struct RecallMessage {
     /// The fields of the campaign of the atlas.
     #[serde(default)]
     pub(super) atlas: Table,
-    /// Evaluations after which is counted.
+    /// Numbers of evaluations after which recall is measured.
     pub(super) at: Option<Vec<u32>>,
     /// Niches of the behaviour space.
     pub(super) niches: Option<u32>,
@@ -77,15 +77,15 @@ pub(super) struct RecallMessage {
 #[serde(deny_unknown_fields)]
 pub(super) struct AxisMessage {
     pub(super) name: String,
-    /// Its values, unless it is an axis of numbers.
+    /// Its values; empty for an axis of numbers.
     #[serde(default)]
     pub(super) values: Vec<ValueMessage>,
-    /// The field that has its numbers.
+    /// The field that takes the numbers.
     pub(super) field: Option<String>,
     pub(super) numbers: Option<NumbersMessage>,
-    /// Its numbers with `--quick`, if these are others.
+    /// The numbers with `--quick`, if they differ.
     pub(super) quick: Option<NumbersMessage>,
-    /// The field and numbers of an axis of numbers, once its values are made of them.
+    /// The field and numbers of an axis of numbers; set once its values are generated.
     #[serde(skip)]
     pub(super) about: Option<NumberAxis>,
 }
@@ -104,7 +104,7 @@ pub(super) struct PhaseMessage {
 #[serde(deny_unknown_fields)]
 pub(super) struct ValueMessage {
     pub(super) name: String,
-    /// Fields of the campaigns that have it.
+    /// Fields of the campaigns that have this value.
     #[serde(default)]
     pub(super) campaign: Table,
     /// The changes by `--quick`.
@@ -112,11 +112,11 @@ pub(super) struct ValueMessage {
     pub(super) quick: Table,
 }
 
-/// Figures that somebody published.
+/// Published figures.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PublishedMessage {
-    /// Where.
+    /// The publication.
     #[serde(default)]
     pub(super) source: String,
     /// The rows: the name of a value by the name of its axis.
@@ -140,7 +140,7 @@ pub(super) struct QuickMessage {
 }
 
 impl StudyMessage {
-    /// The study as it is made: with the changes of `[quick]`, or without them.
+    /// The study with the changes of `[quick]`, or without them.
     pub(super) fn made(mut self, quick: bool) -> Result<Self, Invalid> {
         for axis in &mut self.axes {
             (axis.values, axis.about) = axis.numbered(quick)?;
@@ -176,8 +176,8 @@ impl StudyMessage {
         Ok(self)
     }
 
-    /// The fields of the campaigns of a row: those that all share, then those of each value, then what `--quick` changes, in
-    /// the same order.
+    /// The fields of the campaigns of a row: the shared fields, overridden by those of each value, then by the changes of `--quick`
+    /// in the same order.
     pub(super) fn campaign_of(&self, row: &[usize]) -> Table {
         let mut table = self.campaign.clone();
         let values = || {
@@ -194,8 +194,8 @@ impl StudyMessage {
 }
 
 impl AxisMessage {
-    /// The axis with a value for each of its numbers, and what it is about; with `quick`, with the numbers for `--quick`. An
-    /// axis whose values are written one by one is about no field.
+    /// The values of the axis, one for each number, and its field and numbers; with `quick`, the numbers for `--quick`. For an axis
+    /// whose values are written one by one: these values, and `None`.
     fn numbered(&self, quick: bool) -> Result<(Vec<ValueMessage>, Option<NumberAxis>), Invalid> {
         let path = |field| format!("axes.{field} of {}", self.name);
         let (field, numbers) = match (&self.field, &self.numbers) {

@@ -14,9 +14,8 @@ const FIELD_PARTS: usize = 4;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(untagged, expecting = "a list of numbers, or a table with from, to and count")]
 pub(super) enum NumbersMessage {
-    /// Each of them.
     List(Vec<Number>),
-    /// So many, evenly spread, both ends included.
+    /// This many numbers, evenly spread, both ends included.
     Spread(Spread),
 }
 
@@ -25,11 +24,11 @@ pub(super) enum NumbersMessage {
 pub(super) struct Spread {
     from: Number,
     to: Number,
-    /// How many, at least two.
+    /// How many numbers, at least two.
     count: usize,
 }
 
-/// A number as TOML has it: a field for whole numbers takes no others.
+/// A number as written in TOML: a field for whole numbers takes no others.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(untagged, expecting = "a number")]
 pub(super) enum Number {
@@ -90,7 +89,7 @@ impl Spread {
     }
 }
 
-/// The number without the rounding of its sum: twelve digits.
+/// The number rounded to twelve digits, which removes the rounding error of its sum.
 fn short(number: f64) -> f64 {
     format!("{number:.11e}").parse().unwrap_or(number)
 }
@@ -103,7 +102,7 @@ pub(super) struct NumberAxis {
 }
 
 impl NumberAxis {
-    /// The numbers of the axis `name` about `field`.
+    /// The numbers of the axis `name` for `field`.
     pub(super) fn new(name: &str, field: &str, given: &NumbersMessage) -> Result<Self, Invalid> {
         let numbers = match given {
             NumbersMessage::List(numbers) => numbers.clone(),
@@ -112,11 +111,11 @@ impl NumberAxis {
         let values: Vec<f64> = numbers.iter().map(|number| number.value()).collect();
         let is_repeated = |(place, value): (usize, &f64)| values[..place].contains(value);
         if values.iter().any(|value| !value.is_finite()) || values.iter().enumerate().any(is_repeated) {
-            let said: Vec<String> = numbers.iter().map(|number| number.text()).collect();
+            let message: Vec<String> = numbers.iter().map(|number| number.text()).collect();
             let allowed = "different finite numbers";
             return Err(Invalid::new(
                 format!("axes.numbers of {name}"),
-                said.join(", "),
+                message.join(", "),
                 allowed,
             ));
         }
@@ -127,7 +126,7 @@ impl NumberAxis {
         })
     }
 
-    /// For each number its name, and the campaign's table in which the field has it.
+    /// The name of each number, and a campaign table that sets the field to it.
     pub(super) fn values(&self) -> impl Iterator<Item = (String, Table)> {
         let path: Vec<&str> = self.field.split('.').collect();
         let value = move |number: &Number| (number.text(), nested(&path, number.toml()));
@@ -145,7 +144,7 @@ impl NumberAxis {
     }
 }
 
-/// Refuses what is no path of a field.
+/// Refuses a text that is not the path of a field.
 fn check_path(field: &str) -> Result<(), Invalid> {
     let parts: Vec<&str> = field.split('.').collect();
     let fits = |part: &&str| {
@@ -159,7 +158,7 @@ fn check_path(field: &str) -> Result<(), Invalid> {
     Err(Invalid::new("axes.field", text::quoted(field), allowed))
 }
 
-/// The table in which the field at `path` has this value.
+/// A table that sets the field at `path` to this value.
 fn nested(path: &[&str], value: Value) -> Table {
     let Some((first, rest)) = path.split_first() else {
         return Table::new();
@@ -187,9 +186,9 @@ mod tests {
     }
 
     #[track_caller]
-    fn refused(numbers: &str, said: &str) {
+    fn refused(numbers: &str, expected: &str) {
         let error = axis(numbers).unwrap_err();
-        assert!(error.contains(said), "{error:?} does not say {said:?}");
+        assert!(error.contains(expected), "{error:?} does not say {expected:?}");
     }
 
     #[test]

@@ -13,9 +13,9 @@ use murmuration_proto::{CampaignSpec, Invalid, Method};
 use std::num::NonZeroU32;
 use toml::Value;
 
-/// Most numbers of evaluations after which is counted.
+/// Most numbers of evaluations at which recall is measured.
 const MOST_STAGES: usize = 32;
-/// Evaluations after which is counted, and niches of the behaviour space, where the file does not say.
+/// Numbers of evaluations at which recall is measured, and niches of the behaviour space, unless the file sets them.
 const AT: [u32; 3] = [1000, 3000, 10_000];
 const NICHES: u32 = 500;
 /// Most niches of the behaviour space.
@@ -86,7 +86,7 @@ fn niches(niches: Option<u32>) -> Result<NonZeroU32, Invalid> {
     fits.ok_or_else(|| Invalid::new("recall.niches", given, format!("2 to {MOST_NICHES}")))
 }
 
-/// Whether every cell has the verdicts that it is measured by, and can be compared with the atlas.
+/// Checks that every cell has the verdicts that its measures need, and can be compared with the atlas.
 pub(super) fn check(study: &Study) -> Result<(), StudyError> {
     let plan = study.measures.recall.as_ref();
     for cell in &study.cells {
@@ -99,7 +99,7 @@ pub(super) fn check(study: &Study) -> Result<(), StudyError> {
     Ok(())
 }
 
-/// Whether a cell has what its measures take from its verdicts and its sampling.
+/// Checks that the verdicts and the sampling of a cell fit its measures.
 fn measurable(cell: &Cell, measures: &Measures) -> Result<(), Invalid> {
     let (spec, has) = (&cell.spec, |measure| measures.which.contains(&measure));
     let needs_verdicts = measures.recall.is_some() || has(Measure::Maps);

@@ -54,12 +54,12 @@ fn read(text: &str, quick: bool) -> Result<Study, String> {
     Study::from_toml(text, Path::new("/folder"), quick).map_err(|error| error.to_string())
 }
 
-/// Replaces a part of the good file, and says what is wrong with it.
+/// Replaces a part of the good file, and checks the error.
 #[track_caller]
-fn check(part: &str, by: &str, said: &str) {
+fn check(part: &str, by: &str, expected: &str) {
     assert!(GOOD.contains(part), "{part}");
     let error = read(&GOOD.replacen(part, by, 1), false).unwrap_err();
-    assert!(error.contains(said), "{error:?} does not say {said:?}");
+    assert!(error.contains(expected), "{error:?} does not say {expected:?}");
 }
 
 #[test]
@@ -347,11 +347,11 @@ fn quick_has_its_own_numbers() {
 
 #[test]
 fn an_axis_of_numbers_says_its_field_once_and_has_no_values() {
-    let refused = |by: &str, said: &str| {
+    let refused = |by: &str, expected: &str| {
         let numbers = "field = \"world.agents\"\nnumbers = [6, 12]";
         assert!(PHASE.contains(numbers));
         let error = read(&PHASE.replacen(numbers, by, 1), false).unwrap_err();
-        assert!(error.contains(said), "{error:?} does not say {said:?}");
+        assert!(error.contains(expected), "{error:?} does not say {expected:?}");
     };
     refused("field = \"world.agents\"", "axes.numbers of robots");
     refused("numbers = [1]", "axes.field of robots");

@@ -1,4 +1,4 @@
-//! Tables by hand.
+//! Tables, compared with figures computed by hand.
 
 use super::*;
 use crate::{corrections::Corrections, report::write_report, sample};
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 const MILLING: &str = "milling";
 const RANDOM: &str = "random";
 
-/// The first row is whole, of the second one replicate is missing.
+/// The first row is complete; the second lacks a replicate.
 fn outcome(corrections: Corrections) -> Outcome {
     let study = sample::study();
     let measured = vec![
@@ -72,7 +72,7 @@ fn resampled_figures_are_reproducible_and_around_what_people_would_say() {
         entry(&outcome, 0, 0, Figure::Class(Class::Milling)).resampled
     );
     assert!(first.low < first.mean && first.mean < first.high, "{first:?}");
-    // Of each medoid, in each resampling, somebody says something.
+    // Every medoid has a class in each resampling.
     let resampled = |class| {
         entry(&outcome, 0, 0, Figure::Class(class))
             .resampled
@@ -97,14 +97,14 @@ fn what_a_person_said_replaces_the_judge_and_has_no_errors() {
             text += &format!("{cell},{index},aggregation,ana\n");
         }
     }
-    // The judge's own words, as medoids.csv has them, are no corrections.
+    // The judge's own classes, as in medoids.csv, are not corrections.
     text += &format!("{},0,random,judge\n{},1,milling,judge\n", cells[2], cells[2]);
     let outcome = outcome(Corrections::parse(&text).unwrap());
     let distinct = entry(&outcome, 0, 0, Figure::Distinct);
     assert_eq!((distinct.mean, distinct.deviation), (1.0, Some(0.0)));
     let resampled = distinct.resampled.unwrap();
     assert_eq!((resampled.mean, resampled.low, resampled.high), (1.0, 1.0, 1.0));
-    // The second judge's word stands, and of none of these it says aggregation.
+    // The second judge's classes remain, and none of them is aggregation.
     assert_eq!(entry(&outcome, 0, 0, Figure::DistinctBySecond).mean, 1.75);
     assert_eq!(entry(&outcome, 0, 0, Figure::DistinctByBoth).mean, 0.0);
     assert_eq!(entry(&outcome, 0, 1, Figure::Distinct).mean, 2.0);
@@ -119,22 +119,22 @@ fn what_a_person_said_replaces_the_judge_and_has_no_errors() {
 fn what_people_say_on_a_page_is_kept_as_a_table_and_can_be_taken_back() {
     let study = sample::study();
     let cell = crate::cell_digest(&study.cells[0].spec);
-    let mut said = Corrections::default();
-    said.set(&cell, 0, Some(Class::Dispersal), " ana, of \"us\" ")
+    let mut message = Corrections::default();
+    message.set(&cell, 0, Some(Class::Dispersal), " ana, of \"us\" ")
         .unwrap();
-    said.set(&cell, 1, Some(Class::Dispersal), "ben").unwrap();
-    said.set(&cell, 1, Some(Class::Aggregation), "cy").unwrap();
-    said.set(&cell, 2, Some(Class::Milling), "ana").unwrap();
-    said.set(&cell, 2, None, "ben").unwrap();
-    said.set(&cell, 3, Some(Class::Milling), "=1+1").unwrap();
+    message.set(&cell, 1, Some(Class::Dispersal), "ben").unwrap();
+    message.set(&cell, 1, Some(Class::Aggregation), "cy").unwrap();
+    message.set(&cell, 2, Some(Class::Milling), "ana").unwrap();
+    message.set(&cell, 2, None, "ben").unwrap();
+    message.set(&cell, 3, Some(Class::Milling), "=1+1").unwrap();
     assert!(
-        said.to_csv().contains(",milling,'=1+1\n"),
+        message.to_csv().contains(",milling,'=1+1\n"),
         "a spreadsheet would compute it: {}",
-        said.to_csv()
+        message.to_csv()
     );
-    assert_eq!(Corrections::parse(&said.to_csv()).unwrap(), said);
-    said.set(&cell, 3, None, "ana").unwrap();
-    let outcome = outcome(said.clone());
+    assert_eq!(Corrections::parse(&message.to_csv()).unwrap(), message);
+    message.set(&cell, 3, None, "ana").unwrap();
+    let outcome = outcome(message.clone());
     let measured = outcome.cells().next().unwrap().measured;
     assert_eq!(
         outcome.class_of(measured, 0),
@@ -158,13 +158,13 @@ fn what_people_say_on_a_page_is_kept_as_a_table_and_can_be_taken_back() {
         &"x".repeat(65),
     ] {
         assert!(
-            said.set(&cell, 0, Some(Class::Milling), name).is_err(),
+            message.set(&cell, 0, Some(Class::Milling), name).is_err(),
             "{name:?}"
         );
     }
-    // A file that is named on the command line counts more.
+    // A file named on the command line takes precedence.
     let file = Corrections::parse(&format!("cell,index,class,by\n{cell},1,milling,dee\n")).unwrap();
-    let both = file.or(said);
+    let both = file.or(message);
     assert_eq!(both.of(measured, 1), Some((Class::Milling, "dee")));
     assert_eq!(both.of(measured, 0).unwrap().0, Class::Dispersal);
 }
@@ -219,15 +219,15 @@ fn every_table_follows_from_the_files_of_the_report() {
     let milling = rows
         .iter()
         .filter(|row| row["class"] == MILLING && row["seed"] == "1");
-    // Two taxonomies in a replicate.
+    // A replicate has two taxonomies.
     assert_eq!(milling.count() as f64 / 2.0, 1.5);
     let page = std::fs::read_to_string(&page).unwrap();
-    for said in [
+    for expected in [
         "3 of 4 campaigns measured so far",
         "published 3.5",
         "Published figures: them.",
     ] {
-        assert!(page.contains(said), "{said}");
+        assert!(page.contains(expected), "{expected}");
     }
     assert_eq!(page.matches("<img").count(), 2 + 2 + 2);
     assert!(!page.contains("://"), "it loads nothing");

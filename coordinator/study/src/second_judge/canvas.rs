@@ -1,4 +1,4 @@
-//! The paths drawn on a canvas, as an eye sees them: what is covered, what is enclosed, and the outline of it.
+//! The paths drawn on a canvas, as an eye sees them: covered area, enclosed area, and outline.
 
 use super::{
     paths::{Paths, Point, centre, distance, length, minus},
@@ -30,7 +30,7 @@ pub(super) struct Canvas {
 struct Visits {
     last: Option<usize>,
     count: f64,
-    /// Sum of the unit vectors of their first moves there.
+    /// Sum of the unit vectors of the robots' first moves in the cell.
     ways: Point,
 }
 
@@ -63,7 +63,7 @@ impl Canvas {
         all
     }
 
-    /// How many robots share their paths with how many others, and whether they go the same way there.
+    /// How many robots share cells of their paths, and whether they move the same way there.
     fn visited(&self) -> [f64; 9] {
         let cells = self.visits.len() as f64;
         let by = |low: f64, high: f64| {
@@ -87,7 +87,7 @@ impl Canvas {
     }
 }
 
-/// Draws a step of a robot, a cell wide. What lies beyond the canvas is left out.
+/// Draws a step of a robot, one cell wide, without the parts beyond the canvas.
 fn draw(robot: usize, from: Point, to: Point, paths: &Paths, visits: &mut BTreeMap<usize, Visits>) {
     let cell = paths.side / ARENA;
     let way = minus(to, from);
@@ -124,7 +124,7 @@ impl Shape {
         self.0.iter().filter(|covered| **covered).count() as f64
     }
 
-    /// The covered cells and those beside them.
+    /// The shape with the cells beside it.
     fn widened(&self) -> Self {
         let mut wide = self.clone();
         for place in (0..self.0.len()).filter(|&place| self.0[place]) {
@@ -133,7 +133,7 @@ impl Shape {
         wide
     }
 
-    /// The connected parts of what is covered or not, the largest first.
+    /// The connected parts of the covered or uncovered cells, the largest first.
     fn parts(&self, covered: bool, beside: fn(usize) -> Vec<usize>) -> Vec<Vec<usize>> {
         let mut left: Vec<bool> = self.0.iter().map(|is| *is == covered).collect();
         let mut parts = Vec::new();
@@ -158,7 +158,7 @@ impl Shape {
         parts
     }
 
-    /// Area that the shape encloses, and the number of its parts.
+    /// Covered and enclosed areas, and the number of parts.
     fn enclosing(&self) -> [f64; 9] {
         let holes = self.parts(false, |place| sides(place).collect());
         let holes = holes
@@ -184,7 +184,7 @@ impl Shape {
         ]
     }
 
-    /// The largest part with what it encloses, and that part alone.
+    /// The largest part with the area it encloses, and that part alone.
     fn largest(&self) -> Option<(Vec<Point>, Vec<Point>)> {
         let mut parts = self.parts(true, around);
         let part = (!parts.is_empty()).then(|| parts.swap_remove(0))?;
@@ -200,7 +200,7 @@ impl Shape {
         Some((cells.map(cell).collect(), part.into_iter().map(cell).collect()))
     }
 
-    /// The outline of the largest part: how full its hull and its circle are, how far it is from a circle.
+    /// The outline of the largest part: how well it fills its hull and its circle, and how far it is from a circle.
     fn outline(&self) -> [f64; 14] {
         let Some((filled, part)) = self.largest() else {
             return [0.0; 14];
@@ -244,7 +244,7 @@ fn profile(cells: &[Point], middle: Point) -> [f64; RAYS] {
     far
 }
 
-/// How strong a wave with so many crests is in a closed profile.
+/// Amplitude of the wave with this many crests in a closed profile.
 fn amplitude(profile: &[f64], crests: usize) -> f64 {
     let sum = profile.iter().enumerate().fold([0.0; 2], |sum, (place, value)| {
         let (sine, cosine) = libm::sincos(TAU * (place * crests) as f64 / profile.len() as f64);
@@ -253,7 +253,7 @@ fn amplitude(profile: &[f64], crests: usize) -> f64 {
     2.0 * length(sum) / profile.len() as f64
 }
 
-/// Area of the convex hull of whole cells whose middles these are.
+/// Area of the convex hull of the cells with these middles.
 fn hull_area(cells: &[Point]) -> f64 {
     let mut corners: Vec<Point> = cells
         .iter()

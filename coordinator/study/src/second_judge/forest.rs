@@ -1,15 +1,15 @@
-//! From measures to a class: a forest of decision trees, each of which has a vote.
+//! Classifies by measures: a forest of decision trees with one vote each.
 //!
-//! Trees ask only whether a measure is above a threshold, so a swarm unlike all that they learned from is still judged by the side
-//! on which it lies, not by how far it lies there.
+//! Trees only compare a measure with a threshold. A swarm unlike all training examples is still judged by which side of a threshold
+//! it is on, however far beyond it is.
 
 use murmuration_proto::{Class, World};
 
-/// A node of a tree, as `scripts/second-judge` writes it. Those below follow it.
+/// A node of a tree, as written by `scripts/second-judge`. Its children follow it.
 #[derive(Debug, Clone, Copy)]
 enum Node {
-    /// A split: place of a measure, a threshold, and place in the tree of the node for what is above the threshold; that for the
-    /// rest comes next.
+    /// A split: number of a measure, a threshold, and place in the tree of the child for values above the threshold. The other
+    /// child is the next node.
     S(u8, f64, u16),
     /// A leaf: the number of the class in [`Class::ALL`].
     L(u8),
@@ -20,7 +20,7 @@ use Node::{L, S};
 /// Each tree begins with its root.
 static FOREST: &[&[Node]] = &include!("forest.txt");
 
-/// The class with the most votes among those that have a meaning in `world`; of equals the last in [`Class::ALL`], whose end is
+/// The class with the most votes among those that have a meaning in `world`; of equals the last in [`Class::ALL`], which ends with
 /// `random`.
 pub(super) fn class(measures: &[f64], world: &World) -> Class {
     let mut votes = [0_u32; Class::ALL.len()];
@@ -35,7 +35,7 @@ pub(super) fn class(measures: &[f64], world: &World) -> Class {
     best.map_or(Class::Random, |(class, _)| class)
 }
 
-/// The class that a tree names by its place in [`Class::ALL`].
+/// The class that a tree votes for, by its place in [`Class::ALL`].
 fn vote(tree: &[Node], measures: &[f64]) -> Option<usize> {
     let mut at = 0;
     loop {
@@ -53,7 +53,7 @@ fn vote(tree: &[Node], measures: &[f64]) -> Option<usize> {
 mod tests {
     use super::{super::measures::MEASURES, *};
 
-    /// So every walk through a tree ends at a class.
+    /// Therefore every walk through a tree ends at a class.
     #[test]
     fn every_tree_leads_on_to_leaves() {
         assert_eq!(FOREST.len(), 50);

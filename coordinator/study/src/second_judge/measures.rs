@@ -1,5 +1,5 @@
-//! The second judge's measures of a motion: numbers that no reflection, quarter turn or order of the robots changes, but for
-//! the roundings of the canvas.
+//! The second judge's measures of a motion. Reflections, quarter turns and the order of the robots do not change them, except for
+//! the rounding of the canvas.
 
 use super::{
     canvas::Canvas,
@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 #[cfg(test)]
 pub(super) const MEASURES: usize = 193;
 
-/// Measures of a motion, always as many in the order by which the trees know them.
+/// Measures of a motion, always the same number, in the order that the trees use.
 pub(super) fn measures(paths: &Paths) -> Vec<f64> {
     let canvas = Canvas::of(paths);
     [
@@ -29,12 +29,13 @@ pub(super) fn measures(paths: &Paths) -> Vec<f64> {
     .concat()
 }
 
-/// How far the nearest and the third nearest neighbours are, at the end and between the middles of the paths; in spacings.
+/// Distances of the nearest and the third nearest neighbours at the end, and of the nearest between the middles of the paths; in
+/// spacings.
 fn neighbours(paths: &Paths) -> Vec<f64> {
     let of = |points: &[Point], place: usize| -> Vec<f64> {
         let one = |&here: &Point| {
             let mut all: Vec<f64> = points.iter().map(|&other| distance(here, other)).collect();
-            // The first is itself.
+            // The first is the robot itself.
             let place = place.min(all.len() - 1);
             let (_, &mut away, _) = all.select_nth_unstable_by(place, f64::total_cmp);
             away / paths.spacing
@@ -70,7 +71,7 @@ fn pairs(paths: &Paths) -> Vec<f64> {
     counts.map(|count| ratio(count, all)).to_vec()
 }
 
-/// Groups of robots that are linked at the end by steps below a length.
+/// Sizes of the groups of robots that are linked at the end by distances below a length.
 fn groups(paths: &Paths) -> Vec<f64> {
     let end = paths.end();
     let reaches = [
@@ -97,7 +98,7 @@ fn groups(paths: &Paths) -> Vec<f64> {
     reaches.map(of).concat()
 }
 
-/// Sizes of the groups of points that chains of steps below `reach` join.
+/// Sizes of the groups of points that are linked by distances below `reach`.
 fn linked(points: &[Point], reach: f64) -> Vec<f64> {
     let mut left: Vec<Point> = points.to_vec();
     let mut sizes = Vec::new();
@@ -118,7 +119,7 @@ fn linked(points: &[Point], reach: f64) -> Vec<f64> {
     sizes
 }
 
-/// How the robots lie about the middle of the swarm, and how far they go round it.
+/// How the robots are arranged around the middle of the swarm, and how far they go round it.
 fn rings(paths: &Paths) -> Vec<f64> {
     let homes = paths.homes();
     let middle = centre(&homes);
@@ -160,7 +161,7 @@ fn rings(paths: &Paths) -> Vec<f64> {
     all
 }
 
-/// Turns of each robot about `middle`, sorted; most go the positive way.
+/// How far each robot turns about `middle`, sorted; the sign makes the sum positive.
 fn swept(paths: &Paths, middle: Point) -> Vec<f64> {
     let of = |path: &Vec<Point>| -> f64 {
         let steps = path.windows(2);
@@ -201,7 +202,7 @@ fn travels(paths: &Paths) -> Vec<f64> {
     all
 }
 
-/// How far the robots' directions turn, in half turns; most go the positive way.
+/// How far the robots' directions turn, in half turns; the sign makes the sum positive.
 fn turns(paths: &Paths) -> Vec<f64> {
     let least = 0.1 * paths.radius;
     let turned = |path: &Vec<Point>| -> [f64; 2] {
@@ -220,7 +221,7 @@ fn turns(paths: &Paths) -> Vec<f64> {
     all
 }
 
-/// Whether the robots go the same way, round the middle, or along with their neighbour.
+/// How much the robots move the same way, round the middle, or along with their neighbour.
 fn order(paths: &Paths) -> Vec<f64> {
     let mut sums = [0.0; 5];
     let times = (4..paths.times()).step_by(4);
@@ -247,7 +248,7 @@ fn order(paths: &Paths) -> Vec<f64> {
     sums.map(|sum| ratio(sum, count)).to_vec()
 }
 
-/// How near the walls the robots are, and how many walls have robots; zeros where there are no walls.
+/// How near the walls the robots are, and at how many walls there are robots; zeros without walls.
 fn walls(paths: &Paths) -> Vec<f64> {
     let Some([low, high]) = paths.walls else {
         return vec![0.0; 8];
@@ -276,7 +277,7 @@ fn walls(paths: &Paths) -> Vec<f64> {
         .collect()
 }
 
-/// The robot nearest to the one at `here`, which is itself if it is alone.
+/// The robot nearest to the one at `here`; `here` itself if it is alone.
 fn nearest(points: &[Point], here: usize) -> usize {
     let others = (0..points.len()).filter(|&other| other != here);
     let away = |&other: &usize| distance(points[here], points[other]);
@@ -297,7 +298,7 @@ fn elongation(points: &[Point]) -> f64 {
     ratio(((xx - yy).powi(2) + 4.0 * xy * xy).sqrt(), xx + yy)
 }
 
-/// Which part of a whole turn about `middle` lies beside the largest sector without a robot.
+/// The share of a whole turn about `middle` outside the largest sector without a robot.
 fn cover(points: &[Point], middle: Point) -> f64 {
     let mut angles: Vec<f64> = points
         .iter()
@@ -312,7 +313,7 @@ fn cover(points: &[Point], middle: Point) -> f64 {
     1.0 - largest / (2.0 * PI)
 }
 
-/// A vector of length 1 this way; shorter where `vector` is short against `least`.
+/// `vector` scaled to about length 1; shorter if it is short compared with `least`.
 fn unit(vector: Point, least: f64) -> Point {
     let length = length(vector) + 0.1 * least;
     vector.map(|part| part / length)

@@ -3,7 +3,7 @@
 use murmuration_proto::{Boundary, Pose, Replay, World};
 use std::f64::consts::TAU;
 
-/// Steps of the paths, as in the pictures that the annotators saw; fewer if the motion is shorter.
+/// Steps of the paths, as in the annotators' pictures; fewer if the motion is shorter.
 const STEPS: u32 = 160;
 /// Parts into which the steps are divided.
 const PARTS: u32 = 40;
@@ -14,22 +14,22 @@ pub(super) type Point = [f64; 2];
 /// The paths of a swarm at the end of its motion; lengths are in world units.
 #[derive(Debug)]
 pub(super) struct Paths {
-    /// For each robot 41 points.
+    /// 41 points for each robot.
     pub(super) paths: Vec<Vec<Point>>,
     /// Radius of a robot.
     pub(super) radius: f64,
-    /// Side of a square as large as the arena.
+    /// Side of a square with the area of the arena.
     pub(super) side: f64,
-    /// Side of a square as large as a robot's share of the arena.
+    /// Side of a square with a robot's share of the area of the arena.
     pub(super) spacing: f64,
     /// Middle of the smallest upright rectangle around the paths.
     pub(super) middle: Point,
-    /// The lowest and highest coordinates that walls leave to a robot's centre; `None` without walls.
+    /// The lowest and highest coordinates that walls allow for a robot's centre; `None` without walls.
     pub(super) walls: Option<[Point; 2]>,
 }
 
 impl Paths {
-    /// The paths at the end of a replay. On a torus they go on across the edges and are shown about the middle of the swarm.
+    /// The paths at the end of a replay. On a torus they continue across the edges, near the middle of the swarm.
     pub(super) fn of(replay: &Replay, world: &World) -> Self {
         let frames: Vec<&[Pose]> = replay.frames().collect();
         let end = replay.steps().last().copied().unwrap_or(0);
@@ -82,7 +82,7 @@ impl Paths {
 fn join(paths: &mut [Vec<Point>], torus: &World) {
     let sides = [torus.width(), torus.height()];
     let ends = paths.iter().map(|path| path[path.len() - 1]);
-    // The middle of places on a circle: the edges are no place of their own.
+    // A circular mean: the edges of a torus are not special.
     let sums = ends.fold([[0.0; 2]; 2], |sums, end| {
         [0, 1].map(|axis| {
             let (sine, cosine) = libm::sincos(end[axis] / sides[axis] * TAU);
@@ -114,7 +114,7 @@ fn middle(paths: &[Vec<Point>]) -> Point {
     [0, 1].map(|axis| (low[axis] + high[axis]) / 2.0)
 }
 
-/// The mean of at least one point.
+/// The mean of one or more points.
 pub(super) fn centre(points: &[Point]) -> Point {
     let count = points.len() as f64;
     [0, 1].map(|axis| points.iter().map(|point| point[axis]).sum::<f64>() / count)

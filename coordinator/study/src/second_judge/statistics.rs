@@ -1,6 +1,6 @@
 //! Statistics over the robots of a swarm.
 
-/// Sorted, with the sign by which their sum is positive.
+/// The values sorted, with their signs flipped if their sum is negative.
 pub(super) fn one_way(values: Vec<f64>) -> Vec<f64> {
     let sign = if values.iter().sum::<f64>() < 0.0 {
         -1.0
@@ -20,7 +20,7 @@ pub(super) fn quantiles(sorted: &[f64], parts: &[f64]) -> Vec<f64> {
     parts.iter().map(|&part| quantile(sorted, part)).collect()
 }
 
-/// A quantile of sorted values, of which there is at least one; interpolated.
+/// A quantile of one or more sorted values; interpolated.
 pub(super) fn quantile(sorted: &[f64], part: f64) -> f64 {
     let place = part * (sorted.len() - 1) as f64;
     let (low, high) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);

@@ -31,10 +31,10 @@ fn an_atlas_is_a_campaign_and_quick_changes_it() {
 
 #[test]
 fn recall_that_cannot_be_measured_is_refused() {
-    let check = |part: &str, by: &str, said: &str| {
+    let check = |part: &str, by: &str, expected: &str| {
         assert!(RECALL.contains(part), "{part}");
         let error = read(&RECALL.replace(part, by), false).unwrap_err();
-        assert!(error.contains(said), "{error:?} does not say {said:?}");
+        assert!(error.contains(expected), "{error:?} does not say {expected:?}");
     };
     check(
         ", evaluation.judge = true",
@@ -95,7 +95,7 @@ fn recall_that_cannot_be_measured_is_refused() {
 
 #[test]
 fn estimates_of_richness_alone_need_single_starts() {
-    // Recall counts what was found, however often; and a search has no estimates that several starts could spoil.
+    // Recall counts whether something was found, not how often; and a search has no estimates that several starts could bias.
     let starts = RECALL.replace(
         ", evaluation.judge = true",
         ", evaluation = { judge = true, starts = 4 }",
