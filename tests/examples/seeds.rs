@@ -1,4 +1,4 @@
-//! Writes the inputs that fuzzing begins with (scripts/fuzz): `seeds FOLDER` makes a folder for each target there.
+//! Writes the seed inputs of the fuzz targets (scripts/fuzz): `seeds FOLDER` writes a folder for each target.
 
 use std::{env, fs, path::PathBuf};
 

@@ -1,4 +1,4 @@
-//! Finds the binaries, and builds them if needed.
+//! Finds the binaries, and builds them if necessary.
 
 use std::{
     path::{Path, PathBuf},

@@ -24,7 +24,7 @@ pub struct Cluster {
     pub client: CampaignServiceClient<Coordinator>,
 }
 
-/// A campaign small enough for tests: 5 generations of 20 controllers, 200 steps each; `more` is added to the file.
+/// A campaign small enough for tests: 5 generations of 20 controllers, 200 steps each; `more` is appended to the file.
 #[must_use]
 pub fn small_spec(more: &str) -> CampaignSpec {
     let text = format!(
@@ -34,7 +34,7 @@ pub fn small_spec(more: &str) -> CampaignSpec {
     CampaignSpec::from_toml(&text).unwrap()
 }
 
-/// Writes the file of a campaign that takes some seconds, so that it can be interrupted, to `folder`: 240 generations of 20
+/// Writes the file of a campaign that takes some seconds, so that tests can interrupt it, to `folder`: 240 generations of 20
 /// controllers, 600 steps each.
 #[must_use]
 pub fn longer_spec(folder: &Path) -> String {
@@ -47,7 +47,7 @@ pub fn longer_spec(folder: &Path) -> String {
     path.display().to_string()
 }
 
-/// A latent campaign as small as [`small_spec`], trained on the pictures of 100 controllers; `more` is added to the file.
+/// A latent campaign as small as [`small_spec`], trained on the pictures of 100 controllers; `more` is appended to the file.
 #[must_use]
 pub fn small_latent_spec(more: &str) -> CampaignSpec {
     let text = format!(
@@ -74,17 +74,17 @@ impl Cluster {
         Self::start_as(data, workers, ListenConfig::loopback(0), quick_dispatch()).await
     }
 
-    /// The same, with another listener. Its own client connects as a process of this machine.
+    /// Like [`Cluster::start`], with another listener. The cluster's own client connects as a process of this machine.
     pub async fn start_at(data: &Path, workers: usize, listen: ListenConfig) -> Self {
         Self::start_as(data, workers, listen, quick_dispatch()).await
     }
 
-    /// The same, with other options for workers.
+    /// Like [`Cluster::start`], with other options for workers.
     pub async fn start_with(data: &Path, workers: usize, dispatch: dispatch::Options) -> Self {
         Self::start_as(data, workers, ListenConfig::loopback(0), dispatch).await
     }
 
-    /// The same as [`Cluster::start`], but without a trainer.
+    /// Like [`Cluster::start`], but without a trainer.
     pub async fn start_without_trainer(data: &Path, workers: usize) -> Self {
         let crew = InProcess { workers, trainers: 0 };
         Self::start_crew(data, crew, ListenConfig::loopback(0), quick_dispatch()).await
@@ -126,19 +126,19 @@ impl Cluster {
         Self { local, client }
     }
 
-    /// What each page and gRPC method of its coordinator requires.
+    /// The requirements of each page and gRPC method of the coordinator.
     #[must_use]
     pub const fn requirements(&self) -> &Requirements {
         self.local.coordinator().requirements()
     }
 
-    /// URL of its coordinator.
+    /// URL of the coordinator.
     #[must_use]
     pub fn url(&self) -> String {
         self.local.coordinator().url()
     }
 
-    /// A channel to it, for clients of other services.
+    /// A channel to the coordinator, for clients of other services.
     pub async fn channel(&self) -> Channel {
         Channel::from_shared(self.url()).unwrap().connect().await.unwrap()
     }
@@ -210,10 +210,10 @@ impl Cluster {
         whole(parts).await.unwrap()
     }
 
-    /// Has a campaign move to a checkpoint.
+    /// Switches a campaign to a checkpoint.
     ///
     /// # Errors
-    /// What the coordinator answers.
+    /// The coordinator's error.
     pub async fn adopt(&mut self, campaign: &str, checkpoint: &str) -> Result<(), tonic::Status> {
         let request = v1::AdoptCheckpointRequest {
             campaign: campaign.to_owned(),
@@ -244,7 +244,7 @@ impl Cluster {
         self.digest(&campaign).await
     }
 
-    /// Stops it.
+    /// Stops the cluster.
     pub async fn stop(self) {
         self.local.shutdown().await.unwrap();
     }

@@ -25,10 +25,10 @@ pub struct FakeWorker {
 }
 
 impl FakeWorker {
-    /// Connects from its own machine and sends `hello`, whatever it contains.
+    /// Connects from a machine of its own and sends `hello`, valid or not.
     ///
     /// # Errors
-    /// What the coordinator answers, if it refuses.
+    /// The coordinator's refusal.
     pub async fn say_hello(url: &str, hello: Message) -> Result<Self, Status> {
         static MACHINES: AtomicU16 = AtomicU16::new(1);
         let [high, low] = MACHINES.fetch_add(1, Ordering::Relaxed).to_be_bytes();
@@ -36,7 +36,7 @@ impl FakeWorker {
     }
 
     async fn say_hello_from(url: &str, address: Ipv4Addr, hello: Message) -> Result<Self, Status> {
-        // For Linux, every address of 127.0.0.0/8 is this machine's; for the coordinator, each is another machine.
+        // To Linux, every address of 127.0.0.0/8 is this machine; to the coordinator, each is another machine.
         let endpoint = Endpoint::from_shared(url.to_owned()).unwrap();
         let channel = endpoint
             .local_address(Some(address.into()))
@@ -62,25 +62,25 @@ impl FakeWorker {
         }
     }
 
-    /// Connects like an honest worker on its own machine.
+    /// Connects like an honest worker, from a machine of its own.
     pub async fn connect(url: &str) -> Self {
         Self::say_hello(url, Self::hello(SIMULATOR_VERSION))
             .await
             .unwrap()
     }
 
-    /// Connects like an honest worker's process with the number `instance` on the machine 127.0.0.`machine`.
+    /// Connects like an honest worker's process with the number `instance`, from the machine 127.0.0.`machine`.
     ///
     /// # Errors
-    /// What the coordinator answers, if it refuses.
+    /// The coordinator's refusal.
     pub async fn connect_as(url: &str, machine: u8, instance: u64) -> Result<Self, Status> {
         Self::say_hello_from(url, Ipv4Addr::new(127, 0, 0, machine), hello_as(instance)).await
     }
 
-    /// The same, over a connection that may have credentials.
+    /// Connects like an honest worker's process over a connection that may have credentials.
     ///
     /// # Errors
-    /// What the coordinator answers, if it refuses.
+    /// The coordinator's refusal.
     pub async fn connect_over(channel: Coordinator, instance: u64) -> Result<Self, Status> {
         Self::say_hello_over(channel, hello_as(instance)).await
     }
@@ -99,7 +99,6 @@ impl FakeWorker {
         })
     }
 
-    /// Sends a message.
     pub async fn send(&self, message: Message) {
         let message = v1::WorkerMessage {
             message: Some(message),
@@ -116,7 +115,7 @@ impl FakeWorker {
         Ok(self.inbox.message().await?.and_then(|message| message.message))
     }
 
-    /// Sends heartbeats and does no work until the coordinator ends the stream; returns the reason.
+    /// Sends heartbeats and does no work until the coordinator ends the stream; returns the coordinator's error.
     pub async fn dismissed(mut self) -> Status {
         let mut beat = tokio::time::interval(Duration::from_millis(50));
         loop {
@@ -145,7 +144,7 @@ impl FakeWorker {
     }
 
     /// Answers every lease with `evaluation` until the coordinator ends the stream. Returns the number of evaluations and the
-    /// reason.
+    /// coordinator's error.
     pub async fn answer_all(mut self, evaluation: &v1::Evaluation) -> (usize, Status) {
         let credits = |evaluations| Message::Credits(v1::Credits { evaluations });
         let mut answered = 0;
@@ -168,7 +167,7 @@ impl FakeWorker {
         }
     }
 
-    /// Reports that a lease was not done.
+    /// Reports that the work of a lease failed.
     pub async fn fail(&self, lease: v1::LeaseId, class: v1::FailureClass, message: &str) {
         let failure = v1::Failure {
             class: class.into(),

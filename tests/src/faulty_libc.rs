@@ -11,11 +11,11 @@ use std::{
     sync::OnceLock,
 };
 
-/// The `errno` of a failing disk, and of a read-only one.
+/// The `errno` of a failing disk, and of a read-only disk.
 const EIO: u32 = 5;
 const EROFS: u32 = 30;
 
-/// Faults of the processes that are started with it; none until requested.
+/// Injects faults into the processes that are started with its environment; no faults until requested.
 #[derive(Debug)]
 pub struct FaultyLibc {
     control: PathBuf,
@@ -25,7 +25,7 @@ pub struct FaultyLibc {
 }
 
 impl FaultyLibc {
-    /// Faults controlled by a file in `folder`.
+    /// Faults that a file in `folder` controls.
     #[must_use]
     pub fn new(folder: &Path) -> Self {
         let faults = Self {
@@ -38,13 +38,13 @@ impl FaultyLibc {
         faults
     }
 
-    /// Makes every `fsync` and `fdatasync` fail with EIO from now on, or no longer.
+    /// Starts or stops failing every `fsync` and `fdatasync` with EIO.
     pub fn fail_syncs(&self, fail: bool) {
         self.sync.set(fail);
         self.apply();
     }
 
-    /// Makes the disk read-only for databases from now on, or no longer.
+    /// Makes the disk read-only for databases, or writable again.
     pub fn read_only(&self, read_only: bool) {
         self.read_only.set(read_only);
         self.apply();
@@ -65,7 +65,7 @@ impl FaultyLibc {
         ]
     }
 
-    /// Replaces the file in one step, so that no process reads half of it.
+    /// Replaces the file atomically, so that no process reads half of it.
     fn apply(&self) {
         let errno = |fails: &Cell<bool>, errno| if fails.get() { errno } else { 0 };
         let (sync, write) = (errno(&self.sync, EIO), errno(&self.read_only, EROFS));
@@ -84,7 +84,7 @@ fn library() -> &'static Path {
     static LIBRARY: OnceLock<PathBuf> = OnceLock::new();
     LIBRARY.get_or_init(|| {
         let library = crate::binary("faulty_libc.so");
-        // Several tests may compile it at once.
+        // Several tests may compile it at the same time.
         let own = library.with_extension(std::process::id().to_string());
         let compiled = Command::new("cc")
             .args(["-shared", "-fPIC", "-O2", "-Wall", "-Wextra", "-Werror", "-o"])

@@ -1,5 +1,5 @@
-//! Every parser of outside input, as a function of bytes that must not panic. Fuzzers call them, and so does a short test in
-//! every build.
+//! Every parser of outside input, as a function of bytes that must not panic. Fuzzers call these functions, and a short test calls
+//! them in every build.
 //!
 //! Limits: a parser may refuse any input. An accepted input must be the same after it is written and read again.
 
@@ -34,15 +34,13 @@ use std::{
 /// A parser and its name.
 #[derive(Debug, Clone, Copy)]
 pub struct Edge {
-    /// Name of its fuzz target.
     pub name: &'static str,
     /// Parses, and panics if there is a bug.
     pub parse: fn(&[u8]),
-    /// Valid inputs to begin with.
+    /// Valid inputs, from which fuzzing starts.
     pub seeds: fn() -> Vec<Vec<u8>>,
 }
 
-/// All of them.
 pub const EDGES: [Edge; 8] = [
     Edge {
         name: "campaign_toml",
@@ -214,7 +212,7 @@ pub fn tracks_csv(bytes: &[u8]) {
     let Ok(Ok(frames)) = parse(bytes.to_vec()).map(|tracks| tracks.ending(STEPS, &filmed)) else {
         return;
     };
-    // Places may be so far apart that the way between them is infinite; nothing is computed of those.
+    // Coordinates may be so far apart that their difference is infinite; such frames are not compared.
     let numbers = frames.iter().flatten().flatten();
     if numbers.copied().all(f64::is_finite) {
         let again = parse(murmuration_tracks::to_csv(&frames, &[]).into_bytes()).unwrap();
@@ -222,7 +220,7 @@ pub fn tracks_csv(bytes: &[u8]) {
     }
 }
 
-/// A mutation of an input, of the kinds that break parsers; the same for the same stream.
+/// A mutation of an input, of the kinds that break parsers. The same stream gives the same mutation.
 #[must_use]
 pub fn mutated(seed: &[u8], dice: &mut RandomStream) -> Vec<u8> {
     const TELLING: [&[u8]; 12] = [

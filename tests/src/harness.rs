@@ -1,22 +1,23 @@
 //! A test harness for targets whose tests need more than this repository: a browser, containers, Python packages, root.
 //!
-//! Where a machine lacks what a test needs, the test is ignored: a line says why, and `scripts/skipped` prints it again. Under
-//! `CI=true` the test fails instead, unless the machine cannot have it. Such a target says `harness = false` in `Cargo.toml`,
-//! because Rust's own harness cannot ignore a test at run time, and lists its tests in `main`: there `#[test]` does nothing.
+//! If a machine lacks a requirement of a test, the test is ignored: a line gives the reason, and `scripts/skipped` prints it again.
+//! Under `CI=true` the test fails instead, unless the machine cannot meet the requirement. Such a target has `harness = false` in
+//! `Cargo.toml`, because Rust's own harness cannot ignore a test at run time, and lists its tests in `main`: `#[test]` does nothing
+//! there.
 
 use crate::requirements::{Missing, Requirement};
 use libtest_mimic::{Arguments, Trial};
 use std::{collections::BTreeMap, fs, io, process::ExitCode};
 
-/// A test, and what it needs.
+/// A test with its requirements.
 pub struct Test {
     name: String,
     body: Box<dyn FnOnce() + Send>,
     needs: Vec<Requirement>,
 }
 
-/// A test by the path of its function: `test!(labelling::two_at_once)`, or `test!(async ...)` of one that awaits. Its name is
-/// the path from the target's root, as Rust's own harness writes it.
+/// A test from the path of its function: `test!(labelling::two_at_once)`, or `test!(async ...)` for an async function. Its name is
+/// the path from the target's root, as in Rust's own harness.
 #[macro_export]
 macro_rules! test {
     (async $path:path) => {
@@ -29,18 +30,18 @@ macro_rules! test {
     };
 }
 
-/// Runs what awaits, on several threads.
+/// Runs a future on several threads.
 pub fn block_on<T>(future: impl Future<Output = T>) -> T {
     tokio::runtime::Runtime::new().unwrap().block_on(future)
 }
 
-/// What becomes of a test on this machine.
+/// What happens to a test on this machine.
 #[derive(Debug, PartialEq, Eq)]
 enum Fate {
     Runs,
-    /// The text says why.
+    /// With the reason.
     Ignored(String),
-    /// The text says why.
+    /// With the reason.
     Fails(String),
 }
 
@@ -55,7 +56,7 @@ impl Fate {
 }
 
 impl Test {
-    /// A test that needs nothing in particular.
+    /// A test without requirements.
     #[must_use]
     pub fn new(name: &str, body: impl FnOnce() + Send + 'static) -> Self {
         Self {
@@ -65,13 +66,13 @@ impl Test {
         }
     }
 
-    /// The same, named by the path of its function, the target's name first.
+    /// A test named by the path of its function, which begins with the target's name.
     #[must_use]
     pub fn of_function(path: &str, body: impl FnOnce() + Send + 'static) -> Self {
         Self::new(path.split_once("::").map_or(path, |(_target, name)| name), body)
     }
 
-    /// The same, for machines that have this too.
+    /// Adds a requirement.
     #[must_use]
     pub fn needs(mut self, requirement: Requirement) -> Self {
         self.needs.push(requirement);
@@ -79,13 +80,13 @@ impl Test {
     }
 }
 
-/// Runs the tests that the command line asks for, side by side as Rust's own harness does.
+/// Runs the tests selected on the command line, in parallel as Rust's own harness does.
 #[must_use]
 pub fn run(tests: Vec<Test>) -> ExitCode {
     run_with(&Arguments::from_args(), tests)
 }
 
-/// The same, one after the other.
+/// Like [`run`], but one test after the other.
 #[must_use]
 pub fn run_one_by_one(tests: Vec<Test>) -> ExitCode {
     let mut arguments = Arguments::from_args();
@@ -95,7 +96,7 @@ pub fn run_one_by_one(tests: Vec<Test>) -> ExitCode {
 
 fn run_with(arguments: &Arguments, mut tests: Vec<Test>) -> ExitCode {
     let ci = std::env::var("CI").is_ok_and(|ci| ci == "true");
-    // A runner that starts a process for each test names it exactly: the requirements of the others are not looked at.
+    // A runner with one process per test passes the exact name: do not check the requirements of the other tests.
     let only = arguments.filter.clone().filter(|_| arguments.exact);
     if let Some(name) = &only {
         tests.retain(|test| test.name == *name);
@@ -110,7 +111,7 @@ fn run_with(arguments: &Arguments, mut tests: Vec<Test>) -> ExitCode {
             }),
             Fate::Ignored(reason) => {
                 ignored.entry(reason.clone()).or_default().push(name.clone());
-                // Whoever asks for ignored tests is told why this one cannot run.
+                // If ignored tests are requested, this one fails with the reason.
                 Trial::test(name, || Err(reason.into())).with_ignored_flag(true)
             }
             Fate::Fails(reason) => Trial::test(name, move || Err(format!("CI=true, and {reason}").into())),
@@ -127,7 +128,7 @@ fn run_with(arguments: &Arguments, mut tests: Vec<Test>) -> ExitCode {
     conclusion.exit_code()
 }
 
-/// Writes which tests of this target are ignored, by reason, where `scripts/skipped` looks for it.
+/// Writes the names of this target's ignored tests, by reason, to the place where `scripts/skipped` looks.
 fn record_skipped(ignored: &BTreeMap<String, Vec<String>>) -> io::Result<()> {
     // target/PROFILE/deps/NAME-HASH
     let program = std::env::current_exe()?;
@@ -179,7 +180,7 @@ mod tests {
         files
     }
 
-    /// In a target without Rust's harness such a test would be compiled away, and never run.
+    /// A target without Rust's harness would compile away such a test, and never run it.
     #[test]
     fn no_target_with_this_harness_has_a_test_that_would_not_run() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -1,20 +1,20 @@
-//! Pages and metrics, as a program asks for them.
+//! Pages and metrics, as a program requests them.
 
 use crate::block_on;
 
-/// Chooses the cryptography of all clients of HTTP in this process; those of other libraries need it too.
+/// Sets the cryptography of all HTTP clients in this process. Clients of other libraries need this too.
 pub fn choose_cryptography() {
-    // An error says that another call was first.
+    // An error means that it is already set.
     let _ = rustls::crypto::ring::default_provider().install_default();
 }
 
-/// A client of HTTP, to be built.
+/// A builder for an HTTP client.
 pub fn client() -> reqwest::ClientBuilder {
     choose_cryptography();
     reqwest::Client::builder()
 }
 
-/// The answer to a request.
+/// Sends a GET request.
 ///
 /// # Errors
 /// As [`reqwest::RequestBuilder::send`].
@@ -22,7 +22,7 @@ pub async fn get(url: impl reqwest::IntoUrl) -> reqwest::Result<reqwest::Respons
     client().build()?.get(url).send().await
 }
 
-/// What a page says; it must be there.
+/// The text of a page. Panics unless the page exists.
 #[must_use]
 #[track_caller]
 pub fn page(url: &str) -> String {

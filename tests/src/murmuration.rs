@@ -1,4 +1,4 @@
-//! The command line, as a program over a data directory; and workers and trainers as programs.
+//! The command-line program over a data directory, and workers and trainers as programs.
 
 use crate::{FaultyLibc, Running, binary, small_spec};
 use serde_json::Value;
@@ -13,7 +13,7 @@ use std::{
 #[derive(Debug, Clone)]
 pub struct Murmuration {
     data: PathBuf,
-    /// What its processes have in their environment besides.
+    /// Additional environment variables of its processes.
     environment: Vec<(&'static str, OsString)>,
 }
 
@@ -22,14 +22,14 @@ pub struct Murmuration {
 pub struct Finished {
     /// Exit code; `None` if a signal ended it.
     pub code: Option<i32>,
-    /// What it printed as data.
+    /// Data, on standard output.
     pub stdout: String,
-    /// What it said to people.
+    /// Messages, on standard error.
     pub stderr: String,
 }
 
 impl Finished {
-    /// What it printed as JSON, a value a line. It must have succeeded.
+    /// Its output as JSON, one value per line. Panics unless the command succeeded.
     #[must_use]
     #[track_caller]
     pub fn lines(&self) -> Vec<Value> {
@@ -38,7 +38,6 @@ impl Finished {
         lines.map(|line| serde_json::from_str(line).unwrap()).collect()
     }
 
-    /// The last of its [`Finished::lines`].
     #[must_use]
     #[track_caller]
     pub fn last_line(&self) -> Value {
@@ -68,7 +67,8 @@ impl Murmuration {
         murmuration
     }
 
-    /// Starts a coordinator at `listen`, an address whose port may be 0, with further arguments of `serve`; its URL.
+    /// Starts a coordinator at `listen`, an address whose port may be 0, with `more` arguments of `serve`. Returns its process and
+    /// URL.
     #[must_use]
     pub fn serve(&self, listen: &str, more: &[&str]) -> (Running, String) {
         let mut coordinator = self.start(&[&["serve", "--listen", listen], more].concat());
@@ -77,7 +77,7 @@ impl Murmuration {
         (coordinator, url)
     }
 
-    /// The same commands, subject to faults.
+    /// The same commands, with faults injected.
     #[must_use]
     pub fn under(mut self, faults: &FaultyLibc) -> Self {
         self.environment.extend(faults.environment());
@@ -91,19 +91,19 @@ impl Murmuration {
         self.run(&["show", "latest", "--json"]).last_line()
     }
 
-    /// The newest campaign as soon as it `is` as wished. Panics after a minute.
+    /// The newest campaign, as soon as `is` holds. Panics after a minute.
     #[track_caller]
     pub fn latest_when(&self, is: impl Fn(&Value) -> bool) -> Value {
         self.campaign_when("latest", is)
     }
 
-    /// A campaign as soon as it `is` as wished. Panics after a minute.
+    /// A campaign, as soon as `is` holds. Panics after a minute.
     #[track_caller]
     pub fn campaign_when(&self, id: &str, is: impl Fn(&Value) -> bool) -> Value {
         let begun = Instant::now();
         loop {
             let shown = self.run(&["show", id, "--json"]);
-            // Until its coordinator listens there may be none.
+            // There may be no campaign until its coordinator listens.
             let campaign = (shown.code == Some(0)).then(|| shown.last_line());
             if let Some(campaign) = campaign.as_ref().filter(|campaign| is(campaign)) {
                 return campaign.clone();
@@ -125,25 +125,24 @@ impl Murmuration {
         digest.stdout
     }
 
-    /// Runs a command to its end.
+    /// Runs a command and waits for its end.
     #[must_use]
     pub fn run(&self, arguments: &[&str]) -> Finished {
         finished(&mut self.command(arguments))
     }
 
-    /// Runs a command to its end, in a folder.
+    /// Runs a command in a folder and waits for its end.
     #[must_use]
     pub fn run_in(&self, folder: &Path, arguments: &[&str]) -> Finished {
         finished(self.command(arguments).current_dir(folder))
     }
 
-    /// Starts a command.
     #[must_use]
     pub fn start(&self, arguments: &[&str]) -> Running {
         self.start_with(arguments, &[])
     }
 
-    /// As [`Murmuration::start`], with these variables in its environment.
+    /// Like [`Murmuration::start`], with additional environment variables.
     #[must_use]
     pub fn start_with(&self, arguments: &[&str], variables: &[(&str, &str)]) -> Running {
         let mut command = self.command(arguments);
@@ -172,7 +171,7 @@ fn finished(command: &mut Command) -> Finished {
     }
 }
 
-/// A whole number in a document, such as a seed: a text where it is beyond those that a double has exactly.
+/// A whole number in a document, such as a seed. It is a string if a double cannot represent it exactly.
 #[must_use]
 pub fn whole_number(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
@@ -185,7 +184,7 @@ pub fn start_worker(url: &str) -> Running {
     start_worker_with(url, &[("MURMURATION_CACHE", &cache.display().to_string())])
 }
 
-/// As [`start_worker`], with these variables in its environment.
+/// Like [`start_worker`], with additional environment variables.
 #[must_use]
 pub fn start_worker_with(url: &str, variables: &[(&str, &str)]) -> Running {
     let mut command = Command::new(binary("murmuration-worker"));

@@ -5,7 +5,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// The folder of the repository.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("..")
@@ -13,7 +12,7 @@ pub fn root() -> PathBuf {
         .unwrap()
 }
 
-/// README.md, ARCHITECTURE.md and what is in docs/, by their paths in the repository.
+/// README.md, ARCHITECTURE.md and the pages in docs/, by their paths in the repository.
 pub fn pages() -> Vec<(String, String)> {
     let mut names = vec!["README.md".to_owned(), "ARCHITECTURE.md".to_owned()];
     for entry in fs::read_dir(root().join("docs")).unwrap() {
@@ -33,7 +32,6 @@ pub fn pages() -> Vec<(String, String)> {
         .collect()
 }
 
-/// The text of a page.
 pub fn page(name: &str) -> String {
     fs::read_to_string(root().join(name)).unwrap()
 }
@@ -54,7 +52,7 @@ pub fn blocks(text: &str) -> Vec<(String, Vec<String>)> {
     blocks
 }
 
-/// What is in a page besides its fenced blocks.
+/// The text of a page without its fenced blocks.
 pub fn prose(text: &str) -> String {
     let mut inside = false;
     let lines = text.lines().filter(|line| {

@@ -1,4 +1,4 @@
-//! One of the programs in a process of its own: what it says, and how it ends.
+//! One of the programs in its own process: its output, and how it ends.
 
 use std::{
     fs,
@@ -8,16 +8,16 @@ use std::{
 };
 use tempfile::NamedTempFile;
 
-/// Longer than anything takes that works, on a machine that is busy.
+/// Longer than any successful operation takes on a busy machine.
 pub const PATIENCE: Duration = Duration::from_secs(120);
 
-/// A program that runs. What it says on standard error goes into a file, so that it never waits for a reader. It is killed
-/// with SIGKILL when this is dropped.
+/// A running program. Its standard error goes into a file, so that it never waits for a reader. Dropping this kills it with
+/// SIGKILL.
 #[derive(Debug)]
 pub struct Running {
     child: Child,
     log: NamedTempFile,
-    /// So many bytes of the log have been waited for.
+    /// Bytes of the log up to the end of the last line that was waited for.
     heard: usize,
 }
 
@@ -37,25 +37,24 @@ impl Running {
         Self { child, log, heard: 0 }
     }
 
-    /// Its process id.
     #[must_use]
     pub fn id(&self) -> u32 {
         self.child.id()
     }
 
-    /// Everything that it has said.
+    /// Its standard error so far.
     #[must_use]
     pub fn output(&self) -> String {
         fs::read_to_string(self.log.path()).unwrap()
     }
 
-    /// Waits for a line that contains `sign`, after the line that was waited for before; that line.
+    /// Waits for a line that contains `sign`, after the last line that was waited for. Returns the line.
     #[track_caller]
     pub fn wait_for(&mut self, sign: &str) -> String {
         self.wait_for_line(sign, |line| line.contains(sign))
     }
 
-    /// Waits until a coordinator has accepted this worker or trainer: a fault that strikes earlier strikes nothing.
+    /// Waits until a coordinator has accepted this worker or trainer. An earlier fault would have no effect.
     #[track_caller]
     pub fn wait_until_joined(&mut self) {
         let joined = |line: &str| line.contains("connected") && !line.contains("not connected");
@@ -66,7 +65,7 @@ impl Running {
     fn wait_for_line(&mut self, sign: &str, is: impl Fn(&str) -> bool) -> String {
         let begun = Instant::now();
         loop {
-            // Before its log is read: what it said last is read, too.
+            // Checked before the log is read, so that the last lines are read too.
             let ended = self.child.try_wait().unwrap();
             let message = self.output();
             let mut heard = self.heard;
@@ -94,7 +93,7 @@ impl Running {
         assert!(sent.unwrap().success());
     }
 
-    /// SIGKILL, and waits until it is dead. Panics if it had ended by itself: then the fault did not fire.
+    /// Sends SIGKILL and waits for the end. Panics if the program had already ended: then the fault did not fire.
     #[track_caller]
     pub fn kill(mut self) {
         let ended = self.child.try_wait().unwrap();
@@ -103,28 +102,27 @@ impl Running {
         self.child.wait().unwrap();
     }
 
-    /// SIGTERM, and waits for its exit code; `None` if a signal ended it.
+    /// Sends SIGTERM and waits for the exit code; `None` if a signal ended the program.
     pub fn terminate(self) -> Option<i32> {
         self.terminate_and_hear().0
     }
 
-    /// SIGTERM, and waits for its exit code; and everything that it has said.
+    /// Like [`Running::terminate`]; returns the standard error too.
     pub fn terminate_and_hear(mut self) -> (Option<i32>, String) {
         self.signal("TERM");
         let code = self.child.wait().unwrap().code();
         (code, self.output())
     }
 
-    /// Waits until it ends by itself; its exit code.
+    /// Waits until the program ends by itself; returns its exit code.
     pub fn wait(mut self) -> Option<i32> {
         self.child.wait().unwrap().code()
     }
 
-    /// Processor time that it has used.
     #[must_use]
     pub fn cpu_time(&self) -> Duration {
         let stat = fs::read_to_string(format!("/proc/{}/stat", self.id())).unwrap();
-        // The name, in parentheses, may hold spaces; utime and stime are fields 14 and 15, in hundredths of a second.
+        // The name, in parentheses, may contain spaces; utime and stime are fields 14 and 15, in hundredths of a second.
         let (_, fields) = stat.rsplit_once(')').unwrap();
         let ticks = fields.split_whitespace().skip(11).take(2);
         let ticks: u64 = ticks.map(|ticks| ticks.parse::<u64>().unwrap()).sum();

@@ -1,4 +1,4 @@
-//! A cluster of real processes: coordinator, workers and trainers can be killed, and started again where they were.
+//! A cluster of real processes: coordinator, workers and trainers can be killed, and restarted in the same place.
 
 use crate::{PATIENCE, Running, binary, page};
 use murmuration_proto::{
@@ -19,14 +19,14 @@ use tonic::{
     transport::{Channel, Endpoint},
 };
 
-/// What asks a coordinator; its connection is made anew when the coordinator is.
+/// A client of a coordinator. It reconnects when the coordinator restarts.
 pub type ProcessClient = CampaignServiceClient<Channel>;
 
-/// What processes find in their environment.
+/// Additional environment variables of processes.
 pub type Environment = Vec<(&'static str, OsString)>;
 
-/// How a panic begins when a campaign was complete before all its faults had struck. The machine was faster than the test
-/// expects: nothing is wrong, and nothing is shown either.
+/// The beginning of the panic when a campaign completes before all its faults have struck. The machine was faster than the test
+/// expects: nothing is wrong, but nothing is tested.
 pub const OVER_TOO_EARLY: &str = "the campaign was over too early";
 
 fn check_state(status: &v1::Campaign) {
@@ -52,14 +52,14 @@ pub struct ProcessCluster {
 }
 
 impl ProcessCluster {
-    /// A coordinator that repeats one evaluation in ten on another worker, with `workers` workers of one thread, which have
-    /// joined.
+    /// Starts a coordinator that repeats one evaluation in ten on another worker, and `workers` workers of one thread. Waits until
+    /// they have joined.
     pub fn start(workers: usize) -> Self {
         Self::start_in(tempfile::tempdir().unwrap(), workers, Vec::new())
     }
 
-    /// The same in a folder that is ready, where the data directory is `data`, and with more in the environment of every
-    /// process.
+    /// Like [`ProcessCluster::start`], in an existing folder, where the data directory is `data`, and with additional environment
+    /// variables for every process.
     pub fn start_in(folder: tempfile::TempDir, workers: usize, environment: Environment) -> Self {
         let mut coordinator = serve(folder.path(), "127.0.0.1:0", &environment);
         coordinator.wait_for("  pages:");
@@ -89,65 +89,62 @@ impl ProcessCluster {
         cluster
     }
 
-    /// Its URL.
     #[must_use]
     pub fn url(&self) -> String {
         format!("http://{}", self.address)
     }
 
-    /// Its address and port.
     #[must_use]
     pub fn address(&self) -> &str {
         &self.address
     }
 
-    /// A client of its own.
+    /// A new client.
     pub fn client(&self) -> ProcessClient {
         self.client.clone()
     }
 
-    /// What its clients run on.
+    /// The runtime of its clients.
     pub fn runtime(&self) -> &Runtime {
         &self.runtime
     }
 
-    /// The coordinator's process; panics while there is none.
+    /// The coordinator's process. Panics if there is none.
     pub fn coordinator(&self) -> &Running {
         self.coordinator.as_ref().unwrap()
     }
 
-    /// Kills the coordinator and starts it again where it was.
+    /// Kills the coordinator and restarts it at the same address.
     pub fn restart_coordinator(&mut self) {
         self.kill_coordinator();
         self.start_coordinator();
     }
 
-    /// Kills the coordinator.
     pub fn kill_coordinator(&mut self) {
         self.coordinator.take().unwrap().kill();
     }
 
-    /// SIGTERM; the coordinator must end well.
+    /// Sends SIGTERM; the coordinator must exit successfully.
     pub fn terminate_coordinator(&mut self) {
         let (code, message) = self.coordinator.take().unwrap().terminate_and_hear();
         assert_eq!(code, Some(0), "{message}");
     }
 
-    /// Starts the coordinator again where it was.
+    /// Restarts the coordinator at the same address.
     pub fn start_coordinator(&mut self) {
         let mut coordinator = serve(self.folder.path(), &self.address, &self.environment);
         coordinator.wait_for("  pages:");
         self.coordinator = Some(coordinator);
     }
 
-    /// Adds a worker, on a machine of its own as far as the coordinator can tell.
+    /// Adds a worker, which the coordinator takes for one on a machine of its own.
     pub fn add_worker(&mut self) {
         let cache = self.folder.path().join("cache");
         let worker = self.odd_worker(&cache, &[]);
         self.workers.push(worker);
     }
 
-    /// Starts a worker like those, with other variables in its environment and its checkpoints in `cache`.
+    /// Starts such a worker with additional environment variables and its checkpoints in `cache`.
     pub fn odd_worker(&mut self, cache: &Path, variables: &[(&str, &str)]) -> Running {
         let mut command = Command::new(binary("murmuration-worker"));
         let [high, low] = (self.started as u16 + 1).to_be_bytes();
@@ -160,7 +157,7 @@ impl ProcessCluster {
         self.start_worker(command, &self.url(), "murmuration-worker")
     }
 
-    /// Starts a worker or trainer that looks for its coordinator at `url`, and waits until it has joined.
+    /// Starts a worker or trainer that connects to its coordinator at `url`, and waits until it has joined.
     pub fn worker(&mut self, url: &str, name: &str) -> Running {
         let mut command = Command::new(binary(name));
         if name == "murmuration-worker" {
@@ -192,7 +189,7 @@ impl ProcessCluster {
         process
     }
 
-    /// Starts a campaign; its id.
+    /// Starts a campaign; returns its id.
     pub fn submit(&mut self, spec: &murmuration_proto::CampaignSpec) -> String {
         let request = v1::CreateCampaignRequest {
             campaign: Some(v1::create_campaign_request::Campaign::Spec(spec.into())),
@@ -202,7 +199,7 @@ impl ProcessCluster {
         created.unwrap().into_inner().id
     }
 
-    /// The campaign as it stands, or why that cannot be known.
+    /// The current status of the campaign, or the error of the request.
     pub fn try_status(&mut self, campaign: &str) -> Result<v1::Campaign, Status> {
         let request = v1::GetCampaignRequest {
             campaign: campaign.to_owned(),
@@ -213,7 +210,7 @@ impl ProcessCluster {
             .into_inner())
     }
 
-    /// Pauses a campaign, which must be answered within a minute.
+    /// Pauses a campaign. The coordinator must answer within a minute.
     pub fn pause(&mut self, campaign: &str) -> v1::Campaign {
         let mut request = Request::new(v1::PauseCampaignRequest {
             campaign: campaign.to_owned(),
@@ -232,7 +229,7 @@ impl ProcessCluster {
         resumed.unwrap().into_inner()
     }
 
-    /// The taxonomy, or why there is none.
+    /// The taxonomy, or the error of the request.
     pub fn taxonomy(&mut self, campaign: &str) -> Result<v1::Taxonomy, Status> {
         let request = v1::GetTaxonomyRequest {
             campaign: campaign.to_owned(),
@@ -241,7 +238,7 @@ impl ProcessCluster {
         self.runtime.block_on(whole(parts.into_inner()))
     }
 
-    /// Looks at the campaign until `until` is so, or it has ended, or that takes too long.
+    /// Polls the campaign until `until` holds or the campaign has ended. Panics if it makes no progress.
     pub fn wait_until(&mut self, campaign: &str, until: impl Fn(&v1::Campaign) -> bool) -> v1::Campaign {
         let mut begun = Instant::now();
         let mut seen = None;
@@ -266,28 +263,28 @@ impl ProcessCluster {
         }
     }
 
-    /// Waits until the campaign is as a fault needs it, and runs: what strikes afterwards strikes nothing.
+    /// Waits until `until` holds, and checks that the campaign still runs: a later fault would have no effect.
     pub fn wait_to_strike(&mut self, campaign: &str, until: impl Fn(&v1::Campaign) -> bool) -> v1::Campaign {
         let status = self.wait_until(campaign, until);
         check_state(&status);
         status
     }
 
-    /// The last proof that a fault strikes, or has struck, while the campaign runs.
+    /// Checks that the campaign still runs, so that a fault strikes, or has struck, in time.
     pub fn check_running(&mut self, campaign: &str) -> v1::Campaign {
         let status = self.try_status(campaign).unwrap();
         check_state(&status);
         status
     }
 
-    /// Waits until the campaign is complete; its digest.
+    /// Waits until the campaign is complete; returns its digest.
     pub fn finish(&mut self, campaign: &str) -> String {
         let last = self.wait_until(campaign, |_| false);
         assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
         self.digest(campaign)
     }
 
-    /// A number of the coordinator's metrics.
+    /// The value of one of the coordinator's metrics.
     pub fn metric(&self, name: &str) -> f64 {
         let page = page(&format!("{}/metrics", self.url()));
         let value = page
@@ -296,7 +293,7 @@ impl ProcessCluster {
         value.unwrap().parse().unwrap()
     }
 
-    /// Waits until no task waits for a worker and none is with one.
+    /// Waits until no task is queued and none is leased.
     pub fn wait_for_idleness(&self) {
         let begun = Instant::now();
         loop {

@@ -1,4 +1,4 @@
-//! Requirements of tests besides this repository, and whether a machine meets them.
+//! What tests require besides this repository, and whether a machine meets it.
 
 use crate::SmallDisk;
 use std::{
@@ -7,7 +7,6 @@ use std::{
     sync::Mutex,
 };
 
-/// A requirement of a test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Requirement {
     /// Chromium and chromedriver.
@@ -22,21 +21,21 @@ pub enum Requirement {
     Mount,
     /// Permission to make a network namespace, and `ip` and `iptables` to drop its packets.
     NetworkNamespace,
-    /// This number of open files per process.
+    /// This limit of open files per process.
     OpenFiles(u64),
 }
 
-/// A missing requirement.
+/// An unmet requirement.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Missing {
     /// What is missing, and how to get it.
     pub reason: String,
-    /// Whether it could be installed here. Otherwise the machine does not allow it.
+    /// Whether it could be installed here. If not, the machine does not allow it.
     pub can_be_had: bool,
 }
 
 impl Requirement {
-    /// What is missing of the requirement here; checked once per process.
+    /// Returns what this machine lacks for the requirement; checked once per process.
     #[must_use]
     pub fn missing(self) -> Option<Missing> {
         static KNOWN: Mutex<Vec<(Requirement, Option<Missing>)>> = Mutex::new(Vec::new());
@@ -117,7 +116,7 @@ pub fn chromium() -> Option<(String, String)> {
         .zip(on_path("chromedriver"))
 }
 
-/// The images that containers are built on and run on, by `MURMURATION_TEST_BASES`.
+/// The base images for building and for running containers, from `MURMURATION_TEST_BASES`.
 #[must_use]
 pub fn base_images() -> Option<(String, String)> {
     let named = env::var("MURMURATION_TEST_BASES").ok()?;
@@ -144,7 +143,7 @@ fn on_path(name: &str) -> Option<String> {
         .map(|path| path.display().to_string())
 }
 
-/// Whether a namespace with random packet loss can be made.
+/// Whether a network namespace with random packet loss can be made.
 fn loses_packets() -> bool {
     let name = format!("murmuration-try-{}", std::process::id());
     if !succeeds("ip", &["netns", "add", &name]) {

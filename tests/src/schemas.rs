@@ -1,4 +1,4 @@
-//! The JSON that commands print, beside the schemas that `murmuration schema` prints.
+//! Checks the JSON that commands print against the schemas that `murmuration schema` prints.
 
 use crate::binary;
 use boon::Compiler;
@@ -15,7 +15,7 @@ pub fn schema(kind: &str) -> Value {
     serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("the schema of {kind}: {error}"))
 }
 
-/// Checks that each line is a document of this kind, and that the schema allows no spoilt one.
+/// Checks that each line is a document of this kind, and that the schema rejects spoilt documents.
 #[track_caller]
 pub fn check_documents(kind: &str, lines: &str) {
     let location = format!("http://murmuration/{kind}");
@@ -36,7 +36,7 @@ pub fn check_documents(kind: &str, lines: &str) {
     assert!(!lines.is_empty(), "{kind}: nothing was printed");
 }
 
-/// Documents that the schema must not allow: without a field, with a field of another type, of another version.
+/// Documents that the schema must reject: a field is missing, has another type, or has another version.
 fn spoilt(document: &Value) -> Vec<Value> {
     let fields = document.as_object().unwrap();
     let mut spoilt = Vec::new();

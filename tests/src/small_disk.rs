@@ -6,18 +6,18 @@ use std::{
     process::{Command, Stdio},
 };
 
-/// A mounted file system in memory, unmounted when dropped.
+/// A mounted file system in memory. Dropping it unmounts it.
 #[derive(Debug)]
 pub struct SmallDisk(PathBuf);
 
 impl SmallDisk {
-    /// A file system of this `size`, such as `8m`, in a new folder. Panics if mounting is not allowed.
+    /// Mounts a file system of this `size`, such as `8m`, in a new folder. Panics if mounting is not allowed.
     #[must_use]
     pub fn new(at: &Path, size: &str) -> Self {
         Self::mount(at, size).expect("the harness asks first whether mounting is allowed")
     }
 
-    /// The same; `None` if mounting is not allowed.
+    /// Like [`SmallDisk::new`]; `None` if mounting is not allowed.
     pub(crate) fn mount(at: &Path, size: &str) -> Option<Self> {
         fs::create_dir_all(at).unwrap();
         let mounted = Command::new("mount")
@@ -30,7 +30,6 @@ impl SmallDisk {
             .then(|| Self(at.to_owned()))
     }
 
-    /// Makes it read-only.
     pub fn make_read_only(&self) {
         let remount = Command::new("mount")
             .args(["-o", "remount,ro"])
@@ -51,7 +50,7 @@ impl SmallDisk {
 
 impl Drop for SmallDisk {
     fn drop(&mut self) {
-        // Lazily: a process that was killed, or a test that failed, may not be gone yet.
+        // Lazily: a killed process or a failed test may still hold it.
         let _ = Command::new("umount").arg("-l").arg(&self.0).status();
     }
 }

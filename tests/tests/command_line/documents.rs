@@ -1,4 +1,4 @@
-//! Runs the commands of each page, with a reason for each that is not run.
+//! Runs the commands of each page. Each command that is not run has a reason.
 
 use crate::script::{
     Rule::{Before, NotRun, Stays},
@@ -26,21 +26,21 @@ const PAGES: [&str; 11] = [
 const LONG: &str = "it takes half an hour and more";
 const NO_TRAINING_LABELS: &str = "the labels for training are not in the repository";
 
-/// Writes a table of answers.
+/// Writes a table of labels.
 const ANSWERS: &str = "printf 'id,class\\n0,ring\\n1,ring\\n2,clump\\n3,clump\\n' >my.csv";
 
 /// Writes a table of controllers.
 pub const CONTROLLERS: &str =
     "printf 'left_0,right_0,left_1,right_1\\n-0.7,0.3,1,1\\n1,1,1,1\\n' >controllers.csv";
 
-/// A line that makes a film.
+/// A line that renders a film.
 pub const FILM: &str = "murmuration simulate --controller=-0.7,0.3,1,1 --mp4";
 pub const NO_ENCODER: &str = "ffmpeg need not be there";
 
 pub fn of_the_readme() {
     let port = free_port();
     Script::of("README.md")
-        // It would make a folder at home.
+        // This command would create a folder in the home directory.
         .replace("python3 -m venv ~/swarms && . ~/swarms/bin/activate", "true")
         .replace(
             "murmuration serve --workers 0",
@@ -119,7 +119,7 @@ pub fn of_the_page_on_commands() {
             "murmuration label latest --csv",
             Before(ANSWERS),
         )
-        // What a person wrote is as it was.
+        // The person's own file is unchanged.
         .rule(
             "murmuration lab judge",
             Before("test \"$(sed -n 2p my.csv)\" = 0,ring"),
@@ -164,7 +164,7 @@ pub fn of_the_page_on_security() {
         .rule("murmuration serve", Stays("pages:"))
         .rule(
             "murmuration-worker",
-            // What the page has people copy to the other machines.
+            // The files that the page tells people to copy to the other machines.
             Before(
                 "mkdir other && cp certs/ca.pem certs/alpha*.pem certs/beta*.pem certs/trainer*.pem other && cp small.toml other/spec.toml && cd other\n\
                  grep -o 'mur_[A-Za-z0-9_-]*' \"$DESK/output\" | head -n 1 >my-token",
@@ -222,7 +222,7 @@ pub fn of_the_page_on_results() {
         .run();
 }
 
-/// None has any so far; one that gets some is run.
+/// `make` takes minutes there; any other command of the page would run.
 pub fn of_the_page_on_performance() {
     let measures = "it measures for minutes, in the release profile";
     Script::of("docs/performance.md")

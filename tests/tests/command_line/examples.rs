@@ -14,7 +14,7 @@ use murmuration_tests::Test;
 const LONG: &str = "it takes minutes and more";
 const TRANSCRIBED: &str = "transcripts/campaign.md has it with less work";
 
-/// What is done with examples that begin like this.
+/// Rules for examples that begin like this.
 const RULES: [(&str, Rule); 22] = [
     (
         "murmuration run examples/quick.toml",
@@ -40,7 +40,7 @@ const RULES: [(&str, Rule); 22] = [
     ),
     (
         "murmuration import my-campaign",
-        // Into a data directory that has it not yet; those of the commands that follow stay.
+        // The data directory must not contain the campaign yet: the first import moves the old directory away.
         Before("test -e data-of-the-export || mv murmuration-data data-of-the-export"),
     ),
     (FILM, NotRun(NO_ENCODER)),
@@ -81,13 +81,13 @@ const RULES: [(&str, Rule); 22] = [
     ),
 ];
 
-/// A command and those within it.
+/// A command and its subcommands, recursively.
 pub fn all(mut command: Command) -> Vec<Command> {
     command.build();
     let mut open = vec![command];
     let mut all = Vec::new();
     while let Some(command) = open.pop() {
-        // Not clap's own `help`.
+        // Without clap's own `help`.
         let within = command
             .get_subcommands()
             .filter(|command| command.get_name() != "help");
@@ -98,14 +98,14 @@ pub fn all(mut command: Command) -> Vec<Command> {
     all
 }
 
-/// What stands below the options of each command.
+/// The help text below the options of each command.
 fn texts() -> Vec<String> {
     let texts = all(murmuration_program::command());
     let texts = texts.iter().filter_map(Command::get_after_help);
     texts.map(ToString::to_string).collect()
 }
 
-/// The examples of the commands of a group, as the help has them.
+/// The examples of the commands of a group, as in the help.
 fn examples_of(group: &Command) -> Vec<String> {
     let names: Vec<&str> = group.get_subcommands().map(Command::get_name).collect();
     let commands = all(murmuration_program::command()).into_iter();
@@ -119,7 +119,7 @@ fn examples_of(group: &Command) -> Vec<String> {
         .collect()
 }
 
-/// The examples in such a text: after a command may stand, apart from it, what it is for.
+/// The examples in a help text. Two spaces separate a command from its explanation.
 fn examples(text: &str) -> impl Iterator<Item = String> {
     let lines = text.lines().filter(|line| line.starts_with("  "));
     lines.filter_map(|line| Some(line.trim_start().split("  ").next()?.to_owned()))
@@ -143,7 +143,7 @@ pub fn prose_flows_to_the_width_of_the_terminal() {
 
 pub fn what_every_command_has_stands_after_its_own_options() {
     let program = murmuration_program::command();
-    // The page without a command has the options' names alone.
+    // The page without a command lists only the names of the options.
     let pages = all(program.clone()).into_iter();
     for mut command in pages.filter(|command| command.get_name() != program.get_name()) {
         let help = command.render_help().to_string();
@@ -170,7 +170,7 @@ pub fn what_every_command_has_stands_after_its_own_options() {
     }
 }
 
-/// The examples of the overview and of each group of commands that has some, by name.
+/// The examples of the overview and of each group of commands, by name; without groups that have none.
 fn groups_of_examples() -> Vec<(String, Vec<String>)> {
     let overview = murmuration_program::command()
         .get_after_help()
@@ -184,7 +184,7 @@ fn groups_of_examples() -> Vec<(String, Vec<String>)> {
     all.filter(|(_, examples)| !examples.is_empty()).collect()
 }
 
-/// A test for each group of examples: that they run, after a campaign.
+/// A test for each group of examples: after a campaign, they run.
 pub fn tests() -> Vec<Test> {
     let groups = groups_of_examples().into_iter();
     groups
@@ -218,7 +218,7 @@ fn run(group: &str, examples: Vec<String>) {
     script.run();
 }
 
-/// Every example is in a group, and every rule is of an example.
+/// Every example is in a group, and every rule applies to an example.
 pub fn every_example_is_of_a_group() {
     let grouped: Vec<String> = groups_of_examples()
         .into_iter()

@@ -1,7 +1,7 @@
-//! The command line as documents show it, and word for word: every command of the README, of the pages in docs/ and of the help's
-//! examples runs, and `transcripts` keeps what commands print.
+//! The command line as the documents show it, word for word: every command of the README, of the pages in docs/ and of the help's
+//! examples runs, and `transcripts` checks the output of commands.
 //!
-//! Each of them runs as a script in a folder of its own (`script.rs`).
+//! Each page runs as a script in a folder of its own (`script.rs`).
 
 mod documents;
 mod examples;

@@ -1,4 +1,4 @@
-//! Runs commands as one script, in a folder with the repository's files; rules say which commands are not run, and why.
+//! Runs commands as one script, in a folder with the repository's files; rules give reasons for commands that are not run.
 
 use murmuration_tests::{
     binary,
@@ -15,15 +15,15 @@ use std::{
 };
 use tempfile::TempDir;
 
-/// What is done with the lines of a page that begin in a certain way; all others are run as they are.
+/// Rules for lines that begin in a certain way. Lines without a rule are run as they are.
 #[derive(Debug, Clone, Copy)]
 pub enum Rule {
-    /// Goes on beside the lines after it, once it has printed this, and is ended after the last.
+    /// Keeps running in the background. The script waits until it has printed this text, and stops it after the last line.
     Stays(&'static str),
-    /// A piece of script to run before the line.
+    /// A piece of script that runs before the line.
     Before(&'static str),
-    /// Is not run, for this reason. Its words must be understood all the same: the options of `murmuration`, make's
-    /// targets, files that `kubectl` is given.
+    /// Not run, for this reason. Its arguments are checked all the same: the options of `murmuration`, make's targets, files for
+    /// `kubectl`.
     NotRun(&'static str),
 }
 
@@ -41,11 +41,11 @@ pub struct Script {
 pub struct Captured {
     pub stdout: String,
     pub stderr: String,
-    /// `None` of a command that stays.
+    /// `None` for a command that keeps running.
     pub code: Option<i32>,
 }
 
-/// What stands in for programs that are not run, and how what stays is waited for and ended.
+/// Defines substitutes for programs that are not run, and functions that wait for background commands and stop them.
 const PRELUDE: &str = r#"
 set -euo pipefail
 stays=()
@@ -91,7 +91,7 @@ interrupted() {
 "#;
 
 impl Script {
-    /// The blocks of this page.
+    /// The blocks of a page.
     pub fn of(name: &str) -> Self {
         let text = page(name);
         let blocks = blocks(&text).into_iter();
@@ -99,7 +99,7 @@ impl Script {
         Self::new(name, shell.flat_map(|(_, lines)| commands(&lines)).collect())
     }
 
-    /// These commands, of what is called so.
+    /// A script of these commands, with this name.
     pub fn new(name: &str, commands: Vec<String>) -> Self {
         Self {
             name: name.to_owned(),
@@ -111,25 +111,25 @@ impl Script {
         }
     }
 
-    /// Takes another campaign file as `small.toml`.
+    /// Uses another campaign file as `small.toml`.
     pub fn small_campaign(mut self, toml: String) -> Self {
         self.small_campaign = toml;
         self
     }
 
-    /// Has lines that begin like this be taken otherwise.
+    /// Adds a rule for lines that begin like this.
     pub fn rule(mut self, beginning: &'static str, rule: Rule) -> Self {
         self.rules.push((beginning, rule));
         self
     }
 
-    /// Has a name that only an example has be replaced.
+    /// Replaces a name that only an example has.
     pub fn replace(mut self, example: &'static str, by: impl Into<String>) -> Self {
         self.replaced.push((example, by.into()));
         self
     }
 
-    /// Runs it. Panics with all of its output if a command fails.
+    /// Runs the script. Panics with its whole output if a command fails.
     pub fn run(self) {
         let (desk, succeeds) = self.run_at_a_desk();
         let output = fs::read_to_string(desk.path().join("output")).unwrap();
@@ -137,7 +137,7 @@ impl Script {
         check_understood(desk.path());
     }
 
-    /// Runs it; the output of each command, whether or not it fails.
+    /// Runs the script, and returns the output of each command, whether or not it fails.
     pub fn capture(mut self) -> Vec<Captured> {
         self.captures = true;
         let (desk, succeeds) = self.run_at_a_desk();
@@ -154,7 +154,7 @@ impl Script {
         (0..self.commands.len()).map(captured).collect()
     }
 
-    /// Runs it in a folder of its own, with the repository's files; whether it succeeds.
+    /// Runs the script in a folder of its own, with the repository's files. Returns the folder, and whether the script succeeded.
     fn run_at_a_desk(&self) -> (TempDir, bool) {
         let desk = tempfile::tempdir().unwrap();
         let work = desk.path().join("work");
@@ -178,7 +178,7 @@ impl Script {
         for (name, _) in std::env::vars().filter(|(name, _)| name.starts_with("MURMURATION_")) {
             bash.env_remove(name);
         }
-        // A document's `make` is none of the one that runs this test, whose job server it would wait for.
+        // A document's `make` must not use the job server of the `make` that runs this test: it would wait for it.
         for name in ["MAKEFLAGS", "MFLAGS", "MAKELEVEL"] {
             bash.env_remove(name);
         }
@@ -207,7 +207,7 @@ impl Script {
                 })
                 .collect();
             let line = self.filled_in(command);
-            // With the seconds since its beginning.
+            // The output has the seconds since the start.
             writeln!(
                 script,
                 "echo \"[$SECONDS s]\" {} >&2",
@@ -220,7 +220,7 @@ impl Script {
                     Rule::Before(piece) => writeln!(script, "{}", self.filled_in(piece)).unwrap(),
                     Rule::Stays(sign) => {
                         run = false;
-                        // A comment would hide what follows it.
+                        // A comment would hide the redirection that follows.
                         let line = line.split("  # ").next().unwrap_or_default();
                         writeln!(
                             script,
@@ -264,7 +264,7 @@ impl Script {
     }
 }
 
-/// The commands of a block: without comments, with the lines that they go on on.
+/// The commands of a block, without comments and with continuation lines joined.
 pub fn commands(lines: &[String]) -> Vec<String> {
     let mut commands: Vec<String> = Vec::new();
     let mut goes_on = false;
@@ -287,7 +287,7 @@ fn quoted(text: &str) -> String {
     format!("'{}'", text.replace('\'', r"'\''"))
 }
 
-/// Commands that were not run are understood by the command line.
+/// Checks that the command line accepts the commands that were not run.
 fn check_understood(desk: &Path) {
     let recorded = fs::read_to_string(desk.join("understood")).unwrap();
     let commands = recorded.split_terminator("\u{1e}\0");

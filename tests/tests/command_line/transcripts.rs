@@ -1,10 +1,10 @@
-//! What commands print, word for word, in `transcripts/*.md`: of a small campaign, where they are refused, their help and the
-//! fields of their JSON.
+//! The output of commands, word for word, in `transcripts/*.md`: commands over a small campaign, refused commands, their help, and
+//! the fields of their JSON.
 //!
 //! A page's `console` block is a script and its output: `$` begins a command, `>` continues it, `!` begins a line of stderr, and
-//! `[2]` is an exit code other than 0. The comment of a command tells the kind of the JSON documents that it prints, `figures` if
-//! it prints figures of this machine, or `stays` if it goes on until the end. Paths, digests, ports, times and tokens are replaced
-//! by names in brackets. CONTRIBUTING.md says how to accept a change.
+//! `[2]` is an exit code other than 0. A command's comment is the kind of the JSON documents that it prints, `figures` if it prints
+//! figures of this machine, or `stays` if it runs until the end. Paths, digests, ports, times and tokens are replaced by names in
+//! brackets. CONTRIBUTING.md explains how to accept a change.
 
 use crate::{
     examples::all,
@@ -21,7 +21,7 @@ use regex::Regex;
 use serde_json::{Map, Value};
 use std::{collections::BTreeSet, fmt::Write as _, fs, path::PathBuf, process};
 
-/// Patterns that are replaced, and by what.
+/// Patterns and their replacements.
 const FILTERS: [(&str, &str); 14] = [
     (r"/[^\s\x22':,]*/\.tmp[A-Za-z0-9]+(/work)?", "[folder]"),
     (r"\b[0-9a-f]{64}\b", "[digest]"),
@@ -35,22 +35,23 @@ const FILTERS: [(&str, &str); 14] = [
     (r#""image":"[^"]*""#, r#""image":"[image]""#),
     (r"by process \d+", "by process [process]"),
     (r#"(schema |"database_schema":)\d+"#, "${1}[version]"),
-    // How often a run tells of its progress depends on its speed.
+    // The number of progress lines depends on a run's speed.
     (r"(?m)^.* · .*\n", ""),
     (r"(?m)^.* done in .*\n", ""),
 ];
 
-/// Figures of this machine, of any length. Digits after a point may be as many as those of a digest.
+/// Figures of this machine, of any length. They may have as many digits after the point as a digest.
 const FIGURES: [(&str, &str); 3] = [
     FILTERS[0],
     (r"[0-9][0-9.,]*(e-?\d+)?", "[figure]"),
     (r" {2,}", "  "),
 ];
 
-/// Set, it has pages written as commands print now.
+/// If this variable is set, pages are rewritten with the current output.
 const WRITE: &str = "MURMURATION_WRITE_TRANSCRIPTS";
 
-/// Kinds of documents that no transcript prints: they take a machine that computed wrongly, or minutes, or name the machine.
+/// Kinds of documents that no transcript prints: they need a machine that computed wrongly or take minutes, or contain the
+/// machine's name.
 const NOT_PRINTED: [&str; 4] = ["lifted-quarantine", "bench-all", "bench-train", "bench-labels"];
 
 pub fn of_one_campaign() {
@@ -65,7 +66,7 @@ pub fn of_a_coordinator_that_stays() {
     check_console("served");
 }
 
-/// The overview, and of each command its usage, purpose and options.
+/// The overview, and the usage, purpose and options of each command.
 pub fn of_help() {
     let overview = process::Command::new(binary("murmuration"))
         .arg("--help")
@@ -139,7 +140,7 @@ pub fn of_schemas() {
     check_page("schemas", &text);
 }
 
-/// The fields of a schema within `root`, each as `PATH: TYPE`.
+/// The fields of a schema within `root`, as `PATH: TYPE`.
 fn fields(root: &Value, schema: &Value, path: &str, lines: &mut Vec<String>) {
     let schema = resolved(root, schema);
     let none = Map::new();
@@ -189,13 +190,13 @@ fn type_of(root: &Value, schema: &Value) -> String {
     }
 }
 
-/// Every command is in a transcript, or is known to be in none; likewise the kinds of documents.
+/// Every command is in a transcript or in a list of exceptions; so is every kind of document.
 pub fn every_command_and_every_kind_of_document_has_one() {
     let steps: Vec<Step> = ["campaign", "errors", "served"]
         .into_iter()
         .flat_map(|page| steps(&text_of(page)))
         .collect();
-    // A script for a shell, and clap's; what names the machine or lasts minutes; and what other tests run.
+    // These print scripts for a shell or clap's own text, name the machine, last minutes, or run in other tests.
     let without = [
         "murmuration completions",
         "murmuration man",
@@ -226,7 +227,7 @@ pub fn every_command_and_every_kind_of_document_has_one() {
     assert_eq!(unprinted, BTreeSet::from(NOT_PRINTED));
 }
 
-/// The kinds of documents that there are schemas of.
+/// The kinds of documents that have schemas.
 fn kinds() -> Vec<String> {
     let command = murmuration_program::command();
     let schema = command.find_subcommand("schema").unwrap();
@@ -237,7 +238,7 @@ fn kinds() -> Vec<String> {
 
 /// A command of a transcript.
 struct Step {
-    /// As the shell reads it, on several lines perhaps.
+    /// As the shell reads it; may have several lines.
     command: String,
     /// The kind of the documents that it prints.
     kind: Option<String>,
@@ -282,7 +283,7 @@ impl Step {
         }
     }
 
-    /// The command and its output, as a page has them.
+    /// The command and its output, in the format of the pages.
     fn transcript(&self, captured: &Captured) -> String {
         let mut text = format!("$ {}\n", self.command.replace('\n', "\n> "));
         let filters: &[_] = if self.figures { &FIGURES } else { &FILTERS };
@@ -312,7 +313,7 @@ fn replaced(text: &str, filters: &[(&str, &str)]) -> String {
     text
 }
 
-/// Runs the commands of a page, and checks that it shows what they print, and that documents are of their kinds.
+/// Runs the commands of a page, and checks that the page shows their output, and that documents are of their kinds.
 fn check_console(page: &str) {
     let steps = steps(&text_of(page));
     let commands = steps.iter().map(|step| step.command.clone()).collect();
@@ -346,7 +347,7 @@ fn text_of(page: &str) -> String {
     fs::read_to_string(path_of(page)).unwrap()
 }
 
-/// Checks that a page says `text` after its introduction, which ends with its first empty line but one.
+/// Checks that a page consists of its introduction, up to the second empty line, and `text`.
 #[track_caller]
 fn check_page(page: &str, text: &str) {
     let kept = text_of(page);

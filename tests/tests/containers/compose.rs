@@ -15,10 +15,10 @@ use std::{
 };
 use tempfile::TempDir;
 
-/// How long anything awaited may take: far more than it does.
+/// Time limit for anything awaited: far longer than it takes.
 const LIMIT: Duration = Duration::from_secs(300);
 const PAUSE: Duration = Duration::from_millis(100);
-/// Files of the coordinator's that people need too.
+/// Files of the coordinator that its clients need too.
 const CA: &str = "ca.pem";
 const TOKEN: &str = "operator.token";
 
@@ -28,14 +28,14 @@ pub struct ComposeCluster {
     bases: (String, String),
     project: String,
     port: u16,
-    /// What the command line shows to the coordinator, and knows it by.
+    /// The command line's token, and the certificate by which it recognises the coordinator.
     secrets: TempDir,
-    /// The host's command line, over no data of its own.
+    /// The host's command line, without a data directory.
     murmuration: Murmuration,
 }
 
 impl ComposeCluster {
-    /// Builds the image, and starts a coordinator, a trainer and so many workers.
+    /// Builds the image, and starts a coordinator, a trainer and `workers` workers.
     pub fn up(workers: usize) -> Self {
         let free = TcpListener::bind("127.0.0.1:0").unwrap();
         let cluster = Self {
@@ -61,7 +61,7 @@ impl ComposeCluster {
         cluster
     }
 
-    /// A command of this machine's, to the coordinator in its container.
+    /// Runs a command on this machine against the coordinator in its container.
     pub fn murmuration(&self, arguments: &[&str]) -> Finished {
         let url = format!("https://127.0.0.1:{}", self.port);
         let (ca, token) = (self.secret(CA), self.secret(TOKEN));
@@ -73,7 +73,7 @@ impl ComposeCluster {
         self.secrets.path().join(name).to_str().unwrap().to_owned()
     }
 
-    /// Waits until every container is healthy, by its own health check.
+    /// Waits until the health check of every container succeeds.
     pub fn wait_until_healthy(&self) {
         let containers = self.containers(None);
         assert!(containers.len() > 2, "{containers:?}");
@@ -84,7 +84,7 @@ impl ComposeCluster {
         }
     }
 
-    /// Waits until the newest campaign is as `described`, however often the coordinator goes meanwhile.
+    /// Waits until the newest campaign satisfies `described`, however often the coordinator restarts meanwhile.
     pub fn wait_for(&self, what: &str, described: impl Fn(&Value) -> bool) {
         until(what, || {
             let shown = self.murmuration(&["show", "latest", "--json"]);
@@ -102,7 +102,7 @@ impl ComposeCluster {
         });
     }
 
-    /// SIGKILL to a container of a service, which must die of it; then it is started again.
+    /// Kills a container of a service with SIGKILL, checks that it died of it, and starts it again.
     pub fn kill_one(&self, service: &str) {
         let container = &self.containers(Some(service))[0];
         docker(&["kill", "--signal", "KILL", container]);
@@ -117,7 +117,7 @@ impl ComposeCluster {
         docker(&["start", container]);
     }
 
-    /// A service's containers have no rights, and can write only where they must.
+    /// Checks that a service's containers have no privileges, and can write only where they must.
     pub fn check_confined(&self, service: &str) {
         let container = &self.containers(Some(service))[0];
         let user = docker(&["exec", container, "id", "-u"]);
@@ -172,7 +172,7 @@ impl Drop for ComposeCluster {
             let logs = self.try_compose(&["logs", "--no-color", "--tail", "40"]);
             eprintln!("{}", String::from_utf8_lossy(&logs.stdout));
         }
-        // What cannot be brought down is named on the console.
+        // If containers cannot be removed, the console shows why.
         let down = self.try_compose(&["down", "--volumes", "--timeout", "2"]);
         if !down.status.success() {
             eprintln!("{}", String::from_utf8_lossy(&down.stderr));

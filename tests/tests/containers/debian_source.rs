@@ -1,8 +1,8 @@
-//! The source of the base images' Debian: apt's sources, in both of their formats.
+//! The package source of the base images' Debian, from apt's sources in both of their formats.
 
 use std::{fs, process::Command};
 
-/// What the script prints of these files in a folder like /etc/apt, if it succeeds.
+/// The script's output for these files in a folder like /etc/apt; `None` if it fails.
 fn source(files: &[(&str, &str)]) -> Option<String> {
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir(folder.path().join("sources.list.d")).unwrap();

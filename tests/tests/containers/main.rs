@@ -20,7 +20,7 @@ fn main() -> ExitCode {
     ])
 }
 
-/// A campaign whose every stage takes long enough to be met in it, also on a machine that has nothing else to do.
+/// A campaign whose stages all last long enough to be observed, also on an idle machine.
 const SPEC: &str = "name = \"contained\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\n\
     [dataset]\ncontrollers = 4000\n[training.recipe.in-batch]\nepochs = 6\npatience = 6\n\
     [world]\nhorizon = 1600\n[search]\npopulation = 100\ngenerations = 120\n[taxonomy]\nmedoids = 8\n";
@@ -58,7 +58,7 @@ fn every_profile_is_valid_and_names_its_images() {
     ] {
         let with = profile.map_or(vec![], |profile| vec!["--profile", profile]);
         let listed = config(&[&with[..], &["config", "--services"]].concat());
-        // docker-compose 1.29 lists those of every profile.
+        // docker-compose 1.29 lists the services of every profile.
         let listed: BTreeSet<_> = listed.lines().collect();
         assert!(
             services.iter().all(|service| listed.contains(service)),
@@ -68,7 +68,7 @@ fn every_profile_is_valid_and_names_its_images() {
         let images = whole
             .lines()
             .filter_map(|line| line.trim().strip_prefix("image: "));
-        // What is not built here is fetched by an exact version.
+        // Images that are not built here are fetched with an exact version.
         let fetched: Vec<_> = images.filter(|image| *image != "murmuration").collect();
         assert_eq!(fetched.len() + 4, listed.len(), "{fetched:?}");
         for image in fetched {

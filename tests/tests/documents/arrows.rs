@@ -8,8 +8,8 @@ use murmuration_tests::pages::root;
 use rings::rings;
 use std::{collections::BTreeMap, fs};
 
-/// The floor of each crate, by its folder. A crate depends only on crates of lower floors; tests, benchmarks and build
-/// scripts included.
+/// The floor of each crate, by its folder. A crate depends only on crates of lower floors; this includes tests, benchmarks and
+/// build scripts.
 pub const FLOORS: &[(&str, u8)] = &[
     ("proto", 0),
     ("worker/embed", 1),
@@ -81,7 +81,7 @@ pub fn no_modules_know_each_other_in_a_ring() {
     assert_eq!(found, RINGS, "rings found (left), rings that are allowed (right)");
 }
 
-/// The test finds cycles, also through re-exported names, and ignores test code.
+/// Checks that the test finds cycles, also through re-exported names, and ignores test code.
 pub fn rings_are_found() {
     let files = |files: &[(&str, &str)]| {
         let folder = tempfile::tempdir().unwrap();
@@ -125,7 +125,6 @@ pub fn rings_are_found() {
     assert_eq!(files(&nested), [ring("inner", &["x", "y"])]);
 }
 
-/// The name of the package in `folder`.
 fn name(folder: &str) -> String {
     let manifest = manifest(folder);
     manifest["package"]["name"].as_str().unwrap().to_owned()

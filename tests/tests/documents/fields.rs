@@ -3,7 +3,7 @@
 use murmuration_proto::spec_sections::{Section, sections};
 use murmuration_tests::pages::{page, prose};
 
-/// Sections that robots.md describes in words and drawings instead of a table of their own.
+/// Sections that robots.md describes in words and drawings instead of a table.
 const IN_WORDS: [&str; 5] = [
     "robot.sensors",
     "species",
@@ -12,8 +12,8 @@ const IN_WORDS: [&str; 5] = [
     "world.noise",
 ];
 
-/// Where the fields of a section are: those of a recipe are in the table of its section, or in that of the recipes that it shares
-/// them with.
+/// The tables that document the fields of a section. A recipe's fields are in the table of its section, or in the table of recipes
+/// with which it shares them.
 fn tables_of(section: &str) -> Vec<String> {
     match section {
         "" => vec!["the file".to_owned()],
@@ -26,7 +26,7 @@ fn tables_of(section: &str) -> Vec<String> {
     }
 }
 
-/// The first cells of the rows of all tables of fields of a section.
+/// The first cells of the rows of all tables that document a section.
 fn documented(pages: &str, section: &str) -> String {
     let headers = tables_of(section)
         .into_iter()

@@ -4,7 +4,7 @@ use crate::arrows::FLOORS;
 use murmuration_tests::pages::{page, root};
 use std::fs;
 
-/// Every crate stands on its floor, with its public modules; and no other.
+/// The map has exactly the existing crates, each on its floor, with its public modules.
 pub fn every_crate_is_on_the_map_with_its_floor_and_its_public_modules() {
     let text = page("ARCHITECTURE.md");
     let (_, table) = text.split_once("| floor | crate |").unwrap();

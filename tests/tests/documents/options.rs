@@ -1,11 +1,11 @@
-//! Options as environment variables, and the seats of cost classes, as docs/security.md has them.
+//! Options as environment variables, and the seats of cost classes, as documented in docs/security.md.
 
 use clap::Command;
 use murmuration_access::CostClass;
 use murmuration_proto::grouped;
 use std::process;
 
-/// Options that have no variable.
+/// Options without an environment variable.
 fn without_variable(command: &Command) -> Vec<String> {
     let options = command
         .get_arguments()
@@ -19,7 +19,7 @@ fn without_variable(command: &Command) -> Vec<String> {
 
 pub fn what_starts_a_service_is_an_environment_variable_too() {
     let command = murmuration_program::command();
-    // What all commands share; programs ask for JSON in so many words.
+    // The options of all commands. JSON must be requested explicitly.
     assert_eq!(without_variable(&command), ["--json"]);
     let serve = command.find_subcommand("serve").unwrap();
     assert!(serve.get_arguments().count() > 8);
@@ -32,7 +32,7 @@ pub fn what_starts_a_service_is_an_environment_variable_too() {
             .unwrap();
         let help = String::from_utf8(help.stdout).unwrap();
         let (_, options) = help.split_once("Options:").unwrap();
-        // Each begins with a line of its name.
+        // Each option begins with a line with its name.
         let mut shown: Vec<(&str, bool)> = Vec::new();
         for line in options.lines() {
             if let Some(name) = line

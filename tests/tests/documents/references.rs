@@ -4,7 +4,7 @@ use clap::Command;
 use murmuration_tests::pages::{blocks, page, pages, prose, root};
 use std::{collections::BTreeSet, path::Path};
 
-/// Addresses of links and pictures: what is in `](...)`.
+/// The targets of links and pictures: the text in `](...)`.
 fn links(text: &str) -> impl Iterator<Item = &str> {
     text.split("](").skip(1).filter_map(|rest| rest.split(')').next())
 }
@@ -17,7 +17,7 @@ fn code(text: &str) -> Vec<String> {
         .collect()
 }
 
-/// By which names a page's headings can be linked to.
+/// The anchors of a page's headings.
 fn anchors(text: &str) -> BTreeSet<String> {
     let headings = text.lines().filter(|line| line.starts_with('#'));
     let slug = |heading: &str| {
@@ -28,7 +28,7 @@ fn anchors(text: &str) -> BTreeSet<String> {
     headings.map(slug).collect()
 }
 
-/// Whether a text between backticks is the path of something in the repository.
+/// Whether a text between backticks is the path of a file or folder in the repository.
 fn is_path(span: &str) -> bool {
     let top = [
         "benches/",
@@ -83,11 +83,11 @@ pub fn links_and_paths_lead_somewhere() {
 
 fn exists(place: &Path, path: &str) -> bool {
     let file = place.join(path);
-    // A module may be a folder, or a part of it a file.
+    // A module may be a folder, or a file within it.
     file.exists() || file.with_extension("").exists() || file.with_extension("rs").exists()
 }
 
-/// Of `murmuration COMMAND ... --option ...`, the command and its options.
+/// Checks the command and options of a mention such as `murmuration COMMAND ... --option ...`.
 fn check_mention(page: &str, span: &str) {
     let mut command: &Command = &murmuration_program::command();
     let mut known = options(command);
@@ -131,7 +131,7 @@ pub fn commands_that_are_mentioned_exist() {
     assert!(mentioned > 10, "{mentioned}");
 }
 
-/// A command can hide from the tests of `command_line` only in a block that is not called `sh`.
+/// Only a block without the language `sh` could hide a command from the tests of `command_line`.
 pub fn every_block_says_what_it_is() {
     for (name, text) in pages() {
         for (language, lines) in blocks(&text) {

@@ -4,7 +4,7 @@ use murmuration_tests::binary;
 use murmuration_tests::pages::{page, root};
 use std::{fs, process::Command};
 
-/// Each drawing is what `murmuration robot` draws of the file above it.
+/// Each drawing is the output of `murmuration robot` for the file above it.
 pub fn every_drawing_is_of_the_description_above_it() {
     let folder = tempfile::tempdir().unwrap();
     let text = page("docs/robots.md");

@@ -1,11 +1,11 @@
-//! The campaigns to disturb, and their digests without disturbance.
+//! The campaigns that faults disturb, and their digests without faults.
 
 use super::Scale;
 use murmuration_proto::CampaignSpec;
 use murmuration_tests::Murmuration;
 use std::{collections::BTreeMap, fs, sync::Mutex};
 
-/// A hand-crafted campaign of so many generations of ten.
+/// A hand-crafted campaign of `generations` generations of ten.
 pub fn campaign(scale: &Scale, generations: u32, horizon: u32) -> CampaignSpec {
     let generations = scale.stretch * generations;
     let text = format!(
@@ -15,7 +15,7 @@ pub fn campaign(scale: &Scale, generations: u32, horizon: u32) -> CampaignSpec {
     CampaignSpec::from_toml(&text).unwrap()
 }
 
-/// A campaign on a learned embedding, trained for so many epochs, however little they bring.
+/// A campaign on a learned embedding, trained for exactly `epochs` epochs.
 pub fn latent(scale: &Scale, epochs: u32) -> CampaignSpec {
     let epochs = scale.stretch * epochs;
     let text = format!(
@@ -26,7 +26,7 @@ pub fn latent(scale: &Scale, epochs: u32) -> CampaignSpec {
     CampaignSpec::from_toml(&text).unwrap()
 }
 
-/// Digests of undisturbed runs, made by `murmuration run` when they are first asked for.
+/// Digests of undisturbed runs, made by `murmuration run` on the first request.
 pub struct Undisturbed(Mutex<BTreeMap<String, String>>);
 
 impl Undisturbed {
@@ -50,7 +50,7 @@ impl Undisturbed {
         digest.clone()
     }
 
-    /// The one way in which a scenario ends well.
+    /// Checks the only acceptable outcome of a scenario: the digest of the undisturbed run.
     pub fn check(&self, spec: &CampaignSpec, digest: &str) -> String {
         assert_eq!(
             digest,

@@ -1,5 +1,5 @@
-//! Decisions of people at bad moments: while the coordinator starts, while a campaign is created, while an archive is
-//! clustered. Acknowledged decisions hold, and no decision waits for a computation.
+//! People's decisions at bad moments: while the coordinator starts, while a campaign is created, while an archive is clustered.
+//! Acknowledged decisions hold, and no decision waits for a computation.
 
 use super::{
     Scale,
@@ -22,27 +22,27 @@ use std::{
 };
 use tonic::Code;
 
-/// Campaigns for each kill of the coordinator: all but one are cancelled at the next start. They are many, so that reading
-/// them takes the coordinator a while.
+/// Campaigns for each kill of the coordinator: all but one are cancelled at the next start. They are many, so that the coordinator
+/// needs a while to read them.
 const CAMPAIGNS_A_KILL: usize = 40;
 /// Campaigns that are cancelled while they are created.
 const CREATED: usize = 30;
-/// Clients that cancel the same campaign.
+/// Clients that cancel the same campaign at once.
 const CANCELLERS: usize = 4;
 /// Individuals of the archive that is clustered.
 const CLUSTERED: u32 = 60_000;
-/// Medoids that it is clustered about: so many take far longer than a fault takes to strike.
+/// Number of medoids: so many that clustering takes far longer than it takes a fault to strike.
 const MEDOIDS: u32 = 1_000;
 /// Processor time of the coordinator after which the archive has been read, and is being clustered.
 const READ: Duration = Duration::from_secs(2);
-/// How long an answer may take while an archive is clustered.
+/// Longest permitted answer time while an archive is clustered.
 const LIMIT: Duration = Duration::from_secs(10);
 
 /// Cancels that the coordinator acknowledges while it starts, and while campaigns are created.
 pub fn cancels(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.coordinator_kills as usize;
     let spec = campaign(scale, 4, 100);
-    // Without workers every campaign stands still until all cancels are acknowledged.
+    // Without workers every campaign makes no progress until all cancels are acknowledged.
     let mut cluster = ProcessCluster::start(0);
     let ids: Vec<_> = (0..kills * CAMPAIGNS_A_KILL)
         .map(|_| cluster.submit(&spec))
@@ -63,7 +63,7 @@ pub fn cancels(scale: &Scale, undisturbed: &Undisturbed) -> Row {
         for acknowledged in cancels {
             cluster.runtime().block_on(acknowledged).unwrap();
         }
-        // By then running campaigns have been resumed.
+        // Running campaigns have been resumed by now.
         for id in part {
             assert!(!cluster.try_status(id).unwrap().active, "{id} goes on, cancelled");
         }
@@ -75,7 +75,7 @@ pub fn cancels(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     for id in &to_complete {
         assert_eq!(cluster.finish(id), undisturbed.digest(&spec));
     }
-    // A search that nobody should have started would have taken the workers by now.
+    // A wrongly started search would have occupied the workers by now.
     cluster.wait_for_idleness();
     for id in &cancelled {
         let status = cluster.try_status(id).unwrap();
@@ -98,7 +98,7 @@ pub fn cancels(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-/// Creates campaigns, each of which clients try to cancel before it is there; their ids.
+/// Creates campaigns, each of which clients try to cancel before it exists; returns their ids.
 fn cancels_at_creation(cluster: &mut ProcessCluster, spec: &CampaignSpec) -> Vec<String> {
     let last = cluster.submit(spec);
     let number: usize = last.rsplit('-').next().unwrap().parse().unwrap();
@@ -114,12 +114,12 @@ fn cancels_at_creation(cluster: &mut ProcessCluster, spec: &CampaignSpec) -> Vec
         }
         created.push(id);
     }
-    // The one whose number showed the next.
+    // The first campaign, whose number predicted the ids of the others.
     cluster.runtime().block_on(cancel(cluster.client(), last));
     created
 }
 
-/// Asks for a cancel until the campaign is cancelled, by this client or by another.
+/// Requests a cancel until the campaign is cancelled, by this client or by another.
 async fn cancel(mut client: ProcessClient, id: String) {
     let begun = Instant::now();
     loop {
@@ -130,14 +130,14 @@ async fn cancel(mut client: ProcessClient, id: String) {
                 assert!(refused.message().contains("cancelled"), "{refused}");
                 return;
             }
-            // The coordinator does not listen yet, or there is no such campaign yet.
+            // The coordinator does not listen yet, or the campaign does not exist yet.
             Err(error) => assert!(begun.elapsed() < murmuration_tests::PATIENCE, "{error}"),
         }
         tokio::task::yield_now().await;
     }
 }
 
-/// Pauses, resumes, cancels and ends a coordinator while the whole archive of a campaign is clustered.
+/// Pauses, resumes, cancels and shuts down while the coordinator clusters the whole archive of a campaign.
 pub fn clustering(_: &Scale, _: &Undisturbed) -> Row {
     let folder = tempfile::tempdir().unwrap();
     let id = unclustered(&folder.path().join("data"));
@@ -187,7 +187,7 @@ pub fn clustering(_: &Scale, _: &Undisturbed) -> Row {
     }
 }
 
-/// A data directory with a campaign that lacks nothing but its taxonomy; its id.
+/// Makes a data directory with a campaign that lacks only its taxonomy; returns its id.
 fn unclustered(data: &Path) -> String {
     let text = format!(
         "name = \"whole\"\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\n\
@@ -216,7 +216,7 @@ fn unclustered(data: &Path) -> String {
     id.as_str().to_owned()
 }
 
-/// Waits until the archive is being clustered: by then it has long been read.
+/// Waits until the archive is being clustered, after it was read.
 fn clusters(cluster: &mut ProcessCluster, id: &str) {
     let status = cluster.wait_until(id, |status| status.active);
     assert_eq!(
@@ -241,7 +241,7 @@ fn timed<T>(slowest: &mut Duration, ask: impl FnOnce() -> T) -> T {
     answer
 }
 
-/// Somebody who looks at everything again and again.
+/// A client that requests all lists and pages again and again.
 struct Watched {
     done: Arc<AtomicBool>,
     slowest: thread::JoinHandle<Duration>,
@@ -274,7 +274,7 @@ impl Watched {
         Self { done, slowest }
     }
 
-    /// How long the slowest answer took.
+    /// Stops the client; returns the slowest answer's time.
     fn end(self) -> Duration {
         self.done.store(true, Ordering::Relaxed);
         self.slowest.join().unwrap()

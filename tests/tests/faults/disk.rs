@@ -44,7 +44,7 @@ pub fn read_only(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     })
 }
 
-/// A disk that refuses what the coordinator writes for a while, in the middle of a campaign.
+/// In the middle of a campaign, a disk refuses the coordinator's writes for a while.
 fn refused(scale: &Scale, undisturbed: &Undisturbed, what: &str, set: impl Fn(&FaultyLibc, bool)) -> Row {
     let folder = tempfile::tempdir().unwrap();
     let faults = FaultyLibc::new(folder.path());
@@ -65,9 +65,9 @@ fn refused(scale: &Scale, undisturbed: &Undisturbed, what: &str, set: impl Fn(&F
     }
 }
 
-/// Waits until the campaign waits for its disk; its generations.
+/// Waits until the campaign waits for its disk; returns the number of its generations.
 fn waits(cluster: &mut ProcessCluster, id: &str, spec: &CampaignSpec) -> u32 {
-    // The database may have a little room in its own files yet.
+    // The database may still have a little room in its own files.
     let mut before = cluster.try_status(id).unwrap().generations_done;
     loop {
         thread::sleep(Duration::from_secs(2));

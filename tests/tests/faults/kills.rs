@@ -1,4 +1,4 @@
-//! SIGKILL, at random instants of a campaign; each must strike while it runs.
+//! SIGKILL at random moments of a campaign; each must strike while the campaign runs.
 
 use super::{
     Scale,
@@ -20,7 +20,7 @@ fn pause(dice: &mut RandomStream, most_ms: u64) {
 
 pub fn workers(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.worker_kills;
-    // Generations go on while a process starts in the place of one that was killed: some twenty, where that is slow.
+    // The search continues while a killed process is replaced: for some twenty generations, where starting is slow.
     let spec = campaign(scale, 20 * kills + 20, 1000);
     let mut cluster = ProcessCluster::start(3);
     let id = cluster.submit(&spec);
@@ -44,7 +44,7 @@ pub fn workers(scale: &Scale, undisturbed: &Undisturbed) -> Row {
 
 pub fn coordinator(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.coordinator_kills;
-    // The first worker to come back goes on by itself until the other does.
+    // The first worker to reconnect works alone until the other one reconnects.
     let spec = campaign(scale, 40 * kills + 20, 300);
     let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);

@@ -1,10 +1,10 @@
-//! Faults against the real processes. Each is seeded and certain to fire, and the outcome is compared with an undisturbed
+//! Faults against the real processes. Each fault is seeded and certain to fire, and the outcome is compared with an undisturbed
 //! run.
 //!
-//! Faults are fired one after the other, with a table of what was done and found; `-- 'clock jumps'` fires one alone.
-//! `MURMURATION_SEED` determines when and whom they strike. `MURMURATION_SCALE=long` (`make faults`) has more of everything,
-//! and writes the table to `docs/reliability.md` if every fault was fired. `MURMURATION_BINARIES` names a folder of binaries,
-//! so that a build during the hour does not replace them.
+//! Faults fire one after the other, and a table lists each fault and its outcome; `-- 'clock jumps'` fires one alone.
+//! `MURMURATION_SEED` determines when and whom they strike. `MURMURATION_SCALE=long` (`make faults`) has more of everything, and
+//! writes the table to `docs/reliability.md` if every fault was fired. `MURMURATION_BINARIES` names a folder of binaries, so that a
+//! build during the hour does not replace them.
 
 mod campaign;
 mod clock;
@@ -29,10 +29,10 @@ use std::{
 };
 use table::{Row, Table};
 
-/// How much of everything.
+/// Sizes of the scenarios.
 #[derive(Debug, Clone, Copy)]
 pub struct Scale {
-    /// Seed of what strikes when.
+    /// Seed of when and whom faults strike.
     pub seed: u64,
     /// Kills of workers.
     pub worker_kills: u32,
@@ -40,13 +40,13 @@ pub struct Scale {
     pub coordinator_kills: u32,
     /// Kills of the trainer.
     pub trainer_kills: u32,
-    /// Times that the wire is cut.
+    /// Network partitions.
     pub partitions: u32,
-    /// Connections that say nothing.
+    /// Connections that send nothing.
     pub connections: usize,
-    /// How long the soak is, seconds.
+    /// Length of the soak, seconds.
     pub soak_seconds: u64,
-    /// How many times longer than usual campaigns are: on a machine where they are over before the faults have struck.
+    /// Factor on the length of campaigns, for machines where campaigns end before the faults have struck.
     pub stretch: u32,
 }
 
@@ -75,7 +75,7 @@ impl Scale {
 
 type Scenario = fn(&Scale, &Undisturbed) -> Row;
 
-/// Faults, and what it takes to fire them.
+/// Faults and their requirements.
 const SCENARIOS: [(&str, Scenario, &[Requirement]); 22] = [
     ("workers killed", kills::workers, &[]),
     ("coordinator killed", kills::coordinator, &[]),
@@ -114,7 +114,7 @@ fn main() -> ExitCode {
         let fire = move || {
             let fire = |stretch| scenario(&Scale { stretch, ..scale }, &undisturbed);
             let fired = table.lock().unwrap().run(name, fire);
-            // It is in the table, too.
+            // The table contains the failure too.
             fired.unwrap_or_else(|found| panic!("{found}"));
         };
         let test = Test::new(name, fire);

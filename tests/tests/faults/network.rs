@@ -30,7 +30,7 @@ pub fn partitions(scale: &Scale, undisturbed: &Undisturbed) -> Row {
         let begun = Instant::now();
         cluster.wait_to_strike(&id, |status| status.workers == 0);
         noticed.push(begun.elapsed());
-        // They have noticed too, and knock again and again at a wire that swallows everything.
+        // The workers have noticed too, and keep trying to reconnect through the cut connection.
         thread::sleep(Duration::from_secs(2));
         proxies.iter().for_each(|proxy| proxy.cut(false));
     }
@@ -67,14 +67,14 @@ pub fn latency(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-/// A network namespace of its own, joined to this one by a pair of devices; gone when dropped.
+/// A separate network namespace, connected to this one by a pair of devices; removed when dropped.
 struct Namespace {
     name: String,
     subnet: String,
 }
 
 impl Namespace {
-    /// Panics where that is not allowed.
+    /// Panics if that is not allowed.
     fn new() -> Self {
         let number = std::process::id() % 200 + 20;
         let namespace = Self {
@@ -123,7 +123,7 @@ pub fn loss(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     assert!(run(&drops), "{drops}");
     let spec = campaign(scale, 60, 1000);
     let mut cluster = ProcessCluster::start(0);
-    // The coordinator listens on loopback alone, which a namespace has of its own.
+    // The coordinator listens only on loopback, and a namespace has a loopback of its own.
     let relay = Proxy::listening(&format!("{}.1:0", namespace.subnet), cluster.address(), 0);
     let url = relay.url();
     let _workers = [(); 2].map(|()| cluster.worker_in(&namespace.name, &url));

@@ -21,14 +21,14 @@ use tonic::{Code, Status};
 
 pub fn connections(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = campaign(scale, 300, 1000);
-    // Without workers the campaign cannot be over before the connections are open, however slow they are to open.
+    // Without workers the campaign cannot end before the connections are open, however slowly they open.
     let mut cluster = ProcessCluster::start(0);
     let id = cluster.submit(&spec);
     let before = memory_mib(cluster.coordinator().id());
     let watching = watch_unread(&cluster, &id);
     let mut silent = Vec::new();
     for _ in 0..scale.connections {
-        // It may refuse what is too many.
+        // The coordinator may refuse connections above its limit.
         silent.extend(TcpStream::connect(cluster.address()).ok());
     }
     let opened = silent.len();
@@ -52,7 +52,7 @@ pub fn connections(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-/// Opens streams that nobody reads; how many.
+/// Opens streams that no one reads; returns their number.
 fn watch_unread(cluster: &ProcessCluster, id: &str) -> usize {
     let (url, campaign) = (cluster.url(), id.to_owned());
     cluster.runtime().block_on(async move {
@@ -65,7 +65,7 @@ fn watch_unread(cluster: &ProcessCluster, id: &str) -> usize {
             streams.push(client.watch_campaign(request).await.unwrap());
         }
         let count = streams.len();
-        // For as long as the runtime lives.
+        // Runs as long as the runtime lives.
         tokio::spawn(async move {
             std::future::pending::<()>().await;
             drop(streams);
@@ -74,23 +74,23 @@ fn watch_unread(cluster: &ProcessCluster, id: &str) -> usize {
     })
 }
 
-/// Addresses of this machine that connections come from.
+/// Source addresses of the connections, all of this machine.
 const PEERS: u8 = 5;
 
-/// Connections that each of them opens: more than one address may.
+/// Connections from each address: more than the limit for one address.
 const PER_PEER: usize = MAX_CONNECTIONS_PER_PEER + 50;
 
 const WANTED: usize = PER_PEER * PEERS as usize;
 
 const _: () = assert!(WANTED > MAX_CONNECTIONS + 500);
 
-/// Open files that this takes at either end of the connections: both are processes of this machine, with the same limit.
+/// Open files needed at either end of the connections: both ends are processes of this machine, with the same limit.
 pub const FILES: u64 = WANTED as u64 + 500;
 
-/// More connections than are allowed in all, and from one address; and a larger message.
+/// Exceeds the limits of connections in total and from one address, and of a message's size.
 pub fn limits(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     rlimit::increase_nofile_limit(u64::MAX).unwrap();
-    // Thousands of connections take a busy machine some seconds.
+    // Opening thousands of connections takes some seconds on a busy machine.
     let spec = campaign(scale, 2000, 1000);
     let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
@@ -113,7 +113,7 @@ pub fn limits(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-/// Opens all those connections; how many the coordinator keeps.
+/// Opens all those connections; returns how many the coordinator keeps.
 fn kept_open(cluster: &ProcessCluster) -> usize {
     let mut open = Vec::new();
     for peer in 0..PEERS {
@@ -123,7 +123,7 @@ fn kept_open(cluster: &ProcessCluster) -> usize {
         }
     }
     let begun = Instant::now();
-    // Its workers, and this test's client, have some of the places.
+    // The workers and this test's client occupy some of the connections.
     while open.len() > MAX_CONNECTIONS && begun.elapsed() < HANDSHAKE_LIMIT / 2 {
         open.retain_mut(is_open);
     }
@@ -142,13 +142,13 @@ async fn connect(from: Ipv4Addr, to: &str) -> TcpStream {
     stream.into_std().unwrap()
 }
 
-/// Whether the other end has not closed it.
+/// Whether the other end has kept it open.
 fn is_open(stream: &mut TcpStream) -> bool {
     let silent = |error: std::io::Error| error.kind() == ErrorKind::WouldBlock;
     stream.read(&mut [0]).is_err_and(silent)
 }
 
-/// What a worker hears that says more at once than it may.
+/// The coordinator's error for a worker's message above the limit.
 async fn too_large(url: &str) -> Status {
     let hello = v1::Hello {
         name: "a".repeat(MAX_WORKER_MESSAGE),

@@ -12,18 +12,18 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Forwards connections to an address; ends with the process.
+/// Forwards connections to an address until the process ends.
 pub struct Proxy {
     address: String,
     state: Arc<State>,
 }
 
 struct State {
-    /// Nothing passes, and nobody is told.
+    /// Whether bytes are dropped; neither end is told.
     cut: AtomicBool,
-    /// Delay each way, milliseconds.
+    /// Delay in each direction, milliseconds.
     delay_ms: u64,
-    /// Bytes that passed.
+    /// Number of forwarded bytes.
     passed: AtomicU64,
 }
 
@@ -48,7 +48,7 @@ impl Proxy {
                 };
                 for (from, to) in [(&client, &server), (&server, &client)] {
                     let (from, to) = (from.try_clone().unwrap(), to.try_clone().unwrap());
-                    // Else small messages wait for one another, which no real wire has them do.
+                    // Otherwise small messages would wait for one another, unlike on a real network.
                     to.set_nodelay(true).unwrap();
                     forward(from, to, shared.clone());
                 }
@@ -61,7 +61,7 @@ impl Proxy {
         format!("http://{}", self.address)
     }
 
-    /// Whether nothing passes.
+    /// Starts or stops dropping bytes.
     pub fn cut(&self, cut: bool) {
         self.state.cut.store(cut, Ordering::SeqCst);
     }
@@ -71,7 +71,7 @@ impl Proxy {
     }
 }
 
-/// One direction: a thread that reads, and one that writes when the time has come.
+/// One direction: a thread that reads, and one that writes after the delay.
 fn forward(mut from: TcpStream, mut to: TcpStream, state: Arc<State>) {
     let (sender, parcels) = mpsc::sync_channel::<(Instant, Vec<u8>)>(1024);
     let delay = Duration::from_millis(state.delay_ms);
@@ -97,7 +97,7 @@ fn forward(mut from: TcpStream, mut to: TcpStream, state: Arc<State>) {
             }
             state.passed.fetch_add(bytes.len() as u64, Ordering::SeqCst);
         }
-        // It may be closed already.
+        // The connection may be closed already.
         let _ = to.shutdown(Shutdown::Both);
     });
 }

@@ -1,4 +1,4 @@
-//! A soak: campaign after campaign, with workers coming and going. Memory and files must not grow.
+//! A soak test: campaign after campaign, while workers come and go. Memory and files must not grow.
 
 use super::{
     Scale,
@@ -13,7 +13,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// What a process holds.
+/// The resources of a process.
 #[derive(Debug, Clone, Copy)]
 struct Held {
     memory_mib: f64,
@@ -29,7 +29,7 @@ impl Held {
     }
 }
 
-/// Memory of a process that is not shared with a file, MiB.
+/// Memory of a process without pages shared with files, MiB.
 pub fn memory_mib(process: u32) -> f64 {
     let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap();
     let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:"));

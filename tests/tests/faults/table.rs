@@ -1,4 +1,4 @@
-//! The table of faults: what was done, and what was found.
+//! The table of faults: what was done, and its outcome.
 
 use murmuration_tests::OVER_TOO_EARLY;
 use std::{
@@ -8,18 +8,18 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// One fault, as it was fired and survived.
+/// One fault and its outcome.
 pub struct Row {
-    /// What was done, with numbers.
+    /// Description of the fault, with numbers.
     pub done: String,
-    /// What was found.
+    /// Description of the outcome.
     pub found: String,
 }
 
-/// How many times longer than usual campaigns are, when faults are fired for the first time, the second and so on.
+/// Factors on the length of campaigns for the first attempt at a fault, the second and so on.
 const STRETCHES: [u32; 4] = [1, 4, 16, 64];
 
-/// What a scenario found, or what it panicked with.
+/// The row of a scenario, or the message of its panic.
 fn caught(scenario: impl FnOnce() -> Row) -> Result<Row, String> {
     catch_unwind(AssertUnwindSafe(scenario)).map_err(|panic| {
         let text = panic.downcast_ref::<String>().cloned();
@@ -28,7 +28,7 @@ fn caught(scenario: impl FnOnce() -> Row) -> Result<Row, String> {
     })
 }
 
-/// Rows, and how long each took.
+/// The rows, with the time that each took.
 pub struct Table {
     seed: u64,
     rows: Vec<(&'static str, Result<Row, String>, Duration)>,
@@ -42,8 +42,8 @@ impl Table {
         }
     }
 
-    /// Runs a scenario, with longer campaigns where they are over before its faults have struck. Any other panic is what it
-    /// found: then that is the error, too.
+    /// Runs a scenario. If its campaign ends before the faults have struck, tries again with longer campaigns. Any other panic
+    /// becomes the row's outcome and the error.
     pub fn run(&mut self, name: &'static str, scenario: impl Fn(u32) -> Row) -> Result<(), String> {
         let begun = Instant::now();
         let mut row = Err(String::new());
@@ -63,7 +63,7 @@ impl Table {
         self.rows.len()
     }
 
-    /// Puts the table where `docs/reliability.md` has it.
+    /// Writes the table into `docs/reliability.md`.
     pub fn publish(&self) {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/reliability.md");
         let page = fs::read_to_string(&path).unwrap();

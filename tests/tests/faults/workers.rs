@@ -10,7 +10,7 @@ use murmuration_tests::{FakeWorker, ProcessCluster};
 use std::{path::Path, thread, time::Duration};
 use tonic::Status;
 
-/// What no swarm does, in a form that any could have.
+/// A wrong evaluation that is not obviously impossible.
 fn lie() -> v1::Evaluation {
     v1::Evaluation {
         features: vec![0.123; 5],
@@ -19,8 +19,8 @@ fn lie() -> v1::Evaluation {
     }
 }
 
-/// Has a worker on a machine of its own answer everything with `evaluation`; how many evaluations, and what it is told in
-/// the end.
+/// Answers every lease with `evaluation`, from a worker on a machine of its own. Returns the number of evaluations and the
+/// coordinator's last error.
 fn answer_all(cluster: &ProcessCluster, evaluation: &v1::Evaluation) -> (usize, Status) {
     let url = cluster.url();
     cluster.runtime().block_on(async {
@@ -39,7 +39,7 @@ pub fn slow(scale: &Scale, undisturbed: &Undisturbed) -> Row {
         let ready = |status: &v1::Campaign| status.workers == 2 && status.generations_done > 30 * stop;
         let before = cluster.wait_to_strike(&id, ready);
         cluster.workers[0].signal("STOP");
-        // Less than it takes to be missed: its leases stay with it.
+        // Shorter than the silence limit: the worker keeps its leases.
         thread::sleep(Duration::from_secs(2));
         let during = cluster.try_status(&id).unwrap();
         cluster.workers[0].signal("CONT");
@@ -84,7 +84,7 @@ pub fn wrong_bits(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = campaign(scale, 300, 600);
     let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
-    // With only one that could contradict it, nobody could say who is wrong.
+    // With a single other worker, it would be unknown which of the two is wrong.
     cluster.wait_to_strike(&id, |status| status.workers == 2 && status.generations_done > 0);
     let (answered, status) = answer_all(&cluster, &lie());
     assert!(status.message().contains("quarantined"), "{status}");
@@ -188,7 +188,7 @@ pub fn connections_of_a_liar(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let (spec, connections) = (campaign(scale, 300, 600), 4);
     let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
-    // With only one that could contradict it, nobody could say who is wrong.
+    // With a single other worker, it would be unknown which of the two is wrong.
     cluster.wait_to_strike(&id, |status| status.workers == 2 && status.generations_done > 0);
     let (url, machine) = (cluster.url(), 3);
     let (told, again) = cluster.runtime().block_on(async {
@@ -237,7 +237,7 @@ pub fn unfit(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let _trainer = cluster.worker(&url, "murmuration-trainer");
     let nowhere = Path::new("/dev/null/cache");
     let _cannot_embed = cluster.odd_worker(nowhere, &[("ORT_DYLIB_PATH", "/dev/null/onnxruntime.so")]);
-    // It simulates the dataset; then the search needs embeddings.
+    // The worker simulates the dataset; then the search needs embeddings.
     let waits_for = |expected: &'static str| move |status: &v1::Campaign| status.waiting.contains(expected);
     let status = cluster.wait_until(&id, waits_for("no connected worker can embed"));
     assert_eq!(status.state(), v1::CampaignState::Running, "{}", status.error);
@@ -261,7 +261,7 @@ pub fn foreign_leases(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = campaign(scale, 800, 600);
     let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
-    // By then some leases are over, and others are held.
+    // Some leases have ended by now, and others are held.
     cluster.wait_to_strike(&id, |status| status.workers == 2 && status.generations_done > 5);
     let url = cluster.url();
     let sent = cluster.runtime().block_on(async {
@@ -281,7 +281,7 @@ pub fn foreign_leases(scale: &Scale, undisturbed: &Undisturbed) -> Row {
                 .await;
             sent += 1;
         }
-        // What a worker says is heard in order: once it has another lease, all of that has arrived.
+        // The coordinator handles a worker's messages in order: another lease proves that it has handled all of these.
         impostor.lease(1).await;
         sent
     });

@@ -1,5 +1,5 @@
-//! What needs more of the machine than this repository: a browser, Python packages, the right to mount a file system. Where
-//! the machine lacks what a test needs, the test is ignored, and a line says why.
+//! Tests that need more of the machine than this repository: a browser, Python packages, permission to mount a file system. If the
+//! machine lacks a requirement, the test is ignored, and a line gives the reason.
 
 mod browser;
 mod data_directory;

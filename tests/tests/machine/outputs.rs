@@ -1,4 +1,4 @@
-//! Files that commands write where their user says: on a full disk, in a folder that may not be written, in the place of other files.
+//! Files that commands write to a path of the user's choice: on a full disk, in a read-only folder, over other files.
 
 use crate::data_directory::MODEL;
 use murmuration_tests::{Finished, Murmuration, Requirement, SmallDisk, Test, small_spec, test};
@@ -20,7 +20,7 @@ pub fn tests() -> Vec<Test> {
 }
 
 const CONTROLLER: &str = "--controller=0.2,0.7,-0.5,-0.1";
-/// The commands that write one file, without its name, and the ending of that.
+/// The commands that write one file, without its name, and the file's extension.
 const FILES: [(&[&str], &str); 10] = [
     (&["simulate", CONTROLLER, "--gif"], "gif"),
     (&["simulate", CONTROLLER, "--png"], "png"),
@@ -33,7 +33,7 @@ const FILES: [(&[&str], &str); 10] = [
     (&["checkpoints", "export", "CHECKPOINT"], "onnx"),
     (&["evaluate", "SPEC", "CONTROLLERS", "--out"], "csv"),
 ];
-/// The commands that write a folder, without its name, and a file of it.
+/// The commands that write a folder, without its name, and one of its files.
 const FOLDERS: [(&[&str], &str); 3] = [
     (&["report", "latest", "--out"], "report.html"),
     (&["lab", "atlas", "ATLAS", "--out"], "atlas.csv"),
@@ -68,7 +68,7 @@ impl Given {
         }
     }
 
-    /// As [`Given::run`], where the file may be replaced.
+    /// Like [`Given::run`], with permission to replace the file.
     fn replace(&self, command: &[&str], path: &Path) -> Finished {
         let [command @ .., option] = command else {
             panic!("a command has words");
@@ -91,7 +91,7 @@ impl Given {
     }
 }
 
-/// The names in a folder and the texts of its files, of folders only their names.
+/// The names in a folder with the content of the files; subfolders only by name.
 fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let content = |path: PathBuf| {
@@ -148,7 +148,7 @@ fn a_file_that_exists_is_replaced_only_when_asked() {
         let replaced = given.replace(command, &path);
         assert_eq!(replaced.code, Some(0), "{command:?}: {}", replaced.stderr);
         assert_ne!(fs::read(&path).unwrap(), b"mine", "{command:?}");
-        // Not a coordinator's own files, also when asked.
+        // Even with permission, a coordinator's own files are not replaced.
         let data = folder.path().join("data");
         let (own, before) = (data.join("own").with_extension(ending), contents(&data));
         let refused = given.replace(command, &own);
@@ -176,7 +176,7 @@ fn on_a_full_disk_a_folder_stays_as_it_was() {
         assert!(contents(&path).is_empty(), "{command:?} left files");
         drop(disk);
     }
-    // Certificates are small: only two of them have room.
+    // Certificates are small: this disk has room for only two of them.
     let _disk = SmallDisk::new(&at, "8k");
     let failed = given.run(&["certs"], &at);
     names_file(&failed, &["certs"], &at);
@@ -190,7 +190,7 @@ fn what_cannot_be_written_is_named() {
     let file = folder.path().join("file");
     fs::write(&file, "mine").unwrap();
     for (command, ending) in FILES {
-        // A folder in place of the file, and a file in place of its folder.
+        // A folder in place of the file, and a file in place of the file's folder.
         let taken = folder.path().join("taken").with_extension(ending);
         fs::create_dir_all(&taken).unwrap();
         names_file(&given.run(command, &taken), command, &taken);
@@ -224,7 +224,7 @@ fn a_folder_keeps_the_files_of_its_owner() {
         assert!(contents(&path) == before, "{command:?} changed the folder");
         fs::remove_dir_all(&path).unwrap();
     }
-    // A report that its owner changed is replaced only when asked to.
+    // A report that its owner changed is replaced only on request.
     let path = folder.path().join("report");
     let report = |force: &[&str]| given.run(&[&["report", "latest"], force, &["--out"]].concat(), &path);
     assert_eq!(report(&[]).code, Some(0));
@@ -240,7 +240,7 @@ fn a_folder_keeps_the_files_of_its_owner() {
     assert_eq!(fs::read_to_string(path.join("report.html")).unwrap(), "notes");
     assert_eq!(report(&["--force"]).code, Some(0));
     assert_eq!(fs::read_to_string(path.join("recall.csv")).unwrap(), "mine");
-    // Another campaign's report takes the place of the first one whole.
+    // Another campaign's report replaces the first one completely.
     let spec = folder.path().join("trials.toml");
     fs::write(&spec, small_spec("[evaluation]\nstarts = 2").to_toml()).unwrap();
     assert_eq!(
@@ -281,7 +281,7 @@ fn what_is_read_is_not_written() {
             "{command:?} changed its input"
         );
     }
-    // The starts that lie beside labels are read without being named.
+    // The file of starts beside the labels is read without being named.
     let labels = folder.path().join("labels.csv").display().to_string();
     let starts = folder.path().join("starts.csv");
     fs::write(&starts, "mine").unwrap();
@@ -300,7 +300,7 @@ fn what_is_read_is_not_written() {
         "{}",
         refused.stderr
     );
-    // Standard output may be a file that others write to, too.
+    // Other processes may write to the same standard output.
     let shared = folder.path().join("shared");
     let program = murmuration_tests::binary("murmuration").display().to_string();
     let script = format!(

@@ -5,10 +5,10 @@ use serde_json::Value;
 use std::{fs, fs::File, path::PathBuf, process::Command};
 use tempfile::TempDir;
 
-/// The small embedder of 12 x 8 images that the tests share.
+/// The tests' small embedder of 12 x 8 images.
 const SMALL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.onnx");
 
-/// A labelled set of three images, the first two of one class and closest to each other by the small embedder.
+/// A labelled set of three images. The first two have the same class, and are closest to each other by the small embedder.
 struct Set {
     folder: TempDir,
 }

@@ -1,4 +1,4 @@
-//! Campaigns of two species whose pictures have a channel for each.
+//! Campaigns of two species, whose pictures have one channel for each.
 
 use murmuration_proto::{CampaignSpec, Controller, PictureShape, training::Architecture, v1};
 use murmuration_sim::{evaluate::evaluate, simulate::Start};
@@ -10,7 +10,7 @@ const ROBOTS: &str = "ratios = [[3, 5], [1, 7]]\n\
     [[species]]\nname = \"a\"\nrobot.sensors = [{ sees = [\"b\"] }]\n\
     [[species]]\nname = \"b\"\nrobot.sensors = [{}, { angle = 1.57 }]\n";
 
-/// A campaign that trains, labels by itself and learns from its labels; `image` is the table of that name.
+/// A campaign that trains, labels by itself and learns from its labels; `image` is the content of the table `[image]`.
 fn spec(image: &str) -> CampaignSpec {
     let text = format!(
         "name = \"swarm\"\nmethod = \"latent\"\n{ROBOTS}\

@@ -1,4 +1,4 @@
-//! Controllers of searches that run elsewhere: evaluated as those of a campaign, and stored nowhere.
+//! Controllers of searches that run elsewhere: evaluated like those of a campaign, but not stored.
 
 use murmuration_proto::{
     parts::whole,
@@ -23,7 +23,7 @@ fn controllers(tasks: Vec<v1::EvaluationTask>) -> Part {
     Part::Controllers(v1::ControllersToEvaluate { tasks })
 }
 
-/// The results of a stream of these requests.
+/// Sends a stream of requests; returns the results.
 async fn evaluate(cluster: &Cluster, parts: Vec<Part>) -> Result<Vec<v1::EvaluateResult>, Status> {
     let requests = parts.into_iter();
     let requests = requests.map(|part| v1::EvaluateRequest { part: Some(part) });
@@ -52,7 +52,7 @@ async fn the_controllers_of_an_archive_have_the_same_features_and_pictures_again
     let campaign = cluster.create(&spec).await;
     cluster.finish(&campaign).await;
     let archive = cluster.archive(&campaign).await;
-    // Requests of all lengths, more of them than are worked on at once.
+    // Requests of different lengths, more of them than are handled at once.
     let tasks: Vec<_> = archive.iter().map(task).collect();
     let mut parts = vec![described(Some(Campaign::Spec((&spec).into())))];
     let (mut rest, mut length) = (&tasks[..], 1);
@@ -213,9 +213,9 @@ async fn the_motion_of_a_controller_is_that_of_the_individual_in_full_precision(
     let motion = simulate(&cluster, request.clone()).await.unwrap();
     let rounded: Vec<f32> = motion.poses.iter().map(|&value| value as f32).collect();
     assert_eq!(rounded, replay.poses);
-    // They are not the rounded ones again.
+    // The values have double precision, unlike those of a replay.
     assert!(motion.poses.iter().any(|&value| f64::from(value as f32) != value));
-    // Fewer steps are the beginning of it, and the text of a file is the same campaign.
+    // Fewer steps give the beginning of the motion, and the text of a file gives the same campaign.
     let shorter = v1::SimulateRequest {
         steps: Some(10),
         ..to_simulate(Campaign::Toml(spec.to_toml()), &individual)
@@ -234,7 +234,7 @@ async fn motions_need_no_worker_and_what_has_none_is_refused() {
         controller: vec![0.1, 0.2, 0.3, 0.4],
         ..v1::Individual::default()
     };
-    // It learns an embedder, which a motion does not need.
+    // The campaign learns an embedder, which a motion does not need.
     let latent = small_latent_spec("");
     let good = to_simulate(Campaign::Toml(latent.to_toml()), &individual);
     let motion = simulate(&cluster, good.clone()).await.unwrap();

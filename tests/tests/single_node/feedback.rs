@@ -42,7 +42,7 @@ async fn completed(cluster: &mut Cluster, campaign: &str) -> v1::Campaign {
     last
 }
 
-/// Classes by turns: what they look like makes no difference here.
+/// Labels individuals from 0 on as `ana`. How they look does not matter here.
 async fn label(cluster: &Cluster, request_id: &str, classes: &[&str]) {
     let answers = classes.iter().zip(0..).map(|(class, index)| v1::Answer {
         index,
@@ -58,7 +58,7 @@ async fn label(cluster: &Cluster, request_id: &str, classes: &[&str]) {
     labels(cluster).await.append_labels(request).await.unwrap();
 }
 
-/// What it takes to get the archive of a campaign again.
+/// The information needed to reproduce the archive of a campaign.
 async fn repetition(cluster: &mut Cluster, campaign: &str) -> v1::GetDigestResponse {
     let request = v1::GetDigestRequest {
         campaign: campaign.to_owned(),
@@ -83,16 +83,16 @@ async fn an_unattended_campaign_labels_learns_and_searches_on_whatever_the_clust
         let labels = whole(labels.into_inner()).await.unwrap();
         assert_eq!(labels.labels.len(), 80);
 
-        // The checkpoint of the second round goes on from that of the first, and that from the pretrained one.
+        // The second round fine-tunes the checkpoint of the first, and the first round the pretrained one.
         let second = checkpoint(&cluster, &last.checkpoint).await;
         let first = checkpoint(&cluster, &second.parent).await;
         let pretrained = checkpoint(&cluster, &first.parent).await;
         assert_eq!((second.metrics["labels"], first.metrics["labels"]), (80.0, 40.0));
-        // Each labelled controller is learned from as it went from four starts.
+        // Each labelled controller is simulated from four starts.
         assert_eq!(second.metrics["labelled_pictures"], 320.0);
         assert!(pretrained.parent.is_empty() && pretrained.label_digest.is_empty());
         assert_ne!(first.label_digest, second.label_digest);
-        // What the specification says is all that it takes.
+        // The specification suffices to reproduce the archive.
         let takes = repetition(&mut cluster, &id).await;
         assert_eq!(
             (takes.attended, takes.adopted, takes.rounds.len()),
@@ -180,7 +180,7 @@ async fn people_teach_as_often_as_they_like() {
         taught.checkpoint
     );
 
-    // Back to a space that neither the specification nor the rounds end in.
+    // Back to a space other than those of the specification and of the last round.
     let request = v1::AdoptCheckpointRequest {
         campaign: id.clone(),
         checkpoint: taught.checkpoint,
@@ -191,7 +191,7 @@ async fn people_teach_as_often_as_they_like() {
     cluster.stop().await;
 }
 
-/// The class of most of the five labelled individuals nearest to one: that of the nearest where two have as many.
+/// The most frequent class among the five nearest labelled individuals; if two are equally frequent, that of the nearest.
 fn elected(archive: &[v1::Individual], classes: &[&str], place: usize) -> String {
     if let Some(own) = classes.get(place) {
         return (*own).to_owned();
@@ -221,7 +221,7 @@ async fn each_class_that_was_learned_has_a_medoid_where_the_specification_says_s
     let spec = CampaignSpec::from_toml(&toml::to_string(&table).unwrap()).unwrap();
     let id = cluster.create(&spec).await;
     completed(&mut cluster, &id).await;
-    // Three individuals, whatever they are, are all that there is of the last three classes.
+    // The last three classes have only one individual each, whatever they look like.
     let mut classes = vec!["ring"; 17];
     classes.extend(["wall", "clump", "gap"]);
     label(&cluster, "all", &classes).await;
@@ -296,10 +296,10 @@ async fn the_judge_labels_when_asked_and_once_for_a_request() {
     assert_eq!(first.len(), 60);
     assert!(first.iter().all(|entry| entry.annotator == "synthetic"));
     assert_eq!(ask("a", 60).await.unwrap(), first);
-    // Nobody is asked twice: 40 of the 100 are left.
+    // Labelled individuals are not asked about again: 40 of the 100 are left.
     assert_eq!(ask("b", 60).await.unwrap().len(), 40);
     assert!(ask("c", 60).await.unwrap().is_empty());
-    // The id of somebody else's request is refused.
+    // A request with another person's request id is refused.
     let request = v1::AppendLabelsRequest {
         campaign: id.clone(),
         request_id: "ana's".to_owned(),

@@ -1,9 +1,9 @@
-//! No parser of outside input panics: the targets of `make fuzz` on valid inputs and on mutations of them.
+//! No parser of outside input panics: the targets of `make fuzz`, on valid inputs and on mutations of them.
 
 use murmuration_tests::fuzz_targets::{EDGES, dice, mutated};
 use rand::RngExt as _;
 
-/// Changed inputs for each parser.
+/// Number of mutations for each parser.
 const MUTATIONS: u64 = 20_000;
 
 #[test]

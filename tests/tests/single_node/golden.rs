@@ -13,9 +13,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Largest difference of a position, heading or displacement from the reference's.
+/// Largest permitted difference of a position, heading or displacement from the reference.
 pub(crate) const POSITION_TOLERANCE: f64 = 1e-6;
-/// Largest difference of a feature from the reference's.
+/// Largest permitted difference of a feature from the reference.
 const FEATURE_TOLERANCE: f64 = 1e-9;
 
 pub(crate) fn folder() -> PathBuf {
@@ -93,7 +93,7 @@ fn every_vector_is_reproduced_as_far_as_it_is_comparable() {
     );
 }
 
-/// The rows of a table, without its head.
+/// The rows of a table, without its header.
 fn rows(path: &str) -> Vec<Vec<String>> {
     let text = fs::read_to_string(folder().join(path)).unwrap();
     let rows = text.lines().skip(1);
@@ -107,9 +107,9 @@ fn numbers(cells: &[String]) -> Vec<f64> {
 
 /// Images of labelled swarms, byte for byte (as digests).
 ///
-/// The swarms are the first forty of each set, by id, that this simulator reproduces: 1,664 of all 2,064. The
-/// others are chaotic: the last bit of a heading grows until robots are elsewhere. With the authors' sines and
-/// norms in place of ours all are reproduced but four, whose robots start in the same corner and are parted here.
+/// The swarms are the first forty of each set, by id, that this simulator reproduces: 1,664 of all 2,064. The others are chaotic: a
+/// difference in the last bit of a heading grows until robots are elsewhere. With the authors' sines and norms in place of ours,
+/// all but four are reproduced. In those four, robots start in the same corner, and this simulator separates them.
 fn check_labelled(set: &str, model: Preset) {
     let mut starts = BTreeMap::<String, Vec<[f64; 3]>>::new();
     for row in rows(&format!("labelled/{set}_starts.csv")) {

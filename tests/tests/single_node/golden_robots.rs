@@ -13,7 +13,7 @@ use murmuration_sim::simulate::{Start, Swarm};
 use serde_json::Value;
 use std::fs;
 
-/// The vectors whose names end so, with their names.
+/// The vectors with this ending, and their names.
 fn vectors(ending: &str) -> Vec<(String, Value)> {
     let mut found: Vec<_> = fs::read_dir(folder().join("robots"))
         .unwrap()
@@ -31,7 +31,7 @@ fn vectors(ending: &str) -> Vec<(String, Value)> {
     found
 }
 
-/// Asserts that a case is reproduced up to a step, sensor states exactly, and counts the compared checkpoints.
+/// Asserts that a case is reproduced up to a step, with exact sensor states. Returns the number of compared checkpoints.
 fn check(name: &str, case: &Value, until: u64) -> usize {
     let ours = run(case);
     let mut compared = 0;
@@ -63,8 +63,8 @@ fn swarms_of_two_species_are_reproduced_as_far_as_they_are_comparable() {
     assert_eq!((vectors.len(), compared.sum::<usize>()), (19, 195));
 }
 
-/// Before any two robots touch, the authors' later physics gives the same motion. Files that are equal up to no checkpoint are
-/// read and simulated all the same. Those with a goal, which is not simulated, are left out.
+/// Before two robots touch, the authors' later physics gives the same motion. Files without an equal checkpoint are still read and
+/// simulated. Files with a goal, which this simulator lacks, are left out.
 #[test]
 fn later_physics_is_reproduced_as_far_as_it_is_the_same() {
     let vectors = vectors(".head.json");
@@ -73,18 +73,18 @@ fn later_physics_is_reproduced_as_far_as_it_is_the_same() {
     assert_eq!((vectors.len(), compared.sum::<usize>()), (9, 18));
 }
 
-/// A configuration of `sensors.json`, made a swarm that stands still.
+/// A configuration of `sensors.json` as a swarm that does not move.
 struct Table<'a>(&'a Value);
 
 impl Table<'_> {
-    /// Which agents see, in the order of the table.
+    /// The readings of the agents, in the order of the table.
     fn readings(&self) -> Vec<u64> {
         let count = self.0["agents"].as_array().unwrap().len();
         let kinds: Vec<_> = (0..count).map(|i| self.kind(i)).collect();
         let mut names: Vec<_> = kinds.clone();
         names.sort();
         names.dedup();
-        // Robots of a species follow one another: here by the place of their species.
+        // Robots of a species must be consecutive: sort by species.
         let mut order: Vec<usize> = (0..count).collect();
         order.sort_by_key(|&i| &kinds[i]);
         let members = |name: &String| (0..count).filter(|&i| kinds[i] == *name).collect::<Vec<_>>();
@@ -115,7 +115,7 @@ impl Table<'_> {
         own.unwrap_or(5.0)
     }
 
-    /// The name of an agent's species: the table's, or one for each radius.
+    /// The name of an agent's species: from the table, or one for each radius.
     fn kind(&self, i: usize) -> String {
         let named = self.0["species"][i].as_str();
         named.map_or_else(|| format!("r{}", self.radius(i)), str::to_owned)
@@ -139,7 +139,7 @@ impl Table<'_> {
         .unwrap()
     }
 
-    /// The rectangle of the table, if it has one, as the padding of a world; else a world without walls.
+    /// The world with the table's rectangle as padding; without a rectangle, a world without walls.
     fn world(&self, model: &CapabilityModel) -> World {
         let corner = |i: usize, axis: usize| self.0["rectangle"][i][axis].as_f64();
         let message = v1::World {
@@ -155,8 +155,8 @@ impl Table<'_> {
     }
 }
 
-/// Where a table says that rounding may decide, it decides here as there: cosines of right angles and of 0 are what the
-/// expressions of the definition make them.
+/// If rounding decides a reading, it must decide as in the table: cosines of right angles and of 0 are computed as in the
+/// definition.
 #[test]
 fn sensors_see_what_the_tables_say() {
     let (_, tables) = vectors("sensors.json").pop().unwrap();

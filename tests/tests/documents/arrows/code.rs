@@ -10,29 +10,29 @@ use syn::{
     visit::{self, Visit},
 };
 
-/// A module's place: the names on the way to it from the crate's root, whose own is empty.
+/// A module's path: the names from the crate's root to it; empty for the root.
 pub type Place = Vec<String>;
 
-/// A crate as far as its arrows go; code that only tests compile is left out.
+/// The modules of a crate and their dependencies, without code that only tests compile.
 #[derive(Debug, Default)]
 pub struct Crate {
-    /// Each module with the paths that it names, as they are written.
+    /// The modules, by place.
     pub modules: BTreeMap<Place, Module>,
 }
 
 /// A module.
 #[derive(Debug, Default)]
 pub struct Module {
-    /// What a `use` calls by which name.
+    /// Names imported by `use`, with their paths.
     imports: BTreeMap<String, Place>,
-    /// Modules whose public names all are imported.
+    /// Modules with glob imports (`use path::*`).
     globs: Vec<Place>,
-    /// Paths of more than one name, or of one that may be imported.
+    /// Paths of several names, or of one name that may be imported. As written in the code.
     paths: BTreeSet<Place>,
 }
 
 impl Crate {
-    /// Reads the crate whose root, `lib.rs` or `main.rs`, lies in `folder`.
+    /// Reads the crate whose root, `lib.rs` or `main.rs`, is in `folder`.
     pub fn read(folder: &Path) -> Self {
         let file = ["lib.rs", "main.rs"]
             .map(|name| folder.join(name))
@@ -68,7 +68,7 @@ impl Crate {
                             } else {
                                 folder.join("mod.rs")
                             };
-                            // What a build script generates lies elsewhere.
+                            // Build scripts generate files elsewhere.
                             if file.exists() {
                                 self.read_file(&file, &folder, place);
                             }
@@ -81,7 +81,7 @@ impl Crate {
         self.modules.insert(place, module);
     }
 
-    /// The modules that the one at `place` names: where what it names is defined, as far as this crate defines it.
+    /// The modules that the module at `place` refers to: where the names are defined, as far as this crate defines them.
     pub fn named_by(&self, place: &Place) -> BTreeSet<Place> {
         let module = &self.modules[place];
         let paths = module
@@ -97,7 +97,7 @@ impl Crate {
 
     /// The module in which `path`, as written in the module `from`, is defined.
     fn resolve(&self, from: &Place, path: &[String], depth: usize) -> Option<Place> {
-        // Names that lead to each other lead nowhere.
+        // Names that import each other resolve to nothing.
         if depth > 16 {
             return None;
         }
@@ -143,7 +143,7 @@ impl Crate {
                 let whole: Place = import.iter().chain(rest).cloned().collect();
                 self.resolve(&at, &whole, depth + 1)
             }
-            // Defined here, or taken in as a whole from elsewhere.
+            // Defined here, or imported by a glob.
             None => Some(at),
         }
     }
@@ -194,7 +194,7 @@ impl<'ast> Visit<'ast> for Module {
     }
 
     fn visit_macro(&mut self, call: &'ast syn::Macro) {
-        // What a macro takes need not be Rust: the paths in it are looked for by their `::`.
+        // A macro's arguments need not be Rust: find the paths in them by their `::`.
         let text = call.tokens.to_string().replace(" :: ", "::");
         let words = text.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':'));
         let paths = words.filter(|word| word.contains("::"));
@@ -204,7 +204,7 @@ impl<'ast> Visit<'ast> for Module {
     }
 }
 
-/// Whether only tests compile what has these attributes.
+/// Whether these attributes mark code that only tests compile.
 fn is_of_tests(attributes: &[Attribute]) -> bool {
     attributes.iter().any(|attribute| {
         attribute.path().is_ident("cfg")

@@ -11,7 +11,7 @@ pub fn rings(code: &Crate) -> Vec<(String, Vec<String>)> {
     for place in code.modules.keys() {
         for named in code.named_by(place) {
             let common = place.iter().zip(&named).take_while(|(a, b)| a == b).count();
-            // A parent and its child are no ring: they are one room.
+            // A parent and its child do not form a ring: they count as one module.
             if let (Some(from), Some(to)) = (place.get(common), named.get(common)) {
                 let among = arrows.entry(place[..common].to_vec()).or_default();
                 among.entry(from.clone()).or_default().insert(to.clone());

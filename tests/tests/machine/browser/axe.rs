@@ -1,4 +1,4 @@
-//! Barriers for people who use a keyboard, a screen reader or large type: what axe-core finds on a page.
+//! Accessibility barriers for people who use a keyboard, a screen reader or large type, as found by axe-core on a page.
 
 use crate::browser::driver::Window;
 use serde_json::json;
@@ -6,19 +6,19 @@ use serde_json::json;
 /// axe-core (`tests/axe/README.md`).
 const AXE: &str = include_str!("../../../axe/axe.min.js");
 
-/// Each rule that the page breaks, with what breaks it.
+/// The rules that the page violates, with the elements that violate them.
 const VIOLATIONS: &str = "(async () => { \
     const { violations } = await axe.run(document, { resultTypes: ['violations'] }); \
     return violations.flatMap(({ id, nodes }) => nodes.map(({ html, failureSummary }) => \
         `${id}: ${html.slice(0, 200)}: ${failureSummary.replace(/\\s+/g, ' ')}`)); })()";
 
-/// Times that a page is checked before it is given up.
+/// Number of attempts to check a page.
 const TIMES: u32 = 5;
 
-/// Fails if axe-core finds a violation on the page as it is now.
+/// Fails if axe-core finds a violation on the page.
 pub async fn check_barriers(window: &Window, page: &str) {
     let script = format!("{AXE}\nreturn {VIOLATIONS}");
-    // A page that is loaded again meanwhile gives no answer.
+    // A page that reloads meanwhile gives no answer.
     for _ in 0..TIMES {
         if let Ok(found) = window.driver.execute(script.clone(), vec![]).await {
             assert_eq!(*found.json(), json!([]), "{page} has barriers");

@@ -21,13 +21,13 @@ use thirtyfour::{
     prelude::*,
 };
 
-/// Long enough for a busy machine; nothing takes that long that works.
+/// Longer than any successful operation takes on a busy machine.
 const DRIVER_TIMEOUT: Duration = Duration::from_secs(60);
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
-/// Time between two looks at what the browser logs, while something is waited for.
+/// Time between two checks of the browser's log while waiting for something.
 const LOOK_INTERVAL: Duration = Duration::from_secs(10);
 
-/// Notes, for as long as the window is open, what moves on its pages though nobody has just pressed or typed anything.
+/// Records layout shifts on the window's pages that do not follow a key press, a click or typing.
 const SHIFTS: &str = "new PerformanceObserver((list) => { \
     if (location.protocol === 'about:') return; \
     const noted = JSON.parse(sessionStorage.getItem('shifts') ?? '[]'); \
@@ -42,8 +42,8 @@ const SHIFTS: &str = "new PerformanceObserver((list) => { \
     sessionStorage.setItem('shifts', JSON.stringify(noted)); \
 }).observe({ type: 'layout-shift', buffered: true })";
 
-/// Makes a page's script fail when it reads a field that the coordinator did not send, in the JSON of `fetch`, events and attributes.
-/// JSON that a page keeps by itself may lack fields, if another version wrote it.
+/// Makes a page's script fail when it reads a field that the coordinator did not send, in the JSON of `fetch`, events and
+/// attributes. JSON that a page stored itself may lack fields, because another version may have written it.
 const UNSENT: &str = "(() => { \
     const strict = (value) => (typeof value !== 'object' || value === null) ? value : new Proxy(value, { \
         get(target, name, self) { \
@@ -65,14 +65,14 @@ const UNSENT: &str = "(() => { \
     Response.prototype.json = async function () { return strict(await json.call(this)); }; \
 })()";
 
-/// chromedriver, ended with this.
+/// chromedriver; dropping this ends it.
 pub struct Driver {
     process: Child,
     url: String,
     binary: String,
 }
 
-/// A process of chromedriver and its port; `None` if it ended before it listened.
+/// A chromedriver process and its port; `None` if it ended before it listened.
 fn listening(driver: &str) -> Option<(Child, u16)> {
     let mut process = Command::new(driver)
         .arg("--port=0")
@@ -91,7 +91,7 @@ fn listening(driver: &str) -> Option<(Child, u16)> {
     Some((process, port?))
 }
 
-/// One browser with one window.
+/// A browser with one window.
 pub struct Window {
     pub driver: WebDriver,
 }
@@ -99,7 +99,8 @@ pub struct Window {
 impl Driver {
     pub fn start() -> Self {
         let (binary, driver) = chromium().expect("the harness asks first whether there is a browser");
-        // It takes a free port of IPv6, and ends if somebody has that port of IPv4: another one of many at once may.
+        // chromedriver takes a free port of IPv6, and ends if that port of IPv4 is in use, for example by a chromedriver of another
+        // test.
         let (process, port) = (0..10)
             .find_map(|_| listening(&driver))
             .expect("chromedriver says where it listens");
@@ -110,7 +111,7 @@ impl Driver {
         }
     }
 
-    /// A browser of its own, with nothing kept, at `url`.
+    /// Opens `url` in a new browser without stored data.
     pub async fn open(&self, url: &str) -> Window {
         let mut chrome = DesiredCapabilities::chrome();
         chrome.set_binary(&self.binary).unwrap();
@@ -145,23 +146,22 @@ impl Drop for Driver {
 }
 
 impl Window {
-    /// What a script returns.
+    /// Runs a script and returns its value.
     pub async fn value(&self, script: &str) -> Value {
         let answer = self.driver.execute(format!("return {script}"), vec![]).await;
         answer.unwrap().json().clone()
     }
 
-    /// The text of an element.
     pub async fn text(&self, selector: &str) -> String {
         let element = self.driver.find(By::Css(selector)).await.unwrap();
         element.text().await.unwrap()
     }
 
-    /// Waits until a script returns something true; panics with what the page shows if it never does. While one page replaces
-    /// another, elements are missing and the script may fail: then it is not true yet.
+    /// Waits until a script returns true; panics with the page's content if it never does. While one page replaces another,
+    /// elements are missing and the script may fail: this counts as not true yet.
     ///
-    /// Containers that start beside the tests change the machine's networks, and Chromium gives up whatever it loads then: such a
-    /// page is loaded again.
+    /// Containers that start beside the tests change the machine's networks, and Chromium then aborts loading. Such a page is
+    /// loaded again.
     pub async fn until(&self, script: &str) {
         let mut begun = Instant::now();
         let mut looked = begun;
@@ -184,7 +184,7 @@ impl Window {
         }
     }
 
-    /// Presses keys, one after the other, wherever the focus is.
+    /// Presses keys, one after the other, with the focus where it is.
     pub async fn press(&self, keys: &str) {
         let chain = self
             .driver
@@ -192,11 +192,11 @@ impl Window {
         chain.send_keys(keys).perform().await.unwrap();
     }
 
-    /// Clicks the first element of a selector, once it can be clicked: it is there, shown and enabled, and nothing covers it.
+    /// Clicks the first element of a selector, once it exists, is shown and enabled, and is not covered.
     pub async fn click(&self, selector: &str) {
         let begun = Instant::now();
         loop {
-            // The driver has clicked nothing where it returns one of these: the page is still changing.
+            // After one of these errors the driver has not clicked: the page is still changing.
             let why = match self.try_click(selector).await.map_err(WebDriverError::into_inner) {
                 Ok(true) => return,
                 Ok(false) => "it is hidden or disabled".to_owned(),
@@ -227,13 +227,13 @@ impl Window {
         Ok(clickable)
     }
 
-    /// Gives an element the focus, as going there with keys does.
+    /// Focuses an element, as keyboard navigation does.
     pub async fn focus(&self, selector: &str) {
         let script = format!("document.querySelector({selector:?}).focus({{ focusVisible: true }})");
         self.driver.execute(script, vec![]).await.unwrap();
     }
 
-    /// Draws a line through points of an element, from its top left corner.
+    /// Draws a line with the pointer through points of an element, relative to its top left corner.
     pub async fn draw(&self, selector: &str, line: &[(f64, f64)]) {
         let place = self
             .value(&format!(
@@ -255,12 +255,12 @@ impl Window {
         chain.release().perform().await.unwrap();
     }
 
-    /// Notes what moves by itself on the pages from the next one on.
+    /// Records layout shifts on all following pages.
     pub async fn note_shifts(&self) {
         self.before_pages(SHIFTS).await;
     }
 
-    /// Runs a script before those of each page, from the next one on.
+    /// Runs a script before those of the page, on all following pages.
     pub async fn before_pages(&self, script: &str) {
         let script = json!({ "source": script });
         let cdp = self.driver.cdp();
@@ -269,19 +269,19 @@ impl Window {
             .unwrap();
     }
 
-    /// What has moved by itself, from where to where.
+    /// The recorded layout shifts: each element, from where to where.
     pub async fn shifts(&self) -> Value {
         self.value("JSON.parse(sessionStorage.getItem('shifts') ?? '[]')")
             .await
     }
 
-    /// As on a screen of this many pixels across, light or dark.
+    /// Emulates a screen of this size in pixels, light or dark.
     pub async fn resize(&self, width: u32, height: u32, dark: bool) {
         self.zoom((width, height), 1, dark).await;
     }
 
-    /// As on a screen of this many pixels across, zoomed so many times. The driver cannot press the browser's own keys for it, but
-    /// this is what these do to a page: it has fewer pixels each way, and as many of the screen's for each of its own.
+    /// Emulates a zoomed screen of this size in pixels. The driver cannot press the browser's zoom keys. Their effect on a page is
+    /// the same: fewer pixels in each direction, each of them more pixels on the screen.
     pub async fn zoom(&self, (width, height): (u32, u32), times: u32, dark: bool) {
         let cdp = self.driver.cdp();
         let (width, height) = (width / times, height / times);
@@ -295,7 +295,7 @@ impl Window {
         cdp.send_raw("Emulation.setEmulatedMedia", media).await.unwrap();
     }
 
-    /// Clicks what downloads a file, and returns the file, once it is there, as text.
+    /// Clicks a download link, waits for the whole file, and returns it as text.
     pub async fn download(&self, selector: &str, file: &str) -> String {
         let folder = tempfile::tempdir().unwrap();
         let to = json!({ "behavior": "allow", "downloadPath": folder.path() });
@@ -304,7 +304,7 @@ impl Window {
         self.click(selector).await;
         let begun = Instant::now();
         loop {
-            // It has this name only when all of it is there.
+            // The file gets this name only when it is complete.
             if let Ok(text) = fs::read_to_string(folder.path().join(file)) {
                 return text;
             }
@@ -313,14 +313,14 @@ impl Window {
         }
     }
 
-    /// As on paper, or on a screen again.
+    /// Switches between paper and screen.
     pub async fn print(&self, prints: bool) {
         let media = json!({ "media": if prints { "print" } else { "" } });
         let cdp = self.driver.cdp();
         cdp.send_raw("Emulation.setEmulatedMedia", media).await.unwrap();
     }
 
-    /// Has no page run scripts from now on.
+    /// Disables scripts on all pages from now on.
     pub async fn without_scripts(&self) {
         let cdp = self.driver.cdp();
         cdp.send_raw("Emulation.setScriptExecutionDisabled", json!({ "value": true }))
@@ -328,7 +328,7 @@ impl Window {
             .unwrap();
     }
 
-    /// A picture of the whole page, in `target/screenshots`.
+    /// Stores a picture of the whole page in `target/screenshots`.
     pub async fn picture(&self, name: &str) {
         let asked = json!({ "format": "png", "captureBeyondViewport": true });
         let answer = self.driver.cdp().send_raw("Page.captureScreenshot", asked).await;

@@ -1,4 +1,4 @@
-//! What the map shows: filters that are remembered, views that are gone back to, and paths over the pictures of behaviours.
+//! The map: filters that are remembered, going back to earlier views, and paths over the pictures of behaviours.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -15,7 +15,7 @@ async fn pick(window: &Window, menu: &str, value: &str) {
     window.driver.execute(pick, vec![]).await.unwrap();
 }
 
-/// Waits until the map says that so many individuals are shown.
+/// Waits until the map reports this number of shown individuals.
 async fn shows(window: &Window, count: usize) {
     window
         .until(&format!(
@@ -34,13 +34,13 @@ pub async fn what_the_map_shows_is_remembered_until_all_is_shown() {
     window
         .until("document.querySelector('#of-class [value=\"=ring\"]') && document.querySelector('#legend button')")
         .await;
-    // By class while clusters have the colours, and together with an annotator.
+    // By class while the colours show clusters, and combined with an annotator.
     pick(&window, "colouring", "cluster").await;
     pick(&window, "of-class", "=ring").await;
     shows(&window, 14).await;
     pick(&window, "answered-by", "Ben").await;
     shows(&window, 13).await;
-    // The last of them is of generation 4.
+    // The last of these is of generation 4.
     pick(&window, "to", "3").await;
     shows(&window, 12).await;
     window.driver.refresh().await.unwrap();
@@ -58,7 +58,7 @@ pub async fn what_the_map_shows_is_remembered_until_all_is_shown() {
     assert_eq!(window.value(menus).await.as_str(), Some("cluster,,,"));
     pick(&window, "of-class", "=").await;
     shows(&window, 86).await;
-    // A class that is gone hides nothing.
+    // A filter for a class that no longer exists hides nothing.
     pick(&window, "of-class", "=ring").await;
     shows(&window, 14).await;
     scene.labels.undo("Ben").await;
@@ -80,7 +80,7 @@ pub async fn the_map_goes_back_shows_paths_and_asks_before_one_answer_is_replace
             .as_bool(),
         Some(true)
     );
-    // The individual in the middle, by keys: its paths are drawn over its picture.
+    // Keys select the individual in the middle: its paths are drawn over its picture.
     window.focus("#over").await;
     window.press("\u{e014}").await;
     window.until(&colours("#tip .paths")).await;
@@ -92,7 +92,7 @@ pub async fn the_map_goes_back_shows_paths_and_asks_before_one_answer_is_replace
     window.until(&colours("#gallery .paths")).await;
     window.picture("map-paths").await;
 
-    // One answer is replaced only after a question.
+    // Replacing a single answer needs a confirmation.
     let first = "Number(document.querySelector('#gallery .card').dataset.index)";
     let index = window.value(first).await.as_u64().unwrap();
     name_selected(&window, "ring").await;
@@ -125,7 +125,7 @@ pub async fn the_map_goes_back_shows_paths_and_asks_before_one_answer_is_replace
     saved(&window).await;
     assert_eq!(scene.labels.standing().await[&index], "clump");
 
-    // Two steps nearer, and both back: one by a key, one by the button.
+    // Zooms in twice, then goes back twice: once by key, once by button.
     let all = lasso_all(&window).await;
     window.click("[data-zoom=in]").await;
     window.click("[data-zoom=in]").await;
@@ -143,7 +143,7 @@ pub async fn the_map_goes_back_shows_paths_and_asks_before_one_answer_is_replace
     scene.cluster.stop().await;
 }
 
-/// Whether a canvas shows something in colours.
+/// Whether a canvas contains colours.
 fn colours(canvas: &str) -> String {
     format!(
         "(() => {{ const canvas = document.querySelector({canvas:?}); \
@@ -182,7 +182,7 @@ pub async fn what_was_looked_at_shows_its_paths() {
     scene.cluster.stop().await;
 }
 
-/// Looks at the page wide and narrow, light and dark.
+/// Checks the page wide and narrow, light and dark.
 async fn look(window: &Window, name: &str) {
     for (width, height) in SIZES {
         for dark in [false, true] {

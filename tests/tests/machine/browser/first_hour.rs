@@ -1,5 +1,5 @@
-//! A researcher's first hour, from an empty list of campaigns to two that are compared. On the way nothing on a page moves by
-//! itself, and no page has barriers.
+//! A researcher's first hour, from an empty list of campaigns to a comparison of two. Nothing on a page moves by itself, and no
+//! page has accessibility barriers.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -13,8 +13,8 @@ use tempfile::TempDir;
 
 const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
 
-/// Scrolls to the top, and waits until nothing scrolls any more: a picture of the whole page is taken from its top, and where one
-/// had scrolled, everything would move twice. What was typed last may scroll for some frames yet.
+/// Scrolls to the top, and waits until the page no longer scrolls. A picture of the whole page is taken from its top, and on a
+/// scrolled page everything would shift twice. The page may still scroll for some frames after typing.
 const TO_THE_TOP: &str = "(async () => { \
     for (let still = 0; still < 3; still = scrollY === 0 ? still + 1 : 0) { \
         scrollTo({ top: 0, behavior: 'instant' }); \
@@ -25,7 +25,7 @@ struct Researcher {
     window: Window,
     screen: &'static str,
     cluster: Cluster,
-    /// Holds the data directory.
+    /// Keeps the data directory.
     _folder: TempDir,
     _driver: Driver,
 }
@@ -81,7 +81,7 @@ async fn hour(screen: &'static str, size: (u32, u32), zoom: u32, dark: bool) {
 }
 
 impl Researcher {
-    /// That the page as it is now has no barriers; a picture of it.
+    /// Checks that the page has no accessibility barriers; takes a picture.
     async fn look(&self, page: &str) {
         self.window.value(TO_THE_TOP).await;
         self.window.picture(&format!("hour-{page}-{}", self.screen)).await;
@@ -134,7 +134,7 @@ impl Researcher {
         self.look("progress").await;
     }
 
-    /// Waits until the campaign of this page is completed, and shows its behaviours.
+    /// Waits until the page's campaign is completed and its behaviours are shown.
     async fn completed(&self) {
         self.window
             .until("document.querySelectorAll('.behaviours img').length === 4")
@@ -172,7 +172,7 @@ impl Researcher {
         window.until(&format!("{pictured} === {count}")).await;
         self.look("map-selected").await;
         name_selected(window, "edge").await;
-        // Some of the thirty may be among these.
+        // The thirty labelled individuals may include some of these.
         let asked = "document.getElementById('overwrite').open";
         window
             .until(&format!(
@@ -200,8 +200,8 @@ impl Researcher {
         window.until("document.querySelector('dialog.ask').open").await;
         self.look("map-learn").await;
         window.click("dialog.ask [value=yes]").await;
-        // One generation of 20 more, placed by what was learned. The page says what is done meanwhile, which may take a moment
-        // only.
+        // One more generation of 20, in the behaviour space of the fine-tuned embedder. The page shows the progress, which may last
+        // only a moment.
         let in_cluster = "Number(/\\((\\d+)\\)/.exec(option.textContent)?.[1] ?? 0)";
         let all = format!(
             "[...document.querySelectorAll('#of-cluster option')].reduce((sum, option) => sum + {in_cluster}, 0)"
@@ -218,7 +218,7 @@ impl Researcher {
         let window = &self.window;
         self.follow("nav a[href$='/taxonomy']", "/campaigns/small-1/taxonomy")
             .await;
-        // The taxonomy of before and that of now.
+        // The taxonomies before and after learning.
         window
             .until("document.querySelectorAll('.versions a').length === 2")
             .await;
@@ -246,7 +246,7 @@ impl Researcher {
             .until("document.querySelectorAll('.medoid').length === 4")
             .await;
         window.click(".medoid form input").await;
-        // It may have a name that was carried over.
+        // The field may contain a name from before.
         window
             .driver
             .execute("document.activeElement.select()", vec![])
@@ -274,7 +274,7 @@ impl Researcher {
     async fn export(&self) {
         let window = &self.window;
         self.follow("nav a[href$='/map']", "/campaigns/small-1/map").await;
-        // What is below the classes is shown with them.
+        // The links appear together with the classes.
         window
             .until("document.querySelector('.palette').classList.contains('ready')")
             .await;

@@ -1,4 +1,4 @@
-//! Which keys belong to the page while a control has the focus.
+//! Which keys the page handles while a control has the focus.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -45,7 +45,7 @@ pub async fn answers_are_given_from_any_menu_and_box_and_these_keep_their_own_ke
     let chosen = "[document.querySelector('.speed').value, document.querySelector('#goal').value]";
     assert_eq!(window.value(chosen).await, json!(["4", "200"]));
 
-    // What a control does with a key of its own it does once, and the page nothing.
+    // If a control handles a key itself, it does so once, and the page ignores the key.
     window.focus("#agreement").await;
     window.press(" ").await;
     window.until("document.querySelector('#agreement').checked").await;
@@ -65,7 +65,7 @@ pub async fn answers_are_given_from_any_menu_and_box_and_these_keep_their_own_ke
     window.press(" ").await;
     window.until(&format!("!{plays}")).await;
 
-    // A pointer leaves no focus behind. Nobody else has answered, so that there is nothing to agree on.
+    // A click leaves no focus behind. There is nothing to agree on, because Ana is the only annotator.
     window.click("#agreement").await;
     window
         .until("document.getElementById('which').textContent === 'No questions left'")
@@ -88,7 +88,7 @@ pub async fn a_class_keeps_its_key_when_another_goes() {
     name(&window, "wall").await;
     let keys = "[...document.querySelectorAll('.class')].map((one) => one.textContent).join(' ')";
     window.until(&format!("{keys} === '1ring1 2wall1'")).await;
-    // Of no answer any more, the first class is gone.
+    // Without answers, the first class is gone.
     scene.labels.undo("Ben").await;
     window.until(&format!("{keys} === '2wall1'")).await;
     let wall = answer(&window, "2").await;
@@ -136,7 +136,7 @@ pub async fn an_arrow_on_the_sheet_moves_the_motion_or_goes_to_another_cluster_n
     scene.cluster.stop().await;
 }
 
-/// Opens the list of keys, and waits for a key of an action there.
+/// Opens the list of keys, and starts changing the key of an action.
 async fn change(window: &Window, action: &str) {
     if window.value("document.getElementById('keys').open").await == json!(false) {
         window.press("?").await;
@@ -167,7 +167,7 @@ pub async fn keys_of_actions_are_chosen_and_a_clash_is_said() {
     let window = scene.visit(&driver, "/label", "Ana").await;
     let undo = "document.querySelector('[data-do=undo] kbd').textContent";
 
-    // What another action or a class has is refused, and so is what browsers need.
+    // Keys of another action or a class are refused, and so are keys that browsers need.
     change(&window, "undo").await;
     window.press("s").await;
     expect_message(&window, "s is taken: skip the behaviour").await;
@@ -175,7 +175,7 @@ pub async fn keys_of_actions_are_chosen_and_a_clash_is_said() {
     expect_message(&window, "1 names the class “ring”").await;
     window.press("\u{e007}").await;
     expect_message(&window, "Enter cannot be chosen").await;
-    // Escape keeps the key, and the list stays open for what follows.
+    // Escape cancels the change, and the list stays open.
     window.press("\u{e00c}").await;
     expect_message(&window, "Nothing was changed").await;
     assert_eq!(
@@ -186,7 +186,7 @@ pub async fn keys_of_actions_are_chosen_and_a_clash_is_said() {
     change(&window, "undo").await;
     window.press(",").await;
     expect_message(&window, ",: undo your last answer").await;
-    // What a control does with a key it does not do while the key is chosen; the key that became free can be another's.
+    // While a key is chosen, controls ignore it. A freed key can be given to another action.
     change(&window, "skip").await;
     window.press("u").await;
     expect_message(&window, "u: skip the behaviour").await;
@@ -203,7 +203,7 @@ pub async fn keys_of_actions_are_chosen_and_a_clash_is_said() {
     }
     window.resize(1280, 900, false).await;
     close(&window).await;
-    // The buttons show what is in force, and it is.
+    // The buttons show the chosen keys, and the keys work.
     let marks =
         "[...document.querySelectorAll('.palette [data-action]')].map((mark) => mark.textContent).join()";
     assert_eq!(window.value(marks).await, json!("n,0,u,,"));
@@ -224,7 +224,7 @@ pub async fn keys_of_actions_are_chosen_and_a_clash_is_said() {
     window.press("p").await;
     window.until(&format!("!{plays}")).await;
 
-    // They hold on every page, and after a reload. No class gets a chosen key by itself.
+    // The keys hold on every page, and after a reload. No class gets a chosen key automatically.
     scene
         .labels
         .say("Cem", (10..40).map(|index| (index, format!("class {index}"))))
@@ -237,7 +237,7 @@ pub async fn keys_of_actions_are_chosen_and_a_clash_is_said() {
     let class_with_p = "[...document.querySelectorAll('.class kbd')].some((key) => key.textContent === 'p')";
     assert_eq!(window.value(class_with_p).await, json!(false));
 
-    // A class to which somebody gives the key takes it, and the list says so.
+    // A class takes the key if a person gives it to the class, and the list shows so.
     window.driver.goto(scene.url("/classes")).await.unwrap();
     window
         .until("document.querySelector('[data-act=\"shortcut ring\"]')")
@@ -260,7 +260,7 @@ pub async fn keys_of_actions_are_chosen_and_a_clash_is_said() {
     saved(&window).await;
     assert_eq!(scene.labels.standing().await[&index], "ring");
 
-    // The usual key comes back, unless another action has it now.
+    // The default key can be restored, unless another action has it now.
     change(&window, "undo").await;
     window.press("\u{e00c}").await;
     window.click("[data-of=undo] [data-do=reset]").await;

@@ -9,7 +9,7 @@ use murmuration_tests::Murmuration;
 use serde_json::json;
 use std::collections::BTreeSet;
 
-/// A world that is no square: a page that took its shape from a motion would move when the motion arrives.
+/// A world that is not square: a page that took its shape from a motion would shift when the motion arrives.
 const WIDE: &str = "name = \"small\"\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\n\
                     [world]\nhorizon = 200\nwidth = 800.0\nheight = 400.0\n\
                     [search]\npopulation = 20\ngenerations = 5\n[taxonomy]\nmedoids = 4\n";
@@ -25,7 +25,7 @@ pub async fn thirty_are_labelled_two_undone_and_a_refresh_loses_nothing() {
     for turn in 0..13 {
         seen.push(answer(&window, ["1", "2", "0", "s"][turn % 4]).await);
     }
-    // Some of these may not be acknowledged yet.
+    // Some of these answers may not be acknowledged yet.
     window.driver.refresh().await.unwrap();
     for _ in 0..15 {
         seen.push(answer(&window, "1").await);
@@ -41,7 +41,7 @@ pub async fn thirty_are_labelled_two_undone_and_a_refresh_loses_nothing() {
     assert!(seen.iter().all(|index| standing.contains_key(index)));
     assert_eq!(standing[&seen[1]], "wall");
 
-    // Undone, they are asked about again, the last one first.
+    // Undone answers are asked again, the last one first.
     for &index in seen[28..].iter().rev() {
         window.press("u").await;
         window
@@ -97,14 +97,14 @@ pub async fn a_killed_coordinator_loses_no_answer() {
     }
     saved(&window).await;
     coordinator.kill();
-    // The next questions are there already.
+    // The next questions have been fetched already.
     for _ in 0..2 {
         seen.push(answer(&window, "1").await);
     }
     window
         .until("document.querySelector('.stale-note').textContent.includes('2 answers are stored in this browser')")
         .await;
-    // It must be found where it was.
+    // The coordinator must restart at the same address.
     let (coordinator, again) = serve(url.trim_start_matches("http://"));
     assert_eq!(again, url);
     saved(&window).await;
@@ -135,7 +135,7 @@ pub async fn a_window_without_its_coordinator_says_so_where_it_is_seen() {
         true
     );
     coordinator.kill();
-    // Until the window holds no question any more.
+    // Until the window has no more questions.
     let mut answers = 0;
     while window
         .value("/^Individual/.test(document.getElementById('which').textContent)")
@@ -179,7 +179,7 @@ pub async fn a_window_without_its_coordinator_says_so_where_it_is_seen() {
     assert_eq!(coordinator.terminate(), Some(0));
 }
 
-/// Has the first answer that a page sends get a reply that is cut off, as where the page is left meanwhile.
+/// Cuts off the reply to the first answer that a page sends, as when a person leaves the page meanwhile.
 const CUT_OFF: &str = "{ \
     const fetched = fetch; \
     let cut = false; \
@@ -279,7 +279,7 @@ pub async fn a_name_that_was_typed_wrongly_is_exchanged_with_a_button() {
         1
     );
 
-    // One may also mean it.
+    // A person may also insist on the name.
     name(&window, "mixing").await;
     name(&window, "mixings").await;
     window.until("!document.querySelector('.near').hidden").await;
@@ -299,7 +299,7 @@ pub async fn a_motion_in_an_oblong_world_moves_nothing_when_it_arrives() {
     let window = scene.visit(&driver, "/label", "Ana").await;
     window.note_shifts().await;
     for (width, height) in [(1280, 900), (390, 844)] {
-        // From an empty page, so that nothing is noted that moves because the screen became another one.
+        // From an empty page, so that shifts because of the new screen size are not recorded.
         window.driver.goto("about:blank").await.unwrap();
         window.resize(width, height, false).await;
         window.driver.goto(scene.url("/label")).await.unwrap();
@@ -312,7 +312,7 @@ pub async fn a_motion_in_an_oblong_world_moves_nothing_when_it_arrives() {
     scene.cluster.stop().await;
 }
 
-/// Gives a name on another page of the same browser.
+/// Sets the annotator's name from another page of the same browser.
 async fn rename_elsewhere(window: &Window, name: &str) {
     let script = format!(
         "const other = document.createElement('iframe'); document.body.append(other); \
@@ -326,11 +326,11 @@ pub async fn a_name_that_is_given_on_another_page_holds_here() {
     let scene = Scene::set().await;
     let window = driver.open(&scene.url("/label")).await;
     window.until("!document.getElementById('who').hidden").await;
-    // Who is known on another page is asked no more.
+    // A name given on another page needs no question here.
     rename_elsewhere(&window, "Ana").await;
     window.until("document.getElementById('who').hidden").await;
     name(&window, "milling").await;
-    // Under a name that was changed there, nothing is answered here as somebody else.
+    // After the name changes there, this page answers under the new name.
     rename_elsewhere(&window, "Ben").await;
     window
         .until("document.getElementById('annotator').value === 'Ben'")

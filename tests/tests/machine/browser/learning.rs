@@ -25,12 +25,12 @@ pub async fn what_was_said_is_learned_and_the_map_changes() {
         )
         .await;
     window.click(".learn button").await;
-    // It says first what that does, and before the first round nothing of how long the last one took.
+    // The dialog explains learning. Before the first round it cannot report how long the last one took.
     window.until("document.querySelector('dialog.ask').open").await;
     let asked = window.text("#asked").await;
     assert!(asked.contains("from seconds to some minutes"), "{asked}");
     window.click("dialog.ask [value=yes]").await;
-    // One generation of 20 more, placed by what was learned.
+    // One more generation of 20, in the behaviour space of the fine-tuned embedder.
     window
         .until("document.getElementById('legend')?.textContent.includes('unnamed · 108')")
         .await;
@@ -39,7 +39,7 @@ pub async fn what_was_said_is_learned_and_the_map_changes() {
         .await;
     assert_ne!(scene.cluster.status("latest").await.checkpoint, before);
     window.picture("map-learned").await;
-    // Now it is known how long a round takes, and it is said before the next.
+    // After a round, the page reports its duration before the next one.
     window.driver.refresh().await.unwrap();
     let message = window.value("document.querySelector('.learn').dataset.ask").await;
     let message = message.as_str().unwrap();
@@ -61,7 +61,7 @@ pub async fn where_there_is_nothing_to_learn_from_the_page_says_so() {
         )
         .await;
     window.click(".learn button").await;
-    // It says first what that does.
+    // The dialog explains learning.
     window.until("document.querySelector('dialog.ask').open").await;
     window.click("dialog.ask [value=yes]").await;
     window

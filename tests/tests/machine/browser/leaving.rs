@@ -1,4 +1,4 @@
-//! Log-in and log-out; pages that are left for others.
+//! Log-in and log-out, and leaving pages.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -10,7 +10,7 @@ use std::fs;
 
 const LABEL: &str = "/campaigns/small-1/label";
 
-/// Waits until the page is that of this address.
+/// Waits until the page has this path.
 async fn arrived(window: &Window, path: &str) {
     window
         .until(&format!(
@@ -19,7 +19,7 @@ async fn arrived(window: &Window, path: &str) {
         .await;
 }
 
-/// Logs in, and is led to the page that was asked for.
+/// Logs in, and waits for the page that was requested.
 async fn log_in(window: &Window, token: &str) {
     arrived(window, "/login").await;
     window.click("input[name=token]").await;
@@ -68,13 +68,12 @@ pub async fn who_logs_in_labels_and_who_logs_out_is_out() {
     let mut seen = vec![name(&window, "milling").await];
     window.picture("label-logged-in").await;
 
-    // The session ends while a person answers: the answer is kept, and with its first request the page goes to the
-    // log-in by itself.
+    // The session ends while a person answers. The answer is kept, and the page's first request redirects to the log-in.
     coordinator.kill();
     seen.push(answer(&window, "1").await);
     window.driver.delete_all_cookies().await.unwrap();
     let (coordinator, _) = serve(url.trim_start_matches("http://"));
-    // Somebody who may not answer takes nothing away.
+    // A person without permission to answer does not lose the answer.
     log_in(&window, viewers).await;
     window
         .until("document.querySelector('.stale-note').textContent.includes('1 answer is stored in this browser')")
@@ -91,7 +90,7 @@ pub async fn who_logs_in_labels_and_who_logs_out_is_out() {
         window.driver.goto(format!("{url}{path}")).await.unwrap();
         assert_eq!(window.text(".account button").await, "Log out", "{path}");
     }
-    // So does a page that only looks on.
+    // Pages without answers redirect too.
     window
         .driver
         .goto(format!("{url}/campaigns/small-1"))
@@ -101,7 +100,7 @@ pub async fn who_logs_in_labels_and_who_logs_out_is_out() {
     window.driver.delete_all_cookies().await.unwrap();
     let (coordinator, _) = serve(url.trim_start_matches("http://"));
     arrived(&window, "/login").await;
-    // What a page was asked for with is not forgotten meanwhile.
+    // The log-in keeps the query of the requested page.
     window.driver.goto(format!("{page}?from=a%26b")).await.unwrap();
     log_in(&window, token).await;
     assert_eq!(window.value("location.search").await, "?from=a%26b");
@@ -114,7 +113,7 @@ pub async fn who_logs_in_labels_and_who_logs_out_is_out() {
     assert_eq!(coordinator.terminate(), Some(0));
 }
 
-/// Counts the streams of events that pages have open: those of pages that were left, too, which the browser keeps.
+/// Counts the open event streams of pages, including pages that the browser keeps after leaving them.
 const COUNT_STREAMS: &str = "{ \
     const count = (by) => localStorage.setItem('streams', Number(localStorage.getItem('streams') ?? 0) + by); \
     globalThis.EventSource = class extends EventSource { \

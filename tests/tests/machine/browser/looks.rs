@@ -1,4 +1,4 @@
-//! The look of pages: screenshots, and automatic checks.
+//! Appearance of pages: screenshots, and automatic checks.
 
 use crate::browser::{
     axe::check_barriers,
@@ -7,7 +7,7 @@ use crate::browser::{
 };
 use serde_json::json;
 
-/// Texts whose contrast with what is behind them is below WCAG AA (4.5, or 3 for large ones).
+/// Texts whose contrast with their background is below WCAG AA (4.5, or 3 for large texts).
 const FAINT: &str = include_str!("contrast.js");
 
 pub const SIZES: [(u32, u32); 2] = [(1280, 900), (390, 844)];
@@ -73,7 +73,7 @@ pub async fn long_names_many_classes_and_large_type_stay_within_the_page() {
             window.picture(&format!("{name}-{width}-crowded")).await;
             check(&window, name).await;
             assert_eq!(window.value(OUTSIDE).await, json!([]), "{name} at {width}");
-            // A key that is shown works.
+            // Every key that is shown works.
             let keys = "[...document.querySelectorAll('.class kbd')].map((key) => key.textContent).join('')";
             let shown = window.value(keys).await;
             let teaches = ["label", "sheet", "map", "answers"].contains(&name);
@@ -84,7 +84,7 @@ pub async fn long_names_many_classes_and_large_type_stay_within_the_page() {
     scene.cluster.stop().await;
 }
 
-/// Words of classes that lie on more than one line, though the palette is wider than they are.
+/// Words of class names that are broken across lines, although the palette is wide enough.
 const BROKEN: &str = "[...document.querySelectorAll('.class .name')].flatMap((name) => { \
     const text = name.firstChild; \
     return [...text.data.matchAll(/[^ -]+/g)].filter(({ 0: word, index }) => { \
@@ -121,7 +121,7 @@ pub async fn a_word_of_a_class_is_not_broken() {
     scene.cluster.stop().await;
 }
 
-/// What plays a motion, outside of its player.
+/// Controls of a player that extend beyond it.
 const OUTSIDE: &str = "[...document.querySelectorAll('.transport > *')].filter((part) => { \
     const [own, player] = [part, part.closest('.player')].map((one) => one.getBoundingClientRect()); \
     return part.checkVisibility() && (own.left < player.left - 1 || own.right > player.right + 1); }).map((part) => part.outerHTML)";
@@ -151,7 +151,7 @@ const PAGES: [(&str, &str); 7] = [
     ),
 ];
 
-/// That a page is as wide as the screen, readable, and without barriers.
+/// Checks that a page fits the screen's width, is readable, and has no accessibility barriers.
 pub async fn check(window: &Window, page: &str) {
     let over = window
         .value("document.documentElement.scrollWidth - document.documentElement.clientWidth")

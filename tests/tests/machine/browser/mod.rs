@@ -1,7 +1,7 @@
-//! The pages in a real browser: what people do with keys and pointer, and what they see.
+//! The pages in a real browser: interactions with keys and pointer, and the resulting display.
 //!
-//! Needs Chromium and its driver (`scripts/browser` installs them); without them the tests are ignored.
-//! Screenshots of every page land in `target/screenshots`, for people to look at.
+//! The tests need Chromium and its driver (`scripts/browser` installs them); without them they are ignored. They store screenshots
+//! of every page in `target/screenshots`.
 
 mod axe;
 mod driver;

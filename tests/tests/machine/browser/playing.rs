@@ -1,4 +1,4 @@
-//! The page on which people play.
+//! The page Play.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -9,7 +9,7 @@ use murmuration_tests::{Cluster, small_spec};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-/// A coordinator, and a person at the page.
+/// A coordinator, and a browser at the page.
 struct Playground {
     _folder: TempDir,
     _driver: Driver,
@@ -24,7 +24,7 @@ impl Playground {
         Self::at(folder, cluster).await
     }
 
-    /// With a worker and a completed campaign.
+    /// A coordinator with a worker and a completed campaign.
     async fn beside_a_campaign() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let mut cluster = Cluster::start(folder.path(), 1).await;
@@ -57,12 +57,12 @@ impl Playground {
 const STEP: &str = "Number(document.querySelector('output.step').textContent.replace(/\\D/g, ''))";
 const QUERY: &str = "Object.fromEntries(new URLSearchParams(location.search))";
 const PLAYS: &str = "document.querySelector('.toggle').classList.contains('playing')";
-/// The drawn swarm, as a number.
+/// A hash of the drawn swarm.
 const DRAWN: &str = "(() => { const c = document.querySelector('canvas'); \
     const { data } = c.getContext('2d').getImageData(0, 0, c.width, c.height); \
     return data.reduce((sum, value) => (31 * sum + value) % 1000003, 0); })()";
 
-/// Moves a slider of a gene, as a pointer does.
+/// Moves the slider of a gene, as a pointer does.
 async fn slide(window: &Window, gene: u32, value: &str) {
     let script = format!(
         "const slider = document.querySelector('[data-slides=gene-{gene}]'); slider.value = '{value}'; \
@@ -71,10 +71,10 @@ async fn slide(window: &Window, gene: u32, value: &str) {
     window.driver.execute(script, vec![]).await.unwrap();
 }
 
-/// The motion of the present controller is there.
+/// Whether the motion of the current controller has arrived.
 const IS_THERE: &str = "document.querySelector('.stage').getAttribute('aria-busy') === 'false'";
 
-/// What is drawn at a step, once the motion is there.
+/// The drawing at the first step, once the motion has arrived.
 async fn drawn_at_start(window: &Window) -> Value {
     window.until(IS_THERE).await;
     if window.value(PLAYS).await == json!(true) {
@@ -217,7 +217,7 @@ pub async fn the_page_fits_every_screen_and_rests_where_motion_is_not_wanted() {
                 window.until(&format!("{STEP} > 40")).await;
                 window.picture(&format!("{name}-{width}-{scheme}")).await;
                 looks::check(window, name).await;
-                // The swarm stays in sight of the controls far below it.
+                // The swarm stays in view although the controls are far below it.
                 let stays = "(() => { scrollTo({ top: 450, behavior: 'instant' }); \
                     const { top, bottom } = document.querySelector('.stage').getBoundingClientRect(); \
                     return width > 999 || (top >= 0 && bottom < innerHeight); })()";
@@ -250,7 +250,7 @@ pub async fn the_page_fits_every_screen_and_rests_where_motion_is_not_wanted() {
     playground.close().await;
 }
 
-/// Individuals that the page says the swarm is like.
+/// Number of similar individuals on the page.
 const LIKE: &str = "document.querySelectorAll('#likes li').length";
 
 pub async fn what_a_swarm_is_like_is_shown_with_ways_to_see_it() {
@@ -268,7 +268,7 @@ pub async fn what_a_swarm_is_like_is_shown_with_ways_to_see_it() {
             looks::check(window, "play-like").await;
         }
     }
-    // The swarm's own picture is drawn, and the nearest is not farther than the next.
+    // The swarm's own picture is drawn, and the similar individuals are sorted by distance.
     let white = "(() => { const c = document.querySelector('#likes canvas'); \
         return Math.max(...c.getContext('2d').getImageData(0, 0, c.width, c.height).data.filter((_, i) => i % 4 < 3)); })()";
     assert!(window.value(white).await.as_u64().unwrap() > 200);
@@ -276,7 +276,7 @@ pub async fn what_a_swarm_is_like_is_shown_with_ways_to_see_it() {
         "[...document.querySelectorAll('#likes .reason')].map((it) => parseFloat(it.textContent))";
     let distances: Vec<f64> = serde_json::from_value(window.value(distances).await).unwrap();
     assert!(distances.len() == 5 && distances.is_sorted(), "{distances:?}");
-    // Of another controller nothing is known.
+    // Another controller has no result yet.
     slide(window, 0, "0.9").await;
     window
         .until(&format!("{LIKE} === 0 && {QUERY}.genes === '0.9,1,0.4,0.5'"))
@@ -321,7 +321,7 @@ pub async fn where_nothing_can_be_compared_the_page_says_so() {
     window.press("l").await;
     assert_eq!(window.value(LIKE).await, json!(0));
     playground.close().await;
-    // A campaign, and nobody who could simulate.
+    // A campaign without a worker that could simulate.
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 1).await;
     cluster.run(&small_spec("")).await;

@@ -1,4 +1,4 @@
-//! How the points of the map are drawn: by a graphics card where there is one, and else by the script.
+//! Drawing the points of the map: by a graphics card if there is one, otherwise by the script.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -6,13 +6,13 @@ use crate::browser::{
 };
 use serde_json::json;
 
-/// Takes the name of an imitation of a graphics card, as Chromium has one without a card, for that of a card.
+/// Hides from the page that Chromium's graphics card is an emulation.
 const CARD: &str = "const ask = WebGL2RenderingContext.prototype.getExtension; \
     WebGL2RenderingContext.prototype.getExtension = function (name) { \
         return name === 'WEBGL_debug_renderer_info' ? { UNMASKED_RENDERER_WEBGL: this.VERSION } : ask.call(this, name); \
     };";
 
-/// Pixels of the map that a point covers, at least in part.
+/// Number of pixels of the map that points cover, at least in part.
 const COVERED: &str = "(() => { \
     document.querySelector('[data-zoom=whole]').click(); \
     return new Promise((resolve) => requestAnimationFrame(() => { \
@@ -24,7 +24,7 @@ const COVERED: &str = "(() => { \
         resolve(pixels.filter((pixel) => pixel !== pixels[0]).length); \
     })); })()";
 
-/// How many pixels of the map are covered, which is drawn in the given way.
+/// Number of covered pixels of the map. Checks that it is drawn by the given method.
 async fn covered(window: &Window, drawn: &str) -> f64 {
     window.until("document.querySelector('#legend button')").await;
     let way = window

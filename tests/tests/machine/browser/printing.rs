@@ -3,7 +3,7 @@
 use crate::browser::{driver::Driver, scene::Scene};
 use serde_json::{Value, json};
 
-/// Where the pins are, in parts of the map, and how far the map is from the shape that it was drawn in.
+/// Positions of the pins as fractions of the map, and the map's distortion from the shape in which it was drawn.
 const PINS: &str = "(() => { \
     const space = document.getElementById('space'); \
     const map = space.getBoundingClientRect(); \
@@ -27,7 +27,7 @@ pub async fn pins_stay_with_their_medoids_when_the_report_is_laid_out_for_paper(
         .until("document.querySelectorAll('.pin').length === 4")
         .await;
     window.print(true).await;
-    // Laid out as it will be printed, then at the width of a sheet: no script hears of that.
+    // Lays out for printing, then narrows to the width of a sheet: scripts do not get an event for that.
     let drawn = "(() => { const space = document.getElementById('space'); \
                  return space.width === Math.round(space.clientWidth * devicePixelRatio); })()";
     window.until(drawn).await;
@@ -46,7 +46,7 @@ pub async fn pins_stay_with_their_medoids_when_the_report_is_laid_out_for_paper(
     assert!(stretched.abs() < 0.01, "the points are stretched by {stretched}");
     window.picture("report-printed").await;
 
-    // Paper is light.
+    // Printed pages are light.
     window.print(false).await;
     window.resize(1280, 900, true).await;
     let corner = "[...document.getElementById('space').getContext('2d').getImageData(1, 1, 1, 1).data]";

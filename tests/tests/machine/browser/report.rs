@@ -7,7 +7,7 @@ use crate::browser::{
 };
 use serde_json::json;
 
-/// The first card: how it is, whether its button offers to pause, and the step.
+/// The first card: its mode, the label of its button, and the step.
 const MODE: &str = "document.querySelector('.card').dataset.mode";
 const BUTTON: &str = "document.querySelector('.card .toggle').ariaLabel";
 const STEP: &str = "Number(document.querySelector('.card .scrub').value)";
@@ -73,7 +73,7 @@ pub async fn a_card_plays_pauses_and_rests_by_keyboard_in_a_file() {
     window.close().await;
 }
 
-/// Whether a canvas has the picture of a swarm.
+/// Whether a canvas contains the picture of a swarm.
 fn drawn(canvas: &str) -> String {
     format!(
         "(() => {{ const canvas = document.querySelector('{canvas}'); const {{ width, height }} = canvas; \
@@ -82,12 +82,12 @@ fn drawn(canvas: &str) -> String {
     )
 }
 
-/// The commands that replay behaviour 1 and the individual that was opened, without their files.
+/// The commands that replay behaviour 1 and the opened individual, without their files.
 const COMMANDS: &str = "['behaviour-1', 'chosen'].map((id) => \
     [...document.getElementById(id).querySelectorAll('.copyable .line')].map((line) => line.textContent) \
     .find((line) => line.startsWith('murmuration simulate')).split(' --gif ')[0])";
 
-/// The map's own keys: zoom, and from point to point.
+/// The map's own keys: zoom, and moving from point to point.
 async fn keys_of_the_map(window: &Window) {
     let pins = "[...document.querySelectorAll('.pin')].map(({ style }) => style.left + style.top).join()";
     let before = window.value(pins).await;
@@ -140,7 +140,7 @@ pub async fn plots_tell_their_values_at_a_pointer_and_by_keys() {
             "document.querySelector('{told}').textContent.startsWith('Generation 1: ')"
         ))
         .await;
-    // At the right edge is the last generation, and a dot lies on its line.
+    // The last generation is at the right edge, with a dot on its line.
     let last = window.value(&format!("{data}.x.at(-1)")).await;
     let width = window
         .value("document.querySelector('#novelty .plot .wide').clientWidth")
@@ -166,7 +166,7 @@ pub async fn a_pointer_on_the_map_tells_what_is_there() {
     window
         .until("document.querySelectorAll('.pin').length === 4")
         .await;
-    // The medoids' points are where their leaders end, and no pin lies over them.
+    // The medoids' points are at the ends of their leader lines, and no pin covers them.
     let place = "(() => { const { archive, equalScale } = window.murmuration; \
                  const space = document.getElementById('space'); \
                  const { clientWidth, clientHeight } = space; \
@@ -181,7 +181,7 @@ pub async fn a_pointer_on_the_map_tells_what_is_there() {
     let expected = format!("Individual {} · behaviour 1", found[2]);
     assert!(told.starts_with(&expected), "{told} is not of {expected}");
     window.until(&drawn("#tip canvas")).await;
-    // What is not of that cluster is faded.
+    // Pins of other clusters are faded.
     let faded = "document.querySelectorAll('.pin.faded').length";
     assert_eq!(window.value(faded).await, json!(3));
     window.draw("#space", &[(x, y)]).await;
@@ -195,7 +195,7 @@ pub async fn a_pointer_on_the_map_tells_what_is_there() {
     window.picture("report-opened").await;
     window.press("\u{e00c}").await;
     window.until("document.getElementById('chosen').hidden").await;
-    // Each card shows on a small map where its cluster lies.
+    // A small map on each card shows the place of its cluster.
     let blank = "[...document.querySelectorAll('canvas.where')].filter((small) => \
                  !new Uint32Array(small.getContext('2d').getImageData(0, 0, small.width, small.height).data.buffer).some(Boolean)).length";
     assert_eq!(window.value(blank).await, json!(0));

@@ -1,4 +1,4 @@
-//! Classes and the keys for them, and answers that are looked through afterwards.
+//! Classes and their keys, and the review of answers.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -7,13 +7,13 @@ use crate::browser::{
 };
 use serde_json::json;
 
-/// The parts of a page that have moved without anybody's doing, summed up as browsers do.
+/// Sum of the layout shifts that do not follow an interaction, as browsers compute it.
 const SHIFTED: &str = "new Promise((told) => { let sum = 0; \
     new PerformanceObserver((list) => { for (const one of list.getEntries()) if (!one.hadRecentInput) sum += one.value; }) \
         .observe({ type: 'layout-shift', buffered: true }); \
     setTimeout(() => told(sum), 400); })";
 
-/// Colours on a canvas that are neither grey nor faint.
+/// Number of pixels of a canvas with a strong colour.
 const COLOURFUL: &str = "(() => { const { width, height } = document.getElementById('paths'); \
     const { data } = document.getElementById('paths').getContext('2d').getImageData(0, 0, width, height); \
     let count = 0; \
@@ -59,7 +59,7 @@ pub async fn the_papers_classes_are_offered_and_keys_can_be_chosen() {
     window.click("[data-do=own]").await;
     window.until("!document.querySelector('.offer')").await;
 
-    // A key of one's own.
+    // A custom key.
     window.driver.goto(scene.url("/classes")).await.unwrap();
     choose(&window, "shortcut milling", "w").await;
     window.click("#agree").await;
@@ -74,7 +74,7 @@ pub async fn the_papers_classes_are_offered_and_keys_can_be_chosen() {
     scene.cluster.stop().await;
 }
 
-/// Opens the dialog of a class, chooses a value, and agrees.
+/// Opens the dialog of a class and chooses a value.
 async fn choose(window: &Window, act: &str, value: &str) {
     begin(window, act).await;
     let set = format!(
@@ -105,7 +105,7 @@ pub async fn every_page_with_keys_lists_them() {
         window.until("document.getElementById('keys').open").await;
         let listed = window.text("#keys").await;
         assert!(listed.contains("show these keys"), "{page}: {listed}");
-        // What is pressed there is no answer.
+        // Keys pressed there are not answers.
         window.press("1").await;
         if page == "/label" {
             window.picture("keys").await;
@@ -154,7 +154,7 @@ pub async fn answers_are_looked_through_changed_and_withdrawn() {
         .until("document.querySelectorAll('.answer').length === 6")
         .await;
 
-    // Several of one's own are changed when that was asked.
+    // Several own answers change after a confirmation.
     window.click("#all").await;
     window.until("document.getElementById('selected').textContent.startsWith('6 answers selected, 6 of them yours')").await;
     let key = "[...document.querySelectorAll('.class')].find((one) => one.dataset.answer === 'clump').querySelector('kbd').textContent";
@@ -173,12 +173,12 @@ pub async fn answers_are_looked_through_changed_and_withdrawn() {
     window.until("document.getElementById('confirm').open").await;
     window.click("#confirm [value=yes]").await;
     saved(&window).await;
-    // Nothing is left of what the menus ask for.
+    // No answers match the menus any more.
     window
         .until("document.querySelectorAll('.answer').length === 0")
         .await;
 
-    // One is withdrawn at once, and another person's cannot be.
+    // An own answer is withdrawn at once; another person's answer cannot be withdrawn.
     window.driver.execute(&menu("given", ""), vec![]).await.unwrap();
     window.driver.execute(&menu("by", ""), vec![]).await.unwrap();
     window
@@ -262,7 +262,7 @@ pub async fn classes_are_changed_after_it_was_said_what_that_does() {
     window.until("!document.querySelector('.class-row')").await;
     assert_eq!(scene.labels.standing().await.len(), 0);
 
-    // Undone, one after the other.
+    // The changes are undone one after the other.
     window.click("#revert").await;
     window
         .until("document.querySelectorAll('.class-row').length === 1")
@@ -279,7 +279,7 @@ pub async fn classes_are_changed_after_it_was_said_what_that_does() {
         (standing.len(), &*standing[&7], &*standing[&0]),
         (7, "clump", "wheel")
     );
-    // Of ten entries, none was changed.
+    // None of the ten later entries changed.
     assert_eq!(scene.labels.entries().await, 7 + 4 + 2);
     window.close().await;
     scene.cluster.stop().await;
@@ -313,7 +313,7 @@ pub async fn who_names_on_the_map_first_stays_where_they_are_and_sees_a_part() {
         .until("!document.querySelector('dialog.introduction').open")
         .await;
     assert_eq!(window.value("scrollY").await, before);
-    // Some have a class already.
+    // Some individuals have a class already.
     window.until("document.getElementById('overwrite').open").await;
     window.click("#overwrite [value=rest]").await;
     saved(&window).await;

@@ -1,4 +1,4 @@
-//! A coordinator with a finished campaign, and a person at a page.
+//! A coordinator with a finished campaign, and a browser at one of its pages.
 
 use crate::browser::driver::{Driver, Window};
 use murmuration_proto::{
@@ -18,7 +18,7 @@ pub struct Scene {
     pub labels: LabelClient,
 }
 
-/// What a coordinator holds of a campaign's labels.
+/// A client for a campaign's labels.
 pub struct LabelClient(LabelServiceClient<Channel>);
 
 impl Scene {
@@ -33,7 +33,7 @@ impl Scene {
         scene
     }
 
-    /// A campaign that has only begun.
+    /// A campaign that has just started.
     pub async fn begun(spec: &CampaignSpec) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let mut cluster = Cluster::start(folder.path(), 2).await;
@@ -50,7 +50,7 @@ impl Scene {
         format!("{}/campaigns/small-1{page}", self.cluster.url())
     }
 
-    /// Somebody who has said their name, at a page.
+    /// Opens a page as the annotator `name`.
     pub async fn visit(&self, driver: &Driver, page: &str, name: &str) -> Window {
         let window = driver.open(&self.url("/label")).await;
         introduce(&window, name).await;
@@ -58,7 +58,7 @@ impl Scene {
         window
     }
 
-    /// The report, saved as a file and opened from there.
+    /// Saves the report as a file and opens the file.
     pub async fn report(&self, driver: &Driver) -> Window {
         let text = murmuration_tests::http::get(self.url("/report"))
             .await
@@ -69,7 +69,7 @@ impl Scene {
         let page = self.folder.path().join("report.html");
         std::fs::write(&page, text).unwrap();
         let window = driver.open(&format!("file://{}", page.display())).await;
-        // A pointer goes to where an element is, not to where it scrolls.
+        // Without smooth scrolling: the pointer aims at an element's position before the scroll.
         let at_once = "document.documentElement.style.scrollBehavior = 'auto'";
         window.driver.execute(at_once, vec![]).await.unwrap();
         window
@@ -81,7 +81,7 @@ impl LabelClient {
         Self(LabelServiceClient::connect(url.to_owned()).await.unwrap())
     }
 
-    /// What stands: by individual, the answer.
+    /// The current answers, by individual.
     pub async fn standing(&mut self) -> BTreeMap<u64, String> {
         let request = v1::ListLabelsRequest {
             campaign: "latest".to_owned(),
@@ -92,7 +92,7 @@ impl LabelClient {
         answers.map(|answer| (answer.index, answer.answer)).collect()
     }
 
-    /// Says of individuals what they are, as `annotator`.
+    /// Answers about individuals as `annotator`.
     pub async fn say(&mut self, annotator: &str, message: impl IntoIterator<Item = (u64, String)>) {
         let answer = |(index, answer)| v1::Answer {
             index,
@@ -108,7 +108,7 @@ impl LabelClient {
         self.0.append_labels(request).await.unwrap();
     }
 
-    /// Has the synthetic annotator answer about `count` individuals.
+    /// Lets the synthetic annotator answer about `count` individuals.
     pub async fn judge(&mut self, count: u32) {
         let request = v1::AppendSyntheticLabelsRequest {
             campaign: "latest".to_owned(),
@@ -121,7 +121,7 @@ impl LabelClient {
         assert_eq!(message.len(), count as usize);
     }
 
-    /// Undoes what `annotator` said last.
+    /// Undoes the last request of `annotator`.
     pub async fn undo(&mut self, annotator: &str) {
         let request = v1::UndoLabelsRequest {
             campaign: "latest".to_owned(),
@@ -131,7 +131,7 @@ impl LabelClient {
         self.0.undo_labels(request).await.unwrap();
     }
 
-    /// How many entries the log has.
+    /// Number of entries of the log.
     pub async fn entries(&mut self) -> usize {
         self.log().await.len()
     }
@@ -145,11 +145,11 @@ impl LabelClient {
     }
 }
 
-/// Says who is there, where the page asks.
+/// Enters the annotator's name, and waits for a question.
 pub async fn introduce(window: &Window, name: &str) {
     introduce_here(window, name).await;
     asked(window).await;
-    // The paper's classes would have the first keys.
+    // Hides the paper's classes, which would get the first keys.
     window
         .until("document.querySelector('.palette').classList.contains('ready')")
         .await;
@@ -158,7 +158,7 @@ pub async fn introduce(window: &Window, name: &str) {
     window.driver.execute(own, vec![]).await.unwrap();
 }
 
-/// The same, on a page that asks no questions.
+/// Enters the annotator's name on a page that asks no questions.
 pub async fn introduce_here(window: &Window, name: &str) {
     window.until("!document.getElementById('who').hidden").await;
     window.press(name).await;
@@ -166,7 +166,7 @@ pub async fn introduce_here(window: &Window, name: &str) {
     window.until("document.getElementById('who').hidden").await;
 }
 
-/// Says who is there, and labels with the paper's classes.
+/// Enters the annotator's name, and keeps the paper's classes.
 pub async fn introduce_to_offers(window: &Window, name: &str) {
     window.until("!document.getElementById('who').hidden").await;
     window.press(name).await;
@@ -177,7 +177,7 @@ pub async fn introduce_to_offers(window: &Window, name: &str) {
     asked(window).await;
 }
 
-/// Waits for a question; which individual it is about.
+/// Waits for a question; returns the individual.
 pub async fn asked(window: &Window) -> u64 {
     window
         .until("/^Individual [\\d,]+$/.test(document.getElementById('which')?.textContent)")
@@ -189,7 +189,7 @@ pub async fn asked(window: &Window) -> u64 {
         .unwrap()
 }
 
-/// Answers with a key, and waits for the next question.
+/// Answers with a key, and waits for the next question. Returns the individual.
 pub async fn answer(window: &Window, key: &str) -> u64 {
     let index = asked(window).await;
     window.press(key).await;
@@ -201,7 +201,7 @@ pub async fn answer(window: &Window, key: &str) -> u64 {
     index
 }
 
-/// Answers with a class by its name.
+/// Answers with the name of a class. Returns the individual.
 pub async fn name(window: &Window, class: &str) -> u64 {
     let index = asked(window).await;
     window.press("n").await;
@@ -211,7 +211,7 @@ pub async fn name(window: &Window, class: &str) -> u64 {
     index
 }
 
-/// Waits until everything that was said is acknowledged.
+/// Waits until all answers are acknowledged.
 pub async fn saved(window: &Window) {
     window
         .until("document.getElementById('status').textContent === 'All saved.'")

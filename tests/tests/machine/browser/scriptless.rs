@@ -3,7 +3,7 @@
 use crate::browser::{driver::Driver, scene::Scene};
 use serde_json::json;
 
-/// Controls that are shown and do nothing without scripts.
+/// Visible controls that do nothing without scripts.
 const DEAD: &str = "[...document.querySelectorAll('button, input:not([type=hidden]), select, textarea')] \
      .filter((control) => control.checkVisibility() && !['post', 'get'].includes(control.form?.getAttribute('method'))) \
      .map((control) => control.outerHTML.slice(0, 120))";
@@ -29,7 +29,7 @@ pub async fn a_page_without_scripts_says_what_it_needs_and_shows_what_it_has() {
             .unwrap()
             .to_owned();
         assert!(shown.contains(says), "{page}: {shown}");
-        // Nothing waits for a script that will never come.
+        // No text promises an effect of a script.
         for waits in ["…", "Click", "Point at", "Simulating"] {
             assert!(!shown.contains(waits), "{page}: {waits} in {shown}");
         }
@@ -46,7 +46,7 @@ pub async fn a_page_without_scripts_says_what_it_needs_and_shows_what_it_has() {
             ))
             .await;
     }
-    // The taxonomy is pictures and numbers.
+    // The taxonomy consists of pictures and numbers.
     assert_eq!(
         window
             .value("document.querySelectorAll('.medoid img').length")

@@ -7,7 +7,7 @@ use crate::browser::{
 use murmuration_proto::{CampaignSpec, v1};
 use murmuration_tests::small_spec;
 
-/// Across the canvas, where the points lie; what the script makes of the columns that it is sent.
+/// Horizontal positions of the points on the canvas, computed by the test from the columns that the page fetches.
 const ACROSS: &str = "(async () => { \
     const { x, spans } = await (await fetch('points/axes')).json(); \
     const bytes = Uint8Array.from(atob(x), (c) => c.charCodeAt(0)); \
@@ -17,7 +17,7 @@ const ACROSS: &str = "(async () => { \
     return [clientWidth, clientHeight, Array.from(new Uint16Array(bytes.buffer), \
         (x) => clientWidth / 2 + (x / 65535 - 0.5) * spans[0] * unit)]; })()";
 
-/// Draws around ten points of the map, or a few more where there is no room between two; how many.
+/// Draws a lasso around ten points of the map, or a few more if points are too close together. Returns their number.
 pub async fn lasso_ten(window: &Window) -> usize {
     let shown = window.value(ACROSS).await;
     let (width, height) = (shown[0].as_f64().unwrap(), shown[1].as_f64().unwrap());
@@ -33,7 +33,7 @@ pub async fn lasso_ten(window: &Window) -> usize {
         .find(|(count, _)| across[*count] - across[count - 1] > 3.0)
         .expect("some points are apart");
     assert!(edge < width - 2.0);
-    // Within the round corners.
+    // Inside the round corners.
     let line = [
         (8.0, 8.0),
         (edge, 8.0),
@@ -57,7 +57,7 @@ pub async fn ten_are_lassoed_on_the_map_and_named() {
             "document.getElementById('selected').textContent.startsWith('{count} selected')"
         ))
         .await;
-    // All are shown before they are named.
+    // All selected individuals are shown before they are named.
     let pictured = window
         .value("document.querySelectorAll('#gallery img').length")
         .await;
@@ -72,7 +72,7 @@ pub async fn ten_are_lassoed_on_the_map_and_named() {
             "document.getElementById('legend').textContent.includes('edge · {count}')"
         ))
         .await;
-    // One key undoes all of it.
+    // One key undoes all answers.
     window.press("u").await;
     saved(&window).await;
     window
@@ -80,7 +80,7 @@ pub async fn ten_are_lassoed_on_the_map_and_named() {
         .await;
     assert_eq!(scene.labels.standing().await.len(), 0);
     assert_eq!(scene.labels.entries().await, 2 * count);
-    // t-SNE comes when it is ready.
+    // The t-SNE projection becomes available later.
     window
         .until("!document.querySelector('#projection [value=neighbours]').disabled")
         .await;
@@ -88,14 +88,14 @@ pub async fn ten_are_lassoed_on_the_map_and_named() {
     scene.cluster.stop().await;
 }
 
-/// Names what is selected.
+/// Gives a class to the selection.
 pub async fn name_selected(window: &Window, class: &str) {
     window.press("n").await;
     window.press(class).await;
     window.press("\u{e007}").await;
 }
 
-/// Draws around everything that the map shows; how many are selected then.
+/// Draws a lasso around the visible map; returns the number of selected individuals.
 pub async fn lasso_all(window: &Window) -> usize {
     let size = "[document.getElementById('over').clientWidth, document.getElementById('over').clientHeight]";
     let size = window.value(size).await;
@@ -120,18 +120,18 @@ pub async fn the_map_zooms_hides_and_asks_before_it_replaces() {
     let driver = Driver::start();
     let mut scene = Scene::set().await;
     let window = scene.visit(&driver, "/map", "Ana").await;
-    // Nobody has named anything: clusters are what there is to see.
+    // Without answers, the colours show clusters.
     window
         .until("document.getElementById('colouring').value === 'cluster' && document.querySelector('#legend button')")
         .await;
-    // Keys begin in the middle of the map.
+    // The keyboard cursor starts in the middle of the map.
     window.focus("#over").await;
     window.press("\u{e014}").await;
     window.until("!document.getElementById('tip').hidden").await;
     let all = "(async () => (await (await fetch('/campaigns/small-1/points')).json()).count)()";
     let all = window.value(all).await.as_u64().unwrap() as usize;
 
-    // A part of the map, made larger, is all that a line is drawn around.
+    // After zooming in, the lasso selects only the visible part.
     for _ in 0..4 {
         window.click("[data-zoom=in]").await;
     }
@@ -145,7 +145,7 @@ pub async fn the_map_zooms_hides_and_asks_before_it_replaces() {
     let few = lasso_ten(&window).await;
     name_selected(&window, "edge").await;
     saved(&window).await;
-    // Now there are classes.
+    // With answers, the colours show classes.
     window
         .until("document.getElementById('colouring').value === 'class'")
         .await;
@@ -158,7 +158,7 @@ pub async fn the_map_zooms_hides_and_asks_before_it_replaces() {
         "{asked}"
     );
     window.click("#overwrite [value=rest]").await;
-    // The dialog ends before the answer begins.
+    // The dialog closes before the answer is sent.
     window
         .until("document.getElementById('legend').textContent.includes('rest · ')")
         .await;
@@ -167,7 +167,7 @@ pub async fn the_map_zooms_hides_and_asks_before_it_replaces() {
     let of = |class: &str| standing.values().filter(|message| *message == class).count();
     assert_eq!((of("edge"), of("rest")), (few, all - few));
 
-    // What is hidden is not selected.
+    // Hidden individuals are not selected.
     window
         .until("document.getElementById('legend').textContent.includes('rest · ')")
         .await;
@@ -190,7 +190,7 @@ pub async fn the_map_zooms_hides_and_asks_before_it_replaces() {
     scene.cluster.stop().await;
 }
 
-/// Clicks the entry of a class in the legend.
+/// Toggles a class by its entry in the legend.
 async fn hide(window: &Window, class: &str) {
     let hide = format!(
         "[...document.querySelectorAll('#legend button')].find((of) => of.textContent.startsWith({class:?})).click()"
@@ -216,7 +216,7 @@ pub async fn what_is_hidden_stays_so_when_another_class_goes() {
         .await;
     hide(&window, "second").await;
 
-    // The pictures of the selection stay where the focus is when they are told again.
+    // The focus stays on its picture of the selection when the pictures are rendered again.
     assert_eq!(lasso_all(&window).await, few);
     window.focus("#gallery .card:nth-child(3)").await;
     let told_again = "document.getElementById('from').dispatchEvent(new Event('change'))";
@@ -224,7 +224,7 @@ pub async fn what_is_hidden_stays_so_when_another_class_goes() {
     let focused = "document.activeElement === document.querySelector('#gallery .card:nth-child(3)')";
     assert_eq!(window.value(focused).await.as_bool(), Some(true));
 
-    // "first" has no individuals any more, and its place among the classes is another's.
+    // "first" has no individuals any more, and another class takes its place among the classes.
     name_selected(&window, "third").await;
     window.until("document.getElementById('overwrite').open").await;
     window.click("#overwrite [value=all]").await;
@@ -263,7 +263,7 @@ pub async fn a_cluster_is_named_but_for_those_that_differ() {
     window.press("\u{e007}").await;
     saved(&window).await;
     assert_eq!(scene.labels.standing().await.len() as u64, shown - 1);
-    // One key undoes all of it.
+    // One key undoes all answers.
     window.press("u").await;
     window
         .until(
@@ -278,7 +278,7 @@ pub async fn a_cluster_is_named_but_for_those_that_differ() {
 
 pub async fn clusters_are_looked_at_while_the_archive_grows() {
     let driver = Driver::start();
-    // Far more than is waited for.
+    // So many generations that the campaign is still running at the end of the test.
     let text = small_spec("")
         .to_toml()
         .replace("generations = 5", "generations = 100000");
@@ -289,7 +289,7 @@ pub async fn clusters_are_looked_at_while_the_archive_grows() {
         .await;
     let first = window.text("#so-far").await;
     window.picture("sheet-running").await;
-    // Nothing changes while a person works on the page.
+    // The page does not change while a person works on it.
     window.click(".card:nth-child(2)").await;
     let marked = window
         .value("document.querySelector('.card:nth-child(2)').dataset.index")
@@ -325,7 +325,7 @@ pub async fn medoids_are_named_and_the_report_is_taken_away() {
     window
         .until("document.querySelectorAll('.medoid').length === 4")
         .await;
-    // Who only reads is asked nothing.
+    // A visitor who only reads gets no question.
     window
         .until("document.querySelector('.medoid input').checkVisibility() && !document.querySelector('dialog[open]')")
         .await;

@@ -30,7 +30,7 @@ pub async fn campaigns_are_found_compared_and_deleted_after_a_question() {
     scene.cluster.finish(&cell.into_inner().id).await;
     let window = driver.open(&scene.cluster.url()).await;
     let shown = "[...document.querySelectorAll('.listed')].filter((line) => line.checkVisibility()).length";
-    // The cell is folded.
+    // The study with the cell is folded.
     window.until(&format!("{shown} === 2")).await;
     window.click(".study summary").await;
     window.until(&format!("{shown} === 3")).await;
@@ -38,7 +38,7 @@ pub async fn campaigns_are_found_compared_and_deleted_after_a_question() {
     window.press("second").await;
     window.until(&format!("{shown} === 1")).await;
     assert_eq!(window.text("#shown").await, "1 of 3 shown. Show all");
-    // What was chosen stays, also of lines that are not shown now.
+    // The selection persists, also of lines that are hidden now.
     window.click("[value='second-2']").await;
     window
         .driver
@@ -71,7 +71,8 @@ pub async fn campaigns_are_found_compared_and_deleted_after_a_question() {
             .await,
         json!(8)
     );
-    // Both are measured in one space: one map has the behaviours of both, and a click on one leads to its row.
+    // Both campaigns have the same behaviour space: one map shows the behaviours of both, and a click on a behaviour leads to its
+    // row.
     assert_eq!(
         window
             .value("document.querySelectorAll('.common-map circle').length")
@@ -80,7 +81,7 @@ pub async fn campaigns_are_found_compared_and_deleted_after_a_question() {
     );
     let rows = "[...document.querySelectorAll('.taxonomies tbody th')].map((row) => row.textContent)";
     let rows = window.value(rows).await;
-    // Each of the eight is in one row, with one of the other campaign or alone.
+    // Each of the eight behaviours is in one row, with a behaviour of the other campaign or alone.
     let behaviours = |row: &serde_json::Value| match row.as_str().unwrap() {
         "all 2" => 2,
         row if row.starts_with("only in ") => 1,
@@ -106,7 +107,7 @@ pub async fn campaigns_are_found_compared_and_deleted_after_a_question() {
         }
     }
 
-    // Deleting says what goes, and asks.
+    // Deleting shows what will be deleted, and asks for confirmation.
     window.driver.goto(scene.url("")).await.unwrap();
     let campaign = window.value("location.pathname").await;
     window.click("#delete").await;
@@ -151,7 +152,7 @@ pub async fn a_campaign_is_described_checked_and_started_once() {
     window.resize(1280, 900, false).await;
     window.picture("new-every-field-1280").await;
     check(&window, "new").await;
-    // What it costs follows what is written.
+    // The costs follow the fields.
     window.click("[name='search.population']").await;
     window.press("7").await;
     window
@@ -162,7 +163,7 @@ pub async fn a_campaign_is_described_checked_and_started_once() {
     window
         .until("document.querySelector('[aria-invalid]')?.name === 'search.generations'")
         .await;
-    // A file says what is wrong at its line, and selects it.
+    // An error in a file gives the line, and selects it.
     window.driver.goto(format!("{page}?as=file")).await.unwrap();
     let text = "const text = document.getElementById('text'); text.value = 'model = \"single-sensor\"\\nmethod = \"random\"\\nseeed = 1\\n'";
     window.driver.execute(text, vec![]).await.unwrap();
@@ -176,7 +177,7 @@ pub async fn a_campaign_is_described_checked_and_started_once() {
         "{told}"
     );
     assert_eq!(scene.cluster.campaigns().await.len(), 1);
-    // A copy starts once, however often its button is pressed.
+    // A copy starts once, even if its button is pressed twice.
     window.driver.goto(format!("{page}?from=small-1")).await.unwrap();
     window.click("[name=name]").await;
     window.press("-again").await;

@@ -1,4 +1,4 @@
-//! The Progress page: a campaign is watched and ended.
+//! The page Progress: watching and ending a campaign.
 
 use crate::browser::{
     driver::Driver,
@@ -11,7 +11,7 @@ use serde_json::json;
 
 pub async fn novelty_is_drawn_as_it_grows_and_cancelling_asks_first() {
     let driver = Driver::start();
-    // Far more than is waited for.
+    // So many generations that the campaign is still running at the end of the test.
     let text = small_spec("")
         .to_toml()
         .replace("generations = 5", "generations = 100000");
@@ -23,7 +23,7 @@ pub async fn novelty_is_drawn_as_it_grows_and_cancelling_asks_first() {
     let last = "Number(/generation ([0-9,]+):/.exec(document.querySelector('#novelty p').textContent)[1].replace(',', ''))";
     let before = window.value(last).await.as_u64().unwrap();
     window.until(&format!("{last} > {before}")).await;
-    // Keys tell the values of any generation, and a screen reader hears them; what arrives by itself it does not.
+    // Keys select a generation, and a screen reader speaks its values, but not values that arrive by themselves.
     assert_eq!(window.text("#novelty [role=status]").await, "");
     window.focus("#novelty svg").await;
     window.press("\u{e012}").await;
@@ -38,7 +38,7 @@ pub async fn novelty_is_drawn_as_it_grows_and_cancelling_asks_first() {
         .await;
     assert!(spoken.as_str().unwrap().contains("best "), "{spoken}");
 
-    // Who works is listed, and what is found is shown moving.
+    // The page lists the machines, and plays the individuals that were found.
     let machines = window.text(".machines").await;
     assert!(
         machines.contains("worker") && machines.contains("At once"),
@@ -58,7 +58,7 @@ pub async fn novelty_is_drawn_as_it_grows_and_cancelling_asks_first() {
     }
     window.resize(1280, 900, false).await;
 
-    // The page is renewed four times a second: its buttons can be pressed all the same.
+    // The page updates four times a second, and its buttons still work.
     window.click("#cancel").await;
     window.until("document.querySelector('dialog.ask').open").await;
     window.click("dialog.ask [value='']").await;
@@ -70,7 +70,7 @@ pub async fn novelty_is_drawn_as_it_grows_and_cancelling_asks_first() {
     window.until("!document.getElementById('cancel')").await;
     let cancelled = scene.cluster.status("latest").await;
     assert_eq!(cancelled.state(), v1::CampaignState::Cancelled);
-    // Nothing is found any more.
+    // The search has ended, so there are no individuals to show.
     window.until("document.getElementById('shown').hidden").await;
     window.close().await;
     scene.cluster.stop().await;
@@ -89,7 +89,7 @@ pub async fn the_training_and_its_rounds_are_drawn_after_a_reload() {
         assert_eq!(event, "round 1 begins");
         let told = window.text("#accuracy p").await;
         assert!(told.contains("of round 1: accuracy"), "{told}");
-        // What is pointed at in one curve is told in both.
+        // A generation selected in one curve shows its values in both.
         window.focus("#loss svg").await;
         window.press("\u{e012}").await;
         window.press("\u{e012}").await;
@@ -117,7 +117,7 @@ pub async fn the_training_and_its_rounds_are_drawn_after_a_reload() {
             marks,
             json!(["first checkpoint", "new checkpoint, after round 1"])
         );
-        // The round is in the table too, with its taxonomy; that before it has none.
+        // The table contains the round, with its taxonomy; the row before it has none.
         let rows = window
             .value("[...document.querySelectorAll('.history tbody tr')].map((row) => row.textContent)")
             .await;
@@ -155,14 +155,14 @@ pub async fn the_training_and_its_rounds_are_drawn_after_a_reload() {
 
 pub async fn a_button_never_becomes_another_and_what_was_agreed_to_is_done() {
     let driver = Driver::start();
-    // Far more than is waited for.
+    // So many generations that the campaign is still running at the end of the test.
     let text = small_spec("")
         .to_toml()
         .replace("generations = 5", "generations = 100000");
     let mut scene = Scene::begun(&CampaignSpec::from_toml(&text).unwrap()).await;
     let window = driver.open(&scene.url("")).await;
     window.until("document.getElementById('pause')").await;
-    // Another window pauses the campaign while somebody presses the button here.
+    // Another window pauses the campaign while a person presses this window's button.
     let elsewhere = "window.pressed = document.getElementById('pause'); fetch('/campaigns/small-1/pause', { method: 'POST' })";
     window.driver.execute(elsewhere, vec![]).await.unwrap();
     window.until("document.getElementById('resume')").await;
@@ -172,7 +172,7 @@ pub async fn a_button_never_becomes_another_and_what_was_agreed_to_is_done() {
         serde_json::json!(["pause", false, "pause"])
     );
 
-    // Where the form is gone, the page says so.
+    // If the form is gone, the page reports so.
     window.click("#cancel").await;
     let gone = "document.querySelector('.actions').replaceChildren()";
     window.driver.execute(gone, vec![]).await.unwrap();
@@ -184,7 +184,7 @@ pub async fn a_button_never_becomes_another_and_what_was_agreed_to_is_done() {
     let paused = scene.cluster.status("latest").await;
     assert_eq!(paused.state(), v1::CampaignState::Paused);
 
-    // Where there is a new one in its place, that is sent.
+    // If a new form replaces it, the new one is sent.
     window.driver.refresh().await.unwrap();
     window.click("#cancel").await;
     let renewed =

@@ -15,7 +15,7 @@ const STUDY: &str = "name = \"pair\"\nseeds = 2\nmeasures = [\"behaviours\", \"s
     [campaign]\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\nevaluation.judge = true\n\
     world = { horizon = 200, agents = 6 }\nsearch = { population = 20, generations = 3 }\ntaxonomy.medoids = 4\n";
 
-/// Runs the study, at the coordinator that holds the data directory.
+/// Runs the study on the coordinator of the data directory.
 async fn run(data: &Path, text: &str) {
     let file = data.join("pair.toml");
     std::fs::write(&file, text).unwrap();
@@ -26,7 +26,7 @@ async fn run(data: &Path, text: &str) {
     assert_eq!(run.code, Some(0), "{}", run.stderr);
 }
 
-/// How many cells are in a state.
+/// Number of cells in a state.
 async fn cells(window: &Window, state: &str) -> u64 {
     let count = format!("document.querySelectorAll('.cells [data-state={state}]').length");
     window.value(&count).await.as_u64().unwrap()
@@ -38,7 +38,7 @@ pub async fn a_study_is_watched_while_it_runs_and_its_medoids_are_judged_again()
     let cluster = Cluster::start(folder.path(), 2).await;
     let window = driver.open(&format!("{}/studies", cluster.url())).await;
     assert!(window.text("main").await.contains("There are no studies"));
-    // With one seed first: then the page of the study is there, and the cells of the second seed come while it is open.
+    // With one seed first: this creates the study's page. The cells of the second seed arrive while the page is open.
     run(folder.path(), &STUDY.replace("seeds = 2", "seeds = 1")).await;
     window.driver.refresh().await.unwrap();
     window.click(".campaigns a").await;
@@ -58,19 +58,19 @@ pub async fn a_study_is_watched_while_it_runs_and_its_medoids_are_judged_again()
     window
         .until("document.querySelectorAll('.cells [data-state=done]').length === 4")
         .await;
-    // The spread of two replicates is there, though nobody loaded the page again.
+    // The page shows the spread of two replicates without a reload.
     window.until(spread).await;
     let campaign = "document.querySelector('.cells a').getAttribute('href')";
     assert_eq!(window.value(campaign).await, "/campaigns/pair-1");
 
-    // The medoids that the judge named are named by a person.
+    // A person names the medoids that the judge named.
     window.driver.refresh().await.unwrap();
     window.click("#judging summary").await;
     window
         .until("document.querySelectorAll('.rejudged li').length === 4")
         .await;
     window.click(".rejudged .stage").await;
-    // What plays it is in view beside it.
+    // Its player is in view.
     let seen = "(({ top, bottom }) => top >= 0 && bottom <= innerHeight)(document.querySelector('#judging .player').getBoundingClientRect())";
     window.until(seen).await;
     window
@@ -95,7 +95,7 @@ pub async fn a_study_is_watched_while_it_runs_and_its_medoids_are_judged_again()
     let kept = std::fs::read_to_string(folder.path().join("studies/pair/classes.csv")).unwrap();
     let row = kept.lines().nth(1).unwrap();
     assert!(row.ends_with(",nested_cycle,Ana"), "{kept}");
-    // The tables on the command line say so too.
+    // The tables of the command line contain the person's class too.
     let murmuration = Murmuration::over(folder.path());
     let report = tokio::task::spawn_blocking(move || murmuration.run(&["lab", "study", "report", "pair"]));
     assert_eq!(report.await.unwrap().code, Some(0));
@@ -110,7 +110,7 @@ pub async fn a_study_is_watched_while_it_runs_and_its_medoids_are_judged_again()
             check(&window, "study").await;
         }
     }
-    // The judge's word again.
+    // Restores the judge's class.
     window.click(".rejudged [data-class='']").await;
     window
         .until("document.querySelector('.rejudged .by').textContent === 'judge'")
@@ -125,7 +125,7 @@ pub async fn a_study_is_watched_while_it_runs_and_its_medoids_are_judged_again()
     cluster.stop().await;
 }
 
-/// With an atlas of more robots, a slider leads there and back, at the same zoom and controller.
+/// With an atlas of more robots, a slider switches there and back, and keeps the zoom and the controller.
 async fn another_atlas(scene: &mut Scene, window: &Window, spec: &str) {
     assert_eq!(
         window.value("document.querySelectorAll('.others').length").await,
@@ -171,9 +171,9 @@ pub async fn a_controller_of_an_atlas_is_chosen_and_its_motion_plays() {
     window
         .until("document.querySelectorAll('#classes li').length > 1")
         .await;
-    // Nothing is asked for before a controller is chosen, although the window changes its size.
+    // Resizing before a controller is chosen sends no request.
     window.value("dispatchEvent(new Event('resize'))").await;
-    // With keys alone: the controller in the middle, and the one to its right.
+    // By keys alone: the controller in the middle, and the one to its right.
     window.focus("#map").await;
     window.press("\u{e007}").await;
     let playing = "document.querySelector('.player .stage').ariaBusy === 'false' && \
@@ -188,7 +188,7 @@ pub async fn a_controller_of_an_atlas_is_chosen_and_its_motion_plays() {
     window.press("\u{e014}").await;
     window.until(&format!("{genes} === '0,0,0.5,0'")).await;
     window.until(playing).await;
-    // Of the whole map, the page has the pictures of the controllers that were chosen.
+    // While the whole map is shown, the page loads only the pictures of chosen controllers.
     let picture = "document.querySelector('#chosen canvas')";
     window.until(&format!("{picture} && !{picture}.hidden")).await;
     let light = format!(
@@ -199,19 +199,19 @@ pub async fn a_controller_of_an_atlas_is_chosen_and_its_motion_plays() {
     let pictures = "performance.getEntriesByType('resource').filter(({ name }) => /individuals\\/\\d+\\?created=/.test(name)).length";
     let few = window.value(pictures).await.as_u64();
     assert!(few.is_some_and(|few| (1..=2).contains(&few)), "{few:?}");
-    // Close up, it has those of all in sight.
+    // Close up, it loads the pictures of all visible controllers.
     window.press("++").await;
     window.until(&format!("{pictures} > 20")).await;
     window.picture("atlas-close-up").await;
     window.press("--").await;
-    // Space stops it, and Escape lets the controller go.
+    // Space pauses the motion, and Escape deselects the controller.
     window.press(" ").await;
     window
         .until("!document.querySelector('.player .toggle').classList.contains('playing')")
         .await;
     window.press("\u{e00c}").await;
     another_atlas(&mut scene, &window, spec).await;
-    // A pointer: the upper left corner, where the first speed is least and the second most.
+    // By pointer: the upper left corner, with the smallest first speed and the largest second speed.
     let corner = "(() => { const { clientWidth: w, clientHeight: h } = document.getElementById('map'); \
                   const side = Math.min(w, h); return [(w - side) / 2 + side / 50, (h - side) / 2 + side / 50]; })()";
     let corner = window.value(corner).await;

@@ -1,4 +1,4 @@
-//! The page Taxonomy: behaviours merged and taken apart, tried from further starts, and compared before and after learning.
+//! The page Taxonomy: merging and separating behaviours, trying them from further starts, and comparing before and after learning.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -11,7 +11,7 @@ use serde_json::json;
 
 const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
 
-/// Of so many clusters that some touch.
+/// So many clusters that some are adjacent.
 fn spec() -> CampaignSpec {
     let text = small_latent_spec(FEEDBACK).to_toml();
     let text = text.replace("medoids = 4", "medoids = 20");
@@ -19,7 +19,7 @@ fn spec() -> CampaignSpec {
     CampaignSpec::from_toml(&text.replace("population = 20", "population = 100")).unwrap()
 }
 
-/// Looks at the page wide and narrow, light and dark.
+/// Checks the page wide and narrow, light and dark.
 async fn look(window: &Window, name: &str) {
     for (width, height) in SIZES {
         for dark in [false, true] {
@@ -39,7 +39,7 @@ pub async fn behaviours_are_merged_tried_learned_from_and_compared() {
     window
         .until("document.querySelectorAll('.medoid').length === 20")
         .await;
-    // The judge's word comes only when somebody asks for it, and becomes a name with a click.
+    // The judge's class appears only on request, and becomes a name with a click.
     assert_eq!(
         window.value("document.querySelectorAll('.judged').length").await,
         0
@@ -63,7 +63,7 @@ pub async fn behaviours_are_merged_tried_learned_from_and_compared() {
         as_label(word.as_str().unwrap())
     );
 
-    // Two that touch become one behaviour with one name, until that is undone.
+    // Two adjacent clusters become one behaviour with one name, until this is undone.
     let pairs = window.value("document.querySelectorAll('.merge').length").await;
     assert!(pairs.as_u64().unwrap() > 0, "no clusters touch");
     look(&window, "taxonomy-alike").await;
@@ -92,7 +92,7 @@ pub async fn behaviours_are_merged_tried_learned_from_and_compared() {
         .await;
     assert_eq!(scene.labels.standing().await.len(), labels);
 
-    // Twenty further starts, over the page.
+    // A dialog shows twenty further starts.
     window.click(".further").await;
     window
         .until(
@@ -109,7 +109,7 @@ pub async fn behaviours_are_merged_tried_learned_from_and_compared() {
         .until("!document.querySelector('dialog[open]') && document.activeElement.matches('.further')")
         .await;
 
-    // Twelve further behaviours, none of them shown above.
+    // Twelve further behaviours, none of them shown already.
     window.click("#more a.button").await;
     window
         .until("document.querySelectorAll('#more .medoid').length === 12 && location.search === '?more=12'")
@@ -119,7 +119,7 @@ pub async fn behaviours_are_merged_tried_learned_from_and_compared() {
     assert_eq!(window.value(shown).await, json!(true));
     look(&window, "taxonomy-more").await;
 
-    // Five get names, the campaign learns, and says what became of them.
+    // Five clusters get names, the campaign learns, and the page shows what became of them.
     for place in 1..=5 {
         let card = format!(".medoids > li:nth-child({place}) input");
         let empty = format!("document.querySelector({card:?}).value = ''");

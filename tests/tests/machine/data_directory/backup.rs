@@ -13,10 +13,10 @@ pub fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
     let at_work = Murmuration::over(&folder.path().join("at-work"));
     assert_eq!(at_work.run(&["checkpoints", "import", MODEL]).code, Some(0));
     let mut run = at_work.start(&["run", &spec, "--workers", "1"]);
-    // Until it holds the data directory, another command would take it.
+    // Until the run holds the data directory, another command could take it.
     run.wait_for("generation");
     at_work.latest_when(|latest| generations(latest) > 2);
-    // What people said on the page of a study is nowhere else.
+    // Classes that people gave on the page of a study are stored nowhere else.
     let classes = "studies/small/classes.csv";
     let message = "cell,index,class,by\nabc,3,milling,ann\n";
     let at_home = folder.path().join("at-work").join(classes);
@@ -31,7 +31,7 @@ pub fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
     assert_eq!(again.code, Some(2));
     assert!(again.stderr.contains("is not empty"), "{}", again.stderr);
 
-    // It is a data directory that the doctor can look at.
+    // The backup is a data directory, so the doctor can examine it.
     let examined = Murmuration::over(&path).run(&["doctor", "--json"]).last_line();
     assert_eq!(
         (&examined["healthy"], &examined["campaigns"][0]["condition"]),
@@ -49,7 +49,7 @@ pub fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
     let resumed = restored.run(&["resume", "latest"]);
     assert_eq!(resumed.code, Some(0), "{}", resumed.stderr);
     assert_eq!(restored.digest(), digest);
-    // Nothing is ever put over something.
+    // A restore never overwrites anything.
     assert_eq!(restored.run(&["restore", &backup]).code, Some(2));
 
     let database = path.join("murmuration.sqlite");
@@ -123,7 +123,7 @@ pub fn a_backup_is_refused_where_it_cannot_be_kept() {
         );
     }
     assert!(!unmounted.exists() && !data.join("backups").exists() && !data.join("monday").exists());
-    // A link to an empty folder is that folder.
+    // A link to an empty folder counts as that folder.
     let made = murmuration.run(&["backup", &link.display().to_string()]);
     assert_eq!(made.code, Some(0), "{}", made.stderr);
     assert!(empty.join("murmuration.sqlite").exists());

@@ -1,4 +1,4 @@
-//! A bucket in this process, with the operations that checkpoints need: put, read and remove objects.
+//! An object-storage bucket in this process, with the operations that checkpoints need: put, get and remove objects.
 
 use std::{
     collections::BTreeMap,
@@ -16,7 +16,7 @@ pub struct Bucket {
 }
 
 impl Bucket {
-    /// One that takes objects, or refuses each of them.
+    /// A bucket that accepts objects, or refuses each of them.
     pub fn new(takes: bool) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let bucket = Self {
@@ -34,7 +34,7 @@ impl Bucket {
         bucket
     }
 
-    /// What a process finds it by.
+    /// The environment variables by which a process finds the bucket.
     pub fn environment(&self) -> [(&str, &str); 5] {
         [
             ("AWS_ENDPOINT", &self.endpoint),
@@ -51,7 +51,7 @@ impl Bucket {
     }
 }
 
-/// Answers one request; whether another may follow.
+/// Answers one request; returns whether another may follow.
 fn answer(
     mut stream: &TcpStream,
     objects: &Mutex<BTreeMap<String, Vec<u8>>>,
@@ -93,7 +93,7 @@ fn answer(
             Some(object) => ("200 OK", object.clone()),
             None => ("404 Not Found", Vec::new()),
         },
-        // Objects are removed several at once: their keys are in the body.
+        // One request may remove several objects: their keys are in the body.
         "POST" => {
             let (bucket, _) = path.split_once('?').unwrap();
             let wanted = String::from_utf8(body).unwrap();

@@ -60,7 +60,7 @@ pub fn a_checkpoint_in_a_folder_elsewhere_is_acknowledged_once_it_is_on_disk() {
     faults.fail_syncs(true);
     let refused = failing.run(&import);
     assert_eq!(refused.code, Some(1), "{}", refused.stderr);
-    // Under its name it would be taken for whole.
+    // A file under the final name would pass for a whole checkpoint.
     assert_eq!(fs::read_dir(&elsewhere).unwrap().count(), 0);
 
     faults.fail_syncs(false);

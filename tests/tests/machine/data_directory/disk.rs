@@ -33,7 +33,8 @@ pub fn on_a_full_disk_a_campaign_waits_for_room() {
     );
     assert!(generations(&waiting) < 240);
     assert!(murmuration.run(&["list"]).stdout.contains("waiting"));
-    // What of the log is on the disk already may have room for some. What was acknowledged is there, what was refused is not.
+    // The part of the log that is already on the disk may have room for some labels. Acknowledged labels are stored, and refused
+    // ones are not.
     let mut acknowledged = Vec::new();
     let refused = (0..100).find_map(|class| {
         let class = format!("class {class}");
@@ -68,7 +69,7 @@ pub fn what_a_failing_disk_has_not_confirmed_is_not_acknowledged() {
     let refused = murmuration.run(&["label", "latest", "--csv", &file]);
     assert_eq!(refused.code, Some(1));
     assert!(refused.stderr.contains("cannot be written"), "{}", refused.stderr);
-    // What it had said before is all that it says now.
+    // The campaign has made no progress.
     let still = murmuration.latest();
     assert_eq!(generations(&still), generations(&waiting));
 

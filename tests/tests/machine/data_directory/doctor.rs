@@ -7,7 +7,7 @@ use std::{fs, path::Path};
 
 const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.onnx");
 
-/// A data directory with a completed campaign, the file of which is left beside.
+/// A data directory with a completed campaign, and the campaign's file beside it.
 fn completed(folder: &Path) -> Murmuration {
     let spec = folder.join("small.toml");
     fs::write(&spec, small_spec("").to_toml()).unwrap();
@@ -17,7 +17,7 @@ fn completed(folder: &Path) -> Murmuration {
     murmuration
 }
 
-/// The error that a damaged database causes.
+/// Checks the error for a damaged database.
 #[track_caller]
 fn check_named(murmuration: &Murmuration, file: &str) {
     let list = murmuration.run(&["list"]);
@@ -40,7 +40,7 @@ pub fn a_damaged_archive_is_named_and_left_as_it_is() {
     let database = folder.path().join("data/murmuration.sqlite");
     let sound = fs::read(&database).unwrap();
     let mut generations_whole = Vec::new();
-    // Behind the pages of the schema, without which nothing can be read.
+    // Damages pages after those of the schema: without a schema, nothing can be read.
     for part in [4, 5, 7, 9] {
         let mut torn = sound.clone();
         let from = sound.len() * part / 10 / 4096 * 4096;
@@ -56,7 +56,7 @@ pub fn a_damaged_archive_is_named_and_left_as_it_is() {
         );
         assert_eq!(fs::read(&database).unwrap(), torn, "examining changed something");
         let examined: Value = serde_json::from_str(&examined.stdout).unwrap();
-        // A campaign whose row is torn is not listed.
+        // A campaign with a damaged row is not listed.
         let whole = &examined["campaigns"][0]["whole"]["generations"];
         generations_whole.push(whole.as_u64().unwrap_or(0));
     }
@@ -126,7 +126,7 @@ pub fn a_data_directory_in_use_is_left_alone() {
         examined.stderr
     );
     run.kill();
-    // What was in the log of the one that was killed is seen, and stays there.
+    // The doctor reads the log that the killed process left, and does not change it.
     let log = folder.path().join("data/murmuration.sqlite-wal");
     let before = fs::read(&log).unwrap();
     assert!(!before.is_empty());

@@ -13,7 +13,6 @@ use murmuration_tests::{Murmuration, Requirement, Test, longer_spec, test};
 use serde_json::Value;
 use std::path::Path;
 
-/// Every test of a data directory.
 pub fn tests() -> Vec<Test> {
     vec![
         test!(backup::a_backup_of_a_running_campaign_goes_on_to_the_same_digest),
@@ -36,7 +35,7 @@ pub fn tests() -> Vec<Test> {
     ]
 }
 
-/// The file of a campaign of some seconds, and the digest that it ends with.
+/// The file of a campaign of some seconds, and the digest of its archive.
 fn undisturbed(folder: &Path) -> (String, String) {
     let spec = longer_spec(folder);
     let murmuration = Murmuration::over(&folder.join("undisturbed"));

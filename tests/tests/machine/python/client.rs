@@ -7,7 +7,7 @@ use std::{
     process::{Command, Output},
 };
 
-/// Says over HTTP/1.1, without ALPN, as simple programs do: GET the log-in page.
+/// Gets the log-in page over HTTP/1.1, without ALPN, as simple programs do.
 const GET: &str = "\
 import http.client, ssl, sys
 context = ssl.create_default_context(cafile=sys.argv[2])
@@ -36,7 +36,7 @@ fn python(arguments: &[&str], stubs: &Path, token: &Path) -> Output {
     output
 }
 
-/// What protoc makes of our files.
+/// Generates Python code from `proto/` with protoc.
 fn generate(stubs: &Path) {
     let proto = root().join("proto");
     let mut protoc = Command::new("python3");
@@ -50,7 +50,7 @@ fn generate(stubs: &Path) {
     assert!(protoc.status().unwrap().success());
 }
 
-/// A coordinator's process with certificates and tokens; its address.
+/// A coordinator's process with certificates and tokens, and its address.
 fn serve(murmuration: &Murmuration, folder: &Path) -> (Running, String) {
     let path = |name: &str| folder.join(name).display().to_string();
     assert_eq!(murmuration.run(&["certs", &path("certs")]).code, Some(0));
@@ -95,7 +95,7 @@ pub fn python_submits_and_watches_a_campaign_over_tls_with_a_token() {
         .to_string();
     let output = python(&[&example, &address, &ca], &stubs, &token);
     let printed = String::from_utf8(output.stdout).unwrap();
-    // The same campaign, by our own client.
+    // The same campaign, with the project's own client.
     let spec = folder.path().join("small.toml");
     fs::write(&spec, small_spec("").to_toml()).unwrap();
     for command in [["submit", spec.to_str().unwrap()], ["watch", "small-2"]] {

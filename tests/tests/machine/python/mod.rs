@@ -1,4 +1,4 @@
-//! Programs in Python: one runs checkpoints, one talks to a coordinator. `make test` fetches the packages that they need;
+//! Programs in Python: one runs checkpoints, one is a coordinator's client. `make test` fetches the packages that they need;
 //! without them the tests are ignored.
 
 mod checkpoints;
@@ -6,7 +6,6 @@ mod client;
 
 use murmuration_tests::{Requirement, Test, test};
 
-/// Every test of a program in Python.
 pub fn tests() -> Vec<Test> {
     vec![
         test!(checkpoints::python_runs_the_compact_network).needs(Requirement::Python("onnxruntime")),

@@ -7,7 +7,7 @@ use std::fs;
 #[test]
 fn pictures_are_what_their_names_say() {
     let desk = Desk::new();
-    // Folders on the way are made.
+    // Missing parent folders are created.
     let (gif, png, image) = (
         desk.path("moving/a.gif"),
         desk.path("a.png"),

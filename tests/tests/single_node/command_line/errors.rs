@@ -53,7 +53,7 @@ fn bad_input_is_named_with_exit_code_2() {
         "--workers 0",
     );
     desk.check(&["list"], 2, "there is no data directory");
-    // Two behaviours of two classes are no triplet.
+    // Two behaviours of two classes do not form a triplet.
     let labels = "id,class,v1,v2,v3,v4,average_speed,angular_momentum,radial_variance_x20,scatter,group_rotation\n\
                   1,dispersal,-0.6,0.6,-0.6,-0.4,0.14,0.0,0.85,0.45,0.0\n2,random,-0.2,0.3,-0.1,-0.3,0.22,0.0,0.84,0.46,0.0\n";
     let labels = desk.write("labels.csv", labels);
@@ -341,7 +341,7 @@ fn what_fails_is_named_with_exit_code_1() {
     );
 }
 
-/// What no terminal should be sent, and what is left of it.
+/// A text that must not reach a terminal, and its cleaned form.
 const HOSTILE: [&str; 2] = ["a\u{1b}]0;owned\u{7}\u{9b}2J\u{202e}b", "a]0;owned2Jb"];
 
 #[test]

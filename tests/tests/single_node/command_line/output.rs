@@ -8,12 +8,12 @@ use std::{
     process::{Command, Stdio},
 };
 
-/// A device on which there is never room.
+/// A device that is always full.
 fn full() -> Stdio {
     File::options().write(true).open("/dev/full").unwrap().into()
 }
 
-/// A pipe that nobody reads.
+/// A pipe that no one reads.
 fn unread() -> Stdio {
     std::io::pipe().unwrap().1.into()
 }
@@ -27,14 +27,14 @@ fn command(program: &str, arguments: &[&str], desk: &Desk) -> Command {
     command
 }
 
-/// Exit code and what was said on standard error.
+/// Exit code and standard error.
 fn outcome(mut command: Command) -> (Option<i32>, String) {
     let output = command.stderr(Stdio::piped()).spawn().unwrap();
     let output = output.wait_with_output().unwrap();
     (output.status.code(), String::from_utf8(output.stderr).unwrap())
 }
 
-/// Commands that print data: a table, lines of JSON while they follow, help, a version, a script.
+/// Commands that print data: a table, lines of JSON during a campaign, help, a version, a script.
 const PRINTING: [(&str, &[&str]); 9] = [
     ("murmuration", &["list"]),
     ("murmuration", &["watch", "latest", "--json"]),
@@ -88,7 +88,7 @@ fn an_error_that_cannot_be_told_keeps_its_exit_code() {
     }
 }
 
-/// The first line of the log of a process that stays, with this in its environment besides.
+/// The first line of the log of a process that keeps running, with an additional environment variable.
 fn first_line(program: &str, arguments: &[&str], variable: Option<(&str, &str)>) -> String {
     let desk = Desk::new();
     let mut command = command(program, arguments, &desk);

@@ -52,7 +52,7 @@ fn a_second_process_is_told_who_holds_the_data_directory() {
     );
     desk.check(&["report", "small-1"], 0, "");
 
-    // Other commands find the coordinator by the data directory.
+    // Other commands find the coordinator through the data directory.
     let submitted = desk.murmuration.run(&["submit", &spec, "--json"]).last_line();
     assert_eq!(submitted["id"], "small-2");
     desk.check(&["watch", "small-2"], 0, "campaign small-2 is completed");
@@ -63,7 +63,7 @@ fn a_second_process_is_told_who_holds_the_data_directory() {
     assert_eq!(serving.terminate(), Some(0));
 }
 
-/// An evaluation may take hours, and is not interrupted by itself.
+/// An evaluation may take hours, and cannot be interrupted.
 #[test]
 fn a_second_signal_ends_what_the_first_waits_for() {
     let desk = Desk::new();
@@ -73,7 +73,7 @@ fn a_second_signal_ends_what_the_first_waits_for() {
     let spec = desk.write("long.toml", long);
     let mut running = desk.murmuration.start(&["run", &spec, "--workers", "1"]);
     running.wait_for("0/2 evaluations");
-    // Only an evaluation that has begun uses so much.
+    // Only a running evaluation uses this much processor time.
     while running.cpu_time() < Duration::from_secs(2) {
         thread::sleep(Duration::from_millis(50));
     }

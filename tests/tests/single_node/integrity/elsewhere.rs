@@ -1,4 +1,4 @@
-//! A worker that lies to a search that runs elsewhere.
+//! A worker that returns wrong results to a search that runs elsewhere.
 
 use super::{Honest, LIAR, audited, connect, impossible, tell_lies};
 use murmuration_dispatch::Options;
@@ -16,7 +16,7 @@ use tonic::Code;
 async fn a_stream_with_results_of_a_machine_found_wrong_does_not_end_well() {
     let folder = tempfile::tempdir().unwrap();
     let options = Options {
-        // It is not heard while it waits for what the client has.
+        // The liar sends nothing while the test waits for the client's results.
         silence_limit: Duration::from_secs(20),
         ..audited("0")
     };
@@ -51,8 +51,8 @@ async fn a_stream_with_results_of_a_machine_found_wrong_does_not_end_well() {
         Ok::<_, tonic::Status>(())
     });
     tell_lies(&mut liar, 20).await;
-    // What is not sent yet would be evaluated again, and the stream would end well: the client must have the first
-    // lies when the next give the liar away.
+    // Results that the client does not have yet would be evaluated again, and the stream would end without an error. Therefore the
+    // client must have the first wrong results before the next ones expose the liar.
     received.wait_for(|&received| received >= 20).await.unwrap();
     requests.send(request(controllers(20..40))).await.unwrap();
     drop(requests);
