@@ -28,6 +28,7 @@ pub enum BehavioursError {
     Interrupted(#[from] Interrupted),
     #[error("individual {index} cannot be simulated: {error}")]
     Simulation {
+        /// Index in the archive.
         index: u64,
         error: Invalid,
     },

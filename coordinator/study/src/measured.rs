@@ -37,7 +37,7 @@ pub struct Measured {
     pub maps: Option<Maps>,
 }
 
-/// The last taxonomies of a cell, judged.
+/// The judged last taxonomies of a cell.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JudgedBehaviours {

@@ -15,7 +15,7 @@ pub struct PhaseDiagram<'a> {
     pub of: Vec<String>,
     /// The axis from left to right.
     pub x: &'a Axis,
-    /// The axis from bottom to top; `None` if there is one axis alone.
+    /// The axis from bottom to top; `None` if the diagram has one axis.
     pub y: Option<&'a Axis>,
     /// The cells from left to right, for each value of `y`: mean shares over the replicates, percent; empty for cells that are not
     /// measured yet.

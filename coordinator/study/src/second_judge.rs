@@ -13,7 +13,7 @@ mod statistics;
 use murmuration_proto::{Class, Replay, World};
 use paths::Paths;
 
-/// The second judge's class of the end of a motion in `world`: its last 160 steps, of which every fourth is enough.
+/// The second judge's class of the last 160 steps of a motion in `world`. Every fourth step is enough.
 ///
 /// Pure. 24 robots take about half a millisecond; the cost grows with the square of their number. Never returns a class that has no
 /// meaning in `world`.

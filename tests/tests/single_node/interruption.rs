@@ -1,4 +1,4 @@
-//! `kill -9` at any instant: a resumed campaign ends with the digest of an undisturbed one.
+//! `kill -9` at any moment: a resumed campaign ends with the digest of an undisturbed one.
 
 use murmuration_proto::{Purpose, RandomStream};
 use murmuration_tests::{Murmuration, longer_spec};
@@ -32,7 +32,7 @@ fn killed_again_and_again_it_ends_the_same() {
     for _ in 0..5 {
         let mut process = killed.start(&command);
         process.wait_for("generation");
-        // Each time it comes further than before, and is killed at any instant after that.
+        // Each run gets further than the one before, and is killed at a random moment after that.
         killed.latest_when(|latest| generations(latest) > done);
         thread::sleep(Duration::from_millis(dice.random_range(0..150)));
         process.kill();

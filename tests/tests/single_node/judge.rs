@@ -1,4 +1,4 @@
-//! The judges' agreement with labels, on swarms that they were not tuned on.
+//! Agreement of the judges with labels, on swarms that were not used to tune them.
 
 use murmuration_accuracy::{LabelledSet, Swarm};
 use murmuration_judge::{Measures, frames, judge};
@@ -35,7 +35,7 @@ const CLASSES: [&str; 8] = [
     "random",
 ];
 
-/// A judge with the heading in docs/judge.md above the table of its agreement.
+/// A judge, and the heading of its agreement table in docs/judge.md.
 #[derive(Clone, Copy)]
 struct Judge {
     heading: &'static str,
@@ -51,15 +51,15 @@ const SECOND: Judge = Judge {
     class_of: second_judge,
 };
 
-/// A column of a judge's table in docs/judge.md: for each class how often the judge says so too, of how many, if there are any; the same
-/// for all; the same where both annotators were sure, and where one was not. Then kappa.
+/// A column of a judge's table in docs/judge.md: agreement as `[same, all]` for each class (`None` without swarms), for all swarms,
+/// for those where both annotators were sure, and for those where one was not. Also kappa.
 fn documented(heading: &str, column: usize) -> (Vec<Option<[u32; 2]>>, String) {
     let page = include_str!("../../../docs/judge.md");
     let (_, section) = page.split_once(&format!("\n{heading}\n")).unwrap();
     let rows = section.lines().filter(|line| line.starts_with('|')).skip(2);
     let cell = |row: &str| {
         let cell = row.split('|').nth(column + 2).unwrap().replace('*', "");
-        // Of the sum there is the share in percent, too.
+        // The cell of the sum also contains a percentage.
         cell.split('(').next().unwrap().trim().to_owned()
     };
     let mut cells: Vec<String> = rows.take(CLASSES.len() + 4).map(cell).collect();
@@ -67,10 +67,10 @@ fn documented(heading: &str, column: usize) -> (Vec<Option<[u32; 2]>>, String) {
     (cells.iter().map(|cell| counts(cell)).collect(), kappa)
 }
 
-/// How improbable a count has to be, at the documented rate, to be no chance.
+/// A count with a lower probability at the documented rate is not due to chance.
 const IMPROBABLE: f64 = 0.001;
 
-/// The probability of at most `count` successes in `all` trials with this rate of success.
+/// The probability of at most `count` successes in `all` trials, given the rate of success.
 fn at_most(count: u32, all: u32, rate: f64) -> f64 {
     let term = |successes: u32| {
         let ways = (1..=successes).map(|k| f64::from(all - successes + k) / f64::from(k));
@@ -87,8 +87,8 @@ fn counts(words: &str) -> Option<[u32; 2]> {
     Some([same.parse().ok()?, all.parse().ok()?])
 }
 
-/// A judge agrees with labels on a set as often as docs/judge.md says, up to chance: motions that another rounding makes chaotic
-/// may be named otherwise, a judge that became worse may not.
+/// Checks that a judge agrees with the labels of a set as often as docs/judge.md states, up to chance. Chaotic motions may get
+/// another class after another rounding, but the judge must not become worse.
 #[track_caller]
 fn check(by: Judge, set: &str, column: usize) {
     let labels = LabelledSet::read(file(set, "validation.csv")).unwrap();
@@ -123,7 +123,7 @@ fn check(by: Judge, set: &str, column: usize) {
         };
         println!("{set}: {same} of {all}, docs/judge.md says {message} of {of}");
         assert_eq!(all, of, "{set}");
-        // The rule of succession: a class with no errors on few swarms may have some.
+        // The rule of succession: a class without errors on a few swarms may still have some.
         let rate = f64::from(message + 1) / f64::from(of + 2);
         let probability = at_most(same, all, rate);
         assert!(
@@ -147,7 +147,7 @@ fn column_of(set: &str, name: &str) -> Vec<String> {
     rows.map(str::to_owned).collect()
 }
 
-/// The example controllers of the paper (appendix "Example Controllers"), and the behaviour that it gives each for.
+/// The example controllers of the paper (appendix "Example Controllers"), with the behaviour of each according to the paper.
 const EXAMPLES: [(Class, Preset, &[f64]); 8] = [
     (Class::Milling, Preset::SingleSensor, &[0.6, 1.0, 0.4, 0.5]),
     (Class::CyclicPursuit, Preset::SingleSensor, &[-0.7, 0.3, 1.0, 1.0]),
@@ -167,14 +167,14 @@ const EXAMPLES: [(Class, Preset, &[f64]); 8] = [
     ),
 ];
 
-/// Nobody chose a threshold of the judge by these: what somebody gives as an example of a behaviour shows it more often than
-/// anything else, and the judge has to see that.
+/// The judge's thresholds were not tuned on these examples. A published example shows its behaviour more often than any other, and
+/// the judge must see that.
 #[test]
 fn it_sees_the_behaviour_of_the_papers_examples_from_most_starts() {
     check_examples(RULES);
 }
 
-/// Nor did the second judge learn from them.
+/// The second judge did not learn from these examples either.
 #[test]
 fn the_second_judge_sees_the_behaviour_of_the_papers_examples_from_most_starts() {
     check_examples(SECOND);
@@ -201,7 +201,7 @@ fn the_probability_of_a_count_is_that_of_the_binomial_distribution() {
     assert!((at_most(0, 4, 0.5) - 1.0 / 16.0).abs() < 1e-12);
     assert!((at_most(2, 4, 0.5) - 11.0 / 16.0).abs() < 1e-12);
     assert!((at_most(200, 200, 0.93) - 1.0).abs() < 1e-9);
-    // The rules would be found out if they lost a fourteenth of their agreement with one sensor.
+    // The check would detect the loss of a fourteenth of the rules' agreement with one sensor.
     let rate = 187.0 / 202.0;
     assert!(at_most(186, 200, rate) > IMPROBABLE && at_most(172, 200, rate) < IMPROBABLE);
 }
@@ -341,7 +341,7 @@ fn the_command_names_a_file_of_starts_that_is_not_there() {
     );
 }
 
-/// The judge's errors in the tables of studies are those that it makes on the labelled sets.
+/// The judge's errors in the tables of studies equal those on the labelled sets.
 #[test]
 fn studies_know_how_often_it_errs() {
     let measured = |sets: &[&str]| -> Vec<(Class, Class)> {

@@ -4,7 +4,7 @@ use murmuration_proto::{CampaignSpec, v1};
 use murmuration_tests::{Cluster, small_latent_spec};
 use tonic::Code;
 
-/// Runs a campaign to its end; its id, its last status and its digest.
+/// Runs a campaign to its end; returns its id, its last status and its digest.
 async fn run(cluster: &mut Cluster, spec: &CampaignSpec) -> (String, v1::Campaign, String) {
     let id = cluster.create(spec).await;
     let last = cluster.finish(&id).await;
@@ -49,7 +49,7 @@ async fn every_individual_is_embedded_and_novelty_is_measured_there() {
                 .iter()
                 .all(|individual| individual.embedding.len() == 5)
         );
-        // The novelty of the last generation can be counted again from what the archive holds.
+        // The novelty of the last generation can be computed from the archive.
         let parts = |individual: &v1::Individual| {
             let features = individual.features.as_slice().try_into().unwrap();
             (features, individual.embedding.clone())
@@ -78,7 +78,7 @@ async fn every_individual_is_embedded_and_novelty_is_measured_there() {
     cluster.stop().await;
 }
 
-/// The same without training.
+/// The same specification without training.
 fn untrained(spec: &str) -> CampaignSpec {
     let mut table: toml::Table = spec.parse().unwrap();
     table.insert("method".into(), "untrained".into());

@@ -1,5 +1,5 @@
-//! A whole cluster on this machine, in one process or as the real programs, that needs nothing besides this repository and
-//! ONNX Runtime (`make runtime`).
+//! Tests of a whole cluster on this machine, in one process or as the real programs. They need only this repository and ONNX
+//! Runtime (`make runtime`).
 
 mod accuracy;
 mod atlas;

@@ -29,7 +29,7 @@ async fn text(url: &str, path: &str) -> (u16, String) {
     (answer.status().as_u16(), answer.text().await.unwrap())
 }
 
-/// Every sample by its name and labels, as they are written.
+/// The metrics by name and labels, as written on the page.
 async fn metrics(url: &str) -> BTreeMap<String, f64> {
     let (status, text) = text(url, "/metrics").await;
     assert_eq!(status, 200, "{text}");
@@ -57,7 +57,7 @@ async fn metrics_say_what_a_campaign_came_to() {
     }
     cluster.run(&small_latent_spec("")).await;
     let after = metrics(&cluster.url()).await;
-    // 200 pictures of the dataset, 100 individuals of the archive; audits, and what was late, are done twice.
+    // 200 pictures of the dataset and 100 individuals of the archive. Audits and late evaluations count twice.
     let evaluations = after["murmuration_tasks_done_total{work=\"evaluation\"}"];
     let audits = after["murmuration_audits_total"];
     assert!(
@@ -147,7 +147,7 @@ async fn a_request_goes_by_the_name_it_came_with_or_gets_one() {
         .insert(REQUEST_ID, "the-one-42".parse().unwrap());
     let answer = cluster.client.list_campaigns(request).await.unwrap();
     assert_eq!(answer.metadata().get(REQUEST_ID).unwrap(), "the-one-42");
-    // A refusal says it too, for the one who has to look it up.
+    // A refusal carries the request id too.
     let mut request = tonic::Request::new(v1::GetCampaignRequest {
         campaign: "none".to_owned(),
     });
@@ -174,7 +174,7 @@ fn the_health_command_asks_a_coordinator_and_a_worker() {
 
     let address = free_address();
     let url = format!("http://{address}");
-    // Its coordinator is not there: it lives, and is not ready.
+    // Its coordinator does not exist: the worker is alive, but not ready.
     let worker = start_worker_with("http://127.0.0.1:1", &[("MURMURATION_HEALTH", &address)]);
     while murmuration
         .run(&["health", "--alive", "--coordinator", &url])
@@ -190,7 +190,7 @@ fn the_health_command_asks_a_coordinator_and_a_worker() {
     coordinator.kill();
 }
 
-/// A collector of spans.
+/// A collector of trace spans.
 #[derive(Clone, Default)]
 struct Collector(Arc<Mutex<Vec<ResourceSpans>>>);
 
@@ -206,7 +206,7 @@ impl TraceService for Collector {
 }
 
 impl Collector {
-    /// Serves one; its URL.
+    /// Starts a collector; returns its URL too.
     async fn start() -> (Self, String) {
         let collector = Self::default();
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
@@ -216,7 +216,7 @@ impl Collector {
         (collector, url)
     }
 
-    /// Traces in which a process of this service has a lease's span, and the span's parent.
+    /// The ids of traces in which a process of this service has a lease's span, with the ids of the span's parent.
     fn leases(&self, service: &str) -> BTreeMap<Vec<u8>, Vec<u8>> {
         let is_named = |spans: &&ResourceSpans| {
             let attributes = spans.resource.iter().flat_map(|resource| &resource.attributes);
@@ -269,7 +269,7 @@ async fn a_lease_is_one_trace_on_coordinator_and_worker() {
     coordinator.kill();
 }
 
-/// One that was free a moment ago.
+/// An address that was free a moment ago.
 fn free_address() -> String {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     listener.local_addr().unwrap().to_string()

@@ -1,4 +1,4 @@
-//! The page on which people play, over HTTP.
+//! The page Play, over HTTP.
 
 use murmuration_access::CostClass;
 use murmuration_proto::{Controller, Preset, World, v1};
@@ -15,7 +15,7 @@ use std::{
 use tempfile::TempDir;
 use tonic::Code;
 
-/// A browser at a coordinator without workers: the coordinator simulates by itself.
+/// A browser at a coordinator without workers: the coordinator simulates itself.
 struct Playground {
     _folder: TempDir,
     cluster: Cluster,
@@ -39,7 +39,7 @@ impl Playground {
         answer.text().await.unwrap()
     }
 
-    /// What a page of `origin` asks for.
+    /// Requests a motion from a page of `origin`.
     async fn motion(&self, origin: Option<&str>, form: &str) -> Response {
         let request = self.client.post(format!("{}/play/motion", self.cluster.url()));
         let request = match origin {
@@ -162,7 +162,7 @@ async fn the_seats_of_those_who_leave_go_to_whoever_waits() {
     };
     tokio::time::sleep(Duration::from_millis(100)).await;
     assert!(!waiting.is_finished());
-    // They would simulate for two seconds.
+    // These simulations would run for two seconds.
     computing.iter().for_each(tokio::task::JoinHandle::abort);
     let left = Instant::now();
     assert_eq!(waiting.await.unwrap(), StatusCode::OK);

@@ -1,4 +1,4 @@
-//! Recall: what an atlas holds, and which share of it campaigns find.
+//! Recall: the share of an atlas's content that campaigns find.
 
 use murmuration_tests::Murmuration;
 use serde_json::Value;
@@ -44,7 +44,7 @@ fn campaigns(murmuration: &Murmuration) -> usize {
 fn recall_is_measured_by_an_atlas_that_the_study_runs_or_finds() {
     let folder = tempfile::tempdir().unwrap();
     let murmuration = Murmuration::over(&folder.path().join("data"));
-    // The atlas by hand and under another name.
+    // Runs the atlas directly, under another name.
     let (_, atlas) = STUDY.split_once("[recall.atlas]\n").unwrap();
     let (atlas, _) = atlas.split_once("[campaign]").unwrap();
     let spec = folder.path().join("atlas.toml");
@@ -63,7 +63,7 @@ fn recall_is_measured_by_an_atlas_that_the_study_runs_or_finds() {
     let page = PathBuf::from(study["report"].as_str().unwrap());
     let niches = rows(page.with_file_name("niches.csv"));
     assert_eq!(niches.len(), 12);
-    // 81 controllers: of the 45 that were simulated, 36 have another one as their mirror image.
+    // 81 controllers: 36 of the 45 simulated ones have a different mirror image.
     let members: f64 = niches.iter().map(|niche| number(niche, "members")).sum();
     assert_eq!(members, 81.0);
 
@@ -72,7 +72,7 @@ fn recall_is_measured_by_an_atlas_that_the_study_runs_or_finds() {
     for stages in recall.chunks(2) {
         let [early, late] = [0, 1].map(|place| number(&stages[place], "niches_reached"));
         assert!(0.0 < early && early <= late && late <= 100.0, "{early} {late}");
-        // The table is of the last number of evaluations.
+        // The table shows the last number of evaluations.
         let table = study["tables"][0]["rows"].as_array().unwrap();
         let row = table
             .iter()
@@ -95,7 +95,7 @@ fn recall_is_measured_by_an_atlas_that_the_study_runs_or_finds() {
     let reached = number(&recall[1], "niches_reached") / 100.0 * 12.0;
     assert_eq!(number(of_niches.unwrap(), "seen"), reached.round());
 
-    // Nothing is new, and the tables need no coordinator.
+    // A repeated run changes nothing, and the tables need no coordinator.
     assert_eq!(run(&murmuration, &file)["tables"], study["tables"]);
     assert_eq!(campaigns(&murmuration), 3);
     let shown = murmuration
@@ -103,7 +103,7 @@ fn recall_is_measured_by_an_atlas_that_the_study_runs_or_finds() {
         .last_line();
     assert_eq!(shown["tables"], study["tables"]);
 
-    // What the atlas holds is made again where its file is damaged, though every cell is measured.
+    // A damaged file of the atlas's content is made again, although every cell is measured.
     let reference = page.with_file_name("reference.json");
     let intact = fs::read(&reference).unwrap();
     fs::write(&reference, b"{").unwrap();
@@ -126,7 +126,7 @@ fn a_cell_that_equals_the_atlas_is_its_campaign() {
     fs::write(&file, text).unwrap();
     let study = run(&murmuration, &file.display().to_string());
     assert_eq!(campaigns(&murmuration), 1);
-    // It finds all that it is.
+    // The campaign is the atlas, so it finds everything.
     let figures = &study["tables"][0]["rows"][0]["figures"];
     assert_eq!(figures["niches_reached"]["mean"], 100.0);
 }
@@ -148,7 +148,7 @@ fn maps_show_the_first_generation() {
     assert_eq!(indices, (0..20).collect::<Vec<u64>>());
     let maps = page.with_file_name("maps");
     let svg = fs::read_to_string(maps.join("1-mapped-behaviours.svg")).unwrap();
-    // The dots of the legend are larger.
+    // The dots of the legend have a larger stroke.
     let paths = svg
         .split("<path ")
         .filter(|path| !path.contains("stroke-width=\"12\""));

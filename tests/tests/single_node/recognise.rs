@@ -1,4 +1,4 @@
-//! Swarms that a camera tracked: those that the simulator filmed are recognised, also through jitter and dropped frames.
+//! Swarms that a camera tracked: swarms filmed by the simulator are recognised, also with jitter and dropped frames.
 
 use murmuration_proto::{Purpose, RandomStream};
 use murmuration_tests::{Murmuration, small_latent_spec, whole_number};
@@ -7,7 +7,7 @@ use serde_json::Value;
 use std::{fs, path::PathBuf};
 use tempfile::TempDir;
 
-/// Most that a camera is off by along each axis, world units: robots have a radius of 5.
+/// Largest error of the camera along each axis, world units; robots have a radius of 5.
 const JITTER: f64 = 0.3;
 
 /// A completed campaign, whose individuals can be filmed.
@@ -36,7 +36,7 @@ impl Studio {
         self.folder.path().join(name)
     }
 
-    /// An individual, and the film of it.
+    /// An individual, and its film.
     fn film(&self, index: u64) -> (Value, String) {
         let shown = self
             .murmuration
@@ -61,7 +61,7 @@ impl Studio {
         (individual, fs::read_to_string(tracks).unwrap())
     }
 
-    /// What a film is recognised as.
+    /// The result of recognising a film.
     fn recognise(&self, film: &str, more: &[&str]) -> Value {
         let path = self.path("film.csv");
         fs::write(&path, film).unwrap();
@@ -71,7 +71,8 @@ impl Studio {
     }
 }
 
-/// The film as a worse camera has it: without headings, a fifth of the rows and every ninth frame missing, each place off by some.
+/// The film of a worse camera: without headings, without a fifth of the rows and every ninth frame, and with an error in each
+/// position.
 fn worse(film: &str) -> String {
     let mut dice = RandomStream::derive(3, Purpose::Jitter, 0);
     let mut text = "frame,robot,x,y\n".to_owned();
@@ -116,7 +117,7 @@ fn a_film_of_another_pace_in_other_units_shows_the_same() {
         let cells: Vec<&str> = row.split(',').collect();
         let metres = |cell: &str| cell.parse::<f64>().unwrap() / 250.0;
         let frame = cells[0].parse::<u32>().unwrap();
-        // Two frames a step, of which the second is missing.
+        // The film has two frames for each step, and every second frame is missing.
         format!(
             "{},{},{},{},{}\n",
             2 * frame,

@@ -40,13 +40,13 @@ async fn every_part_of_a_specification_matters() {
     }
 }
 
-/// A campaign of 400 generations, so that there is something to interrupt.
+/// A campaign of 400 generations, long enough to be interrupted.
 fn longer() -> CampaignSpec {
     let text = small_spec("seed = 3").to_toml();
     CampaignSpec::from_toml(&text.replace("generations = 5", "generations = 400")).unwrap()
 }
 
-/// Watches a campaign until more than so many generations are done, and not all.
+/// Watches a campaign until more than `after` generations are done, but not all.
 async fn in_the_middle(cluster: &mut Cluster, campaign: &str, after: u32) -> u32 {
     let begun = |status: &v1::Campaign| status.generations_done > after;
     let status = cluster.watch_until(campaign, begun).await;
@@ -69,7 +69,7 @@ async fn a_coordinator_stopped_in_the_middle_goes_on_by_itself() {
     let seen = in_the_middle(&mut cluster, &campaign, 2).await;
     cluster.stop().await;
 
-    // Nobody works on it yet: it is where it was.
+    // Without workers, the campaign has made no progress.
     let mut cluster = Cluster::start(folder.path(), 0).await;
     let stopped = cluster.status(&campaign).await;
     assert_eq!(

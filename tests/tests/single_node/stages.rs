@@ -1,9 +1,9 @@
-//! A latent campaign in real processes, each of which is killed in each stage: the outcome is that of an undisturbed one.
+//! A latent campaign in real processes, each of which is killed in each stage. The outcome equals that of an undisturbed campaign.
 
 use murmuration_proto::{CampaignSpec, v1};
 use murmuration_tests::{ProcessCluster, Running};
 
-/// Every stage takes a second or more: long enough to be met in it three times.
+/// Every stage lasts a second or more: long enough to be observed three times.
 fn spec() -> CampaignSpec {
     let text = "name = \"stages\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\n\
                 [dataset]\ncontrollers = 6000\n[training.recipe.in-batch]\nepochs = 5\npatience = 5\n\
@@ -12,7 +12,7 @@ fn spec() -> CampaignSpec {
     CampaignSpec::from_toml(text).unwrap()
 }
 
-/// A cluster whose campaign has begun.
+/// A cluster with a running campaign.
 struct Campaign {
     cluster: ProcessCluster,
     trainer: Running,
@@ -27,7 +27,7 @@ impl Campaign {
         Self { cluster, trainer, id }
     }
 
-    /// Waits until the campaign is within `stage`: begun, and with something of it done where that can be told.
+    /// Waits until the campaign is in `stage` and, if that is visible, has made progress in it.
     fn wait_for(&mut self, stage: v1::CampaignStage) {
         self.cluster.wait_to_strike(&self.id, |status| {
             let begun = match stage {
@@ -59,7 +59,7 @@ impl Campaign {
         self.cluster.restart_coordinator();
     }
 
-    /// The checkpoint that the campaign ends with, and its digest.
+    /// The campaign's last checkpoint, and its digest.
     fn finish(mut self) -> (String, String) {
         let digest = self.cluster.finish(&self.id);
         (self.cluster.try_status(&self.id).unwrap().checkpoint, digest)
@@ -76,7 +76,7 @@ fn worker_trainer_and_coordinator_killed_in_every_stage_change_nothing() {
         v1::CampaignStage::Evolve,
         v1::CampaignStage::Label,
         v1::CampaignStage::FineTune,
-        // Of the archive, with what was fine-tuned: the first time there was nothing to embed.
+        // Embeds the archive with the fine-tuned checkpoint. After pretraining, there was nothing to embed.
         v1::CampaignStage::Embed,
         v1::CampaignStage::Taxonomy,
     ] {

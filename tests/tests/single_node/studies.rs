@@ -1,4 +1,4 @@
-//! Studies: each cell runs once, a study that was killed goes on, and its tables are those of its campaigns.
+//! Studies: each cell runs once, a killed study continues, and its tables equal those of its campaigns.
 
 use murmuration_judge::{frames, judge};
 use murmuration_proto::{Class, Controller, Preset, World, v1};
@@ -23,7 +23,7 @@ fn written(folder: &Path, text: &str) -> String {
     path.display().to_string()
 }
 
-/// What `study run` prints.
+/// The output of `study run`.
 #[track_caller]
 fn run(murmuration: &Murmuration, file: &str) -> Value {
     murmuration
@@ -70,7 +70,7 @@ fn cells_run_once_and_a_changed_study_runs_only_what_is_new() {
     assert_eq!((first["cells"].as_u64(), measured(&first).len()), (Some(4), 4));
     assert_eq!(campaigns(&murmuration).len(), 4);
 
-    // Under another name they are the same cells.
+    // Under another name the cells are the same.
     let renamed = STUDY.replace("\"pair\"", "\"other\"");
     let again = run(&murmuration, &written(folder.path(), &renamed));
     assert_eq!(measured(&again), measured(&first));
@@ -153,7 +153,7 @@ fn a_campaign_that_was_run_by_hand_is_a_cell_too() {
     let folder = tempfile::tempdir().unwrap();
     let murmuration = Murmuration::over(&folder.path().join("data"));
     let file = written(folder.path(), &STUDY.replace("seeds = 2", "seeds = 1"));
-    // The campaign of the first cell, by hand and under another name.
+    // Runs the campaign of the first cell directly, under another name.
     let spec = folder.path().join("by-hand.toml");
     let (_, campaign) = STUDY.split_once("[campaign]\n").unwrap();
     fs::write(&spec, format!("name = \"by-hand\"\n{campaign}")).unwrap();
@@ -210,7 +210,7 @@ fn tables_follow_from_the_files_of_the_report_and_those_from_the_campaigns() {
             let mean = distinct.len() as f64 / 3.0;
             assert_eq!(cell[figure].parse::<f64>().unwrap(), mean, "{figure}");
         }
-        // The last taxonomy is the campaign's own.
+        // The last taxonomy equals the campaign's.
         let last: BTreeSet<u64> = of_cell
             .iter()
             .filter(|medoid| medoid["generation"] == "4")
@@ -266,7 +266,7 @@ fn replicates_that_share_an_embedder_have_its_checkpoint_and_the_archive_of_thei
         .split_once("seed = 1\n")
         .map(|(_, rest)| ((), rest.to_owned()))
         .unwrap();
-    // The training's own seed is the campaign's where no other is given.
+    // Without a seed of its own, the training uses the campaign's.
     let fields = fields.replace("seed = 1\n", "");
     let mut lines = Vec::new();
     for line in fields.lines() {
@@ -296,7 +296,7 @@ fn replicates_that_share_an_embedder_have_its_checkpoint_and_the_archive_of_thei
     assert_ne!(cells[0]["archive_digest"], cells[1]["archive_digest"]);
 }
 
-/// The paper's cyclic pursuit in small and in usual swarms, each from three starts.
+/// The paper's cyclic pursuit in small and in normal swarms, each from three starts.
 const PHASE: &str = "name = \"phase\"\nmeasures = [\"shares\"]\nphase.x = \"robots\"\n\
     axes = [{ name = \"robots\", field = \"world.agents\", numbers = [4, 24] }]\n\
     [campaign]\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\n\
@@ -341,7 +341,7 @@ fn shares_are_of_what_workers_judged_of_that_controller_alone_and_diagrams_show_
     );
 }
 
-/// Searches in small and in usual swarms.
+/// Searches in small and in normal swarms.
 const SEARCHES: &str = "name = \"searches\"\nmeasures = [\"shares\"]\nphase.x = \"robots\"\n\
     axes = [{ name = \"robots\", field = \"world.agents\", numbers = [4, 12] }]\n\
     [campaign]\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\nworld.horizon = 200\n\
@@ -358,7 +358,7 @@ fn a_phase_diagram_of_searches_shows_the_shares_of_their_archives() {
     for cell in cells {
         assert_eq!(cell["evaluations"], "40");
         let shares = Class::ALL.map(|class| cell[&format!("share_{class}")].parse::<f64>().unwrap());
-        // Of 40 individuals with a trial each.
+        // 40 individuals with one trial each, so shares are multiples of 2.5 %.
         assert!(
             shares.iter().all(|share| (share / 2.5).fract() == 0.0),
             "{shares:?}"

@@ -1,11 +1,11 @@
-//! What people do to classes and answers on the pages, over HTTP, and the tables that they download.
+//! Classes and answers that people change on the pages, over HTTP, and the tables that they download.
 
 use murmuration_tests::{Murmuration, http};
 use reqwest::{Client, StatusCode};
 use serde_json::{Value, json};
 use std::fs;
 
-/// Somebody's browser at a coordinator.
+/// A browser at a coordinator.
 struct Page {
     client: Client,
     url: String,
@@ -40,7 +40,7 @@ impl Page {
         (status, serde_json::from_str(&text).unwrap_or_default())
     }
 
-    /// Changes a class, which is possible; the classes after that.
+    /// Makes a valid change to a class; returns the classes after it.
     async fn change(&self, request: &str, change: Value) -> Value {
         let (status, told) = self.post("classes", request, json!({ "change": change })).await;
         assert_eq!(status, StatusCode::OK, "{change} {told}");
@@ -94,13 +94,13 @@ async fn classes_are_changed_and_reverted_and_answers_withdrawn() {
         .await;
     assert_eq!(told["classes"].as_array().unwrap().len(), 1);
     assert_eq!(told["changes"][0]["description"], "deleted “wall following”");
-    // Asked again, as by a page that heard no answer, it is not made again.
+    // A page without an answer repeats its request: the change is not made twice.
     page.change("4", json!({ "delete": { "class": "wall following" } }))
         .await;
     let standing = page.json("answers/standing").await;
     assert_eq!(standing["classes"][0]["name"], "ring");
 
-    // Only the newest change, and that once.
+    // Only the newest change can be reverted, and only once.
     let (key, deletion) = (4, 5);
     let revert = |entry: u64| json!({ "change": { "revert": { "entry": entry } } });
     let (status, _) = page.post("classes", "5", revert(key)).await;
@@ -131,7 +131,7 @@ async fn classes_are_changed_and_reverted_and_answers_withdrawn() {
     assert_eq!(told["classes"][0]["labels"], 2);
     assert_eq!(told["classes"].as_array().unwrap().len(), 1);
     assert_eq!(coordinator.terminate(), Some(0));
-    // What is on disk comes to the same.
+    // The stored log is consistent.
     assert_eq!(murmuration.run(&["doctor"]).code, Some(0));
 }
 
@@ -176,7 +176,7 @@ async fn tables_from_a_page_are_those_of_the_commands() {
     );
     assert_eq!(coordinator.terminate(), Some(0));
 
-    // Every kind of entry goes through an export.
+    // An export keeps every kind of entry.
     let other = folder.path().join("other");
     let imported = [
         "import",

@@ -1,4 +1,4 @@
-//! Campaigns that are exported to a folder and imported from it, by the program and over the network.
+//! Campaigns that are exported to a folder and imported from it, by command and over the network.
 
 use murmuration_proto::v1::{self, transfer_service_client::TransferServiceClient};
 use murmuration_tests::{Cluster, Murmuration, longer_spec, small_latent_spec, small_spec};
@@ -8,14 +8,14 @@ use std::{
 };
 use tonic::Code;
 
-/// A campaign in its data directory.
+/// A campaign and its data directory.
 struct Place {
     folder: tempfile::TempDir,
     murmuration: Murmuration,
 }
 
 impl Place {
-    /// A completed campaign of this file, with labels of the rule-based judge and of a person.
+    /// A completed campaign of this file, with labels by the rule-based judge and by a person.
     fn with(spec: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("spec.toml");
@@ -49,7 +49,7 @@ impl Place {
         self.path(name).display().to_string()
     }
 
-    /// What a command that succeeds prints.
+    /// Runs a command, which must succeed; returns its output.
     #[track_caller]
     fn done(&self, arguments: &[&str]) -> String {
         let done = self.murmuration.run(arguments);
@@ -57,7 +57,7 @@ impl Place {
         done.stdout
     }
 
-    /// The same command over the campaign here and over the imported one.
+    /// Checks that a command prints the same for the original and for the imported campaign.
     #[track_caller]
     fn same(&self, arguments: &[&str]) {
         let imported = self.text("imported");
@@ -104,7 +104,7 @@ fn a_campaign_comes_back_with_its_digest_labels_classes_and_taxonomy() {
             let read = |report: &str| fs::read_to_string(place.path(report).join(table)).unwrap();
             assert_eq!(read("report"), read("report-of-imported"), "{table}");
         }
-        // A new campaign there has an id of its own.
+        // A new campaign there gets the next id.
         let path = place.text("spec.toml");
         let further = place.done(&["run", &path, "--data", &place.text("imported"), "--json"]);
         assert!(further.contains("\"campaign\":\"small-2\""), "{further}");
@@ -174,7 +174,7 @@ fn an_import_that_fails_leaves_no_data_directory_that_it_made() {
     let failed = import(&["--checkpoint-store", &nowhere]);
     assert_ne!(failed.code, Some(0), "{}", failed.stderr);
     assert!(!place.path("imported").exists(), "{}", failed.stderr);
-    // One that was there stays.
+    // A folder that existed before is kept.
     fs::create_dir(place.path("imported")).unwrap();
     assert_ne!(import(&["--checkpoint-store", &nowhere]).code, Some(0));
     assert!(place.path("imported").exists());

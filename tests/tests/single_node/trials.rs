@@ -1,4 +1,4 @@
-//! Individuals with several trials: what is measured of them is the mean, and robustness says how alike the trials are.
+//! Individuals with several trials: their measurements are means over the trials, and robustness counts how alike the trials are.
 
 use murmuration_proto::{CampaignSpec, Controller, mean_embedding, v1};
 use murmuration_sim::{evaluate::evaluate, simulate::Start};
@@ -33,7 +33,7 @@ fn nearest(behaviour: &[f64], medoids: &[Vec<f64>]) -> Vec<u32> {
     places.map(|(place, _)| place).collect()
 }
 
-/// Counts robust trials again from what the coordinator tells.
+/// Counts robust trials again from the coordinator's archive.
 fn check_robustness(spec: &CampaignSpec, archive: &[v1::Individual], taxonomy: &v1::Taxonomy) {
     let parts = |individual: &v1::Individual| {
         let features = individual.features.as_slice().try_into().unwrap();

@@ -13,7 +13,7 @@ use serde_json::Value;
 use std::time::{Duration, Instant};
 use tonic::Code;
 
-/// A browser at one coordinator; status codes are answers, not errors, and redirects are not followed.
+/// A browser at a coordinator. Status codes are answers, not errors, and redirects are not followed.
 #[derive(Clone)]
 struct Browser {
     client: Client,
@@ -40,7 +40,7 @@ impl Browser {
         answer.text().await.unwrap()
     }
 
-    /// What a script posts about `small-1`, as JSON; the answer where it is one.
+    /// Posts JSON about `small-1` like a script; returns the JSON answer, or null.
     async fn tell(&self, path: &str, message: &str, status: StatusCode) -> Value {
         let request = self
             .client
@@ -72,7 +72,7 @@ async fn a_campaign_is_started_and_cancelled_with_buttons() {
     let started = browser.post("/new", &QUICK, own.as_deref()).await;
     assert_eq!(started.status(), StatusCode::SEE_OTHER);
     assert_eq!(started.headers()["location"], "/campaigns/quick-latent-1");
-    // A second click starts nothing.
+    // A second click starts no second campaign.
     let again = browser.post("/new", &QUICK, own.as_deref()).await;
     assert_eq!(again.headers()["location"], "/campaigns/quick-latent-1");
     assert_eq!(cluster.campaigns().await.len(), 1);
@@ -91,7 +91,7 @@ async fn a_campaign_is_started_and_cancelled_with_buttons() {
         .post("/campaigns/quick-latent-1/pause", &[], own.as_deref())
         .await;
     assert_eq!(again.status(), StatusCode::CONFLICT);
-    // A form that was changed in between starts another.
+    // A changed form starts another campaign.
     let mut changed = QUICK;
     changed[2] = ("name", "other");
     let other = browser.post("/new", &changed, own.as_deref()).await;
@@ -237,7 +237,7 @@ async fn what_the_machine_said_is_told_apart_from_what_people_say() {
         let cards = browser.page("/campaigns/small-1/taxonomy").await;
         cards.matches("by the rule-based judge, not by a person.").count()
     };
-    // It is asked about the first medoids.
+    // The synthetic annotator labels the first medoids.
     let synthetic = v1::AppendSyntheticLabelsRequest {
         campaign: "small-1".to_owned(),
         request_id: "1".to_owned(),
@@ -283,7 +283,7 @@ async fn scripts_are_given_motions_and_maps() {
         (&points["count"], points["medoids"].as_array().unwrap().len()),
         (&100.into(), 4)
     );
-    // 100 numbers of two bytes, four characters for three bytes.
+    // 100 numbers of two bytes; base64 has four characters for three bytes.
     assert_eq!(look("points/axes").await["x"].as_str().unwrap().len(), 268);
     for path in ["individuals/100/motion", "points/nothing"] {
         let answer = browser.get(&format!("/campaigns/small-1/{path}")).await;
@@ -312,14 +312,14 @@ async fn what_takes_workers_says_at_once_that_there_are_none() {
         assert!(text.contains(expected) && text.starts_with(begins), "{path}: {text}");
     }
     assert!(begun.elapsed() < Duration::from_secs(10));
-    // A link that names the file would have browsers take the words for it.
+    // With a `download` link, browsers would save the error text as the report.
     let page = browser.page("/campaigns/small-1/taxonomy").await;
     assert!(
         page.contains("Export the report") && !page.contains(" download"),
         "{page}"
     );
 
-    // Programs wait a little, for workers that were only restarted.
+    // Programs wait a little, because workers may only be restarting.
     let campaign = || "small-1".to_owned();
     let replay = v1::GetReplayRequest {
         campaign: campaign(),
@@ -401,12 +401,12 @@ async fn a_page_follows_what_happens() {
     cluster.finish(&id).await;
     hear(&mut events, &mut heard, "completed").await;
     cluster.stop().await;
-    // The stream ends too, and is not cut off.
+    // The stream ends properly instead of being cut off.
     let end = async { while events.chunk().await.unwrap().is_some() {} };
     tokio::time::timeout(Duration::from_secs(60), end).await.unwrap();
 }
 
-/// Reads on until `sign` has come.
+/// Reads events until `sign` arrives.
 async fn hear(events: &mut Response, heard: &mut String, sign: &str) {
     while !heard.contains(sign) {
         let chunk = events.chunk().await.unwrap().expect("the stream goes on");

@@ -15,7 +15,7 @@ use tonic_reflection::pb::v1::{
     server_reflection_request::MessageRequest, server_reflection_response::MessageResponse,
 };
 
-/// Runs `disturb` beside one honest worker; the campaign must end with the digest of an undisturbed run.
+/// Runs `disturb` before one honest worker joins; the campaign must end with the digest of an undisturbed run.
 async fn check_undisturbed<F: Future<Output = ()>>(disturb: impl FnOnce(String) -> F) {
     let spec = small_spec("seed = 9");
     let folder = tempfile::tempdir().unwrap();
@@ -167,7 +167,7 @@ async fn results_for_leases_that_never_were_are_ignored() {
         ] {
             impostor.answer(lease, evaluation.clone(), 1).await;
         }
-        // What a worker says is heard in order: once it has another lease, all of that has arrived.
+        // The coordinator handles a worker's messages in order: another lease proves that it has handled all of these.
         impostor.lease(1).await;
     })
     .await;
@@ -220,7 +220,7 @@ async fn a_draining_worker_gets_no_more_leases() {
         .await;
     leaving.send(Message::Drain(v1::Drain {})).await;
     cluster.create(&small_spec("")).await;
-    // The silence limit ends the stream; before that nothing may have come.
+    // The silence limit ends the stream; no lease may arrive before that.
     match leaving.receive().await {
         Err(status) => assert_eq!(status.code(), Code::DeadlineExceeded),
         Ok(Some(Answer::Lease(_))) => panic!("a lease for a draining worker"),
@@ -252,7 +252,7 @@ async fn a_campaign_says_why_its_work_was_given_back() {
     unable
         .fail(lease, v1::FailureClass::Retryable, "the cache is full")
         .await;
-    // It stays connected, and in its pause.
+    // The worker stays connected, in its pause after the failure.
     let held_up = |status: &v1::Campaign| !status.waiting.is_empty();
     let status = cluster.watch_until(&created.id, held_up).await;
     assert_eq!(
@@ -266,7 +266,7 @@ async fn a_campaign_says_why_its_work_was_given_back() {
 #[tokio::test(flavor = "multi_thread")]
 async fn what_one_machine_says_cannot_be_done_another_does() {
     check_undisturbed(async |url| {
-        // It is there, and has no time: what it could do is not given up.
+        // Another worker is connected, but busy: tasks that it could do are not given up.
         let busy = FakeWorker::connect(&url).await;
         tokio::spawn(busy.dismissed());
         let mut unfit = FakeWorker::connect_as(&url, 2, 1).await.unwrap();
@@ -282,7 +282,7 @@ async fn what_one_machine_says_cannot_be_done_another_does() {
 async fn what_two_machines_say_cannot_be_done_fails_the_campaign_aloud() {
     let folder = tempfile::tempdir().unwrap();
     let options = murmuration_dispatch::Options {
-        // One machine alone would have to wait for as long.
+        // A single machine would have to wait this long.
         silence_limit: std::time::Duration::from_secs(100),
         ..murmuration_tests::quick_dispatch()
     };

@@ -1,4 +1,4 @@
-//! Machines of different kinds embed a picture nearly alike, and no audit calls either wrong.
+//! Machines of different kinds embed a picture almost identically, and no audit counts either as wrong.
 
 use crate::integrity::{Honest, LIAR, audited, connect, impossible, notices};
 use murmuration_dispatch::Options;
@@ -14,7 +14,7 @@ use rand::RngExt as _;
 use std::time::Duration;
 use tonic::{Code, service::interceptor::InterceptedService};
 
-/// What a sound machine of another kind makes of a batch: embeddings that differ in the last bits.
+/// Evaluates a batch like a correct machine of another kind: embeddings differ in the last bits.
 async fn evaluate(cluster: &Cluster, lease: v1::LeaseId, batch: v1::EvaluationBatch) -> Vec<v1::Evaluation> {
     let digest: CheckpointDigest = batch.checkpoint.parse().unwrap();
     let coordinator: Coordinator =
@@ -45,7 +45,7 @@ async fn what_a_machine_of_another_kind_embedded_is_not_found_wrong() {
     let text = small_latent_spec("").to_toml();
     let spec = CampaignSpec::from_toml(&text.replace("generations = 5", "generations = 200")).unwrap();
     let options = Options {
-        // It is not heard while it computes.
+        // The machine sends nothing while it computes.
         silence_limit: Duration::from_secs(20),
         ..audited("0")
     };
@@ -65,7 +65,7 @@ async fn what_a_machine_of_another_kind_embedded_is_not_found_wrong() {
         (0..800).find(|&index| seed_of(index) == task.seed).unwrap() / 20
     };
     let mut answered = Vec::new();
-    // How much it is given depends on how fast the others are.
+    // The number of batches depends on the speed of the other workers.
     let (lease, batch, count) = loop {
         let (lease, batch) = other.lease(20).await;
         let in_hand = generation_of(&batch.tasks[0]);
@@ -80,7 +80,8 @@ async fn what_a_machine_of_another_kind_embedded_is_not_found_wrong() {
         let evaluations = evaluate(&cluster, lease, batch).await;
         other.answer_each(lease, evaluations).await;
     };
-    // Then it breaks, and all that rests on its word is done again: of the generation in hand at once, of others later.
+    // Then the machine returns an impossible result. Its earlier results are evaluated again: those of the current generation at
+    // once, the others later.
     other.answer(lease, impossible(), batch.tasks.len()).await;
     assert_eq!(other.dismissed().await.code(), Code::InvalidArgument);
     let worker = Honest::join(&cluster, folder.path(), 3);

@@ -15,7 +15,7 @@ async fn two_connections_of_a_liar_do_not_outvote_an_honest_worker() {
         tokio::task::yield_now().await;
     }
     liar.answer(lease, lie(), batch.tasks.len()).await;
-    // The honest worker contradicts it; its second connection says the same as the first.
+    // The honest worker contradicts the liar; the liar's second connection repeats the wrong results.
     let second = connect(&cluster, (LIAR.0, 43)).await.unwrap();
     let second = tokio::spawn(async move { second.answer_all(&lie()).await });
     let first = tokio::spawn(liar.dismissed());
@@ -42,7 +42,7 @@ async fn one_machine_whose_workers_vanish_condemns_nothing_that_another_can_do()
     let mut busy = None;
     for instance in 1..=3 {
         if instance == 3 {
-            // It is there, and has no time yet.
+            // Another worker is connected, but busy.
             let other = FakeWorker::connect(&cluster.url()).await;
             busy = Some(tokio::spawn(other.dismissed()));
         }

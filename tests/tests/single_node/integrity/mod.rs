@@ -13,7 +13,7 @@ use std::{net::Ipv4Addr, num::NonZeroUsize, path::Path, time::Duration};
 use tokio::{sync::watch, task::JoinHandle};
 use tonic::{Code, Status};
 
-/// The machine that lies, and the process of it that all connections of the liar are of unless a test says otherwise.
+/// Machine and process of the liar's connections, unless a test uses others.
 const LIAR: (u8, u64) = (2, 42);
 
 fn audited(share: &str) -> Options {
@@ -23,7 +23,7 @@ fn audited(share: &str) -> Options {
     }
 }
 
-/// What no swarm does, in a form that any could have.
+/// A wrong evaluation that is not obviously impossible.
 fn lie() -> v1::Evaluation {
     v1::Evaluation {
         features: vec![0.123; 5],
@@ -32,7 +32,7 @@ fn lie() -> v1::Evaluation {
     }
 }
 
-/// A lie of its own for each start: pictures that are all alike teach nothing.
+/// A different lie for each start: a network cannot learn from identical pictures.
 fn lie_about(seed: u64) -> v1::Evaluation {
     let mut noise = RandomStream::derive(seed, Purpose::Start, 0);
     v1::Evaluation {
@@ -41,7 +41,7 @@ fn lie_about(seed: u64) -> v1::Evaluation {
     }
 }
 
-/// What gives a worker away.
+/// An evaluation that exposes a worker at once.
 fn impossible() -> v1::Evaluation {
     v1::Evaluation {
         features: vec![f64::NAN; 5],
@@ -53,7 +53,7 @@ async fn connect(cluster: &Cluster, (machine, instance): (u8, u64)) -> Result<Fa
     FakeWorker::connect_as(&cluster.url(), machine, instance).await
 }
 
-/// Lies about so many tasks, if no more than that are to be had.
+/// Answers `count` tasks with lies, if there are no more than that.
 async fn tell_lies(liar: &mut FakeWorker, count: usize) {
     let mut told = 0;
     while told < count {
@@ -64,14 +64,14 @@ async fn tell_lies(liar: &mut FakeWorker, count: usize) {
     }
 }
 
-/// A worker that keeps to the rules.
+/// An honest worker.
 struct Honest {
     stop: watch::Sender<bool>,
     work: JoinHandle<()>,
 }
 
 impl Honest {
-    /// One on the machine 127.0.0.`machine`.
+    /// Starts a worker on the machine 127.0.0.`machine`.
     fn join(cluster: &Cluster, cache: &Path, machine: u8) -> Self {
         let options = murmuration_worker::client::Options {
             coordinator: cluster.url(),
@@ -100,7 +100,7 @@ fn longer() -> CampaignSpec {
     CampaignSpec::from_toml(&text.replace("generations = 5", "generations = 200")).unwrap()
 }
 
-/// The digest of the campaign that the tests disturb, undisturbed.
+/// The digest of the campaign without a liar.
 async fn undisturbed(spec: &CampaignSpec) -> String {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 1).await;
@@ -109,10 +109,10 @@ async fn undisturbed(spec: &CampaignSpec) -> String {
     digest
 }
 
-/// A cluster that audits everything and has a campaign, whose id comes with it, and no worker but the liar.
+/// A cluster that audits everything, with the liar as its only worker, and a campaign, whose id is returned.
 async fn with_a_liar(data: &Path, spec: &CampaignSpec) -> (Cluster, String, FakeWorker) {
     let options = Options {
-        // Time for the second honest worker to come.
+        // Enough time for the second honest worker to join.
         silence_limit: Duration::from_secs(20),
         ..audited("1")
     };
@@ -130,11 +130,11 @@ fn notices(status: &v1::Campaign) -> String {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_worker_that_an_audit_finds_wrong_is_quarantined_and_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    // Long enough for the liar to get work beside the others.
+    // Long enough that the liar gets work beside the others.
     let spec = longer();
     let (mut cluster, campaign, mut liar) = with_a_liar(folder.path(), &spec).await;
     let (lease, batch) = liar.lease(5).await;
-    // While it is the only one, nobody could contradict it.
+    // Join after the liar's lease: a single worker cannot be contradicted.
     let workers = [3, 4].map(|machine| Honest::join(&cluster, folder.path(), machine));
     while cluster.status(&campaign).await.workers < 3 {
         tokio::task::yield_now().await;
@@ -143,7 +143,7 @@ async fn a_worker_that_an_audit_finds_wrong_is_quarantined_and_changes_nothing()
     let (_, status) = liar.answer_all(&lie()).await;
     assert_eq!(status.code(), Code::FailedPrecondition);
     assert!(status.message().contains("quarantined"), "{status}");
-    // Nor does it come back as another process.
+    // Another process of the same machine is refused too.
     for instance in [LIAR.1, 43, 0] {
         let again = connect(&cluster, (LIAR.0, instance)).await.unwrap_err();
         assert!(again.message().contains("quarantined"), "{again}");
@@ -164,7 +164,7 @@ async fn generations_that_a_worker_found_wrong_had_a_part_in_are_done_again() {
     let campaign = cluster.create(&small_spec("")).await;
     let mut liar = connect(&cluster, LIAR).await.unwrap();
     tell_lies(&mut liar, 20).await;
-    // Nobody has noticed: the next generation is bred from lies.
+    // The lies are still undetected: the next generation descends from them.
     let (lease, batch) = liar.lease(20).await;
     cluster
         .watch_until(&campaign, |status| status.generations_done == 1)
@@ -211,7 +211,7 @@ async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wron
     worker.leave().await;
     cluster.stop().await;
 
-    // Another coordinator knows who did what, and finds out over another campaign.
+    // Another coordinator knows which worker did what, and detects the liar in another campaign.
     let mut cluster = Cluster::start_with(folder.path(), 0, audited("0")).await;
     let other = cluster.create(&small_spec("seed = 2")).await;
     let mut liar = connect(&cluster, LIAR).await.unwrap();
@@ -234,7 +234,7 @@ async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wron
     worker.leave().await;
     cluster.stop().await;
 
-    // And a third does not let it in.
+    // A third coordinator refuses the liar.
     let cluster = Cluster::start(folder.path(), 0).await;
     for instance in [LIAR.1, 43] {
         let refused = connect(&cluster, (LIAR.0, instance)).await.unwrap_err();
@@ -256,7 +256,7 @@ async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wron
     );
     cluster.stop().await;
 
-    // Unless a person lifts the quarantine.
+    // After a person has lifted the quarantine, the liar may connect.
     for code in [0, 2] {
         let lifted = murmuration.run(&lift);
         assert_eq!(lifted.code, Some(code), "{}", lifted.stderr);
@@ -275,7 +275,7 @@ async fn an_embedder_that_was_trained_on_lies_is_trained_anew() {
     let mut liar = connect(&cluster, LIAR).await.unwrap();
     let pictures = 200;
     tell_lies(&mut liar, pictures).await;
-    // The trainer learns from that, and the search begins. It takes longer than an impostor is heard that says nothing.
+    // The trainer learns from the lies, and the search begins. This takes longer than the silence limit, so the liar reconnects.
     let searching = |status: &v1::Campaign| !status.checkpoint.is_empty();
     let status = cluster.watch_until(&campaign, searching).await;
     assert_eq!(status.error, "");
@@ -302,7 +302,7 @@ async fn two_that_differ_without_a_third_fail_the_campaign_aloud() {
     let mut second = connect(&cluster, (3, 1)).await.unwrap();
     let (lease, batch) = first.lease(1).await;
     first.answer(lease, lie(), batch.tasks.len()).await;
-    // What it says is heard in order: once it has another, it was heard.
+    // The coordinator handles a worker's messages in order: another lease proves that it has handled the answer.
     first.lease(1).await;
     let (lease, same) = second.lease(1).await;
     assert_eq!(batch, same, "an audit comes first");

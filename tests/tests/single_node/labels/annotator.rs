@@ -1,4 +1,4 @@
-//! A client of a campaign's labels.
+//! A client for a campaign's labels.
 
 use murmuration_proto::{
     parts::whole,
@@ -6,7 +6,6 @@ use murmuration_proto::{
 };
 use tonic::{Status, transport::Channel};
 
-/// A client of a campaign's labels.
 #[derive(Clone)]
 pub(crate) struct Annotator {
     pub(crate) name: &'static str,
@@ -42,7 +41,7 @@ impl Annotator {
         Ok(added.entries.iter().map(|entry| entry.number).collect())
     }
 
-    /// Has the synthetic annotator label `count` individuals.
+    /// Lets the synthetic annotator label `count` individuals.
     pub(crate) async fn call_the_judge(&mut self, request_id: &str, count: u32) -> Result<(), Status> {
         let request = v1::AppendSyntheticLabelsRequest {
             campaign: "latest".to_owned(),
@@ -67,7 +66,7 @@ impl Annotator {
         Ok(undone.entries)
     }
 
-    /// What stands: individual, annotator, class.
+    /// The current answers: individual, annotator, class.
     pub(crate) async fn standing(&mut self) -> Vec<(u64, String, String)> {
         let request = v1::ListLabelsRequest {
             campaign: "latest".to_owned(),

@@ -33,7 +33,7 @@ fn labels_go_through_files_unchanged() {
         (&"clump, loose".into(), &"ben".into())
     );
 
-    // In another campaign the same file comes to the same labels.
+    // In another campaign the same file gives the same labels.
     let spec = folder.path().join("small.toml").display().to_string();
     assert_eq!(murmuration.run(&["run", &spec]).code, Some(0));
     let again = murmuration
@@ -64,7 +64,7 @@ fn what_labels_writes_every_command_reads() {
         murmuration.run(&["labels", "latest", "--csv", &file]).code,
         Some(0)
     );
-    // The campaign's horizon is not the paper's, and the motion depends on it.
+    // The motion depends on the horizon, which is not the paper's.
     let columns = fs::read_to_string(&file).unwrap();
     let columns = columns.lines().next().unwrap();
     assert!(
@@ -73,7 +73,7 @@ fn what_labels_writes_every_command_reads() {
         "{columns}"
     );
 
-    // Its answers are nobody's who could be compared with it, and nobody may give them again.
+    // Synthetic answers cannot serve as a reference for the judge or an embedder, and cannot be added from a file.
     for arguments in [
         vec!["lab", "judge", "--labels", &file],
         vec!["lab", "accuracy", "--features", "--labels", &file],
@@ -92,11 +92,11 @@ fn what_labels_writes_every_command_reads() {
         "{}",
         refused.stderr
     );
-    // Once a person has looked at them they are that person's.
+    // After a person has reviewed the answers, they are that person's.
     let machines = fs::read_to_string(&file).unwrap();
     fs::write(&file, machines.replace(",synthetic,", ",ana,")).unwrap();
 
-    // The judge says of the very motions what it said before.
+    // The judge gives the same motions the same classes as before.
     let judged = murmuration
         .run(&["lab", "judge", "--labels", &file, "--json"])
         .last_line();
@@ -108,7 +108,7 @@ fn what_labels_writes_every_command_reads() {
         let accuracy = [&["lab", "accuracy", "--labels", &file, "--json"], embedding].concat();
         assert_eq!(murmuration.run(&accuracy).last_line()["behaviours"], 12);
     }
-    // Another archive is not labelled with it by mistake.
+    // The file is refused for another archive.
     let spec = folder.path().join("small.toml").display().to_string();
     assert_eq!(murmuration.run(&["run", &spec, "--seed", "9"]).code, Some(0));
     let refused = murmuration.run(&["label", "small-2", "--csv", &file]);
@@ -175,7 +175,7 @@ fn spellings_of_a_class_are_one_and_near_names_are_warned_of() {
         let message = murmuration.run(&arguments).stderr;
         assert!(message.contains(warned), "{message}");
     }
-    // What it says to do mends it.
+    // The merge that the warning suggests removes the warning.
     let mended = murmuration.run(&["classes", "latest", "--merge", "dispresal", "dispersal"]);
     assert!(
         mended.code == Some(0) && !mended.stderr.contains("warning"),
@@ -246,7 +246,7 @@ fn annotators_that_nobody_knows_are_named() {
 fn no_label_in_a_file_is_a_formula() {
     let (folder, murmuration) = campaign();
     let text = "index,class,annotator,time\n3,'=HYPERLINK(1),'@ana,2023-11-14T22:13:20Z\n4,''tis,ana,2023-11-14T22:13:20.001Z\n";
-    // As a person might spell it; and as it is exported and read again.
+    // As a person may write it, and as exported and read again.
     let plain = text.replace("'=", "=").replace("'@", "@").replace("''", "'");
     for (name, text) in [("plain.csv", plain.as_str()), ("marked.csv", text)] {
         let file = write(folder.path(), name, text);

@@ -1,4 +1,4 @@
-//! Labels: kept once acknowledged, stored once however often they are sent; no two people are asked the same query.
+//! Labels: kept once acknowledged, stored once however often they are sent; no two people get the same query.
 
 mod annotator;
 mod counts;
@@ -9,7 +9,7 @@ mod service;
 use murmuration_tests::Murmuration;
 use tempfile::TempDir;
 
-/// A data directory with a completed campaign of 100 individuals, and a folder beside it.
+/// A data directory with a completed campaign of 100 individuals, and the folder that contains it.
 fn campaign() -> (TempDir, Murmuration) {
     let folder = tempfile::tempdir().unwrap();
     let murmuration = Murmuration::with_campaign(folder.path());

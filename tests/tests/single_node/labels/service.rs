@@ -8,7 +8,7 @@ use tempfile::TempDir;
 use tokio::task::JoinSet;
 use tonic::{Code, Status};
 
-/// A cluster with a completed campaign of 100 individuals, and two who label them.
+/// A cluster with a completed campaign of 100 individuals, and two annotators.
 async fn labelled(folder: &TempDir) -> (Cluster, Annotator, Annotator) {
     let mut cluster = Cluster::start(folder.path(), 2).await;
     cluster.run(&small_spec("")).await;
@@ -43,7 +43,7 @@ async fn a_request_sent_twice_is_one_label_and_an_undo_restores_what_was_superse
     assert_eq!(other.code(), Code::AlreadyExists, "{other}");
     assert_eq!(ana.standing().await, stands(&restored));
 
-    // What was said with one request is undone with one.
+    // One undo reverts all answers of one request.
     let sheet: Vec<(u64, &str)> = (0..30).map(|index| (index, "wall")).collect();
     ana.say("5", &sheet).await.unwrap();
     for _ in 0..2 {
@@ -55,14 +55,14 @@ async fn a_request_sent_twice_is_one_label_and_an_undo_restores_what_was_superse
     assert_eq!(taken.code(), Code::AlreadyExists, "{taken}");
     cluster.stop().await;
 
-    // The log is the campaign's: another coordinator over the same directory knows it.
+    // The log belongs to the campaign: another coordinator over the same directory has it.
     let cluster = Cluster::start(folder.path(), 0).await;
     let mut ana = Annotator::of("ana", &cluster.channel().await);
     assert_eq!(ana.standing().await, stands(&restored));
     cluster.stop().await;
 }
 
-/// One at a time has a seat; what waits must not fill the connection that they share.
+/// One request at a time has a seat; waiting requests must not fill the shared connection.
 #[tokio::test(flavor = "multi_thread")]
 async fn long_requests_on_one_connection_are_all_done() {
     let folder = tempfile::tempdir().unwrap();
@@ -180,7 +180,7 @@ async fn nobody_answers_as_the_synthetic_annotator() {
         }
     }
     assert_eq!(ana.log().await, before);
-    // What it answered can be undone.
+    // The synthetic annotator's answers can be undone.
     let mut judge = Annotator::of("synthetic", &channel);
     assert_eq!(undone_entries(judge.undo("3").await.unwrap()), [1, 0]);
     cluster.stop().await;
@@ -265,7 +265,7 @@ async fn nobody_is_asked_what_another_is_asked_and_nothing_is_asked_twice() {
     let together: BTreeSet<u64> = anas.iter().chain(&bens).copied().collect();
     assert_eq!((together.len(), anas.len() + bens.len()), (100, 100));
 
-    // For agreement, each is asked what the other has answered.
+    // For agreement, each annotator gets the other's answered individuals.
     let mut ana = ana;
     let queries = ana.ask(v1::QueryStrategy::Medoids, 100, true).await.unwrap();
     let queries: BTreeSet<u64> = queries.into_iter().collect();

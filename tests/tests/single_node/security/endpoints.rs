@@ -1,5 +1,4 @@
-//! The checks in front of all requests: a page of another site can neither act nor read, while gRPC clients and probes are
-//! admitted.
+//! The checks before every request: a page of another site can neither act nor read, while gRPC clients and probes are admitted.
 
 use crate::security::Secrets;
 use murmuration_access::{
@@ -34,7 +33,8 @@ struct Answer {
     text: String,
 }
 
-/// Asks as a browser does on a plain connection: over HTTP/1.1, with exactly these headers besides the body's length.
+/// Sends a request like a browser on a plain connection: over HTTP/1.1, with exactly these headers besides `Connection` and the
+/// body's length.
 async fn ask(at: SocketAddr, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> Answer {
     let mut request = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\n");
     for (name, value) in headers {
@@ -43,7 +43,7 @@ async fn ask(at: SocketAddr, method: &str, path: &str, headers: &[(&str, &str)],
     request += &format!("Content-Length: {}\r\n\r\n", body.len());
     let mut stream = TcpStream::connect(at).await.unwrap();
     stream.write_all(request.as_bytes()).await.unwrap();
-    // What is refused may be refused before its body is read.
+    // The coordinator may refuse the request before it reads the body.
     let _ = stream.write_all(body).await;
     let mut answer = Vec::new();
     stream.read_to_end(&mut answer).await.unwrap();
@@ -55,7 +55,7 @@ async fn ask(at: SocketAddr, method: &str, path: &str, headers: &[(&str, &str)],
     }
 }
 
-/// A message as gRPC frames it.
+/// A message in a gRPC frame.
 fn framed(message: &impl Message) -> Vec<u8> {
     let mut frame = vec![0];
     frame.extend((message.encoded_len() as u32).to_be_bytes());
@@ -76,12 +76,12 @@ fn address(cluster: &Cluster) -> SocketAddr {
     cluster.url().split("://").nth(1).unwrap().parse().unwrap()
 }
 
-/// Whether gRPC refused it, in a status that says so.
+/// Whether the answer is gRPC's status for a denied request.
 fn is_denied(answer: &Answer) -> bool {
     answer.status == 200 && answer.text.to_lowercase().contains("\r\ngrpc-status: 7\r\n")
 }
 
-/// A coordinator with `--insecure-listen`, open to everybody who reaches it.
+/// A coordinator with `--insecure-listen`, open to everyone who can reach it.
 async fn trusting(data: &Path) -> Cluster {
     let listen = ListenConfig::new(([0, 0, 0, 0], 0).into(), None, None, true).unwrap();
     Cluster::start_at(data, 0, listen).await
@@ -99,7 +99,7 @@ async fn another_sites_page_starts_and_ends_nothing() {
     };
     for (path, body) in [(CREATE, framed(&create())), (CANCEL, framed(&cancel))] {
         for origin in ["https://evil.example", "null", "http://127.0.0.1:1"] {
-            // What a page may send without asking first; then what it could send if it were allowed to.
+            // First a request that a page may send without a preflight, then one that would need permission.
             let simple = [
                 ("Host", own.as_str()),
                 ("Origin", origin),
@@ -111,7 +111,7 @@ async fn another_sites_page_starts_and_ends_nothing() {
             let answer = ask(at, "POST", path, &grpc, &body).await;
             assert!(is_denied(&answer), "{answer:?}");
         }
-        // Not even a page of ours speaks gRPC.
+        // Even the coordinator's own pages do not use gRPC.
         let ours = format!("http://{own}");
         let answer = ask(
             at,
@@ -139,7 +139,7 @@ async fn another_sites_page_starts_and_ends_nothing() {
         }
         let untyped = ask(at, "POST", path, &[("Host", &own)], &body).await;
         assert_eq!(untyped.status, 415, "{untyped:?}");
-        // What it would ask first is not allowed either.
+        // The preflight is refused too.
         let preflight = [
             ("Host", own.as_str()),
             ("Origin", "https://evil.example"),
@@ -167,7 +167,7 @@ async fn a_name_that_was_made_to_point_here_reads_nothing() {
         let foreign = format!("evil.example:{}", at.port());
         let origin = format!("http://{foreign}");
         let body = framed(&v1::ListCampaignsRequest {});
-        // The page's own host is the name: a browser says both.
+        // The foreign name is the page's own host: a browser sends it in both headers.
         let rebound = [
             ("Host", foreign.as_str()),
             ("Origin", &origin),
@@ -188,14 +188,14 @@ async fn a_name_that_was_made_to_point_here_reads_nothing() {
         ] {
             let hosts: [&[(&str, &str)]; 4] = [
                 &[("Host", &foreign)],
-                // Whichever of them is believed, it is not ours.
+                // One of the two hosts is foreign, whichever is believed.
                 &[("Host", &own), ("Host", &foreign)],
                 &[("Host", "")],
                 &[],
             ];
             for headers in hosts {
                 let answer = ask(at, "GET", path, headers, b"").await;
-                // Without any, HTTP itself may be what refuses it.
+                // Without a host, HTTP itself may refuse the request.
                 assert!(
                     [403, 400].contains(&answer.status),
                     "{path} {headers:?}: {answer:?}"
@@ -228,7 +228,7 @@ async fn who_looks_at_probes_comes_by_address() {
             }
         }
     }
-    // As containers call each other. No site of the Internet has a name without a dot.
+    // A host name as containers use it. No Internet site has a name without a dot.
     let at = SocketAddr::from(([127, 0, 0, 1], address(&open).port()));
     let answer = ask(at, "GET", "/metrics", &[("Host", "coordinator:7700")], b"").await;
     assert_eq!(answer.status, 200, "{answer:?}");
@@ -239,7 +239,7 @@ async fn who_looks_at_probes_comes_by_address() {
     open.stop().await;
 }
 
-/// What a gRPC client gets that reaches the coordinator under this name.
+/// The answer to a gRPC client that reaches the coordinator under this name.
 async fn list_under(endpoint: Endpoint, name: &str) -> Result<usize, tonic::Status> {
     let origin: Uri = format!("{}://{name}", endpoint.uri().scheme_str().unwrap())
         .parse()
@@ -271,13 +271,13 @@ async fn programs_come_under_the_names_that_their_network_gives() {
     for name in NAMES {
         let credentials = secrets.credentials(None, None);
         let endpoint = credentials.endpoint(&cluster.url()).unwrap();
-        // Let in, and then asked for a token.
+        // The name is accepted; the missing token is not.
         let refused = list_under(endpoint, name).await.unwrap_err();
         assert_eq!(refused.code(), Code::Unauthenticated, "{name}: {refused}");
     }
     cluster.stop().await;
 
-    // One person's machine answers under its own address, to programs too.
+    // A coordinator on a person's machine answers only under its own address, to programs too.
     let folder = tempfile::tempdir().unwrap();
     let cluster = Cluster::start(folder.path(), 0).await;
     let endpoint = || Endpoint::from_shared(cluster.url()).unwrap();
@@ -307,13 +307,13 @@ async fn grpc_is_known_by_its_type_with_or_without_its_encoding() {
         let headers = [("Host", at.to_string()), ("Content-Type", kind.to_owned())];
         let headers = headers.each_ref().map(|(name, value)| (*name, value.as_str()));
         let answer = ask(at, "POST", LIST, &headers, &body).await;
-        // An error would be said in a header; over HTTP/1.1 a success is not.
+        // gRPC reports an error in a header; over HTTP/1.1 a success has no such header.
         assert!(
             answer.status == 200 && !answer.text.contains("grpc-status"),
             "{kind}: {answer:?}"
         );
     }
-    // A service that there is not is said to be none, so that clients look for another.
+    // An unknown service is reported as such, so that clients try another.
     let host = at.to_string();
     let headers = [("Host", host.as_str()), ("Content-Type", "application/grpc")];
     let answer = ask(
@@ -331,7 +331,7 @@ async fn grpc_is_known_by_its_type_with_or_without_its_encoding() {
 const SAID_OF_HEADERS: &str =
     "a request may have at most 100 headers, and its headers and address together at most 16,384 bytes";
 
-/// What is asked, with this many more headers: status and body, over HTTP/1.1 or HTTP/2.
+/// Sends a request with additional headers over HTTP/1.1 or HTTP/2; returns status and body.
 async fn with_headers(at: SocketAddr, is_2: bool, headers: &[(String, String)]) -> (u16, String) {
     if is_2 {
         let client = murmuration_tests::http::client().http2_prior_knowledge();
@@ -359,7 +359,7 @@ async fn one_limit_of_headers_is_said_over_http_1_and_http_2() {
     let cluster = Cluster::start(folder.path(), 0).await;
     let at = address(&cluster);
     for is_2 in [false, true] {
-        // Host and Accept; over HTTP/1.1 our own client says Connection and Content-Length too.
+        // Host and Accept; over HTTP/1.1 our own client also sends Connection and Content-Length.
         let (mut count, mut bytes) = (2, "/healthz".len() + "host".len() + at.to_string().len());
         bytes += "accept*/*".len() + 2 * 32;
         if !is_2 {
@@ -372,7 +372,7 @@ async fn one_limit_of_headers_is_said_over_http_1_and_http_2() {
         assert_eq!(status, 200, "{is_2}");
         let (status, body) = with_headers(at, is_2, &few(MAX_HEADERS - count + 1)).await;
         assert_eq!(status, 431, "{is_2}");
-        // The library refuses this itself over HTTP/1.1, without a word.
+        // Over HTTP/1.1 the library refuses this itself, without a message.
         assert_eq!(body.contains(SAID_OF_HEADERS), is_2, "{body:?}");
 
         let left = MAX_HEADER_BYTES as usize - bytes - "filler".len() - 32;
@@ -409,7 +409,7 @@ async fn headers_are_as_short_over_http_1_as_over_http_2() {
             "{answer:?}"
         );
     }
-    // Names count as much as values, and so does the address.
+    // Names count like values, and so does the address.
     let many: Vec<(String, &str)> = (0..90)
         .map(|n| (format!("{}-{n}", "x".repeat(200)), ""))
         .collect();

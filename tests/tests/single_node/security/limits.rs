@@ -18,7 +18,7 @@ use tokio::{
 };
 use tonic::{Code, Request, metadata::MetadataValue};
 
-/// `make` of a text as long as makes its message so many bytes.
+/// The message that `make` returns for a text with which it has `size` bytes.
 fn of_size<M: Message>(size: usize, make: impl Fn(String) -> M) -> M {
     let around = make("a".repeat(size)).encoded_len() - size;
     let message = make("a".repeat(size - around));
@@ -44,7 +44,7 @@ async fn messages_and_headers() {
     let channel = cluster.channel().await;
     let mut campaigns = CampaignServiceClient::new(channel.clone());
     let mut labels = LabelServiceClient::new(channel);
-    // What is taken in is refused for what it says.
+    // A message within the limit is refused only for its content.
     for (over, expected) in [(0, Code::InvalidArgument), (1, Code::OutOfRange)] {
         let message = of_size(MAX_MESSAGE + over, create);
         let refused = campaigns.create_campaign(message).await.unwrap_err();
@@ -57,7 +57,7 @@ async fn messages_and_headers() {
         let mut request = Request::new(v1::ListCampaignsRequest {});
         let value = MetadataValue::try_from("a".repeat(bytes as usize)).unwrap();
         request.metadata_mut().insert("filler", value);
-        // A refusal may be heard as late as the first part of the list.
+        // A refusal may arrive only with the first part of the list.
         let listed = match campaigns.list_campaigns(request).await {
             Ok(parts) => whole(parts.into_inner()).await,
             Err(refused) => Err(refused),
@@ -105,7 +105,7 @@ async fn a_stranger_sends_nothing_large() {
         campaign,
         ..Default::default()
     };
-    // Turned away for who it is, not for what it sends: nobody reads that.
+    // The caller is refused for a missing token, not for the message's size: the message is not read.
     let message = of_size(MAX_LABEL_MESSAGE + 1, undo);
     let refused = LabelServiceClient::new(channel)
         .undo_labels(message)
@@ -115,7 +115,7 @@ async fn a_stranger_sends_nothing_large() {
     cluster.stop().await;
 }
 
-/// A connection says at once how many requests, and how long headers, it takes: HTTP/2's SETTINGS, by hand.
+/// A connection announces its limits of requests and of headers in HTTP/2's SETTINGS, which this test reads directly.
 #[tokio::test(flavor = "multi_thread")]
 async fn streams_and_headers_of_a_connection() {
     let folder = tempfile::tempdir().unwrap();

@@ -40,7 +40,7 @@ async fn a_worker_with_a_certificate_works() {
 async fn a_worker_without_one_is_told_and_leaves() {
     let secrets = Secrets::new();
     let cluster = secrets.cluster(0).await;
-    // Not even an operator's token will do.
+    // An operator's token does not suffice either.
     for token in [None, Some(secrets.people.operator.as_str())] {
         let options = options(&secrets, &cluster, secrets.credentials(token, None));
         let (_stop, stopped) = watch::channel(false);
@@ -80,7 +80,7 @@ async fn a_foreign_certificate_opens_no_connection() {
     let (secrets, foreign) = (Secrets::new(), Secrets::new());
     let cluster = secrets.cluster(0).await;
     let certificates = [
-        // Of another authority; and of ours, but not for clients.
+        // One of another authority, and one of ours that is not for clients.
         foreign.path("certs/worker"),
         secrets.path("certs/server"),
     ];
@@ -90,10 +90,10 @@ async fn a_foreign_certificate_opens_no_connection() {
         let mut client = TrainerServiceClient::new(endpoint.connect_lazy());
         let request = v1::FetchTrainingRequest::default();
         let status = client.fetch_training(request).await.unwrap_err();
-        // The handshake failed: no request was answered, not even with a refusal.
+        // The handshake failed: the request got no answer, not even a refusal.
         assert!(status.source().is_some(), "{status:?}");
     }
-    // Nor does ours trust another's coordinator.
+    // A client does not trust a coordinator of another authority either.
     let stranger = foreign.credentials(None, None).endpoint(&cluster.url()).unwrap();
     assert!(stranger.connect().await.is_err());
     cluster.stop().await;
@@ -122,7 +122,7 @@ async fn what_machines_fetch_is_for_machines() {
             .await;
         (training.unwrap_err().code(), checkpoint.unwrap_err().code())
     };
-    // Who is let in hears that they hold no such lease, and that there is no such checkpoint.
+    // Admitted callers learn that the lease is not theirs, and that the checkpoint does not exist.
     assert_eq!(fetch(&trainer).await, (Code::PermissionDenied, Code::NotFound));
     assert_eq!(fetch(&operator).await, (Code::Unauthenticated, Code::NotFound));
     assert_eq!(

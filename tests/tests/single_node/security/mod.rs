@@ -22,14 +22,14 @@ use std::{
 };
 use tempfile::TempDir;
 
-/// The tokens of a person of each role.
+/// The tokens of a person in each role.
 struct People {
     viewer: String,
     annotator: String,
     operator: String,
 }
 
-/// A folder with certificates and tokens, as the commands make them.
+/// A folder with certificates and tokens, made by the commands.
 struct Secrets {
     folder: TempDir,
     people: People,
@@ -75,7 +75,7 @@ impl Secrets {
         Murmuration::over(&self.path("data"))
     }
 
-    /// A file that holds a token.
+    /// A file that contains a token.
     fn token_file(&self, token: &str) -> PathBuf {
         let path = self.path(&token[..12]);
         fs::write(&path, format!("{token}\n")).unwrap();
@@ -97,7 +97,7 @@ impl Secrets {
         Cluster::start_at(&self.path("data"), workers, listen).await
     }
 
-    /// Credentials: a token, or the certificate of this name in `certs`, or neither.
+    /// Credentials with a token, with a certificate (its path without the ending), or with neither.
     fn credentials(&self, token: Option<&str>, certificate: Option<&Path>) -> Credentials {
         let trust = TrustFiles {
             ca: Some(self.path("certs/ca.pem")),

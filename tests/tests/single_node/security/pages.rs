@@ -9,7 +9,7 @@ use reqwest::{
 };
 use std::{collections::BTreeSet, fs, time::Duration};
 
-/// A browser at a coordinator, with a cookie if it has logged in.
+/// A browser at a coordinator; after a log-in, with a cookie.
 struct Browser {
     client: Client,
     url: String,
@@ -31,12 +31,12 @@ impl Browser {
         self.with_cookie(self.client.get(format!("{}{path}", self.url)))
     }
 
-    /// What a form of ours posts.
+    /// A form post from the coordinator's own page.
     fn post(&self, path: &str, form: &str) -> RequestBuilder {
         self.post_from(&self.url, path, "application/x-www-form-urlencoded", form)
     }
 
-    /// What a page of `origin` posts.
+    /// A post from a page of `origin`.
     fn post_from(&self, origin: &str, path: &str, kind: &str, body: &str) -> RequestBuilder {
         self.with_cookie(self.client.post(format!("{}{path}", self.url)))
             .header(ORIGIN, origin)
@@ -52,7 +52,7 @@ impl Browser {
         }
     }
 
-    /// Logs in; the whole line with which the cookie was set.
+    /// Logs in; returns the `Set-Cookie` header.
     async fn log_in(&mut self, token: &str) -> String {
         let answer = self
             .post("/login", &format!("token={token}"))
@@ -101,7 +101,7 @@ async fn without_a_log_in_there_is_the_log_in() {
         assert_eq!(answer.version(), Version::HTTP_2);
         assert!(policy(&answer).contains("default-src 'none'"));
     }
-    // Scripts are told, and not sent elsewhere.
+    // Scripts get an error instead of a redirect.
     let script = browser
         .client
         .get(format!("{}/events", browser.url))
@@ -164,7 +164,7 @@ async fn a_session_ends_with_its_log_out_for_good() {
     one.log_in(&secrets.people.operator).await;
     other.log_in(&secrets.people.operator).await;
     let (ok, to_log_in) = (StatusCode::OK, StatusCode::SEE_OTHER);
-    // Somebody else's copy of the cookie follows what happens.
+    // A copy of the cookie, held by another person, follows the events.
     let mut followed = one.get("/events").send().await.unwrap();
     assert!(followed.chunk().await.unwrap().is_some());
 
@@ -204,7 +204,7 @@ async fn a_session_ends_with_its_token_for_good() {
     let all = fs::read_to_string(secrets.path("tokens.toml")).unwrap();
     let (of_viewer, others) = all.split_at(all.match_indices("[[token]]").nth(1).unwrap().0);
     assert!(of_viewer.contains("ana the viewer"), "{of_viewer}");
-    // Without the token, and with it again.
+    // First without the viewer's token, then with it again.
     for tokens in [others, &all] {
         fs::write(secrets.path("tokens.toml"), tokens).unwrap();
         let cluster = secrets.cluster(0).await;
@@ -245,17 +245,17 @@ async fn what_is_behind_the_log_in_is_kept_by_the_browser_alone() {
             .replace("{place}", "0")
             .replace("{name}", "style.css");
         let kept = match path.as_str() {
-            // A page, as others.
+            // An HTML page like the others.
             path if path.ends_with("/starts") => "no-store",
             path if path.starts_with(picture) => "private, no-cache",
-            // Nobody logs in for them.
+            // Available without a log-in.
             "/assets/style.css" => "no-cache",
             _ => "no-store",
         };
         let answer = browser.get(&path).send().await.unwrap();
         assert_eq!(answer.headers()["cache-control"], kept, "{path}: {answer:?}");
         let status = answer.status();
-        // What a viewer may not do is refused; to log out would end the session.
+        // A viewer's forbidden actions are refused. Logging out would end the session.
         if path != "/logout" {
             let posted = browser.post(&path, "").send().await.unwrap();
             assert_eq!(
@@ -296,7 +296,7 @@ async fn pages_know_roles_and_cookies_are_for_pages() {
     let cases = [
         (&people.viewer, forbidden, forbidden),
         (&people.annotator, ok, forbidden),
-        // It is completed.
+        // The campaign is completed, so it cannot be paused.
         (&people.operator, ok, StatusCode::CONFLICT),
     ];
     for (token, labels, pauses) in cases {
@@ -331,7 +331,7 @@ async fn pages_know_roles_and_cookies_are_for_pages() {
         let with_cookie = browser.with_cookie(browser.client.post(format!("{}{service}", browser.url)));
         assert_eq!(grpc(with_cookie).await, "16");
     }
-    // Programs show their token to pages too.
+    // Programs may use their token for pages too.
     let browser = Browser::at(&secrets, &cluster);
     assert_eq!(status(browser.get("/").bearer_auth(&people.viewer)).await, ok);
     cluster.stop().await;

@@ -8,7 +8,7 @@ use murmuration_proto::v1::{
 use murmuration_tests::{Cluster, small_spec};
 use tonic::{Code, service::interceptor::InterceptedService};
 
-/// A channel to the cluster's front endpoint that shows these.
+/// A channel to the cluster's front endpoint with these credentials.
 pub(crate) async fn channel(cluster: &Cluster, credentials: &Credentials) -> Coordinator {
     let endpoint = credentials.endpoint(&cluster.url()).unwrap();
     InterceptedService::new(endpoint.connect().await.unwrap(), credentials.bearer())
@@ -17,7 +17,7 @@ pub(crate) async fn channel(cluster: &Cluster, credentials: &Credentials) -> Coo
 #[tokio::test(flavor = "multi_thread")]
 async fn each_role_may_do_its_own_and_no_more() {
     let secrets = Secrets::new();
-    // The crew gets in by itself, and runs the campaign.
+    // The worker and the trainer in the coordinator's process need no credentials; they run the campaign.
     let mut cluster = secrets.cluster(1).await;
     cluster.run(&small_spec("")).await;
 
@@ -74,7 +74,7 @@ async fn each_role_may_do_its_own_and_no_more() {
         ];
         assert_eq!(got, expected, "{token:?}");
     }
-    // A machine's certificate makes nobody a person.
+    // A machine's certificate does not admit a person.
     let worker = secrets.credentials(None, Some(&secrets.path("certs/worker")));
     assert_eq!(look(&channel(&cluster, &worker).await).await, unknown);
     cluster.stop().await;
@@ -127,9 +127,9 @@ async fn an_annotator_cannot_fill_a_label_log_and_an_operator_can() {
     let refused = label(&people.annotator, "more", 500).await.unwrap_err();
     assert_eq!(refused.code(), Code::ResourceExhausted, "{refused}");
     assert!(refused.message().contains("ask an operator"), "{refused}");
-    // A repeated request costs nothing.
+    // A repeated request does not count towards the limit.
     label(&people.annotator, "most", 49_990).await.unwrap();
-    // A few are left, and operators have no such limit.
+    // A few labels are left, and operators have no such limit.
     label(&people.annotator, "few", 5).await.unwrap();
     label(&people.operator, "further", 500).await.unwrap();
     let channel = channel(&cluster, &secrets.credentials(Some(&people.annotator), None)).await;

@@ -1,4 +1,4 @@
-//! The programs themselves: what they refuse to do, what they show of their secrets, and who gets in from beside them.
+//! The programs: what they refuse, whether they reveal secrets, and who gets in on the same machine.
 
 use crate::security::Secrets;
 use murmuration_tests::{Murmuration, Running, binary};
@@ -8,7 +8,7 @@ use std::{
     process::{Command, Output, Stdio},
 };
 
-/// Starts a coordinator that logs everything: whoever looks for trouble does so, too.
+/// Starts a coordinator with the most detailed log, which people use to find problems.
 fn serve(secrets: &Secrets, arguments: &[&str]) -> Running {
     let arguments = [&["serve", "--workers", "1"], arguments].concat();
     secrets
@@ -16,7 +16,7 @@ fn serve(secrets: &Secrets, arguments: &[&str]) -> Running {
         .start_with(&arguments, &[("RUST_LOG", "trace")])
 }
 
-/// The same, guarded in every way; and its URL.
+/// Starts a coordinator with certificates and tokens; returns its URL too.
 fn serve_guarded(secrets: &Secrets) -> (Running, String) {
     let certs = |name: &str| secrets.text(&format!("certs/{name}"));
     let mut serving = serve(
@@ -39,7 +39,7 @@ fn serve_guarded(secrets: &Secrets) -> (Running, String) {
     (serving, url)
 }
 
-/// A command of somebody who is elsewhere: without the data directory.
+/// A command of a person elsewhere, without the data directory.
 fn from_elsewhere(arguments: &[&str], variables: &[(&str, &str)]) -> Output {
     let mut command = Command::new(binary("murmuration"));
     command
@@ -128,7 +128,7 @@ fn secrets_stay_where_they_are() {
     );
     assert!(!stderr(&wrong).contains("swordfish"), "{}", stderr(&wrong));
 
-    // A token is no argument, so that no list of processes has it; and help does not show what is in the environment.
+    // A token cannot be an argument, because lists of processes show arguments. Help does not show environment variables' values.
     let argument = from_elsewhere(&["list", "--token", token], &[]);
     assert_eq!(argument.status.code(), Some(2));
     for help in [vec!["--help"], vec!["serve", "--help"], vec!["list", "--help"]] {
@@ -168,7 +168,7 @@ fn commands_beside_a_guarded_coordinator_get_in() {
     );
     assert!(is_private(&secrets.path("data/local-token")));
     assert_eq!(serving.terminate(), Some(0));
-    // And so do those that start one of their own, afterwards.
+    // So do commands that start a coordinator of their own, afterwards.
     assert_eq!(murmuration.run(&["list", "--json"]).lines().len(), 1);
 }
 
@@ -199,7 +199,7 @@ fn certificates_are_private_and_never_overwritten() {
         check_refused(&secrets.murmuration(), &arguments, &["--host", expected]);
     }
     assert!(!secrets.path("other").exists());
-    // Workers are added to it, and to no other.
+    // Workers can be added to an existing authority, but only to one that `certs` made.
     let more = secrets.murmuration().run(&["certs", &certs, "--worker", "alpha"]);
     assert_eq!(more.code, Some(0), "{}", more.stderr);
     assert!(is_private(&secrets.path("certs/alpha-key.pem")));

@@ -1,4 +1,4 @@
-//! What each page and gRPC method requires, as a running coordinator has registered it.
+//! The requirements of each page and gRPC method, as registered by a running coordinator.
 
 use murmuration_access::{Requirement, Role};
 use murmuration_proto::FILE_DESCRIPTORS;
@@ -7,7 +7,7 @@ use prost::Message as _;
 use prost_types::FileDescriptorSet;
 use std::collections::BTreeSet;
 
-/// Every method that the descriptors of our services and of the standard ones name, as `/SERVICE/METHOD`.
+/// Every method in the descriptors of our services and of the standard services, as `/SERVICE/METHOD`.
 fn described() -> BTreeSet<String> {
     let sets = [
         FILE_DESCRIPTORS,
@@ -67,7 +67,7 @@ async fn strangers_get_the_log_in_and_health_alone_and_viewers_change_nothing() 
         "POST /logout",
     ];
     assert_eq!(for_anybody, BTreeSet::from(expected));
-    // They are posted so that they must come from a page of ours.
+    // These are posts only so that they must come from our own pages.
     let change_nothing = [
         "POST /play/motion",
         "POST /play/like",

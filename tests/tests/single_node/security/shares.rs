@@ -1,4 +1,4 @@
-//! Fair shares: what one viewer floods, the others find seats for; and a shutdown waits for none of it.
+//! Fair shares: when one viewer floods the coordinator, others still get seats, and a shutdown does not wait for the flood.
 
 use crate::security::Secrets;
 use murmuration_access::CostClass;
@@ -17,7 +17,7 @@ use tonic::{Code, Status, Streaming, service::interceptor::InterceptedService, t
 
 const SMALL_WINDOW: u32 = 1024;
 
-/// A channel of somebody whose streams stand still soon after they begin, as nobody reads them.
+/// A channel with a small window: its streams soon stop, because no one reads them.
 async fn channel(secrets: &Secrets, cluster: &Cluster, token: &str) -> Coordinator {
     let credentials = secrets.credentials(Some(token), None);
     let endpoint = credentials.endpoint(&cluster.url()).unwrap();
@@ -54,7 +54,7 @@ async fn archives_that_one_viewer_does_not_read_hold_a_share_and_no_more() {
     while held.len() < share {
         held.push(asked.join_next().await.unwrap().unwrap());
     }
-    // Whoever else asks does so while the others of the viewer wait.
+    // Other callers are served while the viewer's further requests wait.
     let operator = channel(&secrets, &cluster, &secrets.people.operator).await;
     let mut operator = CampaignServiceClient::new(operator);
     for _ in 0..3 {
@@ -68,10 +68,10 @@ async fn archives_that_one_viewer_does_not_read_hold_a_share_and_no_more() {
         .unwrap();
     let further = asked.try_join_next();
     assert!(further.is_none(), "the viewer has more than a share: {further:?}");
-    // The viewer itself, too, does what costs little.
+    // The viewer's cheap requests are served too.
     let mut light = CampaignServiceClient::new(viewer);
     light.list_campaigns(v1::ListCampaignsRequest {}).await.unwrap();
-    // One that is read makes room for the next.
+    // Reading one archive to its end makes room for the next.
     whole(held.pop().unwrap().into_inner()).await.unwrap();
     held.push(asked.join_next().await.unwrap().unwrap());
     asked.shutdown().await;
@@ -145,7 +145,7 @@ async fn a_shutdown_waits_for_nobody_who_reads_or_watches() {
                 campaign: "small-1".to_owned(),
             };
             let mut unread = client.get_archive(archive("small-1")).await?.into_inner();
-            // The first part is what it waits for.
+            // The archive's first part has arrived, and nothing reads the rest.
             client.get_digest(digest).await?;
             tokio::time::sleep(Duration::from_secs(60)).await;
             unread.message().await.map(drop)

@@ -12,7 +12,7 @@ use prost::Message as _;
 use std::{fs, path::Path};
 use tonic::Code;
 
-/// What gRPC's libraries take as one message unless told otherwise.
+/// The default limit of a message in gRPC's libraries.
 const LIMIT: usize = 4 << 20;
 
 fn large_pictures() -> CampaignSpec {
@@ -100,7 +100,7 @@ async fn a_long_list_of_checkpoints_is_listed_whole() {
             configuration: "# and so on\n".repeat(5461),
             ..Lineage::default()
         };
-        // The same model, with a field that nobody reads: other bytes.
+        // The same model with an additional unknown field, which changes the bytes.
         let model = [&model[..], &[0x9a, 0x06, 1, number as u8]].concat();
         let parts = lineage.publish_requests(&model);
         checkpoints

@@ -1,5 +1,4 @@
-//! Snapshots of trainings: only trainers store them, only of the training that they lease, and within the size that it can
-//! have.
+//! Snapshots of trainings: only trainers store them, only of a training that they lease, and only up to the size that it can have.
 
 use murmuration_proto::{
     CheckpointDigest, TRAINER_VERSION,
@@ -14,7 +13,7 @@ use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Status, Streaming, transport::Channel};
 
-/// A trainer that trains nothing.
+/// A trainer that does not train.
 struct Trainer {
     client: TrainerServiceClient<Channel>,
     outbox: mpsc::Sender<v1::WorkerMessage>,
@@ -61,7 +60,7 @@ impl Trainer {
         self.send(snapshot(lease, bytes, last)).await;
     }
 
-    /// Takes the next training.
+    /// Leases the next training.
     async fn lease(&mut self) -> v1::LeaseId {
         self.send(Message::Credits(v1::Credits { evaluations: 1 })).await;
         let mut beat = tokio::time::interval(Duration::from_millis(50));
@@ -76,7 +75,7 @@ impl Trainer {
         }
     }
 
-    /// What the coordinator ends the stream with.
+    /// The error with which the coordinator ends the stream.
     async fn dismissed(&mut self) -> Status {
         loop {
             if let Err(status) = self.inbox.message().await {
@@ -85,7 +84,7 @@ impl Trainer {
         }
     }
 
-    /// Bytes that are kept of the training under a lease.
+    /// Number of stored bytes of the training under a lease.
     async fn kept(&mut self, lease: v1::LeaseId) -> Result<usize, Status> {
         let request = v1::FetchTrainingRequest { lease: Some(lease) };
         let mut parts = self.client.fetch_training(request).await?.into_inner();
@@ -267,7 +266,7 @@ async fn a_training_is_fetched_under_a_lease_that_the_trainer_holds_and_no_other
         let refused = trainer.kept(other).await.unwrap_err();
         assert_eq!(refused.code(), Code::PermissionDenied, "{refused}");
     }
-    // Nor under a lease that it gave back.
+    // A lease that was given back is refused too.
     let failure = v1::Failure {
         class: v1::FailureClass::Retryable.into(),
         message: "not now".to_owned(),
@@ -304,7 +303,7 @@ async fn a_leased_training_is_kept_up_to_the_size_that_it_can_have() {
         }
     };
     tokio::time::timeout(Duration::from_secs(60), kept).await.unwrap();
-    // The network has some 25,000 weights.
+    // The network has some 25,000 weights, so this exceeds the possible size.
     for _ in 0..2 {
         trainer.put_aside(lease, 1 << 20, false).await;
     }

@@ -43,7 +43,7 @@ async fn a_message_that_cannot_be_read_is_its_senders_fault() {
         assert_eq!(status.code(), Code::InvalidArgument, "{status}");
         assert!(status.message().contains("decode"), "{status}");
     };
-    // A number where the method has a text, and the worker's stream a message.
+    // A number where a text is expected; for the worker's stream, where a message is expected.
     for method in [
         "/murmuration.v1.CampaignService/GetCampaign",
         "/murmuration.v1.CheckpointService/PublishCheckpoint",
@@ -52,7 +52,7 @@ async fn a_message_that_cannot_be_read_is_its_senders_fault() {
     ] {
         check(sent(&cluster, method, vec![v1::Credits { evaluations: 1 }]).await);
     }
-    // After a Hello that can be read: what travels as a text of some other message is the same bytes.
+    // After a readable Hello. A text field of another message has the same bytes as a Hello.
     let Said::Hello(hello) = FakeWorker::hello(SIMULATOR_VERSION) else {
         panic!("not a Hello")
     };

@@ -1,10 +1,10 @@
-//! Names and texts from workers and clients: none moves a terminal's cursor, hides, or is unbounded.
+//! Names and texts from workers and clients cannot move a terminal's cursor, hide text, or be unbounded.
 
 use murmuration_proto::v1::{self, label_service_client::LabelServiceClient, worker_message::Message};
 use murmuration_tests::{Cluster, FakeWorker, small_spec};
 use tonic::Code;
 
-/// What no terminal should be sent.
+/// A text that must not reach a terminal.
 const HOSTILE: &str = "broken\u{1b}]0;owned\u{7} \u{9b}2J\u{202e}txet";
 
 fn failure(lease: v1::LeaseId, message: String) -> Message {

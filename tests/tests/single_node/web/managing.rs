@@ -49,7 +49,7 @@ async fn a_new_campaign_says_what_it_costs_or_what_is_wrong_before_it_starts() {
     let copy = browser.page(&format!("/new?from={id}")).await;
     assert!(copy.contains("name=\"seed\" value=\"3\""), "{copy}");
 
-    // What is no form starts nothing, and neither does a form without a swarm.
+    // A post that is not a form starts nothing, and neither does a form without a swarm.
     let json = browser
         .client
         .post(format!("{}/play/search", browser.url))
@@ -85,7 +85,7 @@ async fn a_campaign_is_deleted_once_it_does_not_run_and_leaves_the_list() {
     assert_eq!(delete("small-1").await, StatusCode::SEE_OTHER);
     assert_eq!(delete("small-1").await, StatusCode::NOT_FOUND);
     assert_eq!(cluster.campaigns().await, []);
-    // Its id is not given again.
+    // The id of a deleted campaign is not used again.
     let endless = small_spec("")
         .to_toml()
         .replace("generations = 5", "generations = 100000");
@@ -93,7 +93,7 @@ async fn a_campaign_is_deleted_once_it_does_not_run_and_leaves_the_list() {
     assert_eq!(next, "small-2");
     assert_eq!(delete(&next).await, StatusCode::CONFLICT);
 
-    // A cell of a study is folded, is not the latest, and goes only by the study's name.
+    // The list folds a cell of a study. A cell is never `latest`, and is deleted only together with its study.
     let request = v1::CreateCampaignRequest {
         campaign: Some(v1::create_campaign_request::Campaign::Spec(
             (&small_spec("")).into(),
@@ -161,7 +161,7 @@ async fn behaviours_in_different_spaces_are_matched_by_what_the_judge_calls_them
     );
     let judged = browser.page(&format!("{compare}&judged=yes")).await;
     assert!(!judged.contains("Ask the judge for names"), "{judged}");
-    // The page Taxonomy has the same words.
+    // The page Taxonomy shows the same classes.
     let mut named = 0;
     for campaign in ["small-1", "small-2"] {
         let cards = browser.page(&format!("/campaigns/{campaign}/taxonomy")).await;

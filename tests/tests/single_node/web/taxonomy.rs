@@ -29,7 +29,7 @@ async fn a_finished_campaign_shows_its_behaviours() {
     let request = v1::GetTaxonomyRequest { campaign: id };
     let taxonomy = cluster.client.get_taxonomy(request).await.unwrap();
     let taxonomy = whole(taxonomy.into_inner()).await.unwrap();
-    // The novelty of its day is of an archive that was emptier.
+    // The page shows the novelty within the final archive, not that from the time of evaluation.
     let cards = browser.page("/campaigns/small-1/taxonomy").await;
     for medoid in &taxonomy.medoids {
         let size = format!("cluster of {}<", medoid.cluster_size);
@@ -38,7 +38,7 @@ async fn a_finished_campaign_shows_its_behaviours() {
         assert!(cards.contains(&shown), "{shown} {cards}");
     }
     let medoid = taxonomy.medoids[0].individual.as_ref().unwrap();
-    // Under an address that a campaign of another data directory will not have, it may be kept for ever.
+    // An address with the campaign's creation time is unique across data directories, so browsers may cache it for ever.
     let path = format!("/campaigns/small-1/individuals/{}", medoid.index);
     let created = cluster.status("small-1").await.created_ms;
     let lasting = format!("{path}?created={created}");
@@ -65,7 +65,7 @@ async fn a_finished_campaign_shows_its_behaviours() {
 
 const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
 
-/// What Ana calls individuals, as a script says it.
+/// Ana's answers, as a script sends them.
 fn answers_of(request: &str, names: &[(u64, &str)]) -> String {
     let answers: Vec<Value> = names
         .iter()
@@ -95,7 +95,7 @@ async fn a_taxonomy_outlives_learning_and_its_names_go_on() {
     let changes = browser.page("/campaigns/small-1/taxonomy/changes").await;
     assert!(changes.contains("There is nothing to compare"), "{changes}");
 
-    // All clusters have names: whatever they become, some go on, and the others are accounted for.
+    // All clusters have names. After learning, some names are carried over, and the page lists the others.
     let medoids = on_cards(&first);
     let names = ["ring", "wall hugger", "clump", "cloud"];
     let named: Vec<(u64, &str)> = medoids.iter().copied().zip(names).collect();
@@ -115,12 +115,12 @@ async fn a_taxonomy_outlives_learning_and_its_names_go_on() {
         let list = rest.split("</details>").next().unwrap();
         list.matches("<li>").count()
     });
-    // Two clusters with the same medoid may have met in one, and a name may be its own.
+    // Two clusters with the same medoid may have merged, and a name may be the medoid's own.
     assert!(
         own + carried + lost >= 4 && own + carried > 0,
         "{own} {carried} {lost} {second}"
     );
-    // The service, the map and Progress say the same of them.
+    // The service, the map and the page Progress show the same names.
     let told = cluster.taxonomy(&id).await.medoids;
     let progress = browser.page("/campaigns/small-1").await;
     for (place, medoid) in told.iter().enumerate() {
@@ -142,7 +142,7 @@ async fn a_taxonomy_outlives_learning_and_its_names_go_on() {
         "{second}"
     );
 
-    // The former one is as it was, and takes no names.
+    // The former taxonomy is unchanged, and accepts no names.
     let former = browser.page(&format!("{page}?version=1")).await;
     assert_eq!(on_cards(&former), medoids);
     assert!(
@@ -193,11 +193,11 @@ async fn a_medoid_is_tried_from_further_starts_and_downloaded() {
     assert!(!cards.contains("The judge says"), "{cards}");
     let judged = browser.page("/campaigns/small-1/taxonomy?judged=yes").await;
     assert_eq!(judged.matches("The judge says").count(), 4, "{judged}");
-    // What was said is still known.
+    // The judge's classes remain once requested.
     let again = browser.page("/campaigns/small-1/taxonomy").await;
     assert_eq!(again.matches("The judge says").count(), 4);
 
-    // A name in common makes one behaviour of two clusters, but not the name for all that is unlike.
+    // A common name merges two clusters into one behaviour, except the name for behaviours without a class.
     let [first, second] = [on_cards(&cards)[1], on_cards(&cards)[3]];
     for (request, name, merged) in [("a", "ring", true), ("b", "Random", false)] {
         let names = [(first, name), (second, name)];
