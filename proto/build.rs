@@ -1,7 +1,9 @@
 //! Compiles the `.proto` files with protox, so that no `protoc` binary is needed.
 
 use prost::Message as _;
-use protox::prost_reflect::{DescriptorPool, FieldDescriptor, Kind, MessageDescriptor};
+use protox::prost_reflect::{
+    DescriptorPool, EnumDescriptor, EnumValueDescriptor, FieldDescriptor, Kind, MessageDescriptor,
+};
 use std::{error::Error, fs, path::PathBuf};
 
 /// The message of a campaign file. It and its inner messages can also be read from and written to TOML.
@@ -9,17 +11,17 @@ const CAMPAIGN: &str = "murmuration.v1.CampaignSpec";
 
 /// Messages and enums that a campaign file writes as one value, with the module that reads and writes a field of them.
 const VALUES: [(&str, &str); 4] = [
-    ("SensorAngle", "crate::robot::toml_names::angle"),
-    ("Ratio", "crate::robot::toml_names::ratios"),
-    ("Genes", "crate::toml_names::genes"),
-    ("Method", "crate::toml_names::method"),
+    ("SensorAngle", "crate::toml_forms::angle"),
+    ("Ratio", "crate::toml_forms::ratios"),
+    ("Genes", "crate::toml_forms::genes"),
+    ("Method", "crate::toml_forms::method"),
 ];
 
 /// Other fields whose form in a campaign file differs from their type.
 const FIELDS: [(&str, &str); 3] = [
-    ("StartShape.poses", "crate::toml_names::poses"),
-    ("CampaignSpec.training", "crate::toml_names::table"),
-    ("Feedback.recipe", "crate::toml_names::table"),
+    ("StartShape.poses", "crate::toml_forms::poses"),
+    ("CampaignSpec.training", "crate::toml_forms::table"),
+    ("Feedback.recipe", "crate::toml_forms::table"),
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -44,11 +46,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let sections = sections(campaign);
     fs::write(out.join("sections.rs"), listed(&sections))?;
 
-    let onnx = protox::compile(["onnx/onnx.proto"], ["."])?;
-    let models = DescriptorPool::from_file_descriptor_set(onnx.clone())?;
-    fs::write(out.join("shapes.rs"), shapes(&[&contract, &models]))?;
-    tonic_prost_build::configure().compile_fds_with_config(onnx, named())?;
+    let methods = contract
+        .get_enum_by_name("murmuration.v1.Method")
+        .ok_or("the contract has no enum Method")?;
+    fs::write(out.join("methods.rs"), format!("&{:?}", names(&methods)))?;
 
+    // With its name, a message finds its descriptor.
+    let mut named = prost_build::Config::new();
+    named.enable_type_names();
     let mut config = tonic_prost_build::configure()
         .build_transport(true)
         .codec_path("crate::codec::BoundedCodec");
@@ -65,40 +70,18 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
         }
     }
-    config.compile_fds_with_config(files, named())?;
+    config.compile_fds_with_config(files, named)?;
     println!("cargo:rerun-if-changed=murmuration");
-    println!("cargo:rerun-if-changed=onnx");
     Ok(())
 }
 
-/// Generates the names of messages, by which their descriptors are found.
-fn named() -> prost_build::Config {
-    let mut config = prost_build::Config::new();
-    config.enable_type_names();
-    config
-}
-
-/// The messages of `pools` as a Rust list of `MessageShape`, in the order of names.
-fn shapes(pools: &[&DescriptorPool]) -> String {
-    let mut messages: Vec<MessageDescriptor> = pools.iter().flat_map(|pool| pool.all_messages()).collect();
-    messages.sort_by(|a, b| a.full_name().cmp(b.full_name()));
-    let services = pools.iter().flat_map(|pool| pool.services());
-    let requests: Vec<MessageDescriptor> = services
-        .flat_map(|service| service.methods().map(|method| method.input()).collect::<Vec<_>>())
-        .collect();
-    let mut list = String::from("&[");
-    for message in &messages {
-        let fields = message.fields().filter_map(|field| match field.kind() {
-            Kind::Message(inner) => Some((field.number(), inner)),
-            _ => None,
-        });
-        let nested: Vec<(u32, usize)> = fields
-            .filter_map(|(number, inner)| Some((number, messages.iter().position(|known| *known == inner)?)))
-            .collect();
-        let (name, is_request) = (message.full_name(), requests.contains(message));
-        list += &format!("MessageShape {{ name: {name:?}, is_request: {is_request}, nested: &{nested:?} }}, ");
-    }
-    list + "]"
+/// The values of an enum from 1 on as files write them: `hand-crafted` of `METHOD_HAND_CRAFTED`.
+fn names(of: &EnumDescriptor) -> Vec<String> {
+    let prefix = format!("{}_", of.name().to_uppercase());
+    let mut values: Vec<_> = of.values().filter(|value| value.number() > 0).collect();
+    values.sort_by_key(|value| value.number());
+    let name = |value: &EnumValueDescriptor| value.name().trim_start_matches(&prefix).to_lowercase();
+    values.iter().map(|value| name(value).replace('_', "-")).collect()
 }
 
 /// The messages of a campaign file by the paths of their tables, each once.

@@ -1,6 +1,6 @@
-//! How messages are written to and read from the network.
+//! How messages are read from and written to the network.
 
-use crate::wire::{PartLimit, Refused};
+use crate::wire::{self, Refused};
 use prost::{Message, Name, bytes::Buf as _};
 use std::marker::PhantomData;
 use tonic::{
@@ -9,11 +9,10 @@ use tonic::{
 };
 use tonic_prost::{ProstCodec, ProstDecoder, ProstEncoder};
 
-/// Maximum number of messages, texts and lists in a request. 50,000 answers with their names have 150,000.
-pub const MAX_REQUEST_PARTS: usize = 1 << 18;
+/// Maximum number of messages, texts and lists in a request, however deep. 50,000 answers with their names have 150,000.
+pub const MAX_PARTS: usize = 1 << 18;
 
-/// Codec of Protobuf messages that writes `T` and reads `U`. It refuses a request of over [`MAX_REQUEST_PARTS`] parts before
-/// decoding it.
+/// Codec of Protobuf messages that writes `T` and reads `U`. It refuses a request of over [`MAX_PARTS`] parts before decoding it.
 #[doc(hidden)]
 #[derive(Debug)]
 pub struct BoundedCodec<T, U>(PhantomData<(T, U)>);
@@ -40,7 +39,7 @@ where
 
     fn decoder(&mut self) -> Self::Decoder {
         BoundedDecoder {
-            limit: PartLimit::of_request::<U>(MAX_REQUEST_PARTS),
+            is_request: wire::is_request::<U>(),
             inner: ProstCodec::<T, U>::default().decoder(),
         }
     }
@@ -48,8 +47,7 @@ where
 
 #[doc(hidden)]
 pub struct BoundedDecoder<U> {
-    /// `None` for answers, because the client chose the server that sends them.
-    limit: Option<PartLimit>,
+    is_request: bool,
     inner: ProstDecoder<U>,
 }
 
@@ -59,9 +57,12 @@ impl<U: Name + Default> Decoder for BoundedDecoder<U> {
 
     fn decode(&mut self, buffer: &mut DecodeBuf<'_>) -> Result<Option<U>, Status> {
         // The buffer of a message is contiguous. The decoder reports bytes that are not a message.
-        let checked = self.limit.map_or(Ok(()), |limit| limit.check(buffer.chunk()));
-        if let Err(refused @ Refused::TooManyParts(_)) = checked {
-            return Err(Status::resource_exhausted(format!("the message is refused: {refused}")));
+        if self.is_request
+            && let Err(refused @ Refused::TooManyParts(_)) = wire::check::<U>(buffer.chunk(), MAX_PARTS)
+        {
+            return Err(Status::resource_exhausted(format!(
+                "the message is refused: {refused}"
+            )));
         }
         self.inner.decode(buffer)
     }

@@ -7,6 +7,8 @@ use prost::Message;
 use tokio_stream::{Stream, StreamExt as _};
 use tonic::Status;
 
+/// Maximum number of bytes in one message of a stream of parts (1 MiB).
+pub const PART_BYTES: usize = 1 << 20;
 /// Maximum number of bytes of a whole answer (4 GiB): more than all labels or generations of the largest campaign.
 const MAX_BYTES: u64 = 4 << 30;
 
@@ -32,8 +34,8 @@ pub async fn whole<M: Message + Default>(
     Ok(whole)
 }
 
-/// Splits `items` into lists of about [`PART_BYTES`](crate::PART_BYTES) each, and returns the message that `part` makes of each
-/// list. Without items there are no messages.
+/// Splits `items` into lists of about [`PART_BYTES`] each, and returns the message that `part` makes of each list. Without items there
+/// are no messages.
 pub fn parts<T: Message, M>(
     items: impl IntoIterator<Item = T>,
     part: impl Fn(Vec<T>) -> M,
@@ -41,7 +43,7 @@ pub fn parts<T: Message, M>(
     let mut items = items.into_iter();
     std::iter::from_fn(move || {
         let (mut list, mut bytes) = (Vec::new(), 0);
-        while bytes < crate::PART_BYTES {
+        while bytes < PART_BYTES {
             let Some(item) = items.next() else { break };
             bytes += item.encoded_len();
             list.push(item);
@@ -53,7 +55,7 @@ pub fn parts<T: Message, M>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{PART_BYTES, v1};
+    use crate::v1;
 
     fn campaign(number: usize, error: usize) -> v1::Campaign {
         v1::Campaign {

@@ -2,128 +2,141 @@
 //!
 //! An empty result takes two bytes on the wire and seventy in memory.
 
+use crate::FILE_DESCRIPTORS;
 use prost::{
-    Name,
+    Message as _, Name,
     bytes::Buf,
     encoding::{DecodeContext, WireType, decode_key, decode_varint, skip_field},
 };
+use prost_types::{DescriptorProto, FileDescriptorSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::LazyLock,
+};
 use thiserror::Error;
 
-/// A message of the contract or of the ONNX format, with the fields that are messages.
-struct MessageShape {
-    /// Name with the package.
-    name: &'static str,
-    /// Whether a method takes the message.
-    is_request: bool,
-    /// Number of each field that is a message, and the place of that message in [`SHAPES`].
-    nested: &'static [(u32, usize)],
+/// The messages of the contract.
+static CONTRACT: LazyLock<MessageShapes> = LazyLock::new(|| MessageShapes::read(FILE_DESCRIPTORS));
+
+/// Messages by full name, and which fields of each are messages.
+#[derive(Debug, Default)]
+pub struct MessageShapes {
+    messages: BTreeMap<String, MessageShape>,
+    /// Messages that a method takes.
+    requests: BTreeSet<String>,
 }
 
-/// Sorted by name.
-static SHAPES: &[MessageShape] = include!(concat!(env!("OUT_DIR"), "/shapes.rs"));
+/// The full name of each field that is a message, by number.
+type MessageShape = BTreeMap<u32, String>;
 
-/// Error in a message before it is decoded.
+/// Why a message is not decoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-pub(crate) enum Refused {
+pub enum Refused {
     #[error("it has over {0} parts")]
     TooManyParts(usize),
     #[error("its bytes are no such message")]
     NotAMessage,
 }
 
-/// Checks the messages of one type.
-#[derive(Clone, Copy)]
-pub(crate) struct PartLimit {
-    shape: &'static MessageShape,
-    limit: usize,
-}
-
-impl PartLimit {
-    /// Allows `limit` messages, texts and lists in a message of type `M`, however deep. `None` for a type without a shape.
-    pub(crate) fn of<M: Name>(limit: usize) -> Option<Self> {
-        let name = M::full_name();
-        let place = SHAPES.binary_search_by(|shape| shape.name.cmp(&name)).ok()?;
-        Some(Self {
-            shape: SHAPES.get(place)?,
-            limit,
-        })
+impl MessageShapes {
+    /// The messages of an encoded `FileDescriptorSet`; none if it cannot be decoded.
+    #[must_use]
+    pub fn read(descriptors: &[u8]) -> Self {
+        let files = FileDescriptorSet::decode(descriptors).unwrap_or_default();
+        let mut shapes = Self::default();
+        for file in &files.file {
+            for message in &file.message_type {
+                shapes.add(file.package(), message);
+            }
+            let methods = file.service.iter().flat_map(|service| &service.method);
+            let requests = methods.map(|method| without_dot(method.input_type()));
+            shapes.requests.extend(requests);
+        }
+        shapes
     }
 
-    /// [`of`](Self::of), if a method takes such a message.
-    pub(crate) fn of_request<M: Name>(limit: usize) -> Option<Self> {
-        Self::of::<M>(limit).filter(|parts| parts.shape.is_request)
+    fn add(&mut self, scope: &str, message: &DescriptorProto) {
+        let name = format!("{scope}.{}", message.name());
+        let nested = message.field.iter().filter(|field| !field.type_name().is_empty());
+        let nested = nested.map(|field| (field.number().unsigned_abs(), without_dot(field.type_name())));
+        self.messages.insert(name.clone(), nested.collect());
+        for inner in &message.nested_type {
+            self.add(&name, inner);
+        }
     }
 
+    /// Checks an encoded message of type `M`: it may have at most `limit` messages, texts and lists, however deep.
+    ///
     /// # Errors
-    /// `message` has too many parts, or is not a message.
-    pub(crate) fn check(self, message: &[u8]) -> Result<(), Refused> {
-        let mut left = self.limit;
-        count(message, self.shape, &mut left).map_err(|refused| match refused {
-            Refused::TooManyParts(_) => Refused::TooManyParts(self.limit),
+    /// If it has more, or is not a message.
+    pub fn check<M: Name>(&self, message: &[u8], limit: usize) -> Result<(), Refused> {
+        let mut left = limit;
+        let shape = self.messages.get(&M::full_name());
+        let counted = self.count(message, shape, &mut left);
+        counted.map_err(|refused| match refused {
+            Refused::TooManyParts(_) => Refused::TooManyParts(limit),
             Refused::NotAMessage => refused,
         })
     }
+
+    /// Subtracts the number of parts of `message` from `left`. Enums have no shape, and no parts.
+    fn count(
+        &self,
+        mut message: &[u8],
+        shape: Option<&MessageShape>,
+        left: &mut usize,
+    ) -> Result<(), Refused> {
+        while message.has_remaining() {
+            let (tag, wire_type) = decode_key(&mut message).map_err(|_| Refused::NotAMessage)?;
+            if wire_type != WireType::LengthDelimited {
+                let skipped = skip_field(wire_type, tag, &mut message, DecodeContext::default());
+                skipped.map_err(|_| Refused::NotAMessage)?;
+                continue;
+            }
+            *left = left.checked_sub(1).ok_or(Refused::TooManyParts(0))?;
+            let length = decode_varint(&mut message).map(usize::try_from);
+            let inner = match length {
+                Ok(Ok(length)) => message.split_at_checked(length),
+                _ => None,
+            };
+            let (inner, rest) = inner.ok_or(Refused::NotAMessage)?;
+            let name = shape.and_then(|shape| shape.get(&tag));
+            if let Some(shape) = name.and_then(|name| self.messages.get(name)) {
+                self.count(inner, Some(shape), left)?;
+            }
+            message = rest;
+        }
+        Ok(())
+    }
 }
 
-/// Subtracts the number of parts of `message` from `left`.
-fn count(mut message: &[u8], shape: &MessageShape, left: &mut usize) -> Result<(), Refused> {
-    while message.has_remaining() {
-        let (tag, wire_type) = decode_key(&mut message).map_err(|_| Refused::NotAMessage)?;
-        if wire_type != WireType::LengthDelimited {
-            skip_field(wire_type, tag, &mut message, DecodeContext::default())
-                .map_err(|_| Refused::NotAMessage)?;
-            continue;
-        }
-        *left = left.checked_sub(1).ok_or(Refused::TooManyParts(0))?;
-        let length = decode_varint(&mut message).ok().and_then(|length| usize::try_from(length).ok());
-        let inner = length.and_then(|length| message.split_at_checked(length));
-        let (inner, rest) = inner.ok_or(Refused::NotAMessage)?;
-        let nested = shape.nested.iter().find(|(number, _)| *number == tag);
-        if let Some(shape) = nested.and_then(|(_, place)| SHAPES.get(*place)) {
-            count(inner, shape, left)?;
-        }
-        message = rest;
-    }
-    Ok(())
+/// Whether a method of the contract takes such a message.
+#[must_use]
+pub fn is_request<M: Name>() -> bool {
+    CONTRACT.requests.contains(&M::full_name())
+}
+
+/// Checks an encoded message of the contract.
+///
+/// # Errors
+/// As [`MessageShapes::check`].
+pub fn check<M: Name>(message: &[u8], limit: usize) -> Result<(), Refused> {
+    CONTRACT.check::<M>(message, limit)
+}
+
+/// The full name of a type; descriptors write it with a dot before it.
+fn without_dot(name: &str) -> String {
+    name.trim_start_matches('.').to_owned()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        onnx::{GraphProto, ModelProto, NodeProto},
-        v1::{self, worker_message::Message},
-    };
-    use prost::Message as _;
+    use crate::v1::{self, worker_message::Message};
 
-    #[track_caller]
-    fn check<M: Name>(message: &M, limit: usize, expected: Result<(), Refused>) {
-        let parts = PartLimit::of::<M>(limit).unwrap();
-        assert_eq!(parts.check(&message.encode_to_vec()), expected);
-    }
-
-    #[test]
-    fn parts_of_nested_messages_count() {
-        let node = NodeProto {
-            input: vec![String::new(); 2],
-            ..Default::default()
-        };
-        let graph = GraphProto {
-            node: vec![node; 10],
-            ..Default::default()
-        };
-        let model = ModelProto {
-            graph: Some(graph),
-            ..Default::default()
-        };
-        check(&model, 1 + 10 + 20, Ok(()));
-        check(&model, 1 + 10 + 19, Err(Refused::TooManyParts(30)));
-    }
-
-    #[test]
-    fn empty_results_count() {
+    fn result(evaluations: usize) -> Vec<u8> {
         let evaluations = v1::Evaluations {
-            evaluations: vec![v1::Evaluation::default(); 1000],
+            evaluations: vec![v1::Evaluation::default(); evaluations],
         };
         let result = v1::BatchResult {
             outcome: Some(v1::batch_result::Outcome::Evaluations(evaluations)),
@@ -132,26 +145,35 @@ mod tests {
         let message = v1::WorkerMessage {
             message: Some(Message::Result(result)),
         };
-        check(&message, 1002, Ok(()));
-        check(&message, 1001, Err(Refused::TooManyParts(1001)));
+        message.encode_to_vec()
     }
 
     #[test]
-    fn answers_have_no_limit_of_requests() {
-        assert!(PartLimit::of_request::<v1::WorkerMessage>(1).is_some());
-        assert!(PartLimit::of_request::<v1::CoordinatorMessage>(1).is_none());
+    fn parts_of_nested_messages_count() {
+        let message = result(1000);
+        assert_eq!(check::<v1::WorkerMessage>(&message, 1002), Ok(()));
+        assert_eq!(
+            check::<v1::WorkerMessage>(&message, 1001),
+            Err(Refused::TooManyParts(1001))
+        );
+    }
+
+    #[test]
+    fn answers_are_no_requests() {
+        assert!(is_request::<v1::WorkerMessage>());
+        assert!(!is_request::<v1::CoordinatorMessage>());
     }
 
     #[test]
     fn what_is_no_message_is_told_from_what_is_too_large() {
         for broken in [
-            &b"\x3a\x05ab"[..],
-            b"\x3a",
+            &b"\x1a\x05ab"[..],
+            b"\x1a",
             b"\x07",
-            b"\x3a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x01",
+            b"\x1a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x01",
         ] {
-            let parts = PartLimit::of::<ModelProto>(100).unwrap();
-            assert_eq!(parts.check(broken), Err(Refused::NotAMessage), "{broken:?}");
+            let checked = check::<v1::WorkerMessage>(broken, 100);
+            assert_eq!(checked, Err(Refused::NotAMessage), "{broken:?}");
         }
     }
 }

@@ -8,11 +8,11 @@ use murmuration_coordinator::{
 use murmuration_dispatch as dispatch;
 use murmuration_link::Coordinator;
 use murmuration_proto::{
-    CampaignSpec,
     parts::whole,
     v1::{self, campaign_service_client::CampaignServiceClient},
 };
 use murmuration_store::DataDirectory;
+use murmuration_swarm::CampaignSpec;
 use std::{path::Path, time::Duration};
 use tonic::{service::interceptor::InterceptedService, transport::Channel};
 

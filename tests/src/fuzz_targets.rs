@@ -7,10 +7,8 @@ use murmuration_model::{
     Weight,
     labels::{Action, Annotator, Change, Labelled, Table, to_csv},
 };
-use murmuration_proto::{
-    CampaignSpec, CheckpointDigest, Controller, Feedback, Invalid, Lineage, Preset, Purpose, RandomStream,
-    Replay, Search, Verdict, World, onnx::EmbedderModel, training::Configuration, v1,
-};
+use murmuration_onnx::EmbedderModel;
+use murmuration_proto::v1;
 use murmuration_search::medoids::Clustering;
 use murmuration_sim::case::Case;
 use murmuration_store::{
@@ -19,6 +17,10 @@ use murmuration_store::{
     transfer::{ReceivedCampaign, Unsound, export},
 };
 use murmuration_study::{Corrections, Study};
+use murmuration_swarm::{
+    CampaignSpec, CheckpointDigest, Controller, Feedback, Invalid, Lineage, Preset, Purpose, RandomStream,
+    Replay, Search, Verdict, World, training::Configuration,
+};
 use murmuration_tracks::{Filmed, Tracks};
 use prost::Message;
 use rand::RngExt as _;

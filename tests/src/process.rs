@@ -97,7 +97,12 @@ impl Running {
     #[track_caller]
     pub fn kill(mut self) {
         let ended = self.child.try_wait().unwrap();
-        assert_eq!(ended, None, "it had ended before it was killed:\n{}", self.output());
+        assert_eq!(
+            ended,
+            None,
+            "it had ended before it was killed:\n{}",
+            self.output()
+        );
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }

@@ -190,7 +190,7 @@ impl ProcessCluster {
     }
 
     /// Starts a campaign; returns its id.
-    pub fn submit(&mut self, spec: &murmuration_proto::CampaignSpec) -> String {
+    pub fn submit(&mut self, spec: &murmuration_swarm::CampaignSpec) -> String {
         let request = v1::CreateCampaignRequest {
             campaign: Some(v1::create_campaign_request::Campaign::Spec(spec.into())),
             ..v1::CreateCampaignRequest::default()

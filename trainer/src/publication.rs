@@ -1,12 +1,9 @@
 //! Publishes a finished training, after a test of its checkpoint on ONNX Runtime.
 
 use murmuration_embed::{EmbedError, Embedder, Runtime};
-use murmuration_proto::{
-    CheckpointDigest, Lineage,
-    onnx::{EmbedderModel, ModelError},
-    training::Configuration,
-    v1,
-};
+use murmuration_onnx::{EmbedderModel, ModelError};
+use murmuration_proto::v1;
+use murmuration_swarm::{CheckpointDigest, Lineage, training::Configuration};
 use murmuration_train::{
     network::Network,
     onnx,
@@ -157,7 +154,7 @@ fn difference(network: &Network, embedder: &mut Embedder, pictures: &Pictures) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::{PictureShape, Purpose, RandomStream};
+    use murmuration_swarm::{PictureShape, Purpose, RandomStream};
     use rand::RngExt as _;
     use std::sync::Arc;
 

@@ -4,12 +4,9 @@
 mod coordinator;
 
 use coordinator::Fake;
-use murmuration_proto::{
-    CheckpointDigest, Lineage, PictureShape,
-    onnx::EmbedderModel,
-    training::Configuration,
-    v1::{self, batch_result::Outcome, worker_message::Message},
-};
+use murmuration_onnx::EmbedderModel;
+use murmuration_proto::v1::{self, batch_result::Outcome, worker_message::Message};
+use murmuration_swarm::{CheckpointDigest, Lineage, PictureShape, training::Configuration};
 use murmuration_train::{onnx, pictures::Pictures, training::Training};
 use murmuration_trainer::client::TrainerError;
 use std::sync::Arc;

@@ -13,10 +13,8 @@ use checkpoints::Checkpoints;
 use lease::{Lease, Outcome};
 use murmuration_embed::Runtime;
 use murmuration_link::{Address, Broken, Credentials, Health, Link, LinkError, Peer, Role, keep, stopped};
-use murmuration_proto::{
-    EmbeddingKind,
-    v1::{self, coordinator_message, worker_message},
-};
+use murmuration_proto::v1::{self, coordinator_message, worker_message};
+use murmuration_swarm::EmbeddingKind;
 use pool::Pool;
 use std::{net::IpAddr, num::NonZeroUsize, path::PathBuf, pin::Pin};
 use tokio::sync::watch;

@@ -315,7 +315,9 @@ impl From<Refusal> for Status {
     fn from(refusal: Refusal) -> Self {
         let message = refusal.to_string();
         match refusal {
-            Refusal::NoToken | Refusal::UnknownToken | Refusal::NoCertificate => Self::unauthenticated(message),
+            Refusal::NoToken | Refusal::UnknownToken | Refusal::NoCertificate => {
+                Self::unauthenticated(message)
+            }
             Refusal::Role { .. } | Refusal::WrongCertificate(_) | Refusal::Host | Refusal::Origin => {
                 Self::permission_denied(message)
             }

@@ -38,7 +38,7 @@ pub use tokens::{HolderName, Tokens, TokensError, file_entry};
 
 use machine::Certificate;
 use murmuration_link::TokenDigest;
-use murmuration_proto::grouped;
+use murmuration_swarm::grouped;
 use std::sync::Arc;
 
 /// Credentials that an endpoint accepts.

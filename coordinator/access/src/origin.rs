@@ -262,7 +262,10 @@ mod tests {
                 "{kind}"
             );
         }
-        assert_eq!(METHOD.check_request(&Method::POST, &[OWN]), Err(Refusal::ContentType));
+        assert_eq!(
+            METHOD.check_request(&Method::POST, &[OWN]),
+            Err(Refusal::ContentType)
+        );
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::Role;
 use murmuration_files::{InputKind, read_text};
 use murmuration_link::TokenDigest;
-use murmuration_proto::{Invalid, grouped, text};
+use murmuration_swarm::{Invalid, grouped, text};
 use serde::{Deserialize, Serialize};
 use std::{
     fmt, io,

@@ -1,7 +1,7 @@
 //! Reads grey images for embedders from PNG files.
 
 use murmuration_files::{InputKind, read_bytes};
-use murmuration_proto::onnx::ImageShape;
+use murmuration_onnx::ImageShape;
 use std::{io::Cursor, path::Path};
 
 /// Reads the pixels of a PNG with the shape `images` and 8 bits per pixel; or returns an error message about the file.

@@ -3,8 +3,9 @@
 use super::grey_image::pixels;
 use murmuration_files::{InputKind, read_bytes};
 use murmuration_model::labels::{Answer, ClassKey, LabelFile, LabelFileError, Row};
-use murmuration_proto::{Class, Features, ImageFormat, Invalid, onnx::ImageShape};
+use murmuration_onnx::ImageShape;
 use murmuration_sim::evaluate::Evaluator;
+use murmuration_swarm::{Class, Features, ImageFormat, Invalid};
 use rayon::prelude::*;
 use std::{
     collections::BTreeMap,
@@ -215,7 +216,7 @@ fn is_file_name(id: &str) -> bool {
 mod tests {
     use super::*;
     use crate::{Accuracy, Tally};
-    use murmuration_proto::PictureShape;
+    use murmuration_swarm::PictureShape;
     use std::fs;
 
     const HEAD: &str = "id,class,average_speed,angular_momentum,radial_variance_x20,scatter,group_rotation\n";

@@ -14,9 +14,8 @@ use super::{
 use murmuration_coordinator::local::InProcess;
 use murmuration_link::{errln, outln, print};
 use murmuration_model::{Weight, generations_in_words};
-use murmuration_proto::{
-    CampaignSpec, Controller, FEATURE_NAMES, counted, grouped, in_full, parts::whole, v1,
-};
+use murmuration_proto::{parts::whole, v1};
+use murmuration_swarm::{CampaignSpec, Controller, FEATURE_NAMES, counted, grouped, in_full};
 use std::{collections::BTreeMap, path::PathBuf};
 
 #[derive(Debug, clap::Args)]

@@ -8,7 +8,7 @@ use super::{
 use murmuration_access::MachineKind;
 use murmuration_files::InputKind;
 use murmuration_link::errln;
-use murmuration_proto::Invalid;
+use murmuration_swarm::Invalid;
 use rcgen::{
     BasicConstraints, CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair,
     KeyUsagePurpose,

@@ -11,10 +11,10 @@ use super::{
 use murmuration_coordinator::local::InProcess;
 use murmuration_files::InputKind;
 use murmuration_link::{OutputError, outln, print};
-use murmuration_proto::{
-    CheckpointDigest, Lineage, counted, grouped, onnx::MAX_MODEL_BYTES, parts::whole, v1,
-};
+use murmuration_onnx::MAX_MODEL_BYTES;
+use murmuration_proto::{parts::whole, v1};
 use murmuration_store::DataDirectory;
+use murmuration_swarm::{CheckpointDigest, Lineage, counted, grouped};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Subcommand)]

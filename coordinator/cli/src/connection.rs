@@ -175,7 +175,8 @@ pub async fn connect(url: &str, credentials: &Credentials) -> Result<Coordinator
 mod tests {
     use super::*;
     use clap::Parser as _;
-    use murmuration_proto::{CampaignSpec, v1};
+    use murmuration_proto::v1;
+    use murmuration_swarm::CampaignSpec;
 
     #[derive(Debug, clap::Parser)]
     struct Arguments {

@@ -1,7 +1,7 @@
 //! Controllers as people type them.
 
 use super::CliError;
-use murmuration_proto::{CapabilityModel, Controller, Invalid, Preset, counted, text::quoted};
+use murmuration_swarm::{CapabilityModel, Controller, Invalid, Preset, counted, text::quoted};
 use std::{f64::consts::PI, ffi::OsString};
 
 /// Reads `0.6,1,0.4,0.5`, or the same in brackets as controllers are printed: `[0.6, 1, 0.4, 0.5]`. Angles may be written like

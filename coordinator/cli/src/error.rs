@@ -7,13 +7,13 @@ use murmuration_export::ExportError;
 use murmuration_files::FolderError;
 use murmuration_link::{CredentialsError, OutputError, root_cause};
 use murmuration_model::{CampaignId, labels::LabelFileError};
-use murmuration_proto::{Invalid, SpecFileError, Text, text::masked_url};
 use murmuration_report::{ReportError, picture::PictureError};
 use murmuration_service::report_data::ReportDataError;
 use murmuration_store::{
     StoreError,
     backup::{BackupError, TargetError},
 };
+use murmuration_swarm::{Invalid, SpecFileError, Text, text::masked_url};
 use std::{
     error::Error as _,
     fmt, io,

@@ -13,11 +13,9 @@ use murmuration_coordinator::local::InProcess;
 use murmuration_files::InputKind;
 use murmuration_link::{OutputError, errln, termination};
 use murmuration_model::labels::{LabelFile, LabelFileError, Row};
-use murmuration_proto::{
-    CampaignSpec, Controller, FEATURE_NAMES, Text, counted, start_seed,
-    v1::{self, evaluate_request::Part, evaluation_description::Campaign},
-};
+use murmuration_proto::v1::{self, evaluate_request::Part, evaluation_description::Campaign};
 use murmuration_store::DataDirectory;
+use murmuration_swarm::{CampaignSpec, Controller, FEATURE_NAMES, Text, counted, start_seed};
 use std::{
     io::{self, Write},
     iter, mem,

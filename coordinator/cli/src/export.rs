@@ -11,8 +11,9 @@ use super::{
 };
 use murmuration_coordinator::local::InProcess;
 use murmuration_link::print;
-use murmuration_proto::{
-    CampaignSpec, CapabilityModel, CheckpointDigest, Controller, DriveKind, RobotController, v1,
+use murmuration_proto::v1;
+use murmuration_swarm::{
+    CampaignSpec, CapabilityModel, CheckpointDigest, Controller, DriveKind, RobotController,
 };
 use std::{fmt::Write as _, path::PathBuf};
 

@@ -78,7 +78,7 @@ fn run(
     // The encoder's message tells more than the broken pipe.
     if !ended.success() {
         let message = String::from_utf8_lossy(&message);
-        let message = murmuration_proto::Text::line(message.trim());
+        let message = murmuration_swarm::Text::line(message.trim());
         return Err(CliError::Failed(format!(
             "{ENCODER} could not write {}: {message}",
             path.display()

@@ -7,8 +7,8 @@ use super::{
 };
 use murmuration_files::{InputKind, read_text, text_of};
 use murmuration_link::{OutputError, errln};
-use murmuration_proto::Controller;
 use murmuration_search::filter::{CUTOFF, METRICS, Score};
+use murmuration_swarm::Controller;
 use std::{
     io,
     path::{Path, PathBuf},

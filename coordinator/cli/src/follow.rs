@@ -6,7 +6,8 @@ mod status_line;
 use super::{CliError, connection::Client, json, validation::Validated as _};
 use indicatif::{HumanDuration, ProgressBar};
 use murmuration_link::{OutputError, errln};
-use murmuration_proto::{counted, grouped, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{counted, grouped};
 use std::{
     io::IsTerminal as _,
     time::{Duration, Instant},

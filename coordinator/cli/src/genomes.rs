@@ -3,7 +3,7 @@
 
 use super::CliError;
 use csv::{ReaderBuilder, StringRecord, Trim};
-use murmuration_proto::text;
+use murmuration_swarm::text;
 use std::path::Path;
 
 /// Reads the rows of a file in this format: a cell of its first row is a number, and none is the name of a gene. `None` if it has a

@@ -2,8 +2,8 @@
 
 use super::{CliError, Global, connection};
 use murmuration_link::{Credentials, READY, outln};
-use murmuration_proto::text::masked_url;
 use murmuration_store::{DataDirectory, StoreError};
+use murmuration_swarm::text::masked_url;
 use std::time::Duration;
 use tonic_health::pb::{
     HealthCheckRequest, health_check_response::ServingStatus, health_client::HealthClient,

@@ -13,7 +13,8 @@ use murmuration_coordinator::local::InProcess;
 use murmuration_files::InputKind;
 use murmuration_link::{OutputError, errln, outln};
 use murmuration_model::labels::{self, Annotator, Answer, Labelled, to_csv};
-use murmuration_proto::{CampaignSpec, Strategy, Text, counted, grouped, parts::whole, v1};
+use murmuration_proto::{parts::whole, v1};
+use murmuration_swarm::{CampaignSpec, Strategy, Text, counted, grouped};
 use std::{
     collections::BTreeMap,
     path::PathBuf,

@@ -41,7 +41,7 @@ pub use run::{InProcessArgs, read_spec};
 
 use clap::{Args as _, Subcommand};
 use murmuration_link::{Credentials, CredentialsError, IdentityFiles, TrustFiles};
-use murmuration_proto::text::masked_url;
+use murmuration_swarm::text::masked_url;
 use std::{future::ready, path::PathBuf, pin::Pin};
 
 /// Options of every command.

@@ -2,7 +2,6 @@
 
 use super::{CliError, Global, json};
 use murmuration_link::{OutputError, errln, outln, termination};
-use murmuration_proto::{counted, text::masked_url};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{
     StoreError,
@@ -10,6 +9,7 @@ use murmuration_store::{
     checkpoints::{CheckpointError, Condition},
     doctor::{self, CampaignCondition, CampaignFindings, Findings},
 };
+use murmuration_swarm::{counted, text::masked_url};
 use std::{
     path::{Path, PathBuf},
     pin::pin,

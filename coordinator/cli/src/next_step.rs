@@ -2,7 +2,8 @@
 
 use super::{CliError, Global, json};
 use murmuration_link::{OutputError, errln, outln};
-use murmuration_proto::{CampaignSpec, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::CampaignSpec;
 
 /// Prints the change that a command made and the next command to type; or the campaign's state, if it is not (or no longer) the
 /// `expected` one.

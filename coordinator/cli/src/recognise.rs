@@ -15,12 +15,13 @@ use assumed::{Arena, Assumed};
 use murmuration_coordinator::local::InProcess;
 use murmuration_embed::{Embedder, Runtime};
 use murmuration_files::InputKind;
-use murmuration_proto::{
-    CampaignSpec, Controller, Evaluation, Invalid, PictureShape, World, counted, onnx::EmbedderModel,
-    text::quoted, v1,
-};
+use murmuration_onnx::EmbedderModel;
+use murmuration_proto::v1;
 use murmuration_report::picture;
 use murmuration_sim::{evaluate::observe, features::FEATURE_STEPS};
+use murmuration_swarm::{
+    CampaignSpec, Controller, Evaluation, Invalid, PictureShape, World, counted, text::quoted,
+};
 use murmuration_tracks::{Tracks, TracksError};
 use std::path::PathBuf;
 

@@ -8,11 +8,11 @@ use super::{
 };
 use murmuration_files::InputKind;
 use murmuration_link::{OutputError, outln};
-use murmuration_proto::{
+use murmuration_report::picture::{robot_svg, sensor_in_words};
+use murmuration_swarm::{
     CampaignSpec, CapabilityModel, DriveKind, ImageFormat, Preset, Robot, SensorAngle, Species, World,
     counted,
 };
-use murmuration_report::picture::{robot_svg, sensor_in_words};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]

@@ -13,8 +13,9 @@ use murmuration_coordinator::local::InProcess;
 use murmuration_embed::Runtime;
 use murmuration_files::{InputKind, Replaces};
 use murmuration_link::{OutputError, errln, outln, termination};
-use murmuration_proto::{CampaignSpec, counted, text::masked_url, v1};
+use murmuration_proto::v1;
 use murmuration_store::{DataDirectory, StoreError};
+use murmuration_swarm::{CampaignSpec, counted, text::masked_url};
 use std::{
     num::NonZeroUsize,
     path::{Path, PathBuf},

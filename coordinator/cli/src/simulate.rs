@@ -8,7 +8,6 @@ use super::{
 };
 use murmuration_files::InputKind;
 use murmuration_link::outln;
-use murmuration_proto::{Controller, FEATURE_NAMES, ImageFormat, Invalid, Replay, World};
 use murmuration_report::picture::{self, Animation, Bodies, Colouring, Paper};
 use murmuration_sim::{
     case::Case,
@@ -16,6 +15,7 @@ use murmuration_sim::{
     replay::{poses, replay},
     simulate::Start,
 };
+use murmuration_swarm::{Controller, FEATURE_NAMES, ImageFormat, Invalid, Replay, World};
 use murmuration_tracks::to_csv;
 use std::{
     num::NonZeroU32,

@@ -7,7 +7,8 @@ use super::{
     table::{Table, left, right},
     validation::Validated as _,
 };
-use murmuration_proto::{grouped, parts::whole, v1};
+use murmuration_proto::{parts::whole, v1};
+use murmuration_swarm::grouped;
 
 /// The clusters of a completed campaign.
 pub(super) async fn of(connection: &mut Connection, campaign: &str) -> Result<v1::Taxonomy, CliError> {

@@ -11,8 +11,9 @@ use murmuration_coordinator::local::InProcess;
 use murmuration_export::{CheckedExport, ExportError, Exported, NewFolder};
 use murmuration_link::{errln, outln, termination};
 use murmuration_model::CampaignState;
-use murmuration_proto::{PART_BYTES, counted, v1};
+use murmuration_proto::{PART_BYTES, v1};
 use murmuration_store::{DataDirectory, Store, StoreError, remove_new};
+use murmuration_swarm::counted;
 use std::{
     mem,
     path::{Path, PathBuf},

@@ -4,7 +4,8 @@
 
 use super::{CliError, connection::Client};
 use murmuration_model::CampaignId;
-use murmuration_proto::{CheckpointDigest, Invalid, Text, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{CheckpointDigest, Invalid, Text};
 use tonic::Response;
 
 /// A message that becomes safe to print.

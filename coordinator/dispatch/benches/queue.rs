@@ -15,7 +15,7 @@ use murmuration_dispatch::leases::{
     Abilities, Agree, Event, JobParams, LeaseNumber, LeaseTable, WorkerId, WorkerProcessId,
 };
 use murmuration_model::MachineId;
-use murmuration_proto::{Purpose, RandomStream};
+use murmuration_swarm::{Purpose, RandomStream};
 use rand::RngExt as _;
 use rustix::time::{ClockId, clock_gettime};
 use std::{

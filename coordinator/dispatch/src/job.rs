@@ -4,9 +4,10 @@ use super::LeasedTraining;
 use murmuration_model::{
     CampaignId, CampaignRecord, EmbedderRef, Maker, SavedTraining, TrainingPictures, Weight,
 };
-use murmuration_proto::{
+use murmuration_proto::v1;
+use murmuration_swarm::{
     CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, PictureShape, Starts,
-    World, training::Configuration, v1,
+    World, training::Configuration,
 };
 use tokio::sync::watch;
 

@@ -21,7 +21,8 @@ pub use metrics::{DispatchMetrics, Families, PeerKind, WorkKind};
 pub use trainers::Trainers;
 
 use murmuration_model::{CampaignId, MachineId, Maker, Origin, Quarantined, SavedTraining};
-use murmuration_proto::{CheckpointDigest, EmbeddingKind, Invalid, Replay, training::Configuration, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{CheckpointDigest, EmbeddingKind, Invalid, Replay, training::Configuration};
 use service::Service;
 use std::{fmt, str::FromStr, sync::Arc, time::Duration};
 use submitted::{AnyJob, Submitted};

@@ -13,7 +13,8 @@ use crate::{
 };
 use murmuration_link::trace_parent;
 use murmuration_model::{CampaignId, MachineId, Quarantined};
-use murmuration_proto::{EmbeddingKind, Purpose, RandomStream, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{EmbeddingKind, Purpose, RandomStream};
 use rand::RngExt as _;
 use std::{
     collections::{BTreeMap, BTreeSet},

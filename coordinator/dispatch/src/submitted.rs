@@ -7,10 +7,8 @@ use super::{
     work::Work,
 };
 use murmuration_model::CampaignId;
-use murmuration_proto::{
-    EmbeddingKind, Invalid,
-    v1::{self, batch_result::Outcome},
-};
+use murmuration_proto::v1::{self, batch_result::Outcome};
+use murmuration_swarm::{EmbeddingKind, Invalid};
 use std::fmt;
 use tokio::sync::oneshot;
 
@@ -197,7 +195,7 @@ mod tests {
     use super::*;
     use crate::EmbeddingJob;
     use murmuration_model::{EmbedderRef, MachineId, Weight};
-    use murmuration_proto::{CheckpointDigest, Starts};
+    use murmuration_swarm::{CheckpointDigest, Starts};
     use prometheus_client::registry::Registry;
 
     const KIND: EmbeddingKind = EmbeddingKind::UNKNOWN;

@@ -3,7 +3,7 @@
 use super::{ConnectedMachine, Dispatch, JobError, JobProgress, Options, TrainingJob};
 use crate::DispatchMetrics;
 use murmuration_model::Quarantined;
-use murmuration_proto::CheckpointDigest;
+use murmuration_swarm::CheckpointDigest;
 use std::sync::Arc;
 use tokio::sync::watch;
 

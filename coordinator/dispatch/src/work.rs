@@ -3,12 +3,12 @@
 use super::job::{EmbeddingJob, Evaluated, EvaluationJob, JobError, PoisonedTask, ReplayJob, TrainingJob};
 use crate::WorkKind;
 use murmuration_model::{CampaignId, MachineId, Maker, Weight};
-use murmuration_proto::{
+use murmuration_proto::v1::{self, batch_result::Outcome};
+use murmuration_sim::features::{FeatureBounds, check_positions};
+use murmuration_swarm::{
     CheckpointDigest, Controller, EmbeddingKind, Evaluation, Extras, Invalid, Replay, Starts, World,
     check_embedding, embeddings_agree,
-    v1::{self, batch_result::Outcome},
 };
-use murmuration_sim::features::{FeatureBounds, check_positions};
 use std::fmt::Debug;
 
 /// Cost of embedding a picture, in steps of an agent.

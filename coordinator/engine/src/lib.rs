@@ -17,7 +17,7 @@ pub use murmuration_store::blocking;
 /// An individual whose swarm never moved.
 #[cfg(test)]
 fn still(index: u64, generation: u32) -> murmuration_store::ArchivedIndividual {
-    use murmuration_proto::{Controller, Preset};
+    use murmuration_swarm::{Controller, Preset};
     let controller = Controller::new(Preset::SingleSensor, &[0.0; 4]).unwrap();
     murmuration_store::ArchivedIndividual::unmeasured(index, generation, controller)
 }

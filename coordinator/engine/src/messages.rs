@@ -6,8 +6,9 @@ use crate::{
     taxonomy::{ClusterName, Medoid, Names, Origin, Taxonomy},
 };
 use murmuration_model::{Stage, TimeLeft};
-use murmuration_proto::{CheckpointDigest, PART_BYTES, parts::parts, v1};
+use murmuration_proto::{PART_BYTES, parts::parts, v1};
 use murmuration_store::Notice;
+use murmuration_swarm::CheckpointDigest;
 
 impl From<CampaignStatus> for v1::Campaign {
     fn from(status: CampaignStatus) -> Self {

@@ -2,8 +2,8 @@
 
 use crate::queries::Clustered;
 use murmuration_model::labels::ClassName;
-use murmuration_proto::counted;
 use murmuration_search::novelty::{Behaviours, Misfit};
+use murmuration_swarm::counted;
 use std::collections::BTreeMap;
 
 /// A behaviour is unlike everything in a cluster if its distance from the medoid is more than this many times the mean distance of
@@ -137,8 +137,8 @@ mod tests {
     use super::*;
     use crate::space::Space;
     use murmuration_model::ArchiveVersion;
-    use murmuration_proto::{BehaviourSpace, Scale};
     use murmuration_search::medoids::Clustering;
+    use murmuration_swarm::{BehaviourSpace, Scale};
     use std::sync::Arc;
 
     /// An archive on a line, with clusters around 1 and 10.

@@ -1,12 +1,12 @@
 //! The behaviour space of an archive, for novelty, questions and maps.
 
 use murmuration_model::{ArchiveVersion, CampaignRecord};
-use murmuration_proto::Scale;
 use murmuration_search::{
     interrupt::Interrupted,
     novelty::{Behaviours, Misfit},
 };
 use murmuration_store::{Store, StoreError, kept::Kept};
+use murmuration_swarm::Scale;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Maximum size in bytes of the spaces that are kept.

@@ -11,9 +11,9 @@ use murmuration_model::{
     CampaignRecord,
     labels::{Action, Annotator, Answer, Change},
 };
-use murmuration_proto::{Class, Strategy, World};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{ArchivedIndividual, Store, StoreError};
+use murmuration_swarm::{Class, Strategy, World};
 use std::{
     sync::Arc,
     time::{SystemTime, UNIX_EPOCH},

@@ -7,8 +7,8 @@ use murmuration_model::{
     labels::{ANSWER_COLUMNS, ClassName, answer_row},
     tables::{GENERATION_COLUMNS, generation_row},
 };
-use murmuration_proto::CampaignSpec;
 use murmuration_store::transfer::{Member, ReceivedCampaign};
+use murmuration_swarm::CampaignSpec;
 use std::{
     collections::BTreeMap,
     fs::File,

@@ -5,8 +5,8 @@ use murmuration_model::{
     ExportedCampaign, Timestamp,
     labels::{Annotator, Labels},
 };
-use murmuration_proto::{CampaignSpec, CheckpointDigest, EmbedderSource, Method, counted};
 use murmuration_store::CheckpointRecord;
+use murmuration_swarm::{CampaignSpec, CheckpointDigest, EmbedderSource, Method, counted};
 use std::{fmt::Write as _, iter};
 
 /// The datasheet of an export.
@@ -182,7 +182,7 @@ fn labelled(labels: &Labels) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::Lineage;
+    use murmuration_swarm::Lineage;
 
     #[test]
     fn the_network_is_named_as_it_was_trained() {

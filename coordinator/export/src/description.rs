@@ -1,8 +1,9 @@
 //! `campaign.json`, and the description of each checkpoint: everything that is in no table.
 
 use crate::CHECKPOINTS;
-use murmuration_proto::{CheckpointDigest, v1};
+use murmuration_proto::v1;
 use murmuration_store::{CheckpointRecord, transfer::ReceivedCampaign};
+use murmuration_swarm::CheckpointDigest;
 use serde::Serialize;
 use std::collections::BTreeMap;
 

@@ -1,8 +1,8 @@
 //! Why a folder cannot be written or read.
 
 use arrow_schema::ArrowError;
-use murmuration_proto::Text;
 use murmuration_store::transfer::Unsound;
+use murmuration_swarm::Text;
 use parquet::errors::ParquetError;
 use std::{
     io,

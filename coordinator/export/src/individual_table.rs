@@ -5,8 +5,8 @@ use murmuration_model::{
     labels::ClassName,
     tables::{behaviour_cells, behaviour_columns},
 };
-use murmuration_proto::CampaignSpec;
 use murmuration_store::ArchivedIndividual;
+use murmuration_swarm::CampaignSpec;
 use std::{
     io::{self, Write},
     mem,
@@ -96,7 +96,7 @@ impl IndividualTable<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::{Controller, Preset};
+    use murmuration_swarm::{Controller, Preset};
 
     #[test]
     fn a_table_without_individuals_has_a_header() {

@@ -13,8 +13,8 @@ use arrow_array::{
 };
 use arrow_schema::{DataType, Field, Fields, Schema};
 use murmuration_model::labels::ClassName;
-use murmuration_proto::{CampaignSpec, FEATURE_NAMES, Starts, Verdict};
 use murmuration_store::{Trial, transfer::Member};
+use murmuration_swarm::{CampaignSpec, FEATURE_NAMES, Starts, Verdict};
 use std::{collections::BTreeMap, sync::Arc};
 
 /// The unit of each feature, in their order.

@@ -3,7 +3,7 @@
 //! A picture is stored column by column (`x * side + y`); in the array its rows go from the top down, as plots show them.
 
 use crate::ExportError;
-use murmuration_proto::{CampaignSpec, PictureShape};
+use murmuration_swarm::{CampaignSpec, PictureShape};
 use std::{
     fs::File,
     io::Write as _,

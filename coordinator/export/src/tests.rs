@@ -6,12 +6,12 @@ use murmuration_model::{
     CampaignId, Weight,
     labels::{Action, Annotator, Change},
 };
-use murmuration_proto::{
-    CampaignSpec, Controller, Lineage, PictureShape, Preset, Purpose, RandomStream, training::Architecture,
-};
 use murmuration_store::{
     ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store, Switch, Trial,
     checkpoints::Checkpoints, transfer::export,
+};
+use murmuration_swarm::{
+    CampaignSpec, Controller, Lineage, PictureShape, Preset, Purpose, RandomStream, training::Architecture,
 };
 use murmuration_train::{network::Network, onnx};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
@@ -168,7 +168,10 @@ fn a_database_that_was_exchanged_on_purpose_is_refused() {
         let mut answer = NewFolder::create(&place.path().join("other"), false, false).unwrap();
         answer.add(other).unwrap();
         let message = answer.finish().unwrap_err().to_string();
-        assert!(message.contains("the coordinator's answer is invalid"), "{message}");
+        assert!(
+            message.contains("the coordinator's answer is invalid"),
+            "{message}"
+        );
         assert!(!place.path().join("other").exists());
     }
     fs::remove_file(folder.join(DATABASE)).unwrap();

@@ -9,9 +9,9 @@ use murmuration_model::{
     CampaignId, Weight,
     labels::{Action, Change, Labels},
 };
-use murmuration_proto::{CampaignSpec, Controller, Preset, Purpose, RandomStream, Strategy};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store, Trial};
+use murmuration_swarm::{CampaignSpec, Controller, Preset, Purpose, RandomStream, Strategy};
 use rand::RngExt as _;
 use std::{
     error::Error,

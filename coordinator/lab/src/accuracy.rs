@@ -13,11 +13,10 @@ use murmuration_coordinator::local::InProcess;
 use murmuration_embed::{Embedder, Runtime};
 use murmuration_files::InputKind;
 use murmuration_link::{OutputError, errln};
-use murmuration_proto::{
-    CheckpointDigest, PictureShape, SeenPictures, counted, grouped,
-    onnx::{EmbedderModel, ImageShape},
-    training::Architecture,
-    v1,
+use murmuration_onnx::{EmbedderModel, ImageShape};
+use murmuration_proto::v1;
+use murmuration_swarm::{
+    CheckpointDigest, PictureShape, SeenPictures, counted, grouped, training::Architecture,
 };
 use murmuration_train::network::Network;
 use std::{num::NonZeroU32, path::Path, path::PathBuf};

@@ -15,10 +15,11 @@ use murmuration_cli::{
 use murmuration_files::{Folder, Replaces};
 use murmuration_link::{errln, outln, termination};
 use murmuration_model::CampaignId;
-use murmuration_proto::{CampaignSpec, Controller, Enumeration, Invalid, counted, v1};
+use murmuration_proto::v1;
 use murmuration_report::atlas::{self, Atlas, AtlasEntry, Layout, Tiles};
 use murmuration_search::filter::Score;
 use murmuration_service::report_data;
+use murmuration_swarm::{CampaignSpec, Controller, Enumeration, Invalid, counted};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]

@@ -11,12 +11,13 @@ use murmuration_cli::{
     table::{Table, left, right},
 };
 use murmuration_link::errln;
-use murmuration_proto::{
-    Controller, ControllerSpace, ImageFormat, Preset, Purpose, RandomStream, World, grouped, v1,
-};
+use murmuration_proto::v1;
 use murmuration_sim::{
     evaluate::Evaluator,
     simulate::{Arch, Start, Swarm},
+};
+use murmuration_swarm::{
+    Controller, ControllerSpace, ImageFormat, Preset, Purpose, RandomStream, World, grouped,
 };
 use murmuration_train::bench as train;
 use rand::RngExt as _;

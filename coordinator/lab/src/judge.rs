@@ -14,9 +14,9 @@ use murmuration_cli::{
 use murmuration_judge as judge;
 use murmuration_link::{OutputError, outln};
 use murmuration_model::labels::{ConfusionMatrix, to_cell};
-use murmuration_proto::{Class, Pattern, Verdict, counted, grouped};
 use murmuration_sim::replay::replay_frames;
 use murmuration_study::{second_judge_by, second_judge_measures};
+use murmuration_swarm::{Class, Pattern, Verdict, counted, grouped};
 use rayon::prelude::*;
 use std::{collections::BTreeMap, iter, path::PathBuf};
 
@@ -286,7 +286,10 @@ fn agreement(matrix: &ConfusionMatrix<&str>) -> json::Agreement {
     json::Agreement {
         agreed: matrix.same(),
         kappa: matrix.kappa(),
-        judged_by_class: message.iter().map(|&class| (class.to_owned(), row(class))).collect(),
+        judged_by_class: message
+            .iter()
+            .map(|&class| (class.to_owned(), row(class)))
+            .collect(),
     }
 }
 

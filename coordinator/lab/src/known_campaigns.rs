@@ -7,8 +7,9 @@ use murmuration_cli::{
     validation::{Validated as _, get_campaign, get_digest, validated},
 };
 use murmuration_link::OutputError;
-use murmuration_proto::{CampaignSpec, parts::whole, v1};
+use murmuration_proto::{parts::whole, v1};
 use murmuration_study::cell_digest;
+use murmuration_swarm::CampaignSpec;
 use std::collections::BTreeMap;
 
 /// The campaigns of a coordinator, by their specification.

@@ -1,6 +1,6 @@
 //! The embedder of a campaign's archive: none, a checkpoint, or one checkpoint until the switch to another.
 
-use murmuration_proto::CheckpointDigest;
+use murmuration_swarm::CheckpointDigest;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ArchiveEmbedder {

@@ -1,6 +1,6 @@
 //! Ids of campaigns.
 
-use murmuration_proto::{CampaignName, Invalid, text};
+use murmuration_swarm::{CampaignName, Invalid, text};
 use std::{fmt, str::FromStr};
 
 /// A campaign's id, `NAME-N`, unique in its store.

@@ -1,6 +1,6 @@
 //! The colours of agents, of clusters and of classes.
 
-use murmuration_proto::Class;
+use murmuration_swarm::Class;
 
 /// Red, green and blue in sRGB.
 pub type Rgb = [u8; 3];

@@ -1,7 +1,8 @@
 //! A campaign during its transfer from one store to another, without the contents of its archive and label log.
 
 use super::{CampaignId, CampaignRecord, CampaignState, Rounds};
-use murmuration_proto::{CheckpointDigest, Invalid, SIMULATOR_VERSION, Text, text};
+use murmuration_proto::SIMULATOR_VERSION;
+use murmuration_swarm::{CheckpointDigest, Invalid, Text, text};
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExportedCampaign {
@@ -180,7 +181,7 @@ fn check_embedder(record: &CampaignRecord) -> Result<(), Invalid> {
 mod tests {
     use super::*;
     use crate::{ArchiveEmbedder, Weight};
-    use murmuration_proto::CampaignSpec;
+    use murmuration_swarm::CampaignSpec;
 
     fn spec(method: &str) -> CampaignSpec {
         CampaignSpec::from_toml(&format!("model = \"single-sensor\"\nmethod = \"{method}\"")).unwrap()

@@ -1,6 +1,6 @@
 //! Machines that run workers.
 
-use murmuration_proto::{EmbeddingKind, Invalid};
+use murmuration_swarm::{EmbeddingKind, Invalid};
 use std::{fmt, net::IpAddr, str::FromStr};
 
 /// A machine that runs workers, and has one vote. The coordinator derives it from the connection (`access::origin`), never from

@@ -1,10 +1,8 @@
 //! A requested campaign.
 
 use super::{Weight, labels::RequestId};
-use murmuration_proto::{
-    CampaignName, CampaignSpec, Invalid, SpecFileError,
-    v1::{self, create_campaign_request::Campaign},
-};
+use murmuration_proto::v1::{self, create_campaign_request::Campaign};
+use murmuration_swarm::{CampaignName, CampaignSpec, Invalid, SpecFileError};
 
 /// A requested campaign that is not stored yet.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,7 +1,7 @@
 //! A campaign as it is stored, and the version of its archive.
 
 use super::{ArchiveEmbedder, CampaignId, CampaignState, Weight};
-use murmuration_proto::{CampaignName, CampaignSpec, CheckpointDigest, EmbedderSource, Feedback};
+use murmuration_swarm::{CampaignName, CampaignSpec, CheckpointDigest, EmbedderSource, Feedback};
 use std::fmt;
 
 #[derive(Debug, Clone, PartialEq)]

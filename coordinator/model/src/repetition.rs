@@ -1,6 +1,7 @@
 //! How to repeat an archive, besides its specification: the rounds that taught it, and whether a person intervened.
 
-use murmuration_proto::{CampaignSpec, CheckpointDigest, Invalid, Text, counted, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{CampaignSpec, CheckpointDigest, Invalid, Text, counted};
 
 /// The rounds that led to an archive and its checkpoint.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

@@ -1,7 +1,8 @@
 //! The next stage of a campaign, as a function of its state on disk.
 
 use crate::{CampaignRecord, NextTraining};
-use murmuration_proto::{EmbedderSource, Feedback, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{EmbedderSource, Feedback};
 
 /// The stage of a running campaign, or the first stage of a stopped campaign once it resumes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,7 +61,7 @@ impl From<Stage> for v1::CampaignStage {
 mod tests {
     use super::*;
     use crate::{ArchiveEmbedder, CampaignState, Rounds, Weight};
-    use murmuration_proto::{CampaignSpec, CheckpointDigest};
+    use murmuration_swarm::{CampaignSpec, CheckpointDigest};
 
     /// A campaign with its embedder and all pictures.
     fn record() -> CampaignRecord {

@@ -115,7 +115,7 @@ impl From<CampaignState> for v1::CampaignState {
 }
 
 impl TryFrom<v1::CampaignState> for CampaignState {
-    type Error = murmuration_proto::Invalid;
+    type Error = murmuration_swarm::Invalid;
 
     fn try_from(state: v1::CampaignState) -> Result<Self, Self::Error> {
         match state {
@@ -125,7 +125,7 @@ impl TryFrom<v1::CampaignState> for CampaignState {
             v1::CampaignState::Failed => Ok(Self::Failed),
             v1::CampaignState::Cancelled => Ok(Self::Cancelled),
             v1::CampaignState::Unspecified => {
-                Err(murmuration_proto::Invalid::missing("state", "a campaign state"))
+                Err(murmuration_swarm::Invalid::missing("state", "a campaign state"))
             }
         }
     }

@@ -1,7 +1,7 @@
 //! Rows that several CSV tables share. Numbers read back exactly, and names are safe in spreadsheets.
 
 use crate::labels::{ClassName, to_cell};
-use murmuration_proto::FEATURE_NAMES;
+use murmuration_swarm::FEATURE_NAMES;
 
 /// The columns of [`generation_row`].
 pub const GENERATION_COLUMNS: [&str; 4] = ["generation", "best_novelty", "mean_novelty", "filtered"];

@@ -1,7 +1,7 @@
 //! Estimates how long a campaign still takes.
 
 use crate::Stage;
-use murmuration_proto::{CampaignSpec, Feedback, counted};
+use murmuration_swarm::{CampaignSpec, Feedback, counted};
 
 /// The remaining work of a campaign, and its pace.
 #[derive(Debug, Clone, Copy)]

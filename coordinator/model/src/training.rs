@@ -1,7 +1,7 @@
 //! Pictures for training an embedder, and saved trainings.
 
 use super::CampaignRecord;
-use murmuration_proto::{CheckpointDigest, EmbedderSource};
+use murmuration_swarm::{CheckpointDigest, EmbedderSource};
 
 /// Maximum number of individuals of an archive in a training without a dataset.
 const MOST_FROM_ARCHIVE: u64 = 10_000;

@@ -1,6 +1,6 @@
 //! How simultaneous campaigns share the workers.
 
-use murmuration_proto::Invalid;
+use murmuration_swarm::Invalid;
 use std::{fmt, str::FromStr};
 
 /// A campaign's share of the workers while others run too, in proportion to their weights: 1 to 10,000. It does not affect the

@@ -1,7 +1,7 @@
 //! How to reproduce the archive of a report: text for its page and the top of its `spec.toml`, and command lines to copy.
 
 use super::{Entry, Report};
-use murmuration_proto::{CampaignSpec, EmbedderSource, World};
+use murmuration_swarm::{CampaignSpec, EmbedderSource, World};
 use std::fmt::Write as _;
 
 /// The text of `spec.toml`: requirements besides the specification, as comments, then the specification.

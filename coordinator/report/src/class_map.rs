@@ -6,7 +6,7 @@ use crate::{
     point_map::places,
 };
 use murmuration_model::colours::class_colour;
-use murmuration_proto::{Class, grouped};
+use murmuration_swarm::{Class, grouped};
 
 /// A point with its class.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -6,7 +6,7 @@ use super::{
     picture::{Bodies, trajectory_svg},
 };
 use maud::{Markup, PreEscaped, html};
-use murmuration_proto::text::beginning;
+use murmuration_swarm::text::beginning;
 use std::fmt::Write as _;
 
 /// Side of a behaviour's square, in units of the figure.

@@ -3,8 +3,8 @@
 use crate::{Entry, Report};
 use murmuration_judge::{frames, judge};
 use murmuration_model::labels::{ClassKey, ClassName};
-use murmuration_proto::{CampaignSpec, Class, Invalid, Verdict, counted, noun};
 use murmuration_sim::{replay::replay_frames, simulate::Start};
+use murmuration_swarm::{CampaignSpec, Class, Invalid, Verdict, counted, noun};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
@@ -258,7 +258,8 @@ mod tests {
         let judged = |name: &str| Shown::Judged(name.to_owned());
         let message = |shown: &[Shown]| {
             let message = found(shown).into_iter();
-            message.map(|(count, names)| format!("{count}: {names}"))
+            message
+                .map(|(count, names)| format!("{count}: {names}"))
                 .collect::<Vec<_>>()
         };
         let both = [

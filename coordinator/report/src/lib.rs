@@ -34,7 +34,7 @@ pub use plots::condensed;
 use crate::picture::{Bodies, Paper, PictureError};
 use murmuration_files::{Folder, FolderError};
 use murmuration_model::Repetition;
-use murmuration_proto::{CampaignSpec, Controller, Features, Replay, Starts};
+use murmuration_swarm::{CampaignSpec, Controller, Features, Replay, Starts};
 use rayon::prelude::*;
 use std::path::PathBuf;
 

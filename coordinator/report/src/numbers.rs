@@ -1,6 +1,6 @@
 //! Numbers as people read them.
 
-pub(super) use murmuration_proto::{counted, grouped};
+pub(super) use murmuration_swarm::{counted, grouped};
 
 /// About three significant digits: `0.0123`, `1.23`, `1,235`.
 pub(super) fn short(number: f64) -> String {

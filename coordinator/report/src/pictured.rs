@@ -1,7 +1,7 @@
 //! The pictures of an archive's individuals in a few files: sheets of tiles, from which a page cuts the picture of a point.
 
 use crate::picture::{PictureError, rgb, thinned};
-use murmuration_proto::PictureShape;
+use murmuration_swarm::PictureShape;
 
 /// Most individuals on the map of a page.
 pub(crate) const MOST_POINTS: usize = 100_000;

@@ -8,7 +8,7 @@ use murmuration_model::{
     Repetition,
     labels::{Class, GivenClass},
 };
-use murmuration_proto::{
+use murmuration_swarm::{
     CampaignSpec, Class as JudgedClass, Controller, Pose, Purpose, RandomStream, Replay, Verdict, World,
 };
 use rand::RngExt as _;

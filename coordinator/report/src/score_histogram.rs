@@ -3,7 +3,7 @@
 use crate::svg::{Drawing, MUTED, WHITE, tenth};
 use maud::html;
 use murmuration_model::colours;
-use murmuration_proto::Class;
+use murmuration_swarm::Class;
 
 /// Size of the plot, and margins around the bars (left, top, right, bottom); pixels.
 const SIZE: [f64; 2] = [640.0, 340.0];

@@ -7,7 +7,7 @@ use murmuration_model::{
     labels::to_cell,
     tables::{GENERATION_COLUMNS, behaviour_cells, behaviour_columns, embedding_columns, generation_row},
 };
-use murmuration_proto::FEATURE_NAMES;
+use murmuration_swarm::FEATURE_NAMES;
 use std::io::{self, Write};
 
 /// One row per individual, by index. Clusters count from 1, as on the cards.

@@ -11,7 +11,7 @@ use super::{
 use crate::picture::sample::decode_png;
 use learned::LATENT;
 use murmuration_model::labels::GivenClass;
-use murmuration_proto::{Class, Preset, Verdict};
+use murmuration_swarm::{Class, Preset, Verdict};
 use std::fs;
 
 fn folder_of(path: &std::path::Path) -> Folder {

@@ -11,12 +11,12 @@ mod archive;
 
 use archive::{archive, skewed, uniform};
 use criterion::{BenchmarkId, Criterion, criterion_group};
-use murmuration_proto::{Purpose, RandomStream};
 use murmuration_search::{
     interrupt::Interrupt,
     medoids::{Algorithm, Clustering, cluster_by},
     novelty::Behaviours,
 };
+use murmuration_swarm::{Purpose, RandomStream};
 use std::{
     hint::black_box,
     time::{Duration, Instant},

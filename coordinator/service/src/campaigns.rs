@@ -10,13 +10,14 @@ use murmuration_engine::{
     taxonomy::{Names, Taxonomy},
 };
 use murmuration_model::{ArchiveVersion, CampaignId, CampaignRecord, NewCampaign, study_name};
-use murmuration_proto::{Frames, PART_BYTES, parts::parts, v1};
+use murmuration_proto::{PART_BYTES, parts::parts, v1};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{
     Store, StoreError,
     digest::{ArchiveDigest, digest},
     kept::LatestAnswers,
 };
+use murmuration_swarm::Frames;
 use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;

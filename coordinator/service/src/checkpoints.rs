@@ -3,10 +3,10 @@
 use super::{Streamed, in_parts};
 use crate::status::{IntoStatus as _, OrStatus as _};
 use bytes::{Bytes, BytesMut};
-use murmuration_proto::{
-    CheckpointDigest, Invalid, Lineage, PART_BYTES, onnx::MAX_MODEL_BYTES, parts::parts, v1,
-};
+use murmuration_onnx::MAX_MODEL_BYTES;
+use murmuration_proto::{PART_BYTES, parts::parts, v1};
 use murmuration_store::checkpoints::{CheckpointError, Checkpoints};
+use murmuration_swarm::{CheckpointDigest, Invalid, Lineage};
 use tonic::{Request, Response, Status, Streaming};
 
 /// Implements `murmuration.v1.CheckpointService`.

@@ -10,12 +10,11 @@ use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob, JobError};
 use murmuration_engine::blocking::spawn;
 use murmuration_model::{EmbedderRef, MachineId, Maker, Quarantined, Weight};
 use murmuration_proto::{
-    CampaignSpec, Controller, EmbedderSource, Invalid, counted,
     parts::parts,
-    start_seed,
     v1::{self, evaluate_request::Part},
 };
 use murmuration_store::checkpoints::Checkpoints;
+use murmuration_swarm::{CampaignSpec, Controller, EmbedderSource, Invalid, counted, start_seed};
 use std::{
     collections::BTreeMap,
     iter,

@@ -14,8 +14,9 @@ use murmuration_model::{
     CampaignId, CampaignRecord,
     labels::{Action, Agreement, Annotator, Change, Entry, Labels, RequestId},
 };
-use murmuration_proto::{Invalid, v1};
+use murmuration_proto::v1;
 use murmuration_store::{LabelBudget, LabelError, Store, StoreError};
+use murmuration_swarm::Invalid;
 use std::{
     sync::Arc,
     thread,

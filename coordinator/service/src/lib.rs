@@ -28,7 +28,8 @@ pub use work::WorkerApi;
 
 use murmuration_dispatch::LeaseNumber;
 use murmuration_engine::blocking::spawn;
-use murmuration_proto::{Invalid, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::Invalid;
 use std::pin::Pin;
 use tokio::sync::mpsc;
 use tokio_stream::{Stream, wrappers::ReceiverStream};

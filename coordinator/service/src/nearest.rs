@@ -7,8 +7,9 @@ use murmuration_engine::{
     nearest::{Nearest, NearestError},
 };
 use murmuration_model::CampaignRecord;
-use murmuration_proto::{CheckpointDigest, Evaluation, FEATURE_NAMES, Features, Invalid, counted, v1};
+use murmuration_proto::v1;
 use murmuration_search::interrupt::Interrupt;
+use murmuration_swarm::{CheckpointDigest, Evaluation, FEATURE_NAMES, Features, Invalid, counted};
 use tonic::Status;
 
 /// Number of individuals in an answer if the request names none.

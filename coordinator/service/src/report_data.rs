@@ -11,8 +11,7 @@ use murmuration_model::{
     labels::{Annotator, Class, Label, given_classes},
 };
 use murmuration_proto::{
-    CampaignSpec, CapabilityModel, Controller, Features, Frames, Invalid, Replay, SIMULATOR_VERSION, Verdict,
-    counted,
+    SIMULATOR_VERSION,
     parts::whole,
     v1::{self, campaign_service_client::CampaignServiceClient, label_service_client::LabelServiceClient},
 };
@@ -25,6 +24,9 @@ use murmuration_search::{
     medoids::Clustering,
     novelty::{Behaviours, Misfit},
     projection,
+};
+use murmuration_swarm::{
+    CampaignSpec, CapabilityModel, Controller, Features, Frames, Invalid, Replay, Verdict, counted,
 };
 use tonic::{
     Status,

@@ -5,10 +5,11 @@
 use crate::status::OrStatus as _;
 use murmuration_engine::blocking::in_background;
 use murmuration_proto::{
-    CampaignSpec, Controller, Frames, Invalid, PART_BYTES, World,
+    PART_BYTES,
     v1::{self, evaluation_description::Campaign},
 };
 use murmuration_sim::{replay::motion, simulate::Start};
+use murmuration_swarm::{CampaignSpec, Controller, Frames, Invalid, World};
 use std::iter;
 use tokio::sync::mpsc;
 use tonic::Status;

@@ -3,7 +3,8 @@
 use super::lease_id;
 use murmuration_dispatch::{Dispatch, LeaseNumber, TrainingLease, WorkerId, WorkerReport};
 use murmuration_model::SavedTraining;
-use murmuration_proto::{Invalid, PART_BYTES, v1};
+use murmuration_proto::{PART_BYTES, v1};
+use murmuration_swarm::Invalid;
 
 /// Unfinished snapshots of one stream.
 pub(super) struct Snapshots {

@@ -4,8 +4,8 @@ use axum::{extract::Request, middleware::Next, response::Response};
 use murmuration_dispatch::{JobError, JoinError};
 use murmuration_engine::{blocking::Broken, campaign::CampaignError, queries::QueryError, space::SpaceError};
 use murmuration_model::labels::Refusal;
-use murmuration_proto::Text;
 use murmuration_store::{LabelError, StoreError, checkpoints::CheckpointError};
+use murmuration_swarm::Text;
 use tonic::{Code, Status};
 
 pub trait IntoStatus {

@@ -7,12 +7,13 @@ use murmuration_engine::{
     campaign::Campaigns,
 };
 use murmuration_model::CampaignId;
-use murmuration_proto::{Invalid, PART_BYTES, counted, v1};
+use murmuration_proto::{PART_BYTES, v1};
 use murmuration_store::{
     Store,
     checkpoints::Checkpoints,
     transfer::{Arriving, ImportError, Unsound, export},
 };
+use murmuration_swarm::{Invalid, counted};
 use std::{io::Read as _, path::Path, sync::Arc};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;

@@ -6,8 +6,8 @@
 //! Holds one generation in memory at a time, and prints what was written.
 
 use murmuration_model::{MachineId, Maker, Weight};
-use murmuration_proto::{CampaignSpec, Controller, EmbeddingKind, Preset, Purpose, RandomStream};
 use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store, Trial};
+use murmuration_swarm::{CampaignSpec, Controller, EmbeddingKind, Preset, Purpose, RandomStream};
 use rand::RngExt as _;
 use std::{
     env, error::Error, f64::consts::TAU, io::Write as _, path::Path, process::ExitCode, time::Instant,

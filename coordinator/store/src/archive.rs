@@ -10,7 +10,8 @@ use super::{
     provenance::{ResultKind, add_provenance},
 };
 use murmuration_model::{CampaignId, CampaignRecord};
-use murmuration_proto::{BehaviourSpace, CapabilityModel, Scale, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{BehaviourSpace, CapabilityModel, Scale};
 use rusqlite::{Transaction, params};
 use std::{collections::BTreeSet, ops::Range};
 

@@ -16,8 +16,8 @@ use crate::{
 use bytes::Bytes;
 use murmuration_files::{InputKind, digest_of, read_bytes, write_file};
 use murmuration_model::study_files::STUDIES;
-use murmuration_proto::CheckpointDigest;
 use murmuration_search::interrupt::{Interrupt, Interrupted};
+use murmuration_swarm::CheckpointDigest;
 use serde::{Deserialize, Serialize};
 use std::{
     fs::{self, File},

@@ -6,9 +6,9 @@ use murmuration_model::{
     ArchiveEmbedder, CampaignHead, CampaignId, CampaignRecord, CampaignState, NewCampaign, Rounds, Weight,
     labels::RequestId, study_name,
 };
-use murmuration_proto::{
-    CampaignName, CampaignSpec, CheckpointDigest, EmbedderSource, Invalid, SIMULATOR_VERSION, Text,
-    text::nearest,
+use murmuration_proto::SIMULATOR_VERSION;
+use murmuration_swarm::{
+    CampaignName, CampaignSpec, CheckpointDigest, EmbedderSource, Invalid, Text, text::nearest,
 };
 use rusqlite::{Connection, OptionalExtension as _, Params, Row, params};
 

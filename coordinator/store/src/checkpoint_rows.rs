@@ -1,7 +1,8 @@
 //! Rows of checkpoints: everything about them but their bytes.
 
 use super::{Store, StoreError};
-use murmuration_proto::{CheckpointDigest, Invalid, Lineage, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{CheckpointDigest, Invalid, Lineage};
 use rusqlite::{Connection, OptionalExtension as _, Row, params};
 use std::collections::BTreeMap;
 

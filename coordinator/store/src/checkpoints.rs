@@ -10,10 +10,8 @@ use crate::{
 };
 use bytes::Bytes;
 use murmuration_model::EmbedderRef;
-use murmuration_proto::{
-    CheckpointDigest, ImageFormat, Lineage, PictureShape,
-    onnx::{EmbedderModel, ImageShape, ModelError},
-};
+use murmuration_onnx::{EmbedderModel, ImageShape, ModelError};
+use murmuration_swarm::{CheckpointDigest, ImageFormat, Lineage, PictureShape};
 use std::{
     collections::HashMap,
     path::Path,

@@ -4,7 +4,7 @@
 //! its checksum.
 
 use super::StoreError;
-use murmuration_proto::CampaignSpec;
+use murmuration_swarm::CampaignSpec;
 use rusqlite::Connection;
 use std::fmt;
 use zstd::{

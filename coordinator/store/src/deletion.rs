@@ -7,7 +7,7 @@ use super::{
     runs::state,
 };
 use murmuration_model::{CampaignId, CampaignState};
-use murmuration_proto::{CampaignName, counted};
+use murmuration_swarm::{CampaignName, counted};
 use rusqlite::params;
 use std::collections::BTreeSet;
 

@@ -2,8 +2,8 @@
 
 use crate::{ArchivedIndividual, Store, StoreError};
 use murmuration_model::CampaignId;
-use murmuration_proto::CapabilityModel;
 use murmuration_search::interrupt::Interrupt;
+use murmuration_swarm::CapabilityModel;
 
 /// Individuals hashed at a time.
 const CHUNK: u64 = 1024;

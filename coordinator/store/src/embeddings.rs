@@ -9,7 +9,7 @@ use super::{
 };
 use crate::checkpoint_rows::checkpoint_number;
 use murmuration_model::{CampaignId, CampaignState};
-use murmuration_proto::{CheckpointDigest, mean_embedding};
+use murmuration_swarm::{CheckpointDigest, mean_embedding};
 use rusqlite::{Transaction, params};
 
 /// Changes of an archive that switches to the next checkpoint: everything that is measured in the new space.

@@ -74,7 +74,7 @@ mod tests {
     use super::*;
     use crate::DataDirectory;
     use murmuration_model::Weight;
-    use murmuration_proto::CampaignSpec;
+    use murmuration_swarm::CampaignSpec;
 
     #[test]
     fn a_training_that_is_begun_again_replaces_its_epochs_and_no_others() {

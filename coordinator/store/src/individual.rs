@@ -5,8 +5,9 @@ use super::{
     compression::{Compressor, Decompressor},
     numbers::{blob_to_floats, blob_to_numbers, floats_to_blob, numbers_to_blob},
 };
-use murmuration_proto::{
-    CapabilityModel, Controller, Features, Scale, Starts, Verdict, mean_embedding, mean_features, v1,
+use murmuration_proto::v1;
+use murmuration_swarm::{
+    CapabilityModel, Controller, Features, Scale, Starts, Verdict, mean_embedding, mean_features,
 };
 use rusqlite::Row;
 
@@ -92,7 +93,7 @@ impl ArchivedIndividual {
     /// A swarm that never moved.
     #[cfg(test)]
     pub(crate) fn still(index: u64, generation: u32) -> Self {
-        let controller = Controller::new(murmuration_proto::Preset::SingleSensor, &[0.0; 4]).unwrap();
+        let controller = Controller::new(murmuration_swarm::Preset::SingleSensor, &[0.0; 4]).unwrap();
         Self::unmeasured(index, generation, controller)
     }
 
@@ -250,7 +251,7 @@ impl From<ArchivedIndividual> for v1::Individual {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::BehaviourSpace;
+    use murmuration_swarm::BehaviourSpace;
 
     #[test]
     fn what_is_measured_of_an_individual_is_the_mean_over_its_trials() {

@@ -2,7 +2,7 @@
 
 use super::{Store, StoreError, campaigns::number_of, hidden::HIDDEN, labels, open};
 use murmuration_model::{CampaignId, labels::Labels};
-use murmuration_proto::counted;
+use murmuration_swarm::counted;
 use rusqlite::{Connection, OpenFlags, params};
 use std::path::Path;
 

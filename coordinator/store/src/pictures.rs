@@ -8,7 +8,7 @@ use super::{
     provenance::{ResultKind, add_provenance},
 };
 use murmuration_model::{CampaignId, SavedTraining};
-use murmuration_proto::{CapabilityModel, Controller, Features};
+use murmuration_swarm::{CapabilityModel, Controller, Features};
 use rusqlite::{OptionalExtension as _, params};
 use std::ops::Range;
 

@@ -6,7 +6,7 @@ use super::{
     numbers::{clamped, now_ms},
 };
 use murmuration_model::{CampaignId, MachineId, Maker, Quarantined};
-use murmuration_proto::{EmbeddingKind, Text};
+use murmuration_swarm::{EmbeddingKind, Text};
 use rusqlite::{Connection, Transaction, params};
 use std::collections::BTreeMap;
 

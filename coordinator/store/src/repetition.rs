@@ -2,7 +2,7 @@
 
 use super::{Store, StoreError};
 use murmuration_model::{CampaignRecord, Repetition, Round, labels::RequestId};
-use murmuration_proto::{
+use murmuration_swarm::{
     CampaignSpec, CheckpointDigest, EmbedderSource, Feedback, Lineage, training::Configuration,
 };
 

@@ -7,7 +7,7 @@ use super::{
     numbers::{clamped, floats_to_blob},
 };
 use murmuration_model::{CampaignRecord, TrainingPictures};
-use murmuration_proto::Controller;
+use murmuration_swarm::Controller;
 use rusqlite::params;
 use std::collections::BTreeMap;
 

@@ -10,7 +10,7 @@ use murmuration_model::{
     CampaignId, CampaignRecord, CampaignState, TrainingPictures,
     labels::{Change, Labels, RequestId},
 };
-use murmuration_proto::CheckpointDigest;
+use murmuration_swarm::CheckpointDigest;
 use rusqlite::{Transaction, params};
 use std::{collections::BTreeMap, ops::Range};
 

@@ -13,7 +13,7 @@ use super::{
     rounds,
 };
 use murmuration_model::{CampaignId, CampaignState, Change, NotAllowed, RunId};
-use murmuration_proto::CheckpointDigest;
+use murmuration_swarm::CheckpointDigest;
 use rusqlite::{Transaction, params};
 
 /// A person's decision about a campaign.

@@ -243,7 +243,7 @@ fn step(connection: &mut Connection, change: &str, version: u32) -> rusqlite::Re
 mod tests {
     use super::*;
     use crate::{DataDirectory, Store};
-    use murmuration_proto::{BehaviourSpace, CampaignSpec, Choice, EmbedderSource, training::Configuration};
+    use murmuration_swarm::{BehaviourSpace, CampaignSpec, Choice, EmbedderSource, training::Configuration};
 
     fn version_of(connection: &Connection) -> u32 {
         let version = connection.pragma_query_value(None, "user_version", |row| row.get(0));

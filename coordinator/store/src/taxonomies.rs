@@ -7,8 +7,8 @@ use super::{
     provenance::suspects,
 };
 use murmuration_model::{CampaignId, CampaignState};
-use murmuration_proto::CheckpointDigest;
 use murmuration_search::medoids::Clustering;
+use murmuration_swarm::CheckpointDigest;
 use rusqlite::{Connection, OptionalExtension as _, Row, Transaction, params};
 
 /// A taxonomy as it is stored; everything else about it follows from the archive.
@@ -169,7 +169,7 @@ impl Store {
             rows.map(|row| {
                 let (version, digest) = row?;
                 let checkpoint = digest.map(|digest| digest.parse()).transpose();
-                let damaged = |error: murmuration_proto::Invalid| StoreError::damaged(error.to_string());
+                let damaged = |error: murmuration_swarm::Invalid| StoreError::damaged(error.to_string());
                 Ok(TaxonomyVersion {
                     checkpoint: checkpoint.map_err(damaged)?,
                     ..version

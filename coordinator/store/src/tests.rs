@@ -6,10 +6,10 @@ mod taxonomies;
 
 use super::*;
 use murmuration_model::{CampaignId, CampaignState, MachineId, Maker, Quarantined, SavedTraining, Weight};
-use murmuration_proto::{
+use murmuration_search::medoids::Clustering;
+use murmuration_swarm::{
     CampaignSpec, CheckpointDigest, Controller, EmbeddingKind, Lineage, Preset, Verdict,
 };
-use murmuration_search::medoids::Clustering;
 use std::fs;
 
 const MODEL: Preset = Preset::SingleSensor;

@@ -7,9 +7,9 @@ use crate::{
     study::{Measures, RandomBatches},
 };
 use murmuration_judge::{frames, judge};
-use murmuration_proto::{CampaignSpec, Controller, Method};
 use murmuration_search::{interrupt::Interrupt, medoids, novelty::Behaviours};
 use murmuration_sim::{replay::replay_frames, simulate::Start};
+use murmuration_swarm::{CampaignSpec, Controller, Method};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 

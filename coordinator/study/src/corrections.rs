@@ -3,7 +3,7 @@
 use crate::measured::Measured;
 use csv::{ReaderBuilder, StringRecord, Writer};
 use murmuration_model::labels::{Annotator, of_cell, to_cell};
-use murmuration_proto::{Class, Invalid};
+use murmuration_swarm::{Class, Invalid};
 use std::collections::BTreeMap;
 
 /// Name of the annotator of a behaviour if the file names none.

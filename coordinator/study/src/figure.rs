@@ -1,6 +1,6 @@
 //! Measures of a cell, and their figures.
 
-use murmuration_proto::{Class, Invalid, Pattern};
+use murmuration_swarm::{Class, Invalid, Pattern};
 use std::{borrow::Cow, fmt, str::FromStr};
 
 /// A measure of a cell.

@@ -14,7 +14,7 @@ use crate::{
 };
 use message::{AxisMessage, PhaseMessage, PublishedMessage, Seeds, StudyMessage};
 use murmuration_model::labels::to_cell;
-use murmuration_proto::{
+use murmuration_swarm::{
     CampaignName, CampaignSpec, Invalid, Preset, SpecFileError, Text, TomlError, read_toml, text,
 };
 use numbers::NumberAxis;

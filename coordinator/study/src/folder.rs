@@ -6,7 +6,7 @@ use crate::{
 };
 use murmuration_files::write_file;
 use murmuration_model::study_files::{STUDIES, STUDY_CLASSES, STUDY_EMBEDDERS, STUDY_FILE, STUDY_ORIGIN};
-use murmuration_proto::{CheckpointDigest, Invalid};
+use murmuration_swarm::{CheckpointDigest, Invalid};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::{
     collections::BTreeMap,

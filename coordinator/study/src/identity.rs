@@ -2,9 +2,8 @@
 //! called.
 
 use crate::study::{Cell, Measures, RandomBatches, Study};
-use murmuration_proto::{
-    CampaignSpec, CheckpointDigest, EmbedderSource, Invalid, Method, SIMULATOR_VERSION, v1,
-};
+use murmuration_proto::{SIMULATOR_VERSION, v1};
+use murmuration_swarm::{CampaignSpec, CheckpointDigest, EmbedderSource, Invalid, Method};
 use std::{collections::BTreeMap, fmt::Write as _};
 
 /// Version of the measures; it rises when the same campaign would get other figures.

@@ -6,7 +6,7 @@
 //! resamplings shows how far judge, replicates and trials leave them open.
 
 use crate::{figure::Figure, measured::JudgedBehaviours, shares::JudgedTrials};
-use murmuration_proto::{CapabilityModel, Class, Preset, Purpose, RandomStream};
+use murmuration_swarm::{CapabilityModel, Class, Preset, Purpose, RandomStream};
 use std::collections::BTreeMap;
 
 /// Number of classes. Counts are indexed by the place of the class in [`Class::ALL`], which is its number.
@@ -250,7 +250,7 @@ impl Named {
 mod tests {
     use super::*;
     use crate::tables::Resampled;
-    use murmuration_proto::Verdict;
+    use murmuration_swarm::Verdict;
 
     /// This many trials each of milling and of dispersal.
     fn halves(count: usize) -> JudgedTrials {

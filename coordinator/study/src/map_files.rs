@@ -10,9 +10,9 @@ use base64::{Engine as _, engine::general_purpose::STANDARD};
 use csv::Writer;
 use maud::{Markup, html};
 use murmuration_files::Folder;
-use murmuration_proto::Class;
 use murmuration_report::{class_map, class_map::ClassPoint, score_histogram};
 use murmuration_search::filter::CUTOFF;
+use murmuration_swarm::Class;
 use std::io::{self, Write};
 
 /// The folder of the files.

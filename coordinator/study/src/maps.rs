@@ -3,7 +3,6 @@
 //! filter or given controllers select others. Campaigns that list controllers in order have no maps.
 
 use crate::reference::Judged;
-use murmuration_proto::{CampaignSpec, Class, Invalid};
 use murmuration_report::{atlas::Tally, score_histogram::MOST_SCORE};
 use murmuration_search::{
     filter::Score,
@@ -11,6 +10,7 @@ use murmuration_search::{
     novelty::{Behaviours, Misfit},
     projection::principal_axes,
 };
+use murmuration_swarm::{CampaignSpec, Class, Invalid};
 use serde::{Deserialize, Serialize};
 
 /// Most individuals of a map: more do not make it easier to read.
@@ -146,7 +146,7 @@ fn placed<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::{Controller, Verdict};
+    use murmuration_swarm::{Controller, Verdict};
 
     fn spec(more: &str) -> CampaignSpec {
         let text = "name = \"a\"\nmodel = \"single-sensor\"\nmethod = \"random\"";

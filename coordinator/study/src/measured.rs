@@ -1,7 +1,7 @@
 //! Measurements of a cell, as they are stored.
 
 use crate::{figure::Figure, maps::Maps, recall::RecallCounts, shares::JudgedTrials};
-use murmuration_proto::Class;
+use murmuration_swarm::Class;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -14,7 +14,7 @@ use crate::{
     tables::{Entry, Resampled, Row, Table},
 };
 use murmuration_accuracy::Summary;
-use murmuration_proto::Class;
+use murmuration_swarm::Class;
 use rayon::prelude::*;
 use std::{
     collections::{BTreeMap, BTreeSet},

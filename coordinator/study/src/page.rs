@@ -14,8 +14,8 @@ use crate::{
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{Markup, PreEscaped, html};
 use murmuration_model::colours::{self, class_colour};
-use murmuration_proto::{Class, counted, grouped};
 use murmuration_report::Document;
+use murmuration_swarm::{Class, counted, grouped};
 use std::collections::BTreeMap;
 
 const STYLE: &str = concat!(include_str!("page.css"), include_str!("tables.css"));

@@ -5,7 +5,7 @@ use crate::{
     outcome::Outcome,
     study::Axis,
 };
-use murmuration_proto::Class;
+use murmuration_swarm::Class;
 use std::collections::BTreeMap;
 
 /// The shares of classes over the axes of the diagram, for one value of each other axis.
@@ -102,7 +102,7 @@ impl Outcome {
 mod tests {
     use super::*;
     use crate::{Corrections, JudgedTrials, Study, sample};
-    use murmuration_proto::Verdict;
+    use murmuration_swarm::Verdict;
     use std::path::Path;
 
     fn study() -> Study {

@@ -6,8 +6,8 @@
 use crate::{contours::Grid, phase::PhaseDiagram, study::Axis};
 use maud::{Markup, html};
 use murmuration_model::colours::{self, PAPER, class_colour};
-use murmuration_proto::Class;
 use murmuration_report::svg::{Drawing, INK, MUTED, percent_grid, tenth};
+use murmuration_swarm::Class;
 use std::{collections::BTreeMap, fmt::Write as _};
 
 /// Sides of the plot of a panel, and the space around it; pixels.
@@ -245,7 +245,7 @@ fn tint(class: Class, share: f64) -> colours::Rgb {
 mod tests {
     use super::*;
     use crate::{Corrections, JudgedTrials, Outcome, Study, sample};
-    use murmuration_proto::Verdict;
+    use murmuration_swarm::Verdict;
     use std::path::Path;
 
     /// Six robots mill, twelve do nothing.

@@ -1,9 +1,9 @@
 //! The pictures of the medoids of a cell, and why a report cannot be written.
 
 use crate::outcome::MeasuredCell;
-use murmuration_proto::{CampaignSpec, Controller, Frames, Invalid};
 use murmuration_report::picture::{Bodies, Paper, PictureError, trajectory_png};
 use murmuration_sim::{replay::replay_frames, simulate::Start};
+use murmuration_swarm::{CampaignSpec, Controller, Frames, Invalid};
 use std::num::NonZeroU32;
 
 /// Side of a medoid's picture, pixels.

@@ -5,8 +5,8 @@ use crate::{
     reference::{Judged, Reference},
     richness::Richness,
 };
-use murmuration_proto::{CampaignSpec, Class, Method};
 use murmuration_search::novelty::Misfit;
+use murmuration_swarm::{CampaignSpec, Class, Method};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, num::NonZeroU32};
 
@@ -145,7 +145,7 @@ fn percent(count: usize, all: usize) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::reference::Niche;
-    use murmuration_proto::{Controller, Features, Pattern, Verdict};
+    use murmuration_swarm::{Controller, Features, Pattern, Verdict};
 
     /// Three niches along the first feature: at 0 and 10 of milling, at 20 of dispersal.
     fn reference() -> Reference {

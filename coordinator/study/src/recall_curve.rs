@@ -13,8 +13,8 @@ use csv::Writer;
 use maud::{Markup, html};
 use murmuration_accuracy::Summary;
 use murmuration_model::colours;
-use murmuration_proto::{FEATURE_NAMES, counted, grouped};
 use murmuration_report::svg::{Drawing, MUTED, WHITE, percent_grid, tenth};
+use murmuration_swarm::{FEATURE_NAMES, counted, grouped};
 use std::io::{self, Write};
 
 /// Panels beside each other; the size of a panel, and the space around its curves; pixels.

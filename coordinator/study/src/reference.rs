@@ -1,13 +1,13 @@
 //! The reference of recall: an atlas, with its behaviour space divided into niches.
 
-use murmuration_proto::{
-    CampaignSpec, Class, Controller, Enumeration, FEATURE_NAMES, Features, MAX_FEATURE, Method, Verdict,
-};
 use murmuration_report::atlas::Tally;
 use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
     novelty::{Behaviours, Misfit},
     tessellation::Tessellation,
+};
+use murmuration_swarm::{
+    CampaignSpec, Class, Controller, Enumeration, FEATURE_NAMES, Features, MAX_FEATURE, Method, Verdict,
 };
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -10,7 +10,7 @@ mod measures;
 mod paths;
 mod statistics;
 
-use murmuration_proto::{Class, Replay, World};
+use murmuration_swarm::{Class, Replay, World};
 use paths::Paths;
 
 /// The second judge's class of the last 160 steps of a motion in `world`. Every fourth step is enough.

@@ -7,8 +7,8 @@ use crate::{
 };
 use maud::{Markup, html};
 use murmuration_model::colours::{self, class_colour};
-use murmuration_proto::Class;
 use murmuration_report::svg::tenth;
+use murmuration_swarm::Class;
 
 /// Free pixels to the right of the bars.
 const RIGHT: f64 = 24.0;

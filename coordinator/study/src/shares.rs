@@ -1,7 +1,7 @@
 //! The shares of classes and patterns among all trials of a cell, as judged by the workers.
 
 use crate::figure::Figure;
-use murmuration_proto::{Class, Pattern, Verdict};
+use murmuration_swarm::{Class, Pattern, Verdict};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

@@ -4,7 +4,7 @@ use crate::{
     figure::{Figure, Measure},
     recall::RecallPlan,
 };
-use murmuration_proto::{CampaignName, CampaignSpec};
+use murmuration_swarm::{CampaignName, CampaignSpec};
 use std::{collections::BTreeMap, num::NonZeroU32, path::PathBuf};
 
 /// A grid of campaigns: every combination of the axes' values, in several replicates.

@@ -3,7 +3,7 @@
 
 use crate::Sighting;
 use murmuration_model::labels::{LabelFile, LabelFileError};
-use murmuration_proto::{CapabilityModel, Invalid, Species, counted, text::quoted};
+use murmuration_swarm::{CapabilityModel, Invalid, Species, counted, text::quoted};
 use std::{
     collections::BTreeMap,
     fmt::Write as _,
@@ -197,7 +197,7 @@ pub fn to_csv(frames: &[Vec<[f64; 3]>], species: &[&str]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::CampaignSpec;
+    use murmuration_swarm::CampaignSpec;
 
     fn parsed(text: &str) -> Result<Tracks, TracksError> {
         Tracks::parse(Path::new("t.csv"), text.as_bytes().to_vec())

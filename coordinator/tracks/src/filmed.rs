@@ -1,6 +1,6 @@
 //! Scale between a film and its world: time and length.
 
-use murmuration_proto::{Invalid, World};
+use murmuration_swarm::{Invalid, World};
 
 /// The scale of a film.
 #[derive(Debug, Clone, PartialEq)]

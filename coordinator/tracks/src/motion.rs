@@ -1,7 +1,7 @@
 //! From the frames of a film to the steps of a world.
 
 use crate::{Sighting, Tracks, TracksError, filmed::Filmed};
-use murmuration_proto::Invalid;
+use murmuration_swarm::Invalid;
 use std::{collections::BTreeMap, f64::consts::TAU};
 
 /// Most frames in a row that a robot may be missing from.

@@ -2,12 +2,12 @@
 
 #![expect(clippy::unwrap_used, reason = "tests fail by panicking")]
 
-use murmuration_proto::{Purpose, RandomStream};
 use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
     novelty::Behaviours,
     projection,
 };
+use murmuration_swarm::{Purpose, RandomStream};
 use murmuration_tsne::{embed, embed_by};
 use rand::RngExt as _;
 

@@ -12,7 +12,7 @@ use axum::{
     http::request::Parts,
     response::IntoResponse as _,
 };
-use murmuration_proto::{Invalid, text};
+use murmuration_swarm::{Invalid, text};
 use serde::de::DeserializeOwned;
 
 /// The query of the address.

@@ -2,7 +2,7 @@
 
 use murmuration_engine::campaign::ListedCampaign;
 use murmuration_model::{CampaignId, CampaignState};
-use murmuration_proto::CampaignName;
+use murmuration_swarm::CampaignName;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

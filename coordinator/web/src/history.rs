@@ -3,9 +3,9 @@
 use super::parts;
 use maud::{Markup, html};
 use murmuration_model::{CampaignRecord, CampaignState, Round};
-use murmuration_proto::{CheckpointDigest, Feedback, Lineage, grouped, rounded, training::Configuration};
 use murmuration_store::{CheckpointRecord, Store, StoreError, TaxonomyVersion};
 use murmuration_study::wide;
+use murmuration_swarm::{CheckpointDigest, Feedback, Lineage, grouped, rounded, training::Configuration};
 use std::collections::BTreeSet;
 
 /// Most rows for future rounds.

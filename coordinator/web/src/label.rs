@@ -9,7 +9,7 @@ use super::{
     parts,
 };
 use maud::{Markup, html};
-use murmuration_proto::{Feedback, Strategy};
+use murmuration_swarm::{Feedback, Strategy};
 
 /// One behaviour at a time.
 pub(super) async fn one(OfCampaign { web, record, visitor }: OfCampaign) -> Result<Markup, PageError> {

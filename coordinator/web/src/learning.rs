@@ -4,8 +4,8 @@ use super::{Web, page_error::PageError};
 use maud::{Markup, html};
 use murmuration_engine::blocking::blocking;
 use murmuration_model::{CampaignRecord, CampaignState, TimeLeft};
-use murmuration_proto::{Feedback, counted};
 use murmuration_store::{Store, StoreError};
+use murmuration_swarm::{Feedback, counted};
 
 /// The button that starts learning from the labels; empty if the campaign has no embedding.
 pub(super) async fn button(web: &Web, record: &CampaignRecord) -> Result<Markup, PageError> {

@@ -19,7 +19,7 @@ use murmuration_engine::{
     campaign::{CampaignError, CampaignStatus},
 };
 use murmuration_model::{CampaignId, CampaignRecord, CampaignState};
-use murmuration_proto::{CampaignName, counted, grouped};
+use murmuration_swarm::{CampaignName, counted, grouped};
 use std::{
     collections::BTreeMap,
     time::{SystemTime, UNIX_EPOCH},

@@ -10,8 +10,8 @@ use axum::{
 use maud::Markup;
 use murmuration_engine::{blocking::blocking, campaign::CampaignError};
 use murmuration_model::{CampaignState, Rounds};
-use murmuration_proto::CheckpointDigest;
 use murmuration_service::Followed;
+use murmuration_swarm::CheckpointDigest;
 use serde::Serialize;
 use serde_json::json;
 use std::{convert::Infallible, sync::Arc, time::Duration};

@@ -3,8 +3,8 @@
 use maud::{Markup, html};
 use murmuration_dispatch::{ConnectedMachine, WorkInHand, WorkKind};
 use murmuration_model::CampaignId;
-use murmuration_proto::counted;
 use murmuration_study::wide;
+use murmuration_swarm::counted;
 
 /// Most rows of the table.
 const MOST: usize = 50;

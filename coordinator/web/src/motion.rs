@@ -18,7 +18,6 @@ use axum::{
 use murmuration_engine::blocking::{blocking, in_background};
 use murmuration_model::{CampaignRecord, colours};
 use murmuration_proto::{
-    Controller, Frames, Replay,
     parts::whole,
     v1::{self, campaign_service_server::CampaignService as _},
 };
@@ -27,6 +26,7 @@ use murmuration_report::picture::{
     columns::{self, MotionView, WorldView},
 };
 use murmuration_service::OrStatus as _;
+use murmuration_swarm::{Controller, Frames, Replay};
 use serde::Serialize;
 use std::time::Duration;
 use tonic::{Request, Status};

@@ -8,8 +8,8 @@ use murmuration_engine::{
     taxonomy::{Names, Taxonomy},
 };
 use murmuration_model::{CampaignRecord, labels::ClassName};
-use murmuration_proto::grouped;
 use murmuration_store::StoreError;
+use murmuration_swarm::grouped;
 
 /// The current taxonomy, and the names of its clusters, including carried-over ones.
 #[derive(Debug)]

@@ -10,9 +10,9 @@ use maud::html;
 use murmuration_access::{NoSeat, Refusal};
 use murmuration_engine::{blocking::Broken, campaign::CampaignError};
 use murmuration_model::CampaignId;
-use murmuration_proto::Invalid;
 use murmuration_report::picture::PictureError;
 use murmuration_store::StoreError;
+use murmuration_swarm::Invalid;
 use serde_json::json;
 use tonic::{Code, Status};
 

@@ -25,8 +25,8 @@ use murmuration_engine::{
     campaign::{CampaignError, CampaignStatus},
 };
 use murmuration_model::{CampaignRecord, CampaignState, Change, Stage, generations_in_words};
-use murmuration_proto::{EmbedderSource, World, counted, figure, grouped};
 use murmuration_report::picture::{image_png, robot_svg};
+use murmuration_swarm::{EmbedderSource, World, counted, figure, grouped};
 
 /// The warning before a campaign is cancelled.
 const CANCELLING: &str = "Cancelling ends this campaign for good: it cannot be resumed. Its archive and its labels stay. To stop it for a while, \

@@ -4,7 +4,7 @@ use super::keys;
 use maud::{Markup, html};
 use murmuration_accuracy::RANDOM;
 use murmuration_model::{CampaignRecord, Timestamp};
-use murmuration_proto::{Class, World};
+use murmuration_swarm::{Class, World};
 
 /// The paper's classes that robots with either of its capability models can show, `random` last.
 const OFFERED: [Class; 6] = [

@@ -153,7 +153,7 @@ mod tests {
     use super::*;
     use crate::samples;
     use murmuration_model::{ArchiveEmbedder, CampaignState, Rounds};
-    use murmuration_proto::CheckpointDigest;
+    use murmuration_swarm::CheckpointDigest;
 
     #[test]
     fn a_training_in_the_middle_of_which_a_campaign_is_paused_has_not_ended() {

@@ -1,7 +1,7 @@
 //! Values for the tests of this crate.
 
 use murmuration_model::{ArchiveEmbedder, CampaignRecord, CampaignState, Rounds, Weight};
-use murmuration_proto::CampaignSpec;
+use murmuration_swarm::CampaignSpec;
 
 /// The campaign `two-1` with this specification, at its beginning.
 pub(super) fn record(spec: &str) -> CampaignRecord {

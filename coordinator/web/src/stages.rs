@@ -3,7 +3,8 @@
 use maud::{Markup, html};
 use murmuration_engine::campaign::CampaignStatus;
 use murmuration_model::{CampaignState, Stage, TimeLeft};
-use murmuration_proto::{counted, grouped, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{counted, grouped};
 
 /// The state of a campaign in words; while it runs, its stage.
 pub(super) fn state_name(status: &CampaignStatus) -> &'static str {

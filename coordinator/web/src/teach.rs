@@ -8,12 +8,12 @@ use axum::{
 use murmuration_engine::blocking::{blocking, in_background};
 use murmuration_model::labels::{Annotator, Class, ClassName, Labels};
 use murmuration_proto::{
-    Strategy,
     parts::whole,
     v1::{self, label_service_server::LabelService as _},
 };
 use murmuration_report::picture::columns::column;
 use murmuration_service::OrStatus as _;
+use murmuration_swarm::Strategy;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use tonic::Request;

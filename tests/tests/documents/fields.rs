@@ -1,6 +1,6 @@
 //! Every field of a campaign file is documented.
 
-use murmuration_proto::spec_sections::{Section, sections};
+use murmuration_swarm::spec_sections::{Section, sections};
 use murmuration_tests::pages::{page, prose};
 
 /// Sections that robots.md describes in words and drawings instead of a table.

@@ -2,7 +2,7 @@
 
 use clap::Command;
 use murmuration_access::CostClass;
-use murmuration_proto::grouped;
+use murmuration_swarm::grouped;
 use std::process;
 
 /// Options without an environment variable.

@@ -1,7 +1,7 @@
 //! The campaigns that faults disturb, and their digests without faults.
 
 use super::Scale;
-use murmuration_proto::CampaignSpec;
+use murmuration_swarm::CampaignSpec;
 use murmuration_tests::Murmuration;
 use std::{collections::BTreeMap, fs, sync::Mutex};
 

@@ -7,8 +7,9 @@ use super::{
     table::Row,
 };
 use murmuration_model::Weight;
-use murmuration_proto::{CampaignSpec, Controller, Purpose, RandomStream, parts::whole, v1};
+use murmuration_proto::{parts::whole, v1};
 use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store, Trial};
+use murmuration_swarm::{CampaignSpec, Controller, Purpose, RandomStream};
 use murmuration_tests::{ProcessClient, ProcessCluster};
 use rand::RngExt as _;
 use std::{

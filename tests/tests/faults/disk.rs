@@ -5,7 +5,7 @@ use super::{
     campaign::{Undisturbed, campaign},
     table::Row,
 };
-use murmuration_proto::CampaignSpec;
+use murmuration_swarm::CampaignSpec;
 use murmuration_tests::{FaultyLibc, OVER_TOO_EARLY, ProcessCluster, SmallDisk};
 use std::{fs, thread, time::Duration};
 

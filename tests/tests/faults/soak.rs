@@ -5,7 +5,7 @@ use super::{
     campaign::{Undisturbed, campaign},
     table::Row,
 };
-use murmuration_proto::{Purpose, RandomStream};
+use murmuration_swarm::{Purpose, RandomStream};
 use murmuration_tests::ProcessCluster;
 use rand::RngExt as _;
 use std::{

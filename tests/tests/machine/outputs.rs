@@ -105,7 +105,10 @@ fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 fn names_file(failed: &Finished, command: &[&str], path: &Path) {
     let message = &failed.stderr;
     assert!(matches!(failed.code, Some(1 | 2)), "{command:?}: {message}");
-    assert!(message.contains(&path.display().to_string()), "{command:?}: {message}");
+    assert!(
+        message.contains(&path.display().to_string()),
+        "{command:?}: {message}"
+    );
     assert!(
         !message.contains("Os {") && !message.contains("panicked"),
         "{command:?}: {message}"

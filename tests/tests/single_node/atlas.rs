@@ -1,8 +1,9 @@
 //! Exhaustive campaigns and their atlases: workers judge every controller once, despite interruptions.
 
 use murmuration_judge::{frames, judge};
-use murmuration_proto::{CampaignSpec, Controller, Enumeration, Starts, Verdict, v1};
+use murmuration_proto::v1;
 use murmuration_sim::{replay::replay_frames, simulate::Start};
+use murmuration_swarm::{CampaignSpec, Controller, Enumeration, Starts, Verdict};
 use murmuration_tests::{Cluster, Murmuration};
 use std::{fs, path::Path};
 

@@ -1,7 +1,8 @@
 //! Campaigns of two species, whose pictures have one channel for each.
 
-use murmuration_proto::{CampaignSpec, Controller, PictureShape, training::Architecture, v1};
+use murmuration_proto::v1;
 use murmuration_sim::{evaluate::evaluate, simulate::Start};
+use murmuration_swarm::{CampaignSpec, Controller, PictureShape, training::Architecture};
 use murmuration_tests::{Cluster, Finished, Murmuration};
 use murmuration_train::{network::Network, onnx};
 use std::fs;
@@ -159,7 +160,10 @@ fn labelled_behaviours_have_the_channels_of_the_embedder() {
     }
     let refused = |channels: &str, model: &str, expected: &str| {
         let Finished { code, stderr, .. } = measured(channels, model);
-        assert!(code == Some(2) && stderr.contains(expected), "{stderr}\nnot {expected:?}");
+        assert!(
+            code == Some(2) && stderr.contains(expected),
+            "{stderr}\nnot {expected:?}"
+        );
     };
     refused(
         "species",

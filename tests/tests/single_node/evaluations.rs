@@ -2,12 +2,12 @@
 
 use murmuration_proto::{
     parts::whole,
-    start_seed,
     v1::{
         self, evaluate_request::Part, evaluation_description::Campaign,
         evaluation_service_client::EvaluationServiceClient,
     },
 };
+use murmuration_swarm::start_seed;
 use murmuration_tests::{Cluster, small_latent_spec, small_spec};
 use tonic::{Code, Status};
 

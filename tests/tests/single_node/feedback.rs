@@ -1,12 +1,12 @@
 //! Feedback: labels, an embedder fine-tuned on them, and the search that continues with it.
 
 use murmuration_proto::{
-    CampaignSpec,
     parts::whole,
     v1::{
         self, checkpoint_service_client::CheckpointServiceClient, label_service_client::LabelServiceClient,
     },
 };
+use murmuration_swarm::CampaignSpec;
 use murmuration_tests::{Cluster, small_latent_spec, small_spec};
 use tonic::{Code, Status, transport::Channel};
 

@@ -4,8 +4,8 @@
     reason = "a test that cannot read its vectors should fail"
 )]
 
-use murmuration_proto::{Controller, ImageFormat, Preset, World};
 use murmuration_sim::{case::Case, evaluate::Evaluator, simulate::Start};
+use murmuration_swarm::{Controller, ImageFormat, Preset, World};
 use serde_json::Value;
 use std::{
     collections::BTreeMap,

@@ -5,11 +5,12 @@
 )]
 
 use super::golden::{POSITION_TOLERANCE, close, folder, run};
-use murmuration_proto::{
-    Boundary, CapabilityModel, Controller, Drive, Robot, Seen, Sensor, SensorAngle, SensorDescription,
-    Species, SpeciesName, World, v1,
-};
+use murmuration_proto::v1;
 use murmuration_sim::simulate::{Start, Swarm};
+use murmuration_swarm::{
+    Boundary, CapabilityModel, Controller, Drive, Robot, Seen, Sensor, SensorAngle, SensorDescription,
+    Species, SpeciesName, World,
+};
 use serde_json::Value;
 use std::fs;
 

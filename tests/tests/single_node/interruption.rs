@@ -1,6 +1,6 @@
 //! `kill -9` at any moment: a resumed campaign ends with the digest of an undisturbed one.
 
-use murmuration_proto::{Purpose, RandomStream};
+use murmuration_swarm::{Purpose, RandomStream};
 use murmuration_tests::{Murmuration, longer_spec};
 use rand::RngExt as _;
 use serde_json::Value;

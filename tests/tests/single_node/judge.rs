@@ -3,13 +3,13 @@
 use murmuration_accuracy::{LabelledSet, Swarm};
 use murmuration_judge::{Measures, frames, judge};
 use murmuration_model::labels::ConfusionMatrix;
-use murmuration_proto::{CapabilityModel, Class, Controller, Pattern, Preset, Replay, World};
 use murmuration_report::atlas::agreed;
 use murmuration_sim::{
     replay::{replay, replay_frames},
     simulate::Start,
 };
 use murmuration_study::{JudgeErrors, second_judge};
+use murmuration_swarm::{CapabilityModel, Class, Controller, Pattern, Preset, Replay, World};
 use murmuration_tests::Murmuration;
 use serde_json::{Value, json};
 use std::{

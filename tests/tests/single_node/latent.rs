@@ -1,6 +1,7 @@
 //! Latent campaigns: the same outcome on every cluster, and never two behaviour spaces in one archive.
 
-use murmuration_proto::{CampaignSpec, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::CampaignSpec;
 use murmuration_tests::{Cluster, small_latent_spec};
 use tonic::Code;
 

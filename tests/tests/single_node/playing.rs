@@ -1,8 +1,9 @@
 //! The page Play, over HTTP.
 
 use murmuration_access::CostClass;
-use murmuration_proto::{Controller, Preset, World, v1};
+use murmuration_proto::v1;
 use murmuration_sim::simulate::{Start, Swarm};
+use murmuration_swarm::{Controller, Preset, World};
 use murmuration_tests::{Cluster, http, small_latent_spec};
 use reqwest::{
     Client, Response, StatusCode,

@@ -1,6 +1,6 @@
 //! Swarms that a camera tracked: swarms filmed by the simulator are recognised, also with jitter and dropped frames.
 
-use murmuration_proto::{Purpose, RandomStream};
+use murmuration_swarm::{Purpose, RandomStream};
 use murmuration_tests::{Murmuration, small_latent_spec, whole_number};
 use rand::RngExt as _;
 use serde_json::Value;

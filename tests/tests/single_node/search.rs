@@ -1,6 +1,7 @@
 //! Campaigns over gRPC: the same specification gives the same digest on every cluster.
 
-use murmuration_proto::{CampaignSpec, parts::whole, v1};
+use murmuration_proto::{parts::whole, v1};
+use murmuration_swarm::CampaignSpec;
 use murmuration_tests::{Cluster, small_spec};
 use tonic::Code;
 

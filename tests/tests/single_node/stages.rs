@@ -1,6 +1,7 @@
 //! A latent campaign in real processes, each of which is killed in each stage. The outcome equals that of an undisturbed campaign.
 
-use murmuration_proto::{CampaignSpec, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::CampaignSpec;
 use murmuration_tests::{ProcessCluster, Running};
 
 /// Every stage lasts a second or more: long enough to be observed three times.

@@ -1,8 +1,9 @@
 //! Studies: each cell runs once, a killed study continues, and its tables equal those of its campaigns.
 
 use murmuration_judge::{frames, judge};
-use murmuration_proto::{Class, Controller, Preset, World, v1};
+use murmuration_proto::v1;
 use murmuration_sim::{replay::replay_frames, simulate::Start};
+use murmuration_swarm::{Class, Controller, Preset, World};
 use murmuration_tests::{Murmuration, small_latent_spec};
 use serde_json::Value;
 use std::{

@@ -1,7 +1,8 @@
 //! Individuals with several trials: their measurements are means over the trials, and robustness counts how alike the trials are.
 
-use murmuration_proto::{CampaignSpec, Controller, mean_embedding, v1};
+use murmuration_proto::v1;
 use murmuration_sim::{evaluate::evaluate, simulate::Start};
+use murmuration_swarm::{CampaignSpec, Controller, mean_embedding};
 use murmuration_tests::{Cluster, small_latent_spec, small_spec};
 
 /// The same campaign with three starts and some noise.

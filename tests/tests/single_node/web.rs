@@ -209,7 +209,10 @@ async fn what_a_page_cannot_be_asked_for_is_told_on_a_page() {
         assert_eq!(answer.status(), StatusCode::BAD_REQUEST, "{asked}");
         let page = answer.text().await.unwrap();
         let expected = format!("{field} = &quot;");
-        assert!(page.contains(&expected) && page.contains("All campaigns"), "{page}");
+        assert!(
+            page.contains(&expected) && page.contains("All campaigns"),
+            "{page}"
+        );
         assert!(!page.contains("deserialize"), "{page}");
     }
     let origin = browser.url.clone();
@@ -309,7 +312,10 @@ async fn what_takes_workers_says_at_once_that_there_are_none() {
         let answer = browser.get(path).await;
         assert_eq!(answer.status(), StatusCode::SERVICE_UNAVAILABLE, "{path}");
         let text = answer.text().await.unwrap();
-        assert!(text.contains(expected) && text.starts_with(begins), "{path}: {text}");
+        assert!(
+            text.contains(expected) && text.starts_with(begins),
+            "{path}: {text}"
+        );
     }
     assert!(begun.elapsed() < Duration::from_secs(10));
     // With a `download` link, browsers would save the error text as the report.

@@ -6,10 +6,8 @@ use super::{
     task::{FineTuningTask, Task},
 };
 use murmuration_link::{Coordinator, attempts, fetch_checkpoint, for_lease};
-use murmuration_proto::{
-    CheckpointDigest,
-    v1::{self, trainer_service_client::TrainerServiceClient, training_part::Part},
-};
+use murmuration_proto::v1::{self, trainer_service_client::TrainerServiceClient, training_part::Part};
+use murmuration_swarm::CheckpointDigest;
 use murmuration_train::{
     labelled_pictures::LabelledPictures, onnx, pictures::Pictures, training::FineTuning,
 };

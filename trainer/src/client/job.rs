@@ -8,10 +8,10 @@ use super::{
 };
 use murmuration_embed::Runtime;
 use murmuration_link::{Coordinator, attempts, follow, for_lease, stopped};
-use murmuration_proto::{
-    CheckpointDigest,
-    v1::{self, batch_result::Outcome, checkpoint_service_client::CheckpointServiceClient},
+use murmuration_proto::v1::{
+    self, batch_result::Outcome, checkpoint_service_client::CheckpointServiceClient,
 };
+use murmuration_swarm::CheckpointDigest;
 use std::sync::Arc;
 use tokio::{
     sync::{Mutex, mpsc, watch},

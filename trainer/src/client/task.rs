@@ -1,8 +1,9 @@
 //! A validated training task.
 
 use super::event::Undone;
-use murmuration_proto::{
-    CheckpointDigest, Dataset, FEATURE_NAMES, Invalid, PictureShape, training::Configuration, v1,
+use murmuration_proto::v1;
+use murmuration_swarm::{
+    CheckpointDigest, Dataset, FEATURE_NAMES, Invalid, PictureShape, training::Configuration,
 };
 
 #[derive(Debug)]

@@ -2,12 +2,13 @@
 
 use murmuration_link::{Credentials, Health};
 use murmuration_proto::{
-    CheckpointDigest, PART_BYTES,
+    PART_BYTES,
     v1::{
         self, batch_result::Outcome, checkpoint_service_server as checkpoints, coordinator_message,
         trainer_service_server as training, training_part::Part, worker_message::Message,
     },
 };
+use murmuration_swarm::CheckpointDigest;
 use murmuration_trainer::client::{self, Options, TrainerError};
 use std::sync::{Arc, Mutex};
 use tokio::{

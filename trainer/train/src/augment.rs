@@ -1,7 +1,7 @@
 //! Augmentation: makes another picture of the same behaviour, cropped, resized, turned and reflected.
 
 use crate::{network::scaled, real::Real};
-use murmuration_proto::{PictureShape, RandomStream, training::Recipe};
+use murmuration_swarm::{PictureShape, RandomStream, training::Recipe};
 use rand::RngExt as _;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -172,7 +172,7 @@ impl Window {
 mod tests {
     use super::*;
     use crate::pictures::tests::grey;
-    use murmuration_proto::Purpose;
+    use murmuration_swarm::Purpose;
     use proptest::prelude::*;
 
     const SIDE: usize = 4;

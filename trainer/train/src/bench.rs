@@ -4,7 +4,7 @@ use crate::{
     pictures::{Pictures, PicturesError},
     training::{Training, TrainingError},
 };
-use murmuration_proto::{
+use murmuration_swarm::{
     Invalid, PictureShape, Purpose, RandomStream,
     training::{Configuration, NetworkSettings, Recipe, Settings},
 };

@@ -1,7 +1,7 @@
 //! Labelled pictures: pictures of behaviours, each with its class.
 
 use crate::pictures::hasher_of;
-use murmuration_proto::{PictureShape, SeenPictures};
+use murmuration_swarm::{PictureShape, SeenPictures};
 use std::ops::Range;
 
 /// Pictures of one shape, each with a class. The caller numbers the classes from 1 in any order;

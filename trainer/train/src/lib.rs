@@ -1,6 +1,6 @@
 //! Trains embedders on trajectory images, first without labels, then on labels, and writes them as ONNX checkpoints.
 //!
-//! [`training::Training`] takes [`pictures::Pictures`] and a [`Configuration`](murmuration_proto::training::Configuration)
+//! [`training::Training`] takes [`pictures::Pictures`] and a [`Configuration`](murmuration_swarm::training::Configuration)
 //! and runs one epoch at a time. [`onnx::export`] makes a checkpoint of its embedder. [`onnx::import`] reads one back, to
 //! train it further on [`labelled_pictures::LabelledPictures`] ([`training::FineTuning`]). All of them use the rayon pool of
 //! their caller. The network side, which leases trainings, is the crate `murmuration-trainer`.

@@ -4,7 +4,7 @@ use crate::{
     layers::{Activation, Backward, Operation},
     real::Real,
 };
-use murmuration_proto::{
+use murmuration_swarm::{
     PictureShape, Purpose, RandomStream,
     training::{Architecture, Layer, Shape, parameters},
 };

@@ -19,12 +19,10 @@ use crate::{
     network::{Network, Stage},
     real::Real,
 };
-use murmuration_proto::{
-    onnx::{
-        AttributeProto, GraphProto, ModelProto, NodeProto, OperatorSetIdProto, TensorProto, ValueInfoProto,
-    },
-    training::{Layer, Shape},
+use murmuration_onnx::{
+    AttributeProto, GraphProto, ModelProto, NodeProto, OperatorSetIdProto, TensorProto, ValueInfoProto,
 };
+use murmuration_swarm::training::{Layer, Shape};
 use prost::Message as _;
 
 /// Version of ONNX's standard operators that the models use.

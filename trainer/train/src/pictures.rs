@@ -1,6 +1,6 @@
 //! The pictures to train on, one or more per behaviour.
 
-use murmuration_proto::{Features, PictureShape};
+use murmuration_swarm::{Features, PictureShape};
 
 /// Pictures of one shape. The several pictures of a behaviour (its views, such as the same controller from other starts)
 /// belong together even without labels.

@@ -8,7 +8,7 @@ use crate::{
     pictures::tests::grey,
     shards::Shards,
 };
-use murmuration_proto::training::{Architecture, Layer, Shape};
+use murmuration_swarm::training::{Architecture, Layer, Shape};
 use serde::Deserialize;
 
 /// PyTorch's results for one step.

@@ -4,13 +4,11 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use murmuration_embed::{Embedder, Runtime};
-use murmuration_proto::{
-    Purpose, RandomStream,
-    onnx::{
-        AttributeProto, EmbedderModel, GraphProto, ModelProto, NodeProto, OperatorSetIdProto, TensorProto,
-        ValueInfoProto,
-    },
+use murmuration_onnx::{
+    AttributeProto, EmbedderModel, GraphProto, ModelProto, NodeProto, OperatorSetIdProto, TensorProto,
+    ValueInfoProto,
 };
+use murmuration_swarm::{Purpose, RandomStream};
 use prost::Message as _;
 use rand::RngExt as _;
 

@@ -1,7 +1,8 @@
 //! Checkpoints on disk, by the digest of their bytes.
 
 use crate::cache_folder;
-use murmuration_proto::{CheckpointDigest, onnx::MAX_MODEL_BYTES};
+use murmuration_onnx::MAX_MODEL_BYTES;
+use murmuration_swarm::CheckpointDigest;
 use std::{
     env,
     error::Error,

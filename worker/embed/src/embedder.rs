@@ -1,7 +1,7 @@
 //! One embedder, ready to run on one thread.
 
 use super::Runtime;
-use murmuration_proto::onnx::{EmbedderModel, ImageShape};
+use murmuration_onnx::{EmbedderModel, ImageShape};
 use ort::{
     logging::LogLevel,
     session::{Session, builder::GraphOptimizationLevel},

@@ -1,10 +1,8 @@
 //! The embedders of one thread, by digest: opened when first requested, kept while in use.
 
 use super::{Cache, EmbedError, Embedder, FetchError, Runtime};
-use murmuration_proto::{
-    CheckpointDigest,
-    onnx::{EmbedderModel, ModelError},
-};
+use murmuration_onnx::{EmbedderModel, ModelError};
+use murmuration_swarm::CheckpointDigest;
 use std::{error::Error, sync::Arc};
 
 /// Number of embedders that a thread keeps open: enough for two campaigns that both change to their next checkpoints.

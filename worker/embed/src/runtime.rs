@@ -1,6 +1,6 @@
 //! Finds the ONNX Runtime library, and loads it before its first use.
 
-use murmuration_proto::EmbeddingKind;
+use murmuration_swarm::EmbeddingKind;
 use ort::environment::Environment;
 use std::{
     env::{self, consts::ARCH},

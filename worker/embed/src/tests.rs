@@ -1,10 +1,8 @@
 //! Embedders and their cache. The model is `tests/models/small.onnx`; these tests need ONNX Runtime (`make runtime`).
 
 use super::*;
-use murmuration_proto::{
-    CheckpointDigest,
-    onnx::{AttributeProto, EmbedderModel, ModelProto, NodeProto, ValueInfoProto},
-};
+use murmuration_onnx::{AttributeProto, EmbedderModel, ModelProto, NodeProto, ValueInfoProto};
+use murmuration_swarm::CheckpointDigest;
 use proptest::prelude::*;
 use prost::Message as _;
 use std::{fs, path::Path, sync::Arc, thread, time::Duration};

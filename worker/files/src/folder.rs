@@ -2,7 +2,7 @@
 //! Murmuration's.
 
 use crate::{listed::digest_of, listed::listed_file, new_file::write_file, unfinished::UnfinishedFolder};
-use murmuration_proto::counted;
+use murmuration_swarm::counted;
 use std::{
     collections::BTreeMap,
     fmt,

@@ -2,7 +2,8 @@
 //!
 //! A named file may be a pipe or a device that never ends. This module checks lengths, not contents.
 
-use murmuration_proto::{grouped, onnx::MAX_MODEL_BYTES};
+use murmuration_onnx::MAX_MODEL_BYTES;
+use murmuration_swarm::grouped;
 use std::{
     fs::File,
     io::{self, Read},

@@ -1,6 +1,6 @@
 //! Lists of files with their digests, one per line, in the format of `b3sum`.
 
-use murmuration_proto::text;
+use murmuration_swarm::text;
 use std::{
     fs::File,
     io,

@@ -2,7 +2,8 @@
 //! set.
 
 use super::judge;
-use murmuration_proto::{Class, Replay, World, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{Class, Replay, World};
 use proptest::prelude::*;
 use std::f64::consts::TAU;
 

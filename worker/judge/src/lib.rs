@@ -20,7 +20,7 @@ pub use body::Body;
 pub use motion::Motion;
 pub use walls::Walls;
 
-use murmuration_proto::{Class, Frames, Replay, Verdict, World};
+use murmuration_swarm::{Class, Frames, Replay, Verdict, World};
 use window::Window;
 
 /// The frames of a motion in `world` that the judge needs: every fourth of the last 160 steps.
@@ -94,7 +94,8 @@ impl Scale {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::{Pattern, v1};
+    use murmuration_proto::v1;
+    use murmuration_swarm::Pattern;
     use std::f64::consts::TAU;
 
     /// 24 agents of the paper's world over 160 steps, each on its own path.

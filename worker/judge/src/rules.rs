@@ -5,7 +5,7 @@
 //! [`Scale`](super::Scale). For the accuracy of the rules see `docs/judge.md`.
 
 use super::{Arrangement, Body, Measures, Motion, Walls};
-use murmuration_proto::{Class, Pattern, World};
+use murmuration_swarm::{Class, Pattern, World};
 
 /// A clump's median distance from its middle, in packed radii (a tight disc has 0.7).
 const CLUMP_SPREAD: f64 = 1.78;

@@ -5,7 +5,7 @@ use super::{
     geometry::{cross, length, minus},
     window::{Point, Window, mean, ratio, share},
 };
-use murmuration_proto::{Boundary, World};
+use murmuration_swarm::{Boundary, World};
 
 /// Distance from touching a wall within which an agent is near it; in radii.
 const NEAR: f64 = 4.0;

@@ -1,6 +1,6 @@
 //! The last steps of a swarm's motion, at evenly spaced times, and the statistics over them.
 
-use murmuration_proto::{Boundary, Pose, Replay, World};
+use murmuration_swarm::{Boundary, Pose, Replay, World};
 use std::{f64::consts::TAU, num::NonZeroU32};
 
 /// Number of steps in the window, as in the pictures that annotators judge; fewer if the motion is shorter.

@@ -1,11 +1,9 @@
 //! Fetching checkpoints from the coordinator.
 
 use crate::{Coordinator, attempts, for_lease};
-use murmuration_proto::{
-    CheckpointDigest,
-    onnx::MAX_MODEL_BYTES,
-    v1::{self, checkpoint_service_client::CheckpointServiceClient},
-};
+use murmuration_onnx::MAX_MODEL_BYTES;
+use murmuration_proto::v1::{self, checkpoint_service_client::CheckpointServiceClient};
+use murmuration_swarm::CheckpointDigest;
 use tonic::Status;
 
 /// Fetches the bytes of a checkpoint for `lease`, unchecked, at most [`MAX_MODEL_BYTES`]. Retries while the coordinator is

@@ -2,7 +2,7 @@
 
 use crate::{Token, TokenError};
 use murmuration_files::{InputKind, read_text};
-use murmuration_proto::text::masked_url;
+use murmuration_swarm::text::masked_url;
 use std::{
     env, io,
     path::{Path, PathBuf},

@@ -29,7 +29,8 @@ pub use telemetry::{TRACE_PARENT, Telemetry, follow, telemetry, trace_parent};
 pub use token::{Token, TokenDigest, TokenError};
 
 use backoff::Backoff;
-use murmuration_proto::{EmbeddingKind, SIMULATOR_VERSION, TRAINER_VERSION, Text, text::masked_url, v1};
+use murmuration_proto::{SIMULATOR_VERSION, TRAINER_VERSION, v1};
+use murmuration_swarm::{EmbeddingKind, Text, text::masked_url};
 use std::{
     future::Future,
     hash::{BuildHasher as _, Hasher as _, RandomState},

@@ -1,13 +1,11 @@
 //! One connection, from Hello to the end of the stream.
 
 use crate::{Address, Role, root_cause};
-use murmuration_proto::{
-    Text,
-    v1::{
-        self, coordinator_message, trainer_service_client::TrainerServiceClient, worker_message,
-        worker_service_client::WorkerServiceClient,
-    },
+use murmuration_proto::v1::{
+    self, coordinator_message, trainer_service_client::TrainerServiceClient, worker_message,
+    worker_service_client::WorkerServiceClient,
 };
+use murmuration_swarm::Text;
 use std::{error::Error as _, time::Duration};
 use tokio::{
     sync::mpsc,

@@ -11,7 +11,7 @@ use clap::{
     Command, Parser,
     error::{ContextKind, ContextValue, ErrorKind},
 };
-use murmuration_proto::{Text, text};
+use murmuration_swarm::{Text, text};
 use std::{
     env,
     ffi::OsString,

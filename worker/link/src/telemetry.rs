@@ -1,6 +1,6 @@
 //! Telemetry of a process: a log on stderr, and traces for a collector if one is named.
 
-use murmuration_proto::text;
+use murmuration_swarm::text;
 use opentelemetry::{
     propagation::TextMapPropagator as _,
     trace::{TraceContextExt as _, TracerProvider as _},

@@ -8,12 +8,13 @@
 mod cpu_time;
 
 use cpu_time::timed;
-use murmuration_proto::{
-    Controller, ControllerSpace, ImageFormat, Preset, Purpose, RandomStream, RobotController, World, v1,
-};
+use murmuration_proto::v1;
 use murmuration_sim::{
     evaluate::Evaluator,
     simulate::{Start, Swarm},
+};
+use murmuration_swarm::{
+    Controller, ControllerSpace, ImageFormat, Preset, Purpose, RandomStream, RobotController, World,
 };
 use serde_json::json;
 use std::{

@@ -2,11 +2,11 @@
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use murmuration_proto::{Controller, ImageFormat, Preset, World};
 use murmuration_sim::{
     evaluate::Evaluator,
     simulate::{Start, Swarm},
 };
+use murmuration_swarm::{Controller, ImageFormat, Preset, World};
 use pulp::Arch;
 use std::{hint::black_box, time::Duration};
 

@@ -1,12 +1,12 @@
 //! Fixed work for `scripts/instruction-counts`, which counts its instructions: runs one item a given number of times.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 
-use murmuration_proto::{Controller, ImageFormat, Preset, World};
 use murmuration_sim::{
     evaluate::Evaluator,
     rasterise::Rasteriser,
     simulate::{Start, Swarm},
 };
+use murmuration_swarm::{Controller, ImageFormat, Preset, World};
 use std::{env, f64::consts::FRAC_PI_3, hint::black_box};
 
 const SINGLE: (Preset, &[f64]) = (Preset::SingleSensor, &[0.6, 1.0, 0.4, 0.5]);

@@ -9,8 +9,9 @@
 mod cpu_time;
 
 use cpu_time::timed;
-use murmuration_proto::{Controller, Preset, World, v1};
+use murmuration_proto::v1;
 use murmuration_sim::simulate::{Arch, Start, Swarm};
+use murmuration_swarm::{Controller, Preset, World};
 use std::{env, hint::black_box};
 
 const ROBOTS: [u32; 6] = [24, 100, 256, 512, 1_000, 10_000];

@@ -8,11 +8,11 @@
 mod cpu_time;
 
 use cpu_time::timed;
-use murmuration_proto::{
+use murmuration_sim::{evaluate::Evaluator, simulate::Start};
+use murmuration_swarm::{
     CapabilityModel, Controller, Drive, ImageFormat, Preset, Robot, Sensor, SensorAngle, SensorDescription,
     World,
 };
-use murmuration_sim::{evaluate::Evaluator, simulate::Start};
 use std::{env, f64::consts::FRAC_PI_3, hint::black_box};
 
 /// A measured item: a name, and evaluations to run at once.

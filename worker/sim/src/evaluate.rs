@@ -11,7 +11,7 @@ use crate::{
     rasterise::Rasteriser,
     simulate::{Start, Swarm, batch_is_for},
 };
-use murmuration_proto::{Controller, Evaluation, ImageFormat, Invalid, World};
+use murmuration_swarm::{Controller, Evaluation, ImageFormat, Invalid, World};
 use pulp::Arch;
 use recorder::{Recorder, quiet};
 

@@ -11,7 +11,7 @@ use crate::{
     lanes::{Planar, dot, lanes, minus, plus, splat},
     simulate::{Agents, Swarm},
 };
-use murmuration_proto::{Features, World};
+use murmuration_swarm::{Features, World};
 use pulp::{Scalar, Simd};
 
 /// Number of steps that a feature is averaged over (fewer if the simulation is shorter).
@@ -41,7 +41,7 @@ impl FeatureMeans {
         self.0.observe(Scalar::new(), agents);
     }
 
-    /// The means, in the order of [`murmuration_proto::FEATURE_NAMES`]; NaN before the first step.
+    /// The means, in the order of [`murmuration_swarm::FEATURE_NAMES`]; NaN before the first step.
     #[must_use]
     pub fn means(&self) -> Features {
         self.0.means(0)

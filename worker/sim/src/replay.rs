@@ -1,7 +1,7 @@
 //! Records the motion of a swarm.
 
 use crate::simulate::{Start, Swarm};
-use murmuration_proto::{Controller, Frames, Invalid, Replay, World};
+use murmuration_swarm::{Controller, Frames, Invalid, Replay, World};
 use std::{iter, num::NonZeroU32};
 
 /// Maximum number of poses in a replay (240 MB). A longer replay is refused.

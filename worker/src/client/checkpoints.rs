@@ -4,7 +4,8 @@ use murmuration_embed::{
     Cache, CacheError, Embedders, FetchError, OpenError, Runtime as OnnxRuntime, RuntimeError,
 };
 use murmuration_link::{Coordinator, fetch_checkpoint, may_pass_elsewhere};
-use murmuration_proto::{CheckpointDigest, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::CheckpointDigest;
 use std::{
     path::PathBuf,
     sync::{Arc, Mutex, PoisonError},

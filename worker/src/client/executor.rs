@@ -5,8 +5,9 @@ use super::{
     lease::{Lease, Outcome, Work},
 };
 use murmuration_embed::{EmbedError, Embedder, Embedders};
-use murmuration_proto::{CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, Starts, World, v1};
+use murmuration_proto::v1;
 use murmuration_sim::{evaluate::Evaluator, replay::replay_frames, simulate::Start};
+use murmuration_swarm::{CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, Starts, World};
 use std::sync::Arc;
 
 pub(super) struct Executor {

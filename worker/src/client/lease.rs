@@ -1,8 +1,9 @@
 //! A validated lease, and its outcome.
 
-use murmuration_proto::{
+use murmuration_proto::v1;
+use murmuration_swarm::{
     CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, Invalid, Replay, Starts,
-    World, v1,
+    World,
 };
 
 /// Maximum number of tasks or pictures in one batch.
@@ -212,7 +213,7 @@ fn task(model: &CapabilityModel, task: &v1::EvaluationTask) -> Result<(Controlle
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::Preset;
+    use murmuration_swarm::Preset;
 
     fn taken_in(work: v1::lease::Work) -> Result<Work, String> {
         let lease = v1::Lease {

@@ -7,13 +7,11 @@ use super::{
     lease::{Lease, Outcome, Work},
 };
 use murmuration_link::{Address, Credentials, Role};
-use murmuration_proto::{
-    CheckpointDigest, Controller, EmbeddingKind, ImageFormat, Preset, Starts, World,
-    v1::{
-        self,
-        checkpoint_service_server::{CheckpointService, CheckpointServiceServer},
-    },
+use murmuration_proto::v1::{
+    self,
+    checkpoint_service_server::{CheckpointService, CheckpointServiceServer},
 };
+use murmuration_swarm::{CheckpointDigest, Controller, EmbeddingKind, ImageFormat, Preset, Starts, World};
 use std::{
     path::Path,
     sync::{

@@ -3,8 +3,8 @@
 use super::{Behaviour, LabelledSet, Row};
 use murmuration_files::{InputKind, read_bytes};
 use murmuration_model::labels::{LabelFile, LabelFileError};
-use murmuration_proto::{Controller, World};
 use murmuration_sim::simulate::Start;
+use murmuration_swarm::{Controller, World};
 use std::{collections::HashMap, path::Path};
 
 /// Columns of a start: behaviour, agent and pose.

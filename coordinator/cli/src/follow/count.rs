@@ -3,7 +3,7 @@
 use super::LINE_INTERVAL;
 use indicatif::{ProgressBar, ProgressStyle};
 use murmuration_link::errln;
-use murmuration_proto::{counted, grouped};
+use murmuration_swarm::{counted, grouped};
 use std::{io::IsTerminal as _, time::Instant};
 
 /// Progress over a known number of items: a bar on a terminal, a line from time to time elsewhere.

@@ -2,7 +2,8 @@
 
 use indicatif::HumanDuration;
 use murmuration_model::TimeLeft;
-use murmuration_proto::{figure, grouped, rounded, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{figure, grouped, rounded};
 use std::time::Duration;
 
 /// Progress of a campaign's stage, and a line about it.

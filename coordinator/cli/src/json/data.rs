@@ -2,12 +2,12 @@
 
 use super::Time;
 use murmuration_export::Exported;
-use murmuration_proto::CheckpointDigest;
 use murmuration_store::{
     backup::Manifest,
     checkpoints::Condition,
     doctor::{self, CampaignFindings, Findings},
 };
+use murmuration_swarm::CheckpointDigest;
 use schemars::JsonSchema;
 use serde::Serialize;
 

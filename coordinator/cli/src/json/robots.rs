@@ -2,11 +2,12 @@
 
 use super::{Document, Whole};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use murmuration_proto::{
-    CapabilityModel, Controller, DriveKind, Evaluation, Features, Invalid, SeenRobots, Sensor, Species,
-    mean_embedding, mean_features, v1,
-};
+use murmuration_proto::v1;
 use murmuration_report::picture::sensor_in_words;
+use murmuration_swarm::{
+    CapabilityModel, Controller, DriveKind, Evaluation, Features, Invalid, SeenRobots, Sensor, Species,
+    mean_embedding, mean_features,
+};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;

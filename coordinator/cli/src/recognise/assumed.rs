@@ -2,7 +2,7 @@
 
 use super::{super::CliError, Recognise};
 use murmuration_link::errln;
-use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Invalid, World, counted};
+use murmuration_swarm::{CampaignSpec, CapabilityModel, Controller, Invalid, World, counted};
 use murmuration_tracks::{Filmed, Tracks, TracksError};
 
 /// Width and height of an arena in the units of the tracks, each over 0.
@@ -182,7 +182,7 @@ pub(super) fn unknown(model: &CapabilityModel, counts: Option<&[u32]>) -> Result
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::Preset;
+    use murmuration_swarm::Preset;
 
     #[test]
     fn sensors_of_robots_of_which_nothing_is_known_look_ahead_as_far_as_they_can() {

@@ -9,7 +9,8 @@ use super::{
 };
 use murmuration_engine::nearest::{UNLIKE, is_unlike, relative_distance};
 use murmuration_link::{OutputError, outln};
-use murmuration_proto::{FEATURE_NAMES, figure, in_full, rounded, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{FEATURE_NAMES, figure, in_full, rounded};
 
 /// Prints the result, for a person or for programs.
 pub(super) fn show(recognised: &Recognised, as_json: bool) -> Result<(), OutputError> {

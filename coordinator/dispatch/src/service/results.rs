@@ -7,10 +7,8 @@ use crate::{
     submitted::{Closing, Vote},
 };
 use murmuration_model::Quarantined;
-use murmuration_proto::{
-    EmbeddingKind,
-    v1::{FailureClass, batch_result::Outcome},
-};
+use murmuration_proto::v1::{FailureClass, batch_result::Outcome};
+use murmuration_swarm::EmbeddingKind;
 use std::time::Instant;
 use tonic::Status;
 use tracing::Span;

@@ -15,9 +15,10 @@ use murmuration_model::{
     CampaignHead, CampaignId, CampaignRecord, CampaignState, NewCampaign, Quarantined, Stage, TimeLeft,
     WorkLeft,
 };
-use murmuration_proto::{Controller, EmbedderSource, Evaluation, Feedback, World, v1};
+use murmuration_proto::v1;
 use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{Notice, Started, StoreError, checkpoints::Checkpoints};
+use murmuration_swarm::{Controller, EmbedderSource, Evaluation, Feedback, World};
 use std::{
     sync::Arc,
     time::{Duration, SystemTime, UNIX_EPOCH},

@@ -4,8 +4,8 @@ use super::{CampaignError, metrics::CampaignMetrics};
 use crate::{blocking::blocking, synthetic::SyntheticAnnotator};
 use murmuration_dispatch::{Dispatch, Trainers};
 use murmuration_model::{CampaignId, CampaignRecord, EmbedderRef, RunId};
-use murmuration_proto::{CampaignSpec, ImageFormat};
 use murmuration_store::{Store, checkpoints::Checkpoints};
+use murmuration_swarm::{CampaignSpec, ImageFormat};
 
 /// The services that the stages of a campaign work with.
 #[derive(Debug, Clone)]

@@ -8,9 +8,9 @@ use super::{
 };
 use murmuration_dispatch::EvaluationJob;
 use murmuration_model::CampaignRecord;
-use murmuration_proto::{CampaignSpec, Controller, Dataset, EmbedderSource, Purpose, RandomStream};
 use murmuration_search::breeding::{self, ProposeError};
 use murmuration_store::Store;
+use murmuration_swarm::{CampaignSpec, Controller, Dataset, EmbedderSource, Purpose, RandomStream};
 use rand::RngExt as _;
 use std::ops::Range;
 

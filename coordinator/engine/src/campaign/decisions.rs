@@ -8,8 +8,8 @@ use super::{
 };
 use crate::blocking::blocking;
 use murmuration_model::{CampaignId, CampaignRecord, CampaignState, Change, NotAllowed};
-use murmuration_proto::{CampaignName, CheckpointDigest};
 use murmuration_store::{Decision, Deletion};
+use murmuration_swarm::{CampaignName, CheckpointDigest};
 use tracing::Instrument as _;
 
 impl Campaigns {

@@ -8,12 +8,12 @@ use super::{
 use crate::blocking::blocking;
 use murmuration_dispatch::EmbeddingJob;
 use murmuration_model::{ArchiveEmbedder, CampaignId, CampaignRecord};
-use murmuration_proto::{CampaignSpec, Scale};
 use murmuration_search::{
     interrupt::Interrupt,
     novelty::{Behaviours, Index},
 };
 use murmuration_store::{ArchivedIndividual, GenerationRecord, Provenance, Store, Switch};
+use murmuration_swarm::{CampaignSpec, Scale};
 
 /// Number of pictures that are embedded and committed together, if so many fit.
 const CHUNK: usize = 2048;

@@ -3,9 +3,10 @@
 use crate::{blocking::Broken, queries::QueryError, space::SpaceError, synthetic::AnnotatorError};
 use murmuration_dispatch::JobError;
 use murmuration_model::{CampaignId, NotAllowed};
-use murmuration_proto::{BehaviourSpace, CheckpointDigest, SIMULATOR_VERSION, counted};
+use murmuration_proto::SIMULATOR_VERSION;
 use murmuration_search::{breeding::ProposeError, interrupt::Interrupted, novelty::Misfit};
 use murmuration_store::{DecisionError, DeletionError, LabelError, StoreError, checkpoints::CheckpointError};
+use murmuration_swarm::{BehaviourSpace, CheckpointDigest, counted};
 
 /// Why a campaign stopped, or a request about it failed.
 #[derive(Debug, thiserror::Error)]

@@ -3,9 +3,9 @@
 use super::{CampaignError, run_handle::RunHandle};
 use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, PoisonedTask};
 use murmuration_model::Maker;
-use murmuration_proto::{Controller, Evaluation};
 use murmuration_search::breeding::{EVALUATION_ATTEMPTS, ProposeError};
 use murmuration_store::{Picture, Provenance};
+use murmuration_swarm::{Controller, Evaluation};
 use std::collections::BTreeMap;
 
 /// The results of a job.

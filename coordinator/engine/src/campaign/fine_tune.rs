@@ -10,11 +10,11 @@ use super::{
 use crate::blocking::blocking;
 use murmuration_dispatch::{EvaluationJob, FineTuningParams};
 use murmuration_model::{CampaignRecord, NextTraining};
-use murmuration_proto::{
+use murmuration_store::{FurtherStart, RoundPictures, Store};
+use murmuration_swarm::{
     CheckpointDigest, Feedback,
     training::{Configuration, ConfigurationError},
 };
-use murmuration_store::{FurtherStart, RoundPictures, Store};
 
 /// Number of pictures from further starts that are simulated and committed together.
 const CHUNK: usize = 1000;

@@ -13,8 +13,8 @@ use super::{
 use crate::blocking::blocking;
 use murmuration_dispatch::{EmbeddingJob, EvaluationJob};
 use murmuration_model::{ArchiveEmbedder, CampaignId, CampaignRecord};
-use murmuration_proto::{Controller, EmbedderSource, counted, embeddings_agree};
 use murmuration_store::{ArchivedIndividual, Store, StoreError, Suspect, Suspects};
+use murmuration_swarm::{Controller, EmbedderSource, counted, embeddings_agree};
 
 /// Number of results that are repeated at a time, if so many fit.
 const CHUNK: usize = 1024;

@@ -9,7 +9,6 @@ use super::{
 use crate::{blocking::blocking, space::SpaceError, taxonomy};
 use murmuration_dispatch::EvaluationJob;
 use murmuration_model::{CampaignId, CampaignRecord, EmbedderRef};
-use murmuration_proto::{BehaviourSpace, Evaluation, Scale, Starts};
 use murmuration_search::{
     breeding::{self, Parent, Proposal, ProposeError},
     interrupt::{Interrupt, Interrupted},
@@ -20,6 +19,7 @@ use murmuration_search::{
 use murmuration_store::{
     ArchivedIndividual, ClusterMeasures, GenerationRecord, Provenance, Store, StoreError, Trial,
 };
+use murmuration_swarm::{BehaviourSpace, Evaluation, Scale, Starts};
 use std::{sync::Arc, time::Instant};
 
 /// Number of individuals that are read from the store at a time.

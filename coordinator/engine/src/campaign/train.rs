@@ -8,9 +8,10 @@ use super::{
 use crate::blocking::blocking;
 use murmuration_dispatch::{FineTuningParams, JobProgress, TrainingJob};
 use murmuration_model::{CampaignId, CampaignRecord, SavedTraining, TrainingPictures};
-use murmuration_proto::{CheckpointDigest, EmbedderSource, training::Configuration, v1};
+use murmuration_proto::v1;
 use murmuration_search::interrupt::Interrupted;
 use murmuration_store::{EpochRecord, Store, StoreError};
+use murmuration_swarm::{CheckpointDigest, EmbedderSource, training::Configuration};
 use std::{sync::Arc, time::Instant};
 use tokio::sync::watch;
 

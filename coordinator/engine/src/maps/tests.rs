@@ -2,8 +2,8 @@
 
 use super::*;
 use murmuration_model::Weight;
-use murmuration_proto::{CampaignSpec, Purpose, RandomStream};
 use murmuration_store::{DataDirectory, GenerationRecord, Provenance, Store, Trial, kept::ENTRY_BYTES};
+use murmuration_swarm::{CampaignSpec, Purpose, RandomStream};
 use rand::RngExt as _;
 
 #[test]

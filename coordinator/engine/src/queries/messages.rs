@@ -1,7 +1,8 @@
 //! Conversions of queries to and from their messages.
 
 use super::{AnnotatorSession, Asked, Query, QueryRequest};
-use murmuration_proto::{Invalid, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::Invalid;
 
 /// Maximum number of queries that a holder has at once.
 const MAX_QUERIES: u32 = 100;

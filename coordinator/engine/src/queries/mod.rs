@@ -13,6 +13,6 @@ mod ranking;
 
 pub use clusters::Clustered;
 pub use leases::AnnotatorSession;
-pub use murmuration_proto::Strategy;
+pub use murmuration_swarm::Strategy;
 pub use open::{Asked, Queries, QueryError, QueryRequest};
 pub use ranking::{Query, Reason, beyond_medoids, by_uncertainty, in_random_order};

@@ -14,9 +14,9 @@ use murmuration_model::{
     ArchiveVersion, CampaignId, CampaignRecord,
     labels::{Annotator, Labels},
 };
-use murmuration_proto::{Purpose, RandomStream, Strategy};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{Store, StoreError, kept::Kept};
+use murmuration_swarm::{Purpose, RandomStream, Strategy};
 use std::{
     collections::BTreeMap,
     sync::{Arc, Mutex, MutexGuard, PoisonError},

@@ -1,11 +1,11 @@
 //! Rankings of behaviours to ask about, each with the reason for its place.
 
-use murmuration_proto::{CampaignSpec, Purpose, RandomStream, counted};
 use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
     medoids::{self, Clustering},
     novelty::Behaviours,
 };
+use murmuration_swarm::{CampaignSpec, Purpose, RandomStream, counted};
 use rayon::prelude::*;
 use std::fmt;
 

@@ -1,7 +1,7 @@
 //! Medoids that may be one behaviour.
 
 use super::Taxonomy;
-use murmuration_proto::Scale;
+use murmuration_swarm::Scale;
 
 /// Two clusters of a taxonomy that touch: the distance of their medoids is less than the sum of the mean distances of both
 /// clusters' members to their medoids. So no gap separates them, and they may be two halves of one behaviour. The ratio of this sum
@@ -54,8 +54,8 @@ pub fn distance(one: &[f64], other: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::taxonomy::Medoid;
-    use murmuration_proto::BehaviourSpace;
     use murmuration_store::Trial;
+    use murmuration_swarm::BehaviourSpace;
 
     /// A taxonomy with medoids at these first features, and these mean distances of their members.
     fn taxonomy(medoids: &[(f64, f64)]) -> Taxonomy {

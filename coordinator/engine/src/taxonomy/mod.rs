@@ -10,13 +10,13 @@ pub use names::{ClusterName, Names, NotCarried, Origin, Uncarried};
 
 use crate::space::SpaceError;
 use murmuration_model::{CampaignId, CampaignRecord};
-use murmuration_proto::{CampaignSpec, Choice, Scale};
 use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
     medoids::{self, Clustering},
     novelty::{self, Behaviours},
 };
 use murmuration_store::{ArchivedIndividual, ClusterMeasures, Store, StoreError, StoredTaxonomy, Trial};
+use murmuration_swarm::{CampaignSpec, Choice, Scale};
 use std::collections::BTreeMap;
 
 /// Clusters the archive of a campaign as its specification says. `told` gets the progress.

@@ -12,8 +12,8 @@ use murmuration_cli::{
     table::{Table, left, right},
 };
 use murmuration_link::{OutputError, errln, outln};
-use murmuration_proto::{Preset, grouped};
 use murmuration_sim::simulate::Arch;
+use murmuration_swarm::{Preset, grouped};
 use std::{fs, thread, time::Duration};
 
 #[derive(Debug, clap::Args)]

@@ -15,7 +15,7 @@ use murmuration_cli::{
 use murmuration_coordinator::local::InProcess;
 use murmuration_files::InputKind;
 use murmuration_link::{OutputError, errln};
-use murmuration_proto::{CampaignSpec, CheckpointDigest, grouped};
+use murmuration_swarm::{CampaignSpec, CheckpointDigest, grouped};
 use null_worker::NullWorker;
 pub(super) use plain_loop::PlainLoop;
 use std::{

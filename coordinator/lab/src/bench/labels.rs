@@ -12,8 +12,8 @@ use murmuration_cli::{
     table::{Table, left, right},
 };
 use murmuration_link::{OutputError, errln};
-use murmuration_proto::{CampaignSpec, ImageFormat, Invalid, Strategy, counted, grouped, training::Recipe};
 use murmuration_sim::{evaluate::Evaluator, simulate::Start};
+use murmuration_swarm::{CampaignSpec, ImageFormat, Invalid, Strategy, counted, grouped, training::Recipe};
 use rayon::prelude::*;
 use std::{
     collections::BTreeMap,

@@ -14,7 +14,8 @@ use murmuration_cli::{
 use murmuration_coordinator::local::InProcess;
 use murmuration_embed::Runtime;
 use murmuration_link::errln;
-use murmuration_proto::{CampaignSpec, EmbedderSource, grouped, v1::CampaignStage};
+use murmuration_proto::v1::CampaignStage;
+use murmuration_swarm::{CampaignSpec, EmbedderSource, grouped};
 use std::time::{Duration, Instant};
 
 #[derive(Debug, clap::Args)]

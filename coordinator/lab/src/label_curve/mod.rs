@@ -13,14 +13,14 @@ pub use sets::{LabelledBehaviours, Overlap, Sets};
 
 use murmuration_accuracy::Accuracy;
 use murmuration_engine::queries::{by_uncertainty, in_random_order};
-use murmuration_proto::{
-    Invalid, Purpose, RandomStream, Search, Strategy,
-    training::{ArchitectureError, Recipe},
-};
 use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
     medoids,
     novelty::{self, Misfit},
+};
+use murmuration_swarm::{
+    Invalid, Purpose, RandomStream, Search, Strategy,
+    training::{ArchitectureError, Recipe},
 };
 use murmuration_train::{
     labelled_pictures::{LabelledPictures, LabelledPicturesError},

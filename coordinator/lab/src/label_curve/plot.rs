@@ -3,11 +3,11 @@
 use super::Point;
 use maud::{Markup, html};
 use murmuration_accuracy::Summary;
-use murmuration_proto::Strategy;
 use murmuration_report::{
     axes::{Axes, Scale, ticks},
     svg::{Drawing, GRID, WHITE},
 };
+use murmuration_swarm::Strategy;
 use std::collections::BTreeMap;
 
 /// Size in pixels.

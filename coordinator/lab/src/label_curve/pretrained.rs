@@ -2,8 +2,8 @@
 
 use super::CurveError;
 use murmuration_engine::campaign::dataset_tasks;
-use murmuration_proto::{CampaignSpec, EmbedderSource, Invalid, training::Configuration};
 use murmuration_sim::{evaluate::Evaluator, simulate::Start};
+use murmuration_swarm::{CampaignSpec, EmbedderSource, Invalid, training::Configuration};
 use murmuration_train::{network::Network, pictures::Pictures, training::Training};
 use rayon::prelude::*;
 use std::sync::Arc;

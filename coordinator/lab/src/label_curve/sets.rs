@@ -1,7 +1,7 @@
 //! Labelled behaviours, and the separation of those learned from and those that measure.
 
 use murmuration_model::labels::class_numbers;
-use murmuration_proto::{PictureShape, SeenPictures};
+use murmuration_swarm::{PictureShape, SeenPictures};
 
 /// Behaviours whose classes are known.
 #[derive(Debug, Clone)]

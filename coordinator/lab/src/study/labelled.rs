@@ -5,11 +5,9 @@ use murmuration_accuracy::{Accuracy, LabelledSet};
 use murmuration_cli::{CliError, files::read};
 use murmuration_embed::{Embedder, Runtime};
 use murmuration_files::InputKind;
-use murmuration_proto::{
-    CampaignSpec, SeenPictures,
-    onnx::{EmbedderModel, ImageShape},
-};
+use murmuration_onnx::{EmbedderModel, ImageShape};
 use murmuration_study::{Measure, Study};
+use murmuration_swarm::{CampaignSpec, SeenPictures};
 use std::{
     collections::BTreeMap,
     sync::{Mutex, PoisonError},

@@ -9,9 +9,7 @@ use murmuration_cli::{
     validation::get_digest,
 };
 use murmuration_model::labels::{self, Annotator, Labels};
-use murmuration_proto::{
-    CampaignSpec, Choice, Controller, Features, Invalid, Method, Scale, parts::whole, v1,
-};
+use murmuration_proto::{parts::whole, v1};
 use murmuration_report::Entry;
 use murmuration_search::interrupt::Interrupt;
 use murmuration_service::report_data;
@@ -19,6 +17,7 @@ use murmuration_study::{
     AccuracyFigures, Individual, Judged, JudgedBehaviours, JudgedTrials, Maps, Measure, Measured, Measures,
     RecallCounts, Reference, SearchFigures, cell_digest, measure_behaviours, measure_maps, measure_recall,
 };
+use murmuration_swarm::{CampaignSpec, Choice, Controller, Features, Invalid, Method, Scale};
 use std::{collections::BTreeMap, sync::Arc};
 
 /// The measures of a study and their inputs; cheap to clone.

@@ -3,7 +3,8 @@
 use indicatif::{HumanDuration, MultiProgress, ProgressBar};
 use murmuration_cli::follow::{StatusLine, bar};
 use murmuration_link::errln;
-use murmuration_proto::{counted, grouped, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{counted, grouped};
 use std::{
     io::IsTerminal as _,
     sync::{

@@ -17,12 +17,13 @@ use murmuration_cli::{
 use murmuration_embed::Runtime;
 use murmuration_files::{Folder, InputKind, Replaces};
 use murmuration_link::{errln, termination};
-use murmuration_proto::{CampaignSpec, CheckpointDigest, counted, v1};
+use murmuration_proto::v1;
 use murmuration_search::interrupt::Interrupt;
 use murmuration_study::{
     Corrections, Measured, Reference, Study, StudyFolder, cell_digest, lock_beginning, measures_digest,
     write_report,
 };
+use murmuration_swarm::{CampaignSpec, CheckpointDigest, counted};
 use std::{
     collections::{BTreeMap, BTreeSet, VecDeque},
     path::{Path, PathBuf, absolute},

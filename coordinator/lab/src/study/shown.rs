@@ -6,8 +6,8 @@ use murmuration_cli::{
     table::{Table, left, right},
 };
 use murmuration_link::{errln, outln};
-use murmuration_proto::counted;
 use murmuration_study::{Entry, Figure, Outcome, Row, Table as StudyTable};
+use murmuration_swarm::counted;
 use std::path::Path;
 
 /// Prints the tables of a study, for a person or for programs; `report` is the page of its report, if one was written.

@@ -5,7 +5,7 @@
 
 use super::{ClassKey, ClassName, Colour, Refusal, Shortcut};
 use crate::colours;
-use murmuration_proto::Class;
+use murmuration_swarm::Class;
 use murmuration_train::labelled_pictures::LabelledPictures;
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,6 +1,7 @@
 //! Names of the columns of label files, in exports and in the labelled sets (tests/labelled).
 
-use murmuration_proto::{CapabilityModel, ImageFormat, Preset, World, to_differing_line, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{CapabilityModel, ImageFormat, Preset, World, to_differing_line};
 
 /// Column of the behaviour; for a campaign, the individual's index.
 pub(super) const INDEX: &str = "index";

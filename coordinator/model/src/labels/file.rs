@@ -11,9 +11,10 @@ use super::{
 };
 use crate::Timestamp;
 use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
-use murmuration_proto::{
+use murmuration_proto::v1;
+use murmuration_swarm::{
     CapabilityModel, Controller, FEATURE_NAMES, Features, ImageFormat, Invalid, Preset, World, counted,
-    of_toml_line, text::quoted, v1,
+    of_toml_line, text::quoted,
 };
 use serde::de::DeserializeOwned;
 use std::{

@@ -1,6 +1,6 @@
 //! Errors in files of labels.
 
-use murmuration_proto::{Invalid, Text, counted};
+use murmuration_swarm::{Invalid, Text, counted};
 use std::path::PathBuf;
 
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -26,10 +26,7 @@ pub enum LabelFileError {
     #[error("{}, line 1: the columns are separated by {separator}; save the file with commas", path.display())]
     Separator { path: PathBuf, separator: &'static str },
     #[error("{}, line {line}: a cell begins with a quote but does not end with one", path.display())]
-    Quote {
-        path: PathBuf,
-        line: usize,
-    },
+    Quote { path: PathBuf, line: usize },
     #[error("{}, line {line}: {error}", path.display())]
     Cell {
         path: PathBuf,

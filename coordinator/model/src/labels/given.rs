@@ -18,7 +18,8 @@ pub fn given_classes(standing: impl Iterator<Item = Label>) -> BTreeMap<u64, Giv
     for label in standing {
         if let Answer::Class(class) = label.answer {
             let by_machine = label.annotator == synthetic;
-            message.entry(label.index)
+            message
+                .entry(label.index)
                 .or_default()
                 .push((label.entry, class, by_machine));
         }

@@ -4,7 +4,8 @@ use super::{
     Action, Agreement, Annotator, Change, Class, ClassName, Colour, Confusion, Disagreement, Entry, Label,
     Shortcut,
 };
-use murmuration_proto::{Invalid, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::Invalid;
 
 impl TryFrom<v1::change_class_request::Change> for Action {
     type Error = Invalid;

@@ -1,6 +1,6 @@
 //! Texts of annotators: names of classes, annotators and requests, answers, colours.
 
-use murmuration_proto::{
+use murmuration_swarm::{
     Class, Invalid,
     text::{name, quoted},
 };

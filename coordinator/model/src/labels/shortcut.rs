@@ -1,6 +1,6 @@
 //! The keys on the keyboard for answers on the pages.
 
-use murmuration_proto::{Invalid, text::quoted};
+use murmuration_swarm::{Invalid, text::quoted};
 use std::{fmt, str::FromStr};
 
 /// A key of a class: a digit from 1 to 9, or a letter that the pages do not use themselves. As text, that character; capital

@@ -9,9 +9,8 @@ use super::{
     to_cell,
 };
 use crate::Timestamp;
-use murmuration_proto::{
-    CampaignSpec, CapabilityModel, Controller, FEATURE_NAMES, Invalid, Preset, counted, v1,
-};
+use murmuration_proto::v1;
+use murmuration_swarm::{CampaignSpec, CapabilityModel, Controller, FEATURE_NAMES, Invalid, Preset, counted};
 use std::path::Path;
 
 pub const ANSWER_COLUMNS: [&str; 4] = ["index", "class", "annotator", "time"];

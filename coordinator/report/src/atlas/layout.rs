@@ -1,7 +1,7 @@
 //! Position of each controller in the picture of an atlas.
 
 use super::Atlas;
-use murmuration_proto::{CampaignSpec, Controller, Enumeration, GeneSpace};
+use murmuration_swarm::{CampaignSpec, Controller, Enumeration, GeneSpace};
 
 /// The picture of all controllers of four speeds: the tiles by the first two, the pixels in each tile by the last two. The first
 /// speed of a pair increases to the right, the second upwards.

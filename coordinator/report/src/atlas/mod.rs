@@ -22,7 +22,7 @@ use super::{ReportError, ReportFiles};
 use crate::picture::{PictureError, encoded};
 use murmuration_files::{Folder, Replaces};
 use murmuration_model::colours::Rgb;
-use murmuration_proto::{CampaignSpec, Controller, Features, Verdict};
+use murmuration_swarm::{CampaignSpec, Controller, Features, Verdict};
 use std::path::Path;
 
 /// The map of an exhaustive campaign.

@@ -5,7 +5,7 @@ use crate::{Document, picture::columns::column};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{Markup, PreEscaped, html};
 use murmuration_model::colours;
-use murmuration_proto::{CampaignSpec, FEATURE_NAMES, Verdict, World, counted, grouped};
+use murmuration_swarm::{CampaignSpec, FEATURE_NAMES, Verdict, World, counted, grouped};
 use serde_json::{Value, json};
 
 const STYLE: &str = include_str!("atlas.css");

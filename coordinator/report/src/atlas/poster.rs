@@ -3,7 +3,7 @@
 use super::{Atlas, Layout, Tally};
 use crate::figure::{Anchor, Figure, INK, MUTED, Shape, Words};
 use murmuration_model::colours::{self, Rgb};
-use murmuration_proto::{Class, grouped};
+use murmuration_swarm::{Class, grouped};
 
 /// Side of the picture, and the margins around it.
 const SIDE: f64 = 1323.0;

@@ -2,7 +2,7 @@
 
 use super::{Atlas, Tally};
 use csv::Writer;
-use murmuration_proto::{Enumeration, FEATURE_NAMES, Verdict};
+use murmuration_swarm::{Enumeration, FEATURE_NAMES, Verdict};
 use std::io::{self, Write};
 
 /// One row per simulated controller, by index.

@@ -2,7 +2,7 @@
 
 use super::layout::Place;
 use murmuration_model::colours::{self, Rgb, class_colour};
-use murmuration_proto::{Class, Verdict};
+use murmuration_swarm::{Class, Verdict};
 
 /// The judge's verdicts on the trials of a controller, summed up.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -4,7 +4,7 @@ use super::*;
 use crate::picture::sample::decode_png;
 use murmuration_files::Replaces;
 use murmuration_model::colours;
-use murmuration_proto::{Class, Enumeration, PictureShape};
+use murmuration_swarm::{Class, Enumeration, PictureShape};
 use std::fs;
 
 const SPEC: &str = "model = \"single-sensor\"\nmethod = \"exhaustive\"\n[controllers]\nstep = 0.5\n[evaluation]\nstarts = 3\n";

@@ -6,7 +6,7 @@ use crate::{
     picture::{PictureError, encoded},
 };
 use murmuration_files::Folder;
-use murmuration_proto::{Controller, PictureShape};
+use murmuration_swarm::{Controller, PictureShape};
 
 /// The folder of the pictures in the folder of an atlas.
 pub(super) const FOLDER: &str = "pictures";

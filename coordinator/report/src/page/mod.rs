@@ -17,7 +17,7 @@ use super::{
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{Markup, PreEscaped, html};
 use murmuration_model::{Timestamp, generations_in_words};
-use murmuration_proto::{BehaviourSpace, Method, Starts};
+use murmuration_swarm::{BehaviourSpace, Method, Starts};
 
 const STYLE: &str = include_str!("style.css");
 /// Each script has its own scope, so that a failure does not stop the others. They run in this order.

@@ -2,7 +2,7 @@
 
 use crate::{Report, picture};
 use maud::{Markup, html};
-use murmuration_proto::{Controller, RobotController};
+use murmuration_swarm::{Controller, RobotController};
 
 /// The robots of each species, in a fold.
 pub(super) fn robots(report: &Report, controller: &Controller) -> Markup {

@@ -10,8 +10,8 @@ use crate::{
 };
 use maud::{Markup, PreEscaped, html};
 use murmuration_model::colours;
-use murmuration_proto::{BehaviourSpace, Choice, FEATURE_NAMES, Method, Preset};
 use murmuration_sim::features::FEATURE_STEPS;
+use murmuration_swarm::{BehaviourSpace, Choice, FEATURE_NAMES, Method, Preset};
 use serde::Serialize;
 use serde_json::json;
 

@@ -1,7 +1,7 @@
 //! Describes how a world differs from the paper's.
 
 use crate::numbers::counted;
-use murmuration_proto::{Boundary, Noise, StartShape, World};
+use murmuration_swarm::{Boundary, Noise, StartShape, World};
 
 /// The differences between a world and the paper's, one phrase each.
 pub(super) fn differences(world: &World) -> Vec<String> {
@@ -46,7 +46,7 @@ fn of_noise(noise: Noise) -> impl Iterator<Item = String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::CampaignSpec;
+    use murmuration_swarm::CampaignSpec;
 
     #[test]
     fn only_what_differs_from_the_papers_world_is_told() {

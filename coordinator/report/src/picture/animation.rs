@@ -7,7 +7,7 @@ use super::{
 };
 use gif::{DisposalMethod, Encoder, Frame, Repeat};
 use murmuration_model::colours::{PAPER, over};
-use murmuration_proto::{Pose, Replay, World};
+use murmuration_swarm::{Pose, Replay, World};
 
 /// Options of an animation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

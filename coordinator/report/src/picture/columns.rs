@@ -2,7 +2,7 @@
 
 use super::{Colouring, thinned};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use murmuration_proto::{Boundary, Frames, Obstacle, Replay, World};
+use murmuration_swarm::{Boundary, Frames, Obstacle, Replay, World};
 use serde::Serialize;
 
 /// Most frames of a motion.

@@ -2,7 +2,7 @@
 
 use super::{PictureError, SIZES};
 use murmuration_model::colours;
-use murmuration_proto::PictureShape;
+use murmuration_swarm::PictureShape;
 
 /// Grey value of the gap between two pictures.
 const GAP: u8 = 255;

@@ -21,7 +21,7 @@ pub use sketch::{Bodies, Colouring};
 pub use trajectory::{Paper, trajectory_png};
 pub use vector::trajectory_svg;
 
-use murmuration_proto::PictureShape;
+use murmuration_swarm::PictureShape;
 
 /// Allowed sides of a drawing, pixels; an image may be smaller.
 pub(crate) const SIZES: std::ops::RangeInclusive<u32> = 16..=4096;

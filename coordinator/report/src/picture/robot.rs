@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 use murmuration_model::colours;
-use murmuration_proto::{Robot, Seen, SeenRobots, Sensor};
+use murmuration_swarm::{Robot, Seen, SeenRobots, Sensor};
 use std::f64::consts::PI;
 
 /// Half of a drawing's side, in its units.
@@ -145,7 +145,7 @@ fn rounded(number: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::{CampaignSpec, Preset};
+    use murmuration_swarm::{CampaignSpec, Preset};
 
     fn robot(sensors: &str) -> Robot {
         let text = format!("[robot]\nsensors = [{sensors}]");

@@ -1,6 +1,7 @@
 //! Invented swarms for tests, and a decoder to check the pictures made of them.
 
-use murmuration_proto::{Pose, Purpose, RandomStream, Replay, World, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{Pose, Purpose, RandomStream, Replay, World};
 use rand::RngExt as _;
 
 /// A world from the lines of a campaign file's `[world]` table.

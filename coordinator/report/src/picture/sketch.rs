@@ -4,7 +4,7 @@
 
 use super::{PictureError, side};
 use murmuration_model::colours::{self, Rgb};
-use murmuration_proto::{Boundary, Controller, Obstacle, Pose, World};
+use murmuration_swarm::{Boundary, Controller, Obstacle, Pose, World};
 use tiny_skia::{
     BlendMode, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, Transform,
 };

@@ -5,7 +5,7 @@ use super::{
     sketch::{Colouring, Sketch},
 };
 use murmuration_model::colours;
-use murmuration_proto::{Boundary, Pose, Replay, World};
+use murmuration_swarm::{Boundary, Pose, Replay, World};
 
 /// The background of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

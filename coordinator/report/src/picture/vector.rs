@@ -5,7 +5,7 @@ use super::{
     trajectory::{ages, is_jump},
 };
 use murmuration_model::colours;
-use murmuration_proto::{Boundary, Obstacle, Pose, Replay, World};
+use murmuration_swarm::{Boundary, Obstacle, Pose, Replay, World};
 use std::fmt::Write as _;
 
 /// The paths of the last `window` steps. Agents are coloured by `colouring`, older parts are fainter. The bodies are at their last

@@ -2,7 +2,7 @@
 
 use super::*;
 use murmuration_model::Round;
-use murmuration_proto::CheckpointDigest;
+use murmuration_swarm::CheckpointDigest;
 
 pub(super) const LATENT: Sample = Sample {
     spec: "name = \"sample\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\nspace = \"embedding\"\n[taxonomy]\nmedoids = 3\n[search]\ngenerations = 15\n\

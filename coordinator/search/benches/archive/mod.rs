@@ -1,7 +1,7 @@
 //! Behaviours of five values each, for benchmarks.
 
-use murmuration_proto::{Purpose, RandomStream};
 use murmuration_search::novelty::Behaviours;
+use murmuration_swarm::{Purpose, RandomStream};
 use rand::RngExt as _;
 
 /// Clumps of different widths, as in an archive.

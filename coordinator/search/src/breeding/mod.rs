@@ -19,7 +19,7 @@
 mod spread;
 
 use crate::filter::Score;
-use murmuration_proto::{
+use murmuration_swarm::{
     CampaignSpec, CapabilityModel, Controller, ControllerSpace, Enumeration, GeneSpace, Method, Purpose,
     RandomStream, Search,
 };

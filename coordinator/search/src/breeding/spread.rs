@@ -4,7 +4,7 @@
 //! Any prefix of the sequence covers the space far more evenly than as many uniform samples. Without permutations, the columns
 //! of large primes follow diagonals for hundreds of points.
 
-use murmuration_proto::{Controller, ControllerSpace, Purpose, RandomStream};
+use murmuration_swarm::{Controller, ControllerSpace, Purpose, RandomStream};
 use rand::RngExt as _;
 
 /// An evenly spread sequence of the controllers of a space; some may repeat if genes have few values.
@@ -71,7 +71,7 @@ fn primes() -> impl Iterator<Item = u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::CampaignSpec;
+    use murmuration_swarm::CampaignSpec;
 
     fn spec(model: &str, step: f64) -> CampaignSpec {
         let text = format!("model = \"{model}\"\nmethod = \"random\"\n[controllers]\nstep = {step}");

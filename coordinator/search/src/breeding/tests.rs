@@ -1,7 +1,7 @@
 //! Proposals are reproducible, lie within the space, and are selected and varied with the documented probabilities.
 
 use super::*;
-use murmuration_proto::{ControllerSpace, GeneSpace, Preset};
+use murmuration_swarm::{ControllerSpace, GeneSpace, Preset};
 use proptest::prelude::*;
 
 /// A campaign with the lines `search` in its `[search]` table, and the lines `top` (`filter` and so on) before it.

@@ -37,7 +37,7 @@
 //! reproduces. Plain doubles come closer and need no agreed tolerance. The difference matters little: of the 967 labelled
 //! behaviours that were drawn through a filter with exact ties, three are discarded here.
 
-use murmuration_proto::{Controller, DriveKind, RobotController};
+use murmuration_swarm::{Controller, DriveKind, RobotController};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Metric {

@@ -1,7 +1,7 @@
 //! Compares the filter with the paper's numbers, with exact arithmetic, and with labelled controllers.
 
 use super::*;
-use murmuration_proto::Preset;
+use murmuration_swarm::Preset;
 use proptest::prelude::*;
 
 fn score(speeds: [f64; 4]) -> Score {

@@ -11,7 +11,7 @@ use crate::{
     interrupt::{Interrupt, Interrupted},
     novelty::{Behaviours, Index},
 };
-use murmuration_proto::RandomStream;
+use murmuration_swarm::RandomStream;
 use rayon::prelude::*;
 use std::{cmp::Reverse, collections::BTreeMap};
 
@@ -215,7 +215,7 @@ impl Share {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::Purpose;
+    use murmuration_swarm::Purpose;
     use proptest::prelude::*;
 
     fn stream() -> RandomStream {

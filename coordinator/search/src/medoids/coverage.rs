@@ -10,7 +10,7 @@ use crate::{
     interrupt::{Interrupt, Interrupted},
     novelty::{Behaviours, Index},
 };
-use murmuration_proto::RandomStream;
+use murmuration_swarm::RandomStream;
 use std::{cmp::Reverse, collections::BTreeMap};
 
 /// One point in so many is left out. Changing it changes the outcome.
@@ -155,7 +155,7 @@ fn of_each_class(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::Purpose;
+    use murmuration_swarm::Purpose;
     use proptest::prelude::*;
 
     fn line(places: impl IntoIterator<Item = f64>) -> Behaviours {

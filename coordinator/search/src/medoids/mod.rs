@@ -27,7 +27,7 @@ use crate::{
 };
 use by_class::cluster_by_class;
 use coverage::cover;
-use murmuration_proto::{CampaignSpec, Choice, Purpose, RandomStream};
+use murmuration_swarm::{CampaignSpec, Choice, Purpose, RandomStream};
 use rayon::prelude::*;
 use sampled::Sampling;
 use std::{cmp::Reverse, collections::BTreeMap};

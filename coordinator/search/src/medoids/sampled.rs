@@ -13,7 +13,7 @@ use crate::{
     interrupt::{Interrupt, Interrupted},
     novelty::Behaviours,
 };
-use murmuration_proto::RandomStream;
+use murmuration_swarm::RandomStream;
 use rayon::prelude::*;
 
 /// How much to sample.

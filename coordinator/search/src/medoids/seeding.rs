@@ -4,7 +4,7 @@ use crate::{
     interrupt::{Interrupt, Interrupted},
     novelty::Behaviours,
 };
-use murmuration_proto::RandomStream;
+use murmuration_swarm::RandomStream;
 use rand::RngExt as _;
 
 /// Draws `k` different points (`k` is at most their number): the first uniformly, each of the others with a probability

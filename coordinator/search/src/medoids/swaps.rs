@@ -9,7 +9,7 @@ use crate::{
     interrupt::{Interrupt, Interrupted},
     novelty::Behaviours,
 };
-use murmuration_proto::RandomStream;
+use murmuration_swarm::RandomStream;
 use rayon::prelude::*;
 use std::ops::Range;
 

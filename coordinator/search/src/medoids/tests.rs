@@ -3,7 +3,7 @@
 mod sampled;
 
 use super::{assignment::Assignment, *};
-use murmuration_proto::Purpose;
+use murmuration_swarm::Purpose;
 use proptest::prelude::*;
 
 fn behaviours(points: &[Vec<f64>]) -> Behaviours {

@@ -1,8 +1,9 @@
 //! Conversions of labels and queries to and from their messages, and of their errors to statuses.
 
 use murmuration_model::labels::{Action, Agreement, Annotator, Change, Entry, RequestId};
-use murmuration_proto::{Invalid, parts::parts, v1};
+use murmuration_proto::{parts::parts, v1};
 use murmuration_store::{LabelError, Undone};
+use murmuration_swarm::Invalid;
 use std::collections::BTreeSet;
 
 /// The change for an answer; `now_ms` is its time unless the message has one.

@@ -6,7 +6,7 @@ use crate::{
     files::{is_there, sync},
 };
 use bytes::Bytes;
-use murmuration_proto::{CheckpointDigest, text::masked_url};
+use murmuration_swarm::{CheckpointDigest, text::masked_url};
 use object_store::{
     ObjectStore, ObjectStoreExt as _, ObjectStoreScheme, local::LocalFileSystem, path::Path as ObjectPath,
 };

@@ -6,7 +6,7 @@ use murmuration_model::{
     NewCampaign, Weight,
     labels::{Action, Change, RequestId},
 };
-use murmuration_proto::CampaignSpec;
+use murmuration_swarm::CampaignSpec;
 
 fn open() -> (tempfile::TempDir, Store) {
     let folder = tempfile::tempdir().unwrap();

@@ -2,7 +2,8 @@
 
 use crate::{ArchivedIndividual, Store, StoreError, checkpoints::Condition};
 use murmuration_model::{CampaignId, CampaignRecord, CampaignState};
-use murmuration_proto::{CheckpointDigest, EmbedderSource, SIMULATOR_VERSION};
+use murmuration_proto::SIMULATOR_VERSION;
+use murmuration_swarm::{CheckpointDigest, EmbedderSource};
 use std::ops::Range;
 
 /// Individuals or pictures read at a time.

@@ -10,7 +10,7 @@ use crate::{
     checkpoints::{BlobStore, CheckpointError, Condition},
     files::is_there,
 };
-use murmuration_proto::CheckpointDigest;
+use murmuration_swarm::CheckpointDigest;
 use std::{
     fs,
     path::{Path, PathBuf},

@@ -6,8 +6,8 @@ use murmuration_model::{
     CampaignId, Weight,
     labels::{Action, Answer, Change, RequestId},
 };
-use murmuration_proto::CampaignSpec;
 use murmuration_search::medoids::Clustering;
+use murmuration_swarm::CampaignSpec;
 use rusqlite::Connection;
 
 /// A data directory with a completed campaign of three generations of two, and three labels.

@@ -2,7 +2,7 @@
 
 use super::super::{StoreError, numbers::clamped};
 use murmuration_model::labels::{Action, Annotator, Change, Entry, RequestId};
-use murmuration_proto::Invalid;
+use murmuration_swarm::Invalid;
 use rusqlite::{Connection, Row, Transaction, params};
 use std::ops::Range;
 

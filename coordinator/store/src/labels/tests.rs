@@ -3,7 +3,7 @@
 use super::*;
 use crate::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance};
 use murmuration_model::{Weight, labels::ClassName};
-use murmuration_proto::CampaignSpec;
+use murmuration_swarm::CampaignSpec;
 use std::path::Path;
 
 /// A store with a campaign of three individuals.

@@ -1,7 +1,7 @@
 use super::*;
 use crate::{ArchivedIndividual, DataDirectory, GenerationRecord, Picture};
 use murmuration_model::Weight;
-use murmuration_proto::{CampaignSpec, Controller, Preset};
+use murmuration_swarm::{CampaignSpec, Controller, Preset};
 
 /// How the machines of the tests embed.
 const KIND: u64 = 5;

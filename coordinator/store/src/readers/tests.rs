@@ -4,7 +4,7 @@ use super::*;
 use crate::blocking::in_background;
 use crate::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store};
 use murmuration_model::{CampaignId, CampaignState, Weight};
-use murmuration_proto::CampaignSpec;
+use murmuration_swarm::CampaignSpec;
 use std::{
     sync::{
         atomic::{AtomicBool, Ordering},

@@ -4,7 +4,7 @@ use crate::{
     provenance::tests::{open, suspect, wrong},
 };
 use murmuration_model::labels::Answer;
-use murmuration_proto::Preset;
+use murmuration_swarm::Preset;
 
 fn left(store: &Store, id: &CampaignId) -> Vec<u64> {
     let individuals = store.individuals(id, &Preset::SingleSensor.into(), 0..9, true);
@@ -111,7 +111,7 @@ fn what_is_rolled_back_is_of_another_archive_version_whatever_the_clock_says() {
     let (_folder, store, _) = open();
     // The clock was a century ahead when the campaign was created, and has been set right since.
     let ahead = now_ms().unsigned_abs() + 100 * 365 * 86_400_000;
-    let spec = murmuration_proto::CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"");
+    let spec = murmuration_swarm::CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"");
     let weight = murmuration_model::Weight::default();
     let id = store.create_campaign(&spec.unwrap(), weight, ahead).unwrap();
     let archive_version = || store.campaign(id.as_str()).unwrap().archive_version();

@@ -6,7 +6,7 @@ use murmuration_model::{
     CampaignId, Weight,
     labels::{Action, Change},
 };
-use murmuration_proto::CampaignSpec;
+use murmuration_swarm::CampaignSpec;
 
 /// A campaign of 5 individuals, two of which are labelled, that learns from 3 starts of each; its dataset has 4 pictures.
 fn labelled() -> (tempfile::TempDir, Store, CampaignId) {
@@ -31,7 +31,9 @@ fn labelled() -> (tempfile::TempDir, Store, CampaignId) {
             answer: class.parse().unwrap(),
         },
     });
-    store.add_labels(&id, &"1".parse().unwrap(), message.into()).unwrap();
+    store
+        .add_labels(&id, &"1".parse().unwrap(), message.into())
+        .unwrap();
     (folder, store, id)
 }
 

@@ -3,7 +3,7 @@
 use super::*;
 use crate::{ArchivedIndividual, CheckpointRecord, DataDirectory, GenerationRecord, Provenance};
 use murmuration_model::{SavedTraining, Weight, labels::Action};
-use murmuration_proto::{CampaignSpec, Lineage};
+use murmuration_swarm::{CampaignSpec, Lineage};
 
 /// A completed campaign of 5 individuals, begun with a checkpoint; and another checkpoint.
 fn open() -> (tempfile::TempDir, Store, CampaignId, CheckpointDigest) {
@@ -117,7 +117,9 @@ fn answers_and_the_round_that_learns_from_them_are_one() {
         .unwrap();
     let message = || vec![answer(0, "ring"), answer(1, "clump")];
     for _ in 0..2 {
-        store.answer_round(&id, &RequestId::of_round(1), message()).unwrap();
+        store
+            .answer_round(&id, &RequestId::of_round(1), message())
+            .unwrap();
         assert_eq!(store.campaign("latest").unwrap().rounds.current_cutoff, Some(3));
     }
     let (log, record) = (store.label_log(&id).unwrap(), store.campaign("latest").unwrap());

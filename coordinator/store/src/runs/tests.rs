@@ -3,8 +3,8 @@
 use super::*;
 use crate::{ArchivedIndividual, DataDirectory, GenerationRecord, Picture, Provenance, Switch};
 use murmuration_model::{SavedTraining, Weight, labels::RequestId};
-use murmuration_proto::{CampaignSpec, Controller, Lineage, Preset};
 use murmuration_search::medoids::Clustering;
+use murmuration_swarm::{CampaignSpec, Controller, Lineage, Preset};
 
 fn open() -> (tempfile::TempDir, Store, CampaignId) {
     let folder = tempfile::tempdir().unwrap();

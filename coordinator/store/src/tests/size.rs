@@ -1,7 +1,7 @@
 //! Bytes of an individual on disk.
 
 use super::*;
-use murmuration_proto::{Purpose, RandomStream};
+use murmuration_swarm::{Purpose, RandomStream};
 use rand::{RngExt as _, seq::IndexedRandom as _};
 
 const INDIVIDUALS: u64 = 2000;

@@ -12,8 +12,8 @@ use crate::{
     schema,
 };
 use murmuration_model::{CampaignId, CampaignState};
-use murmuration_proto::CheckpointDigest;
 use murmuration_search::interrupt::Interrupt;
+use murmuration_swarm::CheckpointDigest;
 use rusqlite::{Connection, OpenFlags, OptionalExtension as _, Transaction, params};
 use std::{fs::File, path::Path};
 use tempfile::TempDir;

@@ -12,11 +12,11 @@ use murmuration_model::{
     CampaignRecord, CampaignState, ExportedCampaign,
     labels::{Entry, Labels, RequestId},
 };
-use murmuration_proto::{
-    CheckpointDigest, Extras, Invalid, Lineage, PART_BYTES, in_full, onnx::EmbedderModel, v1,
-};
+use murmuration_onnx::EmbedderModel;
+use murmuration_proto::{PART_BYTES, v1};
 use murmuration_search::breeding::is_start_of;
 use murmuration_sim::features::FeatureBounds;
+use murmuration_swarm::{CheckpointDigest, Extras, Invalid, Lineage, in_full};
 use std::{collections::HashSet, ops::Range, path::Path};
 
 /// Most checkpoints in a campaign's database: its own and those that they were fine-tuned from.
@@ -421,9 +421,12 @@ fn check_summary(generation: &GenerationRecord, novelty: &[f64]) -> Result<(), U
     ] {
         if message != found {
             let field = format!("generations[{number}].{name}");
-            return Err(
-                Invalid::new(&field, in_full(message), format!("{found}, that of its individuals")).into(),
-            );
+            return Err(Invalid::new(
+                &field,
+                in_full(message),
+                format!("{found}, that of its individuals"),
+            )
+            .into());
         }
     }
     Ok(())

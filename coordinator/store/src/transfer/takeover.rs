@@ -10,7 +10,7 @@ use crate::{
     numbers::clamped,
 };
 use murmuration_model::{CampaignId, ExportedCampaign};
-use murmuration_proto::CheckpointDigest;
+use murmuration_swarm::CheckpointDigest;
 use rusqlite::{Connection, OptionalExtension as _, Transaction, params, params_from_iter, types::Value};
 use std::collections::BTreeMap;
 

@@ -5,7 +5,8 @@
 
 use super::{APPLICATION, FURTHER_TABLES};
 use crate::{Store, StoreError, open::uri_path, schema};
-use murmuration_proto::{Invalid, Text, onnx::MAX_MODEL_BYTES};
+use murmuration_onnx::MAX_MODEL_BYTES;
+use murmuration_swarm::{Invalid, Text};
 use rusqlite::{Connection, ErrorCode, OpenFlags, config::DbConfig, limits::Limit};
 use std::{
     fs::{self, File},
@@ -140,7 +141,9 @@ fn check_length(connection: &Connection, path: &Path) -> Result<(), Unsound> {
     let found = path.metadata().map_err(failed)?.len();
     match length.unsigned_abs() == found {
         true => Ok(()),
-        false => Err(foreign(format!("it has {found} bytes, and its database {length}"))),
+        false => Err(foreign(format!(
+            "it has {found} bytes, and its database {length}"
+        ))),
     }
 }
 

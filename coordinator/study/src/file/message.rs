@@ -5,7 +5,7 @@ use super::{
     numbers::{NumberAxis, NumbersMessage},
 };
 use crate::study::Study;
-use murmuration_proto::{Invalid, text};
+use murmuration_swarm::{Invalid, text};
 use serde::Deserialize;
 use std::{collections::BTreeMap, path::PathBuf};
 use toml::Table;

@@ -1,6 +1,6 @@
 //! Axes of numbers: a field of the campaigns, and the numbers that it takes.
 
-use murmuration_proto::{Invalid, text};
+use murmuration_swarm::{Invalid, text};
 use serde::Deserialize;
 use toml::{Table, Value};
 

@@ -9,7 +9,7 @@ use crate::{
     recall::{RecallPlan, is_independent},
     study::{Cell, Measures, Study},
 };
-use murmuration_proto::{CampaignSpec, Invalid, Method};
+use murmuration_swarm::{CampaignSpec, Invalid, Method};
 use std::num::NonZeroU32;
 use toml::Value;
 

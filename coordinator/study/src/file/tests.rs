@@ -7,7 +7,7 @@ use crate::{
     Corrections, Figure, Measure, Outcome, RandomBatches, Study, cell_digest, map_files, recall_curve,
     written,
 };
-use murmuration_proto::Method;
+use murmuration_swarm::Method;
 use std::{
     collections::BTreeSet,
     io::{self, Write},

@@ -120,7 +120,8 @@ fn what_people_say_on_a_page_is_kept_as_a_table_and_can_be_taken_back() {
     let study = sample::study();
     let cell = crate::cell_digest(&study.cells[0].spec);
     let mut message = Corrections::default();
-    message.set(&cell, 0, Some(Class::Dispersal), " ana, of \"us\" ")
+    message
+        .set(&cell, 0, Some(Class::Dispersal), " ana, of \"us\" ")
         .unwrap();
     message.set(&cell, 1, Some(Class::Dispersal), "ben").unwrap();
     message.set(&cell, 1, Some(Class::Aggregation), "cy").unwrap();

@@ -3,7 +3,7 @@
 //! Trees only compare a measure with a threshold. A swarm unlike all training examples is still judged by which side of a threshold
 //! it is on, however far beyond it is.
 
-use murmuration_proto::{Class, World};
+use murmuration_swarm::{Class, World};
 
 /// A node of a tree, as written by `scripts/second-judge`. Its children follow it.
 #[derive(Debug, Clone, Copy)]

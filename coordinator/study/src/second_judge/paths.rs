@@ -1,6 +1,6 @@
 //! The paths that the second judge sees, and points.
 
-use murmuration_proto::{Boundary, Pose, Replay, World};
+use murmuration_swarm::{Boundary, Pose, Replay, World};
 use std::f64::consts::TAU;
 
 /// Steps of the paths, as in the annotators' pictures; fewer if the motion is shorter.

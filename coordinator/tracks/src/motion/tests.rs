@@ -1,7 +1,7 @@
 //! Gaps, units, and headings that nobody measured.
 
 use super::*;
-use murmuration_proto::World;
+use murmuration_swarm::World;
 use std::{f64::consts::FRAC_PI_2, path::Path};
 
 fn tracks(text: &str) -> Tracks {

@@ -3,7 +3,8 @@
 use crate::{Web, layout::atlas_of, page_error::PageError};
 use maud::{Markup, html};
 use murmuration_model::{CampaignId, CampaignRecord};
-use murmuration_proto::{CampaignSpec, Method, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{CampaignSpec, Method};
 use serde::Serialize;
 use serde_json::json;
 use std::cmp::Ordering;

@@ -6,7 +6,7 @@ use super::{
     fields::{Kind, fields},
     given,
 };
-use murmuration_proto::{
+use murmuration_swarm::{
     BehaviourSpace, CampaignSpec, Invalid, Method, SpecFileError, line_of_field, text::quoted,
 };
 use toml::Table;

@@ -6,8 +6,8 @@ use super::{
     fields::{explanation, path},
 };
 use maud::{Markup, html};
-use murmuration_proto::spec_sections;
 use murmuration_study::wide;
+use murmuration_swarm::spec_sections;
 
 const CAMPAIGNS: &str = include_str!("../../../../docs/campaigns.md");
 /// The heading of the fields of trainings on that page.

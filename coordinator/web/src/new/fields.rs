@@ -1,6 +1,6 @@
 //! The fields of the form for a campaign, with explanations from the contract.
 
-use murmuration_proto::{Method, Preset, spec_sections};
+use murmuration_swarm::{Method, Preset, spec_sections};
 use toml::{Table, Value};
 
 pub(super) struct Field {

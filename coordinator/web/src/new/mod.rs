@@ -19,7 +19,7 @@ use axum::{
 };
 use draft::Draft;
 use murmuration_model::{NewCampaign, labels::RequestId};
-use murmuration_proto::CampaignSpec;
+use murmuration_swarm::CampaignSpec;
 use std::{
     hash::{DefaultHasher, Hash as _, Hasher as _},
     sync::atomic::{AtomicU64, Ordering},

@@ -7,7 +7,7 @@ use super::{
     fields::{Field, GROUPS, Kind, fields},
 };
 use maud::{Markup, html};
-use murmuration_proto::{CampaignSpec, EmbedderSource, Feedback, counted, grouped};
+use murmuration_swarm::{CampaignSpec, EmbedderSource, Feedback, counted, grouped};
 use toml::Table;
 
 /// The page for a draft; `token` distinguishes it from other pages. After a submission, errors come first.

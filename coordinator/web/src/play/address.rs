@@ -5,7 +5,8 @@
 //! If a part of an address is wrong, the rest still applies.
 
 use super::knobs::{Knob, knobs};
-use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Invalid, Preset, World, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{CampaignSpec, CapabilityModel, Controller, Invalid, Preset, World};
 use std::iter;
 
 /// The parameters of an address, or of a form, in order.
@@ -313,7 +314,9 @@ mod tests {
         assert_eq!(address.strictly().unwrap().world.agents(), 7);
         let message = "robots = \"24\": must be 7, as many as all species have together, or absent";
         assert_eq!(
-            check(&[("robot", text), ("robots", "24")], message).world.agents(),
+            check(&[("robot", text), ("robots", "24")], message)
+                .world
+                .agents(),
             7
         );
     }

@@ -12,9 +12,9 @@ use axum::{
     response::IntoResponse,
 };
 use murmuration_engine::blocking::blocking;
-use murmuration_proto::Invalid;
 use murmuration_service::OrStatus as _;
 use murmuration_store::StoreError;
+use murmuration_swarm::Invalid;
 use serde::Deserialize;
 
 /// Selects a piece.

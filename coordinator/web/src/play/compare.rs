@@ -11,9 +11,9 @@ use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{Markup, html};
 use murmuration_engine::nearest::{Nearest, Neighbour, UNLIKE};
 use murmuration_model::CampaignRecord;
-use murmuration_proto::{CapabilityModel, Invalid, World, rounded};
 use murmuration_report::picture;
 use murmuration_service::{OrStatus as _, OtherBehaviour};
+use murmuration_swarm::{CapabilityModel, Invalid, World, rounded};
 use tonic::Status;
 
 /// Individuals in the answer.
@@ -166,7 +166,7 @@ fn individual(record: &CampaignRecord, near: &Neighbour) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::grouped;
+    use murmuration_swarm::grouped;
 
     #[test]
     fn the_page_on_security_names_the_limit() {

@@ -1,6 +1,6 @@
 //! The genes of a controller as people set them: names, limits and defaults.
 
-use murmuration_proto::{CapabilityModel, DriveKind, Invalid, Preset, Robot, SensorAngle};
+use murmuration_swarm::{CapabilityModel, DriveKind, Invalid, Preset, Robot, SensorAngle};
 use std::{fmt, iter};
 
 #[derive(Debug, Clone, PartialEq)]
@@ -109,7 +109,7 @@ impl fmt::Display for Values {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::{CampaignSpec, Controller};
+    use murmuration_swarm::{CampaignSpec, Controller};
 
     const SPECIES: &str = r#"
         ratios = [[12, 12], [6, 18]]

@@ -33,8 +33,8 @@ use maud::Markup;
 use motion::{Kept, MOST_STEPS};
 use murmuration_engine::blocking::in_background;
 use murmuration_model::{CampaignId, NewCampaign};
-use murmuration_proto::{CampaignSpec, Invalid};
 use murmuration_service::OrStatus as _;
+use murmuration_swarm::{CampaignSpec, Invalid};
 use std::sync::Arc;
 use tonic::Status;
 

@@ -4,9 +4,9 @@
 //! swarms are kept for that. A dropped swarm is simulated from its start again, to the same bits.
 
 use super::address::Play;
-use murmuration_proto::Invalid;
 use murmuration_search::interrupt::Interrupt;
 use murmuration_sim::simulate::{Agent, Start, Swarm};
+use murmuration_swarm::Invalid;
 use std::{
     sync::{Mutex, PoisonError},
     time::{Duration, Instant},

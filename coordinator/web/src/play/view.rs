@@ -14,10 +14,10 @@ use super::{
 };
 use maud::{Markup, html};
 use murmuration_model::{CampaignId, colours};
-use murmuration_proto::{
+use murmuration_report::picture::{columns::WorldView, sensor_reach};
+use murmuration_swarm::{
     CampaignSpec, CapabilityModel, Invalid, Preset, Robot, Sensor, Species, World, grouped,
 };
-use murmuration_report::picture::{columns::WorldView, sensor_reach};
 use serde::Serialize;
 use serde_json::json;
 

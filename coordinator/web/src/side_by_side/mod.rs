@@ -10,8 +10,8 @@ use axum::extract::State;
 use maud::{Markup, html};
 use murmuration_engine::blocking::in_background;
 use murmuration_model::CampaignRecord;
-use murmuration_proto::{Invalid, Verdict, counted};
 use murmuration_study::wide;
+use murmuration_swarm::{Invalid, Verdict, counted};
 use std::collections::{BTreeMap, BTreeSet};
 use toml::{Table, Value};
 

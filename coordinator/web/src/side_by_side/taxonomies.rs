@@ -8,10 +8,10 @@ use super::{
 };
 use maud::{Markup, html};
 use murmuration_model::{CampaignRecord, labels::ClassName};
-use murmuration_proto::{BehaviourSpace, Class, Scale, Verdict, counted};
 use murmuration_report::point_map;
 use murmuration_search::{interrupt::Interrupt, novelty::Behaviours, projection::principal_axes};
 use murmuration_study::wide;
+use murmuration_swarm::{BehaviourSpace, Class, Scale, Verdict, counted};
 
 /// Side of the map, and margin above and below its content, in the units of its drawing.
 const MAP: f64 = 640.0;
@@ -309,7 +309,7 @@ mod tests {
     use super::*;
     use crate::samples;
     use murmuration_model::ArchiveEmbedder;
-    use murmuration_proto::CheckpointDigest;
+    use murmuration_swarm::CheckpointDigest;
 
     fn by(name: &[u8], record: CampaignRecord) -> CampaignRecord {
         CampaignRecord {

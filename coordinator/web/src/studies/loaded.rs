@@ -8,11 +8,11 @@ use murmuration_engine::{
     campaign::{CampaignError, Campaigns},
 };
 use murmuration_model::study_files::{STUDIES, STUDY_CLASSES, STUDY_EMBEDDERS, STUDY_FILE, STUDY_ORIGIN};
-use murmuration_proto::{CheckpointDigest, Class, Invalid};
 use murmuration_study::{
     Corrections, FolderError, JudgedIndividual, KeptStudy, Outcome, ReportError, Study, StudyFolder,
     cell_digest, report_page, studies, tables_and_plots,
 };
+use murmuration_swarm::{CheckpointDigest, Class, Invalid};
 use std::{
     collections::BTreeMap,
     fs,

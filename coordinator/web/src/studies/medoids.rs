@@ -13,8 +13,8 @@ use axum::{
     http::StatusCode,
 };
 use maud::{Markup, html};
-use murmuration_proto::{Class, Invalid, counted, grouped};
 use murmuration_study::{JUDGE, MeasuredCell};
+use murmuration_swarm::{Class, Invalid, counted, grouped};
 use serde::Deserialize;
 use serde_json::json;
 
@@ -125,7 +125,9 @@ pub(crate) async fn judge(
         "" => None,
         given => Some(class_of(given)?),
     };
-    let kept = web.studies.judge(&name, (message.cell, message.index), class, message.by);
+    let kept = web
+        .studies
+        .judge(&name, (message.cell, message.index), class, message.by);
     kept.await?;
     Ok(StatusCode::NO_CONTENT)
 }

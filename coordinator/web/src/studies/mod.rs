@@ -22,7 +22,7 @@ use axum::{
 pub use loaded::Studies;
 use loaded::{Loaded, Unusable};
 use maud::{Markup, PreEscaped, html};
-use murmuration_proto::{counted, grouped};
+use murmuration_swarm::{counted, grouped};
 use sight::Sight;
 use tonic::Status;
 

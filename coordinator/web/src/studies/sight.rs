@@ -5,7 +5,7 @@ use super::{
     loaded::{Job, Jobs, Loaded},
 };
 use maud::{Markup, html};
-use murmuration_proto::{counted, grouped};
+use murmuration_swarm::{counted, grouped};
 use std::collections::BTreeMap;
 
 /// The state of a campaign that a study needs, and the campaign's id, if there is one.

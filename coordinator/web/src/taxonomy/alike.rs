@@ -6,7 +6,7 @@ use maud::{Markup, html};
 use murmuration_accuracy::RANDOM;
 use murmuration_engine::taxonomy::{Alike, Origin};
 use murmuration_model::{CampaignRecord, labels::ClassName};
-use murmuration_proto::{counted, grouped, rounded};
+use murmuration_swarm::{counted, grouped, rounded};
 
 /// Pairs listed at first, nearest first, and most pairs listed on request.
 const AT_ONCE: usize = 3;

@@ -8,7 +8,7 @@ use murmuration_model::{
     CampaignRecord,
     labels::{ClassName, GivenClass},
 };
-use murmuration_proto::{Verdict, counted, figure, grouped};
+use murmuration_swarm::{Verdict, counted, figure, grouped};
 
 pub(super) struct Card<'a> {
     pub(super) record: &'a CampaignRecord,

@@ -17,10 +17,10 @@ use murmuration_engine::{
     taxonomy::{Change, ClusterName, Names, Origin},
 };
 use murmuration_model::{CampaignRecord, colours};
-use murmuration_proto::{counted, grouped, rounded};
 use murmuration_report::point_map;
 use murmuration_service::OrStatus as _;
 use murmuration_store::{Store, StoredTaxonomy, TaxonomyVersion};
+use murmuration_swarm::{counted, grouped, rounded};
 use serde::Deserialize;
 
 /// Side of a map in the units of its drawing.

@@ -5,8 +5,8 @@ use crate::Web;
 use murmuration_dispatch::{Evaluated, EvaluationJob};
 use murmuration_engine::{blocking::blocking, taxonomy::Medoid};
 use murmuration_model::CampaignRecord;
-use murmuration_proto::{Controller, Purpose, RandomStream, Starts, Verdict};
 use murmuration_service::OrStatus as _;
+use murmuration_swarm::{Controller, Purpose, RandomStream, Starts, Verdict};
 use rand::RngExt as _;
 use std::{
     collections::{BTreeMap, VecDeque},
@@ -192,7 +192,7 @@ pub(super) fn counted(verdicts: impl Iterator<Item = Verdict>) -> Vec<(Verdict, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::{Class, Pattern};
+    use murmuration_swarm::{Class, Pattern};
 
     #[test]
     fn the_most_frequent_is_first() {

@@ -32,12 +32,9 @@ use murmuration_engine::{
     taxonomy::{Alike, Names, Origin, Taxonomy},
 };
 use murmuration_model::{ArchiveVersion, CampaignId, CampaignRecord, CampaignState, Rounds, labels::Labels};
-use murmuration_proto::{
-    Choice, Verdict,
-    v1::{
-        campaign_service_client::CampaignServiceClient, campaign_service_server::CampaignServiceServer,
-        label_service_client::LabelServiceClient, label_service_server::LabelServiceServer,
-    },
+use murmuration_proto::v1::{
+    campaign_service_client::CampaignServiceClient, campaign_service_server::CampaignServiceServer,
+    label_service_client::LabelServiceClient, label_service_server::LabelServiceServer,
 };
 use murmuration_report as report;
 use murmuration_service::{
@@ -45,6 +42,7 @@ use murmuration_service::{
     report_data::{self, PicturesOf},
 };
 use murmuration_store::{Store, StoreError, TaxonomyVersion, kept::LatestAnswers};
+use murmuration_swarm::{Choice, Verdict};
 use serde::Deserialize;
 use std::{collections::BTreeMap, sync::Arc};
 use tonic::Status;

@@ -11,8 +11,8 @@ use crate::{
 use axum::{extract::Path, http::header::CONTENT_TYPE, response::IntoResponse};
 use maud::{Markup, html};
 use murmuration_model::{CampaignRecord, labels::ClassName};
-use murmuration_proto::{Verdict, grouped};
 use murmuration_report::picture::image_png;
+use murmuration_swarm::{Verdict, grouped};
 
 /// Side of the square in a start's picture that shows one pixel of its image.
 const SCALE: u32 = 2;

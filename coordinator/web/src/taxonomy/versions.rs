@@ -5,8 +5,8 @@ use crate::parts;
 use maud::{Markup, html};
 use murmuration_engine::taxonomy::{NotCarried, Uncarried};
 use murmuration_model::CampaignRecord;
-use murmuration_proto::{counted, grouped};
 use murmuration_store::TaxonomyVersion;
+use murmuration_swarm::{counted, grouped};
 
 /// When in its campaign a version was made.
 pub(super) fn in_words(version: &TaxonomyVersion) -> String {

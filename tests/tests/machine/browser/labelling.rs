@@ -4,7 +4,7 @@ use crate::browser::{
     driver::{Driver, Window},
     scene::{LabelClient, Scene, answer, asked, introduce, name, saved},
 };
-use murmuration_proto::CampaignSpec;
+use murmuration_swarm::CampaignSpec;
 use murmuration_tests::Murmuration;
 use serde_json::json;
 use std::collections::BTreeSet;

@@ -4,7 +4,7 @@ use crate::browser::{
     driver::{Driver, Window},
     looks::{self, SIZES},
 };
-use murmuration_proto::{CampaignSpec, Controller};
+use murmuration_swarm::{CampaignSpec, Controller};
 use murmuration_tests::{Cluster, small_spec};
 use serde_json::{Value, json};
 use tempfile::TempDir;

@@ -129,7 +129,10 @@ pub async fn plots_tell_their_values_at_a_pointer_and_by_keys() {
     );
     let data = "JSON.parse(document.querySelector('#novelty .plot').dataset.plot)";
     let best = window.value(&format!("{data}.lines[0].values[0]")).await;
-    let message = first.split(' ').nth(3).and_then(|message| message.parse::<f64>().ok());
+    let message = first
+        .split(' ')
+        .nth(3)
+        .and_then(|message| message.parse::<f64>().ok());
     let off = message
         .zip(best.as_f64())
         .map(|(message, best)| (message - best).abs() / best);

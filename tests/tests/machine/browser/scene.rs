@@ -2,10 +2,10 @@
 
 use crate::browser::driver::{Driver, Window};
 use murmuration_proto::{
-    CampaignSpec,
     parts::whole,
     v1::{self, label_service_client::LabelServiceClient},
 };
+use murmuration_swarm::CampaignSpec;
 use murmuration_tests::{Cluster, small_spec};
 use std::collections::BTreeMap;
 use tempfile::TempDir;
@@ -183,7 +183,8 @@ pub async fn asked(window: &Window) -> u64 {
         .until("/^Individual [\\d,]+$/.test(document.getElementById('which')?.textContent)")
         .await;
     let message = window.text("#which").await;
-    message.trim_start_matches("Individual ")
+    message
+        .trim_start_matches("Individual ")
         .replace(',', "")
         .parse()
         .unwrap()

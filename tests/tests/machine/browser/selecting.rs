@@ -4,7 +4,8 @@ use crate::browser::{
     driver::{Driver, Window},
     scene::{Scene, introduce_here, saved},
 };
-use murmuration_proto::{CampaignSpec, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::CampaignSpec;
 use murmuration_tests::small_spec;
 
 /// Horizontal positions of the points on the canvas, computed by the test from the columns that the page fetches.

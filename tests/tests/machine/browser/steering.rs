@@ -5,7 +5,8 @@ use crate::browser::{
     looks::{SIZES, check},
     scene::Scene,
 };
-use murmuration_proto::{CampaignSpec, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::CampaignSpec;
 use murmuration_tests::{small_latent_spec, small_spec};
 use serde_json::json;
 

@@ -5,7 +5,7 @@ use crate::browser::{
     looks::{SIZES, check},
     scene::{Scene, introduce_here},
 };
-use murmuration_proto::CampaignSpec;
+use murmuration_swarm::CampaignSpec;
 use murmuration_tests::{Cluster, Murmuration};
 use std::path::Path;
 

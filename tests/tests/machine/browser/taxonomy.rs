@@ -5,7 +5,7 @@ use crate::browser::{
     looks::{SIZES, check},
     scene::{Scene, saved},
 };
-use murmuration_proto::CampaignSpec;
+use murmuration_swarm::CampaignSpec;
 use murmuration_tests::small_latent_spec;
 use serde_json::json;
 

@@ -116,7 +116,9 @@ pub fn a_backup_is_refused_where_it_cannot_be_kept() {
         let target = target.display().to_string();
         let refused = murmuration.run(&["backup", &target]);
         assert!(
-            refused.code == Some(code) && refused.stderr.contains(&target) && refused.stderr.contains(expected),
+            refused.code == Some(code)
+                && refused.stderr.contains(&target)
+                && refused.stderr.contains(expected),
             "{target}: {:?} {}",
             refused.code,
             refused.stderr

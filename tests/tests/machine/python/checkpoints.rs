@@ -1,6 +1,6 @@
 //! Checkpoints run on Python's ONNX Runtime.
 
-use murmuration_proto::{
+use murmuration_swarm::{
     PictureShape, Purpose, RandomStream,
     training::{Architecture, ArchitectureError},
 };

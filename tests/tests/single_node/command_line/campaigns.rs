@@ -1,7 +1,7 @@
 //! Campaigns from a specification to a report, and running a report's specification again.
 
 use crate::command_line::Desk;
-use murmuration_proto::FEATURE_NAMES;
+use murmuration_swarm::FEATURE_NAMES;
 use murmuration_tests::{small_latent_spec, small_spec, whole_number};
 use std::{
     collections::BTreeMap,

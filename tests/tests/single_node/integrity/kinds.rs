@@ -4,11 +4,13 @@ use crate::integrity::{Honest, LIAR, audited, connect, impossible, notices};
 use murmuration_dispatch::Options;
 use murmuration_embed::{Embedder, Runtime};
 use murmuration_link::{Coordinator, Credentials, fetch_checkpoint};
-use murmuration_proto::{
-    CampaignSpec, CapabilityModel, CheckpointDigest, Controller, Evaluation, ImageFormat, Purpose,
-    RandomStream, World, onnx::EmbedderModel, v1,
-};
+use murmuration_onnx::EmbedderModel;
+use murmuration_proto::v1;
 use murmuration_sim::{evaluate::Evaluator, simulate::Start};
+use murmuration_swarm::{
+    CampaignSpec, CapabilityModel, CheckpointDigest, Controller, Evaluation, ImageFormat, Purpose,
+    RandomStream, World,
+};
 use murmuration_tests::{Cluster, small_latent_spec};
 use rand::RngExt as _;
 use std::time::Duration;

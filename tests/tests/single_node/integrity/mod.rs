@@ -6,7 +6,8 @@ mod machines;
 
 use murmuration_dispatch::{Options, Share};
 use murmuration_link::Credentials;
-use murmuration_proto::{CampaignSpec, Purpose, RandomStream, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{CampaignSpec, Purpose, RandomStream};
 use murmuration_tests::{Cluster, FakeWorker, Murmuration, quick_dispatch, small_latent_spec, small_spec};
 use rand::RngExt as _;
 use std::{net::Ipv4Addr, num::NonZeroUsize, path::Path, time::Duration};
@@ -348,7 +349,10 @@ async fn what_takes_three_workers_is_poisoned_and_the_campaign_goes_on() {
         let last = cluster.finish(&campaign).await;
         assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
         let message = notices(&last);
-        assert!(message.contains("the task of individual 0 was poisoned"), "{message}");
+        assert!(
+            message.contains("the task of individual 0 was poisoned"),
+            "{message}"
+        );
         assert!(message.contains("3 workers were lost during it"), "{message}");
         assert_eq!(message.matches("impostor at 127.0.0.2").count(), 3, "{message}");
         digests.push(cluster.digest(&campaign).await);

@@ -1,12 +1,12 @@
 //! Answers longer than a gRPC message: every client, with its library's default limit of 4 MiB, receives them whole.
 
 use murmuration_proto::{
-    CampaignSpec, Lineage,
     parts::whole,
     v1::{
         self, checkpoint_service_client::CheckpointServiceClient, label_service_client::LabelServiceClient,
     },
 };
+use murmuration_swarm::{CampaignSpec, Lineage};
 use murmuration_tests::{Cluster, Murmuration, small_spec};
 use prost::Message as _;
 use std::{fs, path::Path};

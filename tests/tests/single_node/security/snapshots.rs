@@ -1,12 +1,13 @@
 //! Snapshots of trainings: only trainers store them, only of a training that they lease, and only up to the size that it can have.
 
 use murmuration_proto::{
-    CheckpointDigest, TRAINER_VERSION,
+    TRAINER_VERSION,
     v1::{
         self, coordinator_message::Message as Answer, trainer_service_client::TrainerServiceClient,
         training_part::Part, worker_message::Message,
     },
 };
+use murmuration_swarm::CheckpointDigest;
 use murmuration_tests::{Cluster, FakeWorker, Murmuration, small_latent_spec};
 use std::time::Duration;
 use tokio::sync::mpsc;

@@ -2,7 +2,7 @@
 
 use murmuration_proto::{
     SIMULATOR_VERSION,
-    codec::MAX_REQUEST_PARTS,
+    codec::MAX_PARTS,
     v1::{self, worker_message::Message as Said},
 };
 use murmuration_tests::{Cluster, FakeWorker};
@@ -78,7 +78,7 @@ async fn a_small_message_of_many_parts_is_refused_before_it_is_decoded() {
         assert!(status.message().contains("it has over 262144 parts"), "{status}");
     };
     let evaluations = v1::Evaluations {
-        evaluations: vec![v1::Evaluation::default(); MAX_REQUEST_PARTS],
+        evaluations: vec![v1::Evaluation::default(); MAX_PARTS],
     };
     let result = v1::BatchResult {
         outcome: Some(v1::batch_result::Outcome::Evaluations(evaluations)),
@@ -90,9 +90,16 @@ async fn a_small_message_of_many_parts_is_refused_before_it_is_decoded() {
     });
     check(sent(&cluster, "/murmuration.v1.WorkerService/Work", messages.into()).await);
     let labels = v1::AppendLabelsRequest {
-        answers: vec![v1::Answer::default(); MAX_REQUEST_PARTS + 1],
+        answers: vec![v1::Answer::default(); MAX_PARTS + 1],
         ..Default::default()
     };
-    check(sent(&cluster, "/murmuration.v1.LabelService/AppendLabels", vec![labels]).await);
+    check(
+        sent(
+            &cluster,
+            "/murmuration.v1.LabelService/AppendLabels",
+            vec![labels],
+        )
+        .await,
+    );
     cluster.stop().await;
 }

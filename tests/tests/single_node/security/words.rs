@@ -30,7 +30,11 @@ async fn a_workers_words_are_cleaned_and_cut() {
         .watch_until(&campaign, |status| !status.waiting.is_empty())
         .await;
     let expected = "impostor returned work, which will be tried again: broken]0;owned 2Jtxet xxx";
-    assert!(status.waiting.starts_with(expected), "{:?}", &status.waiting[..100]);
+    assert!(
+        status.waiting.starts_with(expected),
+        "{:?}",
+        &status.waiting[..100]
+    );
     assert!(status.waiting.len() < 3000, "{} bytes", status.waiting.len());
     cluster.stop().await;
 }

@@ -1,7 +1,8 @@
 //! New campaigns, deleted ones, and campaigns side by side.
 
 use super::Browser;
-use murmuration_proto::{CampaignSpec, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::CampaignSpec;
 use murmuration_tests::{Cluster, small_spec};
 use reqwest::StatusCode;
 

@@ -100,7 +100,9 @@ async fn a_taxonomy_outlives_learning_and_its_names_go_on() {
     let names = ["ring", "wall hugger", "clump", "cloud"];
     let named: Vec<(u64, &str)> = medoids.iter().copied().zip(names).collect();
     assert_eq!(named.len(), 4);
-    browser.tell("labels", &answers_of("a", &named), StatusCode::OK).await;
+    browser
+        .tell("labels", &answers_of("a", &named), StatusCode::OK)
+        .await;
     let request = v1::RefineCampaignRequest { campaign: id.clone() };
     cluster.client.refine_campaign(request).await.unwrap();
     cluster.finish(&id).await;

@@ -1,7 +1,7 @@
 //! Leaky rectifiers, in place. The derivative follows from the output, so nothing else is kept.
 
 use crate::real::Real;
-use murmuration_proto::training::Layer;
+use murmuration_swarm::training::Layer;
 
 /// x, or `slope` x if x is negative.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,9 +2,9 @@
 
 use super::Backward;
 use crate::real::Real;
-use murmuration_proto::training::Shape;
+use murmuration_swarm::training::Shape;
 
-/// See [`murmuration_proto::training::Layer::AveragePooling`].
+/// See [`murmuration_swarm::training::Layer::AveragePooling`].
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct AveragePooling {
     pub(crate) input: Shape,

@@ -10,7 +10,7 @@ use super::{Backward, plane};
 use crate::real::Real;
 use kernels::{Gather, Products, WIDTH};
 use meetings::{Geometry, Meetings};
-use murmuration_proto::training::Shape;
+use murmuration_swarm::training::Shape;
 use pulp::Arch;
 use std::sync::Arc;
 

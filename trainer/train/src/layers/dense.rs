@@ -2,7 +2,7 @@
 
 use super::Backward;
 use crate::real::{Real, matrix, multiply};
-use murmuration_proto::training::Shape;
+use murmuration_swarm::training::Shape;
 
 /// Parameters: one row of weights per unit (in the order of the values here), then the biases.
 #[derive(Debug, Clone, Copy)]

@@ -1,7 +1,7 @@
 //! Compares each layer's gradient with finite differences, in f64.
 
 use super::{Backward, Operation};
-use murmuration_proto::{
+use murmuration_swarm::{
     Purpose, RandomStream,
     training::{Layer, Shape, parameters},
 };

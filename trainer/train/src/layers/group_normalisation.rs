@@ -5,7 +5,7 @@
 
 use super::{Activation, Backward};
 use crate::real::Real;
-use murmuration_proto::training::Shape;
+use murmuration_swarm::training::Shape;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Added to every variance.

@@ -20,7 +20,7 @@ pub(crate) use dense::Dense;
 pub(crate) use group_normalisation::{EPSILON, GroupNormalisation};
 
 use crate::real::Real;
-use murmuration_proto::training::{Layer, Shape};
+use murmuration_swarm::training::{Layer, Shape};
 
 /// A layer with its own output (activations change values in place).
 #[derive(Debug, Clone)]

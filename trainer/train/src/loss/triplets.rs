@@ -42,7 +42,7 @@ pub(crate) fn loss<T: Real>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::{Purpose, RandomStream};
+    use murmuration_swarm::{Purpose, RandomStream};
     use rand::RngExt as _;
 
     #[test]

@@ -5,10 +5,8 @@ use crate::{
     layers::Operation,
     network::{Network, Stage},
 };
-use murmuration_proto::{
-    onnx::{EmbedderModel, GraphProto, ModelError, ModelProto},
-    training::Architecture,
-};
+use murmuration_onnx::{EmbedderModel, GraphProto, ModelError, ModelProto};
+use murmuration_swarm::training::Architecture;
 use prost::Message as _;
 
 /// Why a file is not a trainable network.
@@ -90,7 +88,7 @@ fn floats(graph: &GraphProto, name: String, count: usize) -> Result<Vec<f32>, Im
 mod tests {
     use super::*;
     use crate::pictures::tests::grey;
-    use murmuration_proto::{PictureShape, training::Layer};
+    use murmuration_swarm::{PictureShape, training::Layer};
     use proptest::prelude::*;
 
     fn layers() -> impl Strategy<Value = Vec<Layer>> {

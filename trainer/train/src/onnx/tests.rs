@@ -1,7 +1,8 @@
 //! Tests of exported models.
 
 use super::*;
-use murmuration_proto::{PictureShape, onnx::EmbedderModel, training::Architecture};
+use murmuration_onnx::EmbedderModel;
+use murmuration_swarm::{PictureShape, training::Architecture};
 
 fn graph(architecture: Architecture) -> GraphProto {
     let bytes = export(&Network::initialise(architecture, 1));

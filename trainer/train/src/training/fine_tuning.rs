@@ -2,7 +2,7 @@
 
 use super::{Training, TrainingError};
 use crate::{labelled_pictures::LabelledPictures, network::Network, onnx, pictures::Pictures};
-use murmuration_proto::{CheckpointDigest, training::Configuration};
+use murmuration_swarm::{CheckpointDigest, training::Configuration};
 use std::sync::Arc;
 
 /// The inputs of fine-tuning besides configuration and pictures.

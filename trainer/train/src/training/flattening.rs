@@ -1,7 +1,7 @@
 //! Levels the density of behaviours. Most random controllers behave alike, so a network that sees all equally often mainly learns
 //! to distinguish random behaviours.
 
-use murmuration_proto::Features;
+use murmuration_swarm::Features;
 use rayon::prelude::*;
 
 /// The rank of the neighbour whose distance measures how rare a behaviour is.

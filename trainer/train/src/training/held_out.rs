@@ -1,7 +1,7 @@
 //! The held-out behaviours, and their triplets.
 
 use crate::{augment::Augmentation, network::Network, pictures::Pictures, quality::Quality};
-use murmuration_proto::{Purpose, RandomStream, training::Configuration};
+use murmuration_swarm::{Purpose, RandomStream, training::Configuration};
 use rand::RngExt as _;
 use rayon::prelude::*;
 

@@ -3,7 +3,7 @@
 
 use super::{EpochLoss, Training};
 use crate::{augment::Augmentation, loss::in_batch};
-use murmuration_proto::{
+use murmuration_swarm::{
     Purpose, RandomStream,
     training::{InBatch, Recipe},
 };

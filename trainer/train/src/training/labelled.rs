@@ -12,7 +12,7 @@ use crate::{
         labelled::{ClassShare, Weights},
     },
 };
-use murmuration_proto::{Purpose, RandomStream, training::Labelled};
+use murmuration_swarm::{Purpose, RandomStream, training::Labelled};
 use rand::RngExt as _;
 use rayon::prelude::*;
 use std::ops::Range;

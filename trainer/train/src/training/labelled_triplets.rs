@@ -5,7 +5,7 @@ use super::{
     triplets::{Triplet, learn},
 };
 use crate::labelled_pictures::LabelledPictures;
-use murmuration_proto::{RandomStream, training::PaperLabelled};
+use murmuration_swarm::{RandomStream, training::PaperLabelled};
 use rand::RngExt as _;
 
 pub(super) fn epoch(
@@ -69,7 +69,7 @@ impl Drawn {
 mod tests {
     use super::*;
     use crate::pictures::tests::grey;
-    use murmuration_proto::Purpose;
+    use murmuration_swarm::Purpose;
     use proptest::prelude::*;
 
     proptest! {

@@ -21,7 +21,7 @@ use crate::{
     shards::Shards,
 };
 use held_out::HeldOut;
-use murmuration_proto::{
+use murmuration_swarm::{
     PictureShape, Purpose, RandomStream,
     training::{Architecture, ArchitectureError, Configuration, Recipe},
 };

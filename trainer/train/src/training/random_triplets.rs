@@ -5,7 +5,7 @@ use super::{
     triplets::{Triplet, learn},
 };
 use crate::pictures::Pictures;
-use murmuration_proto::{RandomStream, training::RandomTriplets};
+use murmuration_swarm::{RandomStream, training::RandomTriplets};
 use rand::RngExt as _;
 use std::sync::Arc;
 

@@ -1,6 +1,6 @@
 //! The schedule of the learning rate, and the losses so far.
 
-use murmuration_proto::training::{RandomTriplets, Recipe};
+use murmuration_swarm::training::{RandomTriplets, Recipe};
 
 /// The learning rate and the values that determine it.
 #[derive(Debug, Clone, PartialEq)]

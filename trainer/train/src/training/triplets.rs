@@ -6,7 +6,7 @@ use crate::{
     loss::triplets,
     network::{Network, append_image},
 };
-use murmuration_proto::{PictureShape, Purpose, RandomStream, training::RandomTriplets};
+use murmuration_swarm::{PictureShape, Purpose, RandomStream, training::RandomTriplets};
 
 /// Number of values of a chunk's forward pass. With more images, packing a dense layer's weights costs less per image; with
 /// fewer, more of them stay in a core's cache.

@@ -1,7 +1,7 @@
 //! The search among nearby pieces finds the same as a search among all pieces.
 
 use super::*;
-use murmuration_proto::{Purpose, RandomStream, World};
+use murmuration_swarm::{Purpose, RandomStream, World};
 use rand::RngExt as _;
 use std::f64::consts::TAU;
 

@@ -52,7 +52,10 @@ fn files_that_hold_something_else_are_named_and_not_quoted() {
     ];
     for error in errors {
         let message = error.to_string();
-        assert!(message.contains(&folder.path().display().to_string()), "{message}");
+        assert!(
+            message.contains(&folder.path().display().to_string()),
+            "{message}"
+        );
         assert!(!format!("{message} {error:?}").contains("swordfish"), "{error:?}");
     }
 }

@@ -1,6 +1,6 @@
 //! The values of JSON objects by key, with errors that name the key.
 
-use murmuration_proto::Invalid;
+use murmuration_swarm::Invalid;
 use serde_json::{Map, Value};
 
 /// The values of an object by key; `null` counts as missing.

@@ -16,7 +16,7 @@ use crate::{
     replay::replay,
     simulate::{Start, Swarm},
 };
-use murmuration_proto::{Controller, ImageFormat, Invalid, Replay, World};
+use murmuration_swarm::{Controller, ImageFormat, Invalid, Replay, World};
 use serde_json::{Map, Value};
 use std::num::NonZeroU32;
 

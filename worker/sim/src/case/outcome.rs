@@ -7,7 +7,8 @@ use crate::{
     simulate::{Agent, Swarm},
 };
 use base64::{Engine as _, prelude::BASE64_STANDARD};
-use murmuration_proto::{Invalid, SIMULATOR_VERSION};
+use murmuration_proto::SIMULATOR_VERSION;
+use murmuration_swarm::Invalid;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 

@@ -6,8 +6,9 @@ use super::{
     species,
 };
 use crate::simulate::Start;
-use murmuration_proto::{
-    Boundary, CapabilityModel, Controller, ImageFormat, Invalid, Preset, World, counted, v1,
+use murmuration_proto::v1;
+use murmuration_swarm::{
+    Boundary, CapabilityModel, Controller, ImageFormat, Invalid, Preset, World, counted,
 };
 use serde_json::Value;
 

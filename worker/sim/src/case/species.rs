@@ -1,7 +1,7 @@
 //! Reads the species of a case, which replace model and controller.
 
 use super::keys::{Keys, array, number, numbers, shown};
-use murmuration_proto::{
+use murmuration_swarm::{
     CapabilityModel, Controller, Drive, Invalid, Robot, Seen, Sensor, SensorAngle, SensorDescription,
     Species, SpeciesName, World, counted,
 };

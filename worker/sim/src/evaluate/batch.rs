@@ -10,7 +10,7 @@ use crate::{
     rasterise::Rasteriser,
     simulate::{Batch, MOST_AGENTS, Start},
 };
-use murmuration_proto::{Controller, Evaluation, ImageFormat, Invalid, Sensor, World};
+use murmuration_swarm::{Controller, Evaluation, ImageFormat, Invalid, Sensor, World};
 use pulp::{Arch, Simd, WithSimd};
 
 /// Maximum number of pixels of a canvas when there is one per lane: larger ones do not fit the caches.

@@ -5,7 +5,8 @@ use crate::{
     rasterise::Rasteriser,
     simulate::{Start, Swarm},
 };
-use murmuration_proto::{Controller, Evaluation, ImageFormat, Invalid, World, counted, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{Controller, Evaluation, ImageFormat, Invalid, World, counted};
 
 /// Features and picture of a recorded motion. `frames` has the pose (x, y, heading; world units and radians) of each robot before
 /// the first step and after every step, for at least one step. The number of frames, not `world`, determines the horizon.

@@ -1,7 +1,7 @@
 //! Records the frames of motions that the judge needs, and has it judge them.
 
 use murmuration_judge as judge;
-use murmuration_proto::{Invalid, Pose, Replay, Verdict, World};
+use murmuration_swarm::{Invalid, Pose, Replay, Verdict, World};
 
 /// Frames for the judge, of swarms that are simulated together.
 pub(super) struct Recorder {

@@ -24,9 +24,10 @@
 
 use super::{FEATURE_STEPS, RADIAL_VARIANCE_SCALE};
 use crate::simulate::{GAP, JITTER, PASSES};
-use murmuration_proto::{
+use murmuration_proto::v1;
+use murmuration_swarm::{
     Boundary, CapabilityModel, Evaluation, Extras, FEATURE_NAMES, Features, ImageFormat, Invalid, Obstacle,
-    World, v1,
+    World,
 };
 use std::f64::consts::SQRT_2;
 

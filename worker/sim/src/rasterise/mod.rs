@@ -10,7 +10,7 @@ use crate::simulate::{Agent, Agents, Batch, Swarm};
 use brush::{Brush, Ends};
 use canvas::Canvas;
 use grey::Cells;
-use murmuration_proto::{ImageFormat, Invalid, Robot, World};
+use murmuration_swarm::{ImageFormat, Invalid, Robot, World};
 use pulp::{Arch, Scalar, Simd, WithSimd};
 
 /// Draws swarms on a canvas of one pixel per world unit, and averages it down (paper, "Simulation and Data").

@@ -1,7 +1,7 @@
 //! Collisions: the agent that has just moved is pushed out of those it touches; the others stay.
 
 use super::{Start, gaze::Group, others::Others, sight::Reach};
-use murmuration_proto::{Purpose, RandomStream, World};
+use murmuration_swarm::{Purpose, RandomStream, World};
 use pulp::Simd;
 
 /// Maximum number of passes that push an agent out of all agents that it touches.

@@ -1,7 +1,7 @@
 //! Motion of a robot in one step, from a pair of its controller's numbers. For wheel speeds see the paper, appendix "Swarm
 //! Kinematics".
 
-use murmuration_proto::{DriveKind, Robot, RobotController};
+use murmuration_swarm::{DriveKind, Robot, RobotController};
 
 /// The motion of one step under one sensor state.
 #[derive(Debug, Clone, Copy, Default)]

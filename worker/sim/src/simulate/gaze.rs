@@ -14,7 +14,7 @@ use super::{
     positions::{LANES, Positions},
 };
 use crate::lanes::{Planar, any, dot, minus, splat};
-use murmuration_proto::{Sensor, World};
+use murmuration_swarm::{Sensor, World};
 use pulp::Simd;
 use std::f64::consts::FRAC_PI_2;
 

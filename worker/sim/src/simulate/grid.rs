@@ -6,7 +6,7 @@ use super::{
     gaze::{Gaze, Group},
     sight::{Observer, Reach},
 };
-use murmuration_proto::World;
+use murmuration_swarm::World;
 
 /// Minimum number of agents for which a grid is faster: `cargo bench -p murmuration-worker --bench many_robots`.
 pub(super) const WORTH: u32 = 512;

@@ -13,7 +13,7 @@ use super::{
     others::{Everyone, Others},
     sight::Observer,
 };
-use murmuration_proto::{
+use murmuration_swarm::{
     Boundary, CapabilityModel, Controller, Invalid, RobotController, SeenRobots, Sensor, Species, World,
 };
 use pulp::Simd;

@@ -7,7 +7,7 @@ use super::{
     others::{Everyone, Others},
     sight::{Observer, Reach},
 };
-use murmuration_proto::{RobotController, World};
+use murmuration_swarm::{RobotController, World};
 use pulp::Simd;
 
 /// The kinds of robots of a swarm.

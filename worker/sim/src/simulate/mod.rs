@@ -31,7 +31,7 @@ use gaze::Group;
 use grid::Grid;
 use kinds::Kinds;
 use mind::{Driven, Mind, Paper, PaperMind};
-use murmuration_proto::{Boundary, Controller, Invalid, Preset, Robot, World};
+use murmuration_swarm::{Boundary, Controller, Invalid, Preset, Robot, World};
 use others::Everyone;
 use positions::Positions;
 pub use pulp::Arch;

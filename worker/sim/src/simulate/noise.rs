@@ -7,7 +7,7 @@ use super::{
     Start,
     drive::{Drivetrain, Gait},
 };
-use murmuration_proto::{self as proto, Purpose, RandomStream, World};
+use murmuration_swarm::{self as proto, Purpose, RandomStream, World};
 use rand::RngExt as _;
 use std::{collections::VecDeque, f64::consts::TAU};
 

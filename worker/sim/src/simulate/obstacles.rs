@@ -5,7 +5,7 @@ use super::{
     gaze::Gaze,
     torus::Torus,
 };
-use murmuration_proto::{Boundary, Obstacle, World};
+use murmuration_swarm::{Boundary, Obstacle, World};
 
 /// The obstacles of a world.
 #[derive(Debug, Clone)]

@@ -10,7 +10,7 @@ use super::{
     others::Everyone,
     torus::{Images, Torus},
 };
-use murmuration_proto::{Boundary, World};
+use murmuration_swarm::{Boundary, World};
 use pulp::Simd;
 
 /// Described robots, with the noise and the torus of their world.

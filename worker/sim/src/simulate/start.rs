@@ -1,7 +1,7 @@
 //! Initial poses of a swarm.
 
 use super::drive::direction;
-use murmuration_proto::{Invalid, Purpose, RandomStream, StartShape, World, counted};
+use murmuration_swarm::{Invalid, Purpose, RandomStream, StartShape, World, counted};
 use rand::RngExt as _;
 use std::{borrow::Cow, f64::consts::TAU};
 

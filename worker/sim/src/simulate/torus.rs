@@ -7,7 +7,7 @@ use super::{
     others::{Everyone, Others},
     sight::{Observer, Reach},
 };
-use murmuration_proto::{Obstacle, World};
+use murmuration_swarm::{Obstacle, World};
 use pulp::Simd;
 
 /// The sides of the world.

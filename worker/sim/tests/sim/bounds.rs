@@ -1,11 +1,12 @@
 //! Bounds of features: no swarm exceeds them.
 
 use crate::simulate::sized;
-use murmuration_proto::{Boundary, Controller, FEATURE_NAMES, Features, Preset, Robot, World, v1};
+use murmuration_proto::v1;
 use murmuration_sim::{
     features::{FEATURE_STEPS, FeatureBounds, FeatureMeans, check_positions},
     simulate::{Start, Swarm},
 };
+use murmuration_swarm::{Boundary, Controller, FEATURE_NAMES, Features, Preset, Robot, World};
 use proptest::prelude::*;
 
 fn features(controller: &Controller, world: &World, seed: u64) -> Features {

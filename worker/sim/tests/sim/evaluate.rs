@@ -1,15 +1,16 @@
 //! Evaluations: their bits do not depend on how they are computed; invalid ones are refused.
 
 use crate::simulate;
-use murmuration_proto::{
-    CampaignSpec, Controller, Evaluation, ImageFormat, Preset, Purpose, RandomStream, World, v1,
-};
+use murmuration_proto::v1;
 use murmuration_sim::{
     evaluate::{Evaluator, evaluate},
     features::{FEATURE_STEPS, FeatureMeans},
     rasterise::Rasteriser,
     replay::replay_frames,
     simulate::{Arch, Start, Swarm},
+};
+use murmuration_swarm::{
+    CampaignSpec, Controller, Evaluation, ImageFormat, Preset, Purpose, RandomStream, World,
 };
 use proptest::prelude::*;
 use std::thread;

@@ -1,11 +1,11 @@
 //! Evaluations of recorded motions.
 
-use murmuration_proto::{CampaignSpec, Controller, ImageFormat, Preset, World};
 use murmuration_sim::{
     evaluate::{evaluate, observe},
     replay::poses,
     simulate::Start,
 };
+use murmuration_swarm::{CampaignSpec, Controller, ImageFormat, Preset, World};
 
 const SPECIES: &str = r#"
     [[species]]

@@ -1,10 +1,11 @@
 //! Pictures of swarms with different robots.
 
-use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, ImageFormat, World, v1};
+use murmuration_proto::v1;
 use murmuration_sim::{
     rasterise::Rasteriser,
     simulate::{Start, Swarm},
 };
+use murmuration_swarm::{CampaignSpec, CapabilityModel, Controller, ImageFormat, World};
 
 /// The picture of a swarm at these poses, before stretching.
 fn drawn(robots: &str, poses: &[[f64; 3]]) -> Vec<u8> {

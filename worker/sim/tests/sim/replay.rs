@@ -1,10 +1,11 @@
 //! Recordings of motions.
 
-use murmuration_proto::{Controller, Frames, Invalid, Preset, Replay, World, v1};
+use murmuration_proto::v1;
 use murmuration_sim::{
     replay::{replay, replay_frames},
     simulate::Start,
 };
+use murmuration_swarm::{Controller, Frames, Invalid, Preset, Replay, World};
 use std::num::NonZeroU32;
 
 fn recorded(horizon: u32, stride: u32) -> Result<Replay, Invalid> {

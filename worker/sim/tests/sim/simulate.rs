@@ -7,8 +7,9 @@ mod obstacles;
 mod starts;
 mod torus;
 
-use murmuration_proto::{Boundary, Controller, Preset, Purpose, RandomStream, World, v1};
+use murmuration_proto::v1;
 use murmuration_sim::simulate::{Agent, Arch, Start, Swarm};
+use murmuration_swarm::{Boundary, Controller, Preset, Purpose, RandomStream, World};
 use proptest::prelude::*;
 use std::f64::consts::{PI, TAU};
 

@@ -1,7 +1,7 @@
 use super::*;
 use murmuration_model::{Rounds, Weight};
-use murmuration_proto::{CampaignSpec, CheckpointDigest};
 use murmuration_store::DataDirectory;
+use murmuration_swarm::{CampaignSpec, CheckpointDigest};
 
 /// A latent campaign just after its creation.
 fn created() -> CampaignRecord {

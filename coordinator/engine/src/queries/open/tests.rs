@@ -5,9 +5,9 @@ use murmuration_model::{
     CampaignState, Weight,
     labels::{Action, Change},
 };
-use murmuration_proto::CampaignSpec;
 use murmuration_search::medoids::Clustering;
 use murmuration_store::{ClusterMeasures, DataDirectory, GenerationRecord, Provenance, Trial};
+use murmuration_swarm::CampaignSpec;
 use std::collections::BTreeSet;
 
 /// A running campaign with generations of ten.

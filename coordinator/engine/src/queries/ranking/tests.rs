@@ -1,8 +1,8 @@
 //! The first questions, and that each question comes once.
 
 use super::*;
-use murmuration_proto::Purpose;
 use murmuration_search::{interrupt::Interrupt, medoids};
+use murmuration_swarm::Purpose;
 use proptest::{prelude::*, strategy::Strategy};
 
 fn stream() -> RandomStream {

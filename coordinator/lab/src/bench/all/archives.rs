@@ -5,12 +5,12 @@ use super::{
     super::{process_cpu, thread_cpu},
     CliError, Floor, Row, in_turns,
 };
-use murmuration_proto::{Purpose, RandomStream, grouped};
 use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
     medoids::{Algorithm, cluster_by},
     novelty::{Behaviours, Index, novelty_of},
 };
+use murmuration_swarm::{Purpose, RandomStream, grouped};
 use rand::RngExt as _;
 use rayon::ThreadPoolBuilder;
 use std::{hint::black_box, time::Duration};

@@ -5,12 +5,13 @@ use super::{
     CliError, Floor, Row, in_turns,
     peer::Peer,
 };
-use murmuration_proto::{
-    Controller, ControllerSpace, ImageFormat, Preset, Purpose, RandomStream, RobotController, World, v1,
-};
+use murmuration_proto::v1;
 use murmuration_sim::{
     evaluate::Evaluator,
     simulate::{Agent, Start, Swarm},
+};
+use murmuration_swarm::{
+    Controller, ControllerSpace, ImageFormat, Preset, Purpose, RandomStream, RobotController, World,
 };
 use serde_json::json;
 use std::{hint::black_box, time::Duration};

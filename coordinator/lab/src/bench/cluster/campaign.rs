@@ -8,15 +8,12 @@ use murmuration_coordinator::{
     server::{LocalWay, Options},
 };
 use murmuration_dispatch as dispatch;
-use murmuration_proto::{
-    CampaignSpec, Controller, Lineage,
-    v1::{
-        self, campaign_service_client::CampaignServiceClient,
-        checkpoint_service_client::CheckpointServiceClient,
-    },
+use murmuration_proto::v1::{
+    self, campaign_service_client::CampaignServiceClient, checkpoint_service_client::CheckpointServiceClient,
 };
 use murmuration_sim::simulate::Start;
 use murmuration_store::{DataDirectory, Store};
+use murmuration_swarm::{CampaignSpec, Controller, Lineage};
 use std::{
     path::{Path, PathBuf},
     time::{Duration, Instant},

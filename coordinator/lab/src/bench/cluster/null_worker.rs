@@ -3,10 +3,8 @@
 use super::{CliError, thread_cpu};
 use murmuration_coordinator::server::LocalWay;
 use murmuration_link::{Address, Broken, Health, Link, LinkError, Peer, Role, keep, stopped};
-use murmuration_proto::{
-    EmbeddingKind, ImageFormat, Purpose, RandomStream,
-    v1::{self, batch_result, coordinator_message, lease, worker_message},
-};
+use murmuration_proto::v1::{self, batch_result, coordinator_message, lease, worker_message};
+use murmuration_swarm::{EmbeddingKind, ImageFormat, Purpose, RandomStream};
 use rand::RngExt as _;
 use std::{
     thread::{self, JoinHandle},

@@ -2,8 +2,9 @@
 
 use super::{CliError, Took, process_cpu};
 use murmuration_embed::{EmbedError, Embedder, Runtime};
-use murmuration_proto::{CampaignSpec, Controller, Evaluation, onnx::EmbedderModel};
+use murmuration_onnx::EmbedderModel;
 use murmuration_sim::{evaluate::Evaluator, simulate::Start};
+use murmuration_swarm::{CampaignSpec, Controller, Evaluation};
 use std::{
     hint::black_box,
     sync::atomic::{AtomicUsize, Ordering},

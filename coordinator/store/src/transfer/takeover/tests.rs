@@ -3,7 +3,7 @@
 use super::*;
 use crate::DataDirectory;
 use murmuration_model::Weight;
-use murmuration_proto::CampaignSpec;
+use murmuration_swarm::CampaignSpec;
 use rusqlite::params;
 use std::path::Path;
 

@@ -14,9 +14,10 @@ use murmuration_model::{
     CampaignId, CampaignState, Weight,
     labels::{Action, Annotator, Change, Entry, Labels, RequestId},
 };
-use murmuration_proto::{
-    CampaignSpec, CheckpointDigest, Controller, Lineage, PictureShape, Purpose, RandomStream,
-    SIMULATOR_VERSION, Verdict, training::Architecture,
+use murmuration_proto::SIMULATOR_VERSION;
+use murmuration_swarm::{
+    CampaignSpec, CheckpointDigest, Controller, Lineage, PictureShape, Purpose, RandomStream, Verdict,
+    training::Architecture,
 };
 use murmuration_train::{network::Network, onnx};
 use proptest::prelude::*;

@@ -2,7 +2,7 @@
 
 use super::{super::untrusted::read_schema, *};
 use crate::schema;
-use murmuration_proto::{Purpose, RandomStream};
+use murmuration_swarm::{Purpose, RandomStream};
 use rand::RngExt as _;
 use rusqlite::{Connection, config::DbConfig};
 use std::{os::unix::fs::symlink, process::Command, sync::LazyLock};

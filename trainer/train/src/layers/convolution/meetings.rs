@@ -3,7 +3,7 @@
 //! Pixels that meet the same parts form a group: the interior of a picture, its edges and its corners. A group needs no padding,
 //! so nothing is multiplied by zeros, and no pixel needs a bounds check of its own.
 
-use murmuration_proto::training::Shape;
+use murmuration_swarm::training::Shape;
 use std::collections::BTreeMap;
 
 /// All meetings of a block of samples.

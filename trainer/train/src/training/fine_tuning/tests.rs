@@ -6,7 +6,7 @@ use crate::{
     pictures::tests::grey,
     training::tests::{SMALL, bars, check_interruption, check_threads, configuration, finished},
 };
-use murmuration_proto::{Purpose, RandomStream};
+use murmuration_swarm::{Purpose, RandomStream};
 use rand::RngExt as _;
 
 const LABELLED: &str =

@@ -23,7 +23,7 @@ use crate::{
         sight::Reach,
     },
 };
-use murmuration_proto::{Robot, Sensor};
+use murmuration_swarm::{Robot, Sensor};
 use pulp::Simd;
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -18,7 +18,7 @@ use crate::lanes::{
 };
 use cones::{ConeViewer, Cones};
 use look::{Seen, Viewer};
-use murmuration_proto::{CapabilityModel, Controller, Invalid, RobotController, SeenRobots, Sensor, World};
+use murmuration_swarm::{CapabilityModel, Controller, Invalid, RobotController, SeenRobots, Sensor, World};
 use pulp::Simd;
 
 /// Maximum number of agents per swarm of a batch: the agents that one touches are the bits of a word.

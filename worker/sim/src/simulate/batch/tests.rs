@@ -2,7 +2,8 @@
 
 use super::Batch;
 use crate::{lanes::lanes, simulate::Start};
-use murmuration_proto::{Controller, Preset, World, v1};
+use murmuration_proto::v1;
+use murmuration_swarm::{Controller, Preset, World};
 use pulp::Scalar;
 
 /// The margin of a glance grows with the largest coordinate so far: an agent beyond that coordinate would be seen with too small a

@@ -1,7 +1,7 @@
 //! Swarms of described robots: they see by the definition, and equal the paper's swarms if their description does.
 
 use super::*;
-use murmuration_proto::{
+use murmuration_swarm::{
     CapabilityModel, Drive, Robot, Seen, SeenRobots, Sensor, SensorAngle, SensorDescription, Species,
     SpeciesName,
 };

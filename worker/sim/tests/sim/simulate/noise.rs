@@ -1,8 +1,8 @@
 //! Noise: its effects, and that its bits depend on the seed alone.
 
 use super::*;
-use murmuration_proto::{CapabilityModel, Drive, ImageFormat, Noise, Robot, Seen, Sensor, SensorDescription};
 use murmuration_sim::evaluate::Evaluator;
+use murmuration_swarm::{CapabilityModel, Drive, ImageFormat, Noise, Robot, Seen, Sensor, SensorDescription};
 
 fn noisy(world: &World, noise: v1::Noise) -> World {
     let message = v1::World {

@@ -1,7 +1,7 @@
 //! Obstacles push robots out, and sensors see them.
 
 use super::*;
-use murmuration_proto::{CapabilityModel, Drive, Robot, Seen, Sensor, SensorAngle, SensorDescription};
+use murmuration_swarm::{CapabilityModel, Drive, Robot, Seen, Sensor, SensorAngle, SensorDescription};
 use std::f64::consts::FRAC_PI_4;
 
 fn disc(x: f64, y: f64, radius: f64) -> v1::Obstacle {

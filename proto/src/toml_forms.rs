@@ -1,0 +1,139 @@
+//! Serde forms of the fields whose form in campaign files differs from the messages'.
+
+/// `angle = 0.5` or `angle = "free"`.
+pub(crate) mod angle {
+    use crate::v1::SensorAngle;
+    use serde::{
+        Deserializer, Serializer,
+        de::{Error, Unexpected, Visitor},
+    };
+    use std::fmt;
+
+    const FREE: &str = "free";
+
+    pub(crate) fn serialize<S: Serializer>(
+        angle: &Option<SensorAngle>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        match angle.as_ref().and_then(|angle| angle.fixed) {
+            Some(fixed) => serializer.serialize_f64(fixed),
+            None => serializer.serialize_str(FREE),
+        }
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Option<SensorAngle>, D::Error> {
+        deserializer.deserialize_any(Angle).map(Some)
+    }
+
+    struct Angle;
+
+    impl Visitor<'_> for Angle {
+        type Value = SensorAngle;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("a number of radians, or \"free\"")
+        }
+
+        fn visit_f64<E: Error>(self, fixed: f64) -> Result<SensorAngle, E> {
+            Ok(SensorAngle { fixed: Some(fixed) })
+        }
+
+        fn visit_i64<E: Error>(self, fixed: i64) -> Result<SensorAngle, E> {
+            self.visit_f64(fixed as f64)
+        }
+
+        fn visit_str<E: Error>(self, text: &str) -> Result<SensorAngle, E> {
+            match text {
+                FREE => Ok(SensorAngle { fixed: None }),
+                _ => Err(E::invalid_value(Unexpected::Str(text), &self)),
+            }
+        }
+    }
+}
+
+/// `ratios = [[12, 12], [8, 16]]`.
+pub mod ratios {
+    use crate::v1::Ratio;
+    use serde::{Deserialize as _, Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(ratios: &[Ratio], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(ratios.iter().map(|ratio| &ratio.counts))
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Ratio>, D::Error> {
+        let ratios = Vec::<Vec<u32>>::deserialize(deserializer)?;
+        Ok(ratios.into_iter().map(|counts| Ratio { counts }).collect())
+    }
+}
+
+/// `poses = [[100.0, 250.0, 0.0], [400.0, 250.0, 3.14]]`.
+pub(crate) mod poses {
+    use serde::{Deserialize as _, Deserializer, Serializer};
+
+    pub(crate) fn serialize<S: Serializer>(numbers: &[f64], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(numbers.chunks(3))
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+        let poses = Vec::<[f64; 3]>::deserialize(deserializer)?;
+        Ok(poses.into_flattened())
+    }
+}
+
+/// `initial = [[-0.7, 0.3, 1.0, 1.0]]`.
+pub(crate) mod genes {
+    use crate::v1::Genes;
+    use serde::{Deserialize as _, Deserializer, Serializer};
+
+    pub(crate) fn serialize<S: Serializer>(controllers: &[Genes], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(controllers.iter().map(|genes| &genes.values))
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Genes>, D::Error> {
+        let controllers = Vec::<Vec<f64>>::deserialize(deserializer)?;
+        Ok(controllers.into_iter().map(|values| Genes { values }).collect())
+    }
+}
+
+/// `method = "hand-crafted"`.
+pub(crate) mod method {
+    use serde::{Deserialize as _, Deserializer, Serializer, de::Error as _};
+
+    /// The values of the contract's enum `Method`, without its prefix, in small letters and with hyphens.
+    const NAMES: &[&str] = include!(concat!(env!("OUT_DIR"), "/methods.rs"));
+
+    pub(crate) fn serialize<S: Serializer>(number: &i32, serializer: S) -> Result<S::Ok, S::Error> {
+        let place = usize::try_from(*number - 1).ok();
+        serializer.serialize_str(place.and_then(|place| NAMES.get(place)).unwrap_or(&""))
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<i32, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        let place = NAMES.iter().position(|known| *known == name);
+        let number = place.and_then(|place| i32::try_from(place + 1).ok());
+        number.ok_or_else(|| D::Error::unknown_variant(&name, NAMES))
+    }
+}
+
+/// A table of its own: TOML text in the message.
+pub(crate) mod table {
+    use serde::{
+        Deserialize as _, Deserializer, Serialize as _, Serializer, de::Error as _, ser::Error as _,
+    };
+
+    pub(crate) fn serialize<S: Serializer>(text: &Option<String>, serializer: S) -> Result<S::Ok, S::Error> {
+        let table = text.as_deref().map(str::parse::<toml::Table>).transpose();
+        table.map_err(S::Error::custom)?.serialize(serializer)
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Option<String>, D::Error> {
+        let table = Option::<toml::Table>::deserialize(deserializer)?;
+        table
+            .map(|table| toml::to_string(&table).map_err(D::Error::custom))
+            .transpose()
+    }
+}

@@ -1,0 +1,325 @@
+//! An ONNX model that is known to be an embedder and may be stored, sent and executed.
+//!
+//! A file is decoded, every node is checked from the images to the embedding, and the checked model is encoded again. The
+//! runtime loads only the result, never the original bytes.
+
+use super::{
+    EMBEDDING_DIMENSIONS, GraphProto, IMAGE_SIDES, ImageShape, MAX_MODEL_BYTES, MAX_NODES, ModelProto,
+    NodeProto, TypeProto, ValueInfoProto, budget::Budget, operators, shape::Value, tensor,
+    tensor_proto::DataType, tensor_shape_proto::dimension,
+};
+use murmuration_proto::wire::MessageShapes;
+use murmuration_swarm::PictureShape;
+use prost::Message as _;
+use std::{collections::BTreeMap, ops::RangeInclusive, sync::LazyLock};
+
+/// Oldest accepted version of ONNX's operators. It broadcasts as today's versions do.
+const OLDEST_OPSET: i64 = 9;
+/// The messages of a model file.
+static MODEL: LazyLock<MessageShapes> =
+    LazyLock::new(|| MessageShapes::read(include_bytes!(concat!(env!("OUT_DIR"), "/descriptors.bin"))));
+/// Maximum number of messages, texts and lists in a model file: enough for 1024 nodes with 90 each.
+const MAX_PARTS: usize = 100_000;
+
+/// An embedder as an ONNX model: B x C x H x W raw grey values (0 to 255, as floats) to B x N numbers, for any B. C is 1 to 4.
+///
+/// Each image's embedding depends on that image alone: no allowed operator mixes the images of a batch.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct EmbedderModel {
+    encoded: Vec<u8>,
+    input: String,
+    output: String,
+    images: ImageShape,
+    dimensions: usize,
+    largest_value: usize,
+}
+
+/// Error in a file that should be an embedder.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ModelError {
+    /// The file is longer than [`MAX_MODEL_BYTES`].
+    #[error("the model has {0} bytes: at most {MAX_MODEL_BYTES} are allowed")]
+    TooLarge(usize),
+    /// The file is not an ONNX model.
+    #[error("this is not an ONNX model: {0}")]
+    NotOnnx(String),
+    /// The model's input is not a batch of images, or it has more inputs.
+    #[error(
+        "the model's input {0}: an embedder takes floats of shape batch x channels x height x width, batch open, 1 to 4 \
+         channels"
+    )]
+    Input(String),
+    /// The model's output is not a batch of vectors, or it has more outputs.
+    #[error("the model's output {0}: an embedder makes floats of shape batch x N, N from 1 to 1024")]
+    Output(String),
+    /// A constant that cannot be used.
+    #[error("the model's constant {name:?} {problem}")]
+    Constant {
+        /// The constant's name in the graph.
+        name: String,
+        problem: String,
+    },
+    /// A node that cannot be executed.
+    #[error("the model's node {node}: {problem}")]
+    Node {
+        /// The node's operator and output.
+        node: String,
+        problem: String,
+    },
+}
+
+impl EmbedderModel {
+    /// Reads and checks a model file.
+    ///
+    /// # Errors
+    /// If the file is not ONNX, does anything else than embed images, or needs another file, an operator that is not allowed,
+    /// or too much memory or time per image ([`MAX_VALUE_ELEMENTS`](super::MAX_VALUE_ELEMENTS),
+    /// [`MAX_ELEMENTS`](super::MAX_ELEMENTS), [`MAX_PRODUCTS`](super::MAX_PRODUCTS)).
+    pub fn read(file: &[u8]) -> Result<Self, ModelError> {
+        if file.len() > MAX_MODEL_BYTES {
+            return Err(ModelError::TooLarge(file.len()));
+        }
+        let parts = MODEL.check::<ModelProto>(file, MAX_PARTS);
+        parts.map_err(|refused| ModelError::NotOnnx(refused.to_string()))?;
+        let model = ModelProto::decode(file).map_err(|error| ModelError::NotOnnx(error.to_string()))?;
+        let graph = graph(&model)?;
+        let constants = constants(graph)?;
+        let input = single_input(graph, &constants)?;
+        let images = image_shape(input)?;
+        let output = single_output(graph)?;
+        let image = Value::Batched(vec![images.channels, images.height, images.width]);
+        let values = follow(graph, constants, &input.name, image)?;
+        Ok(Self {
+            images,
+            dimensions: dimensions(&output.name, values.get(&output.name))?,
+            largest_value: values.values().map(Value::elements).max().unwrap_or(0),
+            input: input.name.clone(),
+            output: output.name.clone(),
+            encoded: model.encode_to_vec(),
+        })
+    }
+
+    /// The model, without the other contents of its file. The checkpoint's digest is of the file, not of these bytes.
+    #[must_use]
+    pub fn encoded(&self) -> &[u8] {
+        &self.encoded
+    }
+
+    /// Name of the input.
+    #[must_use]
+    pub fn input(&self) -> &str {
+        &self.input
+    }
+
+    /// Name of the output.
+    #[must_use]
+    pub fn output(&self) -> &str {
+        &self.output
+    }
+
+    /// The shape of the images that it takes.
+    #[must_use]
+    pub const fn images(&self) -> ImageShape {
+        self.images
+    }
+
+    /// Numbers in an embedding, 1 to 1024.
+    #[must_use]
+    pub const fn dimensions(&self) -> usize {
+        self.dimensions
+    }
+
+    /// Numbers in the largest intermediate value per image. The memory of a batch grows with it.
+    #[must_use]
+    pub const fn largest_value(&self) -> usize {
+        self.largest_value
+    }
+}
+
+/// The model's graph, if it is the only computation, and its version and size are allowed.
+fn graph(model: &ModelProto) -> Result<&GraphProto, ModelError> {
+    let Some(graph) = &model.graph else {
+        return Err(ModelError::NotOnnx("it holds no graph".to_owned()));
+    };
+    let opset = model
+        .opset_import
+        .iter()
+        .find(|set| is_standard(&set.domain))
+        .map_or(0, |set| set.version);
+    let problem = if opset < OLDEST_OPSET {
+        format!("its operators are of version {opset}: {OLDEST_OPSET} or newer is needed")
+    } else if !model.functions.is_empty() {
+        "it defines operators of its own".to_owned()
+    } else if !graph.sparse_initializer.is_empty() {
+        "it has sparse constants".to_owned()
+    } else if graph.node.len() > MAX_NODES {
+        format!(
+            "it has {} nodes: at most {MAX_NODES} are allowed",
+            graph.node.len()
+        )
+    } else {
+        return Ok(graph);
+    };
+    Err(ModelError::NotOnnx(problem))
+}
+
+fn is_standard(domain: &str) -> bool {
+    domain.is_empty() || domain == "ai.onnx"
+}
+
+fn constants(graph: &GraphProto) -> Result<BTreeMap<String, Value>, ModelError> {
+    let mut constants = BTreeMap::new();
+    for initializer in &graph.initializer {
+        let refused = |problem| ModelError::Constant {
+            name: initializer.name.clone(),
+            problem,
+        };
+        let constant = tensor::constant(initializer).map_err(refused)?;
+        if constants.insert(initializer.name.clone(), constant).is_some() {
+            return Err(refused("is there twice".to_owned()));
+        }
+    }
+    Ok(constants)
+}
+
+/// The only input that is not a constant (old files list their constants among the inputs).
+fn single_input<'a>(
+    graph: &'a GraphProto,
+    constants: &BTreeMap<String, Value>,
+) -> Result<&'a ValueInfoProto, ModelError> {
+    let mut inputs = graph
+        .input
+        .iter()
+        .filter(|input| !constants.contains_key(&input.name));
+    match (inputs.next(), inputs.count()) {
+        (Some(input), 0) => Ok(input),
+        (first, more) => Err(ModelError::Input(format!(
+            "is not one but {}",
+            more + usize::from(first.is_some())
+        ))),
+    }
+}
+
+fn single_output(graph: &GraphProto) -> Result<&ValueInfoProto, ModelError> {
+    match graph.output.as_slice() {
+        [output] => Ok(output),
+        outputs => Err(ModelError::Output(format!("is not one but {}", outputs.len()))),
+    }
+}
+
+/// The shape of the images that `input` takes.
+fn image_shape(input: &ValueInfoProto) -> Result<ImageShape, ModelError> {
+    let refused = |problem: &str| Err(ModelError::Input(format!("{:?} {problem}", input.name)));
+    let Some(tensor) = input
+        .r#type
+        .as_ref()
+        .and_then(|TypeProto { tensor_type }| tensor_type.as_ref())
+    else {
+        return refused("is no tensor");
+    };
+    if tensor.elem_type != DataType::Float as i32 {
+        return refused("is not of 32-bit floats");
+    }
+    let sizes: Vec<Option<i64>> = tensor
+        .shape
+        .iter()
+        .flat_map(|shape| &shape.dim)
+        .map(|dimension| match dimension.value {
+            Some(dimension::Value::DimValue(size)) => Some(size),
+            Some(dimension::Value::DimParam(_)) | None => None,
+        })
+        .collect();
+    match sizes[..] {
+        [None, Some(channels), Some(height), Some(width)] => {
+            let within = |size, sizes: RangeInclusive<usize>| {
+                let size = usize::try_from(size).ok();
+                size.filter(|size| sizes.contains(size))
+            };
+            let Some(channels) = within(channels, 1..=PictureShape::MAX_CHANNELS) else {
+                return refused(&format!("has the shape {}", shown(&sizes)));
+            };
+            match (within(height, IMAGE_SIDES), within(width, IMAGE_SIDES)) {
+                (Some(height), Some(width)) => Ok(ImageShape {
+                    channels,
+                    height,
+                    width,
+                }),
+                _ => refused(&format!(
+                    "is of {height} x {width} pixels, a side not from 1 to 1000"
+                )),
+            }
+        }
+        [Some(batch), _, _, _] => refused(&format!("has the fixed batch size {batch}")),
+        _ => refused(&format!("has the shape {}", shown(&sizes))),
+    }
+}
+
+/// A declared shape in words; `?` where a size is open.
+fn shown(sizes: &[Option<i64>]) -> String {
+    let sizes: Vec<String> = sizes
+        .iter()
+        .map(|size| size.map_or("?".to_owned(), |size| size.to_string()))
+        .collect();
+    format!("[{}]", sizes.join(", "))
+}
+
+/// The shape of every value of the graph by name, from the constants and the images through all nodes.
+fn follow(
+    graph: &GraphProto,
+    constants: BTreeMap<String, Value>,
+    input: &str,
+    image: Value,
+) -> Result<BTreeMap<String, Value>, ModelError> {
+    let mut values = constants;
+    values.insert(input.to_owned(), image);
+    let mut budget = Budget::full();
+    for node in &graph.node {
+        let refused = |problem| ModelError::Node {
+            node: format!("{} ({})", node.op_type, node.output.join(", ")),
+            problem,
+        };
+        let (name, value) = evaluate(node, &values, &mut budget).map_err(refused)?;
+        if values.insert(name.to_owned(), value).is_some() {
+            return Err(refused("its output has the name of another value".to_owned()));
+        }
+    }
+    Ok(values)
+}
+
+/// The output of a node: its name and its shape.
+fn evaluate<'a>(
+    node: &'a NodeProto,
+    values: &BTreeMap<String, Value>,
+    budget: &mut Budget,
+) -> Result<(&'a str, Value), String> {
+    if !is_standard(&node.domain) {
+        return Err(format!("operators of {:?} are not allowed", node.domain));
+    }
+    let [output] = node.output.as_slice() else {
+        return Err("it must have one output".to_owned());
+    };
+    let taken = |name: &String| {
+        values
+            .get(name)
+            .ok_or_else(|| format!("nothing before it makes {name:?}"))
+    };
+    let inputs = node.input.iter().map(taken).collect::<Result<Vec<_>, _>>()?;
+    let value = operators::output(node, &inputs, budget)?;
+    budget.keep(value.elements())?;
+    Ok((output, value))
+}
+
+fn dimensions(name: &str, output: Option<&Value>) -> Result<usize, ModelError> {
+    let made = match output {
+        Some(Value::Batched(sizes)) => match sizes[..] {
+            [dimensions] if EMBEDDING_DIMENSIONS.contains(&dimensions) => return Ok(dimensions),
+            _ => format!("has the shape batch x {sizes:?}"),
+        },
+        Some(Value::Constant { .. }) => "does not depend on the image".to_owned(),
+        None => "is made by no node".to_owned(),
+    };
+    Err(ModelError::Output(format!("{name:?} {made}")))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,74 @@
+//! The campaign that begins with one controller.
+
+use super::CampaignSpec;
+use crate::{Controller, Invalid, World, robot};
+use murmuration_proto::v1;
+
+/// Name of a campaign that begins with one controller.
+const NAME: &str = "play";
+/// Controllers per generation. With [`GENERATIONS`], half a minute with the paper's robots on two cores, as
+/// `examples/quick.toml`.
+const POPULATION: u32 = 100;
+const GENERATIONS: u32 = 30;
+
+impl CampaignSpec {
+    /// Number of evaluations of a campaign of [`CampaignSpec::begun_with`].
+    pub const BEGUN_EVALUATIONS: u32 = POPULATION * GENERATIONS;
+
+    /// A small search on hand-crafted features for the behaviours of a controller's robots in a world. Its first generation
+    /// begins with that controller; `seed` is that of the search.
+    ///
+    /// # Errors
+    /// If the robots do not fit the world, or the search does not fit in memory.
+    pub fn begun_with(controller: &Controller, world: &World, seed: u64) -> Result<Self, Invalid> {
+        let robots = robot::Written::from(controller.model());
+        Self::try_from(v1::CampaignSpec {
+            name: Some(NAME.to_owned()),
+            seed: Some(seed),
+            model: robots.model,
+            robot: robots.robot,
+            species: robots.species,
+            ratios: robots.ratios,
+            method: v1::Method::HandCrafted as i32,
+            world: Some(world.clone().into()),
+            controllers: Some(v1::ControllerSpace {
+                initial: vec![controller.into()],
+                ..v1::ControllerSpace::default()
+            }),
+            search: Some(v1::Search {
+                population: Some(POPULATION),
+                generations: Some(GENERATIONS),
+                ..v1::Search::default()
+            }),
+            ..v1::CampaignSpec::default()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_campaign_has_the_robots_the_world_and_the_controller_that_it_is_begun_with() {
+        let species = "ratios = [[3, 4], [2, 5]]\n[[species]]\nname = \"a\"\nrobot.sensors = [{}]\n\
+                       [[species]]\nname = \"b\"\nrobot = { radius = 8, sensors = [{ angle = \"free\", angle_range = [0, 1] }] }\n";
+        for robots in [
+            "model = \"two-sensor\"\n[world]\nagents = 30\nboundary = \"torus\"\n",
+            "model = \"turbopi\"\n",
+            "[robot]\nradius = 7\nsensors = [{ half_angle = 0.2, range = 120 }]\n",
+            species,
+        ] {
+            let (model, world) = CampaignSpec::robots_from_toml(robots).unwrap();
+            let controller = Controller::new(&model, &vec![0.0; model.genes()]).unwrap();
+            let spec = CampaignSpec::begun_with(&controller, &world, 5).unwrap();
+            assert_eq!(
+                (spec.model(), spec.world(), spec.seed()),
+                (&model, &world, 5),
+                "{robots}"
+            );
+            assert_eq!(spec.controllers().initial(), [controller]);
+            assert_eq!(CampaignSpec::from_toml(&spec.to_toml()).unwrap(), spec);
+        }
+    }
+}

@@ -1,0 +1,295 @@
+//! The controllers that a search can propose.
+
+use crate::{CapabilityModel, Controller, Invalid, Preset, RandomStream, SensorAngle, counted, invalid};
+use murmuration_proto::v1;
+use std::f64::consts::PI;
+
+/// The controller space U(C): speeds on a grid (or continuous), and sets or ranges of sensor angles (paper, appendix "Informed
+/// Heuristic Filtering"). With several species, a controller has the genes of each in turn, and a ratio.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ControllerSpace {
+    model: CapabilityModel,
+    /// Grid steps from 0 to a largest speed; 0 for a continuous space.
+    steps: u32,
+    /// Choices for every free angle without a list of its own; empty: any in its range.
+    angles: Vec<f64>,
+    genes: Vec<GeneSpace>,
+    initial: Vec<Controller>,
+}
+
+/// The values of one gene of a controller space.
+#[derive(Debug, Clone, PartialEq)]
+pub enum GeneSpace {
+    Speed {
+        /// Largest magnitude.
+        limit: f64,
+        /// Grid steps from 0 to `limit`; 0 for any value.
+        steps: u32,
+    },
+    /// One of these angles, radians.
+    Among(Vec<f64>),
+    /// Any angle from the lowest to the highest, radians.
+    Within([f64; 2]),
+    /// The index of a ratio; the field is the number of ratios.
+    Ratio(usize),
+}
+
+impl ControllerSpace {
+    /// Maximum number of controllers that a first generation begins with.
+    pub const MAX_INITIAL: usize = 1000;
+
+    /// The paper's ten angles of the second sensor, radians.
+    #[must_use]
+    pub fn paper_angles() -> Vec<f64> {
+        [2.0 * PI / 3.0, PI / 2.0, PI / 3.0, PI / 4.0, PI / 6.0]
+            .into_iter()
+            .flat_map(|angle| [-angle, angle])
+            .collect()
+    }
+
+    /// Validates a space for `model`.
+    ///
+    /// # Errors
+    /// Names the invalid field: a step that does not divide 1 evenly, an angle out of a sensor's range, angles for a model that
+    /// has none to choose, a controller that the model does not have.
+    pub fn for_model(message: v1::ControllerSpace, model: &CapabilityModel) -> Result<Self, Invalid> {
+        let steps = steps(message.step.unwrap_or(0.1))?;
+        let angles = match model.preset() {
+            Some(Preset::TwoSensor) if message.angles.is_empty() => Self::paper_angles(),
+            _ => message.angles,
+        };
+        check_angles(&angles, model)?;
+        Ok(Self {
+            initial: initial(&message.initial, model)?,
+            genes: genes(model, steps, &angles),
+            model: model.clone(),
+            steps,
+            angles,
+        })
+    }
+
+    #[must_use]
+    pub const fn model(&self) -> &CapabilityModel {
+        &self.model
+    }
+
+    /// The values of each gene, in their order.
+    #[must_use]
+    pub fn genes(&self) -> &[GeneSpace] {
+        &self.genes
+    }
+
+    /// The controllers that the first generation begins with, at most [`ControllerSpace::MAX_INITIAL`]. They may lie between
+    /// the points of the grid.
+    #[must_use]
+    pub fn initial(&self) -> &[Controller] {
+        &self.initial
+    }
+
+    /// A uniform sample of the space.
+    pub fn sample(&self, stream: &mut RandomStream) -> Controller {
+        let genes: Vec<_> = self.genes.iter().map(|gene| gene.sample(stream)).collect();
+        self.controller(&genes)
+    }
+
+    /// The controller with these genes, all of which are in the space.
+    #[expect(clippy::expect_used, reason = "members of the space are valid genes")]
+    pub fn controller(&self, genes: &[f64]) -> Controller {
+        Controller::new(&self.model, genes).expect("genes taken from the controller space")
+    }
+}
+
+impl GeneSpace {
+    /// A uniform sample.
+    pub fn sample(&self, stream: &mut RandomStream) -> f64 {
+        match self {
+            &Self::Speed { limit, steps: 0 } => limit * stream.between(-1.0, 1.0),
+            &Self::Within([low, high]) => stream.between(low, high),
+            Self::Speed { .. } | Self::Among(_) | Self::Ratio(_) => {
+                self.value(stream.below(self.values().unwrap_or(1)))
+            }
+        }
+    }
+
+    /// Number of values; `None` if the gene is continuous.
+    #[must_use]
+    pub fn values(&self) -> Option<u64> {
+        match *self {
+            Self::Speed { steps: 0, .. } | Self::Within(_) => None,
+            Self::Speed { steps, .. } => Some(2 * u64::from(steps) + 1),
+            Self::Among(ref angles) => Some(angles.len() as u64),
+            Self::Ratio(count) => Some(count as u64),
+        }
+    }
+
+    /// The value at `place`, which is under [`GeneSpace::values`]; 0 if the gene is continuous.
+    #[must_use]
+    pub fn value(&self, place: u64) -> f64 {
+        match *self {
+            Self::Speed { steps: 0, .. } | Self::Within(_) => 0.0,
+            Self::Speed { limit, steps } => limit * ((place as f64 - f64::from(steps)) / f64::from(steps)),
+            Self::Among(ref angles) => angles[place as usize],
+            Self::Ratio(_) => place as f64,
+        }
+    }
+
+    /// The quantile of all values at `share`, 0 to under 1.
+    #[must_use]
+    pub fn at(&self, share: f64) -> f64 {
+        match (self, self.values()) {
+            (&Self::Speed { limit, .. }, None) => limit * (2.0 * share - 1.0),
+            (&Self::Within([low, high]), _) => low + share * (high - low),
+            (_, values) => {
+                let values = values.unwrap_or(1);
+                self.value(((share * values as f64) as u64).min(values - 1))
+            }
+        }
+    }
+
+    /// The allowed speed nearest to `share` of the limit; 0 if the gene is not a speed.
+    #[must_use]
+    pub fn nearest_speed(&self, share: f64) -> f64 {
+        let inside = share.clamp(-1.0, 1.0);
+        match *self {
+            Self::Speed { limit, steps: 0 } => limit * inside,
+            Self::Speed { limit, steps } => limit * ((inside * f64::from(steps)).round() / f64::from(steps)),
+            Self::Among(_) | Self::Within(_) | Self::Ratio(_) => 0.0,
+        }
+    }
+}
+
+/// Checks the controllers that the first generation begins with.
+fn initial(controllers: &[v1::Genes], model: &CapabilityModel) -> Result<Vec<Controller>, Invalid> {
+    if controllers.len() > ControllerSpace::MAX_INITIAL {
+        let value = counted(controllers.len() as u64, "controller");
+        let allowed = format!("at most {} controllers", ControllerSpace::MAX_INITIAL);
+        return Err(Invalid::new("initial", value, allowed));
+    }
+    let checked = |(i, genes): (usize, &v1::Genes)| {
+        let named = |error: Invalid| Invalid {
+            field: error.field.replacen("controller", &format!("initial[{i}]"), 1),
+            ..error
+        };
+        Controller::new(model, &genes.values).map_err(named)
+    };
+    controllers.iter().enumerate().map(checked).collect()
+}
+
+/// The values of each gene of a model's controllers.
+fn genes(model: &CapabilityModel, steps: u32, angles: &[f64]) -> Vec<GeneSpace> {
+    let mut genes = Vec::with_capacity(model.genes());
+    for species in model.species() {
+        let robot = species.robot();
+        let limits = robot.drive().limits().into_iter().cycle();
+        genes.extend(
+            limits
+                .take(robot.speeds())
+                .map(|limit| GeneSpace::Speed { limit, steps }),
+        );
+        genes.extend(robot.free_angles().map(|(_, free)| match (free.range(), angles) {
+            (Some(range), []) => GeneSpace::Within(range),
+            (Some(_), angles) => GeneSpace::Among(angles.to_vec()),
+            (None, _) => GeneSpace::Among(free.choices().to_vec()),
+        }));
+    }
+    if model.ratios().len() > 1 {
+        genes.push(GeneSpace::Ratio(model.ratios().len()));
+    }
+    genes
+}
+
+/// Checks that there are sensors for these angles, and that each angle is in their ranges.
+fn check_angles(angles: &[f64], model: &CapabilityModel) -> Result<(), Invalid> {
+    if angles.is_empty() {
+        return Ok(());
+    }
+    if angles.len() > SensorAngle::MAX_CHOICES {
+        let allowed = format!("at most {} values", SensorAngle::MAX_CHOICES);
+        return Err(Invalid::new(
+            "angles",
+            counted(angles.len() as u64, "value"),
+            allowed,
+        ));
+    }
+    let free = model
+        .species()
+        .iter()
+        .flat_map(|species| species.robot().free_angles());
+    let ranges: Vec<_> = free.filter_map(|(_, angle)| angle.range()).collect();
+    if ranges.is_empty() {
+        let allowed = match model.preset() {
+            Some(Preset::SingleSensor) => "absent: the single-sensor model has no second sensor".to_owned(),
+            _ => "absent: no sensor has an angle that is free in a range".to_owned(),
+        };
+        return Err(Invalid::new("angles", format!("{angles:?}"), allowed));
+    }
+    for [low, high] in ranges {
+        for (i, &angle) in angles.iter().enumerate() {
+            invalid::real(&format!("angles[{i}]"), angle, low..=high)?;
+        }
+    }
+    Ok(())
+}
+
+impl From<&ControllerSpace> for v1::ControllerSpace {
+    fn from(space: &ControllerSpace) -> Self {
+        Self {
+            step: Some(match space.steps {
+                0 => 0.0,
+                steps => 1.0 / f64::from(steps),
+            }),
+            angles: space.angles.clone(),
+            initial: space.initial.iter().map(v1::Genes::from).collect(),
+        }
+    }
+}
+
+impl From<&Controller> for v1::Genes {
+    fn from(controller: &Controller) -> Self {
+        Self {
+            values: controller.genes().to_vec(),
+        }
+    }
+}
+
+fn steps(step: f64) -> Result<u32, Invalid> {
+    let allowed = "0 (continuous) or a number from 0.0001 to 1 that divides 1 evenly, such as 0.1";
+    let steps = (1.0 / step).round();
+    match step {
+        0.0 => Ok(0),
+        step if (0.0001..=1.0).contains(&step) && (step * steps - 1.0).abs() < 1e-9 => Ok(steps as u32),
+        step => Err(Invalid::new("step", step, allowed)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Purpose;
+
+    #[test]
+    fn the_grid_is_the_papers_and_every_point_is_sampled() {
+        let space =
+            ControllerSpace::for_model(v1::ControllerSpace::default(), &Preset::SingleSensor.into()).unwrap();
+        let mut stream = RandomStream::derive(1, Purpose::Propose, 0);
+        let mut seen: Vec<f64> = (0..2000).map(|_| space.genes()[0].sample(&mut stream)).collect();
+        seen.sort_by(f64::total_cmp);
+        seen.dedup();
+        let grid: Vec<f64> = (-10..=10).map(|i| f64::from(i) / 10.0).collect();
+        assert_eq!(seen, grid);
+        assert_eq!(space.genes()[0].nearest_speed(0.26), 0.3);
+        assert_eq!(space.genes()[0].nearest_speed(-7.0), -1.0);
+    }
+
+    #[test]
+    fn a_step_that_does_not_divide_one_is_refused() {
+        for step in [0.3, -0.1, 2.0, f64::NAN] {
+            let message = v1::ControllerSpace {
+                step: Some(step),
+                ..Default::default()
+            };
+            let error = ControllerSpace::for_model(message, &Preset::TwoSensor.into()).unwrap_err();
+            assert_eq!(error.field, "step");
+        }
+    }
+}

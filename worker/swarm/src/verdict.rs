@@ -1,0 +1,227 @@
+//! Verdicts of the judge on a motion: the paper's classes, and patterns among random behaviours.
+
+use crate::{Boundary, Invalid, World};
+use murmuration_proto::v1;
+use std::fmt;
+
+/// A class of collective behaviours (paper, Figures 3 and 8).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Class {
+    /// One closed convex ring in single file, hollow, off the walls.
+    CyclicPursuit,
+    /// A swirl whose paths fill a band or a disc.
+    Milling,
+    /// One tight clump, or two.
+    Aggregation,
+    /// An even spread in which each agent stays in its own place.
+    Dispersal,
+    /// A stream along the border, or a ring pressed on walls.
+    WallFollowing,
+    /// A ring with agents that circle inside it.
+    NestedCycle,
+    /// One closed loop in single file that is not convex.
+    ConcavePath,
+    /// None of these.
+    Random,
+}
+
+/// A pattern that the paper does not name, seen among behaviours that it calls random.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Pattern {
+    /// Three or more tight groups.
+    SmallClusters,
+    /// Single file along an open curve.
+    Chain,
+    /// Groups that travel together.
+    MovingClumps,
+}
+
+/// The judge's verdict on a motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Verdict {
+    /// A class; if it is [`Class::Random`], without a pattern.
+    Class(Class),
+    /// A motion of [`Class::Random`] with this pattern.
+    Pattern(Pattern),
+}
+
+impl Class {
+    pub const ALL: [Self; 8] = [
+        Self::CyclicPursuit,
+        Self::Milling,
+        Self::Aggregation,
+        Self::Dispersal,
+        Self::WallFollowing,
+        Self::NestedCycle,
+        Self::ConcavePath,
+        Self::Random,
+    ];
+
+    /// Its name in labelled sets.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::CyclicPursuit => "cyclic_pursuit",
+            Self::Milling => "milling",
+            Self::Aggregation => "aggregation",
+            Self::Dispersal => "dispersal",
+            Self::WallFollowing => "wall_following",
+            Self::NestedCycle => "nested_cycle",
+            Self::ConcavePath => "concave_path",
+            Self::Random => "random",
+        }
+    }
+
+    /// Its name for people: `cyclic pursuit`.
+    #[must_use]
+    pub fn words(self) -> String {
+        in_words(self.name())
+    }
+}
+
+impl Class {
+    /// Reason why no motion in `world` can be of this class; `None` if one can.
+    #[must_use]
+    pub fn without_meaning(self, world: &World) -> Option<&'static str> {
+        match self {
+            Self::WallFollowing => (world.boundary() != Boundary::Walls).then_some("the world has no walls"),
+            Self::CyclicPursuit
+            | Self::Milling
+            | Self::Aggregation
+            | Self::Dispersal
+            | Self::NestedCycle
+            | Self::ConcavePath => (world.agents() == 1).then_some("the swarm is one robot"),
+            Self::Random => None,
+        }
+    }
+}
+
+impl Pattern {
+    pub const ALL: [Self; 3] = [Self::SmallClusters, Self::Chain, Self::MovingClumps];
+
+    /// Its name in labelled sets.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::SmallClusters => "small_clusters",
+            Self::Chain => "chain",
+            Self::MovingClumps => "moving_clumps",
+        }
+    }
+
+    /// Its name for people: `small clusters`.
+    #[must_use]
+    pub fn words(self) -> String {
+        in_words(self.name())
+    }
+}
+
+/// Replaces the underscores of a name by spaces.
+fn in_words(name: &str) -> String {
+    name.replace('_', " ")
+}
+
+impl Verdict {
+    /// Its name for people: `cyclic pursuit`.
+    #[must_use]
+    pub fn words(self) -> String {
+        in_words(self.name())
+    }
+
+    /// Every verdict: the classes, then the patterns.
+    pub fn all() -> impl Iterator<Item = Self> {
+        let classes = Class::ALL.into_iter().map(Self::Class);
+        classes.chain(Pattern::ALL.into_iter().map(Self::Pattern))
+    }
+
+    #[must_use]
+    pub const fn class(self) -> Class {
+        match self {
+            Self::Class(class) => class,
+            Self::Pattern(_) => Class::Random,
+        }
+    }
+
+    /// The pattern, if it has one.
+    #[must_use]
+    pub const fn pattern(self) -> Option<Pattern> {
+        match self {
+            Self::Class(_) => None,
+            Self::Pattern(pattern) => Some(pattern),
+        }
+    }
+
+    /// The name of the pattern or, without one, of the class, as in labelled sets.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Class(class) => class.name(),
+            Self::Pattern(pattern) => pattern.name(),
+        }
+    }
+
+    /// Its number in messages and on disk, 1 to 11.
+    #[must_use]
+    pub fn number(self) -> u8 {
+        let place = Self::all().position(|verdict| verdict == self);
+        // There are as many verdicts as the message has numbers.
+        place.map_or(0, |place| place as u8 + 1)
+    }
+}
+
+impl TryFrom<i32> for Verdict {
+    type Error = Invalid;
+
+    /// Converts the value of an enum field of a message.
+    fn try_from(number: i32) -> Result<Self, Invalid> {
+        let place = usize::try_from(number)
+            .ok()
+            .and_then(|number| number.checked_sub(1));
+        place
+            .and_then(|place| Self::all().nth(place))
+            .ok_or_else(|| Invalid::new("verdict", number, "the number of a class or pattern, 1 to 11"))
+    }
+}
+
+impl From<Verdict> for v1::Verdict {
+    fn from(verdict: Verdict) -> Self {
+        Self::try_from(i32::from(verdict.number())).unwrap_or_default()
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl fmt::Display for Class {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl fmt::Display for Pattern {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_is_of_the_verdict_that_the_message_names() {
+        for verdict in Verdict::all() {
+            let number = i32::from(verdict.number());
+            assert_eq!(Verdict::try_from(number), Ok(verdict));
+            let named = v1::Verdict::from(verdict).as_str_name().to_lowercase();
+            assert_eq!(named, format!("verdict_{verdict}"));
+            assert_eq!(v1::Verdict::from(verdict) as i32, number);
+        }
+        for number in [-1, 0, 12, i32::MAX] {
+            assert!(Verdict::try_from(number).is_err(), "{number}");
+        }
+    }
+}
