@@ -34,6 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "murmuration/v1/label.proto",
             "murmuration/v1/evaluation.proto",
             "murmuration/v1/transfer.proto",
+            "murmuration/v1/study.proto",
         ],
         ["."],
     )?;

@@ -25,13 +25,13 @@ use murmuration_proto::{
     v1::{
         campaign_service_server::CampaignServiceServer, checkpoint_service_server::CheckpointServiceServer,
         evaluation_service_server::EvaluationServiceServer, label_service_server::LabelServiceServer,
-        trainer_service_server::TrainerServiceServer, transfer_service_server::TransferServiceServer,
-        worker_service_server::WorkerServiceServer,
+        study_service_server::StudyServiceServer, trainer_service_server::TrainerServiceServer,
+        transfer_service_server::TransferServiceServer, worker_service_server::WorkerServiceServer,
     },
 };
 use murmuration_search::interrupt::Interrupt;
 use murmuration_service::{
-    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, Recent, TrainerApi, TransferApi, WorkerApi,
+    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, Recent, StudyApi, TrainerApi, TransferApi, WorkerApi,
 };
 use murmuration_store::{
     DataDirectory, Store, StoreError,
@@ -195,6 +195,7 @@ impl Coordinator {
             EvaluationServiceServer::<EvaluationApi>::NAME,
             LabelServiceServer::<LabelApi>::NAME,
             TransferServiceServer::<TransferApi>::NAME,
+            StudyServiceServer::<StudyApi>::NAME,
         ];
         let health = readiness.service(&names).await;
         let probes = Probes {
@@ -206,6 +207,7 @@ impl Coordinator {
         };
         let services = Services {
             campaigns: campaign_api,
+            studies: StudyApi { store: store.clone() },
             transfers: TransferApi {
                 campaigns: campaigns.clone(),
                 store: store.clone(),

@@ -13,7 +13,7 @@ use murmuration_link::{Coordinator, Credentials};
 use murmuration_proto::v1::{
     campaign_service_client::CampaignServiceClient, checkpoint_service_client::CheckpointServiceClient,
     evaluation_service_client::EvaluationServiceClient, label_service_client::LabelServiceClient,
-    transfer_service_client::TransferServiceClient,
+    study_service_client::StudyServiceClient, transfer_service_client::TransferServiceClient,
 };
 use murmuration_store::{DataDirectory, StoreError};
 use std::{
@@ -26,6 +26,7 @@ pub type Client = CampaignServiceClient<Coordinator>;
 pub type CheckpointClient = CheckpointServiceClient<Coordinator>;
 pub type EvaluationClient = EvaluationServiceClient<Coordinator>;
 pub type TransferClient = TransferServiceClient<Coordinator>;
+pub type StudyClient = StudyServiceClient<Coordinator>;
 pub type LabelClient = LabelServiceClient<Coordinator>;
 
 /// A connection to a coordinator, which stays available for the lifetime of this value.
@@ -35,6 +36,7 @@ pub struct Connection {
     pub evaluations: EvaluationClient,
     pub labels: LabelClient,
     pub transfers: TransferClient,
+    pub studies: StudyClient,
     /// The coordinator that this process started, if any.
     own: Option<LocalCluster>,
 }
@@ -101,7 +103,8 @@ impl Connection {
             checkpoints: CheckpointClient::new(channel.clone()),
             evaluations: EvaluationClient::new(channel.clone()),
             labels: LabelClient::new(channel.clone()),
-            transfers: TransferClient::new(channel),
+            transfers: TransferClient::new(channel.clone()),
+            studies: StudyClient::new(channel),
             own: None,
         })
     }

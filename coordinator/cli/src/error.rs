@@ -195,6 +195,7 @@ impl From<StoreError> for CliError {
             StoreError::NoDirectory(_)
             | StoreError::NoFolder(_)
             | StoreError::NoCampaign(_)
+            | StoreError::NoStudy(_)
             | StoreError::NoCheckpoint(_)
             | StoreError::NoIndividual { .. } => Self::Input(message),
             _ => Self::Failed(message),

@@ -12,6 +12,7 @@ mod repetition;
 mod stage;
 mod state;
 pub mod study_files;
+pub mod study_records;
 pub mod tables;
 mod time_left;
 mod timestamp;

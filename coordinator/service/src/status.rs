@@ -32,9 +32,10 @@ impl IntoStatus for StoreError {
         // The message repeats the request's text, which may have any length.
         let message = Text::line(&self.to_string());
         match self {
-            StoreError::NoCampaign(_) | StoreError::NoCheckpoint(_) | StoreError::NoIndividual { .. } => {
-                Status::not_found(message)
-            }
+            StoreError::NoCampaign(_)
+            | StoreError::NoStudy(_)
+            | StoreError::NoCheckpoint(_)
+            | StoreError::NoIndividual { .. } => Status::not_found(message),
             StoreError::DiskFull { .. } | StoreError::Unwritable { .. } | StoreError::ReadOnly { .. } => {
                 Status::resource_exhausted(message)
             }

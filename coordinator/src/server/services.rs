@@ -11,11 +11,11 @@ use murmuration_access::{
 use murmuration_proto::v1::{
     campaign_service_server::CampaignServiceServer, checkpoint_service_server::CheckpointServiceServer,
     evaluation_service_server::EvaluationServiceServer, label_service_server::LabelServiceServer,
-    trainer_service_server::TrainerServiceServer, transfer_service_server::TransferServiceServer,
-    worker_service_server::WorkerServiceServer,
+    study_service_server::StudyServiceServer, trainer_service_server::TrainerServiceServer,
+    transfer_service_server::TransferServiceServer, worker_service_server::WorkerServiceServer,
 };
 use murmuration_service::{
-    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, TrainerApi, TransferApi, WorkerApi,
+    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, StudyApi, TrainerApi, TransferApi, WorkerApi,
 };
 
 const VIEWER: Requirement = Requirement::VIEWER;
@@ -72,6 +72,12 @@ const TRANSFERS: MethodRequirements = &[
     ("ImportCampaign", OPERATOR, Reading),
 ];
 
+const STUDIES: MethodRequirements = &[
+    ("ListStudies", VIEWER, Light),
+    ("GetStudy", VIEWER, Reading),
+    ("KeepStudy", OPERATOR, Reading),
+];
+
 const WORKERS: MethodRequirements = &[("Work", Machine(Worker), CostClass::Free)];
 
 const TRAINERS: MethodRequirements = &[
@@ -92,6 +98,7 @@ pub(super) struct Services {
     pub(super) workers: WorkerApi,
     pub(super) trainers: TrainerApi,
     pub(super) transfers: TransferApi,
+    pub(super) studies: StudyApi,
 }
 
 impl Services {
@@ -111,6 +118,7 @@ impl Services {
             TrainerServiceServer::new(self.trainers).max_decoding_message_size(limits::MAX_MESSAGE);
         let transfers =
             TransferServiceServer::new(self.transfers).max_decoding_message_size(limits::MAX_MESSAGE);
+        let studies = StudyServiceServer::new(self.studies).max_decoding_message_size(limits::MAX_MESSAGE);
         GuardedRouter::default()
             .service(campaigns, CAMPAIGNS)
             .service(checkpoints, CHECKPOINTS)
@@ -119,5 +127,6 @@ impl Services {
             .service(workers, WORKERS)
             .service(trainers, TRAINERS)
             .service(transfers, TRANSFERS)
+            .service(studies, STUDIES)
     }
 }

@@ -118,6 +118,8 @@ pub enum StoreError {
     /// There is no campaign of that id.
     #[error("{0}")]
     NoCampaign(UnknownCampaign),
+    #[error("there is no study \"{0}\": `murmuration lab study list` shows those there are")]
+    NoStudy(String),
     #[error("there is no checkpoint {0}: `murmuration checkpoints list` shows those there are")]
     NoCheckpoint(String),
     /// An index beyond the archive.

@@ -34,6 +34,7 @@ mod round_pictures;
 mod rounds;
 mod runs;
 mod schema;
+mod studies;
 mod taxonomies;
 pub mod transfer;
 
@@ -51,6 +52,7 @@ pub use pictures::Picture;
 pub use provenance::{Notice, Provenance, Suspect, Suspects};
 pub use round_pictures::{FurtherStart, RoundPicture, RoundPictures};
 pub use runs::{Decision, DecisionError};
+pub use studies::{StudyEntry, StudyVersion};
 pub use taxonomies::{ClusterMeasures, StoredTaxonomy, TaxonomyVersion};
 
 use crate::files::is_there;

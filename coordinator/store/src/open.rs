@@ -1,6 +1,6 @@
 //! Opens the database: creates it whole or not at all, checks it before use, and secures it after the disk failed.
 
-use super::{Store, StoreError, files::sync, schema};
+use super::{Store, StoreError, files::sync, schema, studies::take_over};
 use rusqlite::{
     Connection, OpenFlags,
     backup::{Backup, StepResult},
@@ -59,6 +59,7 @@ pub(super) fn to_write(path: &Path) -> Result<Connection, StoreError> {
         .and_then(|()| connection.pragma_update(None, "journal_size_limit", LONG_LOG.cast_signed()))
         .map_err(named)?;
     schema::migrate(&mut connection, version).map_err(named)?;
+    take_over(&mut connection, folder_of(path))?;
     Ok(connection)
 }
 
@@ -96,7 +97,13 @@ pub(super) fn to_look(path: &Path, alone: bool) -> Result<(Connection, u32), Sto
     let mut copy = Connection::open_in_memory().map_err(named)?;
     copy_whole(&connection, &mut copy).map_err(named)?;
     schema::migrate(&mut copy, version).map_err(named)?;
+    take_over(&mut copy, folder_of(path))?;
     Ok((copy, version))
+}
+
+/// The data directory of a database.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().unwrap_or(path)
 }
 
 /// Secures what is committed, after the disk failed during a change.

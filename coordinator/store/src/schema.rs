@@ -187,6 +187,27 @@ const MIGRATIONS: &[&str] = &[
         '[recipe.in-batch]' || char(10) || 'flattening = 0' || char(10)
     ) WHERE configuration NOT LIKE '%flattening = %';
     ",
+    // Studies, which were files in folders (`studies::take_over`).
+    "
+    CREATE TABLE studies (
+        name TEXT PRIMARY KEY,
+        toml TEXT NOT NULL,
+        folder TEXT NOT NULL,
+        quick INTEGER NOT NULL,
+        measures TEXT NOT NULL,
+        -- How often what was measured changed, and the classes that people gave.
+        measured INTEGER NOT NULL DEFAULT 0,
+        classes INTEGER NOT NULL DEFAULT 0
+    ) STRICT;
+    CREATE TABLE study_records (
+        study TEXT NOT NULL REFERENCES studies (name),
+        kind TEXT NOT NULL,
+        key TEXT NOT NULL,
+        measures TEXT NOT NULL,
+        content BLOB NOT NULL,
+        PRIMARY KEY (study, kind, key)
+    ) STRICT;
+    ",
 ];
 
 /// The newest version.

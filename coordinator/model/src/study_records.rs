@@ -1,0 +1,144 @@
+//! What a coordinator keeps of a study: its file, and records of what was measured.
+
+use murmuration_proto::{PART_BYTES, v1};
+use murmuration_swarm::Invalid;
+
+/// Folder of the reports of studies in a data directory; each study has a folder in it.
+pub const STUDIES: &str = "studies";
+
+/// How a study was run last.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StudyFile {
+    /// The study file.
+    pub toml: String,
+    /// The file's folder, an absolute path.
+    pub folder: String,
+    /// Whether it was run with `--quick`.
+    pub quick: bool,
+    /// Digest of how its cells were measured.
+    pub measures: String,
+}
+
+/// The kind of a record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum StudyRecordKind {
+    /// Measurements of a cell, JSON. The key is the digest of its specification.
+    Cell,
+    /// Digest of a checkpoint. The key is the digest of the specification that trained it.
+    Embedder,
+    /// The atlas that recall is measured by, JSON.
+    Reference,
+    /// The classes that people gave, CSV.
+    Classes,
+}
+
+/// A record of a study.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StudyRecord {
+    pub kind: StudyRecordKind,
+    /// Which of its kind.
+    pub key: String,
+    /// Digest of how it was measured; empty for embedders and classes.
+    pub measures: String,
+    pub content: Vec<u8>,
+}
+
+impl StudyRecordKind {
+    pub const ALL: [Self; 4] = [Self::Cell, Self::Embedder, Self::Reference, Self::Classes];
+
+    /// Its name in the store.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Cell => "cell",
+            Self::Embedder => "embedder",
+            Self::Reference => "reference",
+            Self::Classes => "classes",
+        }
+    }
+}
+
+impl StudyRecord {
+    /// Longest key, in bytes: a digest.
+    const MAX_KEY: usize = 64;
+    /// Most bytes of the content (256 MiB).
+    pub const MAX_CONTENT: usize = 256 << 20;
+
+    /// The record as parts of a message: itself, then its content.
+    pub fn parts(self) -> impl Iterator<Item = v1::study_part::Part> {
+        use v1::study_part::Part;
+        let record = Part::Record((&self).into());
+        let content: Vec<Part> = self
+            .content
+            .chunks(PART_BYTES)
+            .map(|content| Part::Content(content.to_vec()))
+            .collect();
+        std::iter::once(record).chain(content)
+    }
+}
+
+impl From<StudyFile> for v1::StudyFile {
+    fn from(file: StudyFile) -> Self {
+        Self {
+            toml: file.toml,
+            folder: file.folder,
+            quick: file.quick,
+            measures: file.measures,
+        }
+    }
+}
+
+impl From<v1::StudyFile> for StudyFile {
+    fn from(message: v1::StudyFile) -> Self {
+        Self {
+            toml: message.toml,
+            folder: message.folder,
+            quick: message.quick,
+            measures: message.measures,
+        }
+    }
+}
+
+/// The content is empty: it follows in parts of its own.
+impl TryFrom<v1::StudyRecord> for StudyRecord {
+    type Error = Invalid;
+
+    fn try_from(message: v1::StudyRecord) -> Result<Self, Invalid> {
+        use v1::StudyRecordKind as Kind;
+        let kind = match message.kind() {
+            Kind::Unspecified => return Err(Invalid::missing("record.kind", "a kind of record")),
+            Kind::Cell => StudyRecordKind::Cell,
+            Kind::Embedder => StudyRecordKind::Embedder,
+            Kind::Reference => StudyRecordKind::Reference,
+            Kind::Classes => StudyRecordKind::Classes,
+        };
+        if message.key.len() > Self::MAX_KEY || message.measures.len() > Self::MAX_KEY {
+            let allowed = format!("at most {} characters", Self::MAX_KEY);
+            return Err(Invalid::new("record.key", "a longer one", allowed));
+        }
+        Ok(Self {
+            kind,
+            key: message.key,
+            measures: message.measures,
+            content: Vec::new(),
+        })
+    }
+}
+
+/// Without the content.
+impl From<&StudyRecord> for v1::StudyRecord {
+    fn from(record: &StudyRecord) -> Self {
+        use v1::StudyRecordKind as Kind;
+        let kind = match record.kind {
+            StudyRecordKind::Cell => Kind::Cell,
+            StudyRecordKind::Embedder => Kind::Embedder,
+            StudyRecordKind::Reference => Kind::Reference,
+            StudyRecordKind::Classes => Kind::Classes,
+        };
+        Self {
+            kind: kind.into(),
+            key: record.key.clone(),
+            measures: record.measures.clone(),
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! Studies: their files, and the records of what was measured.
+
+use super::Streamed;
+use crate::status::OrStatus as _;
+use murmuration_engine::blocking::{blocking, changing, spawn};
+use murmuration_model::study_records::{StudyFile, StudyRecord};
+use murmuration_proto::{
+    PART_BYTES,
+    v1::{self, study_part::Part},
+};
+use murmuration_store::Store;
+use murmuration_swarm::{CampaignName, Invalid, counted};
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::{Request, Response, Status, Streaming};
+
+/// Most records of a request: five times the cells of the largest study.
+const MAX_RECORDS: usize = 10_000;
+
+/// Implements `murmuration.v1.StudyService`.
+#[derive(Debug, Clone)]
+pub struct StudyApi {
+    pub store: Store,
+}
+
+#[tonic::async_trait]
+impl v1::study_service_server::StudyService for StudyApi {
+    type GetStudyStream = Streamed<v1::StudyPart>;
+
+    async fn list_studies(
+        &self,
+        _: Request<v1::ListStudiesRequest>,
+    ) -> Result<Response<v1::ListStudiesResponse>, Status> {
+        let store = self.store.clone();
+        let studies = blocking(move || store.studies()).await.or_status()?.or_status()?;
+        Ok(Response::new(v1::ListStudiesResponse { studies }))
+    }
+
+    async fn get_study(
+        &self,
+        request: Request<v1::GetStudyRequest>,
+    ) -> Result<Response<Self::GetStudyStream>, Status> {
+        let (store, study) = (self.store.clone(), request.into_inner().study);
+        let name = study.clone();
+        let file = blocking(move || store.study_file(&name))
+            .await
+            .or_status()?
+            .or_status()?;
+        let (parts, stream) = mpsc::channel(2);
+        let api = self.clone();
+        spawn(async move {
+            if let Err(status) = api.send(study, file, &parts).await {
+                // The client may be gone.
+                let _ = parts.send(Err(status)).await;
+            }
+        });
+        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+    }
+
+    async fn keep_study(
+        &self,
+        request: Request<Streaming<v1::StudyPart>>,
+    ) -> Result<Response<v1::KeepStudyResponse>, Status> {
+        let mut parts = request.into_inner();
+        let mut arriving = Arriving::begin(parts.message().await?.unwrap_or_default())?;
+        while let Some(part) = parts.message().await? {
+            arriving.add(part.part)?;
+        }
+        let store = self.store.clone();
+        let keep = move || store.keep_study(&arriving.name, arriving.file.as_ref(), &arriving.records);
+        changing(keep).await.or_status()?.or_status()?;
+        Ok(Response::new(v1::KeepStudyResponse {}))
+    }
+}
+
+impl StudyApi {
+    /// Sends the parts of a study, one record after the other.
+    async fn send(
+        &self,
+        study: String,
+        file: StudyFile,
+        parts: &mpsc::Sender<Result<v1::StudyPart, Status>>,
+    ) -> Result<(), Status> {
+        let (store, name) = (self.store.clone(), study.clone());
+        let entries = blocking(move || store.study_entries(&name))
+            .await
+            .or_status()?
+            .or_status()?;
+        let part = |part| v1::StudyPart {
+            study: String::new(),
+            part: Some(part),
+        };
+        let first = v1::StudyPart {
+            study: study.clone(),
+            ..part(Part::File(file.into()))
+        };
+        if parts.send(Ok(first)).await.is_err() {
+            return Ok(());
+        }
+        for entry in entries {
+            let (store, name) = (self.store.clone(), study.clone());
+            let read = move || {
+                let content = store.study_content(&name, entry.kind, &entry.key)?;
+                Ok::<_, murmuration_store::StoreError>((entry, content.unwrap_or_default()))
+            };
+            let (entry, content) = blocking(read).await.or_status()?.or_status()?;
+            let record = StudyRecord {
+                kind: entry.kind,
+                key: entry.key,
+                measures: entry.measures,
+                content,
+            };
+            for sent in record.parts() {
+                if parts.send(Ok(part(sent))).await.is_err() {
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A study whose parts are arriving.
+struct Arriving {
+    name: CampaignName,
+    file: Option<StudyFile>,
+    records: Vec<StudyRecord>,
+}
+
+impl Arriving {
+    fn begin(first: v1::StudyPart) -> Result<Self, Invalid> {
+        let name = CampaignName::try_from(first.study).map_err(|error| Invalid {
+            field: "study".to_owned(),
+            ..error
+        })?;
+        let mut arriving = Self {
+            name,
+            file: None,
+            records: Vec::new(),
+        };
+        arriving.add(first.part)?;
+        Ok(arriving)
+    }
+
+    fn add(&mut self, part: Option<Part>) -> Result<(), Invalid> {
+        match part {
+            None => {}
+            Some(Part::File(file)) => self.file = Some(file.into()),
+            Some(Part::Record(record)) if self.records.len() < MAX_RECORDS => {
+                self.records.push(record.try_into()?);
+            }
+            Some(Part::Record(_)) => {
+                let allowed = format!("at most {MAX_RECORDS} in one request");
+                return Err(Invalid::new("record", "more", allowed));
+            }
+            Some(Part::Content(content)) => {
+                if content.len() > PART_BYTES {
+                    let found = counted(content.len() as u64, "byte");
+                    return Err(Invalid::new(
+                        "content",
+                        found,
+                        format!("at most {PART_BYTES} bytes a part"),
+                    ));
+                }
+                let bytes: usize = self.records.iter().map(|record| record.content.len()).sum();
+                if bytes + content.len() > StudyRecord::MAX_CONTENT {
+                    let allowed = counted(StudyRecord::MAX_CONTENT as u64, "byte");
+                    return Err(Invalid::new("content", "more", format!("at most {allowed}")));
+                }
+                let Some(record) = self.records.last_mut() else {
+                    return Err(Invalid::missing("record", "before its content"));
+                };
+                record.content.extend(content);
+            }
+        }
+        Ok(())
+    }
+}
