@@ -180,7 +180,7 @@ impl Coordinator {
             archive: campaign_api.clone(),
             labels: label_api.clone(),
             play: Playground::default(),
-            studies: Studies::of(options.data.path()),
+            studies: Studies::of(&store),
             reports: Reports::default(),
             sights: Recent::default(),
             atlas: DrawnAtlas::default(),

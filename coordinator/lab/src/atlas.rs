@@ -2,7 +2,7 @@
 
 use crate::{
     json,
-    known_campaigns::{KnownCampaigns, begin, stopped, to_rest},
+    known_campaigns::{KnownCampaigns, stopped, to_rest},
 };
 use murmuration_cli::{
     CliError, Global, InProcessArgs,
@@ -68,8 +68,8 @@ impl AtlasCommand {
         let make = async |connection: &mut Connection| {
             let begun = match source {
                 Source::Spec(spec) => {
-                    let known = KnownCampaigns::list(&mut connection.client).await?.of(&spec);
-                    begin(&mut connection.client, &spec, known, "").await?
+                    let mut known = KnownCampaigns::default();
+                    known.find_or_begin(&mut connection.client, &spec, "").await?
                 }
                 Source::Campaign(campaign) => {
                     let campaign = get_campaign(&mut connection.client, campaign).await?;

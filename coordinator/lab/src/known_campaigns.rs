@@ -11,6 +11,7 @@ use murmuration_proto::{parts::whole, v1};
 use murmuration_study::cell_digest;
 use murmuration_swarm::CampaignSpec;
 use std::collections::BTreeMap;
+use tonic::Code;
 
 /// The campaigns of a coordinator, by their specification.
 #[derive(Debug, Default)]
@@ -22,12 +23,6 @@ pub(super) struct KnownCampaigns {
 }
 
 impl KnownCampaigns {
-    pub(super) async fn list(client: &mut Client) -> Result<Self, CliError> {
-        let mut known = Self::default();
-        known.renew(client).await?;
-        Ok(known)
-    }
-
     /// Updates the list of campaigns. Only new ones are examined.
     pub(super) async fn renew(&mut self, client: &mut Client) -> Result<(), CliError> {
         let listed = client.list_campaigns(v1::ListCampaignsRequest {}).await?;
@@ -50,6 +45,37 @@ impl KnownCampaigns {
         self.digests = digests;
     }
 
+    /// The campaign of a specification: an existing one, or a new one of `study`, which may be empty. Two callers that look at the same
+    /// time get the same campaign.
+    pub(super) async fn find_or_begin(
+        &mut self,
+        client: &mut Client,
+        spec: &CampaignSpec,
+        study: &str,
+    ) -> Result<v1::Campaign, CliError> {
+        self.renew(client).await?;
+        let known = self.of(spec);
+        let request_id = request_id(spec, &known);
+        if let Some(campaign) = usable(client, known).await? {
+            return Ok(campaign);
+        }
+        let request = v1::CreateCampaignRequest {
+            campaign: Some(v1::create_campaign_request::Campaign::Spec(spec.into())),
+            study: study.to_owned(),
+            request_id,
+            ..v1::CreateCampaignRequest::default()
+        };
+        match client.create_campaign(request).await {
+            // Another study, or a campaign file of another name, began it meanwhile.
+            Err(status) if status.code() == Code::AlreadyExists => {
+                self.renew(client).await?;
+                let begun = usable(client, self.of(spec)).await?;
+                begun.ok_or_else(|| status.into())
+            }
+            created => validated(created?),
+        }
+    }
+
     /// The ids of the campaigns with this specification, oldest first.
     pub(super) fn of(&self, spec: &CampaignSpec) -> Vec<String> {
         let digest = Some(cell_digest(spec));
@@ -57,25 +83,6 @@ impl KnownCampaigns {
         let same = ids.filter(|id| self.digests.get(*id) == Some(&digest));
         same.cloned().collect()
     }
-}
-
-/// The campaign of a specification: a usable one of `known`, which have this specification, or else a new one of `study`, which may
-/// be empty.
-pub(super) async fn begin(
-    client: &mut Client,
-    spec: &CampaignSpec,
-    known: Vec<String>,
-    study: &str,
-) -> Result<v1::Campaign, CliError> {
-    if let Some(campaign) = usable(client, known).await? {
-        return Ok(campaign);
-    }
-    let request = v1::CreateCampaignRequest {
-        campaign: Some(v1::create_campaign_request::Campaign::Spec(spec.into())),
-        study: study.to_owned(),
-        ..v1::CreateCampaignRequest::default()
-    };
-    validated(client.create_campaign(request).await?)
 }
 
 /// Resumes a campaign if necessary, follows it until it stops, and shows each status. Returns the last one.
@@ -133,6 +140,12 @@ async fn usable(client: &mut Client, known: Vec<String>) -> Result<Option<v1::Ca
         }
     }
     Ok(None)
+}
+
+/// The request id of everybody who begins a campaign of this specification while exactly the campaigns `known` have it.
+fn request_id(spec: &CampaignSpec, known: &[String]) -> String {
+    let of = format!("{} {}", cell_digest(spec), known.join(" "));
+    blake3::hash(of.as_bytes()).to_hex().to_string()
 }
 
 #[cfg(test)]

@@ -11,7 +11,6 @@ mod record;
 mod repetition;
 mod stage;
 mod state;
-pub mod study_files;
 pub mod study_records;
 pub mod tables;
 mod time_left;

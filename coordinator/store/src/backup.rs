@@ -1,10 +1,8 @@
 //! Backups: copies of a data directory at one instant, even while a coordinator works on it, and their restoration.
 //!
 //! A backup is a folder like a data directory, so that the doctor can examine it, plus a manifest. It gets its name once it is
-//! whole, checked and on disk. Limits: caches, reports and measurements of studies are not copied, because they can be made again;
-//! checkpoints in a bucket are to be backed up there.
-
-mod studies;
+//! whole, checked and on disk. Limits: caches and reports are not copied, because they can be made again; checkpoints in a bucket are to be
+//! backed up there.
 
 use crate::{
     DataDirectory, Store, StoreError,
@@ -15,7 +13,6 @@ use crate::{
 };
 use bytes::Bytes;
 use murmuration_files::{InputKind, digest_of, read_bytes, write_file};
-use murmuration_model::study_files::STUDIES;
 use murmuration_search::interrupt::{Interrupt, Interrupted};
 use murmuration_swarm::CheckpointDigest;
 use serde::{Deserialize, Serialize};
@@ -188,7 +185,7 @@ async fn put_back(
     copy(from, location, &arriving, interrupt).await?;
     check(&arriving, location, from).await?;
     interrupt.check()?;
-    for name in [BlobStore::FOLDER, STUDIES, Store::FILE] {
+    for name in [BlobStore::FOLDER, Store::FILE] {
         let (copied, place) = (arriving.join(name), data.join(name));
         if is_there(&copied).map_err(failed("find", &copied))? {
             fs::rename(&copied, &place).map_err(failed("write", &place))?;
@@ -210,7 +207,7 @@ fn clear(folder: &Path, placed: &[&str]) {
     }
 }
 
-/// Copies a database, then every checkpoint that the copy names, and the studies. Returns the digests of the checkpoints.
+/// Copies a database, then every checkpoint that the copy names. Returns the digests of the checkpoints.
 /// Checkpoints are never deleted, so all that the copy names are there.
 async fn copy(
     data: &Path,
@@ -247,7 +244,6 @@ async fn copy(
         }
         sync(&folder.join(BlobStore::FOLDER))?;
     }
-    studies::copy(data, folder)?;
     sync(folder)?;
     interrupt.check()?;
     Ok(digests)

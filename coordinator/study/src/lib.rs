@@ -1,7 +1,7 @@
 //! Studies: grids of campaigns with measurements of each, and the report.
 //!
 //! A [`Study`] is read from a study file; its [`Cell`]s are whole specifications. The measurements of a completed cell are plain
-//! data ([`Measured`]), which a [`StudyFolder`] stores. [`Outcome`] combines study and measurements into tables, and
+//! data ([`Measured`]), which a coordinator keeps ([`KeptStudy`]). [`Outcome`] combines study and measurements into tables, and
 //! [`write_report`] writes the report's page and files.
 //!
 //! The caller runs the campaigns. This crate knows neither the store nor the network.
@@ -11,9 +11,9 @@ mod contours;
 mod corrections;
 mod figure;
 mod file;
-mod folder;
 mod identity;
 mod judge_errors;
+mod kept;
 mod map_files;
 mod maps;
 mod measured;
@@ -42,9 +42,12 @@ pub use behaviours::{Individual, measure_behaviours};
 pub use corrections::{Corrections, CorrectionsError, JUDGE};
 pub use figure::{Figure, Measure};
 pub use file::StudyError;
-pub use folder::{FolderError, KeptStudy, StudyFolder, lock_beginning, studies};
 pub use identity::{cell_digest, embedder_spec, measures_digest};
 pub use judge_errors::JudgeErrors;
+pub use kept::{
+    KeptError, KeptStudy, cell_record, classes_record, embedder_record, kept_classes, reference_record,
+    shared_embedder,
+};
 pub use maps::{BehavioursError, MappedIndividual, Maps, measure_maps};
 pub use measured::{AccuracyFigures, JudgedBehaviours, JudgedIndividual, Measured, MedoidsOf, SearchFigures};
 pub use outcome::{MeasuredCell, Outcome};

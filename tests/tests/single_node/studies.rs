@@ -12,6 +12,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
+/// An embedder's file.
+const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.onnx");
+
 /// Two rows of two replicates: 200 steps, generations of 20.
 const STUDY: &str = "name = \"pair\"\nseeds = 2\nbehaviours.generations = 3\n\
     axes = [{ name = \"filter\", values = [{ name = \"no\" }, { name = \"yes\", campaign.filter = true }] }]\n\
@@ -111,18 +114,19 @@ fn a_damaged_study_hides_no_other() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data");
     let murmuration = Murmuration::over(&data);
+    // Earlier versions kept studies in folders, which become the coordinator's.
+    let damaged = data.join("studies/damaged");
+    fs::create_dir_all(&damaged).unwrap();
+    fs::write(damaged.join("study.toml"), "seeds = \"many\"").unwrap();
     let file = written(folder.path(), STUDY);
     run(&murmuration, &file);
-    let damaged = data.join("studies/damaged");
-    fs::create_dir(&damaged).unwrap();
-    fs::write(damaged.join("study.toml"), "seeds = \"many\"").unwrap();
     let listed = murmuration.run(&["lab", "study", "list", "--json"]).lines();
     assert_eq!(listed.len(), 2);
     assert!(
         listed[0]["problem"]
             .as_str()
             .unwrap()
-            .contains("damaged/study.toml"),
+            .contains("the study damaged is damaged: its file: "),
         "{listed:?}"
     );
     assert_eq!(listed[1]["measured"], 4);
@@ -142,7 +146,9 @@ fn nothing_is_reported_of_a_study_that_was_not_measured() {
     let study = data.join("studies/pair");
     fs::create_dir_all(&study).unwrap();
     fs::write(study.join("study.toml"), STUDY).unwrap();
-    let report = Murmuration::over(&data).run(&["lab", "study", "report", "pair"]);
+    let murmuration = Murmuration::over(&data);
+    assert_eq!(murmuration.run(&["checkpoints", "import", MODEL]).code, Some(0));
+    let report = murmuration.run(&["lab", "study", "report", "pair"]);
     assert_eq!(report.code, Some(1), "{}", report.stderr);
     let expected = "nothing of the study pair has been measured: `murmuration lab study run`";
     assert!(report.stderr.contains(expected), "{}", report.stderr);

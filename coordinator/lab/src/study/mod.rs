@@ -1,5 +1,6 @@
 //! `study`: grids of campaigns with their measures.
 
+mod kept;
 mod labelled;
 mod measuring;
 mod progress;
@@ -9,13 +10,17 @@ mod shown;
 use crate::json;
 use murmuration_cli::{
     CliError, Global,
+    connection::{self, Connection, StudyClient},
     files::{expect_outside_data, read_words, replaces},
     table::{Table, left, right},
 };
+use murmuration_coordinator::local::InProcess;
 use murmuration_files::{Folder, InputKind, Replaces};
 use murmuration_link::{errln, outln};
+use murmuration_model::study_records::STUDIES;
+use murmuration_proto::v1;
 use murmuration_store::expect_folder;
-use murmuration_study::{Corrections, FolderError, Outcome, ReportError, StudyFolder, studies, write_report};
+use murmuration_study::{Corrections, Outcome, ReportError, write_report};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Subcommand)]
@@ -59,18 +64,27 @@ impl StudyCommand {
         expect_folder(&global.data)?;
         match self {
             Self::Run(run) => run.execute(global).await,
-            Self::List => list(global),
+            Self::List => {
+                let listed = connection::with(global, InProcess::NONE, list).await?;
+                show_list(listed, global.json)
+            }
             Self::Show { study } => {
-                let (_, outcome) = kept(&global.data, &study, Corrections::default())?;
+                let outcome = async |connection: &mut Connection| {
+                    outcome(&mut connection.studies, &study, Corrections::default()).await
+                };
+                let outcome = connection::with(global, InProcess::NONE, outcome).await?;
                 shown::show(&outcome, None, global.json)
             }
-            Self::Report(report) => report.execute(global),
+            Self::Report(report) => report.execute(global).await,
         }
     }
 }
 
 impl ReportStudy {
-    fn execute(self, global: &Global) -> Result<(), CliError> {
+    async fn execute(self, global: &Global) -> Result<(), CliError> {
+        if let Some(out) = &self.out {
+            expect_outside_data(out)?;
+        }
         let corrections = match &self.classes {
             Some(path) => {
                 let corrections = Corrections::parse(&read_words(path, InputKind::Labels)?);
@@ -78,7 +92,10 @@ impl ReportStudy {
             }
             None => Corrections::default(),
         };
-        let (folder, outcome) = kept(&global.data, &self.study, corrections)?;
+        let outcome = async |connection: &mut Connection| {
+            outcome(&mut connection.studies, &self.study, corrections).await
+        };
+        let outcome = connection::with(global, InProcess::NONE, outcome).await?;
         if outcome.cells().next().is_none() {
             return Err(CliError::Failed(format!(
                 "nothing of the study {} has been measured: `murmuration lab study run` measures its cells",
@@ -86,11 +103,8 @@ impl ReportStudy {
             )));
         }
         let folder = match &self.out {
-            Some(out) => {
-                expect_outside_data(out)?;
-                Folder::create(out, replaces(self.force))
-            }
-            None => Folder::create(folder.path(), Replaces::All),
+            Some(out) => Folder::create(out, replaces(self.force)),
+            None => Folder::create(&report_folder(&global.data, &outcome), Replaces::All),
         };
         let page = write_report(&outcome, folder?).map_err(report_error)?;
         match global.json {
@@ -100,6 +114,11 @@ impl ReportStudy {
     }
 }
 
+/// The folder of a study's report in the data directory.
+fn report_folder(data: &Path, outcome: &Outcome) -> PathBuf {
+    data.join(STUDIES).join(outcome.study().name.as_str())
+}
+
 fn report_error(error: ReportError) -> CliError {
     match error {
         ReportError::Folder(error) => error.into(),
@@ -107,36 +126,44 @@ fn report_error(error: ReportError) -> CliError {
     }
 }
 
-/// Reads a study of a data directory with its measurements and the classes from people. `corrections` take precedence over classes
-/// from the study's page.
-fn kept(data: &Path, name: &str, corrections: Corrections) -> Result<(StudyFolder, Outcome), CliError> {
-    let kept = StudyFolder::open(data, name).map_err(folder_error)?;
-    let folder = kept.folder.clone();
-    let corrections = corrections.or(folder.classes().map_err(folder_error)?);
-    Ok((folder, kept.outcome(corrections).map_err(folder_error)?))
+/// A study with its measurements, and the classes that people gave: `corrections`, and for other individuals those from the page of the
+/// study.
+async fn outcome(
+    client: &mut StudyClient,
+    study: &str,
+    corrections: Corrections,
+) -> Result<Outcome, CliError> {
+    let kept = kept::get(client, study).await?;
+    let classes = kept.classes().map_err(|error| kept::damaged(study, &error))?;
+    Ok(kept.outcome(corrections.or(classes))?)
 }
 
-fn list(global: &Global) -> Result<(), CliError> {
+async fn list(connection: &mut Connection) -> Result<Vec<json::ListedStudy>, CliError> {
+    let client = &mut connection.studies;
+    let names = client.list_studies(v1::ListStudiesRequest {}).await?.into_inner();
     let mut listed = Vec::new();
-    for name in studies(&global.data).map_err(folder_error)? {
-        let listed_study = match kept(&global.data, &name, Corrections::default()) {
-            Ok((_, outcome)) => json::ListedStudy {
+    for name in names.studies {
+        listed.push(match outcome(client, &name, Corrections::default()).await {
+            Ok(outcome) => json::ListedStudy {
                 study: name,
                 cells: outcome.study().cells.len(),
                 measured: outcome.cells().count(),
                 problem: None,
             },
-            // A damaged study does not hide the others.
+            // A damaged study hides no other.
             Err(error) => json::ListedStudy {
                 study: name,
                 cells: 0,
                 measured: 0,
                 problem: Some(error.to_string()),
             },
-        };
-        listed.push(listed_study);
+        });
     }
-    if global.json {
+    Ok(listed)
+}
+
+fn show_list(listed: Vec<json::ListedStudy>, as_json: bool) -> Result<(), CliError> {
+    if as_json {
         return Ok(json::print_all(listed)?);
     }
     let mut table = Table::new([left("STUDY"), right("CELLS"), right("MEASURED")]);
@@ -147,21 +174,12 @@ fn list(global: &Global) -> Result<(), CliError> {
             Some(_) => "-".to_owned(),
         };
         let (cells, measured) = (number(study.cells), number(study.measured));
-        damaged.extend(study.problem.map(|problem| (study.study.clone(), problem)));
+        damaged.extend(study.problem);
         table.row([study.study, cells, measured]);
     }
     table.print()?;
-    for (study, problem) in damaged {
-        errln!("{study} is damaged: {problem}");
+    for problem in damaged {
+        errln!("{problem}");
     }
     Ok(())
-}
-
-/// Error for a study folder that cannot be read or written.
-fn folder_error(error: FolderError) -> CliError {
-    let message = error.to_string();
-    match error {
-        FolderError::NoStudy { .. } => CliError::Input(message),
-        _ => CliError::Failed(message),
-    }
 }

@@ -1,27 +1,29 @@
 //! `study run`: runs every campaign of a study to its end, several at once, and measures each as soon as it is completed.
 
 use super::{
-    folder_error, kept,
+    kept,
     labelled::Labelled,
     measuring::{Clients, Measuring},
+    outcome,
     progress::{CellProgress, Progress},
-    report_error, shown,
+    report_error, report_folder, shown,
 };
-use crate::known_campaigns::{KnownCampaigns, begin, to_end};
+use crate::known_campaigns::{KnownCampaigns, to_end};
 use murmuration_cli::{
     CliError, Global, InProcessArgs,
-    connection::{self, Connection},
+    connection::{self, Connection, StudyClient},
     files::read_words,
     quoted,
 };
 use murmuration_embed::Runtime;
 use murmuration_files::{Folder, InputKind, Replaces};
 use murmuration_link::{errln, termination};
+use murmuration_model::study_records::StudyFile;
 use murmuration_proto::v1;
 use murmuration_search::interrupt::Interrupt;
 use murmuration_study::{
-    Corrections, Measured, Reference, Study, StudyFolder, cell_digest, lock_beginning, measures_digest,
-    write_report,
+    Corrections, Measured, Reference, Study, cell_digest, cell_record, embedder_record, measures_digest,
+    reference_record, write_report,
 };
 use murmuration_swarm::{CampaignSpec, CheckpointDigest, counted};
 use std::{
@@ -75,7 +77,6 @@ impl RunStudy {
         if study.cells.iter().any(|cell| cell.spec.space().embeds()) {
             Runtime::load()?;
         }
-        let kept_in = StudyFolder::of(&global.data, &study);
         let begun = Instant::now();
         let quick = if self.quick { " --quick" } else { "" };
         let again = global.next(&format!(
@@ -83,16 +84,21 @@ impl RunStudy {
             quoted(&self.file.display().to_string())
         ));
         let run = async |connection: &mut Connection| {
-            kept_in
-                .keep_study(&text, (folder, self.quick), &measuring.digest)
-                .map_err(folder_error)?;
-            let run = StudyRun::begin(connection, &study, (&kept_in, &global.data), measuring)?;
-            run.finish(usize::from(self.at_once), &again).await
+            let name = study.name.as_str();
+            let file = StudyFile {
+                toml: text,
+                folder: folder.display().to_string(),
+                quick: self.quick,
+                measures: measuring.digest.clone(),
+            };
+            kept::keep(&mut connection.studies, name, Some(file), Vec::new()).await?;
+            let run = StudyRun::begin(connection, &study, measuring).await?;
+            run.finish(usize::from(self.at_once), &again).await?;
+            outcome(&mut connection.studies, name, Corrections::default()).await
         };
-        connection::with_new(global, crew, run).await?;
-        let (folder, outcome) = kept(&global.data, study.name.as_str(), Corrections::default())?;
-        let page =
-            write_report(&outcome, Folder::create(folder.path(), Replaces::All)?).map_err(report_error)?;
+        let outcome = connection::with_new(global, crew, run).await?;
+        let folder = Folder::create(&report_folder(&global.data, &outcome), Replaces::All)?;
+        let page = write_report(&outcome, folder).map_err(report_error)?;
         shown::show(&outcome, Some(&page), global.json)?;
         let seconds = begun.elapsed().as_secs_f64();
         errln!("{seconds:.1} s; open the report in a browser");
@@ -118,10 +124,8 @@ enum Done {
 
 struct StudyRun<'a> {
     study: &'a Study,
-    folder: &'a StudyFolder,
+    kept: StudyClient,
     clients: Clients,
-    /// The data directory. A lock in it lets only one study at a time look for campaigns and begin them.
-    data: &'a Path,
     measuring: Measuring,
     /// The checkpoints that cells share, by the digest of the campaign that trains each.
     embedders: BTreeMap<String, CheckpointDigest>,
@@ -132,10 +136,9 @@ struct StudyRun<'a> {
 }
 
 impl<'a> StudyRun<'a> {
-    fn begin(
+    async fn begin(
         connection: &Connection,
         study: &'a Study,
-        (folder, data): (&'a StudyFolder, &'a Path),
         measuring: Measuring,
     ) -> Result<Self, CliError> {
         let clients = Clients {
@@ -143,10 +146,9 @@ impl<'a> StudyRun<'a> {
             checkpoints: connection.checkpoints.clone(),
             labels: connection.labels.clone(),
         };
-        let embedders = folder.embedders().map_err(folder_error)?;
-        let measured = folder
-            .all_measured(study, &measuring.digest)
-            .map_err(folder_error)?;
+        let mut kept = connection.studies.clone();
+        let known = kept::get(&mut kept, study.name.as_str()).await?;
+        let (embedders, measured) = (known.embedders()?, known.all_measured()?);
         let missing = measured
             .iter()
             .enumerate()
@@ -159,10 +161,7 @@ impl<'a> StudyRun<'a> {
             .collect();
         let mut trained = BTreeSet::new();
         let mut waiting = VecDeque::new();
-        let reference = folder
-            .reference(&measuring.digest)
-            .map_err(folder_error)?
-            .map(Arc::new);
+        let reference = known.reference().map(Arc::new);
         // Figures of earlier runs also depend on the atlas, so it is made again even if no cell is missing.
         if let (Some(plan), None) = (&study.measures.recall, &reference) {
             waiting.push_back(Job::Atlas(Box::new(plan.atlas.clone())));
@@ -187,10 +186,9 @@ impl<'a> StudyRun<'a> {
             counted(study.cells.len() as u64, "cell"),
         );
         Ok(Self {
-            data,
+            kept,
             progress: Progress::of(waiting.len()),
             study,
-            folder,
             clients,
             measuring: Measuring {
                 reference,
@@ -221,7 +219,7 @@ impl<'a> StudyRun<'a> {
             }
             tokio::select! {
                 Some(joined) = running.join_next() => match joined {
-                    Ok(Ok(done)) => self.keep(done)?,
+                    Ok(Ok(done)) => self.keep(done).await?,
                     Ok(Err(error)) => failures.push(error),
                     Err(_) => failures.push("it broke off because of a bug".to_owned()),
                 },
@@ -298,7 +296,10 @@ impl<'a> StudyRun<'a> {
             Job::Cell(place, _) => self.words(*place),
         };
         let message = |error: CliError, words: &str| format!("{words}: {error}");
-        let begun = self.found_or_begun(&spec).await;
+        let begun = self
+            .known
+            .find_or_begin(&mut self.clients.campaigns, &spec, self.study.name.as_str())
+            .await;
         let begun = begun.map_err(|error| message(error, &words))?;
         let progress = self.progress.cell(words.clone());
         let (mut clients, measuring) = (self.clients.clone(), self.measuring.clone());
@@ -310,36 +311,26 @@ impl<'a> StudyRun<'a> {
         Ok(())
     }
 
-    /// Finds or begins the campaign of a specification. Another study may have begun it a moment ago.
-    async fn found_or_begun(&mut self, spec: &CampaignSpec) -> Result<v1::Campaign, CliError> {
-        let data = self.data.to_owned();
-        let locked = tokio::task::spawn_blocking(move || lock_beginning(&data)).await;
-        let broken = |_| CliError::Failed("the lock of studies broke because of a bug".to_owned());
-        let _alone = locked.map_err(broken)?.map_err(folder_error)?;
-        self.known.renew(&mut self.clients.campaigns).await?;
-        let known = self.known.of(spec);
-        begin(&mut self.clients.campaigns, spec, known, self.study.name.as_str()).await
-    }
-
     fn words(&self, place: usize) -> String {
         self.study.cell_in_words(&self.study.cells[place])
     }
 
-    fn keep(&mut self, done: Done) -> Result<(), CliError> {
-        match done {
+    /// Stores the outcome of a job.
+    async fn keep(&mut self, done: Done) -> Result<(), CliError> {
+        let record = match done {
             Done::Atlas(reference) => {
-                self.folder.keep_reference(&reference).map_err(folder_error)?;
+                let record = reference_record(&reference);
                 self.measuring.reference = Some(Arc::from(reference));
+                record
             }
             Done::Embedder(cell, checkpoint) => {
+                let record = embedder_record(&cell, checkpoint);
                 self.embedders.insert(cell, checkpoint);
-                self.folder
-                    .keep_embedders(&self.embedders)
-                    .map_err(folder_error)?;
+                record
             }
-            Done::Cell(measured) => self.folder.keep(&measured).map_err(folder_error)?,
-        }
-        Ok(())
+            Done::Cell(measured) => cell_record(&measured),
+        };
+        kept::keep(&mut self.kept, self.study.name.as_str(), None, vec![record]).await
     }
 }
 

@@ -1,37 +1,27 @@
-//! Studies, read from their folders. A study is read again when its files change, but reading must not take more than a share of
-//! the time. When only people's classes change, the rest of the study is kept.
+//! Studies, read from the store. A study is read again when it changes, but reading must not take more than a share of the time. When
+//! only people's classes change, the rest of the study is kept.
 
 use super::known::{Digests, Known};
 use axum::body::Bytes;
 use murmuration_engine::{
-    blocking::{Broken, blocking, in_background},
+    blocking::{Broken, blocking, changing, in_background},
     campaign::{CampaignError, Campaigns},
 };
-use murmuration_model::study_files::{STUDIES, STUDY_CLASSES, STUDY_EMBEDDERS, STUDY_FILE, STUDY_ORIGIN};
+use murmuration_model::study_records::{StudyRecord, StudyRecordKind};
+use murmuration_store::{Store, StoreError, StudyEntry, StudyVersion};
 use murmuration_study::{
-    Corrections, FolderError, JudgedIndividual, KeptStudy, Outcome, ReportError, Study, StudyFolder,
-    cell_digest, report_page, studies, tables_and_plots,
+    Corrections, JudgedIndividual, KeptError, KeptStudy, Outcome, ReportError, Study, cell_digest,
+    classes_record, kept_classes, report_page, tables_and_plots,
 };
-use murmuration_swarm::{CheckpointDigest, Class, Invalid};
+use murmuration_swarm::{CampaignName, CheckpointDigest, Class, Invalid};
 use std::{
-    collections::BTreeMap,
-    fs,
+    collections::{BTreeMap, BTreeSet},
     hash::{DefaultHasher, Hash as _, Hasher as _},
-    path::{Path, PathBuf},
     sync::{Arc, Mutex, PoisonError, Weak},
-    time::{Duration, Instant, SystemTime},
+    time::{Duration, Instant},
 };
 use tokio::sync::{self, OnceCell};
 
-/// The files of a study's folder whose changes change the study. The file with people's classes is watched separately. The folder
-/// of cells changes when a cell is measured.
-const FILES: [&str; 5] = [
-    STUDY_FILE,
-    STUDY_ORIGIN,
-    STUDY_EMBEDDERS,
-    "reference.json",
-    "cells",
-];
 /// Pause between two reads of a study, as a multiple of the time that one read takes.
 const REST: u32 = 3;
 /// How long an unused study stays in memory; open pages use theirs several times a second.
@@ -45,7 +35,7 @@ pub struct Studies(Arc<Shared>);
 
 #[derive(Debug)]
 struct Shared {
-    data: PathBuf,
+    store: Store,
     held: Mutex<BTreeMap<String, Held>>,
     /// The coordinator's campaigns, and when they were listed.
     listed: sync::Mutex<Option<(Instant, Arc<Known>)>>,
@@ -64,10 +54,10 @@ struct Held {
 /// Why a study cannot be shown.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Unusable {
-    #[error("there is no study \"{0}\" in the data directory")]
-    None(String),
     #[error(transparent)]
-    Folder(#[from] FolderError),
+    Store(#[from] StoreError),
+    #[error("the study is damaged: {0}")]
+    Damaged(#[from] KeptError),
     #[error(transparent)]
     Answer(#[from] Invalid),
     #[error(transparent)]
@@ -77,36 +67,17 @@ pub(super) enum Unusable {
 #[derive(Debug)]
 struct Read {
     study: Arc<Loaded>,
-    stamp: Stamp,
+    version: StudyVersion,
     /// When the last full read ended, and how long it took.
     ended: Instant,
     took: Duration,
 }
 
-/// Modification times of a study's files; `None` for missing files.
-#[derive(Debug, Clone, Copy)]
-struct Stamp {
-    files: [Option<SystemTime>; FILES.len()],
-    classes: Option<SystemTime>,
-}
-
-impl Stamp {
-    fn of(folder: &Path) -> Self {
-        let changed = |file: &str| {
-            let about = fs::metadata(folder.join(file));
-            about.and_then(|about| about.modified()).ok()
-        };
-        Self {
-            files: FILES.map(changed),
-            classes: changed(STUDY_CLASSES),
-        }
-    }
-}
-
 /// A study as it was in its folder.
 #[derive(Debug)]
 pub(super) struct Loaded {
-    folder: StudyFolder,
+    store: Store,
+    name: CampaignName,
     pub(super) outcome: Outcome,
     pub(super) jobs: Arc<Jobs>,
     /// Why people's classes cannot be read, if so; the judge's verdicts apply instead.
@@ -141,9 +112,9 @@ pub(super) struct Job {
 
 impl Studies {
     /// The studies of a data directory.
-    pub fn of(data: &Path) -> Self {
+    pub fn of(store: &Store) -> Self {
         Self(Arc::new(Shared {
-            data: data.to_owned(),
+            store: store.clone(),
             held: Mutex::default(),
             listed: sync::Mutex::default(),
             digests: Arc::default(),
@@ -152,14 +123,14 @@ impl Studies {
 
     /// The names of all studies, in alphabetical order.
     pub(super) async fn names(&self) -> Result<Vec<String>, Unusable> {
-        let data = self.0.data.clone();
-        Ok(blocking(move || studies(&data)).await??)
+        let store = self.0.store.clone();
+        Ok(blocking(move || store.studies()).await??)
     }
 
     /// The jobs of a study alone, without reading its measurements.
     pub(super) async fn jobs(&self, name: &str) -> Result<Jobs, Unusable> {
-        let (data, name) = (self.0.data.clone(), name.to_owned());
-        Ok(blocking(move || Jobs::look(&data, &name)).await??)
+        let (store, name) = (self.0.store.clone(), name.to_owned());
+        blocking(move || Jobs::look(&store, &name)).await?
     }
 
     /// The coordinator's campaigns, at most [`LISTED_FOR`] old.
@@ -178,30 +149,26 @@ impl Studies {
 
     /// A study from its folder, or from memory if that was read recently.
     pub(super) async fn loaded(&self, name: &str) -> Result<Arc<Loaded>, Unusable> {
-        let (data, wanted) = (self.0.data.clone(), name.to_owned());
-        let stamp = blocking(move || -> Result<_, FolderError> {
-            let is_there = studies(&data)?.contains(&wanted);
-            Ok(is_there.then(|| Stamp::of(&data.join(STUDIES).join(&wanted))))
-        });
-        let stamp = stamp.await??.ok_or_else(|| Unusable::None(name.to_owned()))?;
+        let (store, wanted) = (self.0.store.clone(), name.to_owned());
+        let version = blocking(move || store.study_version(&wanted)).await??;
         let place = self.place(name);
         let mut read = place.lock().await;
         if let Some(read) = read.as_mut()
-            && (read.stamp.files == stamp.files || read.ended.elapsed() < REST * read.took)
+            && (read.version.measured == version.measured || read.ended.elapsed() < REST * read.took)
         {
-            if read.stamp.classes != stamp.classes {
+            if read.version.classes != version.classes {
                 let study = Arc::clone(&read.study);
-                read.study = Arc::new(blocking(move || study.with_classes_as_they_are()).await?);
-                read.stamp.classes = stamp.classes;
+                read.study = Arc::new(blocking(move || study.with_current_classes()).await?);
+                read.version.classes = version.classes;
             }
             return Ok(Arc::clone(&read.study));
         }
         let begun = Instant::now();
-        let (data, name) = (self.0.data.clone(), name.to_owned());
-        let study = Arc::new(in_background(move |_| Loaded::read(&data, &name)).await??);
+        let (store, name) = (self.0.store.clone(), name.to_owned());
+        let study = Arc::new(in_background(move |_| Loaded::read(store, &name)).await??);
         *read = Some(Read {
             study: Arc::clone(&study),
-            stamp,
+            version,
             ended: Instant::now(),
             took: begun.elapsed(),
         });
@@ -223,20 +190,14 @@ impl Studies {
         }
         let place = self.place(name);
         // One answer at a time: each is added to those before it.
-        let mut read = place.lock().await;
-        let folder = study.folder.clone();
-        let kept = blocking(move || {
-            let mut classes = folder.classes()?;
+        let _alone = place.lock().await;
+        changing(move || {
+            let mut classes = classes(&study.store, &study.name)?;
             classes.set(&cell, index, class, &by)?;
-            Ok(folder.keep_classes(&classes)?)
-        });
-        let kept: Result<(), Unusable> = kept.await?;
-        kept?;
-        // Makes the next request read this answer, even if the disk's clock has not advanced.
-        if let Some(read) = read.as_mut() {
-            read.stamp.classes = None;
-        }
-        Ok(())
+            let record = classes_record(&classes);
+            Ok(study.store.keep_study(&study.name, None, &[record])?)
+        })
+        .await?
     }
 
     /// The cache slot of a study; it is dropped when the study is unused for a while.
@@ -278,20 +239,43 @@ impl Shared {
     }
 }
 
+/// The classes that people gave on the page of a study.
+fn classes(store: &Store, name: &CampaignName) -> Result<Corrections, Unusable> {
+    match store.study_content(name.as_str(), StudyRecordKind::Classes, "")? {
+        Some(content) => Ok(kept_classes(&content).map_err(KeptError::from)?),
+        None => Ok(Corrections::default()),
+    }
+}
+
 impl Jobs {
-    /// The jobs of a study, without reading its measurements.
-    fn look(data: &Path, name: &str) -> Result<Self, FolderError> {
-        let KeptStudy {
-            folder,
-            study,
-            measures,
-        } = StudyFolder::open(data, name)?;
-        // The campaign's id is in the measurement, which is not read here.
-        let done = |_: usize, digest: Option<&str>| -> Result<Option<String>, FolderError> {
-            let is_measured = digest.map(|digest| folder.is_measured(digest, &measures));
-            Ok(is_measured.transpose()?.unwrap_or_default().then(String::new))
+    /// The jobs of a study, without reading what was measured.
+    fn look(store: &Store, name: &str) -> Result<Self, Unusable> {
+        let file = store.study_file(name)?;
+        let (mut embedders, mut measured) = (Vec::new(), BTreeSet::new());
+        for StudyEntry { kind, key, measures } in store.study_entries(name)? {
+            match kind {
+                StudyRecordKind::Embedder => {
+                    let content = store.study_content(name, kind, &key)?.unwrap_or_default();
+                    embedders.push(StudyRecord {
+                        kind,
+                        key,
+                        measures,
+                        content,
+                    });
+                }
+                StudyRecordKind::Cell if measures == file.measures => {
+                    measured.insert(key);
+                }
+                _ => {}
+            }
+        }
+        let kept = KeptStudy::new(&file, embedders)?;
+        // The campaign of a cell is only in the record that is not read here.
+        let done = |_: usize, digest: Option<&str>| {
+            let is_measured = digest.is_some_and(|digest| measured.contains(digest));
+            is_measured.then(String::new)
         };
-        Self::of(&study, &folder.embedders()?, None, done)
+        Ok(Self::of(&kept.study, &kept.embedders()?, None, done)?)
     }
 
     /// The jobs of a study. `atlas` is the atlas's result. `done` returns the result of a cell by its place, and its digest if that
@@ -300,8 +284,8 @@ impl Jobs {
         study: &Study,
         embedders: &BTreeMap<String, CheckpointDigest>,
         atlas: Option<String>,
-        done: impl Fn(usize, Option<&str>) -> Result<Option<String>, FolderError>,
-    ) -> Result<Self, FolderError> {
+        done: impl Fn(usize, Option<&str>) -> Option<String>,
+    ) -> Result<Self, Invalid> {
         let mut before = Vec::new();
         if let Some(plan) = &study.measures.recall {
             before.push(Job {
@@ -321,7 +305,7 @@ impl Jobs {
             let digest = spec.as_ref().map(cell_digest);
             cells.push(Job {
                 words,
-                done: done(place, digest.as_deref())?,
+                done: done(place, digest.as_deref()),
                 digest,
             });
         }
@@ -340,25 +324,26 @@ impl Jobs {
 }
 
 impl Loaded {
-    fn read(data: &Path, name: &str) -> Result<Self, FolderError> {
-        let kept = StudyFolder::open(data, name)?;
-        let (folder, study) = (kept.folder.clone(), kept.study.clone());
+    fn read(store: Store, name: &str) -> Result<Self, Unusable> {
+        let kept = KeptStudy::new(&store.study_file(name)?, store.study_records(name)?)?;
+        let (study, embedders) = (kept.study.clone(), kept.embedders()?);
         let outcome = kept.outcome(Corrections::default())?;
         let campaigns = outcome.campaigns();
         let atlas = outcome.reference().map(|reference| reference.campaign.clone());
-        let done = |place: usize, _: Option<&str>| Ok(campaigns.get(place).cloned().flatten());
-        let jobs = Arc::new(Jobs::of(&study, &folder.embedders()?, atlas, done)?);
-        Ok(Self::of(folder, &outcome, jobs))
+        let done = |place: usize, _: Option<&str>| campaigns.get(place).cloned().flatten();
+        let jobs = Arc::new(Jobs::of(&study, &embedders, atlas, done)?);
+        Ok(Self::of((store, study.name), &outcome, jobs))
     }
 
-    /// The same study with people's current classes.
-    fn with_classes_as_they_are(&self) -> Self {
-        Self::of(self.folder.clone(), &self.outcome, Arc::clone(&self.jobs))
+    /// The same study with the current classes of people.
+    fn with_current_classes(&self) -> Self {
+        let of = (self.store.clone(), self.name.clone());
+        Self::of(of, &self.outcome, Arc::clone(&self.jobs))
     }
 
-    /// A study with the classes in its folder. If their file is damaged, everything else still shows.
-    fn of(folder: StudyFolder, outcome: &Outcome, jobs: Arc<Jobs>) -> Self {
-        let (classes, problem) = match folder.classes() {
+    /// A study with its stored classes. Damaged classes hide nothing else.
+    fn of((store, name): (Store, CampaignName), outcome: &Outcome, jobs: Arc<Jobs>) -> Self {
+        let (classes, problem) = match classes(&store, &name) {
             Ok(classes) => (classes, None),
             Err(error) => (Corrections::default(), Some(error.to_string())),
         };
@@ -369,7 +354,8 @@ impl Loaded {
         Self {
             version: format!("{:x}", hasher.finish()),
             report: OnceCell::new(),
-            folder,
+            store,
+            name,
             outcome,
             jobs,
             problem,

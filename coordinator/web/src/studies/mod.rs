@@ -22,6 +22,7 @@ use axum::{
 pub use loaded::Studies;
 use loaded::{Loaded, Unusable};
 use maud::{Markup, PreEscaped, html};
+use murmuration_service::IntoStatus as _;
 use murmuration_swarm::{counted, grouped};
 use sight::Sight;
 use tonic::Status;
@@ -158,9 +159,10 @@ fn tables(loaded: &Loaded) -> Markup {
 impl From<Unusable> for Status {
     fn from(error: Unusable) -> Self {
         match error {
-            Unusable::None(_) => Self::not_found(error.to_string()),
+            Unusable::Store(error) => error.into_status(),
             Unusable::Answer(invalid) => invalid.into(),
-            Unusable::Folder(_) | Unusable::Broken(_) => Self::internal(error.to_string()),
+            Unusable::Damaged(_) => Self::data_loss(error.to_string()),
+            Unusable::Broken(_) => Self::internal(error.to_string()),
         }
     }
 }

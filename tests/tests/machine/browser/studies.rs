@@ -5,6 +5,8 @@ use crate::browser::{
     looks::{SIZES, check},
     scene::{Scene, introduce_here},
 };
+use murmuration_model::study_records::StudyRecordKind;
+use murmuration_store::Store;
 use murmuration_swarm::CampaignSpec;
 use murmuration_tests::{Cluster, Murmuration};
 use std::path::Path;
@@ -92,7 +94,10 @@ pub async fn a_study_is_watched_while_it_runs_and_its_medoids_are_judged_again()
             "/Judged by: the rule-based judge; 1 of \\d+ medoids by Ana/.test({page})"
         ))
         .await;
-    let kept = std::fs::read_to_string(folder.path().join("studies/pair/classes.csv")).unwrap();
+    let (store, _) = Store::look(folder.path(), false).unwrap();
+    let kept = store.study_content("pair", StudyRecordKind::Classes, "");
+    let kept = String::from_utf8(kept.unwrap().unwrap()).unwrap();
+    drop(store);
     let row = kept.lines().nth(1).unwrap();
     assert!(row.ends_with(",nested_cycle,Ana"), "{kept}");
     // The tables of the command line contain the person's class too.

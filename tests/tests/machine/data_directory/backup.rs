@@ -1,6 +1,8 @@
 //! Backups of a running coordinator, and restoring them.
 
 use crate::data_directory::{generations, undisturbed};
+use murmuration_model::study_records::StudyRecordKind;
+use murmuration_store::Store;
 use murmuration_tests::Murmuration;
 use std::{fs, os::unix::fs::symlink, path::Path};
 
@@ -11,17 +13,17 @@ pub fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
     let folder = tempfile::tempdir().unwrap();
     let (spec, digest) = undisturbed(folder.path());
     let at_work = Murmuration::over(&folder.path().join("at-work"));
+    // Classes that people gave on the page of a study are stored nowhere else. The folder is that of an earlier version.
+    let study = folder.path().join("at-work/studies/small");
+    let classes = "cell,index,class,by\nabc,3,milling,ann\n";
+    fs::create_dir_all(&study).unwrap();
+    fs::write(study.join("study.toml"), "name = \"small\"").unwrap();
+    fs::write(study.join("classes.csv"), classes).unwrap();
     assert_eq!(at_work.run(&["checkpoints", "import", MODEL]).code, Some(0));
     let mut run = at_work.start(&["run", &spec, "--workers", "1"]);
     // Until the run holds the data directory, another command could take it.
     run.wait_for("generation");
     at_work.latest_when(|latest| generations(latest) > 2);
-    // Classes that people gave on the page of a study are stored nowhere else.
-    let classes = "studies/small/classes.csv";
-    let message = "cell,index,class,by\nabc,3,milling,ann\n";
-    let at_home = folder.path().join("at-work").join(classes);
-    fs::create_dir_all(at_home.parent().unwrap()).unwrap();
-    fs::write(&at_home, message).unwrap();
     let path = folder.path().join("backup");
     let backup = path.display().to_string();
     let made = at_work.run(&["backup", &backup, "--json"]).last_line();
@@ -42,8 +44,10 @@ pub fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
     let put_back = restored.run(&["restore", &backup]);
     assert_eq!(put_back.code, Some(0), "{}", put_back.stderr);
     assert_eq!(restored.run(&["checkpoints", "list", "--json"]).lines().len(), 1);
-    let put_back = fs::read_to_string(folder.path().join("restored").join(classes));
-    assert_eq!(put_back.unwrap(), message);
+    let (store, _) = Store::look(&folder.path().join("restored"), true).unwrap();
+    let put_back = store.study_content("small", StudyRecordKind::Classes, "");
+    assert_eq!(put_back.unwrap().unwrap(), classes.as_bytes());
+    drop(store);
     let done = generations(&restored.latest());
     assert!((2..240).contains(&done), "{done} generations");
     let resumed = restored.run(&["resume", "latest"]);
