@@ -13,6 +13,7 @@ use super::{
 use crate::{
     connections::ConnectionHandle,
     limits::{MAX_HEADER_BYTES, MAX_HEADERS, SEAT_LIMIT, STRANGER_LIMIT},
+    messages::MessageRoom,
     request_body::in_time,
 };
 use axum::{
@@ -71,6 +72,7 @@ pub(super) struct Gate {
     pub(super) requirements: Arc<Requirements>,
     pub(super) seats: Seats,
     pub(super) bodies: Bodies,
+    pub(super) messages: MessageRoom,
 }
 
 /// Refuses requests that may not pass, in the form that the client reads: a gRPC status, a page, or a line of text.
@@ -99,7 +101,7 @@ impl Gate {
         } = self;
         let asked = Asked::of(&request, requirements);
         let speaks_grpc = asked != Asked::Page && origin::is_grpc(request.headers());
-        // Only pages accept a cookie: a browser sends it with a request of any site.
+        // Only pages accept a cookie: a browser attaches it even to requests that another site's page makes.
         let session = match (asked, bearer(request.headers())) {
             (Asked::Page, None) => endpoint.sessions.of(request.headers(), SystemTime::now()),
             _ => None,
@@ -114,6 +116,10 @@ impl Gate {
                 if let Some(handle) = handle.filter(|_| is_known) {
                     handle.authenticated();
                 }
+                let request = match speaks_grpc {
+                    true => request.map(|body| self.messages.limited(body, requirement, principal)),
+                    false => request,
+                };
                 let waits = speaks_grpc && class != CostClass::Stranger;
                 let patience = (!waits).then_some(SEAT_LIMIT);
                 self.seated(class, principal, patience, request, next).await

@@ -58,6 +58,15 @@ pub(crate) const MAX_PACED: usize = 1024;
 pub const MAX_MESSAGE: usize = 4 << 20;
 /// Bytes of a message from a worker: a batch of the largest pictures, or the longest motion (48 MB).
 pub const MAX_WORKER_MESSAGE: usize = 96 << 20;
+/// Bytes of a message of a method for viewers, which only names what it asks for.
+pub const MAX_NAMING_MESSAGE: usize = 64 << 10;
+/// Bytes of a message of a method that requires nothing: a probe's.
+pub(crate) const MAX_PROBE_MESSAGE: usize = 1 << 10;
+/// Bytes from which a message needs room while it arrives.
+pub(crate) const LONG_MESSAGE: usize = 2 << 20;
+/// Bytes of long messages that are arriving, and of those from one principal.
+pub(crate) const MAX_ARRIVING: usize = 1 << 30;
+pub(crate) const MAX_ARRIVING_PER_PRINCIPAL: usize = 256 << 20;
 /// Bytes of a message with labels: the most answers that one message may hold, with the longest names.
 pub const MAX_LABEL_MESSAGE: usize = 32 << 20;
 /// Bytes of a decision's body: some 100 labels. A longer one needs a seat of the class bulk.

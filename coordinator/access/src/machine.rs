@@ -85,6 +85,14 @@ pub fn origin(request: &Extensions) -> Option<Origin> {
     })
 }
 
+/// Whether a request rests on the certificate of a machine alone: it has one, and no token.
+#[must_use]
+pub fn rests_on_certificate<T>(request: &tonic::Request<T>) -> bool {
+    let connection = request.extensions().get::<TlsConnectInfo<ConnectionHandle>>();
+    let has_certificate = connection.and_then(TlsConnectInfo::peer_certs).is_some();
+    has_certificate && !request.metadata().contains_key("authorization")
+}
+
 /// The machine with this certificate, which the TLS library has checked, or without one the machine at this address.
 fn machine_of(certificate: Option<&CertificateDer<'_>>, address: IpAddr) -> MachineId {
     let key = certificate.map(|certificate| match EndEntityCert::try_from(certificate) {

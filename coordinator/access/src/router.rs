@@ -4,6 +4,7 @@ use super::{
     CostClass, Endpoint, Requirement, Requirements, Seats,
     admit::{Gate, admit},
     limits::MAX_POST,
+    messages::MessageRoom,
     requirement::MethodRequirements,
     response_body::Bodies,
 };
@@ -134,6 +135,7 @@ impl GuardedRouter {
         let gate = Gate {
             endpoint,
             requirements: Arc::new(self.requirements),
+            messages: MessageRoom::default(),
             bodies: Bodies::of(&seats),
             seats,
         };

@@ -24,7 +24,7 @@ use murmuration_model::{CampaignId, MachineId, Maker, Origin, Quarantined, Saved
 use murmuration_proto::v1;
 use murmuration_swarm::{CheckpointDigest, EmbeddingKind, Invalid, Replay, training::Configuration};
 use service::Service;
-use std::{fmt, str::FromStr, sync::Arc, time::Duration};
+use std::{convert::Infallible, fmt, str::FromStr, sync::Arc, time::Duration};
 use submitted::{AnyJob, Submitted};
 use tokio::sync::{mpsc, oneshot, watch};
 use tonic::Status;
@@ -139,6 +139,8 @@ pub struct JoinRequest {
     pub kind: EmbeddingKind,
     /// Receives the messages to the worker.
     pub outbox: Outbox,
+    /// Dropped when the dispatcher forgets the worker: nothing that it sends counts any more.
+    pub present: oneshot::Sender<Infallible>,
 }
 
 /// Why a worker may not join.
@@ -198,6 +200,18 @@ pub enum TrainingLease {
     Never,
 }
 
+/// A checkpoint that a trainer wants to publish.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Publication {
+    pub machine: MachineId,
+    /// The training configuration, TOML.
+    pub configuration: String,
+    /// The checkpoint that was fine-tuned; `None` if trained from scratch.
+    pub parent: Option<CheckpointDigest>,
+    /// Bytes of the model.
+    pub bytes: usize,
+}
+
 /// Properties of a leased training that its result is checked against.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeasedTraining {
@@ -239,6 +253,10 @@ enum Request {
         epoch: u64,
         lease: LeaseNumber,
         reply: oneshot::Sender<Option<CampaignId>>,
+    },
+    Publication {
+        publication: Publication,
+        reply: oneshot::Sender<bool>,
     },
     Connected {
         reply: oneshot::Sender<Vec<ConnectedMachine>>,
@@ -415,6 +433,18 @@ impl Dispatch {
         // Nobody holds leases of a dispatcher that has ended.
         self.commands.send(Command::Work(request)).await.ok()?;
         answer.await.ok()?
+    }
+
+    /// Whether a trainer on this machine holds the lease of a training that has such a result. Each lease allows a few publications, for
+    /// a trainer that repeats a request.
+    pub async fn may_publish(&self, publication: Publication) -> bool {
+        let (reply, answer) = oneshot::channel();
+        let request = Request::Publication { publication, reply };
+        // Nobody holds leases of a dispatcher that has ended.
+        match self.commands.send(Command::Work(request)).await {
+            Ok(()) => answer.await.unwrap_or(false),
+            Err(_) => false,
+        }
     }
 
     /// All connected workers, by name; empty once the dispatcher has ended.

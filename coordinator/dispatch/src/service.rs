@@ -3,8 +3,8 @@
 mod results;
 
 use super::{
-    Command, JobProgress, JoinError, JoinRequest, Options, Outbox, Request, TrainingJob, TrainingLease,
-    WorkerReport,
+    Command, JobProgress, JoinError, JoinRequest, Options, Outbox, Publication, Request, TrainingJob,
+    TrainingLease, WorkerReport,
     submitted::{AnyJob, Vote},
 };
 use crate::{
@@ -18,6 +18,7 @@ use murmuration_swarm::{EmbeddingKind, Purpose, RandomStream};
 use rand::RngExt as _;
 use std::{
     collections::{BTreeMap, BTreeSet},
+    convert::Infallible,
     sync::Arc,
     time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
@@ -32,6 +33,8 @@ use tracing::Span;
 const TICK: Duration = Duration::from_millis(100);
 /// From this number of remembered names on, those of processes that are gone are forgotten.
 const MOST_NAMES: usize = 4096;
+/// Most checkpoints that a trainer may publish under one lease: it needs one, and repeats a request whose answer it missed.
+const MOST_PUBLICATIONS: u32 = 8;
 
 /// The dispatcher itself, owned by its one task.
 pub(super) struct Service {
@@ -70,8 +73,9 @@ struct Worker {
     name: String,
     kind: EmbeddingKind,
     outbox: Outbox,
-    /// Leases of the trainings that it was granted.
-    trainings: BTreeSet<LeaseNumber>,
+    _present: oneshot::Sender<Infallible>,
+    /// Leases of the trainings that it was granted, each with the number of checkpoints published under it.
+    trainings: BTreeMap<LeaseNumber, u32>,
 }
 
 impl Job {
@@ -179,6 +183,10 @@ impl Service {
                 // The client may have gone.
                 let _ = reply.send(self.leased_training(machine, epoch, lease));
             }
+            Request::Publication { publication, reply } => {
+                // The client may have gone.
+                let _ = reply.send(self.may_publish(&publication));
+            }
             Request::Connected { reply } => {
                 // The client may have gone.
                 let _ = reply.send(self.connected());
@@ -229,6 +237,7 @@ impl Service {
             capacity,
             kind,
             outbox,
+            present,
         } = join_request;
         let process = WorkerProcessId {
             machine: origin.machine,
@@ -250,13 +259,14 @@ impl Service {
         });
         tracing::info!(name, capacity, "joined");
         self.remember(process, format!("{name} at {}", origin.address));
-        let trainings = BTreeSet::new();
+        let trainings = BTreeMap::new();
         self.workers.insert(
             id,
             Worker {
                 name,
                 kind,
                 outbox,
+                _present: present,
                 trainings,
             },
         );
@@ -358,7 +368,7 @@ impl Service {
             let campaign = campaign.unwrap_or_default();
             let is_training = content.training().is_some();
             if let Some(holder) = self.workers.get_mut(&worker).filter(|_| is_training) {
-                holder.trainings.insert(lease);
+                holder.trainings.insert(lease, 0);
             }
             let holder = self.workers.get(&worker).map(|worker| &worker.name);
             let span = tracing::info_span!(parent: None, "lease", %id, campaign, worker = holder);
@@ -380,7 +390,7 @@ impl Service {
         let given = self
             .workers
             .get(&worker)
-            .is_some_and(|worker| epoch == self.epoch && worker.trainings.contains(&lease));
+            .is_some_and(|worker| epoch == self.epoch && worker.trainings.contains_key(&lease));
         let job = self.table.leased(worker, lease).filter(|_| given);
         let job = job.and_then(|id| self.jobs.get(&id));
         match job.and_then(Job::training) {
@@ -398,6 +408,29 @@ impl Service {
             .filter(|_| epoch == self.epoch)?;
         let training = self.jobs.get(&job)?.training()?;
         Some(training.campaign.clone())
+    }
+
+    fn may_publish(&mut self, publication: &Publication) -> bool {
+        let is_result = |training: &TrainingJob| {
+            let leased = training.leased();
+            leased.parent == publication.parent
+                && leased.configuration.to_toml() == publication.configuration
+                // A snapshot holds every parameter several times.
+                && publication.bytes <= leased.snapshot_bytes
+        };
+        for (&id, worker) in &mut self.workers {
+            if self.table.process(id).map(|process| process.machine) != Some(publication.machine) {
+                continue;
+            }
+            for (&lease, publications) in &mut worker.trainings {
+                let job = self.table.leased(id, lease).and_then(|job| self.jobs.get(&job));
+                if *publications < MOST_PUBLICATIONS && job.and_then(Job::training).is_some_and(is_result) {
+                    *publications += 1;
+                    return true;
+                }
+            }
+        }
+        false
     }
 
     fn lease_id(&self, lease: LeaseNumber) -> v1::LeaseId {

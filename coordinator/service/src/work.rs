@@ -10,7 +10,7 @@ use murmuration_proto::{SIMULATOR_VERSION, v1};
 use murmuration_store::{Store, StoreError};
 use murmuration_swarm::{CheckpointDigest, Invalid, Lineage, Text, text};
 use std::time::Duration;
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, oneshot};
 use tokio_stream::{StreamExt as _, wrappers::ReceiverStream};
 use tonic::{Request, Response, Status, Streaming};
 use tracing::Instrument as _;
@@ -61,6 +61,7 @@ pub(super) async fn serve(
     let mut inbox = request.into_inner();
     let hello = hello(&mut inbox, check).await?;
     let (outbox, stream) = mpsc::channel(OUTBOX);
+    let (present, dismissed) = oneshot::channel();
     let join_request = JoinRequest {
         name: hello.name,
         origin: from,
@@ -68,11 +69,17 @@ pub(super) async fn serve(
         kind: hello.embedding_kind.into(),
         capacity: hello.capacity as usize,
         outbox: outbox.clone(),
+        present,
     };
     let worker = dispatch.join(join_request).await.or_status()?;
     let dispatch = dispatch.clone();
     let stream_ends = async move {
-        if let Err(status) = pass_on(&dispatch, (worker, peer), &mut inbox).await {
+        let passed_on = tokio::select! {
+            passed_on = pass_on(&dispatch, (worker, peer), &mut inbox) => passed_on,
+            // What the worker still sends must not stay in memory.
+            _ = dismissed => return,
+        };
+        if let Err(status) = passed_on {
             tracing::debug!(?worker, %status, "worker stream broke");
             // The worker may have gone.
             let _ = outbox.try_send(Err(status));
