@@ -4,13 +4,17 @@ use super::{
     Streamed, lease_id,
     work::{Peer, machine_of, serve},
 };
-use crate::status::{IntoStatus as _, OrStatus as _};
+use crate::status::OrStatus as _;
 use murmuration_dispatch::Trainers;
-use murmuration_engine::blocking::blocking;
+use murmuration_engine::blocking::{blocking, spawn};
 use murmuration_model::{CampaignRecord, NextTraining, TrainingPictures};
-use murmuration_proto::{PART_BYTES, TRAINER_VERSION, v1};
+use murmuration_proto::{
+    PART_BYTES, TRAINER_VERSION,
+    v1::{self, training_part},
+};
 use murmuration_store::{RoundPictures, Store, StoreError};
 use murmuration_swarm::{EmbedderSource, FEATURE_NAMES, Invalid, Text};
+use std::sync::Arc;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
@@ -52,12 +56,12 @@ impl v1::trainer_service_server::TrainerService for TrainerApi {
             .await
             .or_status()?
             .or_status()?;
-        let (parts, stream) = mpsc::channel(4);
+        let (parts, stream) = mpsc::channel(2);
         let store = self.store.clone();
-        tokio::task::spawn_blocking(move || {
-            if let Err(error) = send(&store, &record, &parts) {
+        spawn(async move {
+            if let Err(status) = send(store, record, &parts).await {
                 // The trainer may have gone.
-                let _ = parts.blocking_send(Err(error.into_status()));
+                let _ = parts.send(Err(status)).await;
             }
         });
         Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
@@ -84,61 +88,118 @@ fn check_trainer(hello: &v1::Hello) -> Result<(), Status> {
     }
 }
 
-/// Sends pictures, then their features if the recipe flattens, then labelled pictures, then the snapshot. Ends early when the
-/// client has gone.
-fn send(
-    store: &Store,
-    record: &CampaignRecord,
+/// Sends pictures, then their features if the recipe flattens, then labelled pictures, then the snapshot. Each part is read when the
+/// one before it was taken, so that a client that takes nothing holds no thread. Ends early when the client has gone.
+async fn send(
+    store: Store,
+    record: CampaignRecord,
     parts: &mpsc::Sender<Result<v1::TrainingPart, Status>>,
-) -> Result<(), StoreError> {
-    use v1::training_part::Part;
-    let send = |part| {
-        parts
-            .blocking_send(Ok(v1::TrainingPart { part: Some(part) }))
-            .is_ok()
-    };
-    let each = (PART_BYTES / record.spec.image().bytes()).max(1);
-    for place in (0..TrainingPictures::of(record).count()).step_by(each) {
-        let images = store.training_images(record, place..place + each as u64)?;
-        if !send(Part::Pictures(images)) {
+) -> Result<(), Status> {
+    let (listed, of) = (store.clone(), record.clone());
+    let contents = blocking(move || Contents::of(&listed, &of)).await.or_status()?;
+    let contents = Arc::new(contents.or_status()?);
+    let mut next = contents.begin();
+    while let Some(place) = next {
+        let (store, record, read) = (store.clone(), record.clone(), Arc::clone(&contents));
+        let part = blocking(move || read.part(&store, &record, place)).await;
+        let part = Some(part.or_status()?.or_status()?);
+        if parts.send(Ok(v1::TrainingPart { part })).await.is_err() {
             return Ok(());
         }
-    }
-    if let Some(EmbedderSource::Trained { dataset, training }) = record.spec.embedder()
-        && training.recipe().flattening() > 0
-        && NextTraining::of(record) == Some(NextTraining::Pretraining)
-    {
-        let all = u64::from(dataset.controllers());
-        let each = PART_BYTES / (FEATURE_NAMES.len() * size_of::<f64>());
-        for first in (0..all).step_by(each) {
-            let range = first..all.min(first + each as u64);
-            let features = store.dataset_features(&record.id, dataset.starts().into(), range)?;
-            let features = features.into_iter().flatten().collect();
-            if !send(Part::Features(v1::FeaturesPart { features })) {
-                return Ok(());
-            }
-        }
-    }
-    let round = match NextTraining::of(record) {
-        Some(NextTraining::FineTuning { cutoff, .. }) => store.round_pictures(record, cutoff)?,
-        Some(NextTraining::Pretraining) | None => RoundPictures::default(),
-    };
-    for part in round.pictures.chunks(each) {
-        let mut message = v1::LabelledPart::default();
-        for &(picture, class) in part {
-            message.classes.push(class);
-            message.pictures.extend(store.round_image(record, picture)?);
-        }
-        if !send(Part::Labelled(message)) {
-            return Ok(());
-        }
-    }
-    if let Some(saved) = store.saved_training(&record.id)? {
-        for part in saved.bytes.chunks(PART_BYTES) {
-            if !send(Part::Saved(part.to_vec())) {
-                return Ok(());
-            }
-        }
+        next = contents.after(place);
     }
     Ok(())
+}
+
+/// The contents of a training, in the order in which they are sent.
+struct Contents {
+    /// Number of items of each kind, and of those of one part.
+    kinds: [(u64, u64); 4],
+    round: RoundPictures,
+    saved: Vec<u8>,
+}
+
+/// A part: its kind, and its first item.
+type Place = (usize, u64);
+
+impl Contents {
+    fn of(store: &Store, record: &CampaignRecord) -> Result<Self, StoreError> {
+        let flattened = match record.spec.embedder() {
+            Some(EmbedderSource::Trained { dataset, training })
+                if training.recipe().flattening() > 0
+                    && NextTraining::of(record) == Some(NextTraining::Pretraining) =>
+            {
+                dataset.controllers().into()
+            }
+            _ => 0,
+        };
+        let round = match NextTraining::of(record) {
+            Some(NextTraining::FineTuning { cutoff, .. }) => store.round_pictures(record, cutoff)?,
+            Some(NextTraining::Pretraining) | None => RoundPictures::default(),
+        };
+        let saved = store
+            .saved_training(&record.id)?
+            .map_or_else(Vec::new, |saved| saved.bytes);
+        let pictures = (PART_BYTES / record.spec.image().bytes()).max(1) as u64;
+        let features = (PART_BYTES / (FEATURE_NAMES.len() * size_of::<f64>())) as u64;
+        let kinds = [
+            (TrainingPictures::of(record).count(), pictures),
+            (flattened, features),
+            (round.pictures.len() as u64, pictures),
+            (saved.len() as u64, PART_BYTES as u64),
+        ];
+        Ok(Self { kinds, round, saved })
+    }
+
+    fn begin(&self) -> Option<Place> {
+        let kind = self.kinds.iter().position(|&(count, _)| count > 0)?;
+        Some((kind, 0))
+    }
+
+    fn after(&self, (kind, first): Place) -> Option<Place> {
+        let (count, each) = self.kinds[kind];
+        if first + each < count {
+            return Some((kind, first + each));
+        }
+        let further = self.kinds.iter().enumerate().skip(kind + 1);
+        further
+            .filter(|(_, (count, _))| *count > 0)
+            .map(|(kind, _)| (kind, 0))
+            .next()
+    }
+
+    fn part(
+        &self,
+        store: &Store,
+        record: &CampaignRecord,
+        (kind, first): Place,
+    ) -> Result<training_part::Part, StoreError> {
+        use training_part::Part;
+        let (count, each) = self.kinds[kind];
+        let until = count.min(first + each);
+        let items = first as usize..until as usize;
+        match kind {
+            0 => Ok(Part::Pictures(
+                store.training_images(record, first..first + each)?,
+            )),
+            1 => {
+                let starts = match record.spec.embedder() {
+                    Some(EmbedderSource::Trained { dataset, .. }) => dataset.starts().into(),
+                    _ => 1,
+                };
+                let features = store.dataset_features(&record.id, starts, first..until)?;
+                let features = features.into_iter().flatten().collect();
+                Ok(Part::Features(v1::FeaturesPart { features }))
+            }
+            2 => {
+                let mut message = v1::LabelledPart::default();
+                for &(picture, class) in &self.round.pictures[items] {
+                    message.classes.push(class);
+                    message.pictures.extend(store.round_image(record, picture)?);
+                }
+                Ok(Part::Labelled(message))
+            }
+            _ => Ok(Part::Saved(self.saved[items].to_vec())),
+        }
+    }
 }

@@ -45,7 +45,7 @@ const CAMPAIGNS: MethodRequirements = &[
 const CHECKPOINTS: MethodRequirements = &[
     ("ListCheckpoints", VIEWER, Light),
     ("GetCheckpoint", AnyMachineOr(Role::Viewer), Light),
-    ("FetchCheckpoint", AnyMachineOr(Role::Viewer), Light),
+    ("FetchCheckpoint", AnyMachineOr(Role::Viewer), Reading),
     ("PublishCheckpoint", MachineOr(Trainer, Role::Operator), Decision),
 ];
 
@@ -82,7 +82,7 @@ const WORKERS: MethodRequirements = &[("Work", Machine(Worker), CostClass::Free)
 
 const TRAINERS: MethodRequirements = &[
     ("Train", Machine(Trainer), CostClass::Free),
-    ("FetchTraining", Machine(Trainer), CostClass::Free),
+    ("FetchTraining", Machine(Trainer), Reading),
 ];
 
 pub(super) const HEALTH: MethodRequirements = &[("Check", Nothing, Light), ("Watch", Nothing, Streaming)];

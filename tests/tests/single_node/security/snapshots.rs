@@ -108,6 +108,37 @@ fn snapshot(lease: v1::LeaseId, bytes: usize, last: bool) -> Message {
     })
 }
 
+/// More than tokio has threads that may block.
+const FETCHES: usize = 600;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_trainer_that_takes_no_pictures_keeps_no_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start_without_trainer(folder.path(), 1).await;
+    let campaign = cluster.create(&small_latent_spec("")).await;
+    let mut trainer = Trainer::connect(&cluster.url()).await;
+    let lease = trainer.lease().await;
+    let mut fetches = tokio::task::JoinSet::new();
+    for _ in 0..FETCHES {
+        let mut client = trainer.client.clone();
+        fetches.spawn(async move {
+            let request = v1::FetchTrainingRequest { lease: Some(lease) };
+            let parts = client.fetch_training(request).await;
+            // Open for as long as the test lasts, and never read.
+            std::future::pending::<()>().await;
+            drop(parts);
+        });
+    }
+    for _ in 0..20 {
+        trainer.send(Message::Heartbeat(v1::Heartbeat {})).await;
+        let status = tokio::time::timeout(Duration::from_secs(10), cluster.status(&campaign));
+        assert_eq!(status.await.unwrap().state(), v1::CampaignState::Running);
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    fetches.abort_all();
+    cluster.stop().await;
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_trainer_trains_one_embedder_at_a_time() {
     let folder = tempfile::tempdir().unwrap();
