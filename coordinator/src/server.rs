@@ -40,8 +40,8 @@ use murmuration_store::{
 };
 use murmuration_web::{DrawnAtlas, Judged, Playground, Reports, Studies, Web};
 use services::Services;
-use std::{io, net::SocketAddr, time::Duration};
-use tokio::sync::watch;
+use std::{io, net::SocketAddr, sync::Arc, time::Duration};
+use tokio::sync::{Semaphore, watch};
 use tonic::server::NamedService as _;
 
 /// Maximum wait for open streams during a clean shutdown.
@@ -213,12 +213,16 @@ impl Coordinator {
                 store: store.clone(),
                 checkpoints: checkpoints.clone(),
                 data: options.data.path().into(),
+                exports: Arc::new(Semaphore::new(TransferApi::MOST_EXPORTS)),
             },
             evaluations: EvaluationApi {
                 dispatch: dispatch.clone(),
                 checkpoints: checkpoints.clone(),
             },
-            checkpoints: CheckpointApi { checkpoints },
+            checkpoints: CheckpointApi {
+                checkpoints,
+                trainers: trainers.clone(),
+            },
             labels: label_api,
             workers: WorkerApi {
                 dispatch: dispatch.clone(),

@@ -2,7 +2,10 @@
 
 use super::{Streamed, in_parts};
 use crate::status::{IntoStatus as _, OrStatus as _};
+use crate::work::machine_of;
 use bytes::{Bytes, BytesMut};
+use murmuration_access::rests_on_certificate;
+use murmuration_dispatch::{Publication, Trainers};
 use murmuration_onnx::MAX_MODEL_BYTES;
 use murmuration_proto::{PART_BYTES, parts::parts, v1};
 use murmuration_store::checkpoints::{CheckpointError, Checkpoints};
@@ -14,6 +17,8 @@ use tonic::{Request, Response, Status, Streaming};
 pub struct CheckpointApi {
     /// The store of checkpoints.
     pub checkpoints: Checkpoints,
+    /// Leases trainings to the trainers that publish.
+    pub trainers: Trainers,
 }
 
 #[tonic::async_trait]
@@ -67,6 +72,10 @@ impl v1::checkpoint_service_server::CheckpointService for CheckpointApi {
         &self,
         request: Request<Streaming<v1::PublishCheckpointRequest>>,
     ) -> Result<Response<v1::Checkpoint>, Status> {
+        let trainer = match rests_on_certificate(&request) {
+            true => Some(machine_of(&request)?.machine),
+            false => None,
+        };
         let mut parts = request.into_inner();
         let first = parts.message().await?.and_then(|first| first.part);
         let Some(v1::publish_checkpoint_request::Part::Description(description)) = first else {
@@ -84,6 +93,18 @@ impl v1::checkpoint_service_server::CheckpointService for CheckpointApi {
                 found,
             }
             .into_status());
+        }
+        if let Some(machine) = trainer {
+            let publication = Publication {
+                machine,
+                configuration: lineage.configuration.clone(),
+                parent: lineage.parent,
+                bytes: bytes.len(),
+            };
+            if !self.trainers.dispatch().may_publish(publication).await {
+                let message = "this trainer holds no lease of a training with such a result";
+                return Err(Status::permission_denied(message));
+            }
         }
         Ok(Response::new(
             self.checkpoints.publish(lineage, bytes).await.or_status()?.into(),

@@ -14,8 +14,16 @@ use murmuration_store::{
     transfer::{Arriving, ImportError, Unsound, export},
 };
 use murmuration_swarm::{Invalid, counted};
-use std::{io::Read as _, path::Path, sync::Arc};
-use tokio::sync::mpsc;
+use std::{
+    io::Read as _,
+    path::Path,
+    sync::Arc,
+    time::{Duration, Instant},
+};
+use tokio::{
+    sync::{Semaphore, mpsc},
+    time::timeout_at,
+};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
 
@@ -28,7 +36,14 @@ pub struct TransferApi {
     pub checkpoints: Checkpoints,
     /// The data directory, in which databases of campaigns are assembled.
     pub data: Arc<Path>,
+    /// Exports at once. Each has a copy of its campaign on disk until its client has taken it.
+    pub exports: Arc<Semaphore>,
 }
+
+/// Time that a client has to take an export, besides that of its bytes.
+const EXPORT_TIME: Duration = Duration::from_secs(60);
+/// Slowest pace of a client that takes an export, bytes a second.
+const EXPORT_PACE: u64 = 1 << 20;
 
 #[tonic::async_trait]
 impl v1::transfer_service_server::TransferService for TransferApi {
@@ -73,16 +88,22 @@ impl v1::transfer_service_server::TransferService for TransferApi {
 }
 
 impl TransferApi {
+    /// Most exports at once.
+    pub const MOST_EXPORTS: usize = 2;
+
     /// Sends the database of a campaign.
     async fn send(
         &self,
         campaign: CampaignId,
         parts: &mpsc::Sender<Result<v1::CampaignPart, Status>>,
     ) -> Result<(), Status> {
+        let ending = |_| Status::unavailable("the coordinator is shutting down");
+        let _place = Arc::clone(&self.exports).acquire_owned().await.map_err(ending)?;
         let mut file = export(&self.store, &self.checkpoints, &self.data, &campaign)
             .await
             .or_status()?;
         let mut campaign = campaign.to_string();
+        let (begun, mut sent) = (Instant::now(), 0);
         loop {
             let read;
             (file, read) = in_background(move |_| {
@@ -97,8 +118,16 @@ impl TransferApi {
                 return Ok(());
             }
             let campaign = std::mem::take(&mut campaign);
-            if parts.send(Ok(v1::CampaignPart { campaign, data })).await.is_err() {
-                return Ok(());
+            sent += data.len() as u64;
+            let until = begun + EXPORT_TIME + Duration::from_secs(sent / EXPORT_PACE);
+            let part = v1::CampaignPart { campaign, data };
+            match timeout_at(until.into(), parts.send(Ok(part))).await {
+                Ok(Ok(())) => {}
+                Ok(Err(_)) => return Ok(()),
+                Err(_) => {
+                    let message = "the export was taken too slowly, and others wait for its place";
+                    return Err(Status::deadline_exceeded(message));
+                }
             }
         }
     }

@@ -5,6 +5,7 @@ use murmuration_link::{Credentials, Health};
 use murmuration_proto::v1::{
     self, checkpoint_service_client::CheckpointServiceClient, trainer_service_client::TrainerServiceClient,
 };
+use murmuration_swarm::Lineage;
 use murmuration_tests::{Cluster, FakeWorker, small_spec};
 use murmuration_worker::client as worker;
 use std::{error::Error as _, num::NonZeroUsize};
@@ -96,6 +97,27 @@ async fn a_foreign_certificate_opens_no_connection() {
     // A client does not trust a coordinator of another authority either.
     let stranger = foreign.credentials(None, None).endpoint(&cluster.url()).unwrap();
     assert!(stranger.connect().await.is_err());
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_trainer_publishes_only_what_it_leases() {
+    let secrets = Secrets::new();
+    let cluster = secrets.cluster(0).await;
+    let model = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.onnx")).unwrap();
+    let publish = async |credentials: &Credentials| {
+        let channel = channel(&cluster, credentials).await;
+        let parts = Lineage::default().publish_requests(&model);
+        let mut client = CheckpointServiceClient::new(channel);
+        client.publish_checkpoint(tokio_stream::iter(parts)).await
+    };
+    let trainer = secrets.credentials(None, Some(&secrets.path("certs/trainer")));
+    let refused = publish(&trainer).await.unwrap_err();
+    assert_eq!(refused.code(), Code::PermissionDenied, "{refused}");
+    assert!(refused.message().contains("holds no lease"), "{refused}");
+    // An operator imports what nobody here has trained.
+    let operator = secrets.credentials(Some(&secrets.people.operator), None);
+    publish(&operator).await.unwrap();
     cluster.stop().await;
 }
 
