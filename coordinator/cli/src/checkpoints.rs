@@ -3,7 +3,7 @@
 use super::{
     CliError, Global,
     connection::{self, CheckpointClient, Connection},
-    files::{Overwrite, is_there, read, write},
+    files::{Overwrite, is_there, read},
     json,
     table::{Table, left, right},
     validation::{Validated as _, validated},
@@ -68,7 +68,7 @@ impl CheckpointsCommand {
                 overwrite,
             } => {
                 overwrite.check(&file)?;
-                export(client, &digest, &file).await
+                export(client, &digest, &file, overwrite).await
             }
             Self::Import { file } => import(client, &file, as_json).await,
         }
@@ -115,9 +115,14 @@ fn print_whole(checkpoint: &v1::Checkpoint, as_json: bool) -> Result<(), OutputE
     print(&checkpoint.configuration)
 }
 
-async fn export(client: &mut CheckpointClient, digest: &str, file: &Path) -> Result<(), CliError> {
+async fn export(
+    client: &mut CheckpointClient,
+    digest: &str,
+    file: &Path,
+    overwrite: Overwrite,
+) -> Result<(), CliError> {
     let bytes = fetch(client, digest).await?;
-    write(file, bytes)
+    overwrite.write(file, bytes)
 }
 
 /// The model of the one checkpoint whose digest has this beginning.

@@ -3,7 +3,7 @@
 use super::{
     CliError, Global,
     connection::{self, Connection},
-    files::{FileType, Overwrite, begin, check_outputs, finish, is_there, read, read_words},
+    files::{FileType, Overwrite, check_outputs, finish, is_there, read, read_words},
     follow::Count,
     genomes, json,
     run::InProcessArgs,
@@ -72,7 +72,7 @@ impl Evaluate {
             let table = (!global.json).then(|| Table::of(io::stdout().lock(), None));
             return all_evaluated(self.write_results(table, global, (&spec, &tasks)).await?);
         };
-        let mut file = begin(path)?;
+        let mut file = self.overwrite.begin(path)?;
         let table = Some(Table::of(&mut file, Some(path)));
         let failed = self.write_results(table, global, (&spec, &tasks)).await?;
         finish(file, path)?;

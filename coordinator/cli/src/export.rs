@@ -4,7 +4,7 @@ use super::{
     CliError, Global,
     connection::{self, Connection},
     controller,
-    files::{FileType, Overwrite, check_outputs, write},
+    files::{FileType, Overwrite, check_outputs},
     json,
     robots::RobotArgs,
     validation::get_campaign,
@@ -78,7 +78,7 @@ impl Export {
             json::print(json::ExportedController::from(&controller))?;
         }
         match &self.header {
-            Some(path) => write(path, header(&controller)),
+            Some(path) => self.overwrite.write(path, header(&controller)),
             None if global.json => Ok(()),
             None => Ok(print(header(&controller))?),
         }

@@ -39,6 +39,9 @@ pub struct Overwrite {
 }
 
 impl Overwrite {
+    #[cfg(test)]
+    pub(crate) const ALLOWED: Self = Self { force: true };
+
     /// Refuses an existing file, which may be the work of hours, unless the option allows replacing it.
     pub fn check(self, path: &Path) -> Result<(), CliError> {
         // Output may be appended to a standard output that is redirected to a file.
@@ -52,6 +55,22 @@ impl Overwrite {
             ))),
             false => Ok(()),
         }
+    }
+
+    /// Writes a whole file, creates missing folders above it, and reports it. A file that appeared since the command began stays,
+    /// unless the option allows replacing it.
+    pub fn write(self, path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), CliError> {
+        let mut file = self.begin(path)?;
+        let written = file.write_all(bytes.as_ref());
+        written.map_err(|error| CliError::unwritable(path, &error))?;
+        finish(file, path)
+    }
+
+    /// Begins a file that gets its name from [`finish`].
+    pub fn begin(self, path: &Path) -> Result<NewFile, CliError> {
+        self.check(path)?;
+        expect_outside_data(path)?;
+        NewFile::create(path).map_err(|error| CliError::unwritable(path, &error))
     }
 }
 
@@ -85,20 +104,6 @@ pub fn check_outputs<'a>(
         overwrite.check(path)?;
     }
     Ok(())
-}
-
-/// Writes a whole file, creates missing folders above it, and reports it.
-pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), CliError> {
-    let mut file = begin(path)?;
-    let written = file.write_all(bytes.as_ref());
-    written.map_err(|error| CliError::unwritable(path, &error))?;
-    finish(file, path)
-}
-
-/// Begins a file that gets its name from [`finish`].
-pub fn begin(path: &Path) -> Result<NewFile, CliError> {
-    expect_outside_data(path)?;
-    NewFile::create(path).map_err(|error| CliError::unwritable(path, &error))
 }
 
 /// Refuses a place in a data directory, which only a coordinator may change.

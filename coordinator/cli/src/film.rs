@@ -2,7 +2,7 @@
 
 use super::{
     CliError,
-    files::{begin, finish},
+    files::{Overwrite, finish},
 };
 use murmuration_report::picture::Film;
 use std::{
@@ -24,17 +24,18 @@ pub(super) fn encode(
     film: Film<impl Iterator<Item = Vec<u8>>>,
     fps: u32,
     path: &Path,
+    overwrite: Overwrite,
 ) -> Result<(), CliError> {
-    encode_by(ENCODER.as_ref(), film, fps, path)
+    encode_by(ENCODER.as_ref(), film, fps, (path, overwrite))
 }
 
 fn encode_by(
     encoder: &Path,
     film: Film<impl Iterator<Item = Vec<u8>>>,
     fps: u32,
-    path: &Path,
+    (path, overwrite): (&Path, Overwrite),
 ) -> Result<(), CliError> {
-    let file = begin(path)?;
+    let file = overwrite.begin(path)?;
     run(encoder, film, fps, file.path(), path)?;
     if fs::metadata(file.path()).is_ok_and(|film| film.is_file() && film.len() == 0) {
         let reason = format!("{ENCODER} ended well, and wrote nothing to {}", path.display());
@@ -145,7 +146,13 @@ mod tests {
             "echo \"$@\" >'{0}'; for last; do :; done; cat >\"${{last#file:}}\"",
             folder.path().join("message").display(),
         );
-        encode_by(&encoder(folder.path(), &text), film(), 25, &out).unwrap();
+        encode_by(
+            &encoder(folder.path(), &text),
+            film(),
+            25,
+            (&out, Overwrite::ALLOWED),
+        )
+        .unwrap();
         assert_eq!(fs::read(&out).unwrap(), [[0; 6], [1; 6], [2; 6]].concat());
         let message = fs::read_to_string(folder.path().join("message")).unwrap();
         assert!(
@@ -159,13 +166,21 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("new/film.mp4");
         let whole = encoder(folder.path(), "for last; do :; done; cat >\"${last#file:}\"");
-        encode_by(&whole, film(), 25, &out).unwrap();
+        encode_by(&whole, film(), 25, (&out, Overwrite::ALLOWED)).unwrap();
         let first = fs::read(&out).unwrap();
         let half = "for last; do :; done; echo half >\"${last#file:}\"; exit 1";
-        encode_by(&encoder(folder.path(), half), film(), 25, &out).unwrap_err();
+        encode_by(
+            &encoder(folder.path(), half),
+            film(),
+            25,
+            (&out, Overwrite::ALLOWED),
+        )
+        .unwrap_err();
         assert_eq!(fs::read(&out).unwrap(), first);
         let nothing = encoder(folder.path(), "cat >/dev/null; exit 0");
-        let message = encode_by(&nothing, film(), 25, &out).unwrap_err().to_string();
+        let message = encode_by(&nothing, film(), 25, (&out, Overwrite::ALLOWED))
+            .unwrap_err()
+            .to_string();
         assert!(message.contains("wrote nothing to"), "{message}");
         assert_eq!(fs::read_dir(folder.path().join("new")).unwrap().count(), 1);
     }
@@ -180,7 +195,13 @@ mod tests {
             pictures: (0..40).map(|_| vec![0; 10_000]),
         };
         let loud = encoder(folder.path(), text);
-        let message = encode_by(&loud, much, 25, &folder.path().join("film.mp4")).unwrap_err();
+        let message = encode_by(
+            &loud,
+            much,
+            25,
+            (&folder.path().join("film.mp4"), Overwrite::ALLOWED),
+        )
+        .unwrap_err();
         assert!(message.to_string().contains("xxxx"), "{message}");
     }
 
@@ -188,15 +209,22 @@ mod tests {
     fn an_encoder_that_is_not_there_or_fails_is_named_with_why() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("film.mp4");
-        let message = encode_by(&folder.path().join("none"), film(), 25, &out)
-            .unwrap_err()
-            .to_string();
+        let message = encode_by(
+            &folder.path().join("none"),
+            film(),
+            25,
+            (&out, Overwrite::ALLOWED),
+        )
+        .unwrap_err()
+        .to_string();
         assert!(
             message.contains("needs the program ffmpeg") && message.contains("--gif"),
             "{message}"
         );
         let failing = encoder(folder.path(), "cat >/dev/null; echo no such codec >&2; exit 1");
-        let message = encode_by(&failing, film(), 25, &out).unwrap_err().to_string();
+        let message = encode_by(&failing, film(), 25, (&out, Overwrite::ALLOWED))
+            .unwrap_err()
+            .to_string();
         assert!(message.contains("film.mp4: no such codec"), "{message}");
     }
 }

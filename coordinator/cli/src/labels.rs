@@ -3,7 +3,7 @@
 use super::{
     CliError, Global,
     connection::{self, Connection, LabelClient},
-    files::{FileType, Overwrite, read, write},
+    files::{FileType, Overwrite, read},
     json,
     run::InProcessArgs,
     table::{Table, left, right},
@@ -257,7 +257,7 @@ impl LabelsCommand {
             connection::with(global, InProcess::NONE, list).await?;
         let answers = || labels.iter().filter_map(|label| label.answer.as_ref());
         if let (Some(file), Some(text)) = (&self.csv, text) {
-            write(file, text)?;
+            self.overwrite.write(file, text)?;
         }
         if global.json {
             json::print_all(labels.iter().map(json::Document))?;

@@ -7,7 +7,7 @@ use super::{
     CliError, Global, checkpoints,
     connection::{self, Connection},
     controller,
-    files::{FileType, Overwrite, check_outputs, read, write},
+    files::{FileType, Overwrite, check_outputs, read},
     robots::described,
     validation::{get_campaign, validated},
 };
@@ -94,7 +94,7 @@ impl Recognise {
         recognised.assumed.tell();
         shown::show(&recognised, global.json)?;
         match &self.png {
-            Some(path) => write(path, row(&recognised)?),
+            Some(path) => self.overwrite.write(path, row(&recognised)?),
             None => Ok(()),
         }
     }

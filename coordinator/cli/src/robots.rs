@@ -2,7 +2,7 @@
 
 use super::{
     CliError,
-    files::{FileType, Overwrite, check_outputs, read_words, write},
+    files::{FileType, Overwrite, check_outputs, read_words},
     json,
     run::read_spec,
 };
@@ -109,7 +109,7 @@ impl ShowRobot {
 fn draw(model: &CapabilityModel, path: &Path, overwrite: Overwrite) -> Result<(), CliError> {
     let svg = |species: &Species| robot_svg(species.robot(), None).into_string();
     match model.species() {
-        [alone] => write(path, svg(alone)),
+        [alone] => overwrite.write(path, svg(alone)),
         several => {
             let file = |species: &Species| path.with_extension(format!("{}.svg", species.name()));
             several
@@ -117,7 +117,7 @@ fn draw(model: &CapabilityModel, path: &Path, overwrite: Overwrite) -> Result<()
                 .try_for_each(|species| overwrite.check(&file(species)))?;
             several
                 .iter()
-                .try_for_each(|species| write(&file(species), svg(species)))
+                .try_for_each(|species| overwrite.write(&file(species), svg(species)))
         }
     }
 }

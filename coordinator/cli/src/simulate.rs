@@ -2,7 +2,7 @@
 
 use super::{
     CliError, controller,
-    files::{FileType, Overwrite, check_outputs, read_words, write},
+    files::{FileType, Overwrite, check_outputs, read_words},
     film, json,
     robots::RobotArgs,
 };
@@ -116,10 +116,11 @@ impl Simulate {
         })?;
         if let Some(path) = &self.image {
             let image = evaluation.image();
-            write(path, &picture::image_png(image, format.shape(), IMAGE_SCALE)?)?;
+            self.overwrite
+                .write(path, &picture::image_png(image, format.shape(), IMAGE_SCALE)?)?;
         }
         if let Some(path) = &self.tracks {
-            write(
+            self.overwrite.write(
                 path,
                 to_csv(&poses(controller, &world, &start)?, &species(controller, &world)),
             )?;
@@ -147,7 +148,7 @@ impl Simulate {
         if let Some(path) = &self.gif {
             let animation = Animation::default();
             let motion = replay(every(animation.frames))?;
-            write(
+            self.overwrite.write(
                 path,
                 &picture::animation_gif(&motion, world, colouring, &animation)?,
             )?;
@@ -156,17 +157,18 @@ impl Simulate {
             let animation = Animation::default();
             let motion = replay(every(animation.frames))?;
             let film = picture::animation_film(&motion, world, colouring, &animation)?;
-            film::encode(film, animation.fps, path)?;
+            film::encode(film, animation.fps, path, self.overwrite)?;
         }
         if let Some(path) = &self.svg {
             let motion = replay(every(1200))?;
-            write(path, picture::trajectory_svg(&motion, world, colouring, window))?;
+            self.overwrite
+                .write(path, picture::trajectory_svg(&motion, world, colouring, window))?;
         }
         if let Some(path) = &self.png {
             let motion = replay(every(1200))?;
             let png =
                 picture::trajectory_png(&motion, world, colouring, window, TRAJECTORY_SIZE, Paper::Light)?;
-            write(path, &png)?;
+            self.overwrite.write(path, &png)?;
         }
         Ok(())
     }

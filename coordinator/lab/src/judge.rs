@@ -8,7 +8,7 @@ use csv::Writer;
 use murmuration_accuracy::{LabelledSet, Swarm};
 use murmuration_cli::{
     CliError, Global,
-    files::{FileType, Overwrite, check_outputs, write},
+    files::{FileType, Overwrite, check_outputs},
     table::{Table, left, right},
 };
 use murmuration_judge as judge;
@@ -83,7 +83,7 @@ impl JudgeCommand {
             message.extend(given.zip(judged));
         }
         if let Some(table) = &self.measures {
-            write(table, measures_csv(&message))?;
+            self.overwrite.write(table, measures_csv(&message))?;
         }
         let opinions = Opinions::of(&message);
         if global.json {

@@ -7,7 +7,7 @@ use crate::{
 use murmuration_accuracy::{LabelledSet, Summary};
 use murmuration_cli::{
     CliError,
-    files::{FileType, Overwrite, write},
+    files::{FileType, Overwrite},
     read_spec,
     table::{Table, left, right},
 };
@@ -93,7 +93,7 @@ impl LabelsBench {
         }
         if let Some(file) = &self.plot {
             let svg = plot(&points, &spec.model().to_string());
-            write(file, svg)?;
+            self.overwrite.write(file, svg)?;
         }
         Ok(())
     }
