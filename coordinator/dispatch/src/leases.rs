@@ -317,9 +317,11 @@ impl<R: Agree> LeaseTable<R> {
             });
         }
         let (id, took) = (lease.job, now.saturating_duration_since(lease.given));
+        let answered = lease.tasks.len();
         self.workers.change(worker, |worker| {
             worker.rests.remove(&id);
             worker.active = now;
+            worker.answered = worker.answered.saturating_add(answered);
         });
         self.learn_turnaround(took);
         let held = self.release(number);

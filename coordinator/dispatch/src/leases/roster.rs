@@ -27,7 +27,7 @@ pub(super) struct Roster {
     out: usize,
 }
 
-/// Number of workers that take work, and of tasks that they run at once.
+/// Number of workers that take work, and of tasks that they run at once, as far as proven.
 #[derive(Debug, Clone, Copy, Default)]
 struct Staff {
     workers: usize,
@@ -37,12 +37,12 @@ struct Staff {
 impl Staff {
     fn add(&mut self, worker: &Worker) {
         self.workers += usize::from(worker.capacity > 0);
-        self.capacity += worker.capacity;
+        self.capacity += worker.proven_capacity();
     }
 
     fn take_away(&mut self, worker: &Worker) {
         self.workers -= usize::from(worker.capacity > 0);
-        self.capacity -= worker.capacity;
+        self.capacity -= worker.proven_capacity();
     }
 }
 

@@ -179,7 +179,10 @@ impl<R: Agree> LeaseTable<R> {
                 job.tasks[place].wants(worker.machine()) && !self.has_in_hand(worker, lease.job, place)
             };
             let fits = |worker: &Worker| new_to(worker, place) && (!alone || worker.holds.is_empty());
-            let Some((id, worker)) = self.free(lease.job, reserved, now, fits) else {
+            // A machine that hangs may have further connections, which have answered nothing either.
+            let proven = |worker: &Worker| worker.answered > 0 && fits(worker);
+            let free = self.free(lease.job, reserved, now, proven);
+            let Some((id, worker)) = free.or_else(|| self.free(lease.job, reserved, now, fits)) else {
                 continue;
             };
             let likewise = |&place: &usize| {

@@ -15,6 +15,8 @@ pub(super) struct Worker {
     pub(super) process: WorkerProcessId,
     /// Tasks that it runs at once; 0 once it takes no more.
     pub(super) capacity: usize,
+    /// Tasks that it has answered.
+    pub(super) answered: usize,
     pub(super) embeds: bool,
     pub(super) credits: usize,
     pub(super) heard: Instant,
@@ -37,6 +39,9 @@ pub(super) struct Rest {
     until: Instant,
 }
 
+/// Capacity that counts of a worker that has answered nothing yet.
+const UNPROVEN: usize = 16;
+
 /// First and longest pause of a worker from a job whose leases it gives back.
 const RESTS: (Duration, Duration) = (Duration::from_millis(200), Duration::from_secs(10));
 
@@ -48,6 +53,12 @@ impl Worker {
     /// Whether it takes work and has the abilities that a job needs.
     pub(super) const fn suits<R>(&self, job: &Job<R>) -> bool {
         self.capacity > 0 && (self.embeds || !job.embeds)
+    }
+
+    /// The part of its capacity that counts when work is shared out: what it claims, but little before it has answered anything. A
+    /// worker that claims much and never answers must not make everybody's batches small.
+    pub(super) fn proven_capacity(&self) -> usize {
+        self.capacity.min(UNPROVEN.saturating_add(self.answered))
     }
 
     /// Tasks in hand for each that it runs at once, in thousandths.
@@ -101,6 +112,7 @@ impl<R: Agree> LeaseTable<R> {
         let worker = Worker {
             process,
             capacity,
+            answered: 0,
             embeds,
             credits: 0,
             heard: now,
