@@ -26,7 +26,7 @@ pub struct MessageShapes {
     requests: BTreeSet<String>,
 }
 
-/// The full name of each field that is a message, by number.
+/// For each field whose type is a message or an enum: its number, and the full name of the type.
 type MessageShape = BTreeMap<u32, String>;
 
 /// Why a message is not decoded.

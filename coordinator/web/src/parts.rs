@@ -24,8 +24,8 @@ pub(super) fn moment(ms: u64) -> Markup {
     html! { time datetime=(text) { (minute) " UTC" } }
 }
 
-/// Gives a stage the shape of `world` before its motion arrives, so that the page does not move then. It is an empty drawing,
-/// because the pages' policy forbids style attributes.
+/// Gives a stage the shape of `world` before its motion arrives, so that the page does not move then. The shape is an
+/// empty SVG with a viewBox, because the pages' Content-Security-Policy forbids style attributes.
 pub(super) fn shape(world: &World) -> Markup {
     html! { svg.shape viewBox={ "0 0 " (world.width()) " " (world.height()) } aria-hidden="true" {} }
 }

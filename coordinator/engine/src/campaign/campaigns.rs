@@ -32,7 +32,7 @@ pub struct CampaignStatus {
     pub record: CampaignRecord,
     /// Whether this process works on it.
     pub active: bool,
-    /// The current stage, or the first stage once it resumes.
+    /// The current stage; if the campaign does not run, the stage that it would resume with.
     pub stage: Stage,
     /// Number of results that have arrived of the stage's current job (a generation, part of a dataset, stored pictures).
     pub arrived: u32,

@@ -18,7 +18,7 @@ use murmuration_swarm::{CampaignSpec, Scale};
 /// Number of pictures that are embedded and committed together, if so many fit.
 const CHUNK: usize = 2048;
 
-/// Embeds what is not embedded yet, recomputes novelty, and switches.
+/// Embeds the pictures that the next checkpoint has not embedded yet, recomputes novelty, and makes that checkpoint the campaign's.
 pub(super) async fn embed(
     context: &StageContext,
     record: CampaignRecord,

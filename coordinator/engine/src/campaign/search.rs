@@ -48,7 +48,7 @@ struct Search {
     next_generation: u32,
 }
 
-/// Searches from the end of the archive to the last generation, or until more than `seen` workers are found wrong. A generation is
+/// Continues from the last archived generation to the last one of the campaign. Stops early if more than `seen` workers are quarantined. A generation is
 /// committed while the next is evaluated; commits are in order.
 pub(super) async fn evolve(
     context: &StageContext,

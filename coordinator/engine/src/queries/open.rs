@@ -65,7 +65,7 @@ pub enum QueryError {
     Broken,
 }
 
-/// The queries and their holders, by campaign; cheap to clone.
+/// For each campaign, its ranked queries and the annotators that hold them; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Queries {
     store: Store,

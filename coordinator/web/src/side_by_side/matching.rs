@@ -11,7 +11,7 @@ pub(super) struct Behaviour {
     pub(super) campaign: usize,
     /// Index in the taxonomy of that campaign.
     pub(super) place: usize,
-    /// Place in the behaviour space of its campaign.
+    /// Coordinates of the medoid in its campaign's behaviour space.
     pub(super) at: Vec<f64>,
     /// Mean distance of its cluster's members to it, in units of that space.
     pub(super) mean_distance: f64,

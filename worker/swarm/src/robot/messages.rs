@@ -174,7 +174,7 @@ fn robot(preset: Option<&str>, described: Option<v1::Robot>, default: &Defaults)
 }
 
 impl CapabilityModel {
-    /// The model of these species and ratios. `default` fills absent fields, and shares are shares of its agents.
+    /// The capability model that these messages describe. `default` fills absent fields, and shares are shares of its agents.
     ///
     /// # Errors
     /// Names the field that is not allowed.
