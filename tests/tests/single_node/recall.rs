@@ -1,5 +1,7 @@
 //! Recall: the share of an atlas's content that campaigns find.
 
+use murmuration_model::study_records::{StudyRecord, StudyRecordKind};
+use murmuration_store::{DataDirectory, Store};
 use murmuration_tests::Murmuration;
 use serde_json::Value;
 use std::{collections::BTreeMap, fs, path::PathBuf};
@@ -103,12 +105,23 @@ fn recall_is_measured_by_an_atlas_that_the_study_runs_or_finds() {
         .last_line();
     assert_eq!(shown["tables"], study["tables"]);
 
-    // A damaged file of the atlas's content is made again, although every cell is measured.
-    let reference = page.with_file_name("reference.json");
-    let intact = fs::read(&reference).unwrap();
-    fs::write(&reference, b"{").unwrap();
+    // A damaged record of the atlas's content is made again, although every cell is measured.
+    let open = || Store::open(&DataDirectory::hold(&folder.path().join("data")).unwrap()).unwrap();
+    let reference = |store: &Store| {
+        let mut records = store.study_records("found").unwrap().into_iter();
+        records
+            .find(|record| record.kind == StudyRecordKind::Reference)
+            .unwrap()
+    };
+    let intact = reference(&open());
+    let damaged = StudyRecord {
+        content: b"{".to_vec(),
+        ..intact.clone()
+    };
+    let name = "found".to_owned().try_into().unwrap();
+    open().keep_study(&name, None, &[damaged]).unwrap();
     assert_eq!(run(&murmuration, &file)["tables"], study["tables"]);
-    assert_eq!(fs::read(&reference).unwrap(), intact);
+    assert_eq!(reference(&open()), intact);
     assert_eq!(campaigns(&murmuration), 3);
 }
 

@@ -143,11 +143,11 @@ fn a_damaged_study_hides_no_other() {
 fn nothing_is_reported_of_a_study_that_was_not_measured() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data");
+    let murmuration = Murmuration::over(&data);
+    assert_eq!(murmuration.run(&["checkpoints", "import", MODEL]).code, Some(0));
     let study = data.join("studies/pair");
     fs::create_dir_all(&study).unwrap();
     fs::write(study.join("study.toml"), STUDY).unwrap();
-    let murmuration = Murmuration::over(&data);
-    assert_eq!(murmuration.run(&["checkpoints", "import", MODEL]).code, Some(0));
     let report = murmuration.run(&["lab", "study", "report", "pair"]);
     assert_eq!(report.code, Some(1), "{}", report.stderr);
     let expected = "nothing of the study pair has been measured: `murmuration lab study run`";

@@ -13,13 +13,13 @@ pub fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
     let folder = tempfile::tempdir().unwrap();
     let (spec, digest) = undisturbed(folder.path());
     let at_work = Murmuration::over(&folder.path().join("at-work"));
+    assert_eq!(at_work.run(&["checkpoints", "import", MODEL]).code, Some(0));
     // Classes that people gave on the page of a study are stored nowhere else. The folder is that of an earlier version.
     let study = folder.path().join("at-work/studies/small");
     let classes = "cell,index,class,by\nabc,3,milling,ann\n";
     fs::create_dir_all(&study).unwrap();
     fs::write(study.join("study.toml"), "name = \"small\"").unwrap();
     fs::write(study.join("classes.csv"), classes).unwrap();
-    assert_eq!(at_work.run(&["checkpoints", "import", MODEL]).code, Some(0));
     let mut run = at_work.start(&["run", &spec, "--workers", "1"]);
     // Until the run holds the data directory, another command could take it.
     run.wait_for("generation");

@@ -88,7 +88,7 @@ fn an_error_that_cannot_be_told_keeps_its_exit_code() {
     }
 }
 
-/// The first line of the log of a process that keeps running, with an additional environment variable.
+/// Starts a server with one more environment variable, and returns the first line of its log.
 fn first_line(program: &str, arguments: &[&str], variable: Option<(&str, &str)>) -> String {
     let desk = Desk::new();
     let mut command = command(program, arguments, &desk);

@@ -39,7 +39,8 @@ async fn the_report_of_large_pictures_can_be_had_by_any_client() {
     let page = murmuration_tests::http::get(page).await.unwrap();
     assert_eq!(page.status(), 200);
     assert!(page.text().await.unwrap().contains("small-1"));
-    let out = folder.path().join("report").display().to_string();
+    let elsewhere = tempfile::tempdir().unwrap();
+    let out = elsewhere.path().join("report").display().to_string();
     let arguments = ["report", "latest", "--coordinator", &cluster.url(), "--out", &out].map(str::to_owned);
     let reported = tokio::task::spawn_blocking(move || {
         let murmuration = Murmuration::over(Path::new("nowhere"));
