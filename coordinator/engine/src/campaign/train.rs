@@ -56,7 +56,7 @@ pub(super) async fn train(
     };
     let epochs_kept = tokio::spawn(keep_epochs(
         context.store.clone(),
-        (record.id.clone(), round),
+        (record.id.clone(), round, epochs),
         job.progress.subscribe(),
     ));
     let keeping = tokio::spawn(keep(context.store.clone(), record.id.clone(), snapshots));
@@ -104,7 +104,7 @@ pub(super) async fn train(
 /// out.
 async fn keep_epochs(
     store: Store,
-    (id, round): (CampaignId, u32),
+    (id, round, epochs): (CampaignId, u32, u64),
     mut reports: watch::Receiver<Option<v1::TrainingProgress>>,
 ) {
     while reports.changed().await.is_ok() {
@@ -117,7 +117,7 @@ async fn keep_epochs(
             loss: report.loss,
             accuracy: report.triplet_accuracy,
         };
-        if epoch.epoch == 0 {
+        if !(1..=epochs).contains(&epoch.epoch) {
             continue;
         }
         let (store, id) = (store.clone(), id.clone());
