@@ -10,7 +10,7 @@ use axum::{
     response::{IntoResponse as _, Response},
 };
 use murmuration_access::{CostClass, GuardedRouter, Requirement, Seats};
-use murmuration_engine::{blocking::blocking, campaign::Campaigns};
+use murmuration_engine::campaign::Campaigns;
 use murmuration_link::Health;
 use murmuration_store::Store;
 use std::sync::{
@@ -72,10 +72,8 @@ async fn ready(State(probes): State<Probes>) -> Response {
     if !probes.readiness.ready.load(Ordering::Acquire) {
         return not_ready("not ready: campaigns are being resumed, or the coordinator is shutting down");
     }
-    let store = probes.store;
-    match blocking(move || store.answers()).await {
-        Ok(Ok(())) => "ready\n".into_response(),
-        Ok(Err(error)) => not_ready(&format!("not ready: {error}")),
+    match probes.store.run(Store::answers).await {
+        Ok(()) => "ready\n".into_response(),
         Err(error) => not_ready(&format!("not ready: {error}")),
     }
 }

@@ -106,9 +106,9 @@ impl SyntheticAnnotator {
     }
 
     async fn class(&self, record: &CampaignRecord, index: u64) -> Result<Class, AnnotatorError> {
-        let (store, id, model) = (self.store.clone(), record.id.clone(), record.spec.model().clone());
-        let ArchivedIndividual { controller, seed, .. } =
-            blocking(move || store.individual(&id, &model, index)).await??;
+        let (id, model) = (record.id.clone(), record.spec.model().clone());
+        let read = move |store: &Store| store.individual(&id, &model, index);
+        let ArchivedIndividual { controller, seed, .. } = self.store.run(read).await?;
         let world: World = record.spec.world().clone();
         let job = ReplayJob {
             campaign: record.id.clone(),

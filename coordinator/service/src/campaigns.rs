@@ -4,7 +4,7 @@ use super::{Recent, Streamed, as_taken, in_parts};
 use crate::status::OrStatus as _;
 use murmuration_dispatch::{Dispatch, ReplayJob};
 use murmuration_engine::{
-    blocking::{blocking, in_background},
+    blocking::in_background,
     campaign::{CampaignError, Campaigns},
     queries::Queries,
     taxonomy::{Names, Taxonomy},
@@ -49,15 +49,6 @@ type Answer<T> = Result<Response<T>, Status>;
 impl CampaignApi {
     pub(super) async fn record(&self, id: &str) -> Result<CampaignRecord, Status> {
         Ok(self.campaigns.status(id).await.or_status()?.record)
-    }
-
-    /// Runs a query that takes a short time.
-    async fn read<T: Send + 'static>(
-        &self,
-        query: impl FnOnce(&Store) -> Result<T, StoreError> + Send + 'static,
-    ) -> Result<T, Status> {
-        let store = self.store.clone();
-        blocking(move || query(&store)).await.or_status()?.or_status()
     }
 
     /// Runs a query whose time grows with the archive.
@@ -223,8 +214,11 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         request: Request<v1::ListGenerationsRequest>,
     ) -> Answer<Self::ListGenerationsStream> {
         let id = self.record(&request.get_ref().campaign).await?.id;
-        let generations = self.read(move |store| store.generations(&id)).await?;
-        let generations = generations.into_iter().map(v1::GenerationSummary::from);
+        let generations = self.store.run(move |store| store.generations(&id)).await;
+        let generations = generations
+            .or_status()?
+            .into_iter()
+            .map(v1::GenerationSummary::from);
         let part = |generations| v1::ListGenerationsResponse { generations };
         Ok(in_parts(parts(generations, part)))
     }
@@ -262,7 +256,8 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         let (of, model) = (id.clone(), record.spec.model().clone());
         let made = self.read_archive(move |store, interrupt| digest(store, &of, &model, interrupt));
         let found = self.digests.of(&id, state, |_| DIGEST_BYTES, made).await?;
-        let repetition = self.read(move |store| store.repetition(&record)).await?;
+        let repetition = self.store.run(move |store| store.repetition(&record)).await;
+        let repetition = repetition.or_status()?;
         Ok(Response::new(v1::GetDigestResponse {
             digest: found.digest,
             evaluations: found.evaluations,
@@ -284,11 +279,11 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
             record.id,
             record.state.name()
         );
-        let read = move |store: &Store| {
+        let read = move |store: &Store| -> Result<_, StoreError> {
             let taxonomy = Taxonomy::read(store, &record.id, &record.spec)?;
             Ok((taxonomy, Names::standing(store, &record.id)?))
         };
-        let (taxonomy, names) = self.read(read).await?;
+        let (taxonomy, names) = self.store.run(read).await.or_status()?;
         let taxonomy = taxonomy.ok_or_else(|| Status::failed_precondition(message))?;
         Ok(in_parts(taxonomy.into_parts(names)))
     }
@@ -296,9 +291,8 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
     async fn get_individual(&self, request: Request<v1::GetIndividualRequest>) -> Answer<v1::Individual> {
         let v1::GetIndividualRequest { campaign, index } = request.into_inner();
         let record = self.record(&campaign).await?;
-        let found = self
-            .read(move |store| store.individual(&record.id, record.spec.model(), index))
-            .await?;
+        let read = move |store: &Store| store.individual(&record.id, record.spec.model(), index);
+        let found = self.store.run(read).await.or_status()?;
         Ok(Response::new(found.into()))
     }
 
@@ -314,9 +308,8 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         let world = record.spec.world().clone();
         let frames = Frames::new(0, stride, &world)?;
         let id = record.id.clone();
-        let found = self
-            .read(move |store| store.individual(&id, record.spec.model(), index))
-            .await?;
+        let read = move |store: &Store| store.individual(&id, record.spec.model(), index);
+        let found = self.store.run(read).await.or_status()?;
         let job = ReplayJob {
             campaign: record.id,
             controller: found.controller,

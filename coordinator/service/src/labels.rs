@@ -3,9 +3,9 @@
 mod messages;
 
 use super::{Streamed, as_taken, in_parts};
-use crate::status::{IntoStatus, OrStatus as _};
+use crate::status::OrStatus as _;
 use murmuration_engine::{
-    blocking::{blocking, in_background},
+    blocking::in_background,
     campaign::CampaignError,
     queries::{Queries, QueryRequest},
     synthetic::SyntheticAnnotator,
@@ -47,15 +47,6 @@ type Result<T> = std::result::Result<T, Status>;
 type Answered<T> = Result<Response<T>>;
 
 impl LabelApi {
-    /// Runs `work` on the store, outside the network's threads.
-    async fn with<T: Send + 'static, E: IntoStatus + Send + 'static>(
-        &self,
-        work: impl FnOnce(&Store) -> std::result::Result<T, E> + Send + 'static,
-    ) -> Result<T> {
-        let store = self.store.clone();
-        blocking(move || work(&store)).await.or_status()?.or_status()
-    }
-
     async fn add(&self, campaign: String, request: RequestId, changes: Vec<Change>) -> Result<Vec<Entry>> {
         let takes_back = |change: &Change| matches!(change.action, Action::Withdraw { .. });
         let count = changes.len();
@@ -78,7 +69,7 @@ impl LabelApi {
         + 'static,
     ) -> Result<Vec<T>> {
         let budget = LabelBudget::current();
-        self.with(move |store| -> std::result::Result<_, LabelError> {
+        let add = move |store: &Store| -> std::result::Result<_, LabelError> {
             let id = store.campaign(&campaign)?.id;
             let budget = match budget {
                 Some(budget) if store.request_entries(&id, &request)?.is_empty() => budget,
@@ -88,22 +79,25 @@ impl LabelApi {
             let added = add(store, &id, &request)?;
             reserved.settle(added.len());
             Ok(added)
-        })
-        .await
+        };
+        self.store.run(add).await.or_status()
     }
 
     /// A campaign, and the entries that an earlier request with this id has added.
     async fn made(&self, campaign: String, request: RequestId) -> Result<(CampaignRecord, Vec<Entry>)> {
-        self.with(move |store| -> std::result::Result<_, StoreError> {
+        let read = move |store: &Store| -> std::result::Result<_, StoreError> {
             let record = store.campaign(&campaign)?;
             let before = store.request_entries(&record.id, &request)?;
             Ok((record, before))
-        })
-        .await
+        };
+        self.store.run(read).await.or_status()
     }
 
     async fn labels(&self, campaign: String) -> Result<Arc<Labels>> {
-        self.with(move |store| store.labels_of(&campaign)).await
+        self.store
+            .run(move |store| store.labels_of(&campaign))
+            .await
+            .or_status()
     }
 
     async fn classes(&self, campaign: String) -> Result<v1::ListClassesResponse> {
@@ -269,7 +263,8 @@ impl v1::label_service_server::LabelService for LabelApi {
         request: Request<v1::ListLabelEntriesRequest>,
     ) -> Answered<Self::ListLabelEntriesStream> {
         let campaign = request.into_inner().campaign;
-        let id = self.with(move |store| store.campaign(&campaign)).await?.id;
+        let record = self.store.run(move |store| store.campaign(&campaign)).await;
+        let id = record.or_status()?.id;
         let store = self.store.clone();
         Ok(as_taken(move |begins| {
             let (store, id) = (store.clone(), id.clone());

@@ -47,9 +47,10 @@ impl IntoStatus for StoreError {
             | StoreError::NoFolder(_)
             | StoreError::Newer { .. }
             | StoreError::Superseded(_) => Status::failed_precondition(message),
-            StoreError::File { .. } | StoreError::Compression(_) | StoreError::Sqlite { .. } => {
-                Status::internal(message)
-            }
+            StoreError::File { .. }
+            | StoreError::Broken(_)
+            | StoreError::Compression(_)
+            | StoreError::Sqlite { .. } => Status::internal(message),
         }
     }
 }
@@ -148,7 +149,6 @@ impl IntoStatus for CheckpointError {
                 Status::failed_precondition(message)
             }
             CheckpointError::Objects(_) => Status::unavailable(message),
-            CheckpointError::Broken => Status::internal(message),
         }
     }
 }

@@ -2,13 +2,13 @@
 
 use super::Streamed;
 use crate::status::OrStatus as _;
-use murmuration_engine::blocking::{blocking, changing, spawn};
+use murmuration_engine::blocking::spawn;
 use murmuration_model::study_records::{StudyFile, StudyRecord};
 use murmuration_proto::{
     PART_BYTES,
     v1::{self, study_part::Part},
 };
-use murmuration_store::Store;
+use murmuration_store::{Store, StoreError};
 use murmuration_swarm::{CampaignName, Invalid, counted};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -31,8 +31,7 @@ impl v1::study_service_server::StudyService for StudyApi {
         &self,
         _: Request<v1::ListStudiesRequest>,
     ) -> Result<Response<v1::ListStudiesResponse>, Status> {
-        let store = self.store.clone();
-        let studies = blocking(move || store.studies()).await.or_status()?.or_status()?;
+        let studies = self.store.run(Store::studies).await.or_status()?;
         Ok(Response::new(v1::ListStudiesResponse { studies }))
     }
 
@@ -40,12 +39,10 @@ impl v1::study_service_server::StudyService for StudyApi {
         &self,
         request: Request<v1::GetStudyRequest>,
     ) -> Result<Response<Self::GetStudyStream>, Status> {
-        let (store, study) = (self.store.clone(), request.into_inner().study);
+        let study = request.into_inner().study;
         let name = study.clone();
-        let file = blocking(move || store.study_file(&name))
-            .await
-            .or_status()?
-            .or_status()?;
+        let file = self.store.run(move |store| store.study_file(&name)).await;
+        let file = file.or_status()?;
         let (parts, stream) = mpsc::channel(2);
         let api = self.clone();
         spawn(async move {
@@ -66,9 +63,9 @@ impl v1::study_service_server::StudyService for StudyApi {
         while let Some(part) = parts.message().await? {
             arriving.add(part.part)?;
         }
-        let store = self.store.clone();
-        let keep = move || store.keep_study(&arriving.name, arriving.file.as_ref(), &arriving.records);
-        changing(keep).await.or_status()?.or_status()?;
+        let keep =
+            move |store: &Store| store.keep_study(&arriving.name, arriving.file.as_ref(), &arriving.records);
+        self.store.change(keep).await.or_status()?;
         Ok(Response::new(v1::KeepStudyResponse {}))
     }
 }
@@ -81,11 +78,9 @@ impl StudyApi {
         file: StudyFile,
         parts: &mpsc::Sender<Result<v1::StudyPart, Status>>,
     ) -> Result<(), Status> {
-        let (store, name) = (self.store.clone(), study.clone());
-        let entries = blocking(move || store.study_entries(&name))
-            .await
-            .or_status()?
-            .or_status()?;
+        let name = study.clone();
+        let entries = self.store.run(move |store| store.study_entries(&name)).await;
+        let entries = entries.or_status()?;
         let part = |part| v1::StudyPart {
             study: String::new(),
             part: Some(part),
@@ -98,12 +93,12 @@ impl StudyApi {
             return Ok(());
         }
         for entry in entries {
-            let (store, name) = (self.store.clone(), study.clone());
-            let read = move || {
+            let name = study.clone();
+            let read = move |store: &Store| -> Result<_, StoreError> {
                 let content = store.study_content(&name, entry.kind, &entry.key)?;
-                Ok::<_, murmuration_store::StoreError>((entry, content.unwrap_or_default()))
+                Ok((entry, content.unwrap_or_default()))
             };
-            let (entry, content) = blocking(read).await.or_status()?.or_status()?;
+            let (entry, content) = self.store.run(read).await.or_status()?;
             let record = StudyRecord {
                 kind: entry.kind,
                 key: entry.key,

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::status::OrStatus as _;
 use murmuration_dispatch::Trainers;
-use murmuration_engine::blocking::{blocking, spawn};
+use murmuration_engine::blocking::spawn;
 use murmuration_model::{CampaignRecord, NextTraining, TrainingPictures};
 use murmuration_proto::{
     PART_BYTES, TRAINER_VERSION,
@@ -51,11 +51,8 @@ impl v1::trainer_service_server::TrainerService for TrainerApi {
         let id = leased
             .await
             .ok_or_else(|| Status::permission_denied("this trainer holds no such lease of a training"))?;
-        let store = self.store.clone();
-        let record = blocking(move || store.campaign(id.as_str()))
-            .await
-            .or_status()?
-            .or_status()?;
+        let record = self.store.run(move |store| store.campaign(id.as_str())).await;
+        let record = record.or_status()?;
         let (parts, stream) = mpsc::channel(2);
         let store = self.store.clone();
         spawn(async move {
@@ -95,14 +92,14 @@ async fn send(
     record: CampaignRecord,
     parts: &mpsc::Sender<Result<v1::TrainingPart, Status>>,
 ) -> Result<(), Status> {
-    let (listed, of) = (store.clone(), record.clone());
-    let contents = blocking(move || Contents::of(&listed, &of)).await.or_status()?;
+    let of = record.clone();
+    let contents = store.run(move |store| Contents::of(store, &of)).await;
     let contents = Arc::new(contents.or_status()?);
     let mut next = contents.begin();
     while let Some(place) = next {
-        let (store, record, read) = (store.clone(), record.clone(), Arc::clone(&contents));
-        let part = blocking(move || read.part(&store, &record, place)).await;
-        let part = Some(part.or_status()?.or_status()?);
+        let (record, read) = (record.clone(), Arc::clone(&contents));
+        let part = store.run(move |store| read.part(store, &record, place)).await;
+        let part = Some(part.or_status()?);
         if parts.send(Ok(v1::TrainingPart { part })).await.is_err() {
             return Ok(());
         }

@@ -3,7 +3,7 @@
 use super::Streamed;
 use crate::status::{IntoStatus, OrStatus as _};
 use murmuration_engine::{
-    blocking::{blocking, in_background, spawn},
+    blocking::{in_background, spawn},
     campaign::Campaigns,
 };
 use murmuration_model::CampaignId;
@@ -53,11 +53,9 @@ impl v1::transfer_service_server::TransferService for TransferApi {
         &self,
         request: Request<v1::ExportCampaignRequest>,
     ) -> Result<Response<Self::ExportCampaignStream>, Status> {
-        let (store, id) = (self.store.clone(), request.into_inner().campaign);
-        let record = blocking(move || store.campaign(&id))
-            .await
-            .or_status()?
-            .or_status()?;
+        let id = request.into_inner().campaign;
+        let record = self.store.run(move |store| store.campaign(&id)).await;
+        let record = record.or_status()?;
         let (parts, stream) = mpsc::channel(2);
         let api = self.clone();
         spawn(async move {

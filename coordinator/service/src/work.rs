@@ -4,7 +4,6 @@ use super::{lease_id, snapshots::Snapshots, status::blamed};
 use crate::status::OrStatus as _;
 use murmuration_access::origin;
 use murmuration_dispatch::{Dispatch, JoinRequest, OUTBOX, TrainingLease, WorkerId, WorkerReport};
-use murmuration_engine::blocking::blocking;
 use murmuration_model::Origin;
 use murmuration_proto::{SIMULATOR_VERSION, v1};
 use murmuration_store::{Store, StoreError};
@@ -168,8 +167,7 @@ async fn published(
     };
     let outcome = match digest.parse::<CheckpointDigest>() {
         Ok(named) => {
-            let store = store.clone();
-            let found = blocking(move || store.checkpoint(named)).await.or_status()?;
+            let found = store.run(move |store| store.checkpoint(named)).await;
             match found {
                 Err(StoreError::NoCheckpoint(_)) => Outcome::Checkpoint(format!("unpublished {digest}")),
                 found => {

@@ -2,10 +2,7 @@
 
 use super::PREFIX;
 use murmuration_access::Seats;
-use murmuration_engine::{
-    blocking::blocking,
-    campaign::{CampaignError, CampaignStatus, Campaigns, ListedCampaign},
-};
+use murmuration_engine::campaign::{CampaignError, CampaignStatus, Campaigns, ListedCampaign};
 use murmuration_model::CampaignState;
 use murmuration_store::{Store, StoreError};
 use prometheus_client::{
@@ -21,9 +18,9 @@ pub(super) async fn observe(
     store: &Store,
     seats: &Seats,
 ) -> Result<Registry, CampaignError> {
-    let store = store.clone();
-    let counted = move || Ok::<_, StoreError>((store.count_labels()?, store.count_individuals()?));
-    let (labels, archived) = blocking(counted).await??;
+    let count =
+        |store: &Store| -> Result<_, StoreError> { Ok((store.count_labels()?, store.count_individuals()?)) };
+    let (labels, archived) = store.run(count).await?;
     // Few campaigns are active, so these are read in full; for all others the state is enough.
     let heads = campaigns.heads().await?;
     let at_work = heads.iter().filter(|listed| listed.active);

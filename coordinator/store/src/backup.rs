@@ -6,6 +6,7 @@
 
 use crate::{
     DataDirectory, Store, StoreError,
+    blocking::Broken,
     checkpoints::{BlobStore, CheckpointError},
     doctor,
     files::{self, is_empty, is_there, without_links},
@@ -229,7 +230,7 @@ async fn copy(
         (store, done)
     })
     .await
-    .map_err(|_| CheckpointError::Broken)?;
+    .map_err(|_| StoreError::from(Broken))?;
     done?;
     drop(store);
     sync(&path)?;

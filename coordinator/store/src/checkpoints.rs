@@ -4,10 +4,7 @@ mod blob_store;
 
 pub use blob_store::{BlobStore, Condition};
 
-use crate::{
-    CheckpointRecord, Store, StoreError,
-    blocking::{Broken, blocking},
-};
+use crate::{CheckpointRecord, Store, StoreError, blocking::Broken};
 use bytes::Bytes;
 use murmuration_model::EmbedderRef;
 use murmuration_onnx::{EmbedderModel, ImageShape, ModelError};
@@ -100,14 +97,11 @@ pub enum CheckpointError {
         /// The campaign's pictures.
         pictures: PictureShape,
     },
-    /// The thread that did the work panicked (a bug).
-    #[error("reading the store broke off unexpectedly (this is a bug)")]
-    Broken,
 }
 
 impl From<Broken> for CheckpointError {
-    fn from(_: Broken) -> Self {
-        Self::Broken
+    fn from(broken: Broken) -> Self {
+        Self::Store(broken.into())
     }
 }
 
@@ -180,11 +174,11 @@ impl Checkpoints {
             created_ms,
         };
         self.blob_store.put(digest, bytes).await?;
-        self.on_disk(move |store| {
+        let add = move |store: &Store| {
             store.add_checkpoint(&record)?;
             store.checkpoint(record.digest)
-        })
-        .await
+        };
+        Ok(self.store.run(add).await?)
     }
 
     /// Stores the bytes of a checkpoint that has no description yet; they are on disk when this returns.
@@ -200,7 +194,7 @@ impl Checkpoints {
     /// # Errors
     /// [`StoreError::NoCheckpoint`] if there is none of that digest.
     pub async fn describe(&self, digest: CheckpointDigest) -> Result<CheckpointRecord, CheckpointError> {
-        self.on_disk(move |store| store.checkpoint(digest)).await
+        Ok(self.store.run(move |store| store.checkpoint(digest)).await?)
     }
 
     /// Every checkpoint, oldest first.
@@ -208,7 +202,7 @@ impl Checkpoints {
     /// # Errors
     /// If the database cannot be read.
     pub async fn list(&self) -> Result<Vec<CheckpointRecord>, CheckpointError> {
-        self.on_disk(Store::checkpoints).await
+        Ok(self.store.run(Store::checkpoints).await?)
     }
 
     /// The ONNX bytes of a checkpoint, checked against its digest. Concurrent callers share one copy.
@@ -257,14 +251,6 @@ impl Checkpoints {
             checkpoint,
             dimensions: model.dimensions(),
         })
-    }
-
-    async fn on_disk<T: Send + 'static>(
-        &self,
-        query: impl FnOnce(&Store) -> Result<T, StoreError> + Send + 'static,
-    ) -> Result<T, CheckpointError> {
-        let store = self.store.clone();
-        Ok(blocking(move || query(&store)).await??)
     }
 }
 

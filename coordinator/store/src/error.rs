@@ -2,6 +2,7 @@
 //!
 //! [`StoreError::may_pass`] tells temporary refusals of the disk from permanent errors.
 
+use crate::blocking::Broken;
 use murmuration_model::{CampaignId, labels::RequestId};
 use murmuration_search::interrupt::Interrupted;
 use rusqlite::{ErrorCode, ffi};
@@ -144,6 +145,8 @@ pub enum StoreError {
     /// The result is no longer wanted.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
+    #[error(transparent)]
+    Broken(#[from] Broken),
     /// There is no memory to compress or decompress images with.
     #[error("pictures cannot be compressed: {0}")]
     Compression(io::Error),

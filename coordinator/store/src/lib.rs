@@ -134,6 +134,37 @@ impl Store {
         }
     }
 
+    /// Runs `work` on this store, on a thread that may block (see [`blocking::blocking`]).
+    ///
+    /// # Errors
+    /// Those of `work`, and [`StoreError::Broken`] if it panics.
+    pub async fn run<T, E>(&self, work: impl FnOnce(&Self) -> Result<T, E> + Send + 'static) -> Result<T, E>
+    where
+        T: Send + 'static,
+        E: From<StoreError> + Send + 'static,
+    {
+        let store = self.clone();
+        let done = blocking::blocking(move || work(&store)).await;
+        done.map_err(StoreError::from)?
+    }
+
+    /// As [`Store::run`], with normal priority in every task (see [`blocking::changing`]).
+    ///
+    /// # Errors
+    /// As [`Store::run`].
+    pub async fn change<T, E>(
+        &self,
+        work: impl FnOnce(&Self) -> Result<T, E> + Send + 'static,
+    ) -> Result<T, E>
+    where
+        T: Send + 'static,
+        E: From<StoreError> + Send + 'static,
+    {
+        let store = self.clone();
+        let done = blocking::changing(move || work(&store)).await;
+        done.map_err(StoreError::from)?
+    }
+
     /// Checks that the database can be read.
     ///
     /// # Errors

@@ -12,7 +12,7 @@ use axum::{
     extract::{Path, State},
 };
 use maud::{Markup, html};
-use murmuration_engine::blocking::{blocking, in_background};
+use murmuration_engine::blocking::in_background;
 use murmuration_model::labels::{Annotator, Answer, ClassName, Label, Labels};
 use murmuration_proto::v1::{self, label_service_server::LabelService as _};
 use murmuration_report::picture::columns::column;
@@ -89,9 +89,8 @@ pub(super) async fn standing(
     State(web): State<Web>,
     Path(campaign): Path<String>,
 ) -> Result<Json<AnswersView>, Refused> {
-    let store = web.store.clone();
-    let read = move || store.labels_of(&campaign);
-    let labels = blocking(read).await.or_status()?.or_status()?;
+    let labels = web.store.run(move |store| store.labels_of(&campaign)).await;
+    let labels = labels.or_status()?;
     let told = in_background(move |_| columns(&labels)).await.or_status()?;
     Ok(Json(told))
 }

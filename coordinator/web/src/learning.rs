@@ -2,7 +2,6 @@
 
 use super::{Web, page_error::PageError};
 use maud::{Markup, html};
-use murmuration_engine::blocking::blocking;
 use murmuration_model::{CampaignRecord, CampaignState, TimeLeft};
 use murmuration_store::{Store, StoreError};
 use murmuration_swarm::{Feedback, counted};
@@ -12,8 +11,8 @@ pub(super) async fn button(web: &Web, record: &CampaignRecord) -> Result<Markup,
     if !record.spec.space().embeds() || record.state == CampaignState::Cancelled {
         return Ok(Markup::default());
     }
-    let (store, of) = (web.store.clone(), record.clone());
-    let estimate = blocking(move || Estimate::read(&store, &of)).await??;
+    let of = record.clone();
+    let estimate = web.store.run(move |store| Estimate::read(store, &of)).await?;
     Ok(html! {
         form.learn method="post" action={ "/campaigns/" (record.id) "/refine" } data-ask=(announcement(record, estimate)) {
             button { "Learn from all answers" }

@@ -14,10 +14,7 @@ use super::{
 };
 use axum::{extract::State, response::Redirect};
 use maud::{Markup, html};
-use murmuration_engine::{
-    blocking::blocking,
-    campaign::{CampaignError, CampaignStatus},
-};
+use murmuration_engine::campaign::{CampaignError, CampaignStatus};
 use murmuration_model::{CampaignId, CampaignRecord, CampaignState};
 use murmuration_swarm::{CampaignName, counted, grouped};
 use std::{
@@ -169,8 +166,8 @@ fn picture(record: &CampaignRecord) -> String {
 
 /// Redirects to the picture of the largest cluster's medoid, so that only a browser that shows the campaign looks it up.
 pub(super) async fn behaviour(OfCampaign { web, record, .. }: OfCampaign) -> Result<Redirect, PageError> {
-    let (store, campaign) = (web.store.clone(), record.id.clone());
-    let first = blocking(move || store.first_medoid(&campaign)).await??;
+    let campaign = record.id.clone();
+    let first = web.store.run(move |store| store.first_medoid(&campaign)).await?;
     let first = first.ok_or(PageError::NoPage)?;
     Ok(Redirect::temporary(&archived::picture(&record, first)))
 }

@@ -8,7 +8,7 @@ use axum::{
     response::sse::{Event, KeepAlive, Sse},
 };
 use maud::Markup;
-use murmuration_engine::{blocking::blocking, campaign::CampaignError};
+use murmuration_engine::campaign::CampaignError;
 use murmuration_model::{CampaignState, Rounds};
 use murmuration_service::Followed;
 use murmuration_swarm::CheckpointDigest;
@@ -43,8 +43,8 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
         let (web, id, latest) = (web.clone(), id.clone(), latest.clone());
         async move {
             let status = web.campaigns.status(id.as_str()).await?;
-            let (store, of) = (web.store.clone(), status.record.id.clone());
-            let entries = blocking(move || store.label_entries(&of)).await??;
+            let of = status.record.id.clone();
+            let entries = web.store.run(move |store| store.label_entries(&of)).await?;
             let record = &status.record;
             let of = (
                 ArchiveState::of(record),
@@ -108,7 +108,7 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
             let status = web.campaigns.status(id.as_str()).await?;
             let doing = status.active.then(|| stages::doing(&status));
             let record = status.record;
-            let entries = blocking(move || web.store.label_entries(&id)).await??;
+            let entries = web.store.run(move |store| store.label_entries(&id)).await?;
             let archive = ArchiveState::of(&record);
             let seen = json!(ChangesView {
                 created: record.archive_version().origin(),

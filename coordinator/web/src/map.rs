@@ -16,7 +16,7 @@ use axum::{
 };
 use maud::{Markup, html};
 use murmuration_engine::{
-    blocking::{blocking, in_background},
+    blocking::in_background,
     taxonomy::{ClusterName, Names, Origin},
 };
 use murmuration_model::colours;
@@ -156,9 +156,9 @@ pub(super) async fn points(
         .or_status()?;
     let clustered = clustered.or_status()?;
     let names = match clustered.is_taxonomy {
-        true => blocking(move || Names::standing(&store, &id))
+        true => store
+            .run(move |store| Names::standing(store, &id))
             .await
-            .or_status()?
             .or_status()?,
         false => Names::default(),
     };

@@ -26,6 +26,7 @@ use murmuration_report::picture::{
     columns::{self, MotionView, WorldView},
 };
 use murmuration_service::OrStatus as _;
+use murmuration_store::Store;
 use murmuration_swarm::{Controller, Frames, Replay};
 use serde::Serialize;
 use std::time::Duration;
@@ -54,10 +55,10 @@ async fn simulated(web: &Web, campaign: &str, index: u64) -> Result<Simulated, S
     let replay = tokio::time::timeout(REPLAY_TIMEOUT, web.archive.get_replay(Request::new(request)));
     let late = || Status::unavailable("the workers have not simulated this yet");
     let replay = whole(replay.await.map_err(|_| late())??.into_inner()).await?;
-    let (store, id, model) = (web.store.clone(), record.id.clone(), record.spec.model().clone());
-    let individual = blocking(move || store.individual(&id, &model, index)).await;
+    let (id, model) = (record.id.clone(), record.spec.model().clone());
+    let read = move |store: &Store| store.individual(&id, &model, index);
     Ok(Simulated {
-        controller: individual.or_status()?.or_status()?.controller,
+        controller: web.store.run(read).await.or_status()?.controller,
         replay: Replay::try_from(replay)?,
         record,
     })

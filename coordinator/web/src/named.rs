@@ -3,12 +3,11 @@
 use super::Web;
 use maud::{Markup, html};
 use murmuration_engine::{
-    blocking::blocking,
     campaign::CampaignError,
     taxonomy::{Names, Taxonomy},
 };
 use murmuration_model::{CampaignRecord, labels::ClassName};
-use murmuration_store::StoreError;
+use murmuration_store::{Store, StoreError};
 use murmuration_swarm::grouped;
 
 /// The current taxonomy, and the names of its clusters, including carried-over ones.
@@ -21,16 +20,16 @@ pub(super) struct NamedTaxonomy {
 impl NamedTaxonomy {
     /// Reads both; `None` before the campaign has a taxonomy.
     pub(super) async fn read(web: &Web, record: &CampaignRecord) -> Result<Option<Self>, CampaignError> {
-        let (store, id, spec) = (web.store.clone(), record.id.clone(), record.spec.clone());
-        let read = move || -> Result<Option<Self>, StoreError> {
-            let Some(taxonomy) = Taxonomy::read(&store, &id, &spec)? else {
+        let (id, spec) = (record.id.clone(), record.spec.clone());
+        let read = move |store: &Store| -> Result<Option<Self>, StoreError> {
+            let Some(taxonomy) = Taxonomy::read(store, &id, &spec)? else {
                 return Ok(None);
             };
             let versions = store.taxonomy_versions(&id)?;
-            let names = Names::read(&store, &id, &versions, &*store.labels(&id)?)?;
+            let names = Names::read(store, &id, &versions, &*store.labels(&id)?)?;
             Ok(Some(Self { taxonomy, names }))
         };
-        Ok(blocking(read).await??)
+        Ok(web.store.run(read).await?)
     }
 
     /// The name of the cluster at a place, if it has one.

@@ -20,12 +20,10 @@ use axum::{
     response::{IntoResponse, Redirect},
 };
 use maud::{Markup, html};
-use murmuration_engine::{
-    blocking::blocking,
-    campaign::{CampaignError, CampaignStatus},
-};
+use murmuration_engine::campaign::{CampaignError, CampaignStatus};
 use murmuration_model::{CampaignRecord, CampaignState, Change, Stage, generations_in_words};
 use murmuration_report::picture::{image_png, robot_svg};
+use murmuration_store::Store;
 use murmuration_swarm::{EmbedderSource, World, counted, figure, grouped};
 
 /// The warning before a campaign is cancelled.
@@ -84,8 +82,8 @@ pub(super) async fn taxonomy(web: &Web, record: &CampaignRecord) -> Result<Marku
 
 /// The rounds of a campaign, as a table.
 pub(super) async fn rounds(web: &Web, record: &CampaignRecord) -> Result<Markup, CampaignError> {
-    let (store, record) = (web.store.clone(), record.clone());
-    Ok(blocking(move || history::read(&store, &record)).await??)
+    let record = record.clone();
+    Ok(web.store.run(move |store| history::read(store, &record)).await?)
 }
 
 /// Placeholder where found behaviours move until there is a taxonomy. It has its final size from the beginning.
@@ -313,7 +311,8 @@ pub(super) async fn image(
 ) -> Result<impl IntoResponse, PageError> {
     let shape = record.spec.image().shape();
     let kept = created.keep(&record);
-    let individual = blocking(move || web.store.individual(&record.id, record.spec.model(), index)).await??;
+    let read = move |store: &Store| store.individual(&record.id, record.spec.model(), index);
+    let individual = web.store.run(read).await?;
     let pixels = individual.into_image().ok_or(PageError::NoPage)?;
     let file = image_png(&pixels, shape, 1)?;
     Ok(([(CONTENT_TYPE, "image/png"), kept], file))

@@ -5,11 +5,10 @@ use axum::{
     Json,
     extract::{Path, State},
 };
-use murmuration_engine::blocking::blocking;
 use murmuration_model::{CampaignRecord, Stage};
 use murmuration_report::{GenerationSummary, condensed, picture::columns::column};
 use murmuration_service::OrStatus as _;
-use murmuration_store::StoreError;
+use murmuration_store::{Store, StoreError};
 use serde::Serialize;
 
 /// The best and the mean novelty of each generation, when evaluated, in columns. If there are many generations, a row covers
@@ -26,12 +25,9 @@ pub(super) async fn generations(
     Path(id): Path<String>,
 ) -> Result<Json<GenerationsView>, Refused> {
     let id = web.campaigns.status(&id).await.or_status()?.record.id;
-    let store = web.store.clone();
-    let records = blocking(move || store.generations(&id))
-        .await
-        .or_status()?
-        .or_status()?;
+    let records = web.store.run(move |store| store.generations(&id)).await;
     let all: Vec<_> = records
+        .or_status()?
         .into_iter()
         .map(|record| GenerationSummary {
             generation: record.generation,
@@ -69,11 +65,8 @@ pub(super) async fn epochs(
     Path(id): Path<String>,
 ) -> Result<Json<EpochsView>, Refused> {
     let status = web.campaigns.status(&id).await.or_status()?;
-    let (store, id) = (web.store.clone(), status.record.id.clone());
-    let epochs = blocking(move || store.epochs(&id))
-        .await
-        .or_status()?
-        .or_status()?;
+    let id = status.record.id.clone();
+    let epochs = web.store.run(move |store| store.epochs(&id)).await.or_status()?;
     let mut events = Vec::new();
     for pair in epochs.windows(2) {
         if let [(last, at), (first, _)] = pair
@@ -131,16 +124,13 @@ pub(super) async fn shown(
     Path(id): Path<String>,
 ) -> Result<Json<ShownView>, Refused> {
     let record = web.campaigns.status(&id).await.or_status()?.record;
-    let store = web.store.clone();
-    let (newest, novel) = blocking(move || {
+    let read = move |store: &Store| -> Result<_, StoreError> {
         let last = record.individuals();
         let range = last.saturating_sub(u64::from(SHOWN))..last;
         let newest = store.individuals(&record.id, record.spec.model(), range, false)?;
-        Ok::<_, StoreError>((newest, store.most_novel(&record.id, SHOWN)?))
-    })
-    .await
-    .or_status()?
-    .or_status()?;
+        Ok((newest, store.most_novel(&record.id, SHOWN)?))
+    };
+    let (newest, novel) = web.store.run(read).await.or_status()?;
     let newest = newest
         .iter()
         .map(|one| (one.index, one.generation, one.novelty))

@@ -5,7 +5,7 @@ use axum::{
     Json,
     extract::{Path, State},
 };
-use murmuration_engine::blocking::{blocking, in_background};
+use murmuration_engine::blocking::in_background;
 use murmuration_model::labels::{Annotator, Class, ClassName, Labels};
 use murmuration_proto::{
     parts::whole,
@@ -213,9 +213,8 @@ pub(super) struct LabelsView {
 }
 
 pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>) -> Told<LabelsView> {
-    let store = web.store.clone();
-    let read = move || store.labels_of(&campaign);
-    let labels = blocking(read).await.or_status()?.or_status()?;
+    let labels = web.store.run(move |store| store.labels_of(&campaign)).await;
+    let labels = labels.or_status()?;
     Ok(Json(
         in_background(move |_| in_columns(&labels)).await.or_status()?,
     ))

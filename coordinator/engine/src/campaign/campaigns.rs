@@ -9,7 +9,7 @@ use super::{
     run,
     run_handle::{Progress, RunHandle, held_up_by},
 };
-use crate::{blocking::blocking, synthetic::SyntheticAnnotator};
+use crate::synthetic::SyntheticAnnotator;
 use murmuration_dispatch::{ConnectedMachine, Evaluated, EvaluationJob, JobError, Trainers};
 use murmuration_model::{
     CampaignHead, CampaignId, CampaignRecord, CampaignState, NewCampaign, Quarantined, Stage, TimeLeft,
@@ -17,7 +17,7 @@ use murmuration_model::{
 };
 use murmuration_proto::v1;
 use murmuration_search::interrupt::Interrupt;
-use murmuration_store::{Notice, Started, StoreError, checkpoints::Checkpoints};
+use murmuration_store::{Notice, Started, Store, StoreError, checkpoints::Checkpoints};
 use murmuration_swarm::{Controller, EmbedderSource, Evaluation, Feedback, World};
 use std::{
     sync::Arc,
@@ -158,8 +158,10 @@ impl Campaigns {
         let campaigns = self.clone();
         // In a separate task, so that a stored campaign starts even if the client has gone.
         let creating = async move {
-            let store = campaigns.context.store.clone();
-            let Started { id, is_new } = blocking(move || store.start_campaign(&new, created_ms)).await??;
+            let store = &campaigns.context.store;
+            let Started { id, is_new } = store
+                .run(move |store| store.start_campaign(&new, created_ms))
+                .await?;
             if is_new {
                 tracing::info!(campaign = %id, "created");
             }
@@ -176,8 +178,7 @@ impl Campaigns {
     /// # Errors
     /// If the store cannot be read. A campaign that cannot be continued is logged and left unchanged.
     pub async fn resume_interrupted(&self) -> Result<(), CampaignError> {
-        let store = self.context.store.clone();
-        let records = blocking(move || store.campaigns()).await??;
+        let records = self.context.store.run(Store::campaigns).await?;
         let running = records
             .into_iter()
             .filter(|record| record.state == CampaignState::Running);
@@ -216,8 +217,7 @@ impl Campaigns {
     }
 
     async fn reopen(&self, wrong: Vec<Quarantined>) -> Result<(), CampaignError> {
-        let store = self.context.store.clone();
-        let concerned = blocking(move || {
+        let concerned = move |store: &Store| -> Result<_, StoreError> {
             // This comes before the check of campaigns: a campaign that completes from now on checks for itself.
             store.quarantine(&wrong)?;
             let mut concerned = Vec::new();
@@ -226,10 +226,9 @@ impl Campaigns {
                     concerned.push(record);
                 }
             }
-            Ok::<_, StoreError>(concerned)
-        })
-        .await??;
-        for record in concerned {
+            Ok(concerned)
+        };
+        for record in self.context.store.run(concerned).await? {
             tracing::warn!(campaign = %record.id, "rests on what a wrong worker did: checked again");
             if let Err(error) = self.check_again(&record).await {
                 tracing::error!(campaign = %record.id, %error, "cannot be checked again");
@@ -241,8 +240,8 @@ impl Campaigns {
     async fn check_again(&self, record: &CampaignRecord) -> Result<(), CampaignError> {
         check_simulator(record)?;
         let deciding = self.registry.deciding(&record.id).await;
-        let (store, id) = (self.context.store.clone(), record.id.clone());
-        if blocking(move || store.reopen(&id)).await?? {
+        let id = record.id.clone();
+        if self.context.store.run(move |store| store.reopen(&id)).await? {
             self.registry.stop(&deciding);
             self.go_on(&deciding).await?;
         }
@@ -251,9 +250,8 @@ impl Campaigns {
 
     /// Every campaign, oldest first.
     pub async fn list(&self) -> Result<Vec<CampaignStatus>, CampaignError> {
-        let store = self.context.store.clone();
         let at_work = self.registry.snapshots();
-        let read = move || {
+        let read = |store: &Store| {
             let noted = |record: CampaignRecord| Ok((store.notices(&record.id)?, record));
             store
                 .campaigns()?
@@ -261,7 +259,7 @@ impl Campaigns {
                 .map(noted)
                 .collect::<Result<Vec<_>, StoreError>>()
         };
-        let records = blocking(read).await??;
+        let records = self.context.store.run(read).await?;
         Ok(records
             .into_iter()
             .map(|(notices, record)| {
@@ -273,9 +271,8 @@ impl Campaigns {
 
     /// The fields of campaigns that a search of the list uses, oldest campaign first.
     pub async fn heads(&self) -> Result<Vec<ListedCampaign>, CampaignError> {
-        let store = self.context.store.clone();
         let at_work = self.registry.snapshots();
-        let heads = blocking(move || store.campaign_heads()).await??;
+        let heads = self.context.store.run(Store::campaign_heads).await?;
         let listed = |mut head: CampaignHead| {
             let Snapshot { active, progress } = at_work.get(&head.id).cloned().unwrap_or_default();
             if progress.failed.is_some() && head.state == CampaignState::Running {
@@ -293,9 +290,8 @@ impl Campaigns {
 
     /// These campaigns, in this order, without those that no longer exist.
     pub async fn statuses(&self, ids: Vec<CampaignId>) -> Result<Vec<CampaignStatus>, CampaignError> {
-        let store = self.context.store.clone();
         let at_work = self.registry.snapshots();
-        let read = move || -> Result<Vec<_>, StoreError> {
+        let read = move |store: &Store| -> Result<Vec<_>, StoreError> {
             let mut read = Vec::with_capacity(ids.len());
             for id in ids {
                 match store.campaign(id.as_str()) {
@@ -306,7 +302,7 @@ impl Campaigns {
             }
             Ok(read)
         };
-        let records = blocking(read).await??;
+        let records = self.context.store.run(read).await?;
         let merged = records.into_iter().map(|(notices, record)| {
             let snapshot = at_work.get(&record.id).cloned().unwrap_or_default();
             self.merged(snapshot, record, notices)
@@ -321,13 +317,12 @@ impl Campaigns {
     pub async fn status(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let id = self.record(id).await?.id;
         let snapshot = self.registry.snapshot(&id);
-        let store = self.context.store.clone();
-        let (record, notices) = blocking(move || {
+        let read = move |store: &Store| -> Result<_, StoreError> {
             let record = store.campaign(id.as_str())?;
             let notices = store.notices(&record.id)?;
-            Ok::<_, StoreError>((record, notices))
-        })
-        .await??;
+            Ok((record, notices))
+        };
+        let (record, notices) = self.context.store.run(read).await?;
         Ok(self.merged(snapshot, record, notices))
     }
 
@@ -360,8 +355,8 @@ impl Campaigns {
     }
 
     pub(super) async fn record(&self, id: &str) -> Result<CampaignRecord, CampaignError> {
-        let (store, id) = (self.context.store.clone(), id.to_owned());
-        Ok(blocking(move || store.campaign(&id)).await??)
+        let id = id.to_owned();
+        Ok(self.context.store.run(move |store| store.campaign(&id)).await?)
     }
 
     /// Begins a run of a campaign after its former run has ended.

@@ -1,7 +1,6 @@
 //! Commits the results of a stage, and waits as long as the disk refuses them.
 
 use super::{CampaignError, context::StageContext, run_handle::CommitHandle};
-use crate::blocking::blocking;
 use backon::{BackoffBuilder as _, ExponentialBuilder};
 use murmuration_search::interrupt::Interrupted;
 use murmuration_store::Store;
@@ -29,8 +28,9 @@ impl StageContext {
             .without_max_times();
         let mut pauses = pauses.build();
         loop {
-            let (store, once) = (self.store.clone(), change.clone());
-            let error = match blocking(move || once(&store)).await?.map_err(Into::into) {
+            let once = Arc::clone(&change);
+            let once = move |store: &Store| once(store).map_err(Into::<CampaignError>::into);
+            let error = match self.store.run(once).await {
                 Ok(made) => {
                     handle.refused(None);
                     return Ok(made);

@@ -1,7 +1,7 @@
 //! Context of every stage.
 
 use super::{CampaignError, metrics::CampaignMetrics};
-use crate::{blocking::blocking, synthetic::SyntheticAnnotator};
+use crate::synthetic::SyntheticAnnotator;
 use murmuration_dispatch::{Dispatch, Trainers};
 use murmuration_model::{CampaignId, CampaignRecord, EmbedderRef, RunId};
 use murmuration_store::{Store, checkpoints::Checkpoints};
@@ -54,6 +54,6 @@ pub(super) fn individuals_at_once(spec: &CampaignSpec, most: usize) -> usize {
 
 /// Reads a campaign's current record from disk.
 pub(super) async fn read(store: &Store, id: &CampaignId) -> Result<CampaignRecord, CampaignError> {
-    let (store, id) = (store.clone(), id.clone());
-    Ok(blocking(move || store.campaign(id.as_str())).await??)
+    let id = id.clone();
+    Ok(store.run(move |store| store.campaign(id.as_str())).await?)
 }

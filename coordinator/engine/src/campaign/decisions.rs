@@ -6,9 +6,8 @@ use super::{
     preconditions::{check_classes, check_simulator},
     registry::Deciding,
 };
-use crate::blocking::blocking;
 use murmuration_model::{CampaignId, CampaignRecord, CampaignState, Change, NotAllowed};
-use murmuration_store::{Decision, Deletion};
+use murmuration_store::{Decision, Deletion, Store};
 use murmuration_swarm::{CampaignName, CheckpointDigest};
 use tracing::Instrument as _;
 
@@ -69,8 +68,12 @@ impl Campaigns {
         if record.embedder.checkpoint().is_none() {
             return Err(CampaignError::NoEmbedder(record.id));
         }
-        let (store, labelled) = (self.context.store.clone(), record.id.clone());
-        let labels = blocking(move || store.labels(&labelled)).await??;
+        let labelled = record.id.clone();
+        let labels = self
+            .context
+            .store
+            .run(move |store| store.labels(&labelled))
+            .await?;
         check_classes(&record.id, &labels)?;
         self.decide(record.id, Decision::Refine(labels.entries())).await
     }
@@ -80,8 +83,8 @@ impl Campaigns {
     /// # Errors
     /// If there is no such campaign.
     pub async fn deletion(&self, id: &CampaignId) -> Result<Deletion, CampaignError> {
-        let (store, id) = (self.context.store.clone(), id.clone());
-        Ok(blocking(move || store.deletion(&id)).await??)
+        let id = id.clone();
+        Ok(self.context.store.run(move |store| store.deletion(&id)).await?)
     }
 
     /// Deletes a campaign that does not run, with everything that belongs to it alone, and reports what that was. It is gone from
@@ -99,8 +102,9 @@ impl Campaigns {
             let deciding = campaigns.registry.deciding(&id).await;
             let has_failed = campaigns.registry.snapshot(&id).progress.failed.is_some();
             let deletion = campaigns.deletion(&id).await?;
-            let (store, deleted) = (campaigns.context.store.clone(), id.clone());
-            blocking(move || store.delete_campaign(&deleted, study.as_ref(), has_failed)).await??;
+            let deleted = id.clone();
+            let delete = move |store: &Store| store.delete_campaign(&deleted, study.as_ref(), has_failed);
+            campaigns.context.store.run(delete).await?;
             tracing::info!(campaign = %id, "deleted");
             campaigns.registry.stop(&deciding);
             Ok(deletion)
@@ -145,8 +149,9 @@ impl Campaigns {
         if decision == Decision::Resume && run.active && !has_failed {
             return Ok(());
         }
-        let (store, id) = (self.context.store.clone(), deciding.id.clone());
-        blocking(move || store.decide(&id, decision, has_failed)).await??;
+        let id = deciding.id.clone();
+        let decide = move |store: &Store| store.decide(&id, decision, has_failed);
+        self.context.store.run(decide).await?;
         tracing::info!(campaign = %deciding.id, change = decision.change().name(), "decided");
         self.registry.stop(deciding);
         self.go_on(deciding).await?;

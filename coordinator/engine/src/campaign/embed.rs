@@ -5,7 +5,6 @@ use super::{
     context::{StageContext, individuals_at_once},
     run_handle::RunHandle,
 };
-use crate::blocking::blocking;
 use murmuration_dispatch::EmbeddingJob;
 use murmuration_model::{ArchiveEmbedder, CampaignId, CampaignRecord};
 use murmuration_search::{
@@ -42,9 +41,10 @@ pub(super) async fn embed(
     let embedder = context.checkpoints.embedder(checkpoint, spec.image()).await?;
     let at_once = individuals_at_once(&spec, CHUNK) as u64;
     loop {
-        let (store, of, model) = (context.store.clone(), id.clone(), spec.model().clone());
+        let (of, model) = (id.clone(), spec.model().clone());
         let range = embedded..embedded + at_once;
-        let individuals = blocking(move || store.individuals(&of, &model, range, true)).await??;
+        let read = move |store: &Store| store.individuals(&of, &model, range, true);
+        let individuals = context.store.run(read).await?;
         if individuals.is_empty() {
             break;
         }
@@ -74,8 +74,9 @@ pub(super) async fn embed(
         embedded += count;
         handle.done(count);
     }
-    let (store, of, interrupt) = (context.store.clone(), id.clone(), handle.interrupt.clone());
-    let measured = blocking(move || measure(&store, &of, &spec, embedder.dimensions, &interrupt)).await??;
+    let (of, interrupt) = (id.clone(), handle.interrupt.clone());
+    let measured = move |store: &Store| measure(store, &of, &spec, embedder.dimensions, &interrupt);
+    let measured = context.store.run(measured).await?;
     let switch = move |store: &Store| store.switch(&id, &measured);
     context.commit(&handle.commit_handle(), switch).await
 }

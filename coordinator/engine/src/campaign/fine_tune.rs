@@ -7,7 +7,6 @@ use super::{
     run_handle::RunHandle,
     train::train,
 };
-use crate::blocking::blocking;
 use murmuration_dispatch::{EvaluationJob, FineTuningParams};
 use murmuration_model::{CampaignRecord, NextTraining};
 use murmuration_store::{FurtherStart, RoundPictures, Store};
@@ -48,8 +47,9 @@ async fn read(
     record: &CampaignRecord,
     cutoff: u64,
 ) -> Result<RoundPictures, CampaignError> {
-    let (store, record) = (context.store.clone(), record.clone());
-    Ok(blocking(move || store.round_pictures(&record, cutoff)).await??)
+    let record = record.clone();
+    let read = move |store: &Store| store.round_pictures(&record, cutoff);
+    Ok(context.store.run(read).await?)
 }
 
 /// Has workers simulate labelled controllers from further starts, except those on disk: a controller's class does not depend on

@@ -1,7 +1,6 @@
 //! The label stage of an unattended round: the synthetic annotator labels in place of a person.
 
 use super::{CampaignError, context::StageContext, run_handle::RunHandle};
-use crate::blocking::blocking;
 use murmuration_model::{CampaignRecord, labels::RequestId};
 use murmuration_store::Store;
 
@@ -25,10 +24,9 @@ pub(super) async fn label(
     let id = record.id.clone();
     let answer = move |store: &Store| store.answer_round(&id, &request, answers.clone());
     context.commit(&handle.commit_handle(), answer).await?;
-    let store = context.store.clone();
-    blocking(move || {
+    let check = move |store: &Store| {
         let labels = store.labels(&record.id)?;
         super::preconditions::check_classes(&record.id, &labels)
-    })
-    .await?
+    };
+    context.store.run(check).await
 }

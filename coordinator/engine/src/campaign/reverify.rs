@@ -10,7 +10,6 @@ use super::{
     evaluate::{Done, evaluate},
     run_handle::RunHandle,
 };
-use crate::blocking::blocking;
 use murmuration_dispatch::{EmbeddingJob, EvaluationJob};
 use murmuration_model::{ArchiveEmbedder, CampaignId, CampaignRecord};
 use murmuration_store::{ArchivedIndividual, Store, StoreError, Suspect, Suspects};
@@ -207,13 +206,12 @@ async fn read_all<T: Send + 'static>(
     suspects: &[Suspect],
     read: impl Fn(&Store, u64) -> Result<T, StoreError> + Send + 'static,
 ) -> Result<Vec<T>, CampaignError> {
-    let (store, suspects) = (context.store.clone(), suspects.to_vec());
-    let read = move || {
-        let read = |suspect: Suspect| read(&store, suspect.place);
+    let suspects = suspects.to_vec();
+    let read = move |store: &Store| -> Result<_, StoreError> {
+        let read = |suspect: Suspect| read(store, suspect.place);
         suspects.into_iter().map(read).collect()
     };
-    let read: Result<Vec<T>, StoreError> = blocking(read).await?;
-    Ok(read?)
+    Ok(context.store.run(read).await?)
 }
 
 /// Number of individuals in the archive when it moved to its current embedder; 0 while it moves to another.
@@ -221,8 +219,9 @@ async fn moved(context: &StageContext, record: &CampaignRecord) -> Result<u64, C
     if record.embedder.next().is_some() {
         return Ok(0);
     }
-    let (store, id) = (context.store.clone(), record.id.clone());
-    Ok(blocking(move || store.embedded_when_moved(&id)).await??)
+    let id = record.id.clone();
+    let read = move |store: &Store| store.embedded_when_moved(&id);
+    Ok(context.store.run(read).await?)
 }
 
 /// The evaluations of a job by machines that are not quarantined.
@@ -243,9 +242,11 @@ async fn rollback(
     wrong: Wrong,
     workers: String,
 ) -> Result<Rollback, CampaignError> {
-    let (store, id) = (context.store.clone(), record.id.clone());
-    let read = move || Ok::<_, StoreError>((store.label_entries(&id)?, store.embedded_when_moved(&id)?));
-    let (labels, moved) = blocking(read).await??;
+    let id = record.id.clone();
+    let read = move |store: &Store| -> Result<_, StoreError> {
+        Ok((store.label_entries(&id)?, store.embedded_when_moved(&id)?))
+    };
+    let (labels, moved) = context.store.run(read).await?;
     Rollback::of(record, wrong, labels, moved).ok_or_else(|| CampaignError::Tainted {
         id: record.id.clone(),
         wrong: wrong.to_string(),

@@ -7,7 +7,6 @@ use super::{
     run_handle::RunHandle,
     search, train,
 };
-use crate::blocking::blocking;
 use murmuration_model::{CampaignId, CampaignState, RunId, Stage};
 use murmuration_search::interrupt::Interrupted;
 use murmuration_store::{Store, Suspects};
@@ -23,9 +22,8 @@ pub(super) async fn run(context: StageContext, run: RunId, mut handle: RunHandle
             let message = error.to_string();
             tracing::error!(campaign = %id, error = message, "failed");
             handle.failed(&message);
-            let store = context.store;
-            let recorded = blocking(move || store.set_state(&id, CampaignState::Failed, &message)).await;
-            if let Ok(Err(error)) = recorded {
+            let record = move |store: &Store| store.set_state(&id, CampaignState::Failed, &message);
+            if let Err(error) = context.store.run(record).await {
                 tracing::warn!(%error, "the failure could not be recorded");
             }
         }
@@ -82,7 +80,7 @@ async fn suspects(
     }
     let remember = move |store: &Store| store.quarantine(&quarantined);
     context.commit(&handle.commit_handle(), remember).await?;
-    let (store, id) = (context.store.clone(), id.clone());
-    let suspects = blocking(move || store.suspects(&id)).await??;
+    let id = id.clone();
+    let suspects = context.store.run(move |store| store.suspects(&id)).await?;
     Ok((suspects, seen))
 }

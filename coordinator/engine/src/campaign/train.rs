@@ -5,7 +5,6 @@ use super::{
     context::StageContext,
     run_handle::{Availability, COUNTING_INTERVAL, RunHandle, held_up_by},
 };
-use crate::blocking::blocking;
 use murmuration_dispatch::{FineTuningParams, JobProgress, TrainingJob};
 use murmuration_model::{CampaignId, CampaignRecord, SavedTraining, TrainingPictures};
 use murmuration_proto::v1;
@@ -120,11 +119,10 @@ async fn keep_epochs(
         if !(1..=epochs).contains(&epoch.epoch) {
             continue;
         }
-        let (store, id) = (store.clone(), id.clone());
-        match blocking(move || store.add_epoch(&id, &epoch)).await {
-            Ok(Ok(()) | Err(StoreError::Superseded(_))) => {}
+        let id = id.clone();
+        match store.run(move |store| store.add_epoch(&id, &epoch)).await {
+            Ok(()) | Err(StoreError::Superseded(_)) => {}
             // Only a point of the curve is lost.
-            Ok(Err(error)) => tracing::warn!(%error, "an epoch could not be kept"),
             Err(error) => tracing::warn!(%error, "an epoch could not be kept"),
         }
     }
@@ -136,12 +134,11 @@ async fn keep(store: Store, id: CampaignId, mut snapshots: watch::Receiver<Optio
         let Some(training) = snapshots.borrow_and_update().clone() else {
             continue;
         };
-        let (store, id) = (store.clone(), id.clone());
-        match blocking(move || store.save_training(&id, &training)).await {
+        let id = id.clone();
+        match store.run(move |store| store.save_training(&id, &training)).await {
             // The run is over: the next run continues from the snapshot before.
-            Ok(Ok(()) | Err(StoreError::Superseded(_))) => {}
+            Ok(()) | Err(StoreError::Superseded(_)) => {}
             // Only time would be lost: the training continues, and a later snapshot may fit.
-            Ok(Err(error)) => tracing::warn!(%error, "a training could not be put aside"),
             Err(error) => tracing::warn!(%error, "a training could not be put aside"),
         }
     }

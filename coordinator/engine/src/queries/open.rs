@@ -7,7 +7,7 @@ use super::{
     ranking,
 };
 use crate::{
-    blocking,
+    blocking::blocking,
     space::{SpaceError, Spaces},
 };
 use murmuration_model::{
@@ -121,11 +121,12 @@ impl Queries {
         request: QueryRequest,
         now: Instant,
     ) -> Result<Asked, QueryError> {
-        let (store, campaign) = (self.store.clone(), campaign.to_owned());
-        let record = blocking(move || store.campaign(&campaign)).await??;
+        let campaign = campaign.to_owned();
+        let record = self.store.run(move |store| store.campaign(&campaign)).await?;
         let ranked = self.ranked(&record, request.strategy).await?;
-        let (store, leases) = (self.store.clone(), self.leases_of(&record.id, now));
-        blocking(move || Ok(lease(&leases, &store, &record, &ranked, &request, now)?)).await?
+        let leases = self.leases_of(&record.id, now);
+        let lease = move |store: &Store| lease(&leases, store, &record, &ranked, &request, now);
+        Ok(self.store.run(lease).await?)
     }
 
     /// The leases of a campaign. Expired leases of other campaigns are forgotten.
@@ -145,8 +146,8 @@ impl Queries {
         count: usize,
         interrupt: &Interrupt,
     ) -> Result<Vec<usize>, QueryError> {
-        let (store, id) = (self.store.clone(), record.id.clone());
-        let labels = blocking(move || store.labels(&id)).await??;
+        let id = record.id.clone();
+        let labels = self.store.run(move |store| store.labels(&id)).await?;
         let (clusters, interrupt) = (self.clusters.clone(), interrupt.clone());
         let now = move |record: &CampaignRecord| clusters.now(record, &interrupt);
         let order = self.rank(record.clone(), strategy, now).await?.order;
@@ -264,7 +265,8 @@ impl Queries {
                 archive_version,
             })
         })
-        .await?
+        .await
+        .map_err(|_| QueryError::Broken)?
     }
 }
 
@@ -309,11 +311,6 @@ impl Ranking {
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Runs `work`, which computes or waits for the disk, outside the network's threads.
-async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, QueryError> {
-    blocking::blocking(work).await.map_err(|_| QueryError::Broken)
 }
 
 impl Ranked {

@@ -3,7 +3,7 @@
 use super::{ReceivedCampaign, Unsound, new_folder};
 use crate::{
     Store, StoreError,
-    blocking::{blocking, changing},
+    blocking::blocking,
     checkpoints::{CheckpointError, Checkpoints},
 };
 use murmuration_model::CampaignId;
@@ -51,21 +51,21 @@ impl Arriving {
     /// # Errors
     /// [`ImportError::Exists`], or if the folder cannot be made.
     pub async fn begin(store: &Store, data: &Path, campaign: CampaignId) -> Result<Self, ImportError> {
-        let (store, data) = (store.clone(), data.to_path_buf());
-        on_disk(move || {
-            check_new(&store, &campaign)?;
+        let data = data.to_path_buf();
+        let begin = move |store: &Store| {
+            check_new(store, &campaign)?;
             let folder = new_folder(&data)?;
             let path = folder.path().join("campaign.sqlite");
             let file = File::create_new(&path).map_err(|error| StoreError::from_io(error, "write", &path))?;
             Ok(Self {
-                store,
+                store: store.clone(),
                 campaign,
                 path,
                 file,
                 folder,
             })
-        })
-        .await
+        };
+        store.run(begin).await
     }
 
     /// Adds the next bytes of the database.
@@ -112,15 +112,15 @@ impl Arriving {
             let model = on_disk(move || Ok(from.model(&record)?)).await?;
             checkpoints.keep(digest, model.into()).await?;
         }
-        let taken_over = changing(move || {
+        let take_over = move |store: &Store| {
             let taken = store.take_over(received.store(), received.campaign());
             drop((received, folder));
             match taken? {
                 true => Ok(campaign),
                 false => Err(ImportError::Exists(campaign)),
             }
-        });
-        taken_over.await.map_err(CheckpointError::from)?
+        };
+        store.change(take_over).await
     }
 }
 
@@ -136,5 +136,5 @@ fn check_new(store: &Store, id: &CampaignId) -> Result<(), ImportError> {
 async fn on_disk<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, ImportError> + Send + 'static,
 ) -> Result<T, ImportError> {
-    blocking(work).await.map_err(CheckpointError::from)?
+    blocking(work).await.map_err(StoreError::from)?
 }

@@ -11,9 +11,8 @@ use axum::{
     extract::{Path, State},
     response::IntoResponse,
 };
-use murmuration_engine::blocking::blocking;
 use murmuration_service::OrStatus as _;
-use murmuration_store::StoreError;
+use murmuration_store::{Store, StoreError};
 use murmuration_swarm::Invalid;
 use serde::Deserialize;
 
@@ -39,19 +38,18 @@ pub(in super::super) async fn pieces(
         return Err(Invalid::new("world.agents", world.agents(), allowed).into());
     }
     let first = super::step(from)?;
-    let (store, id) = (web.store.clone(), record.id.clone());
-    let found = blocking(move || {
+    let read = move |store: &Store| {
         let model = record.spec.model();
         let range = index..index.saturating_add(1);
         let found = store.individuals(&record.id, model, range, false)?.pop();
         let len = record.individuals();
         found.ok_or(StoreError::NoIndividual {
-            campaign: id.to_string(),
+            campaign: record.id.to_string(),
             index,
             len,
         })
-    });
-    let individual = found.await.or_status()?.or_status()?;
+    };
+    let individual = web.store.run(read).await.or_status()?;
     let play = Play {
         controller: individual.controller,
         seed: individual.seed,

@@ -4,7 +4,7 @@
 use super::known::{Digests, Known};
 use axum::body::Bytes;
 use murmuration_engine::{
-    blocking::{Broken, blocking, changing, in_background},
+    blocking::{Broken, blocking, in_background},
     campaign::{CampaignError, Campaigns},
 };
 use murmuration_model::study_records::{StudyRecord, StudyRecordKind};
@@ -123,14 +123,13 @@ impl Studies {
 
     /// The names of all studies, in alphabetical order.
     pub(super) async fn names(&self) -> Result<Vec<String>, Unusable> {
-        let store = self.0.store.clone();
-        Ok(blocking(move || store.studies()).await??)
+        Ok(self.0.store.run(Store::studies).await?)
     }
 
     /// The jobs of a study alone, without reading its measurements.
     pub(super) async fn jobs(&self, name: &str) -> Result<Jobs, Unusable> {
-        let (store, name) = (self.0.store.clone(), name.to_owned());
-        blocking(move || Jobs::look(&store, &name)).await?
+        let name = name.to_owned();
+        self.0.store.run(move |store| Jobs::look(store, &name)).await
     }
 
     /// The coordinator's campaigns, at most [`LISTED_FOR`] old.
@@ -149,8 +148,12 @@ impl Studies {
 
     /// A study from its folder, or from memory if that was read recently.
     pub(super) async fn loaded(&self, name: &str) -> Result<Arc<Loaded>, Unusable> {
-        let (store, wanted) = (self.0.store.clone(), name.to_owned());
-        let version = blocking(move || store.study_version(&wanted)).await??;
+        let wanted = name.to_owned();
+        let version = self
+            .0
+            .store
+            .run(move |store| store.study_version(&wanted))
+            .await?;
         let place = self.place(name);
         let mut read = place.lock().await;
         if let Some(read) = read.as_mut()
@@ -191,13 +194,13 @@ impl Studies {
         let place = self.place(name);
         // One answer at a time: each is added to those before it.
         let _alone = place.lock().await;
-        changing(move || {
-            let mut classes = classes(&study.store, &study.name)?;
+        let keep = move |store: &Store| {
+            let mut classes = classes(store, &study.name)?;
             classes.set(&cell, index, class, &by)?;
             let record = classes_record(&classes);
-            Ok(study.store.keep_study(&study.name, None, &[record])?)
-        })
-        .await?
+            Ok(store.keep_study(&study.name, None, &[record])?)
+        };
+        self.0.store.change(keep).await
     }
 
     /// The cache slot of a study; it is dropped when the study is unused for a while.

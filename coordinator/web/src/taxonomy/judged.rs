@@ -3,9 +3,10 @@
 
 use crate::Web;
 use murmuration_dispatch::{Evaluated, EvaluationJob};
-use murmuration_engine::{blocking::blocking, taxonomy::Medoid};
+use murmuration_engine::taxonomy::Medoid;
 use murmuration_model::CampaignRecord;
 use murmuration_service::OrStatus as _;
+use murmuration_store::Store;
 use murmuration_swarm::{Controller, Purpose, RandomStream, Starts, Verdict};
 use rand::RngExt as _;
 use std::{
@@ -127,9 +128,9 @@ impl Judged {
         if let Some(known) = lock(&self.starts).get(&key) {
             return Ok(known);
         }
-        let (store, id, model) = (web.store.clone(), record.id.clone(), record.spec.model().clone());
-        let individual = blocking(move || store.individual(&id, &model, index)).await;
-        let individual = individual.or_status()?.or_status()?;
+        let (id, model) = (record.id.clone(), record.spec.model().clone());
+        let read = move |store: &Store| store.individual(&id, &model, index);
+        let individual = web.store.run(read).await.or_status()?;
         let seed = |start| RandomStream::derive(individual.seed, Purpose::FurtherTrial, start).random();
         let first = u64::from(Starts::MAX);
         let tasks = (first..first + STARTS).map(|start| (individual.controller.clone(), seed(start)));

@@ -28,7 +28,7 @@ use axum::{
 use card::{Card, card};
 use maud::{Markup, html};
 use murmuration_engine::{
-    blocking::{blocking, in_background},
+    blocking::in_background,
     taxonomy::{Alike, Names, Origin, Taxonomy},
 };
 use murmuration_model::{ArchiveVersion, CampaignId, CampaignRecord, CampaignState, Rounds, labels::Labels};
@@ -87,8 +87,11 @@ pub(super) async fn page(
     Query(asked): Query<Asked>,
     OfCampaign { web, record, visitor }: OfCampaign,
 ) -> Result<Markup, PageError> {
-    let (store, of) = (web.store.clone(), record.clone());
-    let mut shown = blocking(move || read(&store, &of, asked.version)).await??;
+    let of = record.clone();
+    let mut shown = web
+        .store
+        .run(move |store| read(store, &of, asked.version))
+        .await?;
     match &mut shown {
         None if asked.version.is_some() => return Err(PageError::NoPage),
         None => {}
@@ -298,8 +301,8 @@ type ReportState = (ArchiveVersion, u64, CampaignState, Rounds, u64);
 /// The report of a campaign, or its contact sheet, and its id; workers simulate the motions of its medoids.
 async fn drawn(web: &Web, id: &str, pictures: PicturesOf) -> Result<(CampaignId, Bytes), PageError> {
     let record = web.campaigns.status(id).await?.record;
-    let (store, of) = (web.store.clone(), record.id.clone());
-    let entries = blocking(move || store.label_entries(&of)).await??;
+    let of = record.id.clone();
+    let entries = web.store.run(move |store| store.label_entries(&of)).await?;
     let state = (
         record.archive_version(),
         record.individuals(),
