@@ -82,7 +82,7 @@ pub(super) struct Gate {
 pub(super) async fn admit(State(gate): State<Gate>, mut request: Request, next: Next) -> Response {
     let (requirement, class) = gate.requirements.of(&request);
     request.extensions_mut().insert(gate.endpoint.clone());
-    let mut response = gate.answer((requirement, class), request, next).await;
+    let mut response = gate.answer(requirement, class, request, next).await;
     response.extensions_mut().insert(requirement);
     response
 }
@@ -90,7 +90,8 @@ pub(super) async fn admit(State(gate): State<Gate>, mut request: Request, next: 
 impl Gate {
     async fn answer(
         &self,
-        (requirement, class): (Requirement, CostClass),
+        requirement: Requirement,
+        class: CostClass,
         request: Request,
         next: Next,
     ) -> Response {

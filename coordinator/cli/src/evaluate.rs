@@ -70,11 +70,11 @@ impl Evaluate {
         let tasks = self.tasks(&spec)?;
         let Some(path) = &self.out else {
             let table = (!global.json).then(|| Table::of(io::stdout().lock(), None));
-            return all_evaluated(self.write_results(table, global, (&spec, &tasks)).await?);
+            return all_evaluated(self.write_results(table, global, &spec, &tasks).await?);
         };
         let mut file = self.overwrite.begin(path)?;
         let table = Some(Table::of(&mut file, Some(path)));
-        let failed = self.write_results(table, global, (&spec, &tasks)).await?;
+        let failed = self.write_results(table, global, &spec, &tasks).await?;
         finish(file, path)?;
         all_evaluated(failed)
     }
@@ -131,7 +131,8 @@ impl Evaluate {
         &self,
         table: Option<Table<'_, impl Write>>,
         global: &Global,
-        (spec, tasks): (&CampaignSpec, &Tasks),
+        spec: &CampaignSpec,
+        tasks: &Tasks,
     ) -> Result<u64, CliError> {
         let crew = InProcess {
             trainers: 0,
@@ -220,7 +221,7 @@ async fn evaluated(
                 errln!("index {index}: {failure}");
                 continue;
             }
-            let evaluated = json::Evaluated::new(index as u64, (controller, *seed), &result.trials)?;
+            let evaluated = json::Evaluated::new(index as u64, controller, *seed, &result.trials)?;
             let Some(table) = &mut table else {
                 json::print(evaluated)?;
                 continue;

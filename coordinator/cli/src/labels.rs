@@ -208,7 +208,7 @@ async fn add(
     let campaign = status.id;
     if table.describes(spec.model()) {
         let individuals = individuals(connection, &campaign).await?;
-        table.check_individuals((&campaign, spec.model()), |index| individuals.get(&index))?;
+        table.check_individuals(&campaign, spec.model(), |index| individuals.get(&index))?;
     }
     let request = v1::AppendLabelsRequest {
         campaign: campaign.clone(),

@@ -103,7 +103,7 @@ impl Recognise {
         let campaign = get_campaign(&mut connection.client, &self.campaign).await?;
         let spec = CampaignSpec::try_from(campaign.spec.unwrap_or_default())?;
         let (controller, world) = self.swarm(&spec, tracks)?;
-        let assumed = Assumed::of(self, tracks, &controller, (&world, &spec))?;
+        let assumed = Assumed::of(self, tracks, &controller, &world, &spec)?;
         let steps = (spec.image().window() - 1).max(FEATURE_STEPS);
         // A campaign's picture reaches back at most to the start of its swarms.
         let steps = steps.min(spec.world().horizon());

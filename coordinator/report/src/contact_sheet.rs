@@ -34,7 +34,7 @@ pub(super) fn svg(report: &Report) -> String {
     for (place, medoid) in report.medoids.iter().enumerate() {
         let left = GAP + (place % columns) as f64 * (SIDE + GAP);
         let top = GAP + (place / columns) as f64 * (SIDE + CAPTION + GAP);
-        sheet += &behaviour(report, (place, medoid), [left, top]).into_string();
+        sheet += &behaviour(report, place, medoid, [left, top]).into_string();
         sheet.push('\n');
     }
     sheet + "</svg>\n"
@@ -76,7 +76,7 @@ fn columns(count: usize) -> usize {
         .unwrap_or(MOST_ABREAST)
 }
 
-fn behaviour(report: &Report, (place, medoid): (usize, &MedoidEntry), [left, top]: [f64; 2]) -> Markup {
+fn behaviour(report: &Report, place: usize, medoid: &MedoidEntry, [left, top]: [f64; 2]) -> Markup {
     let world = report.spec.world();
     let scale = SIDE / world.width().max(world.height());
     let share = percent(medoid.cluster_size, report.individuals.len() as u64);

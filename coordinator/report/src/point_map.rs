@@ -34,14 +34,14 @@ pub fn places(points: &[[f64; 2]], side: f64) -> Vec<[f64; 2]> {
 /// The points as a PNG with this side in pixels; later points cover earlier ones, and the background is transparent.
 pub fn png(points: &[([f64; 2], Rgb)], side: usize, radius: i64) -> Result<Vec<u8>, PictureError> {
     let mut pixels = vec![[0; 4]; side * side];
-    draw(points, (side, radius), |pixel, [red, green, blue]| {
+    draw(points, side, radius, |pixel, [red, green, blue]| {
         pixels[pixel] = [red, green, blue, 0xff];
     });
     encoded(pixels.as_flattened(), [side; 2], png::ColorType::Rgba)
 }
 
 /// Calls `set` with each pixel of the points and its colour, row by row.
-fn draw(points: &[([f64; 2], Rgb)], (side, radius): (usize, i64), mut set: impl FnMut(usize, Rgb)) {
+fn draw(points: &[([f64; 2], Rgb)], side: usize, radius: i64, mut set: impl FnMut(usize, Rgb)) {
     let at: Vec<[f64; 2]> = points.iter().map(|(at, _)| *at).collect();
     let inside = |value: i64| usize::try_from(value).ok().filter(|&value| value < side);
     for (place, (_, colour)) in places(&at, side as f64).into_iter().zip(points) {

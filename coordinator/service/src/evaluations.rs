@@ -85,12 +85,7 @@ impl v1::evaluation_service_server::EvaluationService for EvaluationApi {
                 let first = next;
                 let job = request.and_then(|request| described.job(request, first));
                 next += job.as_ref().map_or(0, |job| job.tasks.len());
-                let evaluated = evaluated(
-                    dispatch.clone(),
-                    described.clone(),
-                    unaudited.clone(),
-                    (first, job),
-                );
+                let evaluated = evaluated(dispatch.clone(), described.clone(), unaudited.clone(), first, job);
                 at_work.begin();
                 let at_work = at_work.clone();
                 async move {
@@ -161,12 +156,13 @@ impl EvaluationApi {
     }
 }
 
-/// The results of a job, in the order of its controllers.
+/// The results of a job, in the order of its controllers; `first` is the place of its first controller in the stream.
 async fn evaluated(
     dispatch: Dispatch,
     described: Arc<Described>,
     unaudited: Arc<Unaudited>,
-    (first, job): (usize, Result<EvaluationJob, Status>),
+    first: usize,
+    job: Result<EvaluationJob, Status>,
 ) -> Result<Vec<v1::EvaluateResult>, Status> {
     let job = job?;
     let seeds: Vec<u64> = job.tasks.iter().map(|(_, seed)| *seed).collect();

@@ -13,10 +13,19 @@ pub(super) struct Snapshots {
     arriving: Option<Arriving>,
 }
 
+/// What a snapshot is of.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Moment {
+    /// The coordinator's epoch in which the lease was given.
+    epoch: u64,
+    lease: LeaseNumber,
+    /// Number of epochs trained.
+    epochs_done: u64,
+}
+
 /// A snapshot whose last part has not arrived yet.
 struct Arriving {
-    /// The coordinator's epoch in which the lease was given, the lease's number, and the number of epochs trained.
-    of: (u64, LeaseNumber, u64),
+    of: Moment,
     /// Maximum size in bytes of such a snapshot; `None` if the lease is over, so that it is not kept.
     room: Option<usize>,
     bytes: Vec<u8>,
@@ -46,7 +55,11 @@ impl Snapshots {
                 format!("at most {PART_BYTES} bytes a part"),
             ));
         }
-        let of = (epoch, lease, part.epoch);
+        let of = Moment {
+            epoch,
+            lease,
+            epochs_done: part.epoch,
+        };
         let begun = self.arriving.take().filter(|arriving| arriving.of == of);
         let mut arriving = match begun {
             Some(arriving) => arriving,
@@ -77,8 +90,12 @@ impl Snapshots {
         })
     }
 
-    async fn begin(&self, of: (u64, LeaseNumber, u64)) -> Result<Arriving, Invalid> {
-        let (epoch, lease, epochs_done) = of;
+    async fn begin(&self, of: Moment) -> Result<Arriving, Invalid> {
+        let Moment {
+            epoch,
+            lease,
+            epochs_done,
+        } = of;
         let room = match self.dispatch.training_lease(self.worker, epoch, lease).await {
             TrainingLease::Held(training) => {
                 let most = training.configuration.recipe().epochs();

@@ -36,7 +36,7 @@ impl v1::trainer_service_server::TrainerService for TrainerApi {
         request: Request<Streaming<v1::WorkerMessage>>,
     ) -> Result<Response<Self::TrainStream>, Status> {
         let trainer = Peer::Trainer(self.store.clone());
-        serve(self.trainers.dispatch(), request, (trainer, check_trainer)).await
+        serve(self.trainers.dispatch(), request, trainer, check_trainer).await
     }
 
     type FetchTrainingStream = Streamed<v1::TrainingPart>;

@@ -35,7 +35,7 @@ impl v1::worker_service_server::WorkerService for WorkerApi {
         &self,
         request: Request<Streaming<v1::WorkerMessage>>,
     ) -> Result<Response<Self::WorkStream>, Status> {
-        serve(&self.dispatch, request, (Peer::Worker, check_simulator)).await
+        serve(&self.dispatch, request, Peer::Worker, check_simulator).await
     }
 }
 
@@ -54,7 +54,8 @@ type CheckVersion = fn(&v1::Hello) -> Result<(), Status>;
 pub(super) async fn serve(
     dispatch: &Dispatch,
     request: Request<Streaming<v1::WorkerMessage>>,
-    (peer, check): (Peer, CheckVersion),
+    peer: Peer,
+    check: CheckVersion,
 ) -> Result<Response<ReceiverStream<Result<v1::CoordinatorMessage, Status>>>, Status> {
     let from = machine_of(&request)?;
     let mut inbox = request.into_inner();
@@ -74,7 +75,7 @@ pub(super) async fn serve(
     let dispatch = dispatch.clone();
     let stream_ends = async move {
         let passed_on = tokio::select! {
-            passed_on = pass_on(&dispatch, (worker, peer), &mut inbox) => passed_on,
+            passed_on = pass_on(&dispatch, worker, peer, &mut inbox) => passed_on,
             // What the worker still sends must not stay in memory.
             _ = dismissed => return,
         };
@@ -129,7 +130,8 @@ fn check_simulator(hello: &v1::Hello) -> Result<(), Status> {
 /// Forwards the messages of a worker or trainer until its stream ends.
 async fn pass_on(
     dispatch: &Dispatch,
-    (worker, peer): (WorkerId, Peer),
+    worker: WorkerId,
+    peer: Peer,
     inbox: &mut Streaming<v1::WorkerMessage>,
 ) -> Result<(), Status> {
     use v1::worker_message::Message;
@@ -141,7 +143,7 @@ async fn pass_on(
                 return Err(Invalid::new("message", "about a training", allowed).into());
             }
             (Some(Message::Snapshot(part)), Peer::Trainer(_)) => snapshots.add(part).await?,
-            (message, Peer::Trainer(store)) => published(report(message)?, (dispatch, worker), store).await?,
+            (message, Peer::Trainer(store)) => published(report(message)?, dispatch, worker, store).await?,
             (message, Peer::Worker) => report(message)?,
         };
         dispatch.report(worker, report).await;
@@ -153,7 +155,8 @@ async fn pass_on(
 /// text, so that the dispatcher treats it like any impossible result.
 async fn published(
     report: WorkerReport,
-    (dispatch, worker): (&Dispatch, WorkerId),
+    dispatch: &Dispatch,
+    worker: WorkerId,
     store: &Store,
 ) -> Result<WorkerReport, Status> {
     use v1::batch_result::Outcome;

@@ -83,7 +83,7 @@ impl Store {
             let number = number_of(transaction, campaign)?;
             insert_generation(transaction, number, record)?;
             let first = individuals.first().map_or(0, |individual| individual.index);
-            add_provenance(transaction, number, (ResultKind::Evaluation, first), provenance)?;
+            add_provenance(transaction, number, ResultKind::Evaluation, first, provenance)?;
             insert_individuals(transaction, number, individuals, &images)
         })
     }

@@ -154,7 +154,7 @@ pub async fn restore(from: &Path, data: &Path, interrupt: &Interrupt) -> Result<
         return Err(TargetError::NotEmpty(data.to_path_buf()).into());
     }
     let mut placed = Vec::new();
-    let restored = put_back(from, data, (&manifest, interrupt), &mut placed).await;
+    let restored = put_back(from, data, &manifest, interrupt, &mut placed).await;
     if restored.is_err() {
         // Leftovers would block the next try, which reports those that cannot be removed here.
         clear(data, &placed);
@@ -175,7 +175,8 @@ const RESTORING: &str = "restoring";
 async fn put_back(
     from: &Path,
     data: &Path,
-    (manifest, interrupt): (&Manifest, &Interrupt),
+    manifest: &Manifest,
+    interrupt: &Interrupt,
     placed: &mut Vec<&'static str>,
 ) -> Result<(), BackupError> {
     // The database gets its name only when everything that it refers to is there.

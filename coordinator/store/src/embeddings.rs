@@ -55,7 +55,7 @@ impl Store {
                 let embeddings = numbers_to_blob(&trials.concat());
                 statement.execute(params![number, clamped(place), embeddings])?;
             }
-            add_provenance(transaction, number, (ResultKind::Embedding, place), provenance)
+            add_provenance(transaction, number, ResultKind::Embedding, place, provenance)
         })
     }
 

@@ -135,7 +135,7 @@ impl Store {
                 }
                 .into());
             }
-            add(transaction, (campaign, number), request, changes, labels)
+            add(transaction, campaign, number, request, changes, labels)
         })
     }
 
@@ -214,7 +214,8 @@ fn undo_newest(
 /// A refused request writes nothing.
 pub(super) fn add(
     transaction: &Transaction<'_>,
-    (campaign, number): (&CampaignId, i64),
+    campaign: &CampaignId,
+    number: i64,
     request: &RequestId,
     changes: Vec<Change>,
     labels: &mut Labels,

@@ -54,7 +54,7 @@ impl Store {
                     floats_to_blob(picture.features.as_ref().map_or(&[], |features| &features[..])),
                 ])?;
             }
-            add_provenance(transaction, number, (ResultKind::Picture, place), provenance)
+            add_provenance(transaction, number, ResultKind::Picture, place, provenance)
         })
     }
 

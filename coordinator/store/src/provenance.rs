@@ -289,7 +289,8 @@ fn quarantined(connection: &Connection, which: &str) -> Result<Vec<Quarantined>,
 pub(super) fn add_provenance(
     transaction: &Transaction<'_>,
     campaign: i64,
-    (kind, first): (ResultKind, u64),
+    kind: ResultKind,
+    first: u64,
     Provenance { makers, notices }: &Provenance,
 ) -> Result<(), StoreError> {
     let machine = |maker: &Maker| maker.unaudited.map_or(NOBODY, |machine| machine.0);

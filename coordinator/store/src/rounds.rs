@@ -34,7 +34,7 @@ impl Store {
         changes: Vec<Change>,
     ) -> Result<(), LabelError> {
         self.add_to_log(campaign, |transaction, number, labels| {
-            labels::add(transaction, (campaign, number), request, changes, labels)?;
+            labels::add(transaction, campaign, number, request, changes, labels)?;
             begin(transaction, number, labels.entries()).map_err(LabelError::Store)
         })
     }

@@ -97,7 +97,7 @@ fn cells(study: &Study, message: &StudyMessage) -> Result<Vec<Cell>, StudyError>
     for row in rows {
         let table = message.campaign_of(&row);
         for (replicate, &seed) in study.seeds.iter().enumerate() {
-            cells.push(cell(study, &row, &table, (replicate, seed))?);
+            cells.push(cell(study, &row, &table, replicate, seed)?);
         }
     }
     Ok(cells)
@@ -107,7 +107,8 @@ fn cell(
     study: &Study,
     values: &[usize],
     table: &Table,
-    (replicate, seed): (usize, u64),
+    replicate: usize,
+    seed: u64,
 ) -> Result<Cell, StudyError> {
     let failed = |error| cell_error(study, values, seed, error);
     for field in ["seed", "name"] {

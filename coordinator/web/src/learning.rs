@@ -3,7 +3,7 @@
 use super::{Web, page_error::PageError};
 use maud::{Markup, html};
 use murmuration_model::{CampaignRecord, CampaignState, TimeLeft};
-use murmuration_store::{Store, StoreError};
+use murmuration_store::{Store, StoreError, TaxonomyVersion};
 use murmuration_swarm::{Feedback, counted};
 
 /// The button that starts learning from the labels; empty if the campaign has no embedding.
@@ -45,8 +45,7 @@ impl Estimate {
         };
         let versions = store.taxonomy_versions(&record.id)?;
         let made = versions.iter().find(|version| version.rounds == round);
-        let made = made.and_then(|made| Some((made.made_ms?, made.individuals)));
-        let after = made.map(|made| until_made(trained_ms, made, record.individuals()));
+        let after = made.and_then(|made| until_made(trained_ms, made, record.individuals()));
         Ok(Some(Self { training, after }))
     }
 
@@ -79,10 +78,11 @@ fn lasted(times: &[u64]) -> Option<f64> {
     Some(median as f64 / 1000.0 * times.len() as f64)
 }
 
-/// Seconds from the end of a training to the taxonomy made at `made_ms`, scaled from its `individuals` to `now` individuals.
-fn until_made(trained_ms: u64, (made_ms, individuals): (u64, u64), now: u64) -> f64 {
-    let took = made_ms.saturating_sub(trained_ms) as f64 / 1000.0;
-    took * now as f64 / individuals.max(1) as f64
+/// Seconds from the end of a training to the taxonomy `made` after it, scaled from its individuals to `now` individuals; `None` if
+/// the time of the taxonomy is unknown.
+fn until_made(trained_ms: u64, made: &TaxonomyVersion, now: u64) -> Option<f64> {
+    let took = made.made_ms?.saturating_sub(trained_ms) as f64 / 1000.0;
+    Some(took * now as f64 / made.individuals.max(1) as f64)
 }
 
 /// Describes the effects of learning to a person who is about to begin it.
@@ -121,8 +121,18 @@ mod tests {
 
     #[test]
     fn what_comes_after_the_training_grows_with_the_archive() {
-        assert_eq!(until_made(10_000, (70_000, 100), 150), 90.0);
-        assert_eq!(until_made(70_000, (10_000, 0), 150), 0.0);
+        let made = |made_ms, individuals| TaxonomyVersion {
+            version: 1,
+            stands: true,
+            made_ms,
+            checkpoint: None,
+            rounds: 1,
+            generations: 1,
+            individuals,
+        };
+        assert_eq!(until_made(10_000, &made(Some(70_000), 100), 150), Some(90.0));
+        assert_eq!(until_made(70_000, &made(Some(10_000), 0), 150), Some(0.0));
+        assert_eq!(until_made(70_000, &made(None, 100), 150), None);
     }
 
     #[test]

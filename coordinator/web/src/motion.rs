@@ -100,7 +100,7 @@ pub(super) async fn gif(
     Query(created): Query<Created>,
 ) -> Result<impl IntoResponse, PageError> {
     let simulated = simulated(&web, &campaign, index).await?;
-    let headers = file(&simulated.record, index, ("image/gif", "gif"), &created);
+    let headers = file(&simulated.record, index, "image/gif", "gif", &created);
     let drawn = blocking(move || {
         let world = simulated.record.spec.world();
         let bodies = Bodies::of(&simulated.controller, world);
@@ -121,7 +121,7 @@ pub(super) async fn svg(
     Query(created): Query<Created>,
 ) -> Result<impl IntoResponse, PageError> {
     let simulated = simulated(&web, &campaign, index).await?;
-    let headers = file(&simulated.record, index, ("image/svg+xml", "svg"), &created);
+    let headers = file(&simulated.record, index, "image/svg+xml", "svg", &created);
     let drawn = in_background(move |_| {
         let (world, window) = (
             simulated.record.spec.world(),
@@ -137,7 +137,8 @@ pub(super) async fn svg(
 fn file(
     record: &CampaignRecord,
     index: u64,
-    (kind, ending): (&str, &str),
+    kind: &str,
+    ending: &str,
     created: &Created,
 ) -> [(HeaderName, String); 3] {
     let (kept, how) = created.keep(record);

@@ -42,7 +42,7 @@ pub(super) struct FineTuningTask {
 }
 
 /// Bytes of this number of pictures, if they fit into a trainer's memory.
-fn bytes(field: &str, shape: PictureShape, (views, behaviours): (u32, u32)) -> Result<usize, Undone> {
+fn bytes(field: &str, shape: PictureShape, views: u32, behaviours: u32) -> Result<usize, Undone> {
     let bytes = [views, behaviours]
         .iter()
         .try_fold(shape.bytes() as u64, |product, &size| {
@@ -76,12 +76,12 @@ impl TryFrom<v1::Lease> for Task {
                 parent: parent
                     .parse()
                     .map_err(|error: Invalid| Undone::fatal(error.within("parent")))?,
-                bytes: bytes("labelled", pictures, (1, task.labelled))?,
+                bytes: bytes("labelled", pictures, 1, task.labelled)?,
                 labels: task.labels as usize,
             }),
         };
         Ok(Self {
-            bytes: bytes("behaviours", pictures, (task.views, task.behaviours))?,
+            bytes: bytes("behaviours", pictures, task.views, task.behaviours)?,
             fine_tuning,
             lease: lease.id.unwrap_or_default(),
             campaign: lease.campaign,

@@ -256,7 +256,9 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
         let search = exhaustive::search(
             message.search.unwrap_or_default(),
             method,
-            (&controllers, &world, starts),
+            &controllers,
+            &world,
+            starts,
         )?;
         let search = Search::try_from(search).map_err(|e| e.within("search"))?;
         let default_medoids = match model.species() {
@@ -293,7 +295,7 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
                 .name
                 .unwrap_or_else(|| swarm::default_name(&model).to_owned())
                 .try_into()?,
-            embedder: EmbedderSource::from_fields(embedder, (method, space), (seed, filter), &image)?,
+            embedder: EmbedderSource::from_fields(embedder, method, space, seed, filter, &image)?,
             seed,
             method,
             space,

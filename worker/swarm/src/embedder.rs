@@ -27,8 +27,10 @@ impl EmbedderSource {
     /// Validates the fields; `None` for a behaviour space without an embedding.
     pub(crate) fn from_fields(
         fields: Fields,
-        (method, space): (Method, BehaviourSpace),
-        (seed, filter): (u64, bool),
+        method: Method,
+        space: BehaviourSpace,
+        seed: u64,
+        filter: bool,
         image: &ImageFormat,
     ) -> Result<Option<Self>, Invalid> {
         let Fields {

@@ -203,7 +203,7 @@ impl TryFrom<v1::World> for World {
             Boundary::Walls => world.margin(),
             Boundary::Open | Boundary::Torus => 0.0,
         };
-        if !obstacle::leave_room(&world.obstacles, [width, height], (world.radius, margin)) {
+        if !obstacle::leave_room(&world.obstacles, [width, height], world.radius, margin) {
             let allowed = "such that a robot fits somewhere between them";
             let count = counted(world.obstacles.len() as u64, "obstacle");
             return Err(Invalid::new("obstacles", count, allowed));

@@ -203,7 +203,8 @@ impl Evaluated {
     /// If a trial does not have five features.
     pub(crate) fn new(
         index: u64,
-        (controller, seed): (&Controller, u64),
+        controller: &Controller,
+        seed: u64,
         trials: &[v1::Evaluation],
     ) -> Result<Self, Invalid> {
         let features = trials.iter().map(|trial| {

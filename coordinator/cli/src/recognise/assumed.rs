@@ -42,7 +42,8 @@ impl Assumed {
         asked: &Recognise,
         tracks: &Tracks,
         controller: &Controller,
-        (world, campaign): (&World, &CampaignSpec),
+        world: &World,
+        campaign: &CampaignSpec,
     ) -> Result<Self, TracksError> {
         let model = controller.model();
         let is_free = model

@@ -401,7 +401,8 @@ impl Campaigns {
     pub async fn evaluate_elsewhere(
         &self,
         record: &CampaignRecord,
-        (controller, seed): (Controller, u64),
+        controller: Controller,
+        seed: u64,
         world: World,
     ) -> Result<Evaluation, CampaignError> {
         let job = EvaluationJob {

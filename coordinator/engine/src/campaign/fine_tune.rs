@@ -36,8 +36,8 @@ pub(super) async fn fine_tune(
         labelled: pictures.pictures.len() as u32,
         labels: pictures.labels,
     };
-    let training = (configuration(context, parent, feedback).await?, Some(fine_tuning));
-    let checkpoint = train(context, &record, training, handle).await?;
+    let configuration = configuration(context, parent, feedback).await?;
+    let checkpoint = train(context, &record, configuration, Some(fine_tuning), handle).await?;
     let finish = move |store: &Store| store.finish_round(&record.id, checkpoint);
     context.commit(&handle.commit_handle(), finish).await
 }

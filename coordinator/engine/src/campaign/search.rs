@@ -315,7 +315,8 @@ impl Search {
                     individual,
                     &self.scale,
                     &self.behaviours,
-                    (&taxonomy.medoids, own),
+                    &taxonomy.medoids,
+                    own,
                 ));
             }
         }

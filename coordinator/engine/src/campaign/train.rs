@@ -24,7 +24,7 @@ pub(super) async fn pretrain(
         return Ok(());
     };
     let configuration = (**training).clone();
-    let checkpoint = train(context, &record, (configuration, None), handle).await?;
+    let checkpoint = train(context, &record, configuration, None, handle).await?;
     let begin = move |store: &Store| store.move_to(&record.id, checkpoint);
     context.commit(&handle.commit_handle(), begin).await
 }
@@ -33,7 +33,8 @@ pub(super) async fn pretrain(
 pub(super) async fn train(
     context: &StageContext,
     record: &CampaignRecord,
-    (configuration, fine_tuning): (Configuration, Option<FineTuningParams>),
+    configuration: Configuration,
+    fine_tuning: Option<FineTuningParams>,
     handle: &mut RunHandle,
 ) -> Result<CheckpointDigest, CampaignError> {
     let epochs = configuration.recipe().epochs();
@@ -55,7 +56,9 @@ pub(super) async fn train(
     };
     let epochs_kept = tokio::spawn(keep_epochs(
         context.store.clone(),
-        (record.id.clone(), round, epochs),
+        record.id.clone(),
+        round,
+        epochs,
         job.progress.subscribe(),
     ));
     let keeping = tokio::spawn(keep(context.store.clone(), record.id.clone(), snapshots));
@@ -103,7 +106,9 @@ pub(super) async fn train(
 /// out.
 async fn keep_epochs(
     store: Store,
-    (id, round, epochs): (CampaignId, u32, u64),
+    id: CampaignId,
+    round: u32,
+    epochs: u64,
     mut reports: watch::Receiver<Option<v1::TrainingProgress>>,
 ) {
     while reports.changed().await.is_ok() {

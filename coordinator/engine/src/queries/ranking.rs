@@ -97,11 +97,11 @@ pub(crate) fn by_coverage(
     interrupt: &Interrupt,
 ) -> Result<Vec<Query>, Interrupted> {
     let mut stream = RandomStream::derive(spec.seed(), Purpose::Query, 0);
-    let count = (MOST_COVERED, spec.search().neighbours() as usize);
     let others = medoids::order(
         behaviours,
         clustering.medoids.clone(),
-        count,
+        MOST_COVERED,
+        spec.search().neighbours() as usize,
         &mut stream,
         interrupt,
     )?;

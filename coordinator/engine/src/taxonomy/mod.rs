@@ -108,7 +108,8 @@ impl Taxonomy {
     /// Reads any version of the taxonomy of a campaign; `None` if there is no version of that number.
     pub fn read_version(
         store: &Store,
-        (campaign, version): (&CampaignId, u32),
+        campaign: &CampaignId,
+        version: u32,
         spec: &CampaignSpec,
     ) -> Result<Option<Self>, StoreError> {
         let stored = store.taxonomy_of_version(campaign, version)?;
@@ -148,12 +149,13 @@ impl Taxonomy {
 }
 
 /// The number of an individual's trials to which no other medoid is nearer than its own. `behaviours` are those of the archive;
-/// `medoids` are the medoids' indices, and the place of the individual's own.
+/// `medoids` are the medoids' indices, and `own` is the place of the individual's own.
 pub fn robust_trials(
     individual: &ArchivedIndividual,
     scale: &Scale,
     behaviours: &Behaviours,
-    (medoids, own): (&[usize], u32),
+    medoids: &[usize],
+    own: u32,
 ) -> u8 {
     let is_own = |trial: &&Trial| {
         let behaviour = scale.behaviour(&trial.features, &trial.embedding);

@@ -98,7 +98,8 @@ impl Names {
         &self,
         version: u32,
         change: &Change,
-        (medoids, given): (&[u64], &BTreeMap<u64, GivenClass>),
+        medoids: &[u64],
+        given: &BTreeMap<u64, GivenClass>,
     ) -> Self {
         let mut after = Self::first(medoids, given).names;
         let known = self.names.iter().enumerate();
@@ -174,7 +175,7 @@ impl Names {
                 None => Self::first(&stored.medoids, &given),
                 Some((number, before)) => {
                     let change = Change::between(before, &stored);
-                    names.carried(*number, &change, (&stored.medoids, &given))
+                    names.carried(*number, &change, &stored.medoids, &given)
                 }
             };
             before = Some((version.version, stored));
@@ -215,7 +216,7 @@ mod tests {
     fn after(members: &[u32], medoids: &[u64], message: &[(u64, &str, bool)]) -> Names {
         let before = Names::first(&[0, 3], &given(&[(0, "ring", false), (3, "pair", false)]));
         let change = Change::between(&stored(2, &[0, 0, 0, 1, 1]), &stored(medoids.len(), members));
-        before.carried(4, &change, (medoids, &given(message)))
+        before.carried(4, &change, medoids, &given(message))
     }
 
     fn carried(class: &str, (place, shared, of): (usize, u64, u64)) -> Option<ClusterName> {
@@ -305,6 +306,6 @@ mod tests {
         );
         let judged = Names::first(&[0], &given(&[(0, "ring", true)]));
         let change = Change::between(&stored(1, &[0, 0]), &stored(1, &[0, 0]));
-        assert_eq!(judged.carried(1, &change, (&[1], &given(&[]))).names, [None]);
+        assert_eq!(judged.carried(1, &change, &[1], &given(&[])).names, [None]);
     }
 }

@@ -139,11 +139,11 @@ impl Curves<'_> {
             Strategy::Coverage => {
                 let points = points(embedder, train)?;
                 let mut stream = RandomStream::derive(seed, Purpose::Medoids, 0);
-                let all = (points.len(), Search::default().neighbours() as usize);
                 return Ok(medoids::order(
                     &points,
                     Vec::new(),
-                    all,
+                    points.len(),
+                    Search::default().neighbours() as usize,
                     &mut stream,
                     &Interrupt::default(),
                 )?);

@@ -304,7 +304,7 @@ impl<'a> StudyRun<'a> {
         let progress = self.progress.cell(words.clone());
         let (mut clients, measuring) = (self.clients.clone(), self.measuring.clone());
         running.spawn(async move {
-            let done = done(&mut clients, &measuring, (job, &spec), begun, &progress).await;
+            let done = done(&mut clients, &measuring, job, &spec, begun, &progress).await;
             progress.end(if done.is_ok() { "done" } else { "failed" });
             done.map_err(|error| message(error, &words))
         });
@@ -338,7 +338,8 @@ impl<'a> StudyRun<'a> {
 async fn done(
     clients: &mut Clients,
     measuring: &Measuring,
-    (job, spec): (Job, &CampaignSpec),
+    job: Job,
+    spec: &CampaignSpec,
     begun: v1::Campaign,
     progress: &CellProgress,
 ) -> Result<Done, CliError> {

@@ -85,7 +85,8 @@ impl Table {
     /// Names the first individual that differs: the file then belongs to another archive.
     pub fn check_individuals<'a>(
         &self,
-        (campaign, model): (&str, &CapabilityModel),
+        campaign: &str,
+        model: &CapabilityModel,
         individual: impl Fn(u64) -> Option<&'a v1::Individual>,
     ) -> Result<(), LabelFileError> {
         let has_controller = self.has_controllers(model);
@@ -254,7 +255,7 @@ mod tests {
             let text = format!("seed,v1,v2,v3,v4,id,class,annotator\n{row},ring,ana\n");
             let table = read_text(&text, None).unwrap();
             assert!(table.describes(&Preset::SingleSensor.into()));
-            table.check_individuals(("small-1", &Preset::SingleSensor.into()), |index| {
+            table.check_individuals("small-1", &Preset::SingleSensor.into(), |index| {
                 archive.get(&index)
             })
         };
@@ -293,7 +294,7 @@ mod tests {
             assert_eq!(controller.genes(), genes);
             assert_eq!(controller.model().preset(), Some(Preset::TwoSensor));
             let found = |index| (index == 5).then_some(&archived);
-            table.check_individuals(("two-1", &model), found).unwrap();
+            table.check_individuals("two-1", &model, found).unwrap();
         };
         check("id,v1,v2,v3,v4,v5,v6,v7,v8,theta");
         check(&format!("index,{}", model.gene_names().join(",")));
@@ -313,7 +314,7 @@ mod tests {
             let table = read_text(&text, None).unwrap();
             assert!(table.describes(&model));
             table
-                .check_individuals(("robot-1", &model), |_| Some(&archived))
+                .check_individuals("robot-1", &model, |_| Some(&archived))
                 .is_ok()
         };
         let genes = "left_0,right_0,left_1,right_1";
@@ -339,7 +340,7 @@ mod tests {
                 controller: vec![0.0; models[own].genes()],
                 ..v1::Individual::default()
             };
-            let checked = table.check_individuals(("paper-1", &models[own]), |_| Some(&archived));
+            let checked = table.check_individuals("paper-1", &models[own], |_| Some(&archived));
             let message = checked.unwrap_err().to_string();
             assert!(message.contains("there is no column"), "{message}");
         }

@@ -65,7 +65,7 @@ pub fn animation_gif(
     let delay = (100 / animation.fps.clamp(1, 50)) as u16;
     let mut before: Vec<u8> = Vec::new();
     for &frame in &shown {
-        draw(&mut sketch, world, (replay, &poses, frame), animation);
+        draw(&mut sketch, world, replay, &poses, frame, animation);
         let now = palette.index(&sketch);
         let mut picture = changes(&before, &now, width);
         picture.delay = if Some(&frame) == shown.last() { HOLD } else { delay };
@@ -103,7 +103,7 @@ pub fn animation_film<'a>(
         width: sketch.width(),
         height: sketch.height(),
         pictures: shown.into_iter().map(move |frame| {
-            draw(&mut sketch, world, (replay, &poses, frame), animation);
+            draw(&mut sketch, world, replay, &poses, frame, animation);
             let pixels = sketch.pixels();
             pixels
                 .flat_map(|(colour, part)| over(colour, part, PAPER))
@@ -112,11 +112,13 @@ pub fn animation_film<'a>(
     })
 }
 
-/// Draws one frame of a replay, with its trails.
+/// Draws one frame of a replay with these poses, with its trails.
 fn draw(
     sketch: &mut Sketch<'_>,
     world: &World,
-    (replay, poses, frame): (&Replay, &[&[Pose]], usize),
+    replay: &Replay,
+    poses: &[&[Pose]],
+    frame: usize,
     animation: &Animation,
 ) {
     sketch.clear();

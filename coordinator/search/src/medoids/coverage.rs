@@ -30,15 +30,27 @@ const OF_ITS_CLASS: usize = 5;
 pub(super) fn cover(
     points: &Behaviours,
     labelled: &BTreeMap<usize, u32>,
-    (k, neighbours): (usize, usize),
+    k: usize,
+    neighbours: usize,
     stream: &mut RandomStream,
     interrupt: &Interrupt,
 ) -> Result<Clustering, Interrupted> {
     let k = k.max(1).min(points.len());
     let mut chosen = of_each_class(points, labelled, interrupt)?;
     chosen.truncate(k);
-    let (chosen, _) = farthest_first(points, chosen, (k, neighbours), stream, interrupt)?;
+    let (chosen, _) = farthest_first(points, chosen, k, neighbours, stream, interrupt)?;
     arrange(points, chosen, interrupt)
+}
+
+/// Numbers of a display that [`cover_judged`] chooses.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Display {
+    /// Points that it shows.
+    pub(super) shown: usize,
+    /// Points that they are chosen among.
+    pub(super) candidates: usize,
+    /// Nearest points that a point's distance from its neighbours is the mean of.
+    pub(super) neighbours: usize,
 }
 
 /// Like [`cover`], but chooses among the first `candidates` points of that order by their verdicts, which `judge` gives: one of each
@@ -50,17 +62,21 @@ pub(super) fn cover(
 pub(super) fn cover_judged<E: From<Interrupted>>(
     points: &Behaviours,
     labelled: &BTreeMap<usize, u32>,
-    (k, candidates, neighbours): (usize, usize, usize),
+    Display {
+        shown,
+        candidates,
+        neighbours,
+    }: Display,
     judge: impl FnOnce(&[usize]) -> Result<Vec<Verdict>, E>,
     stream: &mut RandomStream,
     interrupt: &Interrupt,
 ) -> Result<Clustering, E> {
-    let k = k.max(1).min(points.len());
+    let k = shown.max(1).min(points.len());
     let mut first = of_each_class(points, labelled, interrupt)?;
     first.truncate(k);
     let fixed = first.len();
     let count = candidates.max(k).min(points.len());
-    let (candidates, _) = farthest_first(points, first, (count, neighbours), stream, interrupt)?;
+    let (candidates, _) = farthest_first(points, first, count, neighbours, stream, interrupt)?;
     let verdicts = judge(&candidates)?;
     let chosen = by_verdict(&verdicts, fixed, k);
     let chosen = chosen
@@ -98,14 +114,14 @@ fn by_verdict(verdicts: &[Verdict], fixed: usize, k: usize) -> Vec<usize> {
 pub fn order(
     points: &Behaviours,
     shown: Vec<usize>,
-    (count, neighbours): (usize, usize),
+    count: usize,
+    neighbours: usize,
     stream: &mut RandomStream,
     interrupt: &Interrupt,
 ) -> Result<Vec<usize>, Interrupted> {
     let before = shown.len();
     let k = (before + count).min(points.len());
-    let (mut chosen, Distances(distances)) =
-        farthest_first(points, shown, (k, neighbours), stream, interrupt)?;
+    let (mut chosen, Distances(distances)) = farthest_first(points, shown, k, neighbours, stream, interrupt)?;
     let mut others: Vec<usize> = (0..points.len())
         .filter(|&point| distances[point] >= 0.0)
         .collect();
@@ -120,11 +136,12 @@ pub fn order(
 fn farthest_first(
     points: &Behaviours,
     mut chosen: Vec<usize>,
-    (k, neighbours): (usize, usize),
+    k: usize,
+    neighbours: usize,
     stream: &mut RandomStream,
     interrupt: &Interrupt,
 ) -> Result<(Vec<usize>, Distances), Interrupted> {
-    let mut open = in_company(points, (k, neighbours), interrupt)?;
+    let mut open = in_company(points, k, neighbours, interrupt)?;
     if chosen.is_empty() && !open.is_empty() {
         chosen.push(open[stream.below(open.len() as u64) as usize]);
     }
@@ -168,7 +185,8 @@ impl Distances {
 /// Ascending indices of the points without those that are farthest from their neighbours; at least `k` points.
 fn in_company(
     points: &Behaviours,
-    (k, neighbours): (usize, usize),
+    k: usize,
+    neighbours: usize,
     interrupt: &Interrupt,
 ) -> Result<Vec<usize>, Interrupted> {
     let distances = Index::new().novelty(points, 0..points.len(), neighbours, interrupt)?;
@@ -218,7 +236,7 @@ mod tests {
     fn covered(points: &Behaviours, labelled: &[(usize, u32)], k: usize) -> Clustering {
         let mut stream = RandomStream::derive(1, Purpose::Medoids, 0);
         let labelled = labelled.iter().copied().collect();
-        cover(points, &labelled, (k, 3), &mut stream, &Interrupt::default()).unwrap()
+        cover(points, &labelled, k, 3, &mut stream, &Interrupt::default()).unwrap()
     }
 
     /// A thousand points near 0, two tighter groups of four near 50 and near 100, and one point very far away.
@@ -275,14 +293,12 @@ mod tests {
         };
         let mut stream = RandomStream::derive(1, Purpose::Medoids, 0);
         let none = BTreeMap::new();
-        let found = cover_judged(
-            &points,
-            &none,
-            (2, 20, 3),
-            judge,
-            &mut stream,
-            &Interrupt::default(),
-        );
+        let display = Display {
+            shown: 2,
+            candidates: 20,
+            neighbours: 3,
+        };
+        let found = cover_judged(&points, &none, display, judge, &mut stream, &Interrupt::default());
         let mut medoids = found.unwrap().medoids;
         medoids.sort_unstable();
         assert!(
@@ -296,14 +312,7 @@ mod tests {
         let points = crowd();
         let shown = covered(&points, &[], 2).medoids;
         let mut stream = RandomStream::derive(1, Purpose::Query, 0);
-        let found = order(
-            &points,
-            shown.clone(),
-            (20, 3),
-            &mut stream,
-            &Interrupt::default(),
-        )
-        .unwrap();
+        let found = order(&points, shown.clone(), 20, 3, &mut stream, &Interrupt::default()).unwrap();
         let next = covered(&points, &[], 3).medoids;
         assert!(next.contains(&found[0]));
         let mut all = [found, shown].concat();
@@ -316,7 +325,7 @@ mod tests {
         let interrupt = Interrupt::default();
         interrupt.raise();
         let mut stream = RandomStream::derive(1, Purpose::Medoids, 0);
-        let ended = cover(&crowd(), &BTreeMap::new(), (3, 3), &mut stream, &interrupt);
+        let ended = cover(&crowd(), &BTreeMap::new(), 3, 3, &mut stream, &interrupt);
         assert_eq!(ended, Err(Interrupted));
     }
 

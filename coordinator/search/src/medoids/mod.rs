@@ -26,7 +26,7 @@ use crate::{
     novelty::Behaviours,
 };
 use by_class::cluster_by_class;
-use coverage::{cover, cover_judged};
+use coverage::{Display, cover, cover_judged};
 use murmuration_swarm::{CampaignSpec, Choice, Purpose, RandomStream, Verdict};
 use rayon::prelude::*;
 use sampled::Sampling;
@@ -111,11 +111,15 @@ pub fn choose<E: From<Interrupted>>(
     let mut stream = RandomStream::derive(spec.seed(), Purpose::Medoids, 0);
     let clustering = match (spec.choice(), candidates(spec)) {
         (Choice::Judged, Some(candidates)) => {
-            let counts = (k, candidates, neighbours);
-            return cover_judged(points, labelled, counts, judge, &mut stream, interrupt);
+            let display = Display {
+                shown: k,
+                candidates,
+                neighbours,
+            };
+            return cover_judged(points, labelled, display, judge, &mut stream, interrupt);
         }
         (Choice::Coverage | Choice::Judged, _) => {
-            cover(points, labelled, (k, neighbours), &mut stream, interrupt)
+            cover(points, labelled, k, neighbours, &mut stream, interrupt)
         }
         (Choice::Medoids, _) => {
             let algorithm = Algorithm::for_size(points.len());

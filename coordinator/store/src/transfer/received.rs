@@ -330,8 +330,7 @@ impl ReceivedCampaign {
         let mut members = Vec::with_capacity(found.len());
         for (index, individual) in range.clone().zip(found) {
             let within = |error: Invalid| error.within(&format!("individuals[{index}]"));
-            let individual =
-                checked(individual, index, record, (&bounds, self.dimensions)).map_err(within)?;
+            let individual = checked(individual, index, record, &bounds, self.dimensions).map_err(within)?;
             let taxonomy = self.taxonomy.as_ref();
             members.push(Member {
                 cluster: taxonomy.and_then(|all| all.clusters.get(index as usize).copied()),
@@ -366,7 +365,8 @@ fn checked(
     individual: ArchivedIndividual,
     index: u64,
     record: &CampaignRecord,
-    (bounds, dimensions): (&FeatureBounds, Option<usize>),
+    bounds: &FeatureBounds,
+    dimensions: Option<usize>,
 ) -> Result<ArchivedIndividual, Invalid> {
     let spec = &record.spec;
     if individual.index != index {

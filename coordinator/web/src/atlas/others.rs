@@ -46,15 +46,12 @@ pub(super) async fn others(web: &Web, record: &CampaignRecord) -> Result<Option<
         let records = records.filter(|record| record.individuals() > 0 && atlas_of(record).is_some());
         known.extend(records.map(|record| (record.id, record.spec)));
     }
-    Ok(Others::among((&record.id, &record.spec), known))
+    Ok(Others::among(&record.id, &record.spec, known))
 }
 
 impl Others {
     /// The atlases among `known`, newest first, that are like the atlas of a campaign.
-    fn among(
-        (id, spec): (&CampaignId, &CampaignSpec),
-        known: Vec<(CampaignId, CampaignSpec)>,
-    ) -> Option<Self> {
+    fn among(id: &CampaignId, spec: &CampaignSpec, known: Vec<(CampaignId, CampaignSpec)>) -> Option<Self> {
         let own = apart(spec);
         let mut alike = vec![(id.clone(), conditions(spec))];
         for (other, of) in known {
@@ -192,7 +189,7 @@ mod tests {
             atlas(2, "agents = 6"),
             (id.clone(), spec.clone()),
         ];
-        let others = Others::among((&id, &spec), known).unwrap();
+        let others = Others::among(&id, &spec, known).unwrap();
         assert_eq!(others.robots, [6, 12, 24]);
         assert_eq!(others.noises, ["none", "missed 0.1"]);
         let places: Vec<_> = others
@@ -208,6 +205,6 @@ mod tests {
         let sliders = others.sliders().into_string();
         assert_eq!(sliders.matches("type=\"range\"").count(), 2, "{sliders}");
         let alone = vec![(id.clone(), spec.clone()), atlas(6, "agents = 12\nhorizon = 100")];
-        assert_eq!(Others::among((&id, &spec), alone), None);
+        assert_eq!(Others::among(&id, &spec, alone), None);
     }
 }

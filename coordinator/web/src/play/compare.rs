@@ -46,9 +46,7 @@ pub(in super::super) async fn like(
         seed,
     } = play;
     let model = controller.model().clone();
-    let evaluated = web
-        .campaigns
-        .evaluate_elsewhere(&record, (controller, seed), world);
+    let evaluated = web.campaigns.evaluate_elsewhere(&record, controller, seed, world);
     let late = |_| Status::unavailable("the workers have not simulated this yet");
     let evaluated = tokio::time::timeout(REPLAY_TIMEOUT, evaluated)
         .await

@@ -182,7 +182,8 @@ impl Studies {
     pub(super) async fn judge(
         &self,
         name: &str,
-        (cell, index): (String, u64),
+        cell: String,
+        index: u64,
         class: Option<Class>,
         by: String,
     ) -> Result<(), Unusable> {
@@ -335,17 +336,17 @@ impl Loaded {
         let atlas = outcome.reference().map(|reference| reference.campaign.clone());
         let done = |place: usize, _: Option<&str>| campaigns.get(place).cloned().flatten();
         let jobs = Arc::new(Jobs::of(&study, &embedders, atlas, done)?);
-        Ok(Self::of((store, study.name), &outcome, jobs))
+        Ok(Self::of(store, study.name, &outcome, jobs))
     }
 
     /// The same study with the current classes of people.
     fn with_current_classes(&self) -> Self {
-        let of = (self.store.clone(), self.name.clone());
-        Self::of(of, &self.outcome, Arc::clone(&self.jobs))
+        let (store, name) = (self.store.clone(), self.name.clone());
+        Self::of(store, name, &self.outcome, Arc::clone(&self.jobs))
     }
 
     /// A study with its stored classes. Damaged classes hide nothing else.
-    fn of((store, name): (Store, CampaignName), outcome: &Outcome, jobs: Arc<Jobs>) -> Self {
+    fn of(store: Store, name: CampaignName, outcome: &Outcome, jobs: Arc<Jobs>) -> Self {
         let (classes, problem) = match classes(&store, &name) {
             Ok(classes) => (classes, None),
             Err(error) => (Corrections::default(), Some(error.to_string())),

@@ -127,7 +127,7 @@ pub(crate) async fn judge(
     };
     let kept = web
         .studies
-        .judge(&name, (message.cell, message.index), class, message.by);
+        .judge(&name, message.cell, message.index, class, message.by);
     kept.await?;
     Ok(StatusCode::NO_CONTENT)
 }

@@ -118,8 +118,8 @@ fn read(
     let labels = store.labels(&record.id)?;
     let change = Change::between(&before.stored, &after.stored);
     let named = Names::read(store, &record.id, &versions[..=from], &labels)?;
-    let medoids = (after.stored.medoids.as_slice(), &labels.given_classes());
-    let names = named.carried(before.version.version, &change, medoids);
+    let medoids = &after.stored.medoids;
+    let names = named.carried(before.version.version, &change, medoids, &labels.given_classes());
     Ok(Some(Compared {
         versions,
         before,
@@ -304,11 +304,11 @@ fn clusters(record: &CampaignRecord, compared: &Compared) -> Markup {
                     li {
                         div.pictures {
                             @for &before_place in &from {
-                                (picture(record, ("Before", before_place), before.stored.medoids[before_place]))
+                                (picture(record, "Before", before_place, before.stored.medoids[before_place]))
                             }
                             @if from.is_empty() { div.none { "new" } }
                             span.arrow aria-hidden="true" { "→" }
-                            (picture(record, ("After", place), medoid))
+                            (picture(record, "After", place, medoid))
                         }
                         div {
                             h3 { (swatch(colours::cluster(place))) "Behaviour " (place + 1) (name_of(&compared.names, place)) }
@@ -319,7 +319,7 @@ fn clusters(record: &CampaignRecord, compared: &Compared) -> Markup {
                 @for gone in change.gone() {
                     li {
                         div.pictures {
-                            (picture(record, ("Before", gone), before.stored.medoids[gone]))
+                            (picture(record, "Before", gone, before.stored.medoids[gone]))
                             span.arrow aria-hidden="true" { "→" }
                             div.none { "gone" }
                         }
@@ -346,7 +346,7 @@ fn name_of(names: &Names, place: usize) -> Markup {
     html! { @if let Some(name) = name { " · " (name.class.shown()) } }
 }
 
-fn picture(record: &CampaignRecord, (when, place): (&str, usize), medoid: u64) -> Markup {
+fn picture(record: &CampaignRecord, when: &str, place: usize, medoid: u64) -> Markup {
     html! {
         figure {
             img src=(archived::picture(record, medoid)) width="100" height="100" loading="lazy"

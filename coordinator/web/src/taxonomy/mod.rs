@@ -153,8 +153,7 @@ fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Op
         return Ok(None);
     };
     let (version, until) = (versions[place].clone(), &versions[..=place]);
-    let of = (&record.id, version.version);
-    let Some(taxonomy) = Taxonomy::read_version(store, of, &record.spec)? else {
+    let Some(taxonomy) = Taxonomy::read_version(store, &record.id, version.version, &record.spec)? else {
         return Ok(None);
     };
     let labels = store.labels(&record.id)?;

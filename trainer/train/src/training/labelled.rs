@@ -46,7 +46,7 @@ pub(super) fn epoch(
         let mut images = augmented(labelled, &pictures, augmentation, stream);
         images.extend(in_batch::augmented(training, &behaviours, stream));
         let weights = Weights::of_classes(&shares);
-        sum.mean += self::step(training, recipe, (pictures.len(), &weights), &images) / recipe.steps as f64;
+        sum.mean += self::step(training, recipe, pictures.len(), &weights, &images) / recipe.steps as f64;
         let others = pictures.len() - recipe.per_class;
         sum.triplets += (pictures.len() * (recipe.per_class - 1) * others + pairs * (pairs - 1)) as u64;
     }
@@ -58,7 +58,8 @@ pub(super) fn epoch(
 fn step(
     training: &mut Training,
     recipe: &Labelled,
-    (labelled, weights): (usize, &Weights),
+    labelled: usize,
+    weights: &Weights,
     images: &[f32],
 ) -> f64 {
     let state = &mut training.state;

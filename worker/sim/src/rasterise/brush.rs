@@ -119,7 +119,8 @@ impl<S: Simd, const SENSORS: usize> Ends<S, SENSORS> {
     #[inline(always)]
     pub(super) fn new(
         simd: S,
-        (brush, size): (&Brush, [u32; 2]),
+        brush: &Brush,
+        size: [u32; 2],
         position: Planar<S>,
         heading: Planar<S>,
         directions: [Planar<S>; SENSORS],
@@ -233,7 +234,7 @@ mod tests {
             let (mut stamped, mut by_pixel) = (Canvas::new([140, 128]), Canvas::new([140, 128]));
             for (position, angles) in agents {
                 let rays = angles.map(|angle| [angle.cos(), angle.sin()]);
-                let ends = Ends::new(Scalar::new(), (&brush, stamped.size()), position, rays[0], rays);
+                let ends = Ends::new(Scalar::new(), &brush, stamped.size(), position, rays[0], rays);
                 brush.draw(&mut stamped, &ends, 0);
                 let [centre, heading] = [ends.centre, ends.heading].map(|point| whole::<Scalar>(&point, 0));
                 ends.rays.iter().for_each(|end| erase_pixels(&mut by_pixel, centre, whole::<Scalar>(end, 0)));

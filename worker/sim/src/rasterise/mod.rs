@@ -105,7 +105,7 @@ impl Rasteriser {
             // All bodies of a batch have the same size.
             let brush = &self.brushes[0];
             let size = self.size.map(|side| side as u32);
-            let ends = Ends::new(simd, (brush, size), position, heading, rays);
+            let ends = Ends::new(simd, brush, size, position, heading, rays);
             // Alternates between lanes: a load that overlaps the store just before, at another address, would wait for it.
             for sensor in 0..SENSORS {
                 for (lane, canvas) in self.canvases.iter_mut().take(lanes).enumerate() {
@@ -202,8 +202,8 @@ impl<'a> Drawing<'a> {
         rays: [[f64; 2]; SENSORS],
     ) {
         if let Some(canvas) = self.canvas_for(i) {
-            let on = (brush, canvas.size());
-            let ends = Ends::new(Scalar::new(), on, agent.position, agent.heading, rays);
+            let size = canvas.size();
+            let ends = Ends::new(Scalar::new(), brush, size, agent.position, agent.heading, rays);
             brush.draw(canvas, &ends, 0);
         }
     }

@@ -74,7 +74,8 @@ impl Collisions {
         &mut self,
         simd: S,
         others: &impl Others,
-        (me, radius): (usize, f64),
+        me: usize,
+        radius: f64,
         mut at: [f64; 2],
     ) -> [f64; 2] {
         let mut touched = std::mem::take(&mut self.touched);

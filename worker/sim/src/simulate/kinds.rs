@@ -187,8 +187,7 @@ impl Kinds {
                 _ => settle_rays(simd, others, collisions, turned::<6>(robot, directions)),
             };
         }
-        let me = (robot.index, kind.radius);
-        let at = collisions.push_out(simd, others, me, robot.at);
+        let at = collisions.push_out(simd, others, robot.index, kind.radius, robot.at);
         (at, self.sense(simd, others, Driven { at, ..robot }))
     }
 }

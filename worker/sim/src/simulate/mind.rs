@@ -149,7 +149,8 @@ pub(super) fn settle_rays<S: Simd, const SENSORS: usize>(
     let sensed = match others.sense_unless_touched(simd, observer, reach) {
         Some(sensed) => sensed,
         None => {
-            at = collisions.push_out(simd, others, (observer.index, collisions.diameter() / 2.0), at);
+            let radius = collisions.diameter() / 2.0;
+            at = collisions.push_out(simd, others, observer.index, radius, at);
             observer.at = at;
             others.sense(simd, observer, reach)
         }

@@ -14,7 +14,9 @@ const POPULATION: u64 = 1000;
 pub(super) fn search(
     search: v1::Search,
     method: Method,
-    (controllers, world, starts): (&ControllerSpace, &World, Starts),
+    controllers: &ControllerSpace,
+    world: &World,
+    starts: Starts,
 ) -> Result<v1::Search, Invalid> {
     if method != Method::Exhaustive {
         return Ok(search);

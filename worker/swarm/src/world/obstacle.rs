@@ -138,7 +138,7 @@ pub(super) fn obstacles(messages: Vec<v1::Obstacle>, sides: [f64; 2]) -> Result<
 
 /// Whether a body of this radius fits between obstacles somewhere, with its centre at least `margin` from the edges of a world
 /// of these sides. Tries a grid of [`TRIED`] by [`TRIED`] places.
-pub(super) fn leave_room(obstacles: &[Obstacle], sides: [f64; 2], (radius, margin): (f64, f64)) -> bool {
+pub(super) fn leave_room(obstacles: &[Obstacle], sides: [f64; 2], radius: f64, margin: f64) -> bool {
     let place = |axis: usize, k: u32| {
         let share = (f64::from(k) + 0.5) / f64::from(TRIED);
         margin + share * (sides[axis] - 2.0 * margin)

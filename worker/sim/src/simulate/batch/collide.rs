@@ -89,7 +89,8 @@ fn first_of<S: Simd>(positions: &[Aligned<Planar<S>>], bits: S::u64s) -> Planar<
 #[inline(always)]
 pub(super) fn pass<S: Simd>(
     simd: S,
-    (diameter, touch): (f64, S::f64s),
+    diameter: f64,
+    touch: S::f64s,
     positions: &[Aligned<Planar<S>>],
     touched: Touched<S>,
     at: Planar<S>,

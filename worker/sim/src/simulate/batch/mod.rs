@@ -136,7 +136,8 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
             simd,
             world,
             Walls::of(robot, world),
-            (robot.radius(), cones),
+            robot.radius(),
+            cones,
             brains.collect(),
             starts,
         )
@@ -146,7 +147,8 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         simd: S,
         world: &World,
         walls: Walls,
-        (radius, cones): (f64, Option<Cones<S, SENSORS>>),
+        radius: f64,
+        cones: Option<Cones<S, SENSORS>>,
         brains: Vec<Brain>,
         starts: Vec<&Start>,
     ) -> Result<Self, Invalid> {

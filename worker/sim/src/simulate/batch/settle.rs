@@ -55,7 +55,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
             if BY_LANE {
                 at = collide::pass_by_lane(simd, &mut self.collisions, positions, at, touch);
             } else {
-                match collide::pass(simd, (self.diameter, touch), positions, touched, at) {
+                match collide::pass(simd, self.diameter, touch, positions, touched, at) {
                     Some(pushed) => at = pushed,
                     None => return false,
                 }
