@@ -189,12 +189,7 @@ mod tests {
     async fn all(mut body: BodyDataStream) -> Result<usize, Code> {
         let mut bytes = 0;
         while let Some(part) = body.next().await {
-            let part = part.map_err(|error| {
-                let error = error.into_inner();
-                error
-                    .downcast::<Status>()
-                    .map_or(Code::Unknown, |status| status.code())
-            })?;
+            let part = part.map_err(|error| Status::from_error(error.into()).code())?;
             bytes += part.len();
         }
         Ok(bytes)
