@@ -27,21 +27,21 @@ impl InProcess {
     };
 }
 
-/// A coordinator with workers and trainers (its crew) in its own process.
+/// A coordinator with workers and trainers in its own process.
 #[derive(Debug)]
 pub struct LocalCluster {
     coordinator: Coordinator,
     stop: watch::Sender<bool>,
     /// Each task ends when it is told to stop, or after it has logged why it failed.
-    crew: Vec<JoinHandle<()>>,
+    tasks: Vec<JoinHandle<()>>,
 }
 
 impl LocalCluster {
-    /// Starts the coordinator, then its crew, which connects to it.
+    /// Starts the coordinator, then its workers and trainers, which connect to it.
     ///
     /// # Errors
     /// If the coordinator cannot start.
-    pub async fn start(options: Options, crew: InProcess) -> Result<Self, ServerError> {
+    pub async fn start(options: Options, in_process: InProcess) -> Result<Self, ServerError> {
         let cache = options.data.path().join("cache");
         let coordinator = Coordinator::start(options).await?;
         let way = coordinator.local().clone();
@@ -68,10 +68,10 @@ impl LocalCluster {
             };
             spawn(trainer::run(options, stopped.clone()))
         };
-        let workers = (1..=crew.workers).map(work);
-        let trainers = (1..=crew.trainers).map(train);
+        let workers = (1..=in_process.workers).map(work);
+        let trainers = (1..=in_process.trainers).map(train);
         Ok(Self {
-            crew: workers.chain(trainers).collect(),
+            tasks: workers.chain(trainers).collect(),
             coordinator,
             stop,
         })
@@ -82,7 +82,7 @@ impl LocalCluster {
         &self.coordinator
     }
 
-    /// Stops campaigns, crew and coordinator, in that order.
+    /// Stops campaigns, workers, trainers and coordinator, in that order.
     ///
     /// # Errors
     /// If the server has failed before.
@@ -90,7 +90,7 @@ impl LocalCluster {
         self.coordinator.stop_searches().await;
         self.stop.send_replace(true);
         let ended = async {
-            for member in self.crew {
+            for member in self.tasks {
                 // A panic is in the log already.
                 let _ = member.await;
             }

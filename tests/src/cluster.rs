@@ -86,8 +86,8 @@ impl Cluster {
 
     /// Like [`Cluster::start`], but without a trainer.
     pub async fn start_without_trainer(data: &Path, workers: usize) -> Self {
-        let crew = InProcess { workers, trainers: 0 };
-        Self::start_crew(data, crew, ListenConfig::loopback(0), quick_dispatch()).await
+        let in_process = InProcess { workers, trainers: 0 };
+        Self::start_in_process(data, in_process, ListenConfig::loopback(0), quick_dispatch()).await
     }
 
     async fn start_as(
@@ -96,12 +96,12 @@ impl Cluster {
         listen: ListenConfig,
         dispatch: dispatch::Options,
     ) -> Self {
-        Self::start_crew(data, InProcess { workers, trainers: 1 }, listen, dispatch).await
+        Self::start_in_process(data, InProcess { workers, trainers: 1 }, listen, dispatch).await
     }
 
-    async fn start_crew(
+    async fn start_in_process(
         data: &Path,
-        crew: InProcess,
+        in_process: InProcess,
         listen: ListenConfig,
         dispatch: dispatch::Options,
     ) -> Self {
@@ -113,7 +113,7 @@ impl Cluster {
             tries_checkpoints: true,
             dispatch,
         };
-        let local = LocalCluster::start(options, crew).await.unwrap();
+        let local = LocalCluster::start(options, in_process).await.unwrap();
         let way = local.coordinator().local();
         let channel = way
             .credentials

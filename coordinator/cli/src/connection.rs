@@ -49,7 +49,7 @@ const ADDRESS_PAUSE: Duration = Duration::from_millis(50);
 impl Connection {
     async fn open(
         global: &Global,
-        crew: InProcess,
+        in_process: InProcess,
         hold: fn(&Path) -> Result<DataDirectory, StoreError>,
     ) -> Result<Self, CliError> {
         if let Some(url) = &global.coordinator {
@@ -58,7 +58,7 @@ impl Connection {
         let begun = Instant::now();
         loop {
             match hold(&global.data) {
-                Ok(data) => return Self::start(global, data, crew).await,
+                Ok(data) => return Self::start(global, data, in_process).await,
                 Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => {
                     let token = local_token(&global.data)?;
                     let credentials = token.map_or_else(Credentials::default, Credentials::token);
@@ -73,16 +73,16 @@ impl Connection {
     }
 
     /// Starts a coordinator over a data directory that this process holds.
-    async fn start(global: &Global, data: DataDirectory, crew: InProcess) -> Result<Self, CliError> {
+    async fn start(global: &Global, data: DataDirectory, in_process: InProcess) -> Result<Self, CliError> {
         let options = Options {
             data,
             listen: ListenConfig::loopback(0),
             resume: false,
             checkpoints: global.checkpoint_store.clone(),
-            tries_checkpoints: crew != InProcess::NONE,
+            tries_checkpoints: in_process != InProcess::NONE,
             dispatch: dispatch::Options::default(),
         };
-        let own = LocalCluster::start(options, crew).await?;
+        let own = LocalCluster::start(options, in_process).await?;
         let way = own.coordinator().local().clone();
         match Self::to(&way.url, &way.credentials).await {
             Ok(connection) => Ok(Self {
@@ -132,23 +132,23 @@ impl Connection {
 }
 
 /// Calls `ask` with a connection to the coordinator named on the command line, or else to the one that holds the data directory, or
-/// else to one started for the call with this crew. A started coordinator resumes no campaign by itself.
+/// else to one started for the call, with `in_process` workers and trainers. A started coordinator resumes no campaign by itself.
 pub async fn with<T>(
     global: &Global,
-    crew: InProcess,
+    in_process: InProcess,
     ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
 ) -> Result<T, CliError> {
-    let connection = Connection::open(global, crew, DataDirectory::hold_existing).await?;
+    let connection = Connection::open(global, in_process, DataDirectory::hold_existing).await?;
     connection.asked(ask).await
 }
 
 /// As [`with`], but creates the data directory if it does not exist.
 pub async fn with_new<T>(
     global: &Global,
-    crew: InProcess,
+    in_process: InProcess,
     ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
 ) -> Result<T, CliError> {
-    let connection = Connection::open(global, crew, DataDirectory::hold).await?;
+    let connection = Connection::open(global, in_process, DataDirectory::hold).await?;
     connection.asked(ask).await
 }
 
@@ -156,10 +156,13 @@ pub async fn with_new<T>(
 pub async fn with_own<T>(
     global: &Global,
     data: DataDirectory,
-    crew: InProcess,
+    in_process: InProcess,
     ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
 ) -> Result<T, CliError> {
-    Connection::start(global, data, crew).await?.asked(ask).await
+    Connection::start(global, data, in_process)
+        .await?
+        .asked(ask)
+        .await
 }
 
 pub async fn connect(url: &str, credentials: &Credentials) -> Result<Coordinator, CliError> {

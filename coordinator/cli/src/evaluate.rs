@@ -54,7 +54,7 @@ pub struct Evaluate {
     #[command(flatten)]
     overwrite: Overwrite,
     #[command(flatten)]
-    crew: InProcessArgs,
+    in_process: InProcessArgs,
 }
 
 type Tasks = Vec<(Controller, u64)>;
@@ -134,9 +134,9 @@ impl Evaluate {
         spec: &CampaignSpec,
         tasks: &Tasks,
     ) -> Result<u64, CliError> {
-        let crew = InProcess {
+        let in_process = InProcess {
             trainers: 0,
-            ..self.crew.count()
+            ..self.in_process.count()
         };
         let evaluate = async |connection: &mut Connection| {
             tokio::select! {
@@ -145,12 +145,12 @@ impl Evaluate {
             }
         };
         if global.coordinator.is_some() || is_there(&global.data)? {
-            return connection::with(global, crew, evaluate).await;
+            return connection::with(global, in_process, evaluate).await;
         }
         let folder = tempfile::tempdir()
             .map_err(|error| CliError::Failed(format!("cannot create a temporary folder: {error}")))?;
         let data = DataDirectory::hold(folder.path())?;
-        connection::with_own(global, data, crew, evaluate).await
+        connection::with_own(global, data, in_process, evaluate).await
     }
 }
 

@@ -113,7 +113,7 @@ impl LabelCommand {
             }
             None => None,
         };
-        let crew = match &table {
+        let in_process = match &table {
             Some(_) => InProcess::NONE,
             None => InProcess {
                 trainers: 0,
@@ -132,7 +132,7 @@ impl LabelCommand {
             count,
             digest,
             classes,
-        } = connection::with(global, crew, label).await?;
+        } = connection::with(global, in_process, label).await?;
         warn_of_near_names(&campaign, &classes);
         if global.json {
             json::print(json::AddedLabels {

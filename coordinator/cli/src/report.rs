@@ -34,12 +34,15 @@ impl ReportCommand {
         if let Some(folder) = &self.out {
             expect_outside_data(folder)?;
         }
-        let crew = InProcess {
+        let in_process = InProcess {
             workers: 1,
             trainers: 0,
         };
         let write = async |connection: &mut Connection| self.write(connection, global).await;
-        let page = connection::with(global, crew, write).await?.display().to_string();
+        let page = connection::with(global, in_process, write)
+            .await?
+            .display()
+            .to_string();
         if global.json {
             json::print(json::Report { report: page })?;
         } else {

@@ -31,7 +31,7 @@ pub struct Run {
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     #[command(flatten)]
-    crew: InProcessArgs,
+    in_process: InProcessArgs,
 }
 
 #[derive(Debug, clap::Args)]
@@ -39,7 +39,7 @@ pub struct Resume {
     /// Campaign id, or `latest`
     campaign: String,
     #[command(flatten)]
-    crew: InProcessArgs,
+    in_process: InProcessArgs,
 }
 
 /// How many workers and trainers to start in this process.
@@ -68,25 +68,25 @@ impl InProcessArgs {
         }
     }
 
-    /// The crew for a command that works alone: at least one worker and one trainer.
+    /// Workers and trainers of a command that works alone: at least one worker and one trainer.
     pub fn some(&self) -> Result<InProcess, CliError> {
-        let crew = self.count();
-        if crew.workers == 0 {
+        let in_process = self.count();
+        if in_process.workers == 0 {
             let message = "--workers 0: a campaign needs at least one worker";
             return Err(CliError::Input(message.to_owned()));
         }
-        if crew.trainers == 0 {
+        if in_process.trainers == 0 {
             let message = "--trainers 0: a campaign needs at least one trainer";
             return Err(CliError::Input(message.to_owned()));
         }
-        Ok(crew)
+        Ok(in_process)
     }
 }
 
 impl Run {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let spec = read_spec(&self.spec, self.seed)?;
-        let crew = self.crew.some()?;
+        let in_process = self.in_process.some()?;
         if let Some(url) = &global.coordinator {
             let hint = format!(
                 "`run` runs the campaign in this process: for the coordinator at {} use `murmuration submit`",
@@ -111,11 +111,11 @@ impl Run {
                 spec.model(),
                 spec.method(),
                 counted(spec.evaluations(), "evaluation"),
-                counted(crew.workers as u64, "worker"),
+                counted(in_process.workers as u64, "worker"),
             );
             to_report(connection, global, &campaign.id).await
         };
-        let reported = connection::with_own(global, data, crew, run).await?;
+        let reported = connection::with_own(global, data, in_process, run).await?;
         Ok(reported.print(global)?)
     }
 }
@@ -145,7 +145,7 @@ impl Run {
 
 impl Resume {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let crew = self.crew.some()?;
+        let in_process = self.in_process.some()?;
         let resume = async |connection: &mut Connection| {
             let request = v1::ResumeCampaignRequest {
                 campaign: self.campaign,
@@ -161,7 +161,7 @@ impl Resume {
             }
             Ok(campaign)
         };
-        go_on(global, crew, "continues", resume).await
+        go_on(global, in_process, "continues", resume).await
     }
 }
 
@@ -169,7 +169,7 @@ impl Resume {
 /// a verb what the campaign does, for the message.
 pub(super) async fn go_on(
     global: &Global,
-    crew: InProcess,
+    in_process: InProcess,
     what: &str,
     change: impl AsyncFnOnce(&mut Connection) -> Result<v1::Campaign, CliError>,
 ) -> Result<(), CliError> {
@@ -181,7 +181,7 @@ pub(super) async fn go_on(
         };
         Ok((campaign, reported))
     };
-    let (campaign, reported) = connection::with(global, crew, changed).await?;
+    let (campaign, reported) = connection::with(global, in_process, changed).await?;
     match reported {
         Some(reported) => reported.print(global)?,
         None => {

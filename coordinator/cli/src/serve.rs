@@ -67,7 +67,7 @@ pub struct Serve {
     #[arg(long, env = "MURMURATION_AUDIT", default_value_t = Share::default(), value_name = "0..1")]
     audit: Share,
     #[command(flatten)]
-    crew: InProcessArgs,
+    in_process: InProcessArgs,
 }
 
 impl Serve {
@@ -86,7 +86,7 @@ impl Serve {
                 ..dispatch::Options::default()
             },
         };
-        let cluster = LocalCluster::start(options, self.crew.count()).await?;
+        let cluster = LocalCluster::start(options, self.in_process.count()).await?;
         let url = cluster.coordinator().url();
         errln!("serving {} at {url}", global.data.display());
         self.say_how_to_reach(&url);

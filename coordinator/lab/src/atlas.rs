@@ -45,7 +45,7 @@ pub struct AtlasCommand {
     #[arg(long, value_name = "N")]
     values: Option<u32>,
     #[command(flatten)]
-    crew: InProcessArgs,
+    in_process: InProcessArgs,
 }
 
 /// The campaign that an atlas is made of.
@@ -59,7 +59,7 @@ enum Source {
 impl AtlasCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let source = self.source()?;
-        let crew = self.crew.some()?;
+        let in_process = self.in_process.some()?;
         if let Some(folder) = &self.out {
             expect_outside_data(folder)?;
             // Detects files in the way now, before hours of evaluations.
@@ -90,8 +90,8 @@ impl AtlasCommand {
             }
         };
         let made = match self.is_file() {
-            true => connection::with_new(global, crew, make).await?,
-            false => connection::with(global, crew, make).await?,
+            true => connection::with_new(global, in_process, make).await?,
+            false => connection::with(global, in_process, make).await?,
         };
         let path = made.atlas.clone();
         if global.json {

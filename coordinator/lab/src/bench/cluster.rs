@@ -164,13 +164,13 @@ impl ClusterBench {
         spec: &CampaignSpec,
         model: Option<Vec<u8>>,
     ) -> Result<(Best, Best), CliError> {
-        let crew = InProcess {
+        let in_process = InProcess {
             workers: self.workers.into(),
             trainers: 0,
         };
         let (mut campaigns, mut loops, mut results) = (Vec::new(), Vec::new(), 0);
         for round in 1..=self.rounds {
-            let bench = BenchCampaign::start(crew, model.clone()).await?;
+            let bench = BenchCampaign::start(in_process, model.clone()).await?;
             let finished = bench.run(spec).await?;
             let (took, tasks) = (finished.took, finished.tasks()?);
             let plain = PlainLoop::new(spec, model.as_deref(), self.workers.into())?;

@@ -135,13 +135,13 @@ impl PipelineBench {
         // Without the library, the campaign would wait for a worker that can embed.
         Runtime::load()?;
         let spec = self.spec()?;
-        let crew = InProcess {
+        let in_process = InProcess {
             workers: self.workers.into(),
             trainers: 1,
         };
         let mut stages = [Took::default(); 4];
         let mut before: Option<(usize, Instant, Duration)> = None;
-        let finished = BenchCampaign::start(crew, None)
+        let finished = BenchCampaign::start(in_process, None)
             .await?
             .complete(&spec, PAUSE, |stage| {
                 let (now, cpu_now) = (Instant::now(), process_cpu());

@@ -53,7 +53,7 @@ pub struct RunStudy {
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=64))]
     at_once: u8,
     #[command(flatten)]
-    crew: InProcessArgs,
+    in_process: InProcessArgs,
 }
 
 impl RunStudy {
@@ -64,7 +64,7 @@ impl RunStudy {
         let file = absolute(&self.file).map_err(|error| CliError::unreadable(&self.file, &error))?;
         let folder = file.parent().unwrap_or(Path::new("/"));
         let study = Study::from_toml(&text, folder, self.quick).map_err(|error| failed(&error))?;
-        let crew = self.crew.some()?;
+        let in_process = self.in_process.some()?;
         let (labelled, contents) = Labelled::read(&study)?;
         let contents: Vec<&[u8]> = contents.iter().map(Vec::as_slice).collect();
         let measuring = Measuring {
@@ -96,7 +96,7 @@ impl RunStudy {
             run.finish(usize::from(self.at_once), &again).await?;
             outcome(&mut connection.studies, name, Corrections::default()).await
         };
-        let outcome = connection::with_new(global, crew, run).await?;
+        let outcome = connection::with_new(global, in_process, run).await?;
         let folder = Folder::create(&report_folder(&global.data, &outcome), Replaces::All)?;
         let page = write_report(&outcome, folder).map_err(report_error)?;
         shown::show(&outcome, Some(&page), global.json)?;

@@ -190,7 +190,7 @@ fn a_campaign_says_who_is_missing_to_go_on() {
         let message = latest["waiting"].as_str().unwrap();
         message.contains(&format!("start one with `{program} --coordinator URL`"))
     };
-    let mut crew = Vec::new();
+    let mut workers = Vec::new();
     for (program, peer, comes) in [
         (
             "murmuration-worker",
@@ -216,7 +216,7 @@ fn a_campaign_says_who_is_missing_to_go_on() {
             line.contains(peer) && line.contains(program) && !line.contains("0/0"),
             "{line}"
         );
-        crew.push(comes(&url));
+        workers.push(comes(&url));
     }
     desk.check(
         &["watch", "latest"],

@@ -67,11 +67,14 @@ impl Finished {
 }
 
 impl BenchCampaign {
-    /// Starts a cluster with this crew, and publishes the checkpoint `model` if there is one.
-    pub(in crate::bench) async fn start(crew: InProcess, model: Option<Vec<u8>>) -> Result<Self, CliError> {
+    /// Starts a cluster with these workers and trainers, and publishes the checkpoint `model` if there is one.
+    pub(in crate::bench) async fn start(
+        in_process: InProcess,
+        model: Option<Vec<u8>>,
+    ) -> Result<Self, CliError> {
         let folder = tempfile::tempdir()
             .map_err(|error| CliError::Failed(format!("cannot create a temporary folder: {error}")))?;
-        Self::start_in(Folder::Temporary(folder), crew, model).await
+        Self::start_in(Folder::Temporary(folder), in_process, model).await
     }
 
     /// Starts a cluster without workers, whose data directory is `folder` and is kept.
@@ -79,7 +82,11 @@ impl BenchCampaign {
         Self::start_in(Folder::Kept(folder.to_owned()), InProcess::NONE, None).await
     }
 
-    async fn start_in(folder: Folder, crew: InProcess, model: Option<Vec<u8>>) -> Result<Self, CliError> {
+    async fn start_in(
+        folder: Folder,
+        in_process: InProcess,
+        model: Option<Vec<u8>>,
+    ) -> Result<Self, CliError> {
         let options = Options {
             data: DataDirectory::hold(folder.path())?,
             listen: ListenConfig::loopback(0),
@@ -88,7 +95,7 @@ impl BenchCampaign {
             tries_checkpoints: false,
             dispatch: dispatch::Options::default(),
         };
-        let cluster = LocalCluster::start(options, crew).await?;
+        let cluster = LocalCluster::start(options, in_process).await?;
         let bench = Self { folder, cluster };
         if let Some(model) = model {
             let channel = connection::connect(&bench.way().url, &bench.way().credentials).await?;
