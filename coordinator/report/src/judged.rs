@@ -1,8 +1,9 @@
 //! The rule-based judge's verdicts on the medoids of a report and on a sample of its archive, and sentences about them.
 
 use crate::{Entry, Report};
+use murmuration_judge::{frames, judge};
 use murmuration_model::labels::{ClassKey, ClassName};
-use murmuration_sim::{replay::verdict, simulate::Start};
+use murmuration_sim::{replay::replay_frames, simulate::Start};
 use murmuration_swarm::{CampaignSpec, Class, Invalid, Verdict, counted, noun};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -40,9 +41,10 @@ impl Judged {
         if world.agents() < FEWEST_ROBOTS || world.horizon() < spec.image().window() {
             return Ok(Self::default());
         }
-        let judge = |entry: &Entry| {
+        let verdict = |entry: &Entry| {
             let start = Start::seeded(entry.seed);
-            verdict(&entry.controller, world, &start)
+            let motion = replay_frames(&entry.controller, world, &start, &frames(world))?;
+            Ok(judge(&motion, world))
         };
         let steps = u64::from(world.agents()) * u64::from(world.horizon());
         let affordable = usize::try_from(MOST_STEPS / steps.max(1)).unwrap_or(SAMPLE);
@@ -51,14 +53,14 @@ impl Judged {
         let sampled = (0..count).into_par_iter();
         let sampled = sampled.map(|place| {
             let index = place * archive.len() / count;
-            Ok((index as u64, judge(&archive[index])?))
+            Ok((index as u64, verdict(&archive[index])?))
         });
         let medoids = if medoids.len() > affordable { &[] } else { medoids };
         let shown = medoids
             .par_iter()
             .filter_map(|&index| archive.get(index as usize));
         Ok(Self {
-            medoids: shown.map(judge).collect::<Result<_, _>>()?,
+            medoids: shown.map(verdict).collect::<Result<_, _>>()?,
             sample: sampled.collect::<Result<_, Invalid>>()?,
         })
     }

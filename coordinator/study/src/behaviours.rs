@@ -8,11 +8,8 @@ use crate::{
 };
 use murmuration_judge::{frames, judge};
 use murmuration_search::{interrupt::Interrupt, medoids, novelty::Behaviours};
-use murmuration_sim::{
-    replay::{replay_frames, verdict},
-    simulate::Start,
-};
-use murmuration_swarm::{CampaignSpec, Controller, Method, Verdict};
+use murmuration_sim::{replay::replay_frames, simulate::Start};
+use murmuration_swarm::{CampaignSpec, Controller, Method};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -92,27 +89,13 @@ fn last_taxonomies(
             behaviours.push(&individual.behaviour)?;
             labelled.extend(individual.class.map(|class| (index, class)));
         }
-        let judge = |candidates: &[usize]| {
-            let verdict = |&index: &usize| motion_verdict(spec, &archive[index], index as u64);
-            candidates.par_iter().map(verdict).collect()
-        };
-        let clustering = medoids::choose(spec, &behaviours, &labelled, judge, interrupt, &|_| {})?;
+        let clustering = medoids::choose(spec, &behaviours, &labelled, interrupt, &|_| {})?;
         Ok(MedoidsOf {
             generation,
             medoids: clustering.medoids.iter().map(|&medoid| medoid as u64).collect(),
         })
     };
     generations.into_iter().skip(skipped).map(taxonomy).collect()
-}
-
-fn motion_verdict(
-    spec: &CampaignSpec,
-    individual: &Individual,
-    index: u64,
-) -> Result<Verdict, BehavioursError> {
-    let start = Start::seeded(individual.seed);
-    let found = verdict(&individual.controller, spec.world(), &start);
-    found.map_err(|error| BehavioursError::Simulation { index, error })
 }
 
 fn judged(

@@ -1,8 +1,7 @@
 //! Records the motion of a swarm.
 
 use crate::simulate::{Start, Swarm};
-use murmuration_judge::{frames, judge};
-use murmuration_swarm::{Controller, Frames, Invalid, Replay, Verdict, World};
+use murmuration_swarm::{Controller, Frames, Invalid, Replay, World};
 use std::{iter, num::NonZeroU32};
 
 /// Maximum number of poses in a replay (240 MB). A longer replay is refused.
@@ -42,15 +41,6 @@ pub fn replay_frames(
 ) -> Result<Replay, Invalid> {
     let swarm = Swarm::new(controller, world, start)?;
     record(swarm, frames.steps(world), frames.poses(world))
-}
-
-/// The judge's verdict on the motion of `controller` from `start`.
-///
-/// # Errors
-/// As [`replay_frames`].
-pub fn verdict(controller: &Controller, world: &World, start: &Start) -> Result<Verdict, Invalid> {
-    let motion = replay_frames(controller, world, start, &frames(world))?;
-    Ok(judge(&motion, world))
 }
 
 /// Simulates `controller` from `start` over the world's horizon. Returns the pose (x, y, heading) of each robot before the first

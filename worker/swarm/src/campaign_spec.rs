@@ -166,14 +166,6 @@ impl CampaignSpec {
         self.judges
     }
 
-    /// Whether the rule-based judge has words for such swarms: one species of at least three robots, and a full window of steps.
-    #[must_use]
-    pub fn is_judgeable(&self) -> bool {
-        let world = self.world();
-        let is_seen_whole = world.horizon() >= self.image().window();
-        self.model().species().len() == 1 && world.agents() >= 3 && is_seen_whole
-    }
-
     /// Number of medoids in the taxonomy.
     #[must_use]
     pub const fn medoids(&self) -> u32 {

@@ -8,9 +8,6 @@ pub enum Choice {
     /// Behaviours that cover the behaviour space: each is the farthest from those before it. If the embedder learned from
     /// labels, a behaviour of each of their classes comes first.
     Coverage,
-    /// Coverage, with as many verdicts of the rule-based judge as the first behaviours of that order have. Plain coverage for swarms
-    /// that the judge has no words for.
-    Judged,
     /// The medoids of all individuals, which lie where individuals are many (the paper's).
     Medoids,
     /// The medoids of each class, if the embedder learned from labels.
@@ -18,14 +15,13 @@ pub enum Choice {
 }
 
 impl Choice {
-    const ALL: [Self; 4] = [Self::Coverage, Self::Judged, Self::Medoids, Self::ByClass];
+    const ALL: [Self; 3] = [Self::Coverage, Self::Medoids, Self::ByClass];
 
     /// Its name in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Coverage => "coverage",
-            Self::Judged => "judged",
             Self::Medoids => "medoids",
             Self::ByClass => "by-class",
         }

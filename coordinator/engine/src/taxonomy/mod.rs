@@ -15,10 +15,8 @@ use murmuration_search::{
     medoids::{self, Clustering},
     novelty::{self, Behaviours},
 };
-use murmuration_sim::{replay::verdict, simulate::Start};
 use murmuration_store::{ArchivedIndividual, ClusterMeasures, Store, StoreError, StoredTaxonomy, Trial};
-use murmuration_swarm::{CampaignSpec, Choice, Scale, Verdict};
-use rayon::prelude::*;
+use murmuration_swarm::{CampaignSpec, Choice, Scale};
 use std::collections::BTreeMap;
 
 /// Clusters the archive of a campaign as its specification says. `told` gets the progress.
@@ -32,34 +30,9 @@ pub(crate) fn cluster(
     let spec = &record.spec;
     let labelled = match spec.choice() {
         Choice::Medoids => BTreeMap::new(),
-        Choice::Coverage | Choice::Judged | Choice::ByClass => store.learned_classes(record)?,
+        Choice::Coverage | Choice::ByClass => store.learned_classes(record)?,
     };
-    let judge = |candidates: &[usize]| verdicts(store, record, candidates, interrupt);
-    medoids::choose(spec, behaviours, &labelled, judge, interrupt, told)
-}
-
-/// The rule-based judge's verdicts on individuals of the archive, in their order.
-fn verdicts(
-    store: &Store,
-    record: &CampaignRecord,
-    individuals: &[usize],
-    interrupt: &Interrupt,
-) -> Result<Vec<Verdict>, SpaceError> {
-    let verdict = |&index: &usize| {
-        interrupt.check()?;
-        let individual = store.individual(&record.id, record.spec.model(), index as u64)?;
-        let start = Start::seeded(individual.seed);
-        let judged = verdict(&individual.controller, record.spec.world(), &start);
-        judged.map_err(|error| {
-            let path = Store::FILE.into();
-            let reason = format!(
-                "individual {index} of campaign {} cannot be simulated: {error}",
-                record.id
-            );
-            SpaceError::from(StoreError::Damaged { path, reason })
-        })
-    };
-    individuals.par_iter().map(verdict).collect()
+    Ok(medoids::choose(spec, behaviours, &labelled, interrupt, told)?)
 }
 
 /// One behaviour: the individual at the centre of a cluster.

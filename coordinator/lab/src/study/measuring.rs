@@ -136,7 +136,7 @@ impl Measuring {
         let archive = report_data::archive(&mut clients.campaigns, campaign, spec.model()).await?;
         let learned = match spec.choice() {
             Choice::Medoids => BTreeMap::new(),
-            Choice::Coverage | Choice::Judged | Choice::ByClass => learned_classes(clients, campaign).await?,
+            Choice::Coverage | Choice::ByClass => learned_classes(clients, campaign).await?,
         };
         let scale = spec.scale(archive.iter().map(Entry::measured));
         let individual = |(index, entry): (u64, Entry)| Individual {

@@ -373,12 +373,9 @@ pub(super) fn reading(report: &Report) -> Markup {
             dl.words {
                 (entry("Behaviour", html! {
                     @match report.spec.choice() {
-                        Choice::Coverage | Choice::Judged => {
+                        Choice::Coverage => {
                             "A medoid: an individual that stands for its cluster. Medoids are chosen far from each other, so that "
                             "together they cover the behaviour space."
-                            @if report.spec.choice() == Choice::Judged {
-                                " Among those far from each other, different verdicts of the rule-based judge come first."
-                            }
                         },
                         Choice::Medoids | Choice::ByClass => {
                             "A medoid: the individual whose distances to the other members of its cluster have the least sum."

@@ -10,7 +10,7 @@ use crate::{
     interrupt::{Interrupt, Interrupted},
     novelty::{Behaviours, Index},
 };
-use murmuration_swarm::{Class, RandomStream, Verdict};
+use murmuration_swarm::RandomStream;
 use std::{cmp::Reverse, collections::BTreeMap};
 
 /// One point in so many is left out. Changing it changes the outcome.
@@ -40,70 +40,6 @@ pub(super) fn cover(
     chosen.truncate(k);
     let (chosen, _) = farthest_first(points, chosen, k, neighbours, stream, interrupt)?;
     arrange(points, chosen, interrupt)
-}
-
-/// Numbers of a display that [`cover_judged`] chooses.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Display {
-    /// Points that it shows.
-    pub(super) shown: usize,
-    /// Points that they are chosen among.
-    pub(super) candidates: usize,
-    /// Nearest points that a point's distance from its neighbours is the mean of.
-    pub(super) neighbours: usize,
-}
-
-/// Like [`cover`], but chooses among the first `candidates` points of that order by their verdicts, which `judge` gives: one of each
-/// verdict, then a second of each, and so on. A quarter of the points may be without one ([`Class::Random`], no pattern); there are
-/// more only if there are too few others. They keep clusters of their own, so that they do not join those of other behaviours.
-///
-/// # Errors
-/// [`Interrupted`] once `interrupt` is raised, or as `judge`.
-pub(super) fn cover_judged<E: From<Interrupted>>(
-    points: &Behaviours,
-    labelled: &BTreeMap<usize, u32>,
-    Display {
-        shown,
-        candidates,
-        neighbours,
-    }: Display,
-    judge: impl FnOnce(&[usize]) -> Result<Vec<Verdict>, E>,
-    stream: &mut RandomStream,
-    interrupt: &Interrupt,
-) -> Result<Clustering, E> {
-    let k = shown.max(1).min(points.len());
-    let mut first = of_each_class(points, labelled, interrupt)?;
-    first.truncate(k);
-    let fixed = first.len();
-    let count = candidates.max(k).min(points.len());
-    let (candidates, _) = farthest_first(points, first, count, neighbours, stream, interrupt)?;
-    let verdicts = judge(&candidates)?;
-    let chosen = by_verdict(&verdicts, fixed, k);
-    let chosen = chosen
-        .into_iter()
-        .filter_map(|place| candidates.get(place).copied());
-    Ok(arrange(points, chosen.collect(), interrupt)?)
-}
-
-/// Places of `k` candidates: the first `fixed`, then as [`cover_judged`] says.
-fn by_verdict(verdicts: &[Verdict], fixed: usize, k: usize) -> Vec<usize> {
-    const RANDOM: Verdict = Verdict::Class(Class::Random);
-    let mut counts: BTreeMap<u8, usize> = BTreeMap::new();
-    let mut order = Vec::with_capacity(verdicts.len());
-    for (place, &verdict) in verdicts.iter().enumerate() {
-        let earlier = counts.entry(verdict.number()).or_default();
-        // The first of each verdict, then the quarter without one, then the second of each verdict, and so on.
-        let rank = match verdict {
-            _ if place < fixed => 0,
-            RANDOM if *earlier < k / 4 => 2,
-            RANDOM => usize::MAX,
-            _ => 1 + 2 * *earlier,
-        };
-        *earlier += 1;
-        order.push((rank, place));
-    }
-    order.sort_unstable();
-    order.into_iter().take(k).map(|(_, place)| place).collect()
 }
 
 /// All points except `shown`, in an order of coverage: first `count` points, chosen after `shown` as [`choose`](super::choose)
@@ -265,46 +201,6 @@ mod tests {
         assert!(medoids.iter().any(|medoid| (400..403).contains(medoid)));
         let fewer = covered(&crowd(), &labelled, 1).medoids;
         assert!((400..403).contains(&fewer[0]), "{fewer:?}");
-    }
-
-    #[test]
-    fn each_verdict_is_shown_before_any_is_shown_twice() {
-        let [milling, ring, random] =
-            [Class::Milling, Class::CyclicPursuit, Class::Random].map(Verdict::Class);
-        let verdicts = [random, milling, random, milling, milling, random, ring, random];
-        let chosen = |fixed, k| by_verdict(&verdicts, fixed, k);
-        assert_eq!(chosen(0, 2), [1, 6]);
-        assert_eq!(chosen(0, 4), [1, 6, 0, 3]);
-        assert_eq!(chosen(0, 6), [1, 6, 0, 3, 4, 2]);
-        // What annotators named is always shown.
-        assert_eq!(chosen(2, 3), [0, 1, 6]);
-    }
-
-    #[test]
-    fn rare_verdicts_among_the_candidates_are_shown() {
-        let points = crowd();
-        let judge = |candidates: &[usize]| {
-            let of = |&point: &usize| match point {
-                0..1000 => Class::Random,
-                1000..1004 => Class::Milling,
-                _ => Class::CyclicPursuit,
-            };
-            Ok::<_, Interrupted>(candidates.iter().map(of).map(Verdict::Class).collect())
-        };
-        let mut stream = RandomStream::derive(1, Purpose::Medoids, 0);
-        let none = BTreeMap::new();
-        let display = Display {
-            shown: 2,
-            candidates: 20,
-            neighbours: 3,
-        };
-        let found = cover_judged(&points, &none, display, judge, &mut stream, &Interrupt::default());
-        let mut medoids = found.unwrap().medoids;
-        medoids.sort_unstable();
-        assert!(
-            (1000..1004).contains(&medoids[0]) && medoids[1] >= 1004,
-            "{medoids:?}"
-        );
     }
 
     #[test]

@@ -26,8 +26,8 @@ use crate::{
     novelty::Behaviours,
 };
 use by_class::cluster_by_class;
-use coverage::{Display, cover, cover_judged};
-use murmuration_swarm::{CampaignSpec, Choice, Purpose, RandomStream, Verdict};
+use coverage::cover;
+use murmuration_swarm::{CampaignSpec, Choice, Purpose, RandomStream};
 use rayon::prelude::*;
 use sampled::Sampling;
 use std::{cmp::Reverse, collections::BTreeMap};
@@ -37,16 +37,6 @@ pub const MOST_EXACT: usize = 16_384;
 
 /// Samples among which medoids of more than [`MOST_EXACT`] points are sought. The outcome depends on it.
 const SAMPLING: Sampling = Sampling { size: 8192, count: 4 };
-
-/// Behaviours that [`Choice::Judged`] chooses among, at least. 50 pictures show nearly all that the judges can name
-/// (docs/results.md). Changing it changes the outcome.
-const CANDIDATES: usize = 50;
-
-/// The same, for each medoid of a larger taxonomy.
-const CANDIDATES_PER_MEDOID: usize = 4;
-
-/// Most robot steps to simulate for the judge: those of 200 of the paper's swarms, which take half a second of one core.
-const MOST_STEPS: u64 = 200 * 24 * 1200;
 
 /// How medoids are found. The algorithms have different outcomes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,51 +83,30 @@ pub struct Clustering {
 }
 
 /// Clusters an archive about the behaviours that its taxonomy shows, chosen according to `spec`; `labelled` maps indices of
-/// points to classes. `judge` returns the rule-based judge's verdicts on points, in their order; only [`Choice::Judged`] calls it.
-/// `told` receives the progress.
+/// points to classes. `told` receives the progress.
 ///
 /// # Errors
-/// As [`cluster`], or as `judge`.
-pub fn choose<E: From<Interrupted>>(
+/// As [`cluster`].
+pub fn choose(
     spec: &CampaignSpec,
     points: &Behaviours,
     labelled: &BTreeMap<usize, u32>,
-    judge: impl FnOnce(&[usize]) -> Result<Vec<Verdict>, E>,
     interrupt: &Interrupt,
     told: &dyn Fn(Progress),
-) -> Result<Clustering, E> {
+) -> Result<Clustering, Interrupted> {
     let k = spec.medoids() as usize;
-    let neighbours = spec.search().neighbours() as usize;
     let mut stream = RandomStream::derive(spec.seed(), Purpose::Medoids, 0);
-    let clustering = match (spec.choice(), candidates(spec)) {
-        (Choice::Judged, Some(candidates)) => {
-            let display = Display {
-                shown: k,
-                candidates,
-                neighbours,
-            };
-            return cover_judged(points, labelled, display, judge, &mut stream, interrupt);
-        }
-        (Choice::Coverage | Choice::Judged, _) => {
+    match spec.choice() {
+        Choice::Coverage => {
+            let neighbours = spec.search().neighbours() as usize;
             cover(points, labelled, k, neighbours, &mut stream, interrupt)
         }
-        (Choice::Medoids, _) => {
+        Choice::Medoids => {
             let algorithm = Algorithm::for_size(points.len());
             cluster_by(algorithm, points, k, &mut stream, interrupt, told)
         }
-        (Choice::ByClass, _) => cluster_by_class(points, labelled, k, &mut stream, interrupt, told),
-    };
-    Ok(clustering?)
-}
-
-/// Number of behaviours that [`Choice::Judged`] chooses among; `None` if the judge has no words for the swarm, or if so many of its
-/// simulations would take the coordinator long.
-fn candidates(spec: &CampaignSpec) -> Option<usize> {
-    let k = spec.medoids() as usize;
-    let steps = u64::from(spec.world().agents()) * u64::from(spec.world().horizon());
-    let affordable = usize::try_from(MOST_STEPS / steps.max(1)).unwrap_or(usize::MAX);
-    let count = CANDIDATES.max(CANDIDATES_PER_MEDOID * k).min(affordable);
-    (spec.is_judgeable() && count >= 2 * k).then_some(count)
+        Choice::ByClass => cluster_by_class(points, labelled, k, &mut stream, interrupt, told),
+    }
 }
 
 /// Clusters `points` about `k` of them so that the sum of Euclidean distances to the nearest medoid is locally least. The

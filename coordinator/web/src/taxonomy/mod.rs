@@ -159,7 +159,7 @@ fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Op
     let labels = store.labels(&record.id)?;
     let names = Names::read(store, &record.id, until, &labels)?;
     // Medoids that cover a space lie at the rims of their clusters, which touch each other all over.
-    let alike = match version.stands && !matches!(record.spec.choice(), Choice::Coverage | Choice::Judged) {
+    let alike = match version.stands && record.spec.choice() != Choice::Coverage {
         true => taxonomy.alike(&store.scale(record)?),
         false => Vec::new(),
     };

@@ -174,11 +174,11 @@ fn medoids_by_class_take_an_embedding_that_learns() {
     assert_eq!(CampaignSpec::from_toml(&spec.to_toml()).unwrap(), spec);
     check_refused(
         &format!("{MINIMAL}{by_class}"),
-        "taxonomy.choose = \"by-class\": must be \"coverage\" or \"judged\" or \"medoids\": the space \"features\" has no embedding",
+        "taxonomy.choose = \"by-class\": must be \"coverage\" or \"medoids\": the space \"features\" has no embedding",
     );
     check_refused(
         &format!("{latent}[taxonomy]\nchoose = \"best\""),
-        "taxonomy.choose = \"best\": must be \"coverage\" or \"judged\" or \"medoids\" or \"by-class\"",
+        "taxonomy.choose = \"best\": must be \"coverage\" or \"medoids\" or \"by-class\"",
     );
 }
 
