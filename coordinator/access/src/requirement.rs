@@ -60,6 +60,8 @@ impl Requirement {
         match (self, principal, class) {
             (_, _, CostClass::Free) => class,
             (Self::Nothing, Principal::Address(_) | Principal::Unknown, _) => CostClass::Stranger,
+            // Work must not wait for people who read slowly.
+            (_, Principal::Machine(_), CostClass::Reading) => CostClass::Streaming,
             _ => class,
         }
     }

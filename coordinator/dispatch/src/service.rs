@@ -33,8 +33,9 @@ use tracing::Span;
 const TICK: Duration = Duration::from_millis(100);
 /// From this number of remembered names on, those of processes that are gone are forgotten.
 const MOST_NAMES: usize = 4096;
-/// Most checkpoints that a trainer may publish under one lease: it needs one, and repeats a request whose answer it missed.
-const MOST_PUBLICATIONS: u32 = 8;
+/// Most checkpoints that trainers may publish for one training: one is needed, and more come if trainers are lost before they report it,
+/// or repeat a request.
+const MOST_PUBLICATIONS: u32 = 64;
 
 /// The dispatcher itself, owned by its one task.
 pub(super) struct Service {
@@ -67,6 +68,8 @@ struct Job {
     job_progress: Arc<JobProgress>,
     /// A worker's reason why the job is impossible.
     refusal: Option<String>,
+    /// Checkpoints that trainers published for it.
+    publications: u32,
 }
 
 struct Worker {
@@ -74,8 +77,8 @@ struct Worker {
     kind: EmbeddingKind,
     outbox: Outbox,
     _present: oneshot::Sender<Infallible>,
-    /// Leases of the trainings that it was granted, each with the number of checkpoints published under it.
-    trainings: BTreeMap<LeaseNumber, u32>,
+    /// Leases of the trainings that it was granted.
+    trainings: BTreeSet<LeaseNumber>,
 }
 
 impl Job {
@@ -161,6 +164,7 @@ impl Service {
                     submitted: job,
                     job_progress,
                     refusal: None,
+                    publications: 0,
                 };
                 self.jobs.insert(id, job);
             }
@@ -259,7 +263,7 @@ impl Service {
         });
         tracing::info!(name, capacity, "joined");
         self.remember(process, format!("{name} at {}", origin.address));
-        let trainings = BTreeMap::new();
+        let trainings = BTreeSet::new();
         self.workers.insert(
             id,
             Worker {
@@ -368,7 +372,7 @@ impl Service {
             let campaign = campaign.unwrap_or_default();
             let is_training = content.training().is_some();
             if let Some(holder) = self.workers.get_mut(&worker).filter(|_| is_training) {
-                holder.trainings.insert(lease, 0);
+                holder.trainings.insert(lease);
             }
             let holder = self.workers.get(&worker).map(|worker| &worker.name);
             let span = tracing::info_span!(parent: None, "lease", %id, campaign, worker = holder);
@@ -390,7 +394,7 @@ impl Service {
         let given = self
             .workers
             .get(&worker)
-            .is_some_and(|worker| epoch == self.epoch && worker.trainings.contains_key(&lease));
+            .is_some_and(|worker| epoch == self.epoch && worker.trainings.contains(&lease));
         let job = self.table.leased(worker, lease).filter(|_| given);
         let job = job.and_then(|id| self.jobs.get(&id));
         match job.and_then(Job::training) {
@@ -418,14 +422,17 @@ impl Service {
                 // A snapshot holds every parameter several times.
                 && publication.bytes <= leased.snapshot_bytes
         };
-        for (&id, worker) in &mut self.workers {
+        for (&id, worker) in &self.workers {
             if self.table.process(id).map(|process| process.machine) != Some(publication.machine) {
                 continue;
             }
-            for (&lease, publications) in &mut worker.trainings {
-                let job = self.table.leased(id, lease).and_then(|job| self.jobs.get(&job));
-                if *publications < MOST_PUBLICATIONS && job.and_then(Job::training).is_some_and(is_result) {
-                    *publications += 1;
+            for &lease in &worker.trainings {
+                let job = self.table.leased(id, lease);
+                if let Some(job) = job.and_then(|job| self.jobs.get_mut(&job))
+                    && job.publications < MOST_PUBLICATIONS
+                    && job.training().is_some_and(is_result)
+                {
+                    job.publications += 1;
                     return true;
                 }
             }

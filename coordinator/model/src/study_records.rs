@@ -125,18 +125,22 @@ impl TryFrom<v1::StudyRecord> for StudyRecord {
     }
 }
 
+impl From<StudyRecordKind> for v1::StudyRecordKind {
+    fn from(kind: StudyRecordKind) -> Self {
+        match kind {
+            StudyRecordKind::Cell => Self::Cell,
+            StudyRecordKind::Embedder => Self::Embedder,
+            StudyRecordKind::Reference => Self::Reference,
+            StudyRecordKind::Classes => Self::Classes,
+        }
+    }
+}
+
 /// Without the content.
 impl From<&StudyRecord> for v1::StudyRecord {
     fn from(record: &StudyRecord) -> Self {
-        use v1::StudyRecordKind as Kind;
-        let kind = match record.kind {
-            StudyRecordKind::Cell => Kind::Cell,
-            StudyRecordKind::Embedder => Kind::Embedder,
-            StudyRecordKind::Reference => Kind::Reference,
-            StudyRecordKind::Classes => Kind::Classes,
-        };
         Self {
-            kind: kind.into(),
+            kind: v1::StudyRecordKind::from(record.kind).into(),
             key: record.key.clone(),
             measures: record.measures.clone(),
         }

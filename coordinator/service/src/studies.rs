@@ -8,7 +8,7 @@ use murmuration_proto::{
     PART_BYTES,
     v1::{self, study_part::Part},
 };
-use murmuration_store::{Store, StoreError};
+use murmuration_store::Store;
 use murmuration_swarm::{CampaignName, Invalid, counted};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -93,22 +93,23 @@ impl StudyApi {
             return Ok(());
         }
         for entry in entries {
-            let name = study.clone();
-            let read = move |store: &Store| -> Result<_, StoreError> {
-                let content = store.study_content(&name, entry.kind, &entry.key)?;
-                Ok((entry, content.unwrap_or_default()))
+            let record = v1::StudyRecord {
+                kind: v1::StudyRecordKind::from(entry.kind).into(),
+                key: entry.key.clone(),
+                measures: entry.measures.clone(),
             };
-            let (entry, content) = self.store.run(read).await.or_status()?;
-            let record = StudyRecord {
-                kind: entry.kind,
-                key: entry.key,
-                measures: entry.measures,
-                content,
-            };
-            for sent in record.parts() {
-                if parts.send(Ok(part(sent))).await.is_err() {
+            let mut next = Some(Part::Record(record));
+            let mut from = 0;
+            while let Some(present) = next.take() {
+                if parts.send(Ok(part(present))).await.is_err() {
                     return Ok(());
                 }
+                // Read when the part before it was taken, so that slow clients hold no whole records.
+                let (name, of) = (study.clone(), entry.clone());
+                let read = move |store: &Store| store.study_content_part(&name, &of, from, PART_BYTES);
+                let content = self.store.run(read).await.or_status()?;
+                from += content.len();
+                next = (!content.is_empty()).then_some(Part::Content(content));
             }
         }
         Ok(())
@@ -120,6 +121,8 @@ struct Arriving {
     name: CampaignName,
     file: Option<StudyFile>,
     records: Vec<StudyRecord>,
+    /// Of the contents of all records.
+    bytes: usize,
 }
 
 impl Arriving {
@@ -132,6 +135,7 @@ impl Arriving {
             name,
             file: None,
             records: Vec::new(),
+            bytes: 0,
         };
         arriving.add(first.part)?;
         Ok(arriving)
@@ -148,6 +152,9 @@ impl Arriving {
                 let allowed = format!("at most {MAX_RECORDS} in one request");
                 return Err(Invalid::new("record", "more", allowed));
             }
+            Some(Part::Content(content)) if content.is_empty() => {
+                return Err(Invalid::new("content", "empty", "at least one byte a part"));
+            }
             Some(Part::Content(content)) => {
                 if content.len() > PART_BYTES {
                     let found = counted(content.len() as u64, "byte");
@@ -157,8 +164,8 @@ impl Arriving {
                         format!("at most {PART_BYTES} bytes a part"),
                     ));
                 }
-                let bytes: usize = self.records.iter().map(|record| record.content.len()).sum();
-                if bytes + content.len() > StudyRecord::MAX_CONTENT {
+                self.bytes += content.len();
+                if self.bytes > StudyRecord::MAX_CONTENT {
                     let allowed = counted(StudyRecord::MAX_CONTENT as u64, "byte");
                     return Err(Invalid::new("content", "more", format!("at most {allowed}")));
                 }

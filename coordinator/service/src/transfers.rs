@@ -96,7 +96,10 @@ impl TransferApi {
         parts: &mpsc::Sender<Result<v1::CampaignPart, Status>>,
     ) -> Result<(), Status> {
         let ending = |_| Status::unavailable("the coordinator is shutting down");
-        let _place = Arc::clone(&self.exports).acquire_owned().await.map_err(ending)?;
+        let _place = tokio::select! {
+            place = Arc::clone(&self.exports).acquire_owned() => place.map_err(ending)?,
+            () = parts.closed() => return Ok(()),
+        };
         let mut file = export(&self.store, &self.checkpoints, &self.data, &campaign)
             .await
             .or_status()?;

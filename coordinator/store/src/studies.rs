@@ -4,7 +4,7 @@ mod folders;
 
 pub(crate) use folders::take_over;
 
-use super::{Store, StoreError};
+use super::{Store, StoreError, numbers::clamped};
 use murmuration_model::study_records::{StudyFile, StudyRecord, StudyRecordKind};
 use murmuration_swarm::CampaignName;
 use rusqlite::{Connection, OptionalExtension as _, Transaction, params};
@@ -123,6 +123,26 @@ impl Store {
         key: &str,
     ) -> Result<Option<Vec<u8>>, StoreError> {
         self.read(|connection| content(connection, name, kind, key))
+    }
+
+    /// At most `most` bytes of the content of a record, from byte `from` on; none beyond its end, or if there is no such record.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn study_content_part(
+        &self,
+        name: &str,
+        entry: &StudyEntry,
+        from: usize,
+        most: usize,
+    ) -> Result<Vec<u8>, StoreError> {
+        self.read(|connection| {
+            let query = "SELECT substr(content, ?4, ?5) FROM study_records WHERE study = ?1 AND kind = ?2 AND key = ?3";
+            let mut statement = connection.prepare_cached(query)?;
+            let of = params![name, entry.kind.name(), entry.key, clamped(from as u64 + 1), clamped(most as u64)];
+            let part = statement.query_row(of, |row| row.get(0));
+            Ok(part.optional()?.unwrap_or_default())
+        })
     }
 
     /// Every record of a study with its content.
@@ -244,6 +264,12 @@ mod tests {
         }
         assert_eq!(store.studies().unwrap(), ["small"]);
         assert_eq!(store.study_file("small").unwrap(), file);
+        let entry = &store.study_entries("small").unwrap()[0];
+        let part = |from, most| store.study_content_part("small", entry, from, most).unwrap();
+        assert_eq!(
+            (part(0, 3), part(3, 9), part(6, 9)),
+            (b"sec".to_vec(), b"ond".to_vec(), Vec::new())
+        );
         assert_eq!(store.study_records("small").unwrap(), [again, other, classes]);
         let after = store.study_version("small").unwrap();
         assert_eq!(

@@ -4,6 +4,7 @@ use super::{
     AT_ONCE, Agree, Event, Grant, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH, SPECULATION_DELAY,
     WorkerId, job::Job, workers::Worker,
 };
+use murmuration_model::MachineId;
 use std::{
     collections::{BTreeMap, BTreeSet},
     time::{Duration, Instant},
@@ -179,10 +180,16 @@ impl<R: Agree> LeaseTable<R> {
                 job.tasks[place].wants(worker.machine()) && !self.has_in_hand(worker, lease.job, place)
             };
             let fits = |worker: &Worker| new_to(worker, place) && (!alone || worker.holds.is_empty());
-            // A machine that hangs may have further connections, which have answered nothing either.
-            let proven = |worker: &Worker| worker.answered > 0 && fits(worker);
-            let free = self.free(lease.job, reserved, now, proven);
-            let Some((id, worker)) = free.or_else(|| self.free(lease.job, reserved, now, fits)) else {
+            // A machine that hangs may have further connections, which have answered nothing either: the task rather waits for a worker
+            // that has.
+            let is_proven =
+                |worker: &Worker| worker.answered > 0 && worker.suits(job) && new_to(worker, place);
+            let is_on_time = |worker: &Worker| is_proven(worker) && !self.is_behind(worker, now);
+            let waits = self.workers.iter().any(|(_, worker)| is_on_time(worker));
+            let free = self.free(lease.job, reserved, now, |worker| {
+                fits(worker) && (!waits || is_proven(worker))
+            });
+            let Some((id, worker)) = free else {
                 continue;
             };
             let likewise = |&place: &usize| {
@@ -243,7 +250,8 @@ impl<R: Agree> LeaseTable<R> {
         })
     }
 
-    /// Of the workers that may get more of a job, the one with the lowest load; a worker that is late only if all are.
+    /// Of the workers that may get more of a job, the one with the lowest load; one of a machine that is late only if all machines are,
+    /// and a worker that is late itself only if all workers are.
     fn free(
         &self,
         id: JobId,
@@ -252,17 +260,24 @@ impl<R: Agree> LeaseTable<R> {
         fits: impl Fn(&Worker) -> bool,
     ) -> Option<(WorkerId, &Worker)> {
         let job = self.jobs.get(&id)?;
-        let mut behind = None;
+        let late: BTreeSet<MachineId> = self
+            .late(now)
+            .filter_map(|lease| Some(self.workers.get(lease.holder?)?.machine()))
+            .collect();
+        let (mut beside_late, mut behind) = (None, None);
         for (worker, known) in self.workers.free(job.embeds) {
             if reserved == Some(worker) || known.rests(id, now) || !fits(known) {
                 continue;
             }
-            if !self.is_behind(known, now) {
+            if !late.contains(&known.machine()) {
                 return Some((worker, known));
             }
-            behind = behind.or(Some((worker, known)));
+            match self.is_behind(known, now) {
+                false => beside_late = beside_late.or(Some((worker, known))),
+                true => behind = behind.or(Some((worker, known))),
+            }
         }
-        behind
+        beside_late.or(behind)
     }
 
     /// Decides about tasks that need another machine when none could answer soon. It waives audits, and poisons tasks that three
