@@ -3,7 +3,7 @@
 
 use super::{
     Access, PresentedCredentials, Refusal, Role, Sessions,
-    machine::{self, Certificate},
+    machine::{self, ByCertificate, Certificate},
     origin::{self, Asked, Hosts},
     requirement::{Requirement, Requirements},
     response_body::Bodies,
@@ -92,7 +92,7 @@ impl Gate {
         &self,
         requirement: Requirement,
         class: CostClass,
-        request: Request,
+        mut request: Request,
         next: Next,
     ) -> Response {
         let Self {
@@ -110,6 +110,11 @@ impl Gate {
         let head = RequestHead::of(&request);
         let answered = match endpoint.allows(asked, requirement, session.as_ref(), &request) {
             Ok(principal) => {
+                if let Some(machine) = ByCertificate::of(request.extensions())
+                    && self.role(principal) != Some(Role::Operator)
+                {
+                    request.extensions_mut().insert(machine);
+                }
                 let class = requirement.class_for(principal, class);
                 let is_known = requirement != Requirement::Nothing
                     || matches!(principal, Principal::Token(_) | Principal::Machine(_));
@@ -139,12 +144,12 @@ impl Gate {
         }
     }
 
-    fn is_annotator(&self, principal: Principal) -> bool {
+    /// The role of the token's holder.
+    fn role(&self, principal: Principal) -> Option<Role> {
         let Principal::Token(token) = principal else {
-            return false;
+            return None;
         };
-        let holder = self.endpoint.access.whose(token);
-        holder.is_some_and(|(_, role)| role == Role::Annotator)
+        self.endpoint.access.whose(token).map(|(_, role)| role)
     }
 
     /// The response of the handler, once there is a seat for the request.
@@ -179,7 +184,7 @@ impl Gate {
             }
         };
         let answered = async {
-            match self.is_annotator(principal) {
+            match self.role(principal) == Some(Role::Annotator) {
                 true => self.seats.label_budget(principal).scope(next.run(request)).await,
                 // Operators have no label budget.
                 false => next.run(request).await,

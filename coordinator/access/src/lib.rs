@@ -29,7 +29,7 @@ mod tokens;
 pub use admit::{Endpoint, RequestHead};
 pub use listen_config::{ListenConfig, ListenConfigError, Tls};
 pub use local::{LocalToken, local_token};
-pub use machine::{MachineKind, origin, rests_on_certificate};
+pub use machine::{ByCertificate, MachineKind, origin};
 pub use origin::Hosts;
 pub use requirement::{MethodRequirements, Requirement, Requirements, Role};
 pub use router::GuardedRouter;

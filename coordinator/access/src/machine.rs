@@ -85,12 +85,16 @@ pub fn origin(request: &Extensions) -> Option<Origin> {
     })
 }
 
-/// Whether a request rests on the certificate of a machine alone: it has one, and no token.
-#[must_use]
-pub fn rests_on_certificate<T>(request: &tonic::Request<T>) -> bool {
-    let connection = request.extensions().get::<TlsConnectInfo<ConnectionHandle>>();
-    let has_certificate = connection.and_then(TlsConnectInfo::peer_certs).is_some();
-    has_certificate && !request.metadata().contains_key("authorization")
+/// The machine with the certificate of a request: an extension of requests that have one, unless an operator's token came with it.
+#[derive(Debug, Clone, Copy)]
+pub struct ByCertificate(pub MachineId);
+
+impl ByCertificate {
+    pub(crate) fn of(request: &Extensions) -> Option<Self> {
+        let connection = request.get::<TlsConnectInfo<ConnectionHandle>>()?;
+        connection.peer_certs()?;
+        Some(Self(origin(request)?.machine))
+    }
 }
 
 /// The machine with this certificate, which the TLS library has checked, or without one the machine at this address.

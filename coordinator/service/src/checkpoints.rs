@@ -2,9 +2,8 @@
 
 use super::{Streamed, in_parts};
 use crate::status::{IntoStatus as _, OrStatus as _};
-use crate::work::machine_of;
 use bytes::{Bytes, BytesMut};
-use murmuration_access::rests_on_certificate;
+use murmuration_access::ByCertificate;
 use murmuration_dispatch::{Publication, Trainers};
 use murmuration_onnx::MAX_MODEL_BYTES;
 use murmuration_proto::{PART_BYTES, parts::parts, v1};
@@ -72,10 +71,7 @@ impl v1::checkpoint_service_server::CheckpointService for CheckpointApi {
         &self,
         request: Request<Streaming<v1::PublishCheckpointRequest>>,
     ) -> Result<Response<v1::Checkpoint>, Status> {
-        let trainer = match rests_on_certificate(&request) {
-            true => Some(machine_of(&request)?.machine),
-            false => None,
-        };
+        let trainer = request.extensions().get::<ByCertificate>().copied();
         let mut parts = request.into_inner();
         let first = parts.message().await?.and_then(|first| first.part);
         let Some(v1::publish_checkpoint_request::Part::Description(description)) = first else {
@@ -94,7 +90,7 @@ impl v1::checkpoint_service_server::CheckpointService for CheckpointApi {
             }
             .into_status());
         }
-        if let Some(machine) = trainer {
+        if let Some(ByCertificate(machine)) = trainer {
             let publication = Publication {
                 machine,
                 configuration: lineage.configuration.clone(),
