@@ -7,7 +7,7 @@ use murmuration_proto::{
         training_part::Part, worker_message::Message,
     },
 };
-use murmuration_swarm::CheckpointDigest;
+use murmuration_swarm::{CampaignSpec, CheckpointDigest};
 use murmuration_tests::{Cluster, FakeWorker, Murmuration, small_latent_spec};
 use std::time::Duration;
 use tokio::sync::mpsc;
@@ -108,19 +108,27 @@ fn snapshot(lease: v1::LeaseId, bytes: usize, last: bool) -> Message {
     })
 }
 
-/// More than tokio has threads that may block.
-const FETCHES: usize = 600;
+/// Fetches on each of so many connections: together more than tokio has threads that may block.
+const FETCHES: usize = 200;
+const CONNECTIONS: usize = 3;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_trainer_that_takes_no_pictures_keeps_no_threads() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start_without_trainer(folder.path(), 1).await;
-    let campaign = cluster.create(&small_latent_spec("")).await;
+    // Pictures of 10 MB, so that no buffer takes them all.
+    let spec = small_latent_spec("").to_toml();
+    let spec = spec.replace("controllers = 100\n", "controllers = 4000\n");
+    let spec = CampaignSpec::from_toml(&spec).unwrap();
+    let campaign = cluster.create(&spec).await;
     let mut trainer = Trainer::connect(&cluster.url()).await;
     let lease = trainer.lease().await;
     let mut fetches = tokio::task::JoinSet::new();
-    for _ in 0..FETCHES {
-        let mut client = trainer.client.clone();
+    let mut clients = Vec::new();
+    for _ in 0..CONNECTIONS {
+        clients.push(TrainerServiceClient::connect(cluster.url()).await.unwrap());
+    }
+    for mut client in clients.iter().cycle().take(CONNECTIONS * FETCHES).cloned() {
         fetches.spawn(async move {
             let request = v1::FetchTrainingRequest { lease: Some(lease) };
             let parts = client.fetch_training(request).await;
