@@ -72,8 +72,8 @@ impl Murmuration {
     #[must_use]
     pub fn serve(&self, listen: &str, more: &[&str]) -> (Running, String) {
         let mut coordinator = self.start(&[&["serve", "--listen", listen], more].concat());
-        let message = coordinator.wait_for("serving");
-        let url = message.rsplit(' ').next().unwrap().to_owned();
+        let line = coordinator.wait_for("serving");
+        let url = line.rsplit(' ').next().unwrap().to_owned();
         (coordinator, url)
     }
 

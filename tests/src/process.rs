@@ -67,9 +67,9 @@ impl Running {
         loop {
             // Checked before the log is read, so that the last lines are read too.
             let ended = self.child.try_wait().unwrap();
-            let message = self.output();
+            let log = self.output();
             let mut heard = self.heard;
-            for line in message[heard..]
+            for line in log[heard..]
                 .split_inclusive('\n')
                 .filter(|line| line.ends_with('\n'))
             {
@@ -79,8 +79,8 @@ impl Running {
                     return line.trim_end().to_owned();
                 }
             }
-            assert_eq!(ended, None, "it ended without saying {sign:?}:\n{message}");
-            assert!(begun.elapsed() < PATIENCE, "it never said {sign:?}:\n{message}");
+            assert_eq!(ended, None, "it ended without saying {sign:?}:\n{log}");
+            assert!(begun.elapsed() < PATIENCE, "it never said {sign:?}:\n{log}");
             thread::sleep(Duration::from_millis(5));
         }
     }

@@ -63,8 +63,8 @@ impl ProcessCluster {
     pub fn start_in(folder: tempfile::TempDir, workers: usize, environment: Environment) -> Self {
         let mut coordinator = serve(folder.path(), "127.0.0.1:0", &environment);
         coordinator.wait_for("  pages:");
-        let message = coordinator.output();
-        let (_, rest) = message.split_once("http://").unwrap();
+        let log = coordinator.output();
+        let (_, rest) = log.split_once("http://").unwrap();
         let address = rest.split_whitespace().next().unwrap().to_owned();
         let runtime = Runtime::new().unwrap();
         let channel = {
@@ -126,8 +126,8 @@ impl ProcessCluster {
 
     /// Sends SIGTERM; the coordinator must exit successfully.
     pub fn terminate_coordinator(&mut self) {
-        let (code, message) = self.coordinator.take().unwrap().terminate_and_hear();
-        assert_eq!(code, Some(0), "{message}");
+        let (code, log) = self.coordinator.take().unwrap().terminate_and_hear();
+        assert_eq!(code, Some(0), "{log}");
     }
 
     /// Restarts the coordinator at the same address.

@@ -164,7 +164,7 @@ impl IntoStatus for JoinError {
 
 /// Beginning of tonic's error about an unreadable message. Tonic blames the server (INTERNAL), but the client's message is at
 /// fault.
-const SAID: &str = "failed to decode Protobuf message";
+const UNREADABLE: &str = "failed to decode Protobuf message";
 
 /// Blames the client for a message that is unreadable before the answer begins.
 pub async fn blame_the_client(request: Request, next: Next) -> Response {
@@ -184,5 +184,5 @@ pub(super) fn blamed(status: Status) -> Status {
 }
 
 fn is_unreadable(status: &Status) -> bool {
-    status.code() == Code::Internal && status.message().starts_with(SAID)
+    status.code() == Code::Internal && status.message().starts_with(UNREADABLE)
 }

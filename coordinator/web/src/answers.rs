@@ -135,13 +135,13 @@ pub(super) struct Withdraw {
 pub(super) async fn withdraw(
     State(web): State<Web>,
     Path(campaign): Path<String>,
-    Json(message): Json<Withdraw>,
+    Json(posted): Json<Withdraw>,
 ) -> Result<Json<teach::ClassesView>, Refused> {
     let request = v1::WithdrawLabelsRequest {
         campaign: campaign.clone(),
-        request_id: message.request_id,
-        annotator: message.annotator,
-        indices: message.individuals,
+        request_id: posted.request_id,
+        annotator: posted.annotator,
+        indices: posted.individuals,
     };
     web.labels.withdraw_labels(Request::new(request)).await?;
     teach::classes(&web, campaign).await

@@ -193,9 +193,9 @@ enum Wanted {
 pub(super) async fn change(
     State(web): State<Web>,
     Path(campaign): Path<String>,
-    Json(message): Json<Changed>,
+    Json(posted): Json<Changed>,
 ) -> Result<Json<DetailsView>, Refused> {
-    let change = match message.change {
+    let change = match posted.change {
         Wanted::Create { class } => Change::Create(v1::CreateClass { class }),
         Wanted::Rename { class, to } => Change::Rename(v1::RenameClass { class, to }),
         Wanted::Merge { class, into } => Change::Merge(v1::MergeClass { class, into }),
@@ -206,8 +206,8 @@ pub(super) async fn change(
     };
     let request = v1::ChangeClassRequest {
         campaign: campaign.clone(),
-        request_id: message.request_id,
-        annotator: message.annotator,
+        request_id: posted.request_id,
+        annotator: posted.annotator,
         change: Some(change),
     };
     web.labels.change_class(Request::new(request)).await?;

@@ -94,17 +94,17 @@ struct Answer {
 pub(super) async fn answer(
     State(web): State<Web>,
     Path(campaign): Path<String>,
-    Json(message): Json<Answers>,
+    Json(posted): Json<Answers>,
 ) -> Told<ClassesView> {
-    let answers = message.answers.into_iter().map(|answer| v1::Answer {
+    let answers = posted.answers.into_iter().map(|answer| v1::Answer {
         index: answer.index,
         answer: answer.answer,
         time_ms: 0,
-        annotator: message.annotator.clone(),
+        annotator: posted.annotator.clone(),
     });
     let request = v1::AppendLabelsRequest {
         campaign: campaign.clone(),
-        request_id: message.request_id,
+        request_id: posted.request_id,
         answers: answers.collect(),
     };
     web.labels.append_labels(Request::new(request)).await?;
@@ -123,12 +123,12 @@ pub(super) struct Undo {
 pub(super) async fn undo(
     State(web): State<Web>,
     Path(campaign): Path<String>,
-    Json(message): Json<Undo>,
+    Json(posted): Json<Undo>,
 ) -> Told<ClassesView> {
     let request = v1::UndoLabelsRequest {
         campaign: campaign.clone(),
-        request_id: message.request_id,
-        annotator: message.annotator,
+        request_id: posted.request_id,
+        annotator: posted.annotator,
     };
     let undone = web.labels.undo_labels(Request::new(request)).await?;
     let undone = whole(undone.into_inner()).await?;

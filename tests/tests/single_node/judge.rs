@@ -117,18 +117,18 @@ fn check(by: Judge, set: &str, column: usize) {
     let measured: Vec<[u32; 2]> = classes.chain(rest).collect();
     let (documented, kappa) = documented(by.heading, column);
     for ([same, all], documented) in measured.into_iter().zip(documented) {
-        let Some([message, of]) = documented else {
+        let Some([expected, of]) = documented else {
             assert_eq!(all, 0, "{set}");
             continue;
         };
-        println!("{set}: {same} of {all}, docs/judge.md says {message} of {of}");
+        println!("{set}: {same} of {all}, docs/judge.md says {expected} of {of}");
         assert_eq!(all, of, "{set}");
         // The rule of succession: a class without errors on a few swarms may still have some.
-        let rate = f64::from(message + 1) / f64::from(of + 2);
+        let rate = f64::from(expected + 1) / f64::from(of + 2);
         let probability = at_most(same, all, rate);
         assert!(
             probability > IMPROBABLE,
-            "{set}: {same} of {all} instead of {message} has the probability {probability}"
+            "{set}: {same} of {all} instead of {expected} has the probability {probability}"
         );
     }
     let matrix: ConfusionMatrix<&str> = pairs.iter().copied().collect();
@@ -286,7 +286,7 @@ fn the_command_says_the_same_and_counts_patterns() {
         "lab", "judge", "--labels", single, "--labels", two, "--labels", rare, "--json",
     ]);
     assert_eq!(finished.code, Some(0), "{}", finished.stderr);
-    let message: Value = serde_json::from_str(&finished.stdout).unwrap();
+    let measured: Value = serde_json::from_str(&finished.stdout).unwrap();
 
     let (mut agreed, mut second, mut patterns) = (0, 0, Pattern::ALL.map(|pattern| (pattern, [0; 3])));
     for set in sets {
@@ -317,15 +317,20 @@ fn the_command_says_the_same_and_counts_patterns() {
     }
     assert_eq!(
         [
-            &message["behaviours"],
-            &message["agreed"],
-            &message["second_judge"]["agreed"],
+            &measured["behaviours"],
+            &measured["agreed"],
+            &measured["second_judge"]["agreed"],
         ],
         [&json!(441), &json!(agreed), &json!(second)]
     );
     for (pattern, [given, both, judged]) in patterns {
         let counted = json!({ "given": given, "agreed": both, "judged": judged });
-        assert_eq!(message["patterns"][pattern.name()], counted, "{}", pattern.name());
+        assert_eq!(
+            measured["patterns"][pattern.name()],
+            counted,
+            "{}",
+            pattern.name()
+        );
     }
 }
 

@@ -35,7 +35,7 @@ enum Character {
 
 struct Process {
     character: Character,
-    /// Whether it gives signs of life but never answers.
+    /// It sends heartbeats and never answers.
     hangs: bool,
     embeds: bool,
     /// Its connection, if it has one.

@@ -25,7 +25,7 @@ pub(super) struct Worker {
     pub(super) holds: BTreeSet<LeaseNumber>,
     /// Tasks that it has in hand.
     pub(super) tasks: usize,
-    /// Whether it holds a task that may kill it, and so gets no other.
+    /// It holds a task that may kill it, and so gets no other.
     pub(super) alone: bool,
     /// Jobs whose leases it gave back, and has not completed one of since.
     pub(super) rests: BTreeMap<JobId, Rest>,
@@ -50,7 +50,7 @@ impl Worker {
         self.process.machine
     }
 
-    /// Whether it takes work and has the abilities that a job needs.
+    /// True if the worker takes work and can do this job's.
     pub(super) const fn suits<R>(&self, job: &Job<R>) -> bool {
         self.capacity > 0 && (self.embeds || !job.embeds)
     }
@@ -77,13 +77,13 @@ impl Worker {
         self.rests.insert(job, Rest { length, until });
     }
 
-    /// Whether it has long been idle without asking for work.
+    /// True if the worker has long been idle and has no credits.
     pub(super) fn asks_for_nothing(&self, now: Instant) -> bool {
         let idle = now.saturating_duration_since(self.active);
         self.credits == 0 && self.holds.is_empty() && idle > SPECULATION_DELAY.1
     }
 
-    /// Whether it gave back its last lease of this job.
+    /// True if the worker returned its last lease of this job undone.
     pub(super) fn gave_back(&self, job: JobId) -> bool {
         self.rests.contains_key(&job)
     }

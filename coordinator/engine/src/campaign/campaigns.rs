@@ -105,7 +105,7 @@ pub struct ListedCampaign {
     pub head: CampaignHead,
     /// Whether this process works on it.
     pub active: bool,
-    /// Whether it waits for a missing resource, and continues by itself once that is there.
+    /// The campaign lacks a resource, and continues by itself when it has it.
     pub waiting: bool,
 }
 

@@ -18,7 +18,7 @@ use murmuration_swarm::{
 /// Number of pictures from further starts that are simulated and committed together.
 const CHUNK: usize = 1000;
 
-/// Has a trainer fine-tune the embedder on the labels of the current round, and moves the campaign to the checkpoint.
+/// Fine-tunes the embedder on the labels of the current round, on a trainer, and moves the campaign to the new checkpoint.
 pub(super) async fn fine_tune(
     context: &StageContext,
     record: CampaignRecord,
@@ -52,8 +52,8 @@ async fn read(
     Ok(context.store.run(read).await?)
 }
 
-/// Has workers simulate labelled controllers from further starts, except those on disk: a controller's class does not depend on
-/// where its agents begin.
+/// Simulates labelled controllers from further starts, on workers, unless their pictures are on disk. A controller keeps its class from
+/// every start.
 async fn further_starts(
     context: &StageContext,
     record: &CampaignRecord,

@@ -4,7 +4,7 @@ use super::{CampaignError, context::StageContext, run_handle::RunHandle};
 use murmuration_model::{CampaignRecord, labels::RequestId};
 use murmuration_store::Store;
 
-/// Has the synthetic annotator label as many individuals as a round asks for, and begins the round's training.
+/// Stores the synthetic annotator's labels of a round, and begins the round's training.
 pub(super) async fn label(
     context: &StageContext,
     record: CampaignRecord,

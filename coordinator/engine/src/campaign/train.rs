@@ -29,7 +29,7 @@ pub(super) async fn pretrain(
     context.commit(&handle.commit_handle(), begin).await
 }
 
-/// Has a trainer train and publish an embedder.
+/// Leases a training to a trainer, which publishes the embedder.
 pub(super) async fn train(
     context: &StageContext,
     record: &CampaignRecord,

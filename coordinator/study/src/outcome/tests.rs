@@ -119,23 +119,23 @@ fn what_a_person_said_replaces_the_judge_and_has_no_errors() {
 fn what_people_say_on_a_page_is_kept_as_a_table_and_can_be_taken_back() {
     let study = sample::study();
     let cell = crate::cell_digest(&study.cells[0].spec);
-    let mut message = Corrections::default();
-    message
+    let mut given = Corrections::default();
+    given
         .set(&cell, 0, Some(Class::Dispersal), " ana, of \"us\" ")
         .unwrap();
-    message.set(&cell, 1, Some(Class::Dispersal), "ben").unwrap();
-    message.set(&cell, 1, Some(Class::Aggregation), "cy").unwrap();
-    message.set(&cell, 2, Some(Class::Milling), "ana").unwrap();
-    message.set(&cell, 2, None, "ben").unwrap();
-    message.set(&cell, 3, Some(Class::Milling), "=1+1").unwrap();
+    given.set(&cell, 1, Some(Class::Dispersal), "ben").unwrap();
+    given.set(&cell, 1, Some(Class::Aggregation), "cy").unwrap();
+    given.set(&cell, 2, Some(Class::Milling), "ana").unwrap();
+    given.set(&cell, 2, None, "ben").unwrap();
+    given.set(&cell, 3, Some(Class::Milling), "=1+1").unwrap();
     assert!(
-        message.to_csv().contains(",milling,'=1+1\n"),
+        given.to_csv().contains(",milling,'=1+1\n"),
         "a spreadsheet would compute it: {}",
-        message.to_csv()
+        given.to_csv()
     );
-    assert_eq!(Corrections::parse(&message.to_csv()).unwrap(), message);
-    message.set(&cell, 3, None, "ana").unwrap();
-    let outcome = outcome(message.clone());
+    assert_eq!(Corrections::parse(&given.to_csv()).unwrap(), given);
+    given.set(&cell, 3, None, "ana").unwrap();
+    let outcome = outcome(given.clone());
     let measured = outcome.cells().next().unwrap().measured;
     assert_eq!(
         outcome.class_of(measured, 0),
@@ -159,13 +159,13 @@ fn what_people_say_on_a_page_is_kept_as_a_table_and_can_be_taken_back() {
         &"x".repeat(65),
     ] {
         assert!(
-            message.set(&cell, 0, Some(Class::Milling), name).is_err(),
+            given.set(&cell, 0, Some(Class::Milling), name).is_err(),
             "{name:?}"
         );
     }
     // A file named on the command line takes precedence.
     let file = Corrections::parse(&format!("cell,index,class,by\n{cell},1,milling,dee\n")).unwrap();
-    let both = file.or(message);
+    let both = file.or(given);
     assert_eq!(both.of(measured, 1), Some((Class::Milling, "dee")));
     assert_eq!(both.of(measured, 0).unwrap().0, Class::Dispersal);
 }

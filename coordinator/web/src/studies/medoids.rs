@@ -105,7 +105,7 @@ pub(crate) async fn of_cell(
 /// A person's class for an individual.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct Said {
+pub(crate) struct GivenClass {
     /// Digest of the cell.
     cell: String,
     index: u64,
@@ -119,15 +119,15 @@ pub(crate) struct Said {
 pub(crate) async fn judge(
     State(web): State<Web>,
     Path(name): Path<String>,
-    Json(message): Json<Said>,
+    Json(posted): Json<GivenClass>,
 ) -> Result<StatusCode, Refused> {
-    let class = match message.class.as_str() {
+    let class = match posted.class.as_str() {
         "" => None,
         given => Some(class_of(given)?),
     };
     let kept = web
         .studies
-        .judge(&name, message.cell, message.index, class, message.by);
+        .judge(&name, posted.cell, posted.index, class, posted.by);
     kept.await?;
     Ok(StatusCode::NO_CONTENT)
 }
