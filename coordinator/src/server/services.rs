@@ -102,31 +102,21 @@ pub(super) struct Services {
 }
 
 impl Services {
-    /// The routes of all services, with the requirements of their methods and the maximum size of their messages.
+    /// The routes of all services, with the requirements of their methods.
     pub(super) fn routes(self) -> GuardedRouter {
-        let campaigns =
-            CampaignServiceServer::new(self.campaigns).max_decoding_message_size(limits::MAX_MESSAGE);
-        let checkpoints =
-            CheckpointServiceServer::new(self.checkpoints).max_decoding_message_size(limits::MAX_MESSAGE);
-        let evaluations =
-            EvaluationServiceServer::new(self.evaluations).max_decoding_message_size(limits::MAX_MESSAGE);
+        // The endpoint limits messages by what their method requires. The library's own limit, 4 MiB, is raised where more is allowed.
         let labels =
             LabelServiceServer::new(self.labels).max_decoding_message_size(limits::MAX_LABEL_MESSAGE);
         let workers =
             WorkerServiceServer::new(self.workers).max_decoding_message_size(limits::MAX_WORKER_MESSAGE);
-        let trainers =
-            TrainerServiceServer::new(self.trainers).max_decoding_message_size(limits::MAX_MESSAGE);
-        let transfers =
-            TransferServiceServer::new(self.transfers).max_decoding_message_size(limits::MAX_MESSAGE);
-        let studies = StudyServiceServer::new(self.studies).max_decoding_message_size(limits::MAX_MESSAGE);
         GuardedRouter::default()
-            .service(campaigns, CAMPAIGNS)
-            .service(checkpoints, CHECKPOINTS)
-            .service(evaluations, EVALUATIONS)
+            .service(CampaignServiceServer::new(self.campaigns), CAMPAIGNS)
+            .service(CheckpointServiceServer::new(self.checkpoints), CHECKPOINTS)
+            .service(EvaluationServiceServer::new(self.evaluations), EVALUATIONS)
             .service(labels, LABELS)
             .service(workers, WORKERS)
-            .service(trainers, TRAINERS)
-            .service(transfers, TRANSFERS)
-            .service(studies, STUDIES)
+            .service(TrainerServiceServer::new(self.trainers), TRAINERS)
+            .service(TransferServiceServer::new(self.transfers), TRANSFERS)
+            .service(StudyServiceServer::new(self.studies), STUDIES)
     }
 }
