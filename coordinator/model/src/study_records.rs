@@ -1,7 +1,7 @@
 //! What a coordinator keeps of a study: its file, and records of what was measured.
 
 use murmuration_proto::{PART_BYTES, v1};
-use murmuration_swarm::Invalid;
+use murmuration_swarm::{Invalid, counted};
 
 /// Folder of the reports of studies in a data directory; each study has a folder in it.
 pub const STUDIES: &str = "studies";
@@ -74,6 +74,46 @@ impl StudyRecord {
             .map(|content| Part::Content(content.to_vec()))
             .collect();
         std::iter::once(record).chain(content)
+    }
+}
+
+/// A study, or records of one, as its parts arrive.
+#[derive(Debug, Default)]
+pub struct StudyParts {
+    pub file: Option<StudyFile>,
+    pub records: Vec<StudyRecord>,
+    /// Of the contents of all records.
+    bytes: usize,
+}
+
+impl StudyParts {
+    /// # Errors
+    /// If the part is invalid, is of no or over [`PART_BYTES`] bytes, or is content without a record before it.
+    pub fn add(&mut self, part: Option<v1::study_part::Part>) -> Result<(), Invalid> {
+        use v1::study_part::Part;
+        match part {
+            None => {}
+            Some(Part::File(file)) => self.file = Some(file.into()),
+            Some(Part::Record(record)) => self.records.push(record.try_into()?),
+            Some(Part::Content(content)) => {
+                if !(1..=PART_BYTES).contains(&content.len()) {
+                    let found = counted(content.len() as u64, "byte");
+                    let allowed = format!("1 to {PART_BYTES} bytes a part");
+                    return Err(Invalid::new("content", found, allowed));
+                }
+                let record = self.records.last_mut();
+                let record = record.ok_or_else(|| Invalid::missing("record", "before its content"))?;
+                self.bytes += content.len();
+                record.content.extend(content);
+            }
+        }
+        Ok(())
+    }
+
+    /// Bytes of the contents of all records.
+    #[must_use]
+    pub const fn bytes(&self) -> usize {
+        self.bytes
     }
 }
 

@@ -3,7 +3,7 @@
 use super::Streamed;
 use crate::status::OrStatus as _;
 use murmuration_engine::blocking::spawn;
-use murmuration_model::study_records::{StudyFile, StudyRecord};
+use murmuration_model::study_records::{StudyFile, StudyParts, StudyRecord};
 use murmuration_proto::{
     PART_BYTES,
     v1::{self, study_part::Part},
@@ -59,12 +59,17 @@ impl v1::study_service_server::StudyService for StudyApi {
         request: Request<Streaming<v1::StudyPart>>,
     ) -> Result<Response<v1::KeepStudyResponse>, Status> {
         let mut parts = request.into_inner();
-        let mut arriving = Arriving::begin(parts.message().await?.unwrap_or_default())?;
+        let first = parts.message().await?.unwrap_or_default();
+        let name = CampaignName::try_from(first.study).map_err(|error| Invalid {
+            field: "study".to_owned(),
+            ..error
+        })?;
+        let mut arriving = StudyParts::default();
+        add(&mut arriving, first.part)?;
         while let Some(part) = parts.message().await? {
-            arriving.add(part.part)?;
+            add(&mut arriving, part.part)?;
         }
-        let keep =
-            move |store: &Store| store.keep_study(&arriving.name, arriving.file.as_ref(), &arriving.records);
+        let keep = move |store: &Store| store.keep_study(&name, arriving.file.as_ref(), &arriving.records);
         self.store.change(keep).await.or_status()?;
         Ok(Response::new(v1::KeepStudyResponse {}))
     }
@@ -116,65 +121,16 @@ impl StudyApi {
     }
 }
 
-/// A study whose parts are arriving.
-struct Arriving {
-    name: CampaignName,
-    file: Option<StudyFile>,
-    records: Vec<StudyRecord>,
-    /// Of the contents of all records.
-    bytes: usize,
-}
-
-impl Arriving {
-    fn begin(first: v1::StudyPart) -> Result<Self, Invalid> {
-        let name = CampaignName::try_from(first.study).map_err(|error| Invalid {
-            field: "study".to_owned(),
-            ..error
-        })?;
-        let mut arriving = Self {
-            name,
-            file: None,
-            records: Vec::new(),
-            bytes: 0,
-        };
-        arriving.add(first.part)?;
-        Ok(arriving)
+/// Adds a part to a study that is to be stored.
+fn add(arriving: &mut StudyParts, part: Option<Part>) -> Result<(), Invalid> {
+    arriving.add(part)?;
+    if arriving.records.len() > MAX_RECORDS {
+        let allowed = format!("at most {MAX_RECORDS} in one request");
+        return Err(Invalid::new("record", "more", allowed));
     }
-
-    fn add(&mut self, part: Option<Part>) -> Result<(), Invalid> {
-        match part {
-            None => {}
-            Some(Part::File(file)) => self.file = Some(file.into()),
-            Some(Part::Record(record)) if self.records.len() < MAX_RECORDS => {
-                self.records.push(record.try_into()?);
-            }
-            Some(Part::Record(_)) => {
-                let allowed = format!("at most {MAX_RECORDS} in one request");
-                return Err(Invalid::new("record", "more", allowed));
-            }
-            Some(Part::Content(content)) if content.is_empty() => {
-                return Err(Invalid::new("content", "empty", "at least one byte a part"));
-            }
-            Some(Part::Content(content)) => {
-                if content.len() > PART_BYTES {
-                    let found = counted(content.len() as u64, "byte");
-                    return Err(Invalid::new(
-                        "content",
-                        found,
-                        format!("at most {PART_BYTES} bytes a part"),
-                    ));
-                }
-                self.bytes += content.len();
-                if self.bytes > StudyRecord::MAX_CONTENT {
-                    let allowed = counted(StudyRecord::MAX_CONTENT as u64, "byte");
-                    return Err(Invalid::new("content", "more", format!("at most {allowed}")));
-                }
-                let Some(record) = self.records.last_mut() else {
-                    return Err(Invalid::missing("record", "before its content"));
-                };
-                record.content.extend(content);
-            }
-        }
-        Ok(())
+    if arriving.bytes() > StudyRecord::MAX_CONTENT {
+        let allowed = counted(StudyRecord::MAX_CONTENT as u64, "byte");
+        return Err(Invalid::new("content", "more", format!("at most {allowed}")));
     }
+    Ok(())
 }

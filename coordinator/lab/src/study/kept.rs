@@ -1,7 +1,7 @@
 //! Studies as the coordinator keeps them.
 
 use murmuration_cli::{CliError, connection::StudyClient};
-use murmuration_model::study_records::{StudyFile, StudyRecord};
+use murmuration_model::study_records::{StudyFile, StudyParts, StudyRecord};
 use murmuration_proto::v1::{self, study_part::Part};
 use murmuration_study::{KeptError, KeptStudy};
 use murmuration_swarm::Invalid;
@@ -12,21 +12,14 @@ pub(super) async fn get(client: &mut StudyClient, study: &str) -> Result<KeptStu
         study: study.to_owned(),
     };
     let mut parts = client.get_study(request).await?.into_inner();
-    let (mut file, mut records) = (None, Vec::<StudyRecord>::new());
+    let mut arriving = StudyParts::default();
     while let Some(part) = parts.message().await? {
-        match part.part {
-            None => {}
-            Some(Part::File(given)) => file = Some(StudyFile::from(given)),
-            Some(Part::Record(record)) => records.push(record.try_into()?),
-            Some(Part::Content(content)) => {
-                let record = records.last_mut();
-                let record = record.ok_or_else(|| Invalid::missing("record", "before its content"))?;
-                record.content.extend(content);
-            }
-        }
+        arriving.add(part.part)?;
     }
-    let file = file.ok_or_else(|| Invalid::missing("file", "the first part of a study"))?;
-    KeptStudy::new(&file, records).map_err(|error| damaged(study, &error))
+    let file = arriving
+        .file
+        .ok_or_else(|| Invalid::missing("file", "the first part of a study"))?;
+    KeptStudy::new(&file, arriving.records).map_err(|error| damaged(study, &error))
 }
 
 /// Stores the file of a study, records of it, or both.
