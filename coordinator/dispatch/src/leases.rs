@@ -43,6 +43,9 @@ pub(crate) const MOST_LOST: usize = 3;
 const SPECULATION_DELAY: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(5));
 /// A lease is late after this many times the usual turnaround.
 const LATE: u32 = 4;
+/// A machine hangs if it has had leases and answered none for this time, or for [`HANGS`] times the usual turnaround if that is longer.
+const HANGS_AFTER: Duration = Duration::from_secs(30);
+const HANGS: u32 = 8;
 
 /// When two results of the same task count as the same.
 pub trait Agree {
@@ -305,6 +308,7 @@ impl<R: Agree> LeaseTable<R> {
         results: Vec<R>,
         now: Instant,
     ) -> Result<(), Refused> {
+        self.note_answer(worker);
         let lease = self.leases.get(&number).ok_or(Refused::UnknownLease)?;
         let process = self.process(worker).ok_or(Refused::UnknownLease)?;
         if lease.process != process {
@@ -348,6 +352,7 @@ impl<R: Agree> LeaseTable<R> {
         let Some(job) = self.leased(worker, number) else {
             return;
         };
+        self.note_answer(worker);
         self.workers.change(worker, |worker| worker.rest_from(job, now));
         if let Some(job) = self.jobs.get_mut(&job) {
             job.rested.insert(worker);
@@ -411,13 +416,25 @@ impl<R: Agree> LeaseTable<R> {
 
     /// A lease makes progress, so its tasks are not to blame for workers lost before.
     pub(crate) fn get_on(&mut self, number: LeaseNumber) {
-        if let Some(Lease { job, tasks, .. }) = self.leases.get(&number)
-            && let Some(job) = self.jobs.get_mut(job)
-        {
+        let Some(Lease {
+            job, tasks, holder, ..
+        }) = self.leases.get(&number)
+        else {
+            return;
+        };
+        if let Some(job) = self.jobs.get_mut(job) {
             for &place in tasks {
                 job.tasks[place].lost.clear();
             }
         }
+        if let Some(holder) = *holder {
+            self.note_answer(holder);
+        }
+    }
+
+    /// A worker answered a lease, even one whose job is over: its machine does not hang.
+    pub(crate) fn note_answer(&mut self, worker: WorkerId) {
+        self.workers.answers(worker);
     }
 
     /// Records a job's progress as an event, and forgets the job once it is over.

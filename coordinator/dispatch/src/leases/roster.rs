@@ -2,6 +2,7 @@
 //! iterate over all workers take longer.
 
 use super::{WorkerId, workers::Worker};
+use murmuration_model::MachineId;
 use std::{
     cmp::Reverse,
     collections::{BTreeMap, BTreeSet},
@@ -15,6 +16,7 @@ type Turn = (usize, Reverse<usize>, WorkerId);
 #[derive(Debug)]
 pub(super) struct Roster {
     workers: BTreeMap<WorkerId, Worker>,
+    machines: BTreeMap<MachineId, Machine>,
     /// Workers that may get more.
     free: BTreeSet<Turn>,
     /// Workers that embed and may get more.
@@ -25,6 +27,15 @@ pub(super) struct Roster {
     embedders: Staff,
     /// Number of leases that workers hold.
     out: usize,
+}
+
+/// A machine with connected workers.
+#[derive(Debug, Default)]
+struct Machine {
+    /// Number of its workers, at least one.
+    workers: usize,
+    /// When it got the first lease since its last answer. Remains after the lease's job is over, since workers answer those leases too.
+    unanswered_since: Option<Instant>,
 }
 
 /// Number of workers that take work, and of tasks that they run at once, as far as proven.
@@ -62,6 +73,7 @@ impl Roster {
         };
         Self {
             workers: BTreeMap::new(),
+            machines: BTreeMap::new(),
             free: BTreeSet::new(),
             free_embedders: BTreeSet::new(),
             by_leases: BTreeSet::new(),
@@ -128,13 +140,45 @@ impl Roster {
 
     pub(super) fn insert(&mut self, id: WorkerId, worker: Worker) {
         self.enter(id, &worker);
+        self.machines.entry(worker.machine()).or_default().workers += 1;
         self.workers.insert(id, worker);
     }
 
     pub(super) fn remove(&mut self, id: WorkerId) {
-        if let Some(worker) = self.workers.remove(&id) {
-            self.strike(id, &worker);
+        let Some(worker) = self.workers.remove(&id) else {
+            return;
+        };
+        self.strike(id, &worker);
+        if let Some(machine) = self.machines.get_mut(&worker.machine()) {
+            machine.workers -= 1;
+            if machine.workers == 0 {
+                self.machines.remove(&worker.machine());
+            }
         }
+    }
+
+    /// Notes that a worker got a lease.
+    pub(super) fn gets_lease(&mut self, id: WorkerId, now: Instant) {
+        if let Some(machine) = self.machine_mut(id) {
+            machine.unanswered_since.get_or_insert(now);
+        }
+    }
+
+    /// Notes that a worker answered a lease, or got on with one.
+    pub(super) fn answers(&mut self, id: WorkerId) {
+        if let Some(machine) = self.machine_mut(id) {
+            machine.unanswered_since = None;
+        }
+    }
+
+    /// Since when a machine has had leases and answered none.
+    pub(super) fn unanswered_since(&self, machine: MachineId) -> Option<Instant> {
+        self.machines.get(&machine)?.unanswered_since
+    }
+
+    fn machine_mut(&mut self, id: WorkerId) -> Option<&mut Machine> {
+        let machine = self.workers.get(&id)?.machine();
+        self.machines.get_mut(&machine)
     }
 
     /// The only way to change a worker, because its turn may change too; `None` if the worker is unknown.

@@ -1,8 +1,8 @@
 //! Turns: chooses the next job, its tasks, and their worker.
 
 use super::{
-    AT_ONCE, Agree, Event, Grant, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH, SPECULATION_DELAY,
-    WorkerId, job::Job, workers::Worker,
+    AT_ONCE, Agree, Event, Grant, HANGS, HANGS_AFTER, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH,
+    SPECULATION_DELAY, WorkerId, job::Job, workers::Worker,
 };
 use murmuration_model::MachineId;
 use std::{
@@ -85,6 +85,7 @@ impl<R: Agree> LeaseTable<R> {
             worker.holds.insert(lease);
             worker.tasks += choice.tasks.len();
         });
+        self.workers.gets_lease(choice.worker, now);
         let entry = Lease {
             job: id,
             tasks: choice.tasks.clone(),
@@ -150,7 +151,9 @@ impl<R: Agree> LeaseTable<R> {
         }
         job.queues.alone.iter().find_map(|&place| {
             let wants = |worker: &Worker| job.tasks[place].wants(worker.machine());
-            let mut fitting = idle().filter(|(_, worker)| !worker.rests(id, now) && wants(worker));
+            let mut fitting = idle().filter(|(_, worker)| {
+                !worker.rests(id, now) && wants(worker) && !self.is_avoided(job, worker, now)
+            });
             let (worker, _) = fitting.next()?;
             Some(Choice {
                 worker,
@@ -242,7 +245,9 @@ impl<R: Agree> LeaseTable<R> {
                 .map(move |&place| (job, &job.tasks[place]))
         });
         alone.find_map(|(job, task)| {
-            let fits = |worker: &Worker| worker.suits(job) && task.wants(worker.machine());
+            let fits = |worker: &Worker| {
+                worker.suits(job) && task.wants(worker.machine()) && !self.is_avoided(job, worker, now)
+            };
             let fitting = || self.workers.by_leases().filter(|(_, worker)| fits(worker));
             let on_time = fitting().find(|(_, worker)| !self.is_behind(worker, now));
             let (id, _) = on_time.or_else(|| fitting().next())?;
@@ -251,7 +256,7 @@ impl<R: Agree> LeaseTable<R> {
     }
 
     /// Of the workers that may get more of a job, the one with the lowest load; one of a machine that is late only if all machines are,
-    /// and a worker that is late itself only if all workers are.
+    /// and a worker that is late itself only if all workers are. None of a machine that hangs, unless all do.
     fn free(
         &self,
         id: JobId,
@@ -266,7 +271,8 @@ impl<R: Agree> LeaseTable<R> {
             .collect();
         let (mut beside_late, mut behind) = (None, None);
         for (worker, known) in self.workers.free(job.embeds) {
-            if reserved == Some(worker) || known.rests(id, now) || !fits(known) {
+            let is_kept = reserved == Some(worker) || known.rests(id, now);
+            if is_kept || !fits(known) || self.is_avoided(job, known, now) {
                 continue;
             }
             if !late.contains(&known.machine()) {
@@ -287,8 +293,13 @@ impl<R: Agree> LeaseTable<R> {
         let mut concerned = BTreeSet::new();
         let mut over = BTreeMap::new();
         let anybody_works = self.workers() > 0;
-        for (id, place) in self.wanting_another_machine(now) {
-            let anybody = self.could_say(id, place, now);
+        let wanting = self.wanting_another_machine(now);
+        if wanting.is_empty() {
+            return;
+        }
+        let late = self.late_machines(now);
+        for (id, place) in wanting {
+            let anybody = self.could_say(id, place, &late, now);
             let Some(job) = self.jobs.get_mut(&id) else {
                 continue;
             };
@@ -356,13 +367,27 @@ impl<R: Agree> LeaseTable<R> {
         waiting.chain(late).filter(wants).collect()
     }
 
+    /// The machines that are late, with their tasks.
+    fn late_machines(&self, now: Instant) -> BTreeSet<(JobId, usize, MachineId)> {
+        let of = |lease: &Lease| (lease.job, lease.process.machine, lease.tasks.clone());
+        let late = self.late(now).map(of);
+        late.flat_map(|(job, machine, tasks)| tasks.into_iter().map(move |place| (job, place, machine)))
+            .collect()
+    }
+
     /// Whether a connected worker could soon answer a task that needs another machine.
     ///
-    /// A worker does not count if it is late with the task, is late with others and takes nothing more, has long been idle
-    /// without asking for work, or gave the task's job back and has done nothing of it since. Workers that gave the job back do
-    /// count if the job would end without them. Late and idle workers do count for a task without votes that a machine refused
-    /// or whose job is not speculative (such jobs take minutes).
-    fn could_say(&self, id: JobId, place: usize, now: Instant) -> bool {
+    /// A worker does not count if its machine is late with the task or hangs, if it is late with others and takes nothing more,
+    /// has long been idle without asking for work, or gave the task's job back and has done nothing of it since. Workers that gave
+    /// the job back do count if the job would end without them. Late, hanging and idle workers do count for a task without votes
+    /// that a machine refused or whose job is not speculative (such jobs take minutes).
+    fn could_say(
+        &self,
+        id: JobId,
+        place: usize,
+        late: &BTreeSet<(JobId, usize, MachineId)>,
+        now: Instant,
+    ) -> bool {
         let Some(job) = self.jobs.get(&id) else {
             return false;
         };
@@ -371,9 +396,12 @@ impl<R: Agree> LeaseTable<R> {
         let is_no_help = |worker: &Worker| {
             // A worker that is late with another task may still get this one, unless it takes nothing more.
             let takes_more = worker.credits > 0 && !worker.alone;
-            let is_late =
-                || self.is_behind(worker, now) && (!takes_more || self.has_in_hand(worker, id, place));
-            is_urgent && (worker.asks_for_nothing(now) || is_late())
+            let is_late = || self.is_behind(worker, now) && !takes_more;
+            is_urgent
+                && (worker.asks_for_nothing(now)
+                    || late.contains(&(id, place, worker.machine()))
+                    || self.hangs(worker.machine(), now)
+                    || is_late())
         };
         let ends_the_job = task.is_disputed() || !task.refused.is_empty();
         let gives_back = |worker: &Worker| !ends_the_job && worker.gave_back(id);
@@ -381,6 +409,21 @@ impl<R: Agree> LeaseTable<R> {
             let could = worker.suits(job) && task.wants(worker.machine());
             could && !is_no_help(worker) && !gives_back(worker)
         })
+    }
+
+    /// Whether a machine answers nothing, although its workers give signs of life.
+    fn hangs(&self, machine: MachineId, now: Instant) -> bool {
+        let limit = HANGS_AFTER.max(self.turnaround.unwrap_or_default() * HANGS);
+        let unanswered = self.workers.unanswered_since(machine);
+        unanswered.is_some_and(|since| now.saturating_duration_since(since) > limit)
+    }
+
+    /// Whether a worker gets nothing of a job because its machine hangs and another machine, which does not, could do it.
+    fn is_avoided(&self, job: &Job<R>, worker: &Worker, now: Instant) -> bool {
+        self.hangs(worker.machine(), now) && {
+            let mut workers = self.workers.iter();
+            workers.any(|(_, other)| other.suits(job) && !self.hangs(other.machine(), now))
+        }
     }
 
     /// Whether a worker is late with any lease.

@@ -17,6 +17,7 @@ impl Service {
     pub(super) fn take_result(&mut self, worker: WorkerId, lease: LeaseNumber, outcome: Outcome) {
         let Some(id) = self.table.leased(worker, lease) else {
             tracing::debug!(?worker, ?lease, "a result that nobody waits for");
+            self.table.note_answer(worker);
             return;
         };
         let (kind, places) = (self.kind(worker), self.table.tasks(lease));

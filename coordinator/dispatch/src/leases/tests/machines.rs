@@ -258,3 +258,72 @@ fn a_quarantined_machine_condemns_nothing() {
             .all(|settled| matches!(settled, Settled::Result { .. }))
     );
 }
+
+/// A machine with this many connections that takes every lease and answers none, and a sound one.
+fn beside_a_machine_that_hangs(connections: u64) -> (LeaseTable<u64>, WorkerId) {
+    let (mut table, []) = workers([]);
+    for instance in 0..connections {
+        join(&mut table, worker_of(7, instance), 4096);
+    }
+    let sound = join(&mut table, process(1), 64);
+    (table, sound)
+}
+
+/// Grants all that can be granted, and answers as the sound worker; returns whether the job is over.
+fn work(table: &mut LeaseTable<u64>, sound: WorkerId, now: Instant) -> bool {
+    while let Some(grant) = table.grant(now) {
+        if grant.worker == sound {
+            table.complete(sound, grant.lease, answers(&grant), now).unwrap();
+            table.add_credits(sound, grant.tasks.len());
+        }
+    }
+    table.jobs.is_empty()
+}
+
+#[test]
+fn an_audit_is_not_tried_on_each_connection_of_a_machine_that_hangs() {
+    let (mut table, sound) = beside_a_machine_that_hangs(10);
+    table.submit(audited(4));
+    let start = now();
+    let step = Duration::from_millis(100);
+    let over = (0..)
+        .map(|steps| start + step * steps)
+        .find(|&now| work(&mut table, sound, now));
+    let took = over.unwrap().duration_since(start);
+    assert!(took <= 3 * SPECULATION_DELAY.1, "{took:?}");
+}
+
+#[test]
+fn a_machine_that_hangs_gets_nothing_until_it_answers() {
+    let (mut table, sound) = beside_a_machine_that_hangs(2);
+    let start = now();
+    table.submit(params(64));
+    let hung = table.grant(start).unwrap();
+    assert_ne!(hung.worker, sound, "the first connection is the first");
+    let later = start + 2 * HANGS_AFTER;
+    while !work(&mut table, sound, later) {}
+    for _ in 0..100 {
+        table.submit(audited(8));
+        assert!(
+            work(&mut table, sound, later),
+            "nothing waits for the other machine"
+        );
+    }
+    // Its job is over, and still it is an answer.
+    let answer = table.complete(hung.worker, hung.lease, answers(&hung), later);
+    assert_eq!(answer, Err(Refused::UnknownLease));
+    let job = table.submit(audited(8));
+    assert!(!work(&mut table, sound, later), "audits wait for it again");
+    assert!(table.jobs.contains_key(&job));
+}
+
+#[test]
+fn a_machine_that_hangs_gets_work_that_no_other_can_do() {
+    let (mut table, sound) = beside_a_machine_that_hangs(1);
+    let start = now();
+    table.submit(params(64));
+    table.grant(start);
+    table.drain(sound);
+    let grant = table.grant(start + 2 * HANGS_AFTER).unwrap();
+    assert_ne!(grant.worker, sound);
+}
