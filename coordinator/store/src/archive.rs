@@ -3,8 +3,8 @@
 use super::{
     Provenance, Store, StoreError,
     campaigns::number_of,
-    compression::Decompressor,
     hidden::HIDDEN,
+    images::{Decompressor, StoredImage},
     individual::{ArchivedIndividual, compressed, read},
     numbers::{clamped, floats_to_blob},
     provenance::{ResultKind, add_provenance},
@@ -70,11 +70,11 @@ impl Store {
     ///
     /// # Errors
     /// If it cannot be written; then nothing was.
-    pub fn commit_generation(
+    pub fn commit_generation<I: StoredImage>(
         &self,
         campaign: &CampaignId,
         record: &GenerationRecord,
-        individuals: &[ArchivedIndividual],
+        individuals: &[ArchivedIndividual<I>],
         provenance: &Provenance,
     ) -> Result<(), StoreError> {
         // Compressed before the connection is taken, so that nobody waits for it.
@@ -275,10 +275,10 @@ pub(super) fn insert_generation(
 }
 
 /// Adds individuals with their compressed images and their embeddings.
-pub(super) fn insert_individuals(
+pub(super) fn insert_individuals<I>(
     transaction: &Transaction<'_>,
     campaign: i64,
-    individuals: &[ArchivedIndividual],
+    individuals: &[ArchivedIndividual<I>],
     images: &[Option<Vec<u8>>],
 ) -> Result<(), StoreError> {
     let mut individual = transaction.prepare(

@@ -2,7 +2,7 @@
 
 use super::{
     StoreError,
-    compression::{Compressor, Decompressor},
+    images::{Decompressor, StoredImage, columns},
     numbers::{blob_to_floats, blob_to_numbers, floats_to_blob, numbers_to_blob},
 };
 use murmuration_proto::v1;
@@ -11,9 +11,9 @@ use murmuration_swarm::{
 };
 use rusqlite::Row;
 
-/// One evaluated controller, with its images if they were asked for.
+/// One evaluated controller, with its images if they were asked for. `I` is the type of the images, see [`StoredImage`].
 #[derive(Debug, Clone, PartialEq)]
-pub struct ArchivedIndividual {
+pub struct ArchivedIndividual<I = Vec<u8>> {
     /// Place in the archive, from 0.
     pub index: u64,
     /// Generation, from 0.
@@ -22,37 +22,25 @@ pub struct ArchivedIndividual {
     /// Seed of its first start, from which the others follow ([`Starts::seeds`]).
     pub seed: u64,
     /// One for each start; at least one.
-    pub trials: Vec<Trial>,
+    pub trials: Vec<Trial<I>>,
     /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it was after its generation.
     pub novelty: f64,
 }
 
 /// Result of one simulation of an individual.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Trial {
+pub struct Trial<I = Vec<u8>> {
     /// Hand-crafted features.
     pub features: Features,
     /// Embedding of its picture by the campaign's checkpoint; empty if there is none.
     pub embedding: Vec<f32>,
     /// Grey values, index x * resolution + y; absent if they were not asked for.
-    pub image: Option<Vec<u8>>,
+    pub image: Option<I>,
     /// The judge's verdict, if it was asked.
     pub verdict: Option<Verdict>,
 }
 
 impl ArchivedIndividual {
-    /// Its hand-crafted features: means over its trials.
-    #[must_use]
-    pub fn features(&self) -> Features {
-        mean_features(self.trials.iter().map(|trial| &trial.features))
-    }
-
-    /// Its embedding: the mean over its trials; empty if there is none.
-    #[must_use]
-    pub fn embedding(&self) -> Vec<f32> {
-        mean_embedding(self.trials.iter().map(|trial| trial.embedding.as_slice()))
-    }
-
     /// Its picture: that of its first trial.
     #[must_use]
     pub fn image(&self) -> Option<&[u8]> {
@@ -69,12 +57,6 @@ impl ArchivedIndividual {
     #[must_use]
     pub fn into_images(self) -> Vec<Vec<u8>> {
         self.trials.into_iter().filter_map(|trial| trial.image).collect()
-    }
-
-    /// Its behaviour vector, on which novelty and clusters are measured.
-    #[must_use]
-    pub fn behaviour(&self, scale: &Scale) -> Vec<f64> {
-        scale.behaviour(&self.features(), &self.embedding())
     }
 
     /// An individual of which nothing was measured: one trial with zeros, no embedding and no picture.
@@ -113,6 +95,26 @@ impl ArchivedIndividual {
             ..self
         }
     }
+}
+
+impl<I> ArchivedIndividual<I> {
+    /// Its hand-crafted features: means over its trials.
+    #[must_use]
+    pub fn features(&self) -> Features {
+        mean_features(self.trials.iter().map(|trial| &trial.features))
+    }
+
+    /// Its embedding: the mean over its trials; empty if there is none.
+    #[must_use]
+    pub fn embedding(&self) -> Vec<f32> {
+        mean_embedding(self.trials.iter().map(|trial| trial.embedding.as_slice()))
+    }
+
+    /// Its behaviour vector, on which novelty and clusters are measured.
+    #[must_use]
+    pub fn behaviour(&self, scale: &Scale) -> Vec<f64> {
+        scale.behaviour(&self.features(), &self.embedding())
+    }
 
     /// The values of the columns for features and embeddings.
     pub(super) fn columns(&self) -> (Vec<u8>, Vec<u8>) {
@@ -121,9 +123,7 @@ impl ArchivedIndividual {
         let embeddings: Vec<f32> = trials.flat_map(|trial| trial.embedding.iter().copied()).collect();
         (floats_to_blob(&features), numbers_to_blob(&embeddings))
     }
-}
 
-impl ArchivedIndividual {
     /// The judge's verdicts on its trials; empty if it was not asked.
     pub fn verdicts(&self) -> impl Iterator<Item = Verdict> {
         self.trials.iter().filter_map(|trial| trial.verdict)
@@ -135,15 +135,13 @@ impl ArchivedIndividual {
 }
 
 /// The value of the image column of each individual, if it has images.
-pub(super) fn compressed(individuals: &[ArchivedIndividual]) -> Result<Vec<Option<Vec<u8>>>, StoreError> {
-    let mut compressor = Compressor::new()?;
-    let images = individuals.iter().map(|individual| {
-        let images = individual.trials.iter().map(|trial| trial.image.as_deref());
-        images.collect::<Option<Vec<_>>>().map(|images| images.concat())
-    });
-    images
-        .map(|images| images.map(|images| compressor.compress(&images)).transpose())
-        .collect()
+pub(super) fn compressed<I: StoredImage>(
+    individuals: &[ArchivedIndividual<I>],
+) -> Result<Vec<Option<Vec<u8>>>, StoreError> {
+    columns(individuals.iter().map(|individual| {
+        let images = individual.trials.iter().map(|trial| trial.image.as_ref());
+        images.collect::<Option<Vec<_>>>()
+    }))
 }
 
 /// The individual in a row (place, generation, controller, seed, features, novelty, image, embedding, verdicts), with its images if

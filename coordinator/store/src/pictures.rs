@@ -3,7 +3,7 @@
 use super::{
     Provenance, Store, StoreError,
     campaigns::number_of,
-    compression::{Compressor, Decompressor},
+    images::{Decompressor, StoredImage, columns},
     numbers::{blob_to_floats, clamped, floats_to_blob},
     provenance::{ResultKind, add_provenance},
 };
@@ -12,12 +12,13 @@ use murmuration_swarm::{CapabilityModel, Controller, Features};
 use rusqlite::{OptionalExtension as _, params};
 use std::ops::Range;
 
+/// A picture of a dataset. `I` is the type of the image, see [`StoredImage`].
 #[derive(Debug, Clone, PartialEq)]
-pub struct Picture {
+pub struct Picture<I = Vec<u8>> {
     pub controller: Controller,
     pub seed: u64,
     /// Grey values, as in an evaluation.
-    pub image: Vec<u8>,
+    pub image: I,
     /// `None` for a picture that was simulated before features were kept.
     pub features: Option<Features>,
 }
@@ -27,17 +28,15 @@ impl Store {
     ///
     /// # Errors
     /// If they cannot be written; then none was.
-    pub fn add_pictures(
+    pub fn add_pictures<I: StoredImage>(
         &self,
         campaign: &CampaignId,
         place: u64,
-        pictures: &[Picture],
+        pictures: &[Picture<I>],
         provenance: &Provenance,
     ) -> Result<(), StoreError> {
-        let mut compressor = Compressor::new()?;
-        let images = pictures.iter().map(|picture| compressor.compress(&picture.image));
         // Compressed before the connection is taken, so that nobody waits for it.
-        let images = images.collect::<Result<Vec<_>, _>>()?;
+        let images = columns(pictures.iter().map(|picture| Some(vec![&picture.image])))?;
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
             let mut statement = transaction.prepare(

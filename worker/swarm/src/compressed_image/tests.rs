@@ -6,7 +6,8 @@ use proptest::prelude::*;
 const PIXELS: usize = 2500;
 
 fn compressed(image: &[u8]) -> Vec<u8> {
-    Compressor::new().unwrap().compress(image).unwrap()
+    let image = Compressor::new().unwrap().compress(image).unwrap();
+    image.frame().to_vec()
 }
 
 fn decompressed(column: &[u8]) -> Result<Vec<u8>, NoImage> {
@@ -83,4 +84,40 @@ fn a_frame_that_holds_more_than_it_says_is_damaged() {
     assert_eq!(large[5..7], (60_000_u16 - 256).to_le_bytes());
     let lying = [&small[..7], &large[7..]].concat();
     assert_eq!(decompressed(&lying), Err(NoImage::Damaged));
+}
+
+#[test]
+fn pictures_that_follow_each_other_are_one_value_or_several() {
+    let pictures = [1, 2, 3].map(|grey| vec![grey; PIXELS]);
+    let frames = pictures.each_ref().map(|picture| compressed(picture)).concat();
+    let mut all = Decompressor::new(3 * PIXELS).unwrap();
+    assert_eq!(all.decompress(&frames).unwrap(), pictures.concat());
+    let mut each = Decompressor::new(PIXELS).unwrap();
+    let mut rest = frames.as_slice();
+    for picture in &pictures {
+        assert_eq!(each.take_frame(&mut rest).unwrap().pixels().unwrap(), *picture);
+    }
+    assert!(rest.is_empty() && each.take_frame(&mut rest).is_err());
+}
+
+#[test]
+fn a_frame_without_a_checksum_is_refused_from_outside() {
+    let plain = bulk::compress(&[7; PIXELS], LEVEL).unwrap();
+    let mut each = Decompressor::new(PIXELS).unwrap();
+    assert_eq!(each.decompress(&plain).unwrap(), [7; PIXELS]);
+    assert_eq!(each.take_frame(&mut plain.as_slice()), Err(NoImage::Damaged));
+}
+
+#[test]
+fn the_same_picture_may_be_compressed_in_several_ways() {
+    let picture: Vec<u8> = (0..PIXELS).map(|pixel| (pixel % 7 * (pixel % 3)) as u8).collect();
+    let mut other = bulk::Compressor::new(19).unwrap();
+    other.set_parameter(CParameter::ChecksumFlag(true)).unwrap();
+    let other = other.compress(&picture).unwrap();
+    let mut each = Decompressor::new(PIXELS).unwrap();
+    let [one, other] =
+        [compressed(&picture), other].map(|frame| each.take_frame(&mut frame.as_slice()).unwrap());
+    assert!(one != other && one.same_pixels(&other));
+    let black = each.take_frame(&mut compressed(&[0; PIXELS]).as_slice()).unwrap();
+    assert!(!one.same_pixels(&black));
 }
