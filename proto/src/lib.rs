@@ -26,6 +26,10 @@ pub const FILE_DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/de
 /// It changes whenever a bit of any evaluation changes. Coordinator and workers must have the same version.
 pub const SIMULATOR_VERSION: &str = "1";
 
+/// Version of the messages between coordinator and workers: of what the contract's descriptors do not show, the forms of their
+/// bytes, too.
+pub const PROTOCOL_VERSION: u32 = 1;
+
 /// Version of the function (pictures, training configuration) -> checkpoint.
 ///
 /// It changes whenever a bit of any checkpoint changes. Coordinator and trainers must have the same version.

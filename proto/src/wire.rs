@@ -134,12 +134,12 @@ mod tests {
     use super::*;
     use crate::v1::{self, worker_message::Message};
 
-    fn result(evaluations: usize) -> Vec<u8> {
-        let evaluations = v1::Evaluations {
-            evaluations: vec![v1::Evaluation::default(); evaluations],
+    fn result(embeddings: usize) -> Vec<u8> {
+        let embeddings = v1::Embeddings {
+            embeddings: vec![v1::Embedding::default(); embeddings],
         };
         let result = v1::BatchResult {
-            outcome: Some(v1::batch_result::Outcome::Evaluations(evaluations)),
+            outcome: Some(v1::batch_result::Outcome::Embeddings(embeddings)),
             ..Default::default()
         };
         let message = v1::WorkerMessage {

@@ -2,12 +2,13 @@
 
 use murmuration_link::{Coordinator, Credentials};
 use murmuration_proto::{
-    SIMULATOR_VERSION,
+    PROTOCOL_VERSION, SIMULATOR_VERSION,
     v1::{
         self, coordinator_message::Message as Answer, worker_message::Message,
         worker_service_client::WorkerServiceClient,
     },
 };
+use murmuration_swarm::Compressor;
 use std::{
     net::Ipv4Addr,
     sync::atomic::{AtomicU16, Ordering},
@@ -96,6 +97,7 @@ impl FakeWorker {
             instance: 0,
             // It claims that it can embed.
             embedding_kind: 1,
+            protocol_version: PROTOCOL_VERSION,
         })
     }
 
@@ -176,6 +178,7 @@ impl FakeWorker {
         self.send(Message::Result(v1::BatchResult {
             lease: Some(lease),
             outcome: Some(v1::batch_result::Outcome::Failure(failure)),
+            credits: 0,
         }))
         .await;
     }
@@ -187,14 +190,35 @@ impl FakeWorker {
 
     /// Answers a lease with an evaluation for each of its tasks.
     pub async fn answer_each(&self, lease: v1::LeaseId, evaluations: Vec<v1::Evaluation>) {
-        let evaluations = v1::Evaluations { evaluations };
+        self.answer_with(lease, columns(&evaluations)).await;
+    }
+
+    /// Answers a lease with these columns.
+    pub async fn answer_with(&self, lease: v1::LeaseId, evaluations: v1::Evaluations) {
         let outcome = Some(v1::batch_result::Outcome::Evaluations(evaluations));
         self.send(Message::Result(v1::BatchResult {
             lease: Some(lease),
             outcome,
+            credits: 0,
         }))
         .await;
     }
+}
+
+/// The evaluations by column, however wrong they are.
+fn columns(evaluations: &[v1::Evaluation]) -> v1::Evaluations {
+    let mut compressor = Compressor::new().unwrap();
+    let mut columns = v1::Evaluations::default();
+    for evaluation in evaluations {
+        let picture = compressor.compress(&evaluation.image).unwrap();
+        columns.features.extend(&evaluation.features);
+        columns.pictures.extend(picture.frame());
+        columns.embeddings.extend(&evaluation.embedding);
+        columns
+            .verdicts
+            .extend((evaluation.verdict != 0).then_some(evaluation.verdict));
+    }
+    columns
 }
 
 fn hello_as(instance: u64) -> Message {

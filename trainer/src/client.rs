@@ -168,6 +168,7 @@ async fn answer(link: &Link, lease: Option<v1::LeaseId>, outcome: Outcome) -> Re
     let result = v1::BatchResult {
         lease,
         outcome: Some(outcome),
+        credits: 0,
     };
     link.send(worker_message::Message::Result(result)).await
 }

@@ -83,6 +83,9 @@ async fn work(options: Options, stop: watch::Receiver<bool>) -> Result<(), Worke
     Ok(keep(&address, &options.health, &mut worker, stop).await?)
 }
 
+/// Most evaluations that a message may ask for.
+const MOST_ASKED: u32 = 65_536;
+
 struct Worker {
     pool: Pool,
 }
@@ -95,13 +98,9 @@ impl Peer for Worker {
             if stopping {
                 return self.drain(link).await;
             }
-            let wanted = self.pool.room().saturating_sub(promised);
+            let wanted = self.ask(&mut promised);
             if wanted > 0 {
-                promised += wanted;
-                let credits = v1::Credits {
-                    evaluations: wanted as u32,
-                };
-                self.pool.asked();
+                let credits = v1::Credits { evaluations: wanted };
                 link.send(worker_message::Message::Credits(credits)).await?;
             }
             tokio::select! {
@@ -110,7 +109,10 @@ impl Peer for Worker {
                         promised = promised.saturating_sub(self.take(message, &link).await?);
                     }
                 }
-                Some((id, outcome)) = self.pool.finished() => link.send(outcome.message(id)).await?,
+                Some((id, outcome)) = self.pool.finished() => {
+                    let wanted = self.ask(&mut promised);
+                    link.send(outcome.message(id, wanted)).await?;
+                }
                 () = stopped(&mut stop) => {}
             }
         }
@@ -118,18 +120,35 @@ impl Peer for Worker {
 }
 
 impl Worker {
+    /// Number of evaluations to ask for, beside those that were `promised` to the coordinator and have not come.
+    fn ask(&mut self, promised: &mut usize) -> u32 {
+        let wanted = self
+            .pool
+            .room()
+            .saturating_sub(*promised)
+            .min(MOST_ASKED as usize);
+        if wanted > 0 {
+            *promised += wanted;
+            self.pool.asked();
+        }
+        wanted as u32
+    }
+
     /// Hands a lease to the threads and returns the number of credits that it used.
     async fn take(&mut self, message: v1::Lease, link: &Link) -> Result<usize, Broken> {
         let id = message.id.unwrap_or_default();
         let credits = match &message.work {
             Some(v1::lease::Work::Evaluations(batch)) => batch.tasks.len(),
-            Some(v1::lease::Work::Embeddings(batch)) => batch.images.len(),
+            Some(v1::lease::Work::Embeddings(batch)) => batch.images.len() / batch.starts.max(1) as usize,
             Some(v1::lease::Work::Replay(_) | v1::lease::Work::Training(_)) => 1,
             None => 0,
         };
         match Lease::try_from(message) {
             Ok(lease) => self.pool.take(lease),
-            Err(invalid) => link.send(Outcome::fatal(invalid.to_string()).message(id)).await?,
+            Err(invalid) => {
+                link.send(Outcome::fatal(invalid.to_string()).message(id, 0))
+                    .await?
+            }
         }
         Ok(credits)
     }
@@ -140,7 +159,7 @@ impl Worker {
         self.pool.begin_nothing_more();
         while self.pool.outstanding() > 0 {
             tokio::select! {
-                Some((id, outcome)) = self.pool.finished() => link.send(outcome.message(id)).await?,
+                Some((id, outcome)) = self.pool.finished() => link.send(outcome.message(id, 0)).await?,
                 // Leases granted meanwhile go to another worker once the stream has ended.
                 message = link.receive() => drop(message?),
             }

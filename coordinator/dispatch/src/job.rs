@@ -6,8 +6,8 @@ use murmuration_model::{
 };
 use murmuration_proto::v1;
 use murmuration_swarm::{
-    CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, PictureShape, Starts,
-    World, training::Configuration,
+    CapabilityModel, CheckpointDigest, CompressedImage, Controller, Evaluation, Frames, ImageFormat,
+    PictureShape, Starts, World, training::Configuration,
 };
 use tokio::sync::watch;
 
@@ -133,7 +133,7 @@ pub struct ReplayJob {
 pub enum Evaluated {
     Done {
         /// Results of its trials: as many as the job has starts.
-        trials: Vec<Evaluation>,
+        trials: Vec<Evaluation<CompressedImage>>,
         maker: Maker,
     },
     /// The task was given up.

@@ -37,6 +37,17 @@ const MOST_NAMES: usize = 4096;
 /// or repeat a request.
 const MOST_PUBLICATIONS: u32 = 64;
 
+/// Most requests that are handled before leases are sent again.
+const AT_ONCE: usize = 64;
+
+/// The kinds of commands that were handled.
+enum Taken {
+    /// Signs of life only, as most messages of a large cluster. Such messages change no turn.
+    SignsOfLife,
+    Work,
+    Stop,
+}
+
 /// The dispatcher itself, owned by its one task.
 pub(super) struct Service {
     options: Options,
@@ -122,18 +133,14 @@ impl Service {
     pub(super) async fn run(mut self, mut inbox: mpsc::Receiver<Command>) {
         let mut tick = tokio::time::interval(TICK);
         tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut commands = Vec::with_capacity(AT_ONCE);
         loop {
             tokio::select! {
-                command = inbox.recv() => match command {
-                    None | Some(Command::Stop) => break,
-                    Some(Command::Work(request)) => {
-                        // Most messages of a large cluster are signs of life, which change no turn.
-                        let is_sign_of_life = request.is_sign_of_life();
-                        self.take(request);
-                        if is_sign_of_life {
-                            continue;
-                        }
-                    }
+                received = inbox.recv_many(&mut commands, AT_ONCE) => match self.take_all(&mut commands) {
+                    _ if received == 0 => break,
+                    Taken::Stop => break,
+                    Taken::SignsOfLife => continue,
+                    Taken::Work => {}
                 },
                 _ = tick.tick() => self.lose_silent_workers(),
             }
@@ -153,6 +160,20 @@ impl Service {
                 Some(Status::unavailable("the coordinator is shutting down")),
             );
         }
+    }
+
+    fn take_all(&mut self, commands: &mut Vec<Command>) -> Taken {
+        let mut taken = Taken::SignsOfLife;
+        for command in commands.drain(..) {
+            let Command::Work(request) = command else {
+                return Taken::Stop;
+            };
+            if !request.is_sign_of_life() {
+                taken = Taken::Work;
+            }
+            self.take(request);
+        }
+        taken
     }
 
     fn take(&mut self, request: Request) {

@@ -6,8 +6,8 @@ use murmuration_model::{CampaignId, MachineId, Maker, Weight};
 use murmuration_proto::v1::{self, batch_result::Outcome};
 use murmuration_sim::features::{FeatureBounds, check_positions};
 use murmuration_swarm::{
-    CheckpointDigest, Controller, EmbeddingKind, Evaluation, Extras, Invalid, Replay, Starts, World,
-    check_embedding, embeddings_agree,
+    CheckpointDigest, CompressedImage, Controller, EmbeddingKind, Evaluation, Extras, Invalid, Replay,
+    Starts, World, check_embedding, embeddings_agree,
 };
 use std::fmt::Debug;
 
@@ -109,7 +109,7 @@ fn other_work() -> Invalid {
 }
 
 impl Work for EvaluationJob {
-    type Result = (Vec<Evaluation>, EmbeddingKind);
+    type Result = (Vec<Evaluation<CompressedImage>>, EmbeddingKind);
     type Outcome = Evaluated;
 
     const KIND: WorkKind = WorkKind::Evaluation;
@@ -161,14 +161,13 @@ impl Work for EvaluationJob {
             judge: self.judges,
         };
         let bounds = FeatureBounds::of(&self.model, &self.world);
-        let take = |evaluation| bounds.evaluation(evaluation, &self.image, extras);
-        let trials: Result<Vec<_>, Invalid> = message.evaluations.into_iter().map(take).collect();
-        let tasks = by_task("evaluations", trials?, self.starts)?;
+        let trials = bounds.received(&message, &self.image, extras)?;
+        let tasks = by_task("evaluations", trials, self.starts)?;
         Ok(tasks.into_iter().map(|trials| (trials, kind)).collect())
     }
 
     fn agree((one, kind): &Self::Result, (other, others): &Self::Result) -> bool {
-        let agree = |one: &Evaluation, other: &Evaluation| {
+        let agree = |one: &Evaluation<_>, other: &Evaluation<_>| {
             one.same_simulation(other)
                 && embeddings_agree((one.embedding(), *kind), (other.embedding(), *others))
         };
@@ -230,7 +229,10 @@ impl Work for EmbeddingJob {
         let Outcome::Embeddings(message) = outcome else {
             return Err(other_work());
         };
-        let take = |embedding: v1::Embedding| check_embedding(embedding.values, self.embedder.dimensions);
+        let take = |embedding: v1::Embedding| {
+            check_embedding(&embedding.values, self.embedder.dimensions)?;
+            Ok(embedding.values)
+        };
         let trials: Result<Vec<_>, Invalid> = message.embeddings.into_iter().map(take).collect();
         let tasks = by_task("embeddings", trials?, self.starts)?;
         Ok(tasks.into_iter().map(|trials| (trials, kind)).collect())

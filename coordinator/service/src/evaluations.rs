@@ -13,8 +13,10 @@ use murmuration_proto::{
     parts::parts,
     v1::{self, evaluate_request::Part},
 };
-use murmuration_store::checkpoints::Checkpoints;
-use murmuration_swarm::{CampaignSpec, Controller, EmbedderSource, Invalid, counted, start_seed};
+use murmuration_store::{StoreError, checkpoints::Checkpoints};
+use murmuration_swarm::{
+    CampaignSpec, CompressedImage, Controller, EmbedderSource, Evaluation, Invalid, counted, start_seed,
+};
 use std::{
     collections::BTreeMap,
     iter,
@@ -177,9 +179,9 @@ async fn evaluated(
         }
     }
     let results = evaluated.into_iter().zip(seeds);
-    Ok(results
+    results
         .map(|(evaluated, seed)| described.result(evaluated, seed))
-        .collect())
+        .collect()
 }
 
 /// Converts an error to a status that numbers the controllers as in the stream.
@@ -258,17 +260,13 @@ impl Described {
         })
     }
 
-    fn result(&self, evaluated: Evaluated, seed: u64) -> v1::EvaluateResult {
-        match evaluated {
+    fn result(&self, evaluated: Evaluated, seed: u64) -> Result<v1::EvaluateResult, Status> {
+        Ok(match evaluated {
             Evaluated::Done { trials, .. } => v1::EvaluateResult {
                 trials: trials
                     .into_iter()
-                    .map(|trial| {
-                        let trial = v1::Evaluation::from(trial);
-                        let image = if self.pictures { trial.image } else { Vec::new() };
-                        v1::Evaluation { image, ..trial }
-                    })
-                    .collect(),
+                    .map(|trial| self.trial(&trial))
+                    .collect::<Result<_, _>>()?,
                 failure: String::new(),
                 seed,
             },
@@ -277,7 +275,23 @@ impl Described {
                 failure: task.to_string(),
                 seed,
             },
-        }
+        })
+    }
+
+    fn trial(&self, trial: &Evaluation<CompressedImage>) -> Result<v1::Evaluation, Status> {
+        let pixels = || {
+            trial
+                .image()
+                .pixels()
+                .map_err(StoreError::Compression)
+                .or_status()
+        };
+        Ok(v1::Evaluation {
+            features: trial.features().to_vec(),
+            image: if self.pictures { pixels()? } else { Vec::new() },
+            embedding: trial.embedding().to_vec(),
+            verdict: trial.verdict().map_or(0, |verdict| verdict.number().into()),
+        })
     }
 }
 

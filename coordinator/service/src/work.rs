@@ -5,7 +5,7 @@ use crate::status::OrStatus as _;
 use murmuration_access::origin;
 use murmuration_dispatch::{Dispatch, JoinRequest, OUTBOX, TrainingLease, WorkerId, WorkerReport};
 use murmuration_model::Origin;
-use murmuration_proto::{SIMULATOR_VERSION, v1};
+use murmuration_proto::{PROTOCOL_VERSION, SIMULATOR_VERSION, v1};
 use murmuration_store::{Store, StoreError};
 use murmuration_swarm::{CheckpointDigest, Invalid, Lineage, Text, text};
 use std::time::Duration;
@@ -116,14 +116,19 @@ async fn hello(inbox: &mut Streaming<v1::WorkerMessage>, check: CheckVersion) ->
 }
 
 fn check_simulator(hello: &v1::Hello) -> Result<(), Status> {
-    if hello.simulator_version == SIMULATOR_VERSION {
+    let (kind, needed, has) = if hello.simulator_version != SIMULATOR_VERSION {
+        let has = Text::line(&hello.simulator_version).to_string();
+        ("simulator", SIMULATOR_VERSION.to_owned(), has)
+    } else if hello.protocol_version != PROTOCOL_VERSION {
+        let has = hello.protocol_version.to_string();
+        ("protocol", PROTOCOL_VERSION.to_string(), has)
+    } else {
         return Ok(());
-    }
+    };
     Err(Status::failed_precondition(format!(
-        "this coordinator needs workers with simulator version {SIMULATOR_VERSION}, worker \"{}\" has version {}: run \
-         the murmuration-worker that came with the coordinator",
+        "this coordinator needs workers with {kind} version {needed}, worker \"{}\" has version {has}: run the \
+         murmuration-worker that came with the coordinator",
         hello.name,
-        Text::line(&hello.simulator_version),
     )))
 }
 
@@ -137,7 +142,9 @@ async fn pass_on(
     use v1::worker_message::Message;
     let mut snapshots = Snapshots::of(dispatch.clone(), worker);
     while let Some(message) = inbox.next().await {
-        let report = match (message.map_err(blamed)?.message, &peer) {
+        let message = message.map_err(blamed)?.message;
+        let more = more_credits(message.as_ref())?;
+        let report = match (message, &peer) {
             (Some(Message::Snapshot(_) | Message::Training(_)), Peer::Worker) => {
                 let allowed = "a message of a worker: only trainers save and report trainings";
                 return Err(Invalid::new("message", "about a training", allowed).into());
@@ -147,8 +154,32 @@ async fn pass_on(
             (message, Peer::Worker) => report(message)?,
         };
         dispatch.report(worker, report).await;
+        if let Some(credits) = more {
+            dispatch.report(worker, credits).await;
+        }
     }
     Ok(())
+}
+
+/// The credits that come with a result.
+fn more_credits(message: Option<&v1::worker_message::Message>) -> Result<Option<WorkerReport>, Invalid> {
+    match message {
+        Some(v1::worker_message::Message::Result(result)) if result.credits > 0 => {
+            credits("result.credits", result.credits).map(Some)
+        }
+        _ => Ok(None),
+    }
+}
+
+fn credits(field: &str, evaluations: u32) -> Result<WorkerReport, Invalid> {
+    match evaluations {
+        1..=MAX_CREDITS => Ok(WorkerReport::Credits(evaluations as usize)),
+        _ => Err(Invalid::new(
+            field,
+            evaluations,
+            format!("from 1 to {MAX_CREDITS}"),
+        )),
+    }
 }
 
 /// Returns the report. If its checkpoint was never published or belongs to another training, its digest is replaced by invalid
@@ -206,14 +237,7 @@ fn is_of(lineage: &Lineage, lease: &TrainingLease) -> bool {
 fn report(message: Option<v1::worker_message::Message>) -> Result<WorkerReport, Invalid> {
     use v1::worker_message::Message;
     match message {
-        Some(Message::Credits(credits)) if (1..=MAX_CREDITS).contains(&credits.evaluations) => {
-            Ok(WorkerReport::Credits(credits.evaluations as usize))
-        }
-        Some(Message::Credits(credits)) => Err(Invalid::new(
-            "credits.evaluations",
-            credits.evaluations,
-            format!("from 1 to {MAX_CREDITS}"),
-        )),
+        Some(Message::Credits(message)) => credits("credits.evaluations", message.evaluations),
         Some(Message::Result(result)) => {
             let (epoch, lease) = lease_id(result.lease, "result.lease")?;
             let outcome = result

@@ -148,7 +148,7 @@ pub fn impossible(scale: &Scale, undisturbed: &Undisturbed) -> Row {
                 image: vec![0; 2499],
                 ..lie()
             },
-            "must be 2500 bytes",
+            "not of 2500 pixels",
         ),
         (
             "a picture of 4 MiB",
@@ -156,7 +156,7 @@ pub fn impossible(scale: &Scale, undisturbed: &Undisturbed) -> Row {
                 image: vec![0; 4 << 20],
                 ..lie()
             },
-            "must be 2500 bytes",
+            "not of 2500 pixels",
         ),
         (
             "an embedding unasked",

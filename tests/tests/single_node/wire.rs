@@ -2,7 +2,7 @@
 
 use murmuration_link::{Credentials, Health, READY};
 use murmuration_proto::{
-    SIMULATOR_VERSION,
+    PROTOCOL_VERSION, SIMULATOR_VERSION,
     v1::{self, coordinator_message::Message as Answer, worker_message::Message},
 };
 use murmuration_tests::{Cluster, FakeWorker, small_spec};
@@ -89,7 +89,7 @@ async fn impossible_results_are_refused_by_name() {
                 ..good()
             },
             0,
-            "features = 4 values: must be 5 values",
+            "features = 16 values: must be 5 values per trial",
         ),
         (
             v1::Evaluation {
@@ -97,7 +97,7 @@ async fn impossible_results_are_refused_by_name() {
                 ..good()
             },
             0,
-            "image = 2499 bytes: must be 2500 bytes",
+            "[0].picture = not of 2500 pixels: must be a zstd frame",
         ),
         (
             v1::Evaluation {
@@ -105,7 +105,7 @@ async fn impossible_results_are_refused_by_name() {
                 ..good()
             },
             0,
-            "verdict = 2: must be absent",
+            "verdicts = 4 values: must be 0",
         ),
         (good(), 1, "results for a lease of"),
         (
@@ -174,7 +174,7 @@ async fn results_for_leases_that_never_were_are_ignored() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn another_simulator_version_is_told_which_one_to_run() {
+async fn another_version_is_told_which_one_to_run() {
     let folder = tempfile::tempdir().unwrap();
     let cluster = Cluster::start(folder.path(), 0).await;
     let status = FakeWorker::say_hello(&cluster.url(), FakeWorker::hello("0"))
@@ -184,6 +184,17 @@ async fn another_simulator_version_is_told_which_one_to_run() {
     let expected = format!(
         "needs workers with simulator version {SIMULATOR_VERSION}, worker \"impostor\" has version 0"
     );
+    assert!(status.message().contains(&expected), "{status}");
+    let Message::Hello(hello) = FakeWorker::hello(SIMULATOR_VERSION) else {
+        panic!("not Hello");
+    };
+    let before = Message::Hello(v1::Hello {
+        protocol_version: 0,
+        ..hello
+    });
+    let status = FakeWorker::say_hello(&cluster.url(), before).await.unwrap_err();
+    let expected =
+        format!("needs workers with protocol version {PROTOCOL_VERSION}, worker \"impostor\" has version 0");
     assert!(status.message().contains(&expected), "{status}");
     cluster.stop().await;
 }

@@ -29,7 +29,7 @@ pub use telemetry::{TRACE_PARENT, Telemetry, follow, telemetry, trace_parent};
 pub use token::{Token, TokenDigest, TokenError};
 
 use backoff::Backoff;
-use murmuration_proto::{SIMULATOR_VERSION, TRAINER_VERSION, v1};
+use murmuration_proto::{PROTOCOL_VERSION, SIMULATOR_VERSION, TRAINER_VERSION, v1};
 use murmuration_swarm::{EmbeddingKind, Text, text::masked_url};
 use std::{
     future::Future,
@@ -65,6 +65,7 @@ impl Role {
                 trainer_version: String::new(),
                 instance,
                 embedding_kind: kind.number(),
+                protocol_version: PROTOCOL_VERSION,
             },
             Self::Trainer => v1::Hello {
                 name,
@@ -73,6 +74,7 @@ impl Role {
                 trainer_version: TRAINER_VERSION.to_owned(),
                 instance,
                 embedding_kind: 0,
+                protocol_version: PROTOCOL_VERSION,
             },
         }
     }

@@ -8,7 +8,7 @@ use murmuration_embed::{EmbedError, Embedder, Embedders};
 use murmuration_proto::v1;
 use murmuration_sim::{evaluate::Evaluator, replay::replay_frames, simulate::Start};
 use murmuration_swarm::{CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, Starts, World};
-use std::sync::Arc;
+use std::{io, sync::Arc};
 
 pub(super) struct Executor {
     checkpoints: Arc<Checkpoints>,
@@ -34,6 +34,8 @@ enum Undone {
     Checkpoint(#[from] Unavailable),
     #[error(transparent)]
     Embed(#[from] EmbedError),
+    #[error("pictures cannot be compressed: {0}")]
+    Compression(#[from] io::Error),
 }
 
 impl Executor {
@@ -54,6 +56,7 @@ impl Executor {
                 Undone::Checkpoint(unavailable) if unavailable.may_be_had_elsewhere() => {
                     Outcome::retryable(message)
                 }
+                Undone::Compression(_) => Outcome::retryable(message),
                 _ => Outcome::fatal(message),
             }
         })
@@ -71,10 +74,12 @@ impl Executor {
             } => {
                 let params = EvaluatorParams { world, image, judges };
                 let evaluations = self.evaluate(params, starts, &tasks)?;
-                Outcome::Evaluations(match checkpoint {
+                let evaluations = match checkpoint {
                     Some(checkpoint) => embedded(self.embedder(checkpoint, id)?, evaluations)?,
                     None => evaluations,
-                })
+                };
+                // Each worker compresses its own pictures, because the coordinator has many workers' pictures to keep.
+                Outcome::Evaluations(Evaluation::message(&evaluations)?)
             }
             Work::Embeddings {
                 checkpoint, images, ..
@@ -129,7 +134,7 @@ impl Executor {
 }
 
 fn embedded(embedder: &mut Embedder, evaluations: Vec<Evaluation>) -> Result<Vec<Evaluation>, Undone> {
-    let images: Vec<&[u8]> = evaluations.iter().map(Evaluation::image).collect();
+    let images: Vec<&[u8]> = evaluations.iter().map(Evaluation::<Vec<u8>>::image).collect();
     let embeddings = embedder.embed(&images)?;
     let dimensions = embedder.model().dimensions();
     let pairs = evaluations.into_iter().zip(embeddings);

@@ -2,8 +2,7 @@
 
 use murmuration_proto::v1;
 use murmuration_swarm::{
-    CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, Invalid, Replay, Starts,
-    World,
+    CapabilityModel, CheckpointDigest, Controller, Frames, ImageFormat, Invalid, Replay, Starts, World,
 };
 
 /// Maximum number of tasks or pictures in one batch.
@@ -61,7 +60,7 @@ impl Work {
 /// The outcome of a lease.
 #[derive(Debug)]
 pub(super) enum Outcome {
-    Evaluations(Vec<Evaluation>),
+    Evaluations(v1::Evaluations),
     Embeddings(Vec<Vec<f32>>),
     Replay(Replay),
     Failure {
@@ -87,12 +86,11 @@ impl Outcome {
         }
     }
 
-    pub(super) fn message(self, id: v1::LeaseId) -> v1::worker_message::Message {
+    /// The message about a lease, with room for `credits` more evaluations.
+    pub(super) fn message(self, id: v1::LeaseId, credits: u32) -> v1::worker_message::Message {
         use v1::batch_result;
         let outcome = match self {
-            Self::Evaluations(evaluations) => batch_result::Outcome::Evaluations(v1::Evaluations {
-                evaluations: evaluations.into_iter().map(Into::into).collect(),
-            }),
+            Self::Evaluations(evaluations) => batch_result::Outcome::Evaluations(evaluations),
             Self::Embeddings(embeddings) => {
                 let embeddings = embeddings.into_iter().map(|values| v1::Embedding { values });
                 batch_result::Outcome::Embeddings(v1::Embeddings {
@@ -108,6 +106,7 @@ impl Outcome {
         v1::worker_message::Message::Result(v1::BatchResult {
             lease: Some(id),
             outcome: Some(outcome),
+            credits,
         })
     }
 }

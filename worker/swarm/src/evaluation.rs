@@ -1,7 +1,8 @@
 //! The outcome of one simulation.
 
-use crate::{ImageFormat, Invalid, Verdict, counted};
+use crate::{CompressedImage, Compressor, Decompressor, ImageFormat, Invalid, NoImage, Verdict, counted};
 use murmuration_proto::v1;
+use std::io;
 
 /// The five hand-crafted features of Brown et al. (paper, Table 1), each a mean over the last 100 steps:
 /// average speed, angular momentum, radial variance (times 20), scatter, group rotation.
@@ -48,11 +49,12 @@ pub fn mean_embedding<'a>(trials: impl Iterator<Item = &'a [f32]>) -> Vec<f32> {
     sum.unwrap_or_default().into_iter().map(mean).collect()
 }
 
-/// The outcome of simulating one controller from one start.
+/// The outcome of simulating one controller from one start. `I` is its picture: the grey values, channel by channel, each with index
+/// `x * resolution + y`, or a [`CompressedImage`] of them if a worker sent it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Evaluation {
+pub struct Evaluation<I = Vec<u8>> {
     features: Features,
-    image: Vec<u8>,
+    image: I,
     /// Empty if not requested.
     embedding: Vec<f32>,
     /// `None` if not requested.
@@ -74,16 +76,7 @@ impl Evaluation {
     /// # Errors
     /// Names a feature that is not finite or over [`MAX_FEATURE`], or a picture of the wrong length.
     pub fn new(features: Features, image: Vec<u8>, format: &ImageFormat) -> Result<Self, Invalid> {
-        for (name, value) in FEATURE_NAMES.iter().zip(features) {
-            if !value.is_finite() {
-                return Err(Invalid::new(format!("features.{name}"), value, "finite"));
-            }
-            if value.abs() > MAX_FEATURE {
-                let value = format!("{value:e}");
-                let allowed = format!("at most {MAX_FEATURE:e} in magnitude");
-                return Err(Invalid::new(format!("features.{name}"), value, allowed));
-            }
-        }
+        check_features(&features)?;
         if image.len() != format.bytes() {
             let allowed = format!("{} bytes", format.bytes());
             return Err(Invalid::new("image", format!("{} bytes", image.len()), allowed));
@@ -108,53 +101,146 @@ impl Evaluation {
     /// As [`check_embedding`].
     pub fn embedded(self, embedding: Vec<f32>, dimensions: usize) -> Result<Self, Invalid> {
         Ok(Self {
-            embedding: check_embedding(embedding, dimensions)?,
+            embedding: check_embedding(&embedding, dimensions).map(|()| embedding)?,
             ..self
         })
     }
 
-    /// Validates an evaluation from a worker that was asked for pictures in `format` and for these `extras`.
+    /// The evaluations as a worker sends them.
     ///
     /// # Errors
-    /// As [`Evaluation::new`] and [`Evaluation::embedded`]. Also if there are not five features, if there is a verdict that was
-    /// not requested, or if a requested verdict is missing.
-    pub fn for_format(
-        message: v1::Evaluation,
+    /// If there is no memory to compress the pictures.
+    pub fn message(evaluations: &[Self]) -> io::Result<v1::Evaluations> {
+        let mut compressor = Compressor::new()?;
+        let mut message = v1::Evaluations::default();
+        for evaluation in evaluations {
+            let image = compressor.compress(&evaluation.image)?;
+            message.features.extend_from_slice(&evaluation.features);
+            message.pictures.extend_from_slice(image.frame());
+            message.embeddings.extend_from_slice(&evaluation.embedding);
+            let verdict = evaluation.verdict.map(|verdict| i32::from(verdict.number()));
+            message.verdicts.extend(verdict);
+        }
+        Ok(message)
+    }
+}
+
+impl Evaluation<CompressedImage> {
+    /// Validates the evaluations of a worker that was asked for pictures in `format` and for these `extras`.
+    ///
+    /// # Errors
+    /// Names what is wrong, with the number of the trial: a feature that is not finite or over [`MAX_FEATURE`], a picture that cannot
+    /// be decompressed or has the wrong size, or an embedding as in [`check_embedding`]. Also if columns are missing, were not
+    /// requested, or have different numbers of trials.
+    pub fn received(
+        message: &v1::Evaluations,
         format: &ImageFormat,
         extras: Extras,
-    ) -> Result<Self, Invalid> {
-        let features = Features::try_from(message.features.as_slice()).map_err(|_| {
-            Invalid::new(
-                "features",
-                counted(message.features.len() as u64, "value"),
-                "5 values",
-            )
-        })?;
-        let verdict = match (extras.judge, message.verdict) {
-            (false, 0) => None,
-            (false, number) => return Err(Invalid::new("verdict", number, "absent: nobody asked for it")),
-            (true, number) => Some(Verdict::try_from(number)?),
+    ) -> Result<Vec<Self>, Invalid> {
+        let (features, rest) = message.features.as_chunks();
+        if !rest.is_empty() {
+            let found = counted(message.features.len() as u64, "value");
+            return Err(Invalid::new("features", found, "5 values per trial"));
+        }
+        let trials = features.len();
+        let column = |name: &str, found: usize, wanted: usize| match found == wanted {
+            true => Ok(()),
+            false => Err(Invalid::new(
+                name,
+                counted(found as u64, "value"),
+                wanted.to_string(),
+            )),
         };
-        let evaluation = Self::new(features, message.image, format)?;
-        let embedded = evaluation.embedded(message.embedding, extras.dimensions.unwrap_or(0))?;
-        Ok(embedded.judged(verdict))
+        let dimensions = extras.dimensions.unwrap_or(0);
+        column("embeddings", message.embeddings.len(), trials * dimensions)?;
+        column(
+            "verdicts",
+            message.verdicts.len(),
+            if extras.judge { trials } else { 0 },
+        )?;
+        let no_memory = |error: io::Error| Invalid::new("pictures", error, "small enough to decompress");
+        let mut decompressor = Decompressor::new(format.bytes()).map_err(no_memory)?;
+        let mut pictures = message.pictures.as_slice();
+        let trial = |(place, &features): (usize, &Features)| {
+            check_features(&features)?;
+            let embedding = &message.embeddings[place * dimensions..][..dimensions];
+            check_embedding(embedding, dimensions)?;
+            let verdict = message.verdicts.get(place).copied();
+            Ok(Self {
+                features,
+                image: decompressor
+                    .take_frame(&mut pictures)
+                    .map_err(|error| no_image(&error))?,
+                embedding: embedding.to_vec(),
+                verdict: verdict.map(Verdict::try_from).transpose()?,
+            })
+        };
+        let within = |(place, trial): (usize, Result<_, Invalid>)| {
+            trial.map_err(|error| error.within(&format!("evaluations[{place}]")))
+        };
+        let evaluations = features.iter().enumerate().map(trial).enumerate().map(within);
+        let evaluations = evaluations.collect::<Result<_, _>>()?;
+        match pictures {
+            [] => Ok(evaluations),
+            rest => Err(Invalid::new(
+                "pictures",
+                format!("{} bytes too many", rest.len()),
+                "a frame for each trial",
+            )),
+        }
     }
 
+    /// The compressed picture.
+    #[must_use]
+    pub const fn image(&self) -> &CompressedImage {
+        &self.image
+    }
+
+    /// The evaluation with its grey values.
+    ///
+    /// # Errors
+    /// If there is no memory for them.
+    pub fn decompressed(self) -> io::Result<Evaluation> {
+        Ok(Evaluation {
+            features: self.features,
+            image: self.image.pixels()?,
+            embedding: self.embedding,
+            verdict: self.verdict,
+        })
+    }
+
+    /// Whether features and pictures have the same bits, and the verdicts are the same; embeddings are ignored.
+    #[must_use]
+    pub fn same_simulation(&self, other: &Self) -> bool {
+        self.same_measures(other) && self.image.same_pixels(&other.image)
+    }
+}
+
+impl Evaluation {
+    /// The grey values.
+    #[must_use]
+    pub fn image(&self) -> &[u8] {
+        &self.image
+    }
+
+    /// Whether both have the same bits.
+    #[must_use]
+    pub fn same_bits(&self, other: &Self) -> bool {
+        let seen = self.same_measures(other) && self.image == other.image;
+        seen && same_embedding(&self.embedding, &other.embedding)
+    }
+}
+
+impl<I> Evaluation<I> {
     /// The hand-crafted features.
     #[must_use]
     pub const fn features(&self) -> &Features {
         &self.features
     }
 
-    /// The picture: grey values, channel by channel, each with index `x * resolution + y`.
-    #[must_use]
-    pub fn image(&self) -> &[u8] {
-        &self.image
-    }
-
     /// The picture alone.
     #[must_use]
-    pub fn into_image(self) -> Vec<u8> {
+    pub fn into_image(self) -> I {
         self.image
     }
 
@@ -170,19 +256,29 @@ impl Evaluation {
         self.verdict
     }
 
-    /// Whether both have the same bits.
-    #[must_use]
-    pub fn same_bits(&self, other: &Self) -> bool {
-        self.same_simulation(other) && same_embedding(&self.embedding, &other.embedding)
-    }
-
-    /// Whether features and image have the same bits, and the verdicts are the same; embeddings are ignored.
-    #[must_use]
-    pub fn same_simulation(&self, other: &Self) -> bool {
+    fn same_measures(&self, other: &Self) -> bool {
         let bits = |features: &Features| features.map(f64::to_bits);
-        let seen = bits(&self.features) == bits(&other.features) && self.image == other.image;
-        seen && self.verdict == other.verdict
+        bits(&self.features) == bits(&other.features) && self.verdict == other.verdict
     }
+}
+
+fn check_features(features: &Features) -> Result<(), Invalid> {
+    for (name, value) in FEATURE_NAMES.iter().zip(features) {
+        if !value.is_finite() {
+            return Err(Invalid::new(format!("features.{name}"), value, "finite"));
+        }
+        if value.abs() > MAX_FEATURE {
+            let value = format!("{value:e}");
+            let allowed = format!("at most {MAX_FEATURE:e} in magnitude");
+            return Err(Invalid::new(format!("features.{name}"), value, allowed));
+        }
+    }
+    Ok(())
+}
+
+fn no_image(error: &NoImage) -> Invalid {
+    let allowed = "a zstd frame with a checksum, of as many grey values as the format asks for";
+    Invalid::new("picture", error, allowed)
 }
 
 /// Kind of a machine that embeds. Machines of one kind embed a picture to the same bits, machines of different kinds to nearly
@@ -256,7 +352,7 @@ fn same_embedding(one: &[f32], other: &[f32]) -> bool {
 ///
 /// # Errors
 /// If the length or a number is not allowed.
-pub fn check_embedding(embedding: Vec<f32>, dimensions: usize) -> Result<Vec<f32>, Invalid> {
+pub fn check_embedding(embedding: &[f32], dimensions: usize) -> Result<(), Invalid> {
     if embedding.len() != dimensions {
         let allowed = counted(dimensions as u64, "value");
         return Err(Invalid::new(
@@ -272,18 +368,7 @@ pub fn check_embedding(embedding: Vec<f32>, dimensions: usize) -> Result<Vec<f32
             format!("{:e}", embedding[place]),
             format!("finite, and at most {MAX_EMBEDDING:e} in magnitude"),
         )),
-        None => Ok(embedding),
-    }
-}
-
-impl From<Evaluation> for v1::Evaluation {
-    fn from(evaluation: Evaluation) -> Self {
-        Self {
-            features: evaluation.features.to_vec(),
-            image: evaluation.image,
-            embedding: evaluation.embedding,
-            verdict: evaluation.verdict.map_or(0, |verdict| verdict.number().into()),
-        }
+        None => Ok(()),
     }
 }
 
@@ -312,12 +397,17 @@ mod tests {
         let format = ImageFormat::default();
         let evaluation = Evaluation::new([0.0; 5], vec![0; format.bytes()], &format).unwrap();
         let take = |verdict: Option<Verdict>, judge| {
-            let message = evaluation.clone().judged(verdict).into();
+            let evaluation = evaluation.clone().judged(verdict);
             let extras = Extras {
                 judge,
                 ..Extras::default()
             };
-            Evaluation::for_format(message, &format, extras)
+            let message = Evaluation::message(&[evaluation]).unwrap();
+            let received = Evaluation::received(&message, &format, extras)?.pop();
+            received
+                .unwrap()
+                .decompressed()
+                .map_err(|error| Invalid::missing("memory", error.to_string()))
         };
         let milling = Some(Verdict::Class(Class::Milling));
         let taken = take(milling, true).unwrap();
@@ -325,13 +415,64 @@ mod tests {
             (taken.verdict(), take(None, false).unwrap().verdict()),
             (milling, None)
         );
-        assert!(!taken.same_simulation(&evaluation));
+        assert!(!taken.same_bits(&evaluation));
         assert!(take(None, true).is_err() && take(milling, false).is_err());
     }
 
     #[test]
+    fn columns_hold_the_same_trials_or_the_error_says_which_does_not() {
+        let format = ImageFormat::default();
+        let evaluation = |value: u8| {
+            let image = vec![value; format.bytes()];
+            let evaluation = Evaluation::new([f64::from(value); 5], image, &format).unwrap();
+            evaluation.embedded(vec![f32::from(value); 2], 2).unwrap()
+        };
+        let evaluations = [1, 2, 3].map(evaluation);
+        let extras = Extras {
+            dimensions: Some(2),
+            judge: false,
+        };
+        let sound = Evaluation::message(&evaluations).unwrap();
+        let received = |message: &v1::Evaluations| Evaluation::received(message, &format, extras);
+        let taken = received(&sound)
+            .unwrap()
+            .into_iter()
+            .map(|one| one.decompressed().unwrap());
+        assert_eq!(taken.collect::<Vec<_>>(), evaluations);
+        let refused = |change: fn(&mut v1::Evaluations)| {
+            let mut message = sound.clone();
+            change(&mut message);
+            received(&message).unwrap_err().to_string()
+        };
+        let errors = [
+            refused(|message| message.features.truncate(13)),
+            refused(|message| message.embeddings.push(0.0)),
+            refused(|message| message.verdicts.push(1)),
+            refused(|message| message.embeddings[3] = f32::NAN),
+            refused(|message| message.pictures.truncate(30)),
+            refused(|message| message.pictures.push(0)),
+            refused(|message| message.features[7] = f64::NAN),
+        ];
+        let expected = [
+            "features = 13 values: must be 5 values per trial",
+            "embeddings = 7 values: must be 6",
+            "verdicts = 1 value: must be 0",
+            "evaluations[1].embedding[1] = NaN",
+            "evaluations[1].picture = damaged",
+            "pictures = 1 bytes too many",
+            "evaluations[1].features.radial_variance_x20 = NaN",
+        ];
+        for (error, expected) in errors.iter().zip(expected) {
+            assert!(
+                error.starts_with(expected),
+                "{error:?} does not begin with {expected:?}"
+            );
+        }
+    }
+
+    #[test]
     fn embeddings_are_what_a_network_can_have() {
-        let check = |value: f32| check_embedding(vec![0.0, value], 2);
+        let check = |value: f32| check_embedding(&[0.0, value], 2);
         for value in [0.0, -1.5, MAX_EMBEDDING, -MAX_EMBEDDING] {
             assert!(check(value).is_ok(), "{value}");
         }

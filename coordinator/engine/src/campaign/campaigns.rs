@@ -417,7 +417,10 @@ impl Campaigns {
         let dispatch = &self.context.dispatch;
         let evaluated = dispatch.while_staffed(dispatch.evaluate(job, Arc::default()));
         match evaluated.await??.pop() {
-            Some(Evaluated::Done { trials, .. }) => trials.into_iter().next().ok_or(CampaignError::Broken),
+            Some(Evaluated::Done { trials, .. }) => {
+                let trial = trials.into_iter().next().ok_or(CampaignError::Broken)?;
+                Ok(trial.decompressed().map_err(StoreError::Compression)?)
+            }
             Some(Evaluated::Poisoned(reason)) => Err(JobError::Poisoned(reason).into()),
             None => Err(CampaignError::Broken),
         }

@@ -5,7 +5,7 @@ use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, Poisone
 use murmuration_model::Maker;
 use murmuration_search::breeding::{EVALUATION_ATTEMPTS, ProposeError};
 use murmuration_store::{Picture, Provenance};
-use murmuration_swarm::{Controller, Evaluation};
+use murmuration_swarm::{CompressedImage, Controller, Evaluation};
 use std::collections::BTreeMap;
 
 /// The results of a job.
@@ -14,7 +14,7 @@ pub(super) struct Done {
     /// The completed tasks: those of the job, with substitutes for poisoned ones.
     pub(super) tasks: Vec<(Controller, u64)>,
     /// The trials of each task.
-    pub(super) evaluations: Vec<Vec<Evaluation>>,
+    pub(super) evaluations: Vec<Vec<Evaluation<CompressedImage>>>,
     /// The maker of each task's result.
     pub(super) makers: Vec<Maker>,
     /// The places of poisoned tasks, with the reasons.
@@ -26,8 +26,8 @@ impl Done {
     pub(super) fn into_pictures(
         self,
         notice: impl Fn(usize, &PoisonedTask) -> String,
-    ) -> (Vec<Picture>, Provenance) {
-        let picture = |((controller, seed), evaluation): ((Controller, u64), Evaluation)| Picture {
+    ) -> (Vec<Picture<CompressedImage>>, Provenance) {
+        let picture = |((controller, seed), evaluation): ((Controller, u64), Evaluation<_>)| Picture {
             controller,
             seed,
             features: Some(*evaluation.features()),
@@ -56,7 +56,7 @@ pub(super) async fn evaluate(
     substitute: impl Fn(usize, u64) -> Result<Vec<Placed>, ProposeError>,
 ) -> Result<Done, CampaignError> {
     let mut tasks = job.tasks.clone();
-    let mut results: Vec<Option<(Vec<Evaluation>, Maker)>> = vec![None; tasks.len()];
+    let mut results: Vec<Option<(Vec<Evaluation<_>>, Maker)>> = vec![None; tasks.len()];
     let mut poisoned = Vec::new();
     let mut wanted: Vec<Placed> = tasks.iter().cloned().enumerate().collect();
     for attempt in 1.. {

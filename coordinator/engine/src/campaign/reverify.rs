@@ -13,7 +13,7 @@ use super::{
 use murmuration_dispatch::{EmbeddingJob, EvaluationJob};
 use murmuration_model::{ArchiveEmbedder, CampaignId, CampaignRecord};
 use murmuration_store::{ArchivedIndividual, Store, StoreError, Suspect, Suspects};
-use murmuration_swarm::{Controller, EmbedderSource, counted, embeddings_agree};
+use murmuration_swarm::{CompressedImage, Controller, EmbedderSource, counted, embeddings_agree};
 
 /// Number of results that are repeated at a time, if so many fit.
 const CHUNK: usize = 1024;
@@ -118,7 +118,7 @@ async fn wrong_picture(
     let mut both = suspects.iter().zip(pictures.iter().zip(new));
     let differs = both.find(|(_, (old, new))| {
         let features = old.features.as_ref();
-        old.image != new.image() || features.is_some_and(|features| features != new.features())
+        !is_picture(new.image(), &old.image) || features.is_some_and(|features| features != new.features())
     });
     Ok(differs.map(|(suspect, _)| Wrong::Picture(suspect.place)))
 }
@@ -145,7 +145,10 @@ async fn wrong_individual(
         let embedded = embedder.is_some() && old.index >= moved;
         old.trials.iter().zip(*new).any(|(old, new)| {
             old.features.map(f64::to_bits) != new.features().map(f64::to_bits)
-                || old.image.as_deref() != Some(new.image())
+                || !old
+                    .image
+                    .as_ref()
+                    .is_some_and(|image| is_picture(new.image(), image))
                 || old.verdict != new.verdict()
                 || (embedded
                     && !embeddings_agree((&old.embedding, suspect.kind), (new.embedding(), maker.kind)))
@@ -155,6 +158,11 @@ async fn wrong_individual(
         index: old.index,
         generation: old.generation,
     }))
+}
+
+/// Whether the compressed picture has these grey values.
+fn is_picture(compressed: &CompressedImage, image: &[u8]) -> bool {
+    compressed.pixels().is_ok_and(|pixels| pixels == image)
 }
 
 async fn wrong_embedding(

@@ -19,7 +19,7 @@ use murmuration_search::{
 use murmuration_store::{
     ArchivedIndividual, ClusterMeasures, GenerationRecord, Provenance, Store, StoreError, Trial,
 };
-use murmuration_swarm::{BehaviourSpace, Evaluation, Scale, Starts};
+use murmuration_swarm::{BehaviourSpace, CompressedImage, Evaluation, Scale, Starts};
 use std::{sync::Arc, time::Instant};
 
 /// Number of individuals that are read from the store at a time.
@@ -28,7 +28,7 @@ const CHUNK: u64 = 4096;
 /// An evaluated generation that is not committed yet.
 struct Generation {
     record: GenerationRecord,
-    individuals: Vec<ArchivedIndividual>,
+    individuals: Vec<ArchivedIndividual<CompressedImage>>,
     provenance: Provenance,
 }
 
@@ -140,7 +140,7 @@ pub(super) async fn complete(
 }
 
 /// A trial in the form in which it is stored.
-fn trial(evaluation: Evaluation) -> Trial {
+fn trial(evaluation: Evaluation<CompressedImage>) -> Trial<CompressedImage> {
     Trial {
         features: *evaluation.features(),
         embedding: evaluation.embedding().to_vec(),

@@ -29,8 +29,8 @@ A campaign at the paper's size, with workers of this process over loopback gRPC 
 temporary files (TMPDIR), from its start to the commit of its last generation. Beside it, in turns, the same controllers in \
 a plain loop on as many threads, without a coordinator. The CPU time of the campaign is that of workers and coordinator.
 
-Null evaluations: one worker answers at once with results that cost it nothing, so that the coordinator alone is \
-measured. Its CPU time includes breeding, novelty, network and database, and leaves out the thread of that worker.
+Null evaluations: one worker answers at once with pictures of real swarms and made-up features, so that the coordinator \
+alone is measured. Its CPU time includes breeding, novelty, network and database, and leaves out the thread of that worker.
 
 Each figure is the best of all rounds.
 
@@ -44,7 +44,7 @@ pub struct ClusterBench {
     /// Generations of the campaign, of 100 controllers each
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     generations: u32,
-    /// Generations of null evaluations, of 1,000 each
+    /// Thousands of null evaluations, in generations of 100 and of 1,000
     #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     null_generations: u32,
     /// Measurements of each kind
@@ -53,7 +53,7 @@ pub struct ClusterBench {
     /// ONNX file of an embedder: measure a campaign whose workers embed, too
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
-    /// Measure null evaluations once, in this data directory, which stays
+    /// Measure null evaluations in generations of 1,000 once, in this data directory, which stays
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
 }
@@ -127,8 +127,12 @@ impl ClusterBench {
             let (campaign, plain) = self.beside_loop(&spec, Some(model)).await?;
             told("campaign that embeds", self.workers, campaign, Some(plain))?;
         }
-        let best = self.null_evaluations().await?;
-        told("null evaluations", 1, best, None)?;
+        if self.keep.is_none() {
+            let best = self.null_evaluations(100).await?;
+            told("null evaluations, generations of 100", 1, best, None)?;
+        }
+        let best = self.null_evaluations(1000).await?;
+        told("null evaluations, generations of 1,000", 1, best, None)?;
         if !global.json {
             table.print()?;
         }
@@ -155,7 +159,7 @@ impl ClusterBench {
 
     /// Null results per second of the coordinator's CPU time.
     pub(super) async fn null_results(&self) -> Result<f64, CliError> {
-        Ok(self.null_evaluations().await?.cpu_seconds_each().recip())
+        Ok(self.null_evaluations(1000).await?.cpu_seconds_each().recip())
     }
 
     /// Runs the same controllers in a campaign and in a plain loop, in turns.
@@ -187,11 +191,11 @@ impl ClusterBench {
         Ok((Best::of(results, &campaigns), Best::of(results, &loops)))
     }
 
-    /// Runs a campaign whose evaluations cost nothing, to measure the coordinator.
-    async fn null_evaluations(&self) -> Result<Best, CliError> {
+    /// Runs a campaign whose evaluations cost nothing, to measure the coordinator: as many of them for each population.
+    async fn null_evaluations(&self, population: u32) -> Result<Best, CliError> {
+        let generations = self.null_generations * 1000 / population;
         let spec = spec(&format!(
-            "method = \"hand-crafted\"\n[search]\npopulation = 1000\ngenerations = {}\n",
-            self.null_generations
+            "method = \"hand-crafted\"\n[search]\npopulation = {population}\ngenerations = {generations}\n",
         ))?;
         let mut rounds = Vec::new();
         // A kept folder holds the campaign of one round.
@@ -201,7 +205,7 @@ impl ClusterBench {
                 Some(folder) => BenchCampaign::start_kept(folder).await?,
                 None => BenchCampaign::start(InProcess::NONE, None).await?,
             };
-            let worker = NullWorker::start(bench.way(), spec.image())?;
+            let worker = NullWorker::start(bench.way(), &spec)?;
             let took = bench.run(&spec).await?.took;
             let cpu = took.cpu.saturating_sub(worker.end()?);
             rounds.push(Took { cpu, ..took });

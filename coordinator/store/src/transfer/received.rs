@@ -13,10 +13,10 @@ use murmuration_model::{
     labels::{Entry, Labels, RequestId},
 };
 use murmuration_onnx::EmbedderModel;
-use murmuration_proto::{PART_BYTES, v1};
+use murmuration_proto::PART_BYTES;
 use murmuration_search::breeding::is_start_of;
 use murmuration_sim::features::FeatureBounds;
-use murmuration_swarm::{CheckpointDigest, Extras, Invalid, Lineage, in_full};
+use murmuration_swarm::{CheckpointDigest, Invalid, Lineage, check_embedding, in_full};
 use std::{collections::HashSet, ops::Range, path::Path};
 
 /// Most checkpoints in a campaign's database: its own and those that they were fine-tuned from.
@@ -385,24 +385,21 @@ fn checked(
         let allowed = "the seed that follows from that of the specification and from the index";
         return Err(Invalid::new("seed", individual.seed, allowed));
     }
-    let extras = Extras {
-        dimensions,
-        judge: spec.judges(),
-    };
     let trial = |trial: Trial| {
-        let result = v1::Evaluation {
-            features: trial.features.to_vec(),
-            image: trial.image.unwrap_or_default(),
-            embedding: trial.embedding,
-            verdict: trial.verdict.map_or(0, |verdict| verdict.number().into()),
-        };
-        let result = bounds.evaluation(result, spec.image(), extras)?;
-        Ok(Trial {
-            features: *result.features(),
-            embedding: result.embedding().to_vec(),
-            verdict: result.verdict(),
-            image: Some(result.into_image()),
-        })
+        bounds.check(&trial.features)?;
+        if trial.image.is_none() {
+            return Err(Invalid::missing("image", "a picture"));
+        }
+        check_embedding(&trial.embedding, dimensions.unwrap_or(0))?;
+        match (spec.judges(), trial.verdict) {
+            (true, Some(_)) | (false, None) => Ok(trial),
+            (true, None) => Err(Invalid::missing("verdict", "the judge's verdict")),
+            (false, Some(_)) => Err(Invalid::new(
+                "verdict",
+                "present",
+                "absent: the campaign has no judge",
+            )),
+        }
     };
     let trials: Result<_, Invalid> = individual.trials.into_iter().map(trial).collect();
     Ok(ArchivedIndividual {

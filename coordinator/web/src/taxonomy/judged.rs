@@ -166,7 +166,7 @@ async fn evaluated(
             let trial = trials.pop()?;
             Some(Start {
                 verdict: trial.verdict()?,
-                image: trial.into_image(),
+                image: trial.into_image().pixels().ok()?,
             })
         }
         Evaluated::Poisoned(_) => None,

@@ -17,7 +17,7 @@ use std::time::Duration;
 use tonic::{Code, service::interceptor::InterceptedService};
 
 /// Evaluates a batch like a correct machine of another kind: embeddings differ in the last bits.
-async fn evaluate(cluster: &Cluster, lease: v1::LeaseId, batch: v1::EvaluationBatch) -> Vec<v1::Evaluation> {
+async fn evaluate(cluster: &Cluster, lease: v1::LeaseId, batch: v1::EvaluationBatch) -> v1::Evaluations {
     let digest: CheckpointDigest = batch.checkpoint.parse().unwrap();
     let coordinator: Coordinator =
         InterceptedService::new(cluster.channel().await, Credentials::default().bearer());
@@ -36,9 +36,9 @@ async fn evaluate(cluster: &Cluster, lease: v1::LeaseId, batch: v1::EvaluationBa
         let embedding = embedder.embed(&[evaluation.image()]).unwrap().remove(0);
         let other_kind: Vec<f32> = embedding.into_iter().map(f32::next_up).collect();
         let dimensions = other_kind.len();
-        Evaluation::into(evaluation.embedded(other_kind, dimensions).unwrap())
+        evaluation.embedded(other_kind, dimensions).unwrap()
     });
-    evaluated.collect()
+    Evaluation::message(&evaluated.collect::<Vec<_>>()).unwrap()
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -80,7 +80,7 @@ async fn what_a_machine_of_another_kind_embedded_is_not_found_wrong() {
         }
         answered.extend(batch.tasks.iter().map(generation_of));
         let evaluations = evaluate(&cluster, lease, batch).await;
-        other.answer_each(lease, evaluations).await;
+        other.answer_with(lease, evaluations).await;
     };
     // Then the machine returns an impossible result. Its earlier results are evaluated again: those of the current generation at
     // once, the others later.

@@ -173,6 +173,7 @@ async fn a_trainer_that_names_what_it_never_published_is_quarantined_until_a_per
     let result = v1::BatchResult {
         lease: Some(lease),
         outcome: Some(v1::batch_result::Outcome::Checkpoint(never)),
+        credits: 0,
     };
     trainer.send(Message::Result(result)).await;
     let dismissed = trainer.dismissed().await;
@@ -220,6 +221,7 @@ async fn a_trainer_that_names_a_checkpoint_of_another_training_is_quarantined_an
     let result = v1::BatchResult {
         lease: Some(lease),
         outcome: Some(v1::batch_result::Outcome::Checkpoint(other)),
+        credits: 0,
     };
     trainer.send(Message::Result(result)).await;
     let dismissed = trainer.dismissed().await;
@@ -314,6 +316,7 @@ async fn a_training_is_fetched_under_a_lease_that_the_trainer_holds_and_no_other
     let given_back = v1::BatchResult {
         lease: Some(lease),
         outcome: Some(v1::batch_result::Outcome::Failure(failure)),
+        credits: 0,
     };
     trainer.send(Message::Result(given_back)).await;
     let denied = async {

@@ -77,11 +77,11 @@ async fn a_small_message_of_many_parts_is_refused_before_it_is_decoded() {
         assert_eq!(status.code(), Code::ResourceExhausted, "{status}");
         assert!(status.message().contains("it has over 262144 parts"), "{status}");
     };
-    let evaluations = v1::Evaluations {
-        evaluations: vec![v1::Evaluation::default(); MAX_PARTS],
+    let embeddings = v1::Embeddings {
+        embeddings: vec![v1::Embedding::default(); MAX_PARTS],
     };
     let result = v1::BatchResult {
-        outcome: Some(v1::batch_result::Outcome::Evaluations(evaluations)),
+        outcome: Some(v1::batch_result::Outcome::Embeddings(embeddings)),
         ..Default::default()
     };
     let messages = [FakeWorker::hello(SIMULATOR_VERSION), Said::Result(result)];

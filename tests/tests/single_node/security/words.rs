@@ -14,6 +14,7 @@ fn failure(lease: v1::LeaseId, message: String) -> Message {
             class: v1::FailureClass::Retryable as i32,
             message,
         })),
+        credits: 0,
     })
 }
 

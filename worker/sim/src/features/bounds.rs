@@ -26,8 +26,8 @@ use super::{FEATURE_STEPS, RADIAL_VARIANCE_SCALE};
 use crate::simulate::{GAP, JITTER, PASSES};
 use murmuration_proto::v1;
 use murmuration_swarm::{
-    Boundary, CapabilityModel, Evaluation, Extras, FEATURE_NAMES, Features, ImageFormat, Invalid, Obstacle,
-    World,
+    Boundary, CapabilityModel, CompressedImage, Evaluation, Extras, FEATURE_NAMES, Features, ImageFormat,
+    Invalid, Obstacle, World,
 };
 use std::f64::consts::SQRT_2;
 
@@ -62,19 +62,22 @@ impl FeatureBounds {
         Self { least, most }
     }
 
-    /// Validates the evaluation in a message, which must have a picture in `format` and the given `extras`.
+    /// Validates a worker's evaluations, which must have pictures in `format` and the given `extras`.
     ///
     /// # Errors
-    /// As [`Evaluation::for_format`] and [`FeatureBounds::check`].
-    pub fn evaluation(
+    /// As [`Evaluation::received`] and [`FeatureBounds::check`].
+    pub fn received(
         &self,
-        message: v1::Evaluation,
+        message: &v1::Evaluations,
         format: &ImageFormat,
         extras: Extras,
-    ) -> Result<Evaluation, Invalid> {
-        let evaluation = Evaluation::for_format(message, format, extras)?;
-        self.check(evaluation.features())?;
-        Ok(evaluation)
+    ) -> Result<Vec<Evaluation<CompressedImage>>, Invalid> {
+        let evaluations = Evaluation::received(message, format, extras)?;
+        for (place, evaluation) in evaluations.iter().enumerate() {
+            let checked = self.check(evaluation.features());
+            checked.map_err(|error| error.within(&format!("evaluations[{place}]")))?;
+        }
+        Ok(evaluations)
     }
 
     /// Checks that a swarm can have these features.

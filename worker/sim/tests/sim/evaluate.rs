@@ -289,7 +289,7 @@ fn the_verdict_is_the_judges_of_the_replay_and_changes_nothing_else() {
                 .judging(true)
                 .evaluate(&tasks[0].0, &tasks[0].1)
                 .unwrap();
-            assert!(alone.same_simulation(&judged[0]));
+            assert!(alone.same_bits(&judged[0]));
             for ((plain, judged), (controller, start)) in plain.iter().zip(&judged).zip(&tasks) {
                 assert_eq!(plain.verdict(), None);
                 assert!(judged.clone().judged(None).same_bits(plain));

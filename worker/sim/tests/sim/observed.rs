@@ -38,10 +38,10 @@ fn a_simulated_swarm_that_is_observed_has_its_own_features_and_picture() {
             let simulated = evaluate(&controller, &world, &format, &start).unwrap();
             let frames = poses(&controller, &world, &start).unwrap();
             let observed = observe(&controller, &world, &format, &frames).unwrap();
-            assert!(observed.same_simulation(&simulated), "{robots}, seed {seed}");
+            assert!(observed.same_bits(&simulated), "{robots}, seed {seed}");
             // The last frames alone contain everything that is observed.
             let end = observe(&controller, &world, &format, &frames[frames.len() - 160..]).unwrap();
-            assert!(end.same_simulation(&simulated), "{robots}, seed {seed}");
+            assert!(end.same_bits(&simulated), "{robots}, seed {seed}");
         }
     }
 }

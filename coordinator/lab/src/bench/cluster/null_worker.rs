@@ -4,7 +4,8 @@ use super::{CliError, thread_cpu};
 use murmuration_coordinator::server::LocalWay;
 use murmuration_link::{Address, Broken, Health, Link, LinkError, Peer, Role, keep, stopped};
 use murmuration_proto::v1::{self, batch_result, coordinator_message, lease, worker_message};
-use murmuration_swarm::{EmbeddingKind, ImageFormat, Purpose, RandomStream};
+use murmuration_sim::{evaluate::Evaluator, simulate::Start};
+use murmuration_swarm::{CampaignSpec, EmbeddingKind, Evaluation, Invalid, Purpose, RandomStream};
 use rand::RngExt as _;
 use std::{
     thread::{self, JoinHandle},
@@ -14,8 +15,8 @@ use tokio::{runtime, sync::watch};
 
 /// Evaluations that it accepts at once.
 const CREDITS: u32 = 1024;
-/// One pixel in this many is grey in its pictures, about as many as in the picture of a swarm.
-const GREY: usize = 20;
+/// Number of swarms whose pictures it sends, in turns.
+const SWARMS: u64 = 256;
 
 /// The worker, in a thread of its own.
 pub(super) struct NullWorker {
@@ -24,16 +25,16 @@ pub(super) struct NullWorker {
 }
 
 impl NullWorker {
-    /// Starts a worker for campaigns with pictures in `format`.
-    pub(super) fn start(way: &LocalWay, format: &ImageFormat) -> Result<Self, CliError> {
+    /// Starts a worker for campaigns of this specification.
+    pub(super) fn start(way: &LocalWay, spec: &CampaignSpec) -> Result<Self, CliError> {
         let role = Role::Worker {
             capacity: 1,
             kind: EmbeddingKind::UNKNOWN,
         };
         let address = Address::new(&way.url, &way.credentials, role, "null").map_err(failed)?;
-        let image = (0..format.bytes()).map(|pixel| if pixel % GREY == 0 { 128 } else { 0 });
         let mut answers = Answers {
-            image: image.collect(),
+            pictures: pictures(spec).map_err(CliError::failed)?,
+            sent: 0,
             stream: RandomStream::derive(1, Purpose::Propose, 0),
         };
         let cannot_start = |error| CliError::Failed(format!("threads cannot be started: {error}"));
@@ -65,62 +66,76 @@ fn failed(error: LinkError) -> CliError {
     CliError::Failed(error.to_string())
 }
 
-/// Its answers: one picture, and random features, so that novelty is measured on distinct behaviours.
+/// Compressed pictures of swarms with random controllers.
+fn pictures(spec: &CampaignSpec) -> Result<Vec<Vec<u8>>, Invalid> {
+    let mut evaluator = Evaluator::new(spec.world(), spec.image())?;
+    let mut stream = RandomStream::derive(2, Purpose::Propose, 0);
+    let picture = |seed| {
+        let controller = spec.controllers().sample(&mut stream);
+        let evaluation = evaluator.evaluate(&controller, &Start::seeded(seed))?;
+        let message = Evaluation::message(&[evaluation]);
+        let message = message.map_err(|error| Invalid::new("picture", error, "small enough to compress"))?;
+        Ok(message.pictures)
+    };
+    (0..SWARMS).map(picture).collect()
+}
+
+/// Answers of the worker: pictures of real swarms, and random features, so that novelty is measured on distinct behaviours.
 struct Answers {
-    image: Vec<u8>,
+    pictures: Vec<Vec<u8>>,
+    /// Number of pictures that were sent.
+    sent: usize,
     stream: RandomStream,
 }
 
 impl Answers {
     /// Features within the range of a swarm in the paper's world.
-    fn evaluation(&mut self) -> v1::Evaluation {
+    fn features(&mut self) -> [f64; 5] {
         let bits: u64 = self.stream.random();
-        let feature = |place: u32| f64::from((bits >> (12 * place)) as u16 & 0xfff) / f64::from(1 << 15);
-        v1::Evaluation {
-            features: (0..5).map(feature).collect(),
-            image: self.image.clone(),
-            ..v1::Evaluation::default()
-        }
+        [0, 1, 2, 3, 4].map(|place| f64::from((bits >> (12 * place)) as u16 & 0xfff) / f64::from(1 << 15))
     }
 
-    fn answer(&mut self, lease: v1::Lease) -> (v1::BatchResult, u32) {
+    fn next_pictures(&mut self, count: usize) -> Vec<u8> {
+        let first = self.sent;
+        self.sent += count;
+        let of = |sent: usize| self.pictures[sent % self.pictures.len()].as_slice();
+        (first..self.sent).map(of).collect::<Vec<_>>().concat()
+    }
+
+    fn answer(&mut self, lease: v1::Lease) -> v1::BatchResult {
         let tasks = match lease.work {
             Some(lease::Work::Evaluations(batch)) => batch.tasks.len(),
             _ => 0,
         };
-        let evaluations = (0..tasks).map(|_| self.evaluation()).collect();
-        let result = v1::BatchResult {
-            lease: lease.id,
-            outcome: Some(batch_result::Outcome::Evaluations(v1::Evaluations {
-                evaluations,
-            })),
+        let evaluations = v1::Evaluations {
+            features: (0..tasks).flat_map(|_| self.features()).collect(),
+            pictures: self.next_pictures(tasks),
+            ..v1::Evaluations::default()
         };
-        (result, tasks as u32)
+        v1::BatchResult {
+            lease: lease.id,
+            outcome: Some(batch_result::Outcome::Evaluations(evaluations)),
+            credits: tasks as u32,
+        }
     }
 }
 
 impl Peer for Answers {
     async fn session(&mut self, mut link: Link, mut stop: watch::Receiver<bool>) -> Result<(), Broken> {
-        let mut wanted = CREDITS;
+        let credits = v1::Credits { evaluations: CREDITS };
+        link.send(worker_message::Message::Credits(credits)).await?;
         loop {
-            if wanted > 0 {
-                let credits = v1::Credits { evaluations: wanted };
-                link.send(worker_message::Message::Credits(credits)).await?;
-            }
-            wanted = tokio::select! {
-                message = link.receive() => match message? {
-                    coordinator_message::Message::Lease(lease) => {
-                        let (result, tasks) = self.answer(lease);
-                        link.send(worker_message::Message::Result(result)).await?;
-                        tasks
+            tokio::select! {
+                message = link.receive() => {
+                    if let coordinator_message::Message::Lease(lease) = message? {
+                        link.send(worker_message::Message::Result(self.answer(lease))).await?;
                     }
-                    _ => 0,
-                },
+                }
                 () = stopped(&mut stop) => {
                     link.close().await;
                     return Ok(());
                 }
-            };
+            }
         }
     }
 }

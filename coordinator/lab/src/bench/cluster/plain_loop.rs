@@ -69,7 +69,7 @@ fn work(
         }
         let evaluations = evaluator.evaluate_all(part)?;
         if let Some(embedder) = &mut embedder {
-            let images: Vec<&[u8]> = evaluations.iter().map(Evaluation::image).collect();
+            let images: Vec<&[u8]> = evaluations.iter().map(Evaluation::<Vec<u8>>::image).collect();
             black_box(embedder.embed(&images).map_err(failed)?);
         }
         black_box(evaluations);
