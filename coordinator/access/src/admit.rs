@@ -37,7 +37,7 @@ use std::{
 use tokio_stream::Stream;
 use tonic::{Status, transport::server::TlsConnectInfo};
 
-/// Bytes that a header counts for besides its name and value, as in HTTP/2.
+/// Bytes that each header counts in addition to its name and value, as in HTTP/2.
 const HEADER_OVERHEAD: usize = 32;
 
 /// A listener of a coordinator, and its access rules.
@@ -47,9 +47,9 @@ pub struct Endpoint {
     pub access: Access,
     /// The browsers that have logged in.
     pub sessions: Sessions,
-    /// The host names that it answers to.
+    /// The host names that the endpoint answers to.
     pub hosts: Hosts,
-    /// Whether its connections are encrypted.
+    /// Whether the endpoint's connections are encrypted.
     pub is_encrypted: bool,
     pub show_refusal: ShowRefusal,
 }
@@ -65,7 +65,7 @@ pub struct RequestHead {
     pub headers: HeaderMap,
 }
 
-/// An endpoint, and what the routes behind it require.
+/// An endpoint, and the requirements of the routes behind it.
 #[derive(Debug, Clone)]
 pub(super) struct Gate {
     pub(super) endpoint: Arc<Endpoint>,
@@ -77,8 +77,8 @@ pub(super) struct Gate {
 
 /// Refuses requests that may not pass, in the form that the client reads: a gRPC status, a page, or a line of text.
 ///
-/// Handlers behind it find the [`Endpoint`] among the extensions of the request; layers in front of it find the
-/// [`Requirement`] among those of the response.
+/// Handlers behind this check find the [`Endpoint`] in the extensions of the request. Layers in front of this check find the
+/// [`Requirement`] in the extensions of the response.
 pub(super) async fn admit(State(gate): State<Gate>, mut request: Request, next: Next) -> Response {
     let (requirement, class) = gate.requirements.of(&request);
     request.extensions_mut().insert(gate.endpoint.clone());
@@ -167,7 +167,7 @@ impl Gate {
         };
         let seat = Arc::new(seat);
         let request = match class {
-            // A stream may be silent for as long as what it follows.
+            // The request of a stream has no time limit, because a stream can be silent for as long as nothing happens.
             CostClass::Streaming => request,
             _ => request.map(|body| in_time(body, &seat)),
         };
@@ -249,7 +249,7 @@ impl Endpoint {
         Ok(self.principal(&presented, request))
     }
 
-    /// The principal of a request. Unknown tokens do not count, because anybody can make them up.
+    /// The principal of a request. Unknown tokens do not count as principals, because anybody can invent tokens.
     fn principal(&self, presented: &PresentedCredentials, request: &Request) -> Principal {
         let known = presented
             .token

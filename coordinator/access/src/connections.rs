@@ -1,7 +1,7 @@
 //! The connections of a listener: limits on their number, on their silence, and on the rate of their requests.
 //!
-//! A connection over a limit is closed at once, so that no client waits for a response. This module knows nothing of what is
-//! sent on a connection.
+//! A connection over a limit is closed at once, so that no client waits for a response. This module does not read the bytes of a
+//! connection.
 
 use crate::limits::{
     FIRST_REQUEST_LIMIT, HANDSHAKE_LIMIT, IDLE_LIMIT, MAX_CONNECTIONS, MAX_CONNECTIONS_PER_PEER,
@@ -30,7 +30,7 @@ use tokio::{
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::server::Connected;
 
-/// Connections that may wait to be served.
+/// Number of connections that may wait to be served.
 const WAITING: usize = 64;
 /// Pause after the system could not accept a connection, for example because no file descriptor is left.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -46,12 +46,12 @@ pub struct ConnectionPermits {
 /// The open connections of each address; for IPv6, of each /64 network.
 #[derive(Debug, Default)]
 struct TakenPermits {
-    /// By number, so oldest first.
+    /// The connections of each address by number, so that the oldest connection comes first.
     by_peer: HashMap<IpAddr, BTreeMap<u64, ConnectionHandle>>,
     next: u64,
 }
 
-/// The permit of one connection, returned when it is dropped.
+/// The permit of one connection. Dropping the permit returns it.
 #[derive(Debug)]
 struct ConnectionPermit {
     permits: ConnectionPermits,
@@ -60,17 +60,17 @@ struct ConnectionPermit {
 }
 
 impl ConnectionPermits {
-    /// As many as the system allows this process, at most [`MAX_CONNECTIONS`].
+    /// As many permits as the system allows this process to have connections, at most [`MAX_CONNECTIONS`].
     pub fn of_this_process() -> Self {
         let reserved = RESERVED_FILES + MAX_LOCAL_CONNECTIONS as u64;
         let wanted = MAX_CONNECTIONS as u64 + reserved;
-        // A system that reports no limit has none.
+        // A system that reports no limit on open files has no limit.
         let files = rlimit::increase_nofile_limit(wanted).unwrap_or(wanted);
         let most = files.saturating_sub(reserved).clamp(16, MAX_CONNECTIONS as u64) as usize;
         Self::new(most, MAX_CONNECTIONS_PER_PEER.min(most / 2))
     }
 
-    /// Permits for the endpoint that only this machine reaches, in addition to those of the other endpoints.
+    /// Permits for the endpoint that only this machine reaches, in addition to the permits of other endpoints.
     pub fn of_this_machine() -> Self {
         Self::new(MAX_LOCAL_CONNECTIONS, MAX_LOCAL_CONNECTIONS)
     }
@@ -83,8 +83,8 @@ impl ConnectionPermits {
         }
     }
 
-    /// Takes a permit for a connection of `peer`. If all are taken, closes the oldest unauthenticated connection of the address
-    /// with the most connections, provided that this address has more than `peer`.
+    /// Takes a permit for a connection of `peer`. If all permits are taken, this closes the oldest unauthenticated connection of
+    /// the address with the most connections, provided that this address has more connections than `peer`.
     fn take(&self, peer: IpAddr, handle: &ConnectionHandle) -> Option<ConnectionPermit> {
         let network = network_of(peer);
         let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
@@ -106,8 +106,8 @@ impl ConnectionPermits {
 }
 
 impl TakenPermits {
-    /// Closes an unauthenticated connection of an address with more than `fewer` connections: the oldest of the address with the
-    /// most.
+    /// Chooses the address with the most connections among addresses that have an unauthenticated connection, and more than
+    /// `fewer` connections in all. Closes the oldest unauthenticated connection of this address.
     fn make_room(&mut self, fewer: usize) -> bool {
         let oldest_stranger = |of_peer: &BTreeMap<u64, ConnectionHandle>| {
             let stranger = of_peer.iter().find(|(_, handle)| !handle.is_authenticated());
@@ -137,7 +137,7 @@ impl Drop for ConnectionPermit {
     }
 }
 
-/// The address; for IPv6 its /64 network, because one machine may own a whole one.
+/// The address; for IPv6, its /64 network, because one machine may own a whole /64 network.
 pub(crate) fn network_of(address: IpAddr) -> IpAddr {
     match address {
         IpAddr::V6(address) => Ipv6Addr::from_bits(address.to_bits() >> 64 << 64).into(),
@@ -186,15 +186,15 @@ pub struct Connection {
     stream: TcpStream,
     handle: ConnectionHandle,
     begun: Instant,
-    /// When a byte passed last.
+    /// Time at which the last byte passed.
     active: Instant,
     alarm: Pin<Box<Sleep>>,
-    /// Receives the order to close the connection; `None` afterwards.
+    /// Receives the order to close the connection; `None` once the order has arrived.
     close: Option<oneshot::Receiver<()>>,
     _permit: ConnectionPermit,
 }
 
-/// Connection of a request; an extension of the request.
+/// The connection of a request, as an extension of the request.
 #[derive(Debug, Clone)]
 pub struct ConnectionHandle {
     peer: IpAddr,
@@ -223,7 +223,7 @@ impl ConnectionHandle {
     pub(crate) fn close(&self) {
         let close = self.close.lock().unwrap_or_else(PoisonError::into_inner).take();
         if let Some(close) = close {
-            // It may be closed already.
+            // The connection may be closed already.
             let _ = close.send(());
         }
     }
@@ -233,13 +233,13 @@ impl ConnectionHandle {
         self.peer
     }
 
-    /// Whether a further request may come now; counts it if so.
+    /// Whether a further request is allowed now; an allowed request is counted.
     pub(crate) fn may_ask(&self) -> bool {
         self.progress.fetch_max(REQUESTS, Ordering::Relaxed);
         self.pace.check().is_ok()
     }
 
-    /// Records that a request on it was authenticated, or admitted where everybody is.
+    /// Records that a request on this connection was authenticated, or was admitted because the route admits everybody.
     pub(crate) fn authenticated(&self) {
         self.progress.fetch_max(AUTHENTICATED, Ordering::Relaxed);
     }
@@ -284,7 +284,7 @@ impl Connection {
         }
     }
 
-    /// Whether its handle was told to close it.
+    /// Whether the connection has received the order to close.
     fn is_closed(&mut self, context: &mut Context<'_>) -> bool {
         if let Some(close) = &mut self.close
             && Pin::new(close).poll(context).is_ready()
@@ -294,7 +294,7 @@ impl Connection {
         self.close.is_none()
     }
 
-    /// Ready once it has been silent for too long. The alarm is set anew only when it rings, not for every byte.
+    /// Ready once the connection has been silent for too long. The alarm is set again only when it goes off, not for every byte.
     fn is_silent(&mut self, context: &mut Context<'_>) -> Poll<()> {
         loop {
             ready!(self.alarm.as_mut().poll(context));

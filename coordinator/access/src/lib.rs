@@ -2,9 +2,9 @@
 //!
 //! A page or service is registered with a `GuardedRouter`, which takes the `Requirement` with the route. `admit` reads the
 //! requirement before anything reads the request's body, and `origin` checks whether another site's page may have sent the
-//! request. Machines show certificates, people tokens, and browsers a cookie that was given for a token. Then the request
-//! takes one of the `seats` of its cost class, which its `response_body` holds until it has been sent. The handlers of
-//! services and pages check nothing of this themselves.
+//! request. Machines show certificates, people show tokens, and browsers show a cookie that they got for a token. The request
+//! then takes one of the `seats` of its cost class. The `response_body` holds this seat until the body has been sent. The
+//! handlers of services and pages need no checks of their own.
 //!
 //! The crate also holds the `connections` of a listener, every limit on what comes over the network, and the ids of
 //! requests.
@@ -53,9 +53,9 @@ pub struct Access {
 
 #[derive(Debug, Clone, Default)]
 pub(crate) struct PresentedCredentials {
-    /// The digest of a token, in a header or behind a cookie.
+    /// The digest of the token in the request's header, or of the token that the browser's session was opened with.
     token: Option<TokenDigest>,
-    /// The certificate of its connection, which the TLS library has checked.
+    /// The certificate of the request's connection, which the TLS library has checked.
     certificate: Option<Certificate>,
 }
 
@@ -76,44 +76,44 @@ pub enum Refusal {
     NoCertificate,
     #[error("this certificate is not for a {0}: it names another kind of machine")]
     WrongCertificate(MachineKind),
-    /// The role of its token does not suffice.
+    /// The role of the request's token does not suffice.
     #[error("this needs the role {needs}; the token of \"{name}\" has the role {has}")]
     Role {
         name: HolderName,
         has: Role,
         needs: Role,
     },
-    /// Its connection has sent too many requests.
+    /// The request's connection has sent too many requests.
     #[error("too many requests on one connection: try again in a second")]
     Rate,
-    /// It has too many headers, or too long ones.
+    /// The request has too many headers, or headers that are too long.
     #[error(
         "a request may have at most {} headers, and its headers and address together at most {} bytes",
         crate::limits::MAX_HEADERS,
         grouped(crate::limits::MAX_HEADER_BYTES.into())
     )]
     Headers,
-    /// It names a host that may belong to another web site.
+    /// The request names a host that may belong to another web site.
     #[error(
         "this coordinator requires no token, so it answers only requests for its IP address or localhost: under another \
          name it could be made a part of another web site (`serve --tokens FILE`, or TLS, allows any name)"
     )]
     Host,
-    /// A page of another site sent it, or it does not say which page did.
+    /// A page of another site sent the request, or the request does not name its page.
     #[error(
         "only pages of this coordinator may send this request: the header Origin must name this coordinator"
     )]
     Origin,
-    /// Its content type is not one of gRPC.
+    /// The content type of the request is not a content type of gRPC.
     #[error("gRPC methods accept only requests of the content type application/grpc")]
     ContentType,
-    /// It came without token or certificate, and took too long.
+    /// The request came without token or certificate, and took too long.
     #[error(
         "a request without a token has {} seconds to arrive: send it again, all at once",
         crate::limits::STRANGER_LIMIT.as_secs()
     )]
     Slow,
-    /// There is no seat for it.
+    /// There is no seat for the request.
     #[error(transparent)]
     NoSeat(#[from] NoSeat),
 }
@@ -198,7 +198,7 @@ mod tests {
                 let admitted = access.admits(Requirement::Person(role), &presented(Some(token), &[]));
                 assert_eq!(admitted.is_ok(), place >= needs, "{place} for {role}");
             }
-            // Without a client CA machines are let in as operators.
+            // Without a client CA, machines need an operator's token.
             let machine = access.admits(
                 Requirement::Machine(MachineKind::Worker),
                 &presented(Some(token), &[MachineKind::Worker]),

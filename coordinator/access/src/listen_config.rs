@@ -10,7 +10,7 @@ use std::{
 };
 use tonic::transport::{Certificate, Identity, Server, ServerTlsConfig};
 
-/// Where and how to listen.
+/// Where and how a coordinator listens.
 #[derive(Debug)]
 pub struct ListenConfig {
     address: SocketAddr,
@@ -19,7 +19,7 @@ pub struct ListenConfig {
     seats: Seats,
 }
 
-/// The certificate of the coordinator, and the authority that signs those of machines.
+/// The certificate of the coordinator, and the authority that signs the certificates of machines.
 #[derive(Debug)]
 pub struct Tls {
     config: ServerTlsConfig,
@@ -56,12 +56,12 @@ pub enum ListenConfigError {
 }
 
 impl Tls {
-    /// Reads PEM files: the coordinator's certificate (its chain behind it) and key, and the certificate of the authority that
-    /// signs those of workers and trainers. If `client_ca` is given, workers and trainers must show a certificate; people and
-    /// browsers need none.
+    /// Reads PEM files: the coordinator's certificate (followed by its chain) and key, and the certificate of the authority that
+    /// signs the certificates of workers and trainers. If `client_ca` is given, workers and trainers must show a certificate;
+    /// people and browsers need no certificate.
     ///
     /// # Errors
-    /// Says which file cannot be used, and why.
+    /// The error names the file that cannot be used, and the reason.
     pub fn read(certificate: &Path, key: &Path, client_ca: Option<&Path>) -> Result<Self, ListenConfigError> {
         let identity = Identity::from_pem(
             read_pem(certificate, "certificate")?,
@@ -72,7 +72,7 @@ impl Tls {
             let ca = Certificate::from_pem(read_pem(path, "certificate")?);
             config = config.client_ca_root(ca).client_auth_optional(true);
         }
-        // Checked now, not at the first connection.
+        // The configuration is checked now, not at the first connection.
         let checked = Server::builder().tls_config(config.clone());
         checked.map_err(|error| ListenConfigError::Unusable {
             path: certificate.to_owned(),
@@ -97,11 +97,11 @@ impl ListenConfig {
         }
     }
 
-    /// `address`, encrypted with `tls`, for the bearers of `tokens`. Both are required unless it is a loopback address, or
-    /// everybody who can reach it is `trusted`.
+    /// A listener at `address`, encrypted with `tls`, for the holders of `tokens`. Encryption and tokens are required, unless
+    /// `address` is a loopback address or everybody who can reach it is `trusted`.
     ///
     /// # Errors
-    /// [`ListenConfigError::Plain`] and [`ListenConfigError::Open`], which say what is missing.
+    /// [`ListenConfigError::Plain`] if encryption is missing, [`ListenConfigError::Open`] if tokens are missing.
     pub fn new(
         address: SocketAddr,
         tls: Option<Tls>,
@@ -121,7 +121,7 @@ impl ListenConfig {
         }
     }
 
-    /// Replaces the default seats by these.
+    /// Replaces the default seats of the classes in `changed`.
     #[must_use]
     pub fn with_seats(mut self, changed: &[ClassSeats]) -> Self {
         self.seats = Seats::new(changed);
@@ -143,7 +143,7 @@ impl ListenConfig {
         self.tls.as_ref().map(|tls| tls.config.clone())
     }
 
-    /// The host names to answer to.
+    /// The host names that the endpoint answers to.
     pub fn hosts(&self) -> Hosts {
         Hosts::of(self.address, &self.access(), self.tls.is_some())
     }

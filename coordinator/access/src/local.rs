@@ -10,7 +10,7 @@ use std::{
     sync::Arc,
 };
 
-/// Name of its file in the data directory.
+/// Name of the token's file in the data directory.
 const FILE: &str = "local-token";
 
 /// The token of a data directory.
@@ -19,10 +19,10 @@ pub struct LocalToken {
     token: Token,
 }
 
-/// The token of a data directory, if it has one.
+/// The token of a data directory, if the directory has a token.
 ///
 /// # Errors
-/// If there is one that this process may not read.
+/// If there is a token that this process cannot read.
 pub fn local_token(data: &Path) -> Result<Option<Token>, CredentialsError> {
     match read_token(&data.join(FILE)) {
         Ok(token) => Ok(Some(token)),
@@ -32,7 +32,7 @@ pub fn local_token(data: &Path) -> Result<Option<Token>, CredentialsError> {
 }
 
 impl LocalToken {
-    /// Reads the token of a data directory; makes one if there is none, or if it was not completely written.
+    /// Reads the token of a data directory. Makes a token if there is no token, or if the token was not completely written.
     pub fn of(data: &Path) -> Result<Self, StoreError> {
         let path = data.join(FILE);
         let unread = |source| StoreError::File {
@@ -64,7 +64,7 @@ impl LocalToken {
         &self.token
     }
 
-    /// Accepts this token alone, as an operator's.
+    /// Access rules that accept only this token, as an operator's token.
     pub fn access(&self) -> Access {
         let holder = (HolderName::this_machine(), Role::Operator, self.token.digest());
         Access {
@@ -74,7 +74,7 @@ impl LocalToken {
     }
 }
 
-/// Whether a file is a token of which only the beginning was written; another file of that name is not ours.
+/// Whether a file is a token of which only the beginning was written. The coordinator did not make any other file of that name.
 fn is_begun(path: &Path) -> bool {
     fs::read(path).is_ok_and(|bytes| b"mur_".starts_with(&bytes) || bytes.starts_with(b"mur_"))
 }

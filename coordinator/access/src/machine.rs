@@ -9,7 +9,7 @@ use webpki::EndEntityCert;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MachineKind {
-    /// Simulates and embeds.
+    /// A machine that simulates and embeds.
     Worker,
     Trainer,
 }
@@ -17,7 +17,8 @@ pub enum MachineKind {
 impl MachineKind {
     pub const ALL: [Self; 2] = [Self::Worker, Self::Trainer];
 
-    /// The DNS name that restricts a certificate to such machines, if it is among the alternative names of its subject.
+    /// The DNS name that restricts a certificate to this kind of machine. The certificate must have the name among the
+    /// alternative names of its subject.
     #[must_use]
     pub const fn dns_name(self) -> &'static str {
         match self {
@@ -43,7 +44,7 @@ pub(crate) struct Certificate {
 }
 
 impl Certificate {
-    /// Reads which kinds of machine it is for: those that it names, or all of them if it names none.
+    /// Reads the kinds of machine that the certificate is for: the kinds that it names, or all kinds if it names no kind.
     pub(crate) fn read(der: &CertificateDer<'_>) -> Self {
         let names_in = |certificate: &EndEntityCert<'_>| {
             let names: Vec<&str> = certificate.valid_dns_names().collect();
@@ -85,7 +86,8 @@ pub fn origin(request: &Extensions) -> Option<Origin> {
     })
 }
 
-/// The machine with the certificate of a request: an extension of requests that have one, unless an operator's token came with it.
+/// The machine that a request's certificate identifies. Requests with a certificate have this extension, unless they also have an
+/// operator's token.
 #[derive(Debug, Clone, Copy)]
 pub struct ByCertificate(pub MachineId);
 
@@ -97,10 +99,10 @@ impl ByCertificate {
     }
 }
 
-/// The machine with this certificate, which the TLS library has checked, or without one the machine at this address.
+/// The machine with `certificate`, which the TLS library has checked; without a certificate, the machine at `address`.
 fn machine_of(certificate: Option<&CertificateDer<'_>>, address: IpAddr) -> MachineId {
     let key = certificate.map(|certificate| match EndEntityCert::try_from(certificate) {
-        // A certificate that is renewed for the same key is the same machine's.
+        // A certificate that is renewed for the same key belongs to the same machine.
         Ok(read) => read.subject_public_key_info().to_vec(),
         Err(_) => certificate.to_vec(),
     });
@@ -152,7 +154,7 @@ mod tests {
         let (key, other) = (KeyPair::generate().unwrap(), KeyPair::generate().unwrap());
         let by_key = |key, address: &str| machine_of(Some(&signed(key)), address.parse().unwrap());
         let by_address = |address: &str| machine_of(None, address.parse().unwrap());
-        // A renewed certificate of the same key, from any address.
+        // A renewed certificate of the same key gives the same machine, from any address.
         assert_eq!(by_key(&key, "10.0.0.1"), by_key(&key, "10.0.0.2"));
         assert_ne!(by_key(&key, "10.0.0.1"), by_key(&other, "10.0.0.1"));
         assert_eq!(by_address("10.0.0.1"), by_address("10.0.0.1"));

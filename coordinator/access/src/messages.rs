@@ -1,5 +1,5 @@
-//! Limits on the messages of a gRPC request while they arrive: their lengths by what the method requires, and the memory that long
-//! ones of one principal take.
+//! Limits on the messages of a gRPC request while they arrive. The requirement of a method limits the length of its messages. The
+//! long messages of one principal, and of all principals, may only take a certain memory.
 
 use crate::{
     Role,
@@ -30,7 +30,7 @@ const HEAD: usize = 5;
 /// Bytes of room that one permit stands for.
 const UNIT: usize = 1 << 10;
 
-/// Longest message, in bytes, of a method with this requirement. Methods for viewers only name what they ask for.
+/// Longest message, in bytes, of a method with this requirement. Methods for viewers only name what the viewer asks for.
 const fn longest(requirement: Requirement) -> usize {
     match requirement {
         Requirement::Nothing => MAX_PROBE_MESSAGE,
@@ -61,8 +61,8 @@ impl Default for MessageRoom {
 }
 
 impl MessageRoom {
-    /// `body`, whose messages are limited. A message that is too long ends it with `OUT_OF_RANGE`; a long one waits until there is
-    /// room.
+    /// `body` with limits on its messages. A message that is too long ends the body with `OUT_OF_RANGE`; a long message waits
+    /// until there is room.
     pub(crate) fn limited(&self, body: Body, requirement: Requirement, principal: Principal) -> Body {
         if body.is_end_stream() {
             return body;
@@ -104,7 +104,7 @@ struct Arriving {
     own: Arc<Semaphore>,
     /// The bytes of the next message's head that have arrived.
     head: Vec<u8>,
-    /// The bytes of the present message that have not arrived.
+    /// Number of bytes of the present message that have not arrived.
     left: usize,
     /// The room of the present message, if it is long.
     held: Option<[OwnedSemaphorePermit; 2]>,
@@ -122,7 +122,7 @@ impl Arriving {
                 (self.left, rest) = (self.left - taken, &rest[taken..]);
                 continue;
             }
-            // The former message has arrived, and is decoded.
+            // The previous message has arrived and is decoded, so its room is free again.
             self.held = None;
             let taken = (HEAD - self.head.len()).min(rest.len());
             self.head.extend(&rest[..taken]);
@@ -167,7 +167,7 @@ mod tests {
     use tokio_stream::wrappers::ReceiverStream;
     use tonic::Code;
 
-    /// A message of so many bytes as it travels.
+    /// A message of `length` bytes as it is sent, with its head.
     fn framed(length: usize) -> Vec<u8> {
         let mut bytes = vec![0];
         bytes.extend((length as u32).to_be_bytes());
@@ -204,7 +204,7 @@ mod tests {
             (MAX_NAMING_MESSAGE + 1, Err(Code::OutOfRange)),
         ] {
             let (sender, parts) = body(&room, viewer, 1);
-            // In parts that end anywhere.
+            // The bytes arrive in parts that end anywhere.
             let bytes = [framed(length), framed(length)].concat();
             for part in bytes.chunks(1 + length / 7) {
                 sender.send(Ok(part.to_vec())).await.unwrap();
@@ -219,7 +219,7 @@ mod tests {
         let room = MessageRoom::default();
         let worker = Requirement::Machine(MachineKind::Worker);
         let count = MAX_ARRIVING_PER_PRINCIPAL / MAX_WORKER_MESSAGE;
-        // None of them ever ends.
+        // None of these messages ever ends.
         let begun = framed(MAX_WORKER_MESSAGE)[..1000].to_vec();
         let mut open = Vec::new();
         for _ in 0..count {

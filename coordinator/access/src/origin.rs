@@ -19,22 +19,22 @@ use std::net::{IpAddr, SocketAddr};
 pub(super) enum Asked {
     /// A gRPC method that the coordinator has.
     Method,
-    /// A gRPC method of a service that it does not have.
+    /// A gRPC method of a service that the coordinator does not have.
     NoService,
     /// A page, or an HTTP endpoint for programs.
     Page,
 }
 
-/// The host names that an endpoint answers to. An attacker can make a name of another site point here (DNS rebinding), so that a
-/// browser takes this coordinator for a part of that site.
+/// The host names that an endpoint answers to. An attacker can make the name of another site lead to this coordinator (DNS
+/// rebinding), so that a browser takes the coordinator for a part of that site.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Hosts {
-    /// Any: a certificate proves the name, or a token is required, which no browser sends for another site.
+    /// Any host name: a certificate proves the name, or a token is required, which no browser sends for another site.
     Any,
     /// Addresses and `localhost`.
     ThisMachine,
-    /// Addresses, `localhost`, and names without a dot, which no site of the Internet has; any name for gRPC, which no page can
-    /// send.
+    /// Addresses, `localhost`, and names without a dot, because no site of the Internet has such a name. A gRPC request may use
+    /// any name, because no page can send such a request.
     TrustedNetwork,
 }
 
@@ -63,8 +63,8 @@ impl Hosts {
     }
 }
 
-/// Refuses a request that a page of another site may have sent. A request that changes something must come from a page of the same
-/// host, and a gRPC request from no page.
+/// Refuses a request that a page of another site may have sent. A request that changes something must come from a page of the
+/// same host. A gRPC request must not come from a page.
 pub(super) fn check(
     hosts: Hosts,
     is_encrypted: bool,
@@ -123,7 +123,7 @@ fn is_same(origin: &HeaderValue, host: Option<&Authority>, is_encrypted: bool) -
         .to_str()
         .ok()
         .and_then(|origin| origin.strip_prefix(scheme));
-    // Compared without regard to case.
+    // The comparison ignores case.
     origin.zip(host).is_some_and(|(origin, host)| *host == *origin)
 }
 
@@ -209,7 +209,7 @@ mod tests {
             "https://127.0.0.1:7700",
         ] {
             assert!(!post(origin), "{origin}");
-            // Nor may they read.
+            // Pages of other sites may not read either.
             assert!(!PAGE.allows(&Method::GET, &[OWN, ("origin", origin)]), "{origin}");
         }
         assert!(!PAGE.allows(&Method::POST, &[OWN]));

@@ -1,5 +1,5 @@
-//! Limits on the body of a request: it fails when no part of it arrives for too long, since a request that never ends would keep
-//! its seat. A long decision needs another seat than a short one.
+//! Limits on the body of a request. The body fails when no part of it arrives for too long, because a request that never ends
+//! would keep its seat. A long decision needs a seat of another class than a short decision.
 
 use crate::{
     Refusal,
@@ -16,8 +16,8 @@ use tokio::time::timeout;
 use tokio_stream::StreamExt as _;
 use tonic::Status;
 
-/// `body`, which fails when no part of it arrives for [`PART_LIMIT`]. gRPC clients get `DEADLINE_EXCEEDED`. A decision of more than
-/// [`MAX_DECISION_BODY`] bytes goes on when it has exchanged `seat` for one of the class bulk.
+/// `body` with a time limit: it fails when no part of it arrives for [`PART_LIMIT`]. gRPC clients get `DEADLINE_EXCEEDED`. A
+/// decision of more than [`MAX_DECISION_BODY`] bytes exchanges `seat` for a seat of the class `bulk` before it continues.
 pub(crate) fn in_time(body: Body, seat: &Arc<Seat>) -> Body {
     if body.is_end_stream() {
         return body;
@@ -34,7 +34,7 @@ pub(crate) fn in_time(body: Body, seat: &Arc<Seat>) -> Body {
 
 struct Parts {
     body: BodyDataStream,
-    /// While the body is that of a short decision: the bytes that may still come, and its seat.
+    /// For the body of a short decision: the number of bytes that may still arrive, and the seat of the decision.
     short: Option<(usize, Arc<Seat>)>,
 }
 

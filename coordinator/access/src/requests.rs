@@ -1,4 +1,5 @@
-//! The id of a gRPC or page request: taken from its header or made here, in every log line about it, and in its response.
+//! The id of a gRPC or page request. It is taken from the request's header or made here, and is in every log line about the
+//! request and in the response.
 
 use axum::{
     extract::Request,
@@ -17,7 +18,7 @@ use std::{
 };
 use tracing::Instrument as _;
 
-/// Most bytes of an id that is taken from outside.
+/// Maximum number of bytes of an id that a client gives.
 const MAX_BYTES: usize = 64;
 
 /// Gives a request its id, in the log and in the response.
@@ -49,7 +50,7 @@ fn given(headers: &HeaderMap) -> Option<HeaderValue> {
     ((1..=MAX_BYTES).contains(&bytes.len()) && bytes.iter().all(plain)).then(|| id.clone())
 }
 
-/// An id that no other request of this process or an earlier one has: the start of the process and a number.
+/// An id that no other request of this process or an earlier process has: the start of the process and a number.
 fn made() -> HeaderValue {
     static START: LazyLock<u64> = LazyLock::new(|| {
         let age = SystemTime::now().duration_since(UNIX_EPOCH);

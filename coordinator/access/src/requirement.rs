@@ -1,7 +1,7 @@
 //! The table of routes: the requirement and the cost class of every page and gRPC method.
 //!
-//! [`GuardedRouter`](crate::GuardedRouter) fills the table as routes are registered. A method or page that the table does
-//! not know is for operators alone.
+//! [`GuardedRouter`](crate::GuardedRouter) fills the table as routes are registered. A method or page that is not in the table is
+//! for operators alone.
 
 use super::{CostClass, MachineKind, seats::Principal};
 use axum::{
@@ -11,7 +11,7 @@ use axum::{
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// Permissions of a token or certificate. Each role includes those before it.
+/// Permissions of a token or certificate. Each role includes the roles before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Role {
@@ -39,28 +39,28 @@ pub enum Requirement {
     Nothing,
     /// A token with this role.
     Person(Role),
-    /// The certificate of such a machine, or an operator's token where machines have no certificates.
+    /// The certificate of a machine of this kind, or an operator's token where machines have no certificates.
     Machine(MachineKind),
-    /// The certificate of such a machine, or a token with this role.
+    /// The certificate of a machine of this kind, or a token with this role.
     MachineOr(MachineKind, Role),
     /// A machine's certificate, or a token with this role.
     AnyMachineOr(Role),
 }
 
 impl Requirement {
-    /// A viewer's token, or one with a higher role.
+    /// A viewer's token, or a token with a higher role.
     pub const VIEWER: Self = Self::Person(Role::Viewer);
     /// An annotator's or operator's token.
     pub const ANNOTATOR: Self = Self::Person(Role::Annotator);
     pub const OPERATOR: Self = Self::Person(Role::Operator);
 
-    /// The class of a request by `principal` to a route that requires this and costs `class`. Requests without credentials to an
-    /// open route get a class of their own, so that they take no seats from the others.
+    /// The class of a request by `principal` to a route with this requirement and the cost class `class`. Requests without
+    /// credentials to an open route get a class of their own, so that they take no seats from other requests.
     pub(crate) fn class_for(self, principal: Principal, class: CostClass) -> CostClass {
         match (self, principal, class) {
             (_, _, CostClass::Free) => class,
             (Self::Nothing, Principal::Address(_) | Principal::Unknown, _) => CostClass::Stranger,
-            // Work must not wait for people who read slowly.
+            // The work of machines must not wait for people who read slowly.
             (_, Principal::Machine(_), CostClass::Reading) => CostClass::Streaming,
             _ => class,
         }
@@ -115,7 +115,8 @@ impl Requirements {
         })
     }
 
-    /// The requirement and the cost class of the gRPC method of this path (`/SERVICE/METHOD`); `None` if the service is not served.
+    /// The requirement and the cost class of the gRPC method of this path (`/SERVICE/METHOD`); `None` if the service is not
+    /// served.
     pub(crate) fn of_method(&self, path: &str) -> Option<(Requirement, CostClass)> {
         let (service, method) = path.strip_prefix('/')?.split_once('/')?;
         let (_, methods) = self.services.iter().find(|(known, _)| *known == service)?;
@@ -123,12 +124,12 @@ impl Requirements {
         Some(known.map_or(UNKNOWN, |(_, requirement, class)| (*requirement, *class)))
     }
 
-    /// The requirement and the cost class of a page, by its route; without a route, those of an address that leads nowhere.
+    /// The requirement and the cost class of a page, by its route. An address without a page requires a viewer's token.
     fn of_page(&self, method: &Method, route: Option<&str>) -> (Requirement, CostClass) {
         let Some(route) = route else {
             return (Requirement::VIEWER, CostClass::Light);
         };
-        // Whatever answers GET answers HEAD.
+        // A route that answers GET also answers HEAD.
         let method = if *method == Method::HEAD {
             &Method::GET
         } else {

@@ -1,5 +1,5 @@
-//! The body of a response, which holds the seat of its request until it has been sent, given up, or left untaken for too
-//! long.
+//! The body of a response. It holds the seat of its request until the body has been sent or given up, or the client has taken no
+//! part of it for too long.
 
 use crate::{
     connections::ConnectionHandle,
@@ -24,8 +24,8 @@ use std::{
 use tokio::time::Instant;
 use tonic::Status;
 
-/// Bytes handed to a connection at once. A connection takes one part more than its client has asked for, and keeps it after the
-/// body has ended.
+/// Bytes that a connection gets at once. A connection takes one part more than its client has asked for, and keeps this part
+/// after the body has ended.
 const PART_BYTES: usize = 16 << 10;
 /// Interval of the check for bodies that no client takes.
 const LOOK_INTERVAL: Duration = Duration::from_secs(5);
@@ -49,23 +49,23 @@ struct Shared {
     form: Form,
     /// Whether a shutdown ends the body.
     ends_at_shutdown: bool,
-    /// Whether the body ends if its client takes nothing. Streams that follow something do not: they hold little, and their clients
-    /// may sleep.
+    /// Whether the body ends if its client takes nothing. Streams that follow something do not end in this way: they take little
+    /// memory, and their clients may sleep.
     ends_untaken: bool,
-    /// The connection that it is sent on.
+    /// The connection that the body is sent on.
     handle: Option<ConnectionHandle>,
     content: Mutex<Content>,
 }
 
 #[derive(Debug)]
 struct Content {
-    /// `None` once it is complete or was ended.
+    /// `None` once the body is complete or was ended.
     open: Option<(Body, Arc<Seat>)>,
     /// Part of the body that the connection has not taken yet.
     rest: Bytes,
-    /// Why it was ended, until the client has been told.
+    /// Why the body was ended, until the client has received the reason.
     ended: Option<Ending>,
-    /// Since when the connection has not asked for the next part.
+    /// Time since which the connection has not asked for the next part.
     untaken_since: Option<Instant>,
     waker: Option<Waker>,
 }
@@ -73,9 +73,9 @@ struct Content {
 /// How the client learns that a response is incomplete.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Form {
-    /// By a status, in trailers.
+    /// The client gets a status, in trailers.
     Grpc,
-    /// Not at all: an event stream has no end, and pages open it again.
+    /// The client learns nothing: an event stream has no end, and pages open it again.
     Events,
     /// The connection breaks off.
     Other,
@@ -192,7 +192,7 @@ impl Shared {
         if let Some(waker) = waker {
             waker.wake();
         }
-        // The library keeps the part that it was given until it is taken, or the connection ends.
+        // The HTTP library keeps a part until the client takes the part, or the connection ends.
         if let (Ending::Untaken, Some(handle)) = (ending, &self.handle) {
             tracing::debug!("a client takes no part of an answer: its connection is closed");
             handle.close();
@@ -227,7 +227,7 @@ impl Content {
         }
         self.untaken_since = Some(Instant::now());
         let part = self.rest.split_to(self.rest.len().min(PART_BYTES));
-        // A copy of the part does not keep the whole in memory.
+        // The part is copied, because a slice of the data would keep all of it in memory.
         Poll::Ready(Some(Ok(Frame::data(Bytes::copy_from_slice(&part)))))
     }
 }

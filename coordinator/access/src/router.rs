@@ -123,9 +123,9 @@ impl GuardedRouter {
         &self.requirements
     }
 
-    /// Puts all routes behind an endpoint: `admit` gets a request before anything else reads it, and passes it on only if it shows
-    /// the credentials that its route requires and there is a seat for it. `nowhere` answers requests for an address without a
-    /// route.
+    /// Puts all routes behind an endpoint. `admit` gets a request before anything else reads it. `admit` passes the request on
+    /// only if there is a seat for it, and it shows the credentials that its route requires. `nowhere` answers requests for an
+    /// address without a route.
     pub fn behind<H: Handler<T, ()>, T: 'static>(
         self,
         endpoint: Arc<Endpoint>,

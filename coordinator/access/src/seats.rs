@@ -1,9 +1,10 @@
 //! Fair shares: limits how many requests are answered at once, by cost class, in total and per principal.
 //!
-//! A request takes a seat of its class before a handler sees it, and gives it back once its response has been sent or given up. A
-//! principal (the holder of a token, a certificate, an address) never has more seats of a class than its share. A request that
-//! finds no seat waits; the next free seat goes to the waiting principal with the fewest. Streams last long, so a stream that finds
-//! no seat is refused at once. Decisions have seats of their own, which requests that read or compute cannot take.
+//! A request takes a seat of its class before a handler sees it, and returns the seat once the response has been sent or given
+//! up. A principal (the holder of a token, a certificate, an address) never has more seats of a class than its share. A request
+//! that finds no seat waits; the next free seat goes to the waiting principal with the fewest seats. Streams last long, so a
+//! stream that finds no seat is refused at once. Decisions have seats of their own, which requests that read or compute cannot
+//! take.
 
 use crate::{
     connections::network_of,
@@ -37,30 +38,30 @@ use tokio::sync::{oneshot, watch};
 /// Cost of answering a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum CostClass {
-    /// Changes something, and must be acknowledged under any load: pausing, labelling, submitting.
+    /// Requests that change something, and must be acknowledged under any load: pausing, labelling, submitting.
     Decision,
-    /// Changes as much as hundreds of labels: a decision of more than 2 KiB, or the undo of one.
+    /// Requests that change as much as hundreds of labels: a decision of more than 2 KiB, or the undo of such a decision.
     Bulk,
-    /// Reads a few rows.
+    /// Requests that read a few rows.
     Light,
-    /// Reads up to a whole archive or label log.
+    /// Requests that read up to a whole archive or label log.
     Reading,
-    /// Simulates, draws or compares.
+    /// Requests that simulate, draw or compare.
     Computing,
-    /// Follows something for as long as the client wants.
+    /// Requests that follow something for as long as the client wants.
     Streaming,
-    /// A request without token or certificate to a route that requires neither: login, assets, the health service.
+    /// Requests without token or certificate to a route that requires neither: login, assets, the health service.
     Stranger,
-    /// Needs no seat: streams of workers and trainers, which leases and credits limit, and probes.
+    /// Requests that need no seat: streams of workers and trainers, which leases and credits limit, and probes.
     Free,
 }
 
 /// How many seats a class has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SeatLimits {
-    /// For all principals together.
+    /// Number of seats for all principals together.
     pub total: NonZeroUsize,
-    /// For one principal.
+    /// Number of seats for one principal.
     pub share: NonZeroUsize,
 }
 
@@ -76,7 +77,7 @@ pub struct ClassSeats(CostClass, SeatLimits);
 )]
 pub struct NoClassSeats;
 
-/// Most seats of a class.
+/// Maximum number of seats of a class.
 const MAX_SEATS: usize = 65_536;
 
 /// The client that a request counts against.
@@ -86,7 +87,8 @@ pub(crate) enum Principal {
     Token(TokenDigest),
     /// The machine with a certificate.
     Machine(MachineId),
-    /// A client without credentials, by its address; for IPv6 by its /64 network, because one machine may own a whole one.
+    /// A client without credentials, by its address; for IPv6, by its /64 network, because one machine may own a whole /64
+    /// network.
     Address(IpAddr),
     /// A request without a connection, in tests.
     Unknown,
@@ -103,7 +105,7 @@ pub enum NoSeat {
     Closing,
 }
 
-/// Requests of a class that are being answered, that are waiting, and that were refused so far.
+/// Numbers of requests of a class that are being answered, that are waiting, and that were refused so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SeatCounts {
     pub answered: usize,
@@ -147,13 +149,13 @@ struct Waiter {
     seat: oneshot::Sender<Seat>,
 }
 
-/// A seat, until it is dropped.
+/// A request's seat. Dropping the seat returns it.
 #[derive(Debug)]
 pub(crate) struct Seat {
     seats: Seats,
     class: CostClass,
     principal: Principal,
-    /// Index of its lane; `None` while it waits for a seat of another class.
+    /// Index of the seat's lane; `None` while the request waits for a seat of another class.
     lane: Mutex<Option<usize>>,
 }
 
@@ -183,7 +185,7 @@ impl CostClass {
         }
     }
 
-    /// Index of its lane; `None` for a class without seats.
+    /// Index of the class's lane; `None` for a class without seats.
     fn lane(self) -> Option<usize> {
         Self::LIMITED.iter().position(|&class| class == self)
     }
@@ -229,7 +231,7 @@ impl fmt::Display for CostClass {
 }
 
 impl SeatLimits {
-    /// At least one of each.
+    /// Limits of at least one seat each.
     const fn of(total: usize, share: usize) -> Self {
         Self {
             total: NonZeroUsize::MIN.saturating_add(total.saturating_sub(1)),
@@ -267,7 +269,7 @@ impl Principal {
 }
 
 impl Seats {
-    /// The default seats, except for the classes in `changed`. If a class is there twice, the last entry counts.
+    /// The default seats, except for the classes in `changed`. If a class is in `changed` twice, its last entry counts.
     #[must_use]
     pub fn new(changed: &[ClassSeats]) -> Self {
         let lanes = CostClass::LIMITED.map(|class| {
@@ -287,7 +289,7 @@ impl Seats {
         }
     }
 
-    /// Takes a seat of `class`; `None` if that class needs none. Waits at most for `patience`, if given.
+    /// Takes a seat of `class`; `None` if that class needs no seat. Waits at most for `patience`, if given.
     ///
     /// # Errors
     /// See [`NoSeat`].
@@ -308,7 +310,7 @@ impl Seats {
             Ok(coming) => coming,
             Err(refusal) => return refused(refusal),
         };
-        // A principal over its pace waits in the seat, so that only few requests wait.
+        // A request of a principal over its rate waits with its seat taken, so that only few requests wait.
         let seated = async {
             let seat = coming.await.map_err(|_| NoSeat::Closing)?;
             self.lanes[place].paced(principal).await;
@@ -328,7 +330,7 @@ impl Seats {
         }
     }
 
-    /// Receiver of a seat: one that is free now, or the one that the request waits for.
+    /// Receiver of a seat: a seat that is free now, or the seat that the request waits for.
     fn take_or_wait(
         &self,
         class: CostClass,
@@ -343,7 +345,7 @@ impl Seats {
         if room.has_seat(self.lanes[place].limits, principal) {
             room.seat(principal);
             drop(room);
-            // Cannot fail: `coming` is the receiver.
+            // Sending cannot fail, because `coming` is the receiver.
             let _ = seat.send(self.seat(place, principal));
             return Ok(coming);
         }
@@ -382,14 +384,14 @@ impl Seats {
         budget.clone()
     }
 
-    /// Shuts down reading, computing and following: waiting requests are refused, and those under way end.
+    /// Ends all requests of the classes that end at shutdown: waiting requests are refused, and running requests end.
     pub fn close(&self) {
         self.closing.send_replace(true);
     }
 
     /// Returns once the seats are closed.
     pub(crate) async fn closed(&self) {
-        // Cannot fail: `self` owns the sender.
+        // Waiting cannot fail, because `self` owns the sender.
         let _ = self.closing.subscribe().wait_for(|&closing| closing).await;
     }
 
@@ -446,7 +448,7 @@ impl Room {
         }
     }
 
-    /// Takes the request that gets the next seat: of the principals with the fewest seats, the one that has waited longest.
+    /// Takes the waiting request that gets the next seat: the oldest request of the principals with the fewest seats.
     fn next(&mut self, limits: SeatLimits) -> Option<Waiter> {
         if self.taken >= limits.total.get() {
             return None;
@@ -470,7 +472,7 @@ impl Seat {
         self.class
     }
 
-    /// Gives the seat back, and waits for one of `class` instead.
+    /// Returns the seat, and waits for a seat of `class` instead.
     ///
     /// # Errors
     /// See [`NoSeat`].
@@ -505,7 +507,7 @@ impl Seat {
         let next = room.next(lane.limits);
         drop(room);
         if let Some(Waiter { principal, seat }) = next {
-            // If the client has gone, sending fails and drops the seat, which returns it.
+            // If the client has disconnected, sending fails and drops the seat, which returns the seat.
             let _ = seat.send(self.seats.seat(place, principal));
         }
     }

@@ -1,8 +1,9 @@
-//! The sessions of browsers. A session is an entry here, and in the browser a signed cookie with the random id of the entry.
+//! The sessions of browsers. A session consists of an entry here, and of a signed cookie with the entry's random id in the
+//! browser.
 //!
-//! A session ends with a log-out, when it expires, and when its token is no longer in the tokens file. Its entry is then
-//! removed, also from the file in the data directory that keeps the entries through restarts; a cookie without an entry is
-//! not accepted.
+//! A session ends with a log-out, when it expires, or when its token is no longer in the tokens file. The session's entry is then
+//! removed, also from the file in the data directory that keeps the entries through restarts. A cookie without an entry is not
+//! accepted.
 
 use crate::limits::MAX_SESSIONS_PER_TOKEN;
 use axum::http::HeaderMap;
@@ -26,9 +27,9 @@ use tokio::sync::watch;
 /// How long a log-in lasts.
 const LIFETIME: Duration = Duration::from_secs(7 * 24 * 3600);
 const COOKIE: &str = "murmuration-session";
-/// Name of the file in the data directory.
+/// Name of the sessions' file in the data directory.
 const FILE: &str = "sessions.json";
-/// Random bytes of an id.
+/// Number of random bytes of an id.
 const ID_BYTES: usize = 16;
 
 /// The sessions of a coordinator; cheap to clone.
@@ -36,14 +37,14 @@ const ID_BYTES: usize = 16;
 pub struct Sessions(Arc<Shared>);
 
 struct Shared {
-    /// Signs the cookies.
+    /// The key that signs the cookies.
     key: Key,
     path: PathBuf,
-    /// By id. Never locked while the file is written, so that no request waits for the disk.
+    /// The open sessions by id. The lock is never held while the file is written, so that no request waits for the disk.
     open: RwLock<Open>,
     /// Held from a change of the sessions until the file is written, so that the file is written in the order of changes.
     changing: Mutex<()>,
-    /// Whether the file differs from memory. Set and read under `changing`.
+    /// Whether the file differs from memory. This flag is only set and read while `changing` is locked.
     unwritten: AtomicBool,
 }
 
@@ -52,9 +53,9 @@ type Open = BTreeMap<String, Entry>;
 #[derive(Clone)]
 struct Entry {
     token: TokenDigest,
-    /// Higher than that of every session opened before, whatever the clock showed.
+    /// A number above the numbers of all sessions that were opened before, whatever the clock showed.
     number: u64,
-    /// When it ends, seconds since 1970-01-01 UTC.
+    /// Time at which the session ends, in seconds since 1970-01-01 UTC.
     until_s: u64,
     /// Dropped when the session has ended.
     end: Arc<watch::Sender<()>>,
@@ -71,14 +72,14 @@ struct Row {
 /// The session of a request.
 #[derive(Debug)]
 pub(crate) struct Session {
-    /// The token that it was opened with.
+    /// The token that the session was opened with.
     pub(crate) token: TokenDigest,
     left: Duration,
     end: watch::Receiver<()>,
 }
 
 impl Session {
-    /// Waits until it has ended.
+    /// Waits until the session has ended.
     pub(crate) async fn ended(mut self) {
         // Nothing is ever sent: the sender is dropped, or the time is over.
         let _ = tokio::time::timeout(self.left, self.end.changed()).await;
@@ -127,7 +128,7 @@ impl Sessions {
             changing: Mutex::new(()),
             unwritten: AtomicBool::new(false),
         };
-        // If a removed token comes back later, its sessions must not.
+        // If a removed token is added again later, its old sessions must stay closed.
         let open = shared.open();
         if open.len() < found {
             shared.write(&open)?;
@@ -150,7 +151,7 @@ impl Sessions {
     /// Opens a session for the bearer of a token, in place of the session of the request, and returns its cookie.
     ///
     /// # Errors
-    /// If it cannot be written; it is not opened then.
+    /// If the session cannot be written; it is not opened then.
     pub fn log_in(
         &self,
         headers: &HeaderMap,
@@ -183,10 +184,10 @@ impl Sessions {
         Ok(self.jar(headers).add(cookie))
     }
 
-    /// Ends the session of a request, if it has one: in memory at once, and on disk when this returns.
+    /// Ends the session of a request, if the request has a session: in memory at once, and on disk when this returns.
     ///
     /// # Errors
-    /// If the change cannot be written: the session would come back with a restart.
+    /// If the change cannot be written: the session would be open again after a restart.
     pub fn log_out(&self, headers: &HeaderMap) -> Result<(), StoreError> {
         let _changing = self.0.changing.lock().unwrap_or_else(PoisonError::into_inner);
         let mut open = self.0.open();
@@ -250,7 +251,7 @@ impl Shared {
         *self.open.write().unwrap_or_else(PoisonError::into_inner) = open;
     }
 
-    /// Replaces the file, which only its owner can read; a failure leaves it as it was.
+    /// Replaces the file, which only its owner can read. A failure leaves the old file unchanged.
     fn write(&self, open: &Open) -> Result<(), StoreError> {
         self.unwritten.store(true, Ordering::Relaxed);
         let mut entries: Vec<_> = open.iter().collect();

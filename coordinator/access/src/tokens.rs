@@ -11,9 +11,9 @@ use std::{
     str::FromStr,
 };
 
-/// Most entries of a tokens file: every request is compared with all of them.
+/// Maximum number of entries of a tokens file: the token of every request is compared with all entries.
 const MAX_HOLDERS: usize = 1000;
-/// Most characters of a name.
+/// Maximum number of characters of a name.
 const MAX_NAME: usize = 64;
 
 /// The name of the holder of a token: 1 to 64 visible characters of any script, without a space at either end.
@@ -29,7 +29,7 @@ pub struct Tokens {
 /// The holder of a token, and their role.
 #[derive(Debug)]
 pub(crate) struct TokenHolder {
-    /// For people who read the file, and for refusals.
+    /// The holder's name, for people who read the file, and for refusals.
     pub(crate) name: HolderName,
     pub(crate) role: Role,
     digest: TokenDigest,
@@ -38,14 +38,14 @@ pub(crate) struct TokenHolder {
 /// Why a tokens file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum TokensError {
-    /// It cannot be read.
+    /// The tokens file cannot be read.
     #[error("cannot read the tokens file {}: {source}", path.display())]
     Unreadable { path: PathBuf, source: io::Error },
-    /// It is not TOML of this form.
+    /// The tokens file is not TOML of the right form.
     #[error("the tokens file {}: {reason}", path.display())]
     Syntax {
         path: PathBuf,
-        /// Where, and what is wrong.
+        /// The place of the error, and its kind.
         reason: String,
     },
 }
@@ -69,7 +69,7 @@ impl Tokens {
     /// Reads a tokens file: a `[[token]]` with `name`, `role` and `digest` for each token.
     ///
     /// # Errors
-    /// Says where the file is wrong.
+    /// If the file cannot be read, or is wrong; the error then names the place.
     pub fn read(path: &Path) -> Result<Self, TokensError> {
         let text = read_text(path, InputKind::Tokens).map_err(|source| TokensError::Unreadable {
             path: path.to_owned(),
@@ -91,7 +91,8 @@ impl Tokens {
         }
     }
 
-    /// The holder of a token. Compares it with every token, so that the time it takes reveals nothing.
+    /// The holder of a token. The token is compared with every holder's token, so that the time of the comparison reveals
+    /// nothing.
     pub(crate) fn holder(&self, digest: TokenDigest) -> Option<&TokenHolder> {
         let holders = self.holders.iter();
         holders.fold(None, |found, holder| {
@@ -128,7 +129,7 @@ impl fmt::Display for HolderName {
 /// An entry of a tokens file.
 ///
 /// # Errors
-/// Where it cannot be written as TOML.
+/// If the entry cannot be written as TOML.
 pub fn file_entry(name: &HolderName, role: Role, digest: TokenDigest) -> Result<String, toml::ser::Error> {
     let entry = Entry {
         name: name.to_string(),
@@ -203,7 +204,7 @@ mod tests {
         for name in [
             "Ana",
             "Ang\u{e9}lique",
-            // The same as macOS and some keyboards write it: a letter and a mark.
+            // The same name as macOS and some keyboards write it: with a letter and a mark.
             "Ange\u{301}lique",
             "अनीता शर्मा",
             "क्\u{200d}षमा",
@@ -223,7 +224,7 @@ mod tests {
             " ",
             "a\u{202e}nimda",
             "admin\u{200b}",
-            // What other names may not have either.
+            // These characters are not allowed in other names either.
             "ad\u{200d}min",
             "a\u{fe0f}",
             "\u{2800}",

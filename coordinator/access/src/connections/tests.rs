@@ -89,13 +89,14 @@ fn a_newcomer_takes_the_place_of_a_stranger_with_many_connections() {
             .sum::<usize>(),
         5
     );
-    // Its next connection takes the place of the oldest unauthenticated one of an address with more.
+    // The newcomer's next connection takes the place of the oldest unauthenticated connection of an address with more
+    // connections.
     let [(_, mut first_of_second), (_, mut second_of_second)] = of_second;
     let further = take(&permits, &handle("10.0.0.3").0);
     assert!(further.is_some());
     assert!(newest.try_recv().is_ok() && known.try_recv().is_err());
     assert!(first_of_second.try_recv().is_err() && second_of_second.try_recv().is_err());
-    // With as many as the others have, it takes no more.
+    // A newcomer with as many connections as each other address gets no further connection.
     assert!(take(&permits, &handle("10.0.0.3").0).is_none());
 }
 
@@ -123,7 +124,7 @@ async fn a_connection_that_only_writes_is_closed() {
         tokio::time::sleep(Duration::from_millis(50)).await;
         handle.close();
     };
-    // More than the buffers of both ends hold, and nobody reads.
+    // The bytes exceed the buffers of both ends, and nobody reads the bytes.
     let bytes = vec![0; 64 << 20];
     let (written, ()) = tokio::join!(connection.write_all(&bytes), closing);
     assert_eq!(written.unwrap_err().kind(), io::ErrorKind::TimedOut);
@@ -141,7 +142,7 @@ fn requests_come_in_bursts_and_then_at_a_pace() {
     let (handle, _) = handle("127.0.0.1");
     let burst = REQUEST_BURST.get();
     assert!((0..burst).all(|_| handle.may_ask()));
-    // Some time may have passed, and made room for a few.
+    // Some time may have passed, so that a few more requests are allowed.
     let further = (0..2 * burst).filter(|_| handle.may_ask()).count();
     assert!(further < 2 * burst as usize, "{further}");
 }

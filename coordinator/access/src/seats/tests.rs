@@ -35,7 +35,7 @@ async fn nobody_has_more_than_a_share_and_the_others_find_seats() {
     assert_eq!(refused, NoSeat::Busy(CostClass::Reading));
     assert!(begun.elapsed() >= Duration::from_secs(1));
     let _other = take(&seats, of(2)).await.unwrap();
-    // All are taken now.
+    // All seats are taken now.
     assert!(take(&seats, of(3)).await.is_err());
     let decision = seats.take(CostClass::Decision, of(1), None).await.unwrap();
     assert!(decision.is_some(), "decisions have seats of their own");
@@ -56,7 +56,7 @@ async fn the_next_seat_goes_to_whoever_has_fewest() {
     ];
     let mut again = pin!(take(&seats, of(1)));
     let mut new = pin!(take(&seats, of(2)));
-    // Both wait; the principal that already has two seats has waited longer.
+    // Both requests wait; the principal that already has two seats has waited longer.
     tokio::select! {
         biased;
         _ = &mut again => unreachable!(),

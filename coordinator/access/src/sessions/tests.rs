@@ -4,7 +4,7 @@ use axum::{
     response::IntoResponse as _,
 };
 
-/// Sessions over a data directory.
+/// Sessions that are kept in a data directory.
 struct Kept {
     folder: tempfile::TempDir,
     secret: Token,
@@ -98,7 +98,7 @@ fn what_was_logged_out_stays_so_after_a_restart_and_others_go_on() {
     let (kept, ana) = (Kept::new(), token());
     let (one, other) = (kept.log_in(ana, now()), kept.log_in(ana, now()));
     kept.sessions.log_out(&one).unwrap();
-    // Logging out again is no error, nor is it without a session.
+    // Neither a second log-out nor a log-out without a session is an error.
     kept.sessions.log_out(&one).unwrap();
     kept.sessions.log_out(&HeaderMap::new()).unwrap();
     for sessions in [kept.sessions.clone(), kept.again(|_| true)] {
@@ -156,7 +156,7 @@ fn a_new_log_in_takes_the_place_of_the_browsers_last_and_of_the_oldest_when_ther
 fn the_oldest_is_what_was_opened_first_within_a_second_and_when_the_clock_is_set_back() {
     let (kept, ana) = (Kept::new(), token());
     let second = Duration::from_secs(1);
-    // All within a second; then more, while the clock runs backwards.
+    // The first log-ins happen within a second, and further log-ins happen while the clock runs backwards.
     let mut opened: Vec<HeaderMap> = (0..MAX_SESSIONS_PER_TOKEN)
         .map(|_| kept.log_in(ana, now()))
         .collect();
@@ -169,7 +169,7 @@ fn the_oldest_is_what_was_opened_first_within_a_second_and_when_the_clock_is_set
             let lasts = whose(&sessions, cookie, set_back).is_some();
             assert_eq!(lasts, number >= place, "session {number} after {place} more");
         }
-        // Nor does a restart mix them up.
+        // A restart does not change the order of the sessions either.
         sessions = kept.again(|_| true);
     }
 }
