@@ -26,7 +26,7 @@ pub struct LabelledSet {
 
 #[derive(Debug, Clone)]
 struct Behaviour {
-    /// The position of its row.
+    /// The position of the behaviour's row.
     row: usize,
     id: String,
     class: String,
@@ -36,12 +36,12 @@ struct Behaviour {
 
 impl LabelledSet {
     /// Reads a file. Ignores rows without a class, rows with `not sure` or `skip`, and answers of the synthetic annotator. If
-    /// several annotators labelled a behaviour, the newest label counts, and the last of equally new ones. The judge's
-    /// classes get the judge's spelling, others keep their first spelling.
+    /// several annotators labelled a behaviour, only the newest label counts; of equally new labels, the last in the file. The
+    /// judge's classes get the judge's spelling; other classes keep their first spelling.
     ///
     /// # Errors
-    /// If the file cannot be read, has no column `index` (or `id`) or `class`, has two rows of one annotator about one behaviour, or
-    /// has no row with a class.
+    /// If the file cannot be read, lacks the column `class` or both `index` and `id`, has two rows of one annotator about one
+    /// behaviour, or has no row with a class.
     pub fn read(path: impl Into<PathBuf>) -> Result<Self, LabelFileError> {
         let path = path.into();
         let text = read_bytes(&path, InputKind::Labels).map_err(|error| LabelFileError::Unreadable {
@@ -65,7 +65,7 @@ impl LabelledSet {
         self.file.path()
     }
 
-    /// The ignored rows in which the synthetic annotator gave a class.
+    /// Number of ignored rows in which the synthetic annotator gave a class.
     pub const fn synthetic(&self) -> u64 {
         self.synthetic
     }
@@ -80,8 +80,8 @@ impl LabelledSet {
         self.behaviours.iter().map(|behaviour| behaviour.class.as_str())
     }
 
-    /// The patterns that annotators saw in each behaviour, in the file's order (column `pattern`, several joined by `|`); empty
-    /// if they saw none, or the file does not have the column.
+    /// The patterns that annotators saw in each behaviour, in the file's order: the text of the column `pattern`, in which `|`
+    /// separates patterns. Empty if the annotators saw no pattern or the file lacks the column.
     pub fn patterns(&self) -> impl Iterator<Item = &str> {
         self.rows().map(|(_, row)| row.cell("pattern"))
     }
@@ -101,12 +101,12 @@ impl LabelledSet {
         features.map(|features| Ok(features?.map(f64::abs))).collect()
     }
 
-    /// Reads the image of each behaviour, the grey PNG `folder/ID.png` with 8 bits per pixel, for an embedder that takes `images`:
-    /// rows are axis 0 (x).
+    /// Reads the image of each behaviour, the grey PNG `folder/ID.png` with 8 bits per pixel, for an embedder that takes
+    /// `images`. The rows of the PNG are axis 0 (x).
     ///
     /// # Errors
-    /// Names the first image that is missing or has another format. An embedder of several channels never fits, because the PNG
-    /// is grey.
+    /// Names the first image that is missing or has another format. An embedder that takes several channels is always an error,
+    /// because a PNG here is grey.
     pub fn images(&self, folder: &Path, images: ImageShape) -> Result<Vec<Vec<u8>>, LabelFileError> {
         let image = |(behaviour, row): (&Behaviour, Row<'_>)| {
             if !is_file_name(&behaviour.id) {
@@ -118,10 +118,11 @@ impl LabelledSet {
         self.rows().map(image).collect()
     }
 
-    /// Simulates each behaviour again for an embedder that takes `images`; the starts are as in [`LabelledSet::swarms`].
+    /// Simulates each behaviour again for an embedder that takes `images`; [`LabelledSet::swarms`] explains `starts`.
     ///
     /// # Errors
-    /// If a column is missing, a value is out of range, or the file's images are of another size or have other channels.
+    /// If a column is missing, a value is out of range, or the size or channels of the file's pictures differ from those of
+    /// `images`.
     pub fn simulated_images(
         &self,
         images: ImageShape,
@@ -167,8 +168,8 @@ fn check_images(format: &ImageFormat, images: ImageShape) -> Result<(), Invalid>
     })
 }
 
-/// The behaviours of a file with a class from an annotator, in the order of their first rows, and the number of rows in which the
-/// synthetic annotator gave one.
+/// The behaviours to which an annotator of the file gave a class, in the order of their first rows; and the number of rows in
+/// which the synthetic annotator gave a class.
 fn behaviours(file: &LabelFile) -> Result<(Vec<Behaviour>, u64), LabelFileError> {
     let known = Class::ALL.map(|class| (ClassKey::from(class.name()), class.name().to_owned()));
     let mut spelled: BTreeMap<ClassKey, String> = known.into_iter().collect();
@@ -221,7 +222,7 @@ mod tests {
 
     const HEAD: &str = "id,class,average_speed,angular_momentum,radial_variance_x20,scatter,group_rotation\n";
 
-    /// Writes these lines to a CSV file and reads it.
+    /// Writes `lines` to a CSV file and reads this file.
     fn read(lines: &str) -> Result<LabelledSet, LabelFileError> {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("labels.csv");

@@ -1,7 +1,7 @@
 //! Measures how well distances between behaviours agree with the classes from annotators.
 //!
-//! [`Accuracy`] is the paper's measure, for any vectors. [`Summary`] gives mean and spread of several figures. [`LabelledSet`]
-//! reads a labelled set. This crate does not embed images.
+//! [`Accuracy`] is the paper's measure of accuracy, for any vectors. [`Summary`] has the mean and spread of several figures.
+//! [`LabelledSet`] reads a labelled set. This crate does not embed images.
 
 mod grey_image;
 mod labelled_set;

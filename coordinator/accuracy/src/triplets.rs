@@ -22,7 +22,7 @@ pub struct Accuracy {
 }
 
 impl Tally {
-    /// Correct triplets in percent; `None` if there is no triplet.
+    /// The share of triplets that are correct, in percent; `None` if there is no triplet.
     pub fn percent(&self) -> Option<f64> {
         (self.triplets > 0).then(|| 100.0 * self.correct as f64 / self.triplets as f64)
     }
@@ -36,7 +36,8 @@ impl Tally {
 }
 
 impl Accuracy {
-    /// Counts all admissible triplets of `behaviours`, each a class and a vector. Vectors must be finite and of one length.
+    /// Counts all admissible triplets of `behaviours`; each behaviour has a class and a vector. All vectors must be finite and of
+    /// one length.
     pub fn measure(behaviours: &[(&str, Vec<f64>)]) -> Self {
         let mut classes: BTreeMap<String, Tally> = BTreeMap::new();
         for anchor in 0..behaviours.len() {
@@ -51,12 +52,13 @@ impl Accuracy {
         self.classes.iter().map(|(class, tally)| (class.as_str(), *tally))
     }
 
-    /// Triplets with anchors of every class, as in the paper's text.
+    /// Triplets with anchors of every class, as the text of the paper counts triplets.
     pub fn every_anchor(&self) -> Tally {
         self.sum(|_| true)
     }
 
-    /// Triplets whose anchor is not [`RANDOM`], as in the authors' code. Random behaviours still serve as negatives.
+    /// Triplets whose anchor is not [`RANDOM`], as the code of the paper's authors counts triplets. Behaviours of the class
+    /// `random` still serve as negatives.
     pub fn anchor_not_random(&self) -> Tally {
         self.sum(|class| class != RANDOM)
     }
@@ -67,7 +69,7 @@ impl Accuracy {
     }
 }
 
-/// Counts the triplets with one anchor: for each positive, the negatives farther away.
+/// Counts the triplets with one anchor. A triplet is correct if its negative is farther away than its positive.
 fn with_anchor(behaviours: &[(&str, Vec<f64>)], anchor: usize) -> Tally {
     let (class, from) = &behaviours[anchor];
     let (mut positives, mut negatives) = (Vec::new(), Vec::new());
@@ -97,12 +99,12 @@ fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
 pub struct Summary {
     /// The mean, in the unit of the figures.
     pub mean: f64,
-    /// The sample standard deviation (over n - 1), in the same unit; `None` for a single figure.
+    /// The sample standard deviation (over n - 1), in the unit of the figures; `None` for a single figure.
     pub deviation: Option<f64>,
 }
 
 impl Summary {
-    /// Summarises finite figures; `None` if there are none.
+    /// Summarises finite figures; returns `None` if `figures` is empty.
     pub fn of(figures: &[f64]) -> Option<Self> {
         let count = figures.len() as f64;
         let mean = (!figures.is_empty()).then(|| figures.iter().sum::<f64>() / count)?;
@@ -137,11 +139,12 @@ mod tests {
         ];
         let accuracy = Accuracy::measure(&on_a_line.map(|(class, x)| (class, vec![x])));
         let expected = [
-            // From 2, the other clump is at distance 8, farther than all three negatives; from 10, also at 8, only the rings are
-            // farther.
+            // From the clump at 2, all three negatives are nearer than the other clump. From the clump at 10, only the two rings
+            // are farther than the other clump.
             ("clump", tally(2, 6)),
             (RANDOM, tally(0, 0)),
-            // From 0, all three negatives are farther than 1; from 1, the clump at 2 ties.
+            // From the ring at 0, all three negatives are farther than the other ring. From the ring at 1, the clump at 2 is as
+            // far as the other ring.
             ("ring", tally(5, 6)),
         ];
         assert_eq!(accuracy.classes().collect::<Vec<_>>(), expected);
@@ -190,7 +193,7 @@ mod tests {
     proptest! {
         #[test]
         fn counting_agrees_with_looking_at_every_triplet(
-            // Few values, so that there are ties.
+            // The coordinates have only four values, so that some distances are equal.
             behaviours in prop::collection::vec(
                 (prop::sample::select(vec!["a", "b", "c", RANDOM]), prop::collection::vec((0..4).prop_map(f64::from), 2)),
                 0..24,

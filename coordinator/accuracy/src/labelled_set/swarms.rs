@@ -21,8 +21,9 @@ pub struct Swarm {
 impl LabelledSet {
     /// The swarm of each behaviour, in the file's order.
     ///
-    /// Controllers are in columns, one per gene ([`Row::controller`]). Starts derive from the column `seed`, or are in the CSV file
-    /// `starts`, with a row for each agent of each behaviour (`id`, `agent` from 0 in order, `x`, `y`, `theta`).
+    /// The label file has a column for each gene of a controller ([`Row::controller`]). A start follows from the column `seed`,
+    /// unless `starts` names a CSV file with a row for each agent of each behaviour (`id`, `agent` from 0 in order, `x`, `y`,
+    /// `theta`).
     ///
     /// # Errors
     /// Names the file, and the line and column if possible, of data that is missing or cannot be simulated.
@@ -48,7 +49,7 @@ impl LabelledSet {
         self.rows().map(swarm).collect()
     }
 
-    /// The controller of each behaviour, in the file's order; columns as for [`LabelledSet::swarms`].
+    /// The controller of each behaviour, in the file's order, read from the columns that [`LabelledSet::swarms`] reads.
     pub fn controllers(&self) -> Result<Vec<Controller>, LabelFileError> {
         self.rows().map(|(_, row)| row.controller()).collect()
     }
