@@ -7,23 +7,25 @@
 
 For each robot, 20,000 uniform controllers are simulated, once for all searches.
 
-Targets are rare behaviours. The controllers whose pictures are least like any other are simulated from 20 starts. The mean of its
-20 starts is a target if 1 to 5 of the 20,000 lie within its scatter, the distance from the mean within which 15 of the starts lie.
-Up to 20 targets are taken, each as far from the others as can be. A search has found a target when one of its individuals lies
-within that scatter. The space is one that no search uses: invariants of the picture (how grey it is, its light by distance to the
-wall and to its own middle, its power spectrum; with two species also of both, and their coherence), each divided by its deviation
-over the 20,000.
+Targets are rare behaviours. The controllers whose pictures are least like any other picture are simulated from 20 starts each.
+The scatter of a controller is the distance from the mean of its starts within which 15 of the 20 starts lie. The mean is a target
+if 1 to 5 of the 20,000 controllers lie within this scatter. Up to 20 targets are taken, each as far from the other targets as
+possible. A search has found a target when one of its individuals lies within the target's scatter. Distances are measured in a
+space that no search uses: invariants of the picture, each divided by its deviation over the 20,000 controllers. The invariants
+are how grey the picture is, its light by distance to the wall and to its own middle, and its power spectrum; with two species
+also those of both species together, and the species' coherence.
 
-Niches are counted in that space, in that of the five features, and in the embedding of a network that no search uses, trained by
-another seed. The 20,000 and one archive of each search (seed 0, which is not counted) are taken together. The sparsest twentieth is
-left out, and 500 of the others, each as far from the rest as can be, are the niches. An individual reaches the nearest niche.
+Niches are counted in three spaces: that of the invariants, that of the five features, and the embedding of a network that no
+search uses, trained with another seed. The niches are made from the 20,000 controllers and one archive of each search (seed 0,
+which is not counted). The sparsest twentieth of these individuals is left out, and 500 of the other individuals, each as far from
+the rest as possible, are the niches. An individual reaches the nearest niche.
 
-Two columns compare a search with uniform sampling, in the mean over the seeds: the evaluations after which uniform sampling has
-found as many targets as the search after 3,000; and the evaluations after which the search has found as many as uniform sampling
-after 10,000.
+Two columns compare a search with uniform sampling, in the mean over the seeds. The first column has the evaluations after which
+uniform sampling has found as many targets as the search after 3,000 evaluations. The second column has the evaluations after
+which the search has found as many targets as uniform sampling after 10,000 evaluations.
 
-Results are appended to the file; runs that it has are not repeated. Only evaluations of the search count. Those of an embedder's
-dataset do not: it is trained once for each robot.
+Results are appended to the file; runs whose results the file has are not repeated. Only evaluations of the search count.
+Evaluations for an embedder's dataset do not count, because the embedder is trained once for each robot.
 """
 
 import argparse
@@ -47,7 +49,7 @@ COUNTED = (300, 1000, 3000, EVALUATIONS)
 MATCHED = 3000
 NICHES, NICHES_COUNTED = 500, (1000, EVALUATIONS)
 SPACES = ("features", "another embedding", "invariants")
-# Seeds of the embedder that searches use, and of the one that they do not.
+# Seeds of the embedder that searches use, and of the embedder that no search uses.
 EMBEDDER_SEED, OTHER_EMBEDDER_SEED = 1, 99
 
 ROBOTS = {
@@ -152,7 +154,7 @@ class Robot:
         return self.run(spec, seed)
 
     def measured(self, campaign, pictures=None):
-        """The places of a campaign's individuals in each space."""
+        """The points of a campaign's individuals in each space."""
         pictures = campaign.pictures() if pictures is None else pictures
         channels = pictures[:, None] if pictures.ndim == 3 else pictures
         batches = [channels[begin : begin + 1000].swapaxes(-1, -2).astype(np.float32) for begin in range(0, len(channels), 1000)]
@@ -179,7 +181,7 @@ class Robot:
         self.counts = [counts[rare[place]] for place in chosen]
 
     def findings(self, campaign):
-        """For each target the evaluations until it was found (None if it was not), and for each space the percentages of niches."""
+        """For each target, the evaluations until it was found (or None); for each space, the percentages of reached niches."""
         places = self.measured(campaign)
         hits = np.linalg.norm(places["invariants"][:, None] - self.centres, axis=2) <= self.radii
         reached = {space: self.niches[space].query(places[space])[1] for space in SPACES}
@@ -193,7 +195,7 @@ class Robot:
 
 
 def far_apart(points, count):
-    """Indices of `count` points, each as far as can be from those before it."""
+    """Indices of `count` points, each as far as possible from the points before it."""
     chosen = [0] if len(points) else []
     away = np.full(len(points), np.inf)
     while len(chosen) < min(count, len(points)):

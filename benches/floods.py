@@ -5,17 +5,17 @@
     pip install grpcio
     python3 benches/floods.py [--count 20000] [--seconds 60] [--programs target/release] [--only archives digests ...]
 
-A coordinator with tokens serves an archive of made-up individuals, and a campaign of small generations runs. Each flood comes from
-one token, by a process of low priority: archives and label logs without reading them, digests, lists of campaigns, pages of
-reports, watchers, swarms on the page Play, and the agreement of two annotators; all at once; and, by an annotator, requests of
-20,000 labels, which are then undone, and requests of one label, alone and beside lists of all labels. Meanwhile an operator lists
-campaigns and resumes and pauses another one, and a second viewer opens a page and watches. The flood comes four times, for SECONDS
-in all.
+A coordinator with tokens serves an archive of made-up individuals, and a campaign of small generations runs. Each flood comes
+from one token, by a process of low priority. A viewer requests archives and label logs without reading them, digests, lists of
+campaigns, pages of reports, watchers, swarms on the page Play, or the agreement of two annotators; one flood is all of these at
+once. An annotator sends requests of 20,000 labels and undoes them, or requests of one label, alone and beside lists of all
+labels. Meanwhile an operator lists campaigns, and resumes and pauses another campaign; a second viewer opens a page and watches a
+campaign. The flood comes four times, for SECONDS in all.
 
-It prints a table: the campaign's pace relative to that of the idle coordinator before and after, the share of all cores that the
-guest's process took (which would be another machine's), the 95th percentile of `list` and `pause`, the peak of resident memory
-above idle, the number of the second viewer's refused requests, and the time that SIGTERM took. It ends with exit code 1 if a figure
-is over its limit.
+The script prints a table. Its columns are the campaign's pace relative to its pace without a flood; the share of all cores that
+the flooding process took (another machine's, in practice); the 95th percentile of `list` and `pause`; the peak of resident memory
+above idle; the number of the second viewer's refused requests; and the time that SIGTERM took. The script ends with exit code 1
+if a figure is over its limit.
 """
 
 import argparse
@@ -51,7 +51,7 @@ generations = {generations}
 medoids = 2
 """
 FLOODS = ("archives", "labels", "digests", "lists", "reports", "watchers", "play", "agreement", "polling", "all", "answers", "single")
-# Entries of the label log for each individual.
+# Number of annotators, which is the number of label log entries for each individual.
 ANNOTATORS = 5
 LIMITS = {"list": 500, "pause": 500, "memory": 256, "refused": 0, "end": 5}
 PACE = 0.8
@@ -72,7 +72,7 @@ class Client:
     """A connection with a token of its own."""
 
     def __init__(self, address, token):
-        # Otherwise the channels of a process share a connection.
+        # Without this option, the channels of a process would share a connection.
         options = [("grpc.use_local_subchannel_pool", 1), ("grpc.max_receive_message_length", -1)]
         self.channel = grpc.insecure_channel(address, options)
         self.metadata = [("authorization", f"Bearer {token}")]
@@ -186,7 +186,7 @@ def memory(process, what):
 
 
 class Cluster:
-    """A coordinator with one worker thread a core, and its filled data directory."""
+    """A coordinator with one worker thread per core, and its filled data directory."""
 
     def __init__(self, programs, folder, count):
         self.programs, self.folder = programs, folder
@@ -231,7 +231,7 @@ class Cluster:
 
 
 def measure(cluster, seconds):
-    """Measures the operator's and the second viewer's requests for `seconds`, and the campaign's generations a second."""
+    """Measures the operator's and the second viewer's requests for `seconds`, and the campaign's generations per second."""
     operator, other = Client(cluster.address, cluster.tokens["boss"]), cluster.tokens["other"]
     times, refused = {"list": [], "pause": []}, 0
     before, begun = cluster.generations(), time.perf_counter()

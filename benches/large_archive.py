@@ -4,11 +4,11 @@
     cargo build --release --workspace --bins --example fill
     python3 benches/large_archive.py [--count 100000 1000000] [--evaluated] [--folder DIR] [--programs target/release]
 
-It fills a data directory with made-up individuals (`coordinator/store/examples/fill.rs`), all but the last generation; with
---evaluated a campaign of null evaluations runs instead, over gRPC and from its first generation to its last, in generations of
-1,000 (`murmuration lab bench cluster --keep`). It prints a table. Each item is a fresh process. `serve` finishes the campaign: it is
-killed with SIGKILL once it answers, and started again. The page is requested ten times a second while the map is made; the
-longest wait shows whether that delays the page.
+The script fills a data directory with made-up individuals (`coordinator/store/examples/fill.rs`), all but the last generation.
+With --evaluated, a campaign of null evaluations runs instead, over gRPC, from its first generation to its last, in generations of
+1,000 (`murmuration lab bench cluster --keep`). The script prints a table. Each row measures a fresh process. `serve` finishes the
+campaign; the script kills this process with SIGKILL as soon as it answers, and starts it again. While the map is made, the script
+requests the page ten times a second; the longest wait shows whether making the map delays the page.
 """
 
 import argparse
@@ -107,7 +107,7 @@ def longest_wait(page, ended):
 
 
 def while_asking(page, path):
-    """Seconds that `path` took, the page's longest time meanwhile, and the bytes of the answer."""
+    """Seconds that the request of `path` took, the page's longest time meanwhile, and the bytes of the answer."""
     ended, waited = threading.Event(), []
     asking = threading.Thread(target=lambda: waited.append(longest_wait(page, ended)))
     asking.start()

@@ -5,8 +5,9 @@
     cargo build --release --workspace --example novelty_of_file
     /tmp/peers/bin/python benches/novelty_against_scikit_learn.py [--most 1000000]
 
-It prints a table: seconds to build the index, and to find the 15 nearest neighbours of 10,000 points (or all, if there are
-fewer), each the best of three, and the ratio scikit-learn : Murmuration. It fails if the two results differ.
+The script prints a table: seconds to build the index, and to find the 15 nearest neighbours of 10,000 points (or of all points,
+if there are fewer), each the best of three runs, and the ratio scikit-learn : Murmuration. The script fails if the two results
+differ.
 """
 
 import argparse
@@ -69,7 +70,7 @@ def main():
             break
         points, queries = archive(count, random), min(count, QUERIES)
         with tempfile.TemporaryDirectory() as folder:
-            # In turns, so that other load on the machine slows both.
+            # The two programs take turns, so that other load on the machine slows both.
             pairs = [(ours(points, queries, pathlib.Path(folder)), theirs(points, queries)) for _ in range(REPEATS)]
         for mine, peer in pairs:
             numpy.testing.assert_allclose(mine[2], peer[2], rtol=1e-9)

@@ -4,14 +4,14 @@
     cargo build --release --bin murmuration
     venv/bin/python benches/null_tasks_beside_dask_and_ray.py target/release/murmuration
 
-A null task takes a controller (four numbers) and a seed, and returns what an evaluation does: five numbers and a picture of
-2,500 bytes. Each system has its scheduler and one worker, and gets a generation of 1,000 tasks at a time. The next
-generation begins when all results of the last have arrived, as in a campaign.
+A null task takes a controller (four numbers) and a seed, and returns as much as an evaluation: five numbers and a picture of
+2,500 bytes. Each system has its scheduler and one worker, and gets a generation of 1,000 tasks at a time. The next generation
+begins when all results of the generation before have arrived, as in a campaign.
 
-The systems do not do the same work. Murmuration validates each result, measures novelty, breeds the next generation and puts
-every result on disk (synchronous) before it counts; its worker does nothing. Dask and Ray keep results in memory, and their
-workers call a Python function. Dask and Ray are measured twice: with single tasks, and with batches of 50, as experienced users
-would send cheap tasks. CPU time is that of all processes of a system, from `resource` and `psutil`.
+The systems do not do the same work. Murmuration validates each result, measures novelty, breeds the next generation and writes
+every result to disk synchronously before the result counts; its worker computes nothing. Dask and Ray keep results in memory, and
+their workers call a Python function. Dask and Ray are measured twice: with single tasks, and with batches of 50, as experienced
+users would send cheap tasks. CPU time is the sum over all processes of a system, from `resource` and `psutil`.
 """
 
 import argparse

@@ -4,9 +4,10 @@
     cargo build --release --workspace --bins --example fill
     python3 benches/pages.py [--count 100000] [--folder DIR] [--programs target/release] [--times 30] [--limit 100]
 
-It fills a data directory with made-up individuals, and lets a coordinator finish that campaign and a small one for comparison. Then
-it makes each request as a page does, over a connection that stays open: once for the first time (when the coordinator fills its
-caches), then the given number of times. It ends with exit code 1 if the median of some interaction is over the limit.
+The script fills a data directory with made-up individuals, and lets a coordinator finish their campaign and a small campaign for
+comparison. After that, the script makes each request as a page does, over a connection that stays open: once while the
+coordinator fills its caches, and then --times times. The script ends with exit code 1 if the median of an interaction is over the
+limit.
 """
 
 import argparse
@@ -67,7 +68,7 @@ class Page:
         if answer.status >= 400:
             sys.exit(f"{path}: {answer.status} {read.decode()}")
         if not whole:
-            # The rest of the answer is dropped.
+            # Closing the connection drops the rest of the answer.
             self.connection.close()
         return took, read
 
@@ -109,7 +110,7 @@ class Interactions:
         return {"request_id": f"bench-{secrets.token_hex(8)}", "annotator": "Ana", "change": change}
 
     def rename(self, number):
-        """Renames there and back, so that the class has both names in turn."""
+        """Renames a class there and back, so that the class has two names in turn."""
         names = ["milling", "mill"]
         return self.change(rename={"class": names[number % 2], "to": names[(number + 1) % 2]})
 
