@@ -70,7 +70,7 @@ pub struct Show {
     /// Show this individual of the archive instead of the campaign
     #[arg(long, value_name = "I")]
     index: Option<u64>,
-    /// Show the clusters of its taxonomy and their names instead of the campaign
+    /// Show the clusters of the taxonomy and their names instead of the campaign
     #[arg(long, conflicts_with = "index")]
     taxonomy: bool,
 }
@@ -79,7 +79,7 @@ pub struct Show {
 pub struct Digest {
     /// Campaign id, or `latest`
     campaign: String,
-    /// Print the digest also of a campaign that is not completed: of what its archive has so far
+    /// Print the digest of the archive so far if the campaign has not completed
     #[arg(long)]
     partial: bool,
 }
@@ -198,7 +198,7 @@ async fn listed(global: &Global) -> Result<Vec<v1::Campaign>, CliError> {
     connection::with(global, InProcess::NONE, list).await
 }
 
-/// Prints the campaigns as a table; without `studies`, campaigns of studies are only counted.
+/// Prints the campaigns as a table. Without `studies`, the table lacks the campaigns of studies, and their number follows it.
 fn show_list(global: &Global, campaigns: Vec<v1::Campaign>, studies: bool) -> Result<(), CliError> {
     let mut folded: BTreeMap<String, u64> = BTreeMap::new();
     let mut table = Table::new([
@@ -236,7 +236,7 @@ fn show_list(global: &Global, campaigns: Vec<v1::Campaign>, studies: bool) -> Re
     Ok(())
 }
 
-/// The stage in a word, of a campaign that has not ended.
+/// The name of a campaign's stage; `None` if the campaign has ended.
 fn stage(campaign: &v1::Campaign) -> Option<&'static str> {
     match campaign.state() {
         v1::CampaignState::Completed | v1::CampaignState::Cancelled => None,

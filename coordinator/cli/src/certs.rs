@@ -32,7 +32,7 @@ const DAY: Duration = Duration::from_secs(24 * 3600);
 const OWN_NAMES: [&str; 3] = ["localhost", "127.0.0.1", "::1"];
 /// Common name of the CA.
 const CA_NAME: &str = "Murmuration development CA";
-/// The certificates that are always created.
+/// The certificates that the command always creates with a new CA.
 const OWN_FILES: [&str; 3] = ["ca", "server", "trainer"];
 
 const EXAMPLES: &str = "\
@@ -87,7 +87,7 @@ impl FromStr for MachineName {
     }
 }
 
-/// A DNS name (also with the wildcard `*.` in front) or an address, as certificates allow it.
+/// A host that a certificate can name: an address, or a DNS name, which can begin with the wildcard `*.`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Host(String);
 
@@ -130,7 +130,7 @@ impl FromStr for Host {
 }
 
 impl Host {
-    /// As written in a URL.
+    /// The host in the form for a URL.
     fn in_url(&self) -> String {
         match self.0.parse() {
             Ok(IpAddr::V6(address)) => format!("[{address}]"),
@@ -172,7 +172,8 @@ impl Certs {
         let mut written = Vec::new();
         for (path, (content, mode)) in paths.zip(contents) {
             if let Err(error) = write(path, content, mode) {
-                // An incomplete set would be in the way of the next call. That call reports files that cannot be removed.
+                // An incomplete set of files would make the next call fail. The next call reports files that this call cannot
+                // remove.
                 written
                     .into_iter()
                     .for_each(|path: &PathBuf| drop(fs::remove_file(path)));
@@ -231,7 +232,7 @@ impl Certs {
             .map_err(|error| cannot(&error))
     }
 
-    /// One certificate for each named machine, or else one for all workers.
+    /// Creates one certificate for each named machine or, without names, one certificate for all workers.
     fn workers(&self, issuer: &Issuer<'_, KeyPair>) -> Result<Vec<Pair>, rcgen::Error> {
         let names = self.worker_names().into_iter();
         names
@@ -364,7 +365,7 @@ fn write(path: &Path, text: &str, mode: u32) -> Result<(), CliError> {
     let mut file = options.open(path).map_err(unwritable)?;
     let written = file.write_all(text.as_bytes()).and_then(|()| file.sync_all());
     written.map_err(|error| {
-        // An incomplete key would be in the way of the next try.
+        // An incomplete file would make the next call fail.
         let _ = fs::remove_file(path);
         unwritable(error)
     })

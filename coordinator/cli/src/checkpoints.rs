@@ -109,7 +109,7 @@ fn print_whole(checkpoint: &v1::Checkpoint, as_json: bool) -> Result<(), OutputE
     let mut metrics: Vec<_> = checkpoint.metrics.iter().collect();
     metrics.sort_by_key(|(name, _)| *name);
     for (name, value) in metrics {
-        // An exponent avoids hundreds of digits.
+        // The format `{:?}` writes very large and very small numbers with an exponent, not with hundreds of digits.
         outln!("# {name}: {value:?}")?;
     }
     print(&checkpoint.configuration)
@@ -125,7 +125,7 @@ async fn export(
     overwrite.write(file, bytes)
 }
 
-/// The model of the one checkpoint whose digest has this beginning.
+/// The ONNX model of the only checkpoint whose digest begins with `beginning`.
 pub async fn fetch(client: &mut CheckpointClient, beginning: &str) -> Result<Vec<u8>, CliError> {
     let digest = find(client, beginning).await?.digest;
     let request = v1::FetchCheckpointRequest {
@@ -166,7 +166,7 @@ async fn all(client: &mut CheckpointClient) -> Result<Vec<v1::Checkpoint>, CliEr
     whole(parts.into_inner()).await?.checkpoints.validated()
 }
 
-/// The one checkpoint whose digest has this beginning.
+/// The only checkpoint whose digest begins with `beginning`.
 pub(super) async fn find(client: &mut CheckpointClient, beginning: &str) -> Result<v1::Checkpoint, CliError> {
     let mut found = all(client).await?;
     found.retain(|checkpoint| checkpoint.digest.starts_with(beginning));

@@ -1,4 +1,4 @@
-//! How a command reaches a coordinator: a running one, or one of its own over the data directory.
+//! Connections of a command to a coordinator: to a running one, or to one that the command starts over the data directory.
 //!
 //! Only [`with`], [`with_new`] and [`with_own`] open a connection, so that every command ends the coordinator that it starts.
 
@@ -41,9 +41,10 @@ pub struct Connection {
     own: Option<LocalCluster>,
 }
 
-/// How long to wait for the address of the process that holds the data directory. A coordinator publishes it once it listens.
+/// Longest wait for the address of the process that holds the data directory. A coordinator publishes its address when it begins
+/// to listen.
 const ADDRESS_WAIT: Duration = Duration::from_secs(5);
-/// Pause between two reads of that address.
+/// Pause between two attempts to read the address of the process that holds the data directory.
 const ADDRESS_PAUSE: Duration = Duration::from_millis(50);
 
 impl Connection {
@@ -125,14 +126,14 @@ impl Connection {
         Ok(answer)
     }
 
-    /// Whether this process runs the coordinator, so that all work ends with the command.
+    /// Whether this process runs the coordinator. Such a coordinator, and all its work, ends with the command.
     pub const fn is_own(&self) -> bool {
         self.own.is_some()
     }
 }
 
-/// Calls `ask` with a connection to the coordinator named on the command line, or else to the one that holds the data directory, or
-/// else to one started for the call, with `in_process` workers and trainers. A started coordinator resumes no campaign by itself.
+/// Calls `ask` with a connection to a coordinator: the one named on the command line, else the one that holds the data directory,
+/// else a new one with `in_process` workers and trainers. A new coordinator resumes no campaign by itself.
 pub async fn with<T>(
     global: &Global,
     in_process: InProcess,
@@ -142,7 +143,7 @@ pub async fn with<T>(
     connection.asked(ask).await
 }
 
-/// As [`with`], but creates the data directory if it does not exist.
+/// Calls `ask` as [`with`] does, and creates the data directory if it does not exist.
 pub async fn with_new<T>(
     global: &Global,
     in_process: InProcess,
@@ -152,7 +153,7 @@ pub async fn with_new<T>(
     connection.asked(ask).await
 }
 
-/// Calls `ask` with a connection to a coordinator started for the call, over a data directory that this process holds.
+/// Starts a coordinator over a data directory that this process holds, and calls `ask` with a connection to this coordinator.
 pub async fn with_own<T>(
     global: &Global,
     data: DataDirectory,
@@ -196,7 +197,7 @@ mod tests {
         let data = folder.path().join("data");
         let Arguments { global } = Arguments::parse_from(["test", "--data", data.to_str().unwrap()]);
         let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
-        // SQLite keeps its log beside the database while a process has it open.
+        // SQLite keeps its log beside the database while a process has the database open.
         let log = data.join("murmuration.sqlite-wal");
         for fails in [false, true] {
             let ask = async |connection: &mut Connection| {

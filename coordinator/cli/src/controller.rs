@@ -4,8 +4,8 @@ use super::CliError;
 use murmuration_swarm::{CapabilityModel, Controller, Invalid, Preset, counted, text::quoted};
 use std::{f64::consts::PI, ffi::OsString};
 
-/// Reads `0.6,1,0.4,0.5`, or the same in brackets as controllers are printed: `[0.6, 1, 0.4, 0.5]`. Angles may be written like
-/// `-pi/3` or `2pi/3`. Without a `model`, the controller is for the paper's model with that number of genes.
+/// Reads a controller such as `0.6,1,0.4,0.5`, also in the brackets with which controllers are printed: `[0.6, 1, 0.4, 0.5]`.
+/// Angles can have the form `-pi/3` or `2pi/3`. Without a `model`, the number of genes chooses one of the paper's models.
 pub(super) fn parse(text: &str, model: Option<&CapabilityModel>) -> Result<Controller, CliError> {
     let text = text.trim();
     let in_brackets = text.strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
@@ -24,8 +24,8 @@ pub(super) fn parse(text: &str, model: Option<&CapabilityModel>) -> Result<Contr
     Ok(Controller::new(model, &genes)?)
 }
 
-/// Puts a space before a word of the command line that is a list of numbers and begins with a minus sign, so that clap takes it for
-/// a value and not for an option. `parse` removes the space.
+/// Puts a space before a word of the command line if the word is a list of numbers that begins with a minus sign. Clap then reads
+/// the list as a value, not as an option. `parse` removes the space.
 pub fn marked(word: OsString) -> OsString {
     let is_list = |text: &str| {
         let number = text.strip_prefix('-').unwrap_or_default();

@@ -19,9 +19,9 @@ Examples:
   murmuration delete two-sensor-3
   murmuration delete two-sensor-3 --yes")]
 pub struct Delete {
-    /// Campaign id; not `latest`, which may have become another campaign meanwhile
+    /// Campaign id; not `latest`, which becomes another campaign when a new campaign starts
     campaign: String,
-    /// Delete it
+    /// Delete the campaign; without this option, the command only lists the data
     #[arg(long)]
     yes: bool,
     /// Name of the study that the campaign belongs to, if it belongs to one

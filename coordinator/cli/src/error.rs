@@ -61,7 +61,7 @@ impl CliError {
         ))
     }
 
-    /// Error if another process holds the data directory that a command needs; the `hint` gives advice.
+    /// Converts an error of the store. If another process holds the data directory, the message ends with the advice `hint`.
     pub(super) fn busy(error: StoreError, hint: &str) -> Self {
         match error {
             StoreError::InUse { .. } => Self::Failed(format!("{error}: {hint}")),

@@ -41,11 +41,11 @@ Examples:
   murmuration evaluate examples/quick.toml controllers.csv --out results.csv
   murmuration evaluate examples/quick.toml controllers.csv --json")]
 pub struct Evaluate {
-    /// Campaign file that says robots, world, pictures, starts, and the checkpoint of a method that embeds
+    /// Campaign file with robots, world, pictures, starts and, if its method embeds, the checkpoint
     spec: PathBuf,
     /// Controllers, CSV
     controllers: PathBuf,
-    /// Seed that the seeds of rows without one derive from
+    /// Seed for the rows that have no seed of their own
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     /// Write the results to this CSV [default: print them]
@@ -126,7 +126,7 @@ impl Evaluate {
     }
 
     /// Evaluates the controllers, and writes each result as it arrives: to a table, or as JSON. Returns the number of controllers
-    /// that could not be evaluated; these have no result.
+    /// that have no result because their evaluation failed.
     async fn write_results(
         &self,
         table: Option<Table<'_, impl Write>>,
@@ -245,7 +245,7 @@ async fn evaluated(
     }
 }
 
-/// The description, then the controllers.
+/// The requests: the first has the description, and the others have the controllers.
 fn requests(spec: &CampaignSpec, tasks: &Tasks) -> Vec<v1::EvaluateRequest> {
     let description = Part::Description(v1::EvaluationDescription {
         campaign: Some(Campaign::Spec(spec.into())),

@@ -32,7 +32,7 @@ Examples:
   murmuration controller export --controller -0.7,0.3,1,1 --header pursuit.h
   murmuration controller export latest 0 --header controller.h")]
 pub struct Export {
-    /// Campaign whose individual to export
+    /// Campaign of the individual to export
     #[arg(
         requires = "index",
         required_unless_present = "controller",
@@ -115,8 +115,8 @@ fn header(controller: &Controller) -> String {
     text + "\n#endif\n"
 }
 
-/// A name that differs between controllers, so that a program that includes two headers does not compile; with equal names the
-/// second would be ignored.
+/// A guard name, different for each controller. A program that includes the headers of two controllers therefore fails to
+/// compile; with equal guards, the compiler would ignore the second header.
 fn guard(controller: &Controller) -> String {
     let text = format!("{} {controller}", controller.model().to_line());
     let digest = CheckpointDigest::of(text.as_bytes()).to_string();
@@ -127,7 +127,7 @@ fn guard(controller: &Controller) -> String {
 fn suffixes(model: &CapabilityModel) -> Vec<String> {
     let mut suffixes: Vec<String> = Vec::new();
     for (place, species) in model.species().iter().enumerate() {
-        // Names of species may contain a minus sign, names in C may not.
+        // A species' name can contain a minus sign; a name in C cannot.
         let name = format!("_{}", species.name().as_str().replace('-', "_"));
         suffixes.push(match model.species().len() {
             1 => String::new(),

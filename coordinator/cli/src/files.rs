@@ -22,7 +22,7 @@ pub fn is_there(path: &Path) -> Result<bool, CliError> {
     files::is_there(path).map_err(|error| CliError::unreadable(path, &error))
 }
 
-/// The files that a command may replace in a folder that its user names.
+/// The files that a command may replace in a folder named by the user.
 pub const fn replaces(force: bool) -> Replaces {
     match force {
         true => Replaces::Changed,
@@ -42,9 +42,9 @@ impl Overwrite {
     #[cfg(test)]
     pub(crate) const ALLOWED: Self = Self { force: true };
 
-    /// Refuses an existing file, which may be the work of hours, unless the option allows replacing it.
+    /// Refuses to replace an existing file without `--force`: the file may be the work of hours.
     pub fn check(self, path: &Path) -> Result<(), CliError> {
-        // Output may be appended to a standard output that is redirected to a file.
+        // Standard output may be redirected to an existing file; the command appends to that file.
         let is_descriptor = ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"]
             .iter()
             .any(|place| path.starts_with(place));
@@ -57,8 +57,8 @@ impl Overwrite {
         }
     }
 
-    /// Writes a whole file, creates missing folders above it, and reports it. A file that appeared since the command began stays,
-    /// unless the option allows replacing it.
+    /// Writes a whole file, creates missing folders above it, and reports the file. Without `--force`, a file that appeared since
+    /// the command began stays.
     pub fn write(self, path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), CliError> {
         let mut file = self.begin(path)?;
         let written = file.write_all(bytes.as_ref());

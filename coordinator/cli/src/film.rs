@@ -14,9 +14,9 @@ use std::{
     thread,
 };
 
-/// The program that encodes, in the PATH.
+/// The program that encodes films; it must be in the PATH.
 const ENCODER: &str = "ffmpeg";
-/// Largest error message of the encoder that is kept, bytes.
+/// Largest part of the encoder's error message that this process keeps, in bytes.
 const MAX_ERROR_BYTES: u64 = 64 << 10;
 
 /// Encodes a film at `fps` pictures per second to `path`.
@@ -44,7 +44,7 @@ fn encode_by(
     finish(file, path)
 }
 
-/// Runs the encoder, which writes the film to `file`. The caller moves it to `path`.
+/// Runs the encoder, which writes the film to `file`. The caller moves `file` to `path`.
 fn run(
     encoder: &Path,
     film: Film<impl Iterator<Item = Vec<u8>>>,
@@ -54,7 +54,8 @@ fn run(
 ) -> Result<(), CliError> {
     let mut running = start(encoder, (film.width, film.height), fps, file)?;
     let errors = running.stderr.take();
-    // Read concurrently: an encoder with a long message would wait for its reader, while the reader waited for the encoder.
+    // A thread reads the errors. Without this thread, an encoder with a long message would wait for this process, which would
+    // wait for the encoder.
     let errors = thread::spawn(move || {
         let (mut message, mut rest) = (Vec::new(), errors);
         if let Some(errors) = &mut rest {
@@ -76,7 +77,7 @@ fn run(
     let message = errors.join().unwrap_or_default();
     let ended =
         ended.map_err(|error| CliError::Failed(format!("{ENCODER} cannot be waited for: {error}")))?;
-    // The encoder's message tells more than the broken pipe.
+    // The encoder's message explains more than the error of the broken pipe.
     if !ended.success() {
         let message = String::from_utf8_lossy(&message);
         let message = murmuration_swarm::Text::line(message.trim());
@@ -93,10 +94,10 @@ fn start(encoder: &Path, (width, height): (u32, u32), fps: u32, file: &Path) -> 
     Command::new(encoder)
         .args(["-hide_banner", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
         .args(["-s", &size, "-r", &fps.to_string(), "-i", "-"])
-        // Players need even sides and this pixel format.
+        // Players need pictures with even sides, and this pixel format.
         .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart"])
         .args(["-f", "mp4"])
-        // With the protocol in front, no name is taken for an option or a URL.
+        // With the protocol in front, ffmpeg takes no file name for an option or a URL.
         .arg(named(file))
         .stdin(Stdio::piped())
         .stdout(Stdio::null())

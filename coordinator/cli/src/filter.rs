@@ -27,7 +27,7 @@ Examples:
   murmuration filter --file controllers.txt --json"
 )]
 pub struct Filter {
-    /// Controllers, numbers separated by commas: of the paper's robots 4 wheel speeds, or 8 and an angle
+    /// Controllers as numbers separated by commas; for the paper's robots, 4 wheel speeds, or 8 and an angle
     controllers: Vec<String>,
     /// File of further controllers, one a line; - reads stdin
     #[arg(long, value_name = "FILE")]

@@ -20,9 +20,9 @@ pub use {
 /// The form in which progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Show {
-    /// For a person, on stderr.
+    /// Progress for a person, on stderr.
     Person,
-    /// For a program: every status as a line of JSON on stdout.
+    /// Progress for a program: every status as a line of JSON on stdout.
     Lines,
 }
 
@@ -37,7 +37,7 @@ pub async fn follow(client: &mut Client, campaign: &str, show: Show) -> Result<v
     Ok(last)
 }
 
-/// Follows a campaign until it stops, and calls `draw` with each status. Returns the last one.
+/// Follows a campaign until it stops, and calls `draw` with each status. Returns the last status.
 pub async fn follow_with(
     client: &mut Client,
     campaign: &str,
@@ -63,9 +63,9 @@ pub async fn follow_with(
 /// The progress shown so far, and its form.
 pub struct View {
     to: Screen,
-    /// The stage of the last status, and since when.
+    /// The stage of the last status, and the time when this stage began.
     stage: Option<(v1::CampaignStage, Instant)>,
-    /// Notices up to this number have been shown.
+    /// Number of the last notice that was shown.
     noticed: u64,
 }
 
@@ -73,7 +73,7 @@ enum Screen {
     Bar(ProgressBar),
     Plain {
         next: Instant,
-        /// Stage, step, and whether it waits.
+        /// The campaign's stage and step in the last printed line, and whether the campaign waited.
         shown: Option<(v1::CampaignStage, u64, bool)>,
     },
     Json,
@@ -140,7 +140,7 @@ impl View {
         self.noticed = self.noticed.max(latest);
     }
 
-    /// Prints how long a stage took that has ended.
+    /// Prints the duration of a stage that has ended.
     fn end_stage(&mut self, now: v1::CampaignStage) {
         let Some((before, since)) = self.stage.replace((now, Instant::now())) else {
             return;

@@ -1,16 +1,16 @@
-//! Tables of genomes in the format of the authors' RobotSwarmSimulator: CSV without a header, one row per controller, with its
-//! genes in the order of `murmuration robot`.
+//! Tables of genomes in the format of RobotSwarmSimulator, by the paper's authors: CSV without a header. Each row has the genes
+//! of one controller, in the order of `murmuration robot`.
 
 use super::CliError;
 use csv::{ReaderBuilder, StringRecord, Trim};
 use murmuration_swarm::text;
 use std::path::Path;
 
-/// Reads the rows of a file in this format: a cell of its first row is a number, and none is the name of a gene. `None` if it has a
-/// header.
+/// Reads the rows of a table without a header: its first row has a number, and no name of a gene. Returns `None` for a table with
+/// a header.
 ///
 /// # Errors
-/// Names the row that does not have one finite number per gene, and its fault.
+/// The error names the row that does not have one finite number per gene, and the fault of that row.
 pub(super) fn read(path: &Path, text: &[u8], genes: &[&str]) -> Result<Option<Vec<Vec<f64>>>, CliError> {
     let reader = ReaderBuilder::new()
         .has_headers(false)

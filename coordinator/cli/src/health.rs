@@ -1,4 +1,4 @@
-//! `health`: checks whether a process is there, for container engines and scripts.
+//! `health`: checks whether a process answers, for container engines and scripts.
 
 use super::{CliError, Global, connection};
 use murmuration_link::{Credentials, READY, outln};

@@ -1,6 +1,6 @@
 //! The JSON that commands print for programs, and its schemas.
 //!
-//! Most documents are messages of a coordinator (`Document`). The others have a type here.
+//! Most documents are messages of a coordinator (`Document`). The other documents have a type in this module.
 
 mod campaign;
 mod data;
@@ -28,21 +28,23 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, generate::SchemaSettings, js
 use serde::{Serialize, Serializer};
 use std::borrow::Cow;
 
-/// Version of every document. It rises when a field changes its meaning or is removed, not for new fields.
+/// Version of the schemas of all documents. The version rises when a field changes its meaning or is removed, not when a field is
+/// added.
 const VERSION: u32 = 2;
 
 /// The printed document: the version, then its fields.
 #[derive(Serialize, JsonSchema)]
 #[schemars(rename = "{T}")]
 struct Versioned<T> {
-    /// Version of the document's schema. It rises when a field changes its meaning or is removed.
+    /// Version of the document's schema. The version rises when a field changes its meaning or is removed.
     #[schemars(extend("const" = VERSION))]
     schema: u32,
     #[serde(flatten)]
     document: T,
 }
 
-/// Larger whole numbers become strings: jq and JavaScript read numbers as doubles, which are exact only up to here.
+/// Largest whole number that documents write as a number. Larger whole numbers become strings, because jq and JavaScript read
+/// numbers as doubles.
 const MAX_EXACT: u64 = (1 << 53) - 1;
 
 /// A whole number such as a seed.
@@ -91,7 +93,7 @@ pub fn print<T: Serialize>(document: T) -> Result<(), OutputError> {
         schema: VERSION,
         document,
     };
-    // Only a key that is not a string could fail, and no document has one.
+    // Only keys that are not strings could make the conversion fail, and the keys of documents are strings.
     outln!("{}", serde_json::to_string(&versioned).unwrap_or_default())
 }
 

@@ -43,7 +43,7 @@ pub struct LabelCommand {
     /// File of the answers to add
     #[arg(long, value_name = "FILE", group = "answers")]
     csv: Option<PathBuf>,
-    /// Annotator for rows of --csv without one
+    /// Annotator for the rows of --csv that name no annotator
     #[arg(long, value_name = "NAME", conflicts_with = "synthetic")]
     annotator: Option<Annotator>,
     /// Let the rule-based judge label N unlabelled individuals
@@ -58,8 +58,8 @@ pub struct LabelCommand {
 pub struct LabelsCommand {
     /// Campaign id, or `latest`
     campaign: String,
-    /// Write the labels to this file, which `label`, `lab accuracy` and `lab judge` read. A cell that begins with =, +, -, @ or ',
-    /// which a spreadsheet would take for a formula, gets a ' in front; these commands remove it
+    /// Write the labels to this file, which `label`, `lab accuracy` and `lab judge` read. A spreadsheet would take a cell that
+    /// begins with =, +, -, @ or ' for a formula: such a cell gets a ' in front, which these commands remove
     #[arg(long, value_name = "OUT")]
     csv: Option<PathBuf>,
     #[command(flatten)]
@@ -105,7 +105,7 @@ pub struct AgreementCommand {
 
 impl LabelCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        // Reports errors in the file before starting anything.
+        // The command reports errors in the file before it starts anything.
         let table = match &self.csv {
             Some(file) => {
                 let text = read(file, InputKind::Labels)?;
@@ -150,7 +150,7 @@ impl LabelCommand {
 }
 
 impl LabelCommand {
-    /// Lets the judge answer. Returns the campaign's id and the number of answers.
+    /// Lets the judge label individuals. Returns the campaign's id and the number of answers.
     async fn add_synthetic(self, connection: &mut Connection) -> Result<(String, usize), CliError> {
         let campaign = get_campaign(&mut connection.client, self.campaign).await?.id;
         let request = v1::AppendSyntheticLabelsRequest {
@@ -165,7 +165,7 @@ impl LabelCommand {
     }
 }
 
-/// The answers that were added, and the labels afterwards.
+/// The number of added answers, and the labels and classes of the campaign afterwards.
 struct Added {
     campaign: String,
     count: usize,
@@ -203,7 +203,7 @@ async fn add(
     let status = get_campaign(&mut connection.client, campaign).await?;
     let spec = CampaignSpec::try_from(status.spec.unwrap_or_default())?;
     let len = u64::from(status.generations_done) * u64::from(spec.search().population());
-    // The coordinator would refuse them too, but cannot name the line.
+    // The coordinator would also refuse wrong indices, but it cannot name the line of the file.
     table.check_indices(&status.id, len)?;
     let campaign = status.id;
     if table.describes(spec.model()) {
@@ -249,7 +249,7 @@ impl LabelsCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         if let Some(file) = &self.csv {
             FileType::Csv.check("--csv", file)?;
-            // The file may hold answers corrected by hand.
+            // The file may have answers that a person corrected.
             self.overwrite.check(file)?;
         }
         let list = async |connection: &mut Connection| self.list(connection).await;
@@ -300,7 +300,7 @@ impl LabelsCommand {
             let individual = individuals.get(&answer.index);
             individual.map(|individual| Labelled { answer, individual })
         });
-        // Part of the archive was rolled back between the two requests.
+        // An individual is missing if part of the archive was rolled back between the two requests.
         let moved = || {
             CliError::Failed(format!(
                 "the archive of {} changed while its labels were read: try again",
@@ -333,7 +333,7 @@ impl ClassesCommand {
         Ok(())
     }
 
-    /// Makes the requested change, if any. Returns the classes afterwards.
+    /// Makes the requested change to the classes, if any. Returns the classes after the change.
     async fn with(self, client: &mut LabelClient) -> Result<v1::ListClassesResponse, CliError> {
         use v1::change_class_request::Change;
         let change = if let Some(class) = self.create {
@@ -360,7 +360,7 @@ impl ClassesCommand {
     }
 }
 
-/// Warns of classes with nearly the same name, and tells how to merge them.
+/// Warns of classes with nearly the same name, and prints the command that merges them.
 fn warn_of_near_names(campaign: &str, classes: &[v1::LabelClass]) {
     for (place, class) in classes.iter().enumerate() {
         let later = |name: &&String| classes[place..].iter().any(|other| other.name == **name);

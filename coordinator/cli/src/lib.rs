@@ -71,7 +71,7 @@ pub struct Global {
 }
 
 impl Global {
-    /// The credentials for a coordinator that was named.
+    /// The credentials for the coordinator that the user named.
     fn credentials(&self) -> Result<Credentials, CredentialsError> {
         Credentials::read(&self.trust, &IdentityFiles::default())
     }
@@ -93,7 +93,7 @@ impl Global {
         format!("murmuration {words} --{option} {}", quoted(&place))
     }
 
-    /// The values of an option that is not given: from the environment, and the default.
+    /// The values of an option that the user does not give: the environment's value, and the default.
     fn defaults(option: &str) -> [Option<String>; 2] {
         let command = Self::augment_args(clap::Command::new("murmuration"));
         let option = command
@@ -109,7 +109,7 @@ impl Global {
     }
 }
 
-/// The future of a command. Boxed, because one state machine of all commands takes long to compile.
+/// The boxed future of a command: one state machine for all commands would take long to compile.
 pub type Execution<'a> = Pin<Box<dyn Future<Output = Result<(), CliError>> + 'a>>;
 
 /// A command, grouped as in `murmuration --help`.
@@ -128,7 +128,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// The groups by their headings, in order, each with its commands.
+    /// The groups of commands, in order, each under its heading.
     pub fn groups() -> [clap::Command; 5] {
         [
             CampaignCommand::augment_subcommands(clap::Command::new("Campaigns")),
@@ -155,7 +155,7 @@ impl Command {
     }
 }
 
-/// From a campaign file to a report.
+/// Commands about campaigns, from the campaign file to the report.
 #[derive(Debug, Subcommand)]
 pub enum CampaignCommand {
     /// Run a campaign to its report, in this process
@@ -230,7 +230,7 @@ impl LabelCommand {
     }
 }
 
-/// Robots and controllers, without a campaign.
+/// Commands about robots and controllers.
 #[derive(Debug, Subcommand)]
 pub enum RobotCommand {
     /// Simulate one controller, or a reference case
@@ -239,7 +239,7 @@ pub enum RobotCommand {
     Evaluate(evaluate::Evaluate),
     /// Score controllers with the heuristic filter
     Filter(filter::Filter),
-    /// Find the behaviours most like those of a filmed swarm
+    /// Find the behaviours most like a filmed swarm
     Recognise(recognise::Recognise),
     /// Show the sensors, drives and genes of robots
     Robot(robots::ShowRobot),
@@ -292,7 +292,7 @@ impl DataCommand {
     }
 }
 
-/// Coordinators, and whom they let in.
+/// Commands about coordinators and access to them.
 #[derive(Debug, Subcommand)]
 pub enum ClusterCommand {
     /// Run a coordinator for workers, trainers and browsers

@@ -1,4 +1,4 @@
-//! `backup`, `restore`, `doctor`: the content of a data directory of this machine, without its coordinator.
+//! `backup`, `restore`, `doctor`: commands that use a data directory of this machine without its coordinator.
 
 use super::{CliError, Global, json};
 use murmuration_link::{OutputError, errln, outln, termination};
@@ -75,7 +75,7 @@ impl Restore {
     }
 }
 
-/// Runs `work`, and interrupts it at a termination signal; it then removes the files that it has written.
+/// Runs `work`, and interrupts it at a termination signal. Interrupted work removes the files that it has written.
 async fn until_told(
     work: impl AsyncFnOnce(&Interrupt) -> Result<Manifest, BackupError>,
 ) -> Result<Manifest, CliError> {

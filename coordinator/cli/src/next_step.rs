@@ -5,8 +5,8 @@ use murmuration_link::{OutputError, errln, outln};
 use murmuration_proto::v1;
 use murmuration_swarm::CampaignSpec;
 
-/// Prints the change that a command made and the next command to type; or the campaign's state, if it is not (or no longer) the
-/// `expected` one.
+/// Prints the change that a command made and the next command to type. If the campaign's state is not the `expected` one, prints
+/// the state in place of the change.
 pub fn changed(
     global: &Global,
     campaign: &v1::Campaign,
@@ -57,7 +57,8 @@ pub fn failed(global: &Global, campaign: &v1::Campaign) -> CliError {
     ))
 }
 
-/// The state in a word. A running campaign without a process that works on it is interrupted; one with a full disk waits.
+/// The state in a word. A running campaign that no process works on is `interrupted`; a campaign that waits, for example for disk
+/// space, is `waiting`.
 pub fn state(campaign: &v1::Campaign) -> String {
     match campaign.state() {
         v1::CampaignState::Running if !campaign.waiting.is_empty() => "waiting".to_owned(),

@@ -68,7 +68,7 @@ fn lift(global: &Global, machine: MachineId) -> Result<(), CliError> {
         }
         error => error.into(),
     };
-    // Holds the data directory until the quarantine is lifted.
+    // The command holds the data directory until the quarantine is lifted.
     let directory = DataDirectory::hold_existing(&global.data).map_err(held)?;
     let store = Store::open(&directory)?;
     if !store.lift_quarantine(machine)? {

@@ -25,9 +25,9 @@ use murmuration_swarm::{
 use murmuration_tracks::{Tracks, TracksError};
 use std::path::PathBuf;
 
-/// Side of each picture of the row, pixels, if they fit.
+/// Side of each picture in the row, in pixels, if all pictures fit.
 const PICTURE_SIDE: u32 = 400;
-/// Largest width of the row, pixels.
+/// Largest width of the row of pictures, in pixels.
 const ROW_WIDTH: u32 = 4096;
 
 #[derive(Debug, clap::Args)]
@@ -46,23 +46,23 @@ pub struct Recognise {
     /// Campaign to compare the swarm with
     #[arg(long, value_name = "ID", default_value = "latest")]
     campaign: String,
-    /// File that describes the robots [default: those of the campaign]
+    /// File that describes the robots [default: the campaign's robots]
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
-    /// The controller, if it is known: pictures show where sensors with free angles look [default: straight ahead]
+    /// Controller of the robots, if it is known; it gives the free angles of sensors [default: straight ahead]
     #[arg(long, value_name = "NUMBERS")]
     controller: Option<String>,
     /// Time from one frame to the next, in units of the world's time [default: one step]
     #[arg(long, value_name = "TIME")]
     frame_time: Option<f64>,
-    /// Width and height of the filmed arena, in units of the tracks, with a corner at 0, 0; it is scaled to the world
-    /// [default: the tracks are in world units]
+    /// Width and height of the filmed arena, in units of the tracks, with a corner at 0, 0; the command scales the arena to the
+    /// world [default: the tracks are in world units]
     #[arg(long, value_name = "WIDTHxHEIGHT")]
     arena: Option<Arena>,
-    /// How many of the nearest individuals to show, 1 to 100
+    /// Number of nearest individuals to show, 1 to 100
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
     count: u32,
-    /// Write the swarm's picture, and those of the nearest individuals after it, to this PNG
+    /// Write the swarm's picture, then the pictures of the nearest individuals, to this PNG
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
     #[command(flatten)]
@@ -77,7 +77,7 @@ struct Recognised {
     shape: PictureShape,
     evaluation: Evaluation,
     nearest: v1::FindNearestResponse,
-    /// Pictures of the nearest individuals, if they are to be shown.
+    /// Pictures of the nearest individuals; empty without `--png`.
     pictures: Vec<Vec<u8>>,
 }
 
@@ -105,7 +105,7 @@ impl Recognise {
         let (controller, world) = self.swarm(&spec, tracks)?;
         let assumed = Assumed::of(self, tracks, &controller, &world, &spec)?;
         let steps = (spec.image().window() - 1).max(FEATURE_STEPS);
-        // A campaign's picture reaches back at most to the start of its swarms.
+        // A campaign's picture covers at most the steps since the start of a swarm.
         let steps = steps.min(spec.world().horizon());
         let frames = tracks.ending(steps, &assumed.filmed(&world)?)?;
         let assumed = assumed.with_steps(frames.len() as u64 - 1, u64::from(steps));
@@ -181,7 +181,7 @@ impl Recognise {
     }
 }
 
-/// The evaluation with its embedding by a checkpoint of the coordinator.
+/// Adds to an evaluation its embedding by a checkpoint of the coordinator.
 async fn embedded(
     connection: &mut Connection,
     digest: &str,

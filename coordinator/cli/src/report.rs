@@ -24,7 +24,7 @@ pub struct ReportCommand {
     /// Folder for the report [default: reports/CAMPAIGN in the data directory]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files of a former report in the folder although they were changed since
+    /// Replace files of a former report in the folder even if they have been changed since
     #[arg(long)]
     force: bool,
 }
@@ -71,7 +71,7 @@ impl ReportCommand {
     }
 }
 
-/// Writes the report of a completed campaign into `folder`. Returns the path of its page.
+/// Writes the report of a completed campaign into `folder`. Returns the path of the report's page.
 pub(super) async fn write_report(
     connection: &mut Connection,
     campaign: &CampaignId,

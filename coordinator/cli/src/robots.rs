@@ -17,13 +17,13 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub struct RobotArgs {
-    /// Robots by name: single-sensor, two-sensor, flockbots or turbopi [default: the paper's with as many numbers]
+    /// Robots by name: single-sensor, two-sensor, flockbots or turbopi [default: the paper's robots with as many genes]
     #[arg(long, value_name = "NAME", requires = "controller")]
     model: Option<Preset>,
-    /// File that describes the robots, and their world if it is not the paper's, as a campaign file does
+    /// File that describes the robots, and their world if it is not the paper's, in the format of campaign files
     #[arg(long, value_name = "FILE", requires = "controller", conflicts_with = "model")]
     robot: Option<PathBuf>,
-    /// Campaign file whose robots, world and image format to use [default: the paper's]
+    /// Campaign file with the robots, world and image format to use [default: the paper's]
     #[arg(long, value_name = "SPEC.toml", requires = "controller", conflicts_with_all = ["model", "robot"])]
     spec: Option<PathBuf>,
 }
@@ -34,7 +34,7 @@ impl RobotArgs {
         self.robot.iter().chain(&self.spec)
     }
 
-    /// The robots if any are named or described, their world, and the format of their picture.
+    /// The robots (`None` if no option names or describes them), their world, and the format of their picture.
     pub(super) fn read(&self) -> Result<(Option<CapabilityModel>, World, ImageFormat), CliError> {
         if let Some(path) = &self.spec {
             let spec = read_spec(path, None)?;
@@ -77,7 +77,7 @@ pub struct ShowRobot {
     /// Robots by name: single-sensor, two-sensor, flockbots or turbopi
     #[arg(long, value_name = "NAME", conflicts_with = "file")]
     model: Option<Preset>,
-    /// Draw the robot to this SVG; of several species, each to a file with the name of the species before .svg
+    /// Draw the robot to this SVG; for several species, draw one SVG each, with the name of the species before .svg
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
     #[command(flatten)]
@@ -148,7 +148,7 @@ fn show(model: &CapabilityModel) -> Result<(), OutputError> {
     Ok(())
 }
 
-/// As `radius 5, wheels of radius 2, speeds up to 1`.
+/// A robot's body in words, such as `radius 5, two wheels of radius 2, speeds up to 1`.
 fn body(robot: &Robot) -> String {
     let [first, second] = robot.drive().limits();
     let radius = robot.radius();

@@ -42,7 +42,7 @@ pub struct Resume {
     in_process: InProcessArgs,
 }
 
-/// How many workers and trainers to start in this process.
+/// Number of workers and trainers to start in this process.
 #[derive(Debug, Default, clap::Args)]
 pub struct InProcessArgs {
     /// Workers in this process, one thread each [default: number of cores]
@@ -53,7 +53,7 @@ pub struct InProcessArgs {
     trainers: Option<usize>,
 }
 
-/// A larger number, more than any machine has threads, would use up the memory.
+/// Accepts at most 4096, more than the threads of any machine. A larger number would use up the memory.
 fn at_most_4096() -> clap::builder::RangedU64ValueParser<usize> {
     clap::builder::RangedU64ValueParser::new().range(0..=4096)
 }
@@ -96,7 +96,7 @@ impl Run {
         }
         let data = DataDirectory::hold(&global.data).map_err(|error| self.held(error, global))?;
         if spec.space().embeds() {
-            // An error must come now, not after the dataset is simulated.
+            // A missing ONNX Runtime must be reported now, not after the simulation of the dataset.
             Runtime::load()?;
         }
         let run = async |connection: &mut Connection| {
@@ -165,8 +165,8 @@ impl Resume {
     }
 }
 
-/// Continues a campaign after a `change`. If this process runs the coordinator, brings the campaign to its report. `what` tells in
-/// a verb what the campaign does, for the message.
+/// Continues a campaign after a `change`. If this process runs the coordinator, brings the campaign to its report. `what` is the
+/// verb of the message about the campaign, such as `learns from its labels`.
 pub(super) async fn go_on(
     global: &Global,
     in_process: InProcess,
@@ -193,7 +193,7 @@ pub(super) async fn go_on(
     Ok(())
 }
 
-/// Reads a campaign file, and replaces its seed by `seed` if there is one.
+/// Reads a campaign file. A `seed` replaces the seed of the file.
 pub fn read_spec(path: &Path, seed: Option<u64>) -> Result<CampaignSpec, CliError> {
     let text = read_words(path, InputKind::Campaign)?;
     let spec = CampaignSpec::from_toml(&text).map_err(|error| CliError::spec(path, &error))?;

@@ -54,8 +54,8 @@ pub struct Serve {
         value_parser = BoolishValueParser::new()
     )]
     insecure_listen: bool,
-    /// Requests of a cost class that are answered at once, in all and for one token, certificate or address; commas
-    /// separate several. Classes: decision, bulk, light, reading, computing, streaming, stranger
+    /// Largest number of requests of a cost class that are answered at the same time, in total and for one token, certificate or
+    /// address; commas separate several classes. Classes: decision, bulk, light, reading, computing, streaming, stranger
     #[arg(
         long,
         env = "MURMURATION_SEATS",

@@ -24,7 +24,7 @@ use std::{
 
 /// Side of the trajectory picture, pixels.
 const TRAJECTORY_SIZE: u32 = 1000;
-/// Size of an image pixel in the picture, pixels.
+/// Side of an image pixel in the enlarged picture, in pixels.
 const IMAGE_SCALE: u32 = 10;
 
 #[derive(Debug, clap::Args)]
@@ -49,7 +49,7 @@ pub struct Simulate {
     /// Seed of the swarm's start
     #[arg(long, default_value_t = 1, conflicts_with = "case")]
     seed: u64,
-    /// Reference case to simulate; prints the case with the simulated values
+    /// Reference case to simulate; the command prints the case with the simulated values
     #[arg(long, value_name = "FILE")]
     case: Option<PathBuf>,
     /// Write the whole run to this animated GIF; robots of several species have the colour of their species
@@ -58,16 +58,16 @@ pub struct Simulate {
     /// Write the trajectories of the last steps to this PNG, in colour
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
-    /// Write the trajectories of the last steps to this SVG, in colour, a unit for each world unit
+    /// Write the trajectories of the last steps to this SVG, in colour, with one SVG unit per world unit
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// Write the whole run to this film, MP4, which the program ffmpeg encodes
+    /// Write the whole run to this MP4 film; this needs the program ffmpeg
     #[arg(long, value_name = "FILE")]
     mp4: Option<PathBuf>,
-    /// Write where each robot is before the first step and after every step to this CSV, as `recognise` reads it
+    /// Write each robot's position and heading before the first step and after every step to this CSV, for `recognise`
     #[arg(long, value_name = "FILE", conflicts_with = "case")]
     tracks: Option<PathBuf>,
-    /// Write the behaviour image, as an embedder sees it, to this enlarged PNG
+    /// Write the picture that an embedder sees to this PNG, enlarged
     #[arg(long, value_name = "FILE", conflicts_with = "case")]
     image: Option<PathBuf>,
     #[command(flatten)]

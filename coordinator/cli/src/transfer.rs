@@ -1,4 +1,4 @@
-//! `export` and `import`: a campaign as a folder of files, and back.
+//! `export` and `import`: write a campaign as a folder of files, and read it from such a folder.
 
 use super::{
     CliError, Global,
@@ -107,7 +107,7 @@ impl Export {
 impl Import {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let folder = self.folder.clone();
-        // Checks everything before the command creates a data directory or contacts a coordinator.
+        // The command checks the whole export before it creates a data directory or contacts a coordinator.
         let export = on_disk(move || CheckedExport::open(&folder)).await?;
         let id = export.campaign().clone();
         let import = async |connection: &mut Connection| {
@@ -152,7 +152,8 @@ fn remove_empty(data: &Path) {
     }
 }
 
-/// Sends the database of an export to the coordinator, which keeps the campaign once it has checked all of it.
+/// Sends the database of an export to the coordinator. The coordinator keeps the campaign after it has checked the whole
+/// database.
 async fn import(connection: &mut Connection, export: CheckedExport) -> Result<v1::Campaign, CliError> {
     let (parts, stream) = mpsc::channel::<v1::CampaignPart>(2);
     let reading = on_disk(move || send(export, &parts));

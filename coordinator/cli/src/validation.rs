@@ -1,6 +1,6 @@
 //! Validation of a coordinator's messages, before any part of them is printed or used in a path.
 //!
-//! The coordinator may be a stranger's: its texts are cleaned, and invalid ids are refused.
+//! A coordinator may be untrusted: commands clean its texts, and refuse invalid ids.
 
 use super::{CliError, connection::Client};
 use murmuration_model::CampaignId;
@@ -8,16 +8,16 @@ use murmuration_proto::v1;
 use murmuration_swarm::{CheckpointDigest, Invalid, Text};
 use tonic::Response;
 
-/// A message that becomes safe to print.
+/// A message that can be made safe to print.
 pub trait Validated: Sized {
     /// Cleans the texts of the message.
     ///
     /// # Errors
-    /// If an id or digest is invalid.
+    /// Fails if an id or digest is invalid.
     fn validated(self) -> Result<Self, CliError>;
 }
 
-/// A campaign by its id, or the newest by `latest`.
+/// Gets the campaign with this id, or the newest campaign for `latest`.
 pub async fn get_campaign(
     client: &mut Client,
     campaign: impl Into<String>,

@@ -20,7 +20,7 @@ pub struct Count {
 }
 
 impl Count {
-    /// Begins at 0 of `all`.
+    /// Begins with 0 of `all` items.
     pub fn of(all: u64, unit: &'static str) -> Self {
         let template = format!("{{wide_bar:.cyan/dim}} {{human_pos}}/{{human_len}} {unit}s · {{eta}} left");
         Self {

@@ -12,7 +12,7 @@ pub struct StatusLine {
     pub total: u64,
     /// The counted unit, in the singular.
     pub unit: String,
-    /// Rises when there is something new to print.
+    /// A number that rises when the campaign has something new to print.
     pub step: u64,
     pub text: String,
 }
@@ -32,7 +32,7 @@ pub const fn name(stage: v1::CampaignStage) -> &'static str {
 }
 
 impl StatusLine {
-    /// The progress; if the campaign waits, the reason.
+    /// The progress of the campaign or, if the campaign waits, the reason.
     pub fn of(status: &v1::Campaign) -> Self {
         let line = Self::of_stage(status);
         if status.waiting.is_empty() {
@@ -56,7 +56,7 @@ impl StatusLine {
         }
     }
 
-    /// Adds the minimum time of the whole campaign, if further stages follow.
+    /// Adds the minimum remaining time of the whole campaign, if further stages follow.
     fn with_whole(self, status: &v1::Campaign) -> Self {
         match status.time_left {
             Some(v1::TimeLeft {

@@ -8,22 +8,22 @@ use serde::Serialize;
 /// The result of a campaign.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Run {
-    /// Its id.
+    /// Id of the campaign.
     pub(crate) campaign: String,
-    /// Digest of its archive.
+    /// Digest of the campaign's archive.
     pub(crate) digest: String,
-    /// Path of its report.
+    /// Path of the campaign's report.
     pub(crate) report: String,
-    /// Evaluations of its archive.
+    /// Number of evaluations in the campaign's archive.
     pub(crate) evaluations: u64,
     /// Duration of the command.
     pub(crate) seconds: f64,
 }
 
-/// The data that was deleted with a campaign, or would be.
+/// The data that was deleted with a campaign, or that a deletion would remove.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Deletion<'a> {
-    /// Whether it was deleted.
+    /// Whether the campaign was deleted.
     pub(crate) deleted: bool,
     #[serde(flatten)]
     pub(crate) deletion: Document<'a, v1::DeleteCampaignResponse>,
@@ -34,7 +34,7 @@ pub(crate) struct Deletion<'a> {
 pub(crate) struct Digest<'a> {
     /// Id of the campaign.
     pub(crate) campaign: &'a str,
-    /// Whether the campaign is completed; otherwise its archive still grows, or stays incomplete.
+    /// Whether the campaign has completed. The archive of any other campaign still grows, or stays incomplete.
     pub(crate) complete: bool,
     #[serde(flatten)]
     pub(crate) digest: Document<'a, v1::GetDigestResponse>,
@@ -52,6 +52,6 @@ pub(crate) struct Taxonomy<'a> {
 /// The location of a report.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Report {
-    /// Path of its page.
+    /// Path of the report's page.
     pub(crate) report: String,
 }

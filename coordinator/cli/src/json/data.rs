@@ -47,7 +47,7 @@ pub(crate) struct Doctor {
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 struct CheckpointState {
-    /// Its digest.
+    /// Digest of the checkpoint.
     checkpoint: String,
     condition: CheckpointCondition,
 }
@@ -67,14 +67,14 @@ enum CheckpointCondition {
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 struct CampaignReport {
-    /// Its id.
+    /// Id of the campaign.
     campaign: String,
-    /// Its state; null if it cannot be read.
+    /// State of the campaign; null if the state cannot be read.
     state: Option<&'static str>,
     condition: CampaignCondition,
-    /// Amounts in the database.
+    /// Amounts of data in the database.
     stored: Amounts,
-    /// Undamaged amounts, counted from the beginning.
+    /// Amounts of undamaged data, counted from the beginning of the campaign.
     whole: Amounts,
     /// Kinds of damage.
     problems: Vec<String>,
@@ -99,9 +99,9 @@ enum CampaignCondition {
 struct Amounts {
     /// Pictures of the dataset.
     pictures: u64,
-    /// Generations.
+    /// Number of generations.
     generations: u32,
-    /// Individuals.
+    /// Number of individuals.
     individuals: u64,
     /// Entries of the label log.
     labels: u64,
@@ -184,15 +184,15 @@ impl Amounts {
 pub(crate) struct Export {
     /// Id of the campaign.
     campaign: String,
-    /// Its state when it was exported: running, paused, completed, failed or cancelled.
+    /// State of the campaign at its export: running, paused, completed, failed or cancelled.
     state: &'static str,
     /// The folder that was written.
     folder: String,
-    /// Its files, by path within the folder.
+    /// Paths of the written files within the folder.
     files: Vec<String>,
     /// Complete generations.
     generations: u32,
-    /// Individuals of these generations.
+    /// Individuals of the complete generations.
     individuals: u64,
     /// Entries of the label log.
     label_entries: u64,

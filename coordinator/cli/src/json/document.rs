@@ -1,7 +1,8 @@
-//! Messages of the contract as documents: a message's fields keep their names, and their comments describe them in the schema.
+//! Messages of the contract as documents: each field of a message keeps its name, and the field's comment describes it in the
+//! schema.
 //!
-//! Every field is present, in the order of its number; an absent value is null. A value of an enum has the name without the enum's
-//! prefix, in lower case and with hyphens (`fine-tune`). Bytes are base64.
+//! Every field is present, in the order of its number; an absent value is null. An enum's value is written as its name without
+//! the enum's prefix, in lower case and with hyphens (`fine-tune`). Bytes are base64.
 
 use super::{MAX_EXACT, Whole};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
@@ -20,7 +21,7 @@ use serde_json::json;
 use std::{borrow::Cow, collections::BTreeMap, sync::LazyLock};
 
 static CONTRACT: LazyLock<DescriptorPool> = LazyLock::new(|| {
-    // The build wrote the bytes, so they decode.
+    // The build wrote the descriptors, so that decoding them cannot fail.
     DescriptorPool::decode(FILE_DESCRIPTORS).unwrap_or_default()
 });
 
@@ -96,7 +97,7 @@ impl Serialize for Part<'_> {
                 let choice = kind
                     .as_enum()
                     .and_then(|choices| Some((choices, choices.get_value(*number)?)));
-                // A newer coordinator has further values.
+                // A newer coordinator can send values that this command does not have.
                 choice
                     .map_or_else(
                         || number.to_string(),
@@ -121,7 +122,7 @@ impl Serialize for Part<'_> {
     }
 }
 
-/// The name of an enum value without the prefix of the enum, which the value `..._UNSPECIFIED` reveals.
+/// The name of an enum value without the prefix of the enum. The prefix is the beginning of the name `..._UNSPECIFIED`.
 fn choice_name(choices: &EnumDescriptor, name: &str) -> String {
     let unspecified = choices.default_value();
     let prefix = unspecified.name().strip_suffix("UNSPECIFIED").unwrap_or_default();
@@ -170,7 +171,7 @@ fn schema_of_kind(kind: &Kind) -> serde_json::Value {
         Kind::Bool => json!({ "type": "boolean" }),
         Kind::String => json!({ "type": "string" }),
         Kind::Bytes => json!({ "type": "string", "contentEncoding": "base64" }),
-        // Null if absent or not finite.
+        // The value is null if it is absent or not finite.
         Kind::Double | Kind::Float => json!({ "type": ["number", "null"] }),
         Kind::Uint64 | Kind::Int64 | Kind::Fixed64 | Kind::Sfixed64 | Kind::Sint64 => {
             json!({ "type": ["integer", "string"] })

@@ -28,7 +28,7 @@ impl Kind {
     }
 }
 
-/// The kinds of the client's commands.
+/// The kinds of documents that the client's commands print.
 pub const KINDS: [Kind; 25] = [
     Kind::of::<Document<'_, v1::Campaign>>(
         "campaign",

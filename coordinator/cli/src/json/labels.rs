@@ -12,7 +12,7 @@ pub(crate) struct AddedLabels {
     pub(crate) campaign: String,
     /// Number of answers that were added.
     pub(crate) added: usize,
-    /// Digest of the classes of all individuals afterwards.
+    /// Digest of the classes of all individuals after the command.
     pub(crate) label_digest: String,
 }
 

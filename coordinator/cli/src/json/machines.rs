@@ -7,7 +7,7 @@ use serde::Serialize;
 /// The machines in quarantine.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Quarantine {
-    /// In the order in which they were quarantined.
+    /// The machines, in the order in which they were quarantined.
     pub(crate) machines: Vec<QuarantinedMachine>,
 }
 
@@ -15,27 +15,27 @@ pub(crate) struct Quarantine {
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 pub(crate) struct QuarantinedMachine {
-    /// Its id, for --lift.
+    /// Id of the machine, for --lift.
     machine: String,
-    /// Its name.
+    /// Name of the machine.
     name: String,
 }
 
 /// The machine that left quarantine.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct LiftedQuarantine {
-    /// Its id.
+    /// Id of the machine.
     pub(crate) lifted: String,
 }
 
 /// A new token.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Token {
-    /// Name of its holder.
+    /// Name of the token's holder.
     pub(crate) name: String,
     /// `viewer`, `annotator` or `operator`.
     pub(crate) role: String,
-    /// The secret itself.
+    /// The secret of the token.
     pub(crate) token: String,
     /// Digest of the secret, which the tokens file contains.
     pub(crate) digest: String,
@@ -44,7 +44,7 @@ pub(crate) struct Token {
 /// New certificates.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Certificates {
-    /// Days for which they are valid.
+    /// Days for which the certificates are valid.
     pub(crate) days: u32,
     pub(crate) certificates: Vec<Certificate>,
 }
@@ -53,11 +53,11 @@ pub(crate) struct Certificates {
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 pub(crate) struct Certificate {
-    /// Its name: `ca`, `server`, `trainer`, or the name of a worker.
+    /// Name of the certificate: `ca`, `server`, `trainer`, or the name of a worker.
     pub(crate) name: String,
     /// Path of the certificate.
     pub(crate) certificate: String,
-    /// Path of its key.
+    /// Path of the certificate's key.
     pub(crate) key: String,
 }
 

@@ -15,13 +15,13 @@ use std::collections::BTreeMap;
 /// The robots of a swarm.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Robots {
-    /// A preset's name, or what kind of swarm it is.
+    /// Name of the preset, or else the kind of the swarm.
     model: String,
     /// The description as an inline table of TOML, as in campaign files.
     description: String,
-    /// The species, in order. If all robots are of one kind, there is one, and its name has no meaning.
+    /// The species, in order. A swarm of equal robots has one species, whose name has no meaning.
     species: Vec<OneSpecies>,
-    /// The ratios to choose from, each the number of robots of each species; empty if there is one species.
+    /// Possible ratios of the species, each as the number of robots of each species; empty for a swarm of one species.
     ratios: Vec<Vec<u32>>,
     /// Names of a controller's genes, in order.
     genes: Vec<String>,
@@ -31,7 +31,7 @@ pub(crate) struct Robots {
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 struct OneSpecies {
-    /// Its name.
+    /// Name of the species.
     name: String,
     /// Radius of a body, world units.
     radius: f64,
@@ -39,7 +39,7 @@ struct OneSpecies {
     drive: &'static str,
     /// Largest magnitude of the two numbers of a pair: left and right wheel, or speed and turning rate.
     limits: [f64; 2],
-    /// Its sensors, S1 first.
+    /// Sensors of a robot, S1 first.
     sensors: Vec<OneSensor>,
 }
 
@@ -47,19 +47,19 @@ struct OneSpecies {
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 struct OneSensor {
-    /// Its angle from the heading, radians; null if the angle is a gene.
+    /// Angle of the sensor from the heading, radians; null if the angle is a gene.
     angle: Option<f64>,
-    /// Lowest and highest value of a free angle, radians; null unless it is free in a range.
+    /// Lowest and highest value of an angle that is free in a range, radians; null for other angles.
     angle_range: Option<[f64; 2]>,
-    /// Values of a free angle to choose from, radians; empty unless it is free in a list.
+    /// Possible values of an angle that is free in a list, radians; empty for other angles.
     angles: Vec<f64>,
     /// Half of the cone's opening angle, radians; 0 for a ray.
     half_angle: f64,
-    /// Largest distance at which it sees robots and obstacles, world units; null without a limit.
+    /// Largest distance at which the sensor sees robots and obstacles, world units; null without a limit.
     range: Option<f64>,
-    /// Largest distance at which it sees walls, world units; null if it does not see them.
+    /// Largest distance at which the sensor sees walls, world units; null if the sensor does not see walls.
     wall_range: Option<f64>,
-    /// What it sees: `robots` or the name of one species, `walls`, `obstacles`.
+    /// Things that the sensor sees: `robots` or the name of one species, `walls`, `obstacles`.
     sees: Vec<String>,
     /// The sensor in words.
     words: String,
@@ -118,7 +118,7 @@ impl From<&Sensor> for OneSensor {
 /// The score of a controller.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct FilterScore {
-    /// 4 wheel speeds, or 8 wheel speeds and an angle in radians.
+    /// Genes of the controller: with the paper's robots, 4 wheel speeds, or 8 wheel speeds and an angle in radians.
     pub(crate) controller: Vec<f64>,
     /// The metrics, by name.
     pub(crate) metrics: BTreeMap<String, f64>,
@@ -133,7 +133,7 @@ pub(crate) struct FilterScore {
 /// A controller, for other programs.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct ExportedController {
-    /// A preset's name, or what kind of swarm it is.
+    /// Name of the preset, or else the kind of the swarm.
     model: String,
     /// The robots as an inline table of TOML, as in campaign files.
     robots: String,
@@ -147,11 +147,11 @@ pub(crate) struct ExportedController {
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 struct SpeciesController {
-    /// Its name.
+    /// Name of the species.
     name: String,
     /// Meaning of the two numbers of a pair: left and right, or speed and turn.
     pair: [&'static str; 2],
-    /// One pair of speeds per sensor state; the highest bit of a state is the first sensor's.
+    /// One pair of speeds per sensor state. The highest bit of a sensor state is the reading of the first sensor.
     speeds: Vec<[f64; 2]>,
     /// The angle of each sensor, radians.
     angles: Vec<f64>,
@@ -188,11 +188,11 @@ pub(crate) struct Evaluated {
     pub(crate) index: u64,
     /// The genes, in the order in which `murmuration robot` names them.
     pub(crate) controller: Vec<f64>,
-    /// Seed of the start, the first one if there are several.
+    /// Seed of the first start.
     pub(crate) seed: Whole,
     /// Average speed, angular momentum, radial variance, scatter, group rotation: means over the starts.
     pub(crate) features: Features,
-    /// Embedding by the checkpoint, the mean over the starts; empty if there is none.
+    /// Embedding by the checkpoint, the mean over the starts; empty without a checkpoint.
     pub(crate) embedding: Vec<f32>,
 }
 
@@ -200,7 +200,7 @@ impl Evaluated {
     /// Takes the means over the trials of a controller.
     ///
     /// # Errors
-    /// If a trial does not have five features.
+    /// Fails if a trial does not have five features.
     pub(crate) fn new(
         index: u64,
         controller: &Controller,
@@ -255,15 +255,15 @@ pub(crate) struct Recognised<'a> {
     pub(crate) robots: u32,
     /// The first and the last frame.
     pub(crate) frames: [u32; 2],
-    /// Missing rows, where a complete table has one per robot and frame.
+    /// Number of missing rows; a complete table has one row per robot and frame.
     pub(crate) missing: u64,
-    /// Share of the rows that have a heading, 0 to 1. In the others, a robot is assumed to head where it moves.
+    /// Share of the rows that have a heading, 0 to 1. A robot without a heading is assumed to head where it moves.
     pub(crate) share_of_headings: f64,
     /// Time from one frame to the next, in units of the world's time.
     pub(crate) frame_time: f64,
-    /// World units to a unit of the tracks.
+    /// World units in one unit of the tracks.
     pub(crate) scale: f64,
-    /// Steps at the end of the tracks that the picture shows.
+    /// Steps at the end of the tracks that features and picture cover.
     pub(crate) steps: u64,
     #[serde(flatten)]
     pub(crate) behaviour: Behaviour,
@@ -276,7 +276,7 @@ pub(crate) struct Recognised<'a> {
 pub(crate) struct Behaviour {
     /// Average speed, angular momentum, radial variance, scatter, group rotation.
     features: Vec<f64>,
-    /// Embedding by the campaign's checkpoint; empty if there is none.
+    /// Embedding by the campaign's checkpoint; empty without a checkpoint.
     embedding: Vec<f32>,
     /// Grey values of the picture, base64, column by column.
     image: String,

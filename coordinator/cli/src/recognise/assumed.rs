@@ -1,37 +1,37 @@
-//! Assumptions about tracks, where they lack data.
+//! Assumptions about tracks that lack data.
 
 use super::{super::CliError, Recognise};
 use murmuration_link::errln;
 use murmuration_swarm::{CampaignSpec, CapabilityModel, Controller, Invalid, World, counted};
 use murmuration_tracks::{Filmed, Tracks, TracksError};
 
-/// Width and height of an arena in the units of the tracks, each over 0.
+/// Width and height of an arena in the units of the tracks, both greater than 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Arena(pub(super) [f64; 2]);
 
 /// The interpretation of the tracks.
 pub(super) struct Assumed {
     pub(super) robots: u32,
-    /// First and last.
+    /// First and last frame.
     pub(super) frames: [u32; 2],
-    /// Missing sightings, where complete tracks have one per robot and frame.
+    /// Number of missing sightings; complete tracks have one sighting per robot and frame.
     pub(super) missing: u64,
     /// Share of the sightings with a heading, 0 to 1.
     pub(super) share_of_headings: f64,
     /// Time from one frame to the next, in units of the world's time.
     pub(super) frame_time: f64,
-    /// World units to a unit of the tracks.
+    /// World units in one unit of the tracks.
     pub(super) scale: f64,
     /// Steps that features and picture cover.
     pub(super) steps: u64,
     /// Steps that the campaign's features and pictures cover.
     wanted: u64,
     arena: Option<Arena>,
-    /// Whether the direction of sensors depends on the controller, which is unknown.
+    /// Whether the direction of sensors depends on an unknown controller.
     looks_unknown: bool,
     /// Whether the number of robots of each species is unknown.
     counts_unknown: bool,
-    /// Robots that the campaign's swarms have.
+    /// Number of robots in the campaign's swarms.
     campaign_robots: u32,
     /// Trials of each individual of the campaign.
     campaign_starts: u32,
@@ -80,7 +80,7 @@ impl Assumed {
         }
     }
 
-    /// The same with this number of steps, and the number that the campaign would use.
+    /// Sets the number of steps in the tracks, and the number of steps that the campaign uses.
     pub(super) fn with_steps(self, steps: u64, wanted: u64) -> Self {
         Self {
             steps,
@@ -143,8 +143,8 @@ impl Assumed {
     }
 }
 
-/// A controller for robots of which only the model is known. Free angles are as near to straight ahead as possible. `counts` gives
-/// the number of robots of each species; without it, the first ratio does.
+/// A controller for robots whose controller is unknown. Its free angles are as near to straight ahead as possible. `counts` is
+/// the number of robots of each species; without `counts`, the first ratio is used.
 pub(super) fn unknown(model: &CapabilityModel, counts: Option<&[u32]>) -> Result<Controller, CliError> {
     let ratios = model.ratios();
     let ratio = counts.map_or(Some(0), |counts| ratios.iter().position(|ratio| ratio == counts));
@@ -175,7 +175,7 @@ pub(super) fn unknown(model: &CapabilityModel, counts: Option<&[u32]>) -> Result
             }
         }));
     }
-    // If the ratio is a gene, it is the last one.
+    // If the ratio is a gene, it is the last gene.
     genes.resize(model.genes(), ratio as f64);
     Ok(Controller::new(model, &genes)?)
 }

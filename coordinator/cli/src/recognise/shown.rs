@@ -53,7 +53,8 @@ fn named(neighbour: &v1::Neighbour) -> String {
     }
 }
 
-/// The cluster of the swarm, its similarity to the cluster's members, and its possible name.
+/// A message about the swarm: its nearest cluster, its distance from the medoid, and the class of the nearest labelled
+/// individual.
 fn verdict(campaign: &str, nearest: &v1::FindNearestResponse) -> String {
     let medoid = nearest.medoid.clone().unwrap_or_default();
     let mut message = match is_unlike(medoid.distance, nearest.mean_distance) {
@@ -86,7 +87,8 @@ fn verdict(campaign: &str, nearest: &v1::FindNearestResponse) -> String {
     message + "."
 }
 
-/// Distance from the medoid divided by the mean distance of the medoid's members; `None` if all members are at one place.
+/// The swarm's distance from the nearest medoid, divided by the mean distance of the medoid's members; `None` if all members are
+/// at one place.
 fn relative(nearest: &v1::FindNearestResponse) -> Option<f64> {
     relative_distance(nearest.medoid.as_ref()?.distance, nearest.mean_distance)
 }
