@@ -32,7 +32,7 @@ impl InProcess {
 pub struct LocalCluster {
     coordinator: Coordinator,
     stop: watch::Sender<bool>,
-    /// Each task ends when it is told to stop, or after it has logged why it failed.
+    /// The tasks of workers and trainers. Each task ends when it is asked to stop, or after it has logged why it failed.
     tasks: Vec<JoinHandle<()>>,
 }
 
@@ -85,7 +85,7 @@ impl LocalCluster {
     /// Stops campaigns, workers, trainers and coordinator, in that order.
     ///
     /// # Errors
-    /// If the server has failed before.
+    /// If the server failed earlier.
     pub async fn shutdown(self) -> Result<(), ServerError> {
         self.coordinator.stop_searches().await;
         self.stop.send_replace(true);

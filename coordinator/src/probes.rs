@@ -1,7 +1,7 @@
 //! Probes of a coordinator over HTTP: liveness, readiness and metrics.
 //!
-//! `/healthz`, `/readyz` and `/metrics`, beside the pages and gRPC. They change nothing, and reveal nothing of a campaign's
-//! contents.
+//! The probes are `/healthz`, `/readyz` and `/metrics`, beside the pages and gRPC. Probes change nothing, and reveal nothing of a
+//! campaign's contents.
 
 use crate::metrics::{CONTENT_TYPE, Metrics};
 use axum::{
@@ -23,7 +23,7 @@ use tonic_health::{pb::health_server::HealthServer, server::HealthService};
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Readiness {
     ready: Arc<AtomicBool>,
-    /// The same state over gRPC.
+    /// The same readiness, reported over gRPC.
     health: Health,
 }
 

@@ -60,7 +60,8 @@ pub struct Options {
     pub resume: bool,
     /// The store of checkpoints: a URL, or `None` for the data directory.
     pub checkpoints: Option<String>,
-    /// Whether to test that URL first, because the coordinator has work that is lost if no checkpoint can be stored.
+    /// Whether to test the URL of the checkpoints first, because the coordinator has work that is lost if no checkpoint can be
+    /// stored.
     pub tries_checkpoints: bool,
     /// Options of the dispatchers of workers and trainers.
     pub dispatch: dispatch::Options,
@@ -69,7 +70,7 @@ pub struct Options {
 /// Why a coordinator could not start, or failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ServerError {
-    /// The address cannot be listened on.
+    /// The coordinator cannot listen on the address.
     #[error("cannot listen on {address}: {source}; `--listen` takes another address, port 0 any free port")]
     Listen {
         address: SocketAddr,
@@ -104,9 +105,9 @@ pub struct Coordinator {
     dispatch: Dispatch,
     trainers: Trainers,
     readiness: Readiness,
-    /// Ends all computations of this process.
+    /// The flag that ends all computations of this process.
     interrupt: Interrupt,
-    /// Ends the answers and streams in progress.
+    /// The seats of requests. Closing the seats ends the answers and streams in progress.
     seats: Seats,
     stop: watch::Sender<bool>,
     servers: Vec<Serving>,
@@ -124,7 +125,7 @@ impl Coordinator {
         let store = Store::open(&options.data)?;
         let checkpoints =
             Checkpoints::open(store.clone(), options.data.path(), options.checkpoints.as_deref())?;
-        // The data directory's own folder is not tested: its disk may be full for now, and campaigns wait for that.
+        // The data directory's own folder is not tested: its disk may be full for now, and campaigns wait for free space.
         if options.tries_checkpoints && options.checkpoints.is_some() {
             checkpoints.try_out().await?;
         }
@@ -138,7 +139,7 @@ impl Coordinator {
         );
         let trainers = Trainers::start(options.dispatch, metrics.dispatch(PeerKind::Trainer), quarantined);
         let interrupt = Interrupt::default();
-        // Questions and maps share these spaces of the same archives.
+        // Questions and maps share these behaviour spaces of archives.
         let spaces = Spaces::new(store.clone());
         let queries = Queries::new(store.clone(), spaces.clone(), interrupt.clone());
         let annotator = SyntheticAnnotator {
@@ -251,7 +252,7 @@ impl Coordinator {
             let (campaigns, mut stopped) = (campaigns.clone(), stop.subscribe());
             tokio::spawn(async move {
                 tokio::select! {
-                    // A dropped sender also stops it.
+                    // A dropped sender also stops the watch.
                     _ = stopped.wait_for(|&stopped| stopped) => {}
                     () = campaigns.watch_quarantine() => {}
                 }
@@ -275,13 +276,13 @@ impl Coordinator {
         })
     }
 
-    /// The address on which it listens.
+    /// The address on which the coordinator listens.
     #[must_use]
     pub const fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Its URL, for clients and workers.
+    /// The coordinator's URL, for clients and workers.
     #[must_use]
     pub fn url(&self) -> String {
         url(self.address, self.is_encrypted)
@@ -309,7 +310,7 @@ impl Coordinator {
     /// Stops the searches between two commits, then the server. Running campaigns stay running in the store.
     ///
     /// # Errors
-    /// If the server has failed before.
+    /// If the server failed earlier.
     pub async fn shutdown(mut self) -> Result<(), ServerError> {
         self.stop_searches().await;
         self.dispatch.stop().await;

@@ -1,8 +1,8 @@
 //! Metrics of a coordinator, in the format of Prometheus.
 //!
 //! [`Metrics`] is a value, not a global, because a process may run several coordinators. Events are counted where they happen,
-//! through handles that are cheap to clone. Values in the store are read on each request (`observed`). docs/operations.md explains
-//! every name.
+//! through handles that are cheap to clone. Values in the store are read on each request (`observed`). docs/operations.md
+//! explains every name.
 
 mod observed;
 
@@ -21,7 +21,7 @@ use std::sync::Arc;
 /// Content type of [`Metrics::render`]'s text.
 pub const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
-/// Prefix of every name.
+/// Prefix of every metric's name.
 const PREFIX: &str = "murmuration";
 
 /// The metrics of one coordinator; cheap to clone.

@@ -12,7 +12,7 @@ use prometheus_client::{
 
 type ByCampaign = Family<[(&'static str, String); 1], Gauge>;
 
-/// The current values.
+/// The current values of the metrics that are read on each request.
 pub(super) async fn observe(
     campaigns: &Campaigns,
     store: &Store,
@@ -21,7 +21,8 @@ pub(super) async fn observe(
     let count =
         |store: &Store| -> Result<_, StoreError> { Ok((store.count_labels()?, store.count_individuals()?)) };
     let (labels, archived) = store.run(count).await?;
-    // Few campaigns are active, so these are read in full; for all others the state is enough.
+    // Few campaigns are active, so the statuses of active campaigns are read in full. For all other campaigns, the state is
+    // enough.
     let heads = campaigns.heads().await?;
     let at_work = heads.iter().filter(|listed| listed.active);
     let at_work = at_work.map(|listed| listed.head.id.clone()).collect();
@@ -89,7 +90,7 @@ fn by_state(campaigns: &[ListedCampaign]) -> Family<[(&'static str, &'static str
     states
 }
 
-/// Progress of each active campaign. Others are left out, because their number only grows.
+/// Progress of each active campaign. Inactive campaigns are left out of the metrics, because their number only grows.
 fn by_campaign(statuses: &[CampaignStatus], registry: &mut Registry) {
     let (done, all) = (ByCampaign::default(), ByCampaign::default());
     let (epoch, epochs) = (ByCampaign::default(), ByCampaign::default());

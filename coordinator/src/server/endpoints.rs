@@ -1,4 +1,4 @@
-//! The endpoints of a coordinator: the requested one, and one for processes of its own machine.
+//! The endpoints of a coordinator: the requested endpoint, and an endpoint for processes of its own machine.
 
 use super::{Options, ServerError};
 use murmuration_access::{
@@ -32,7 +32,7 @@ pub struct LocalWay {
 pub(super) struct Served {
     pub(super) routes: GuardedRouter,
     pub(super) seats: Seats,
-    /// True once the server is to stop.
+    /// True once the server must stop.
     pub(super) stopped: watch::Receiver<bool>,
 }
 
@@ -78,7 +78,7 @@ impl Served {
                 is_encrypted: false,
                 show_refusal: web::show_refusal,
             };
-            // Separate permits, so that this machine's commands can connect even if others have taken all connections.
+            // Separate permits let this machine's commands connect even if other machines have taken all connections.
             let permits = ConnectionPermits::of_this_machine();
             servers.push(self.at(listener, None, endpoint, permits)?);
             LocalWay {

@@ -104,7 +104,8 @@ pub(super) struct Services {
 impl Services {
     /// The routes of all services, with the requirements of their methods.
     pub(super) fn routes(self) -> GuardedRouter {
-        // The endpoint limits messages by what their method requires. The library's own limit, 4 MiB, is raised where more is allowed.
+        // The endpoint limits messages by the requirement of their method. The library's own limit (4 MiB) is raised for methods
+        // that allow more.
         let labels =
             LabelServiceServer::new(self.labels).max_decoding_message_size(limits::MAX_LABEL_MESSAGE);
         let workers =
