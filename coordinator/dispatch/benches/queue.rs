@@ -2,12 +2,13 @@
 //!
 //! `cargo bench --workspace --bench queue`
 //!
-//! The events are those of a real coordinator: a worker joins, asks for work, sends a heartbeat each second, answers a lease
-//! after an evaluation time that varies by a factor of five, or is lost and comes back later. After each event, the table
-//! grants all leases that it can. `WORKERS` is the number of workers, each on its own machine; there are twenty tasks for each,
-//! one in a hundred of which is audited. Time is CPU time of the table alone, without the queue of simulated events and without
-//! reading the clock. The table belongs to one task, so a message waits while the table handles earlier ones: the time that the
-//! table really takes is added to the simulated clock. Memory is the growth of the process, including the simulation.
+//! The events are the events of a real coordinator: a worker joins, asks for work, sends a heartbeat each second, and answers a
+//! lease after an evaluation time that varies by a factor of five. Some workers are lost and reconnect later. After each event,
+//! the table grants all leases that it can. `WORKERS` is the number of workers, each on its own machine. There are twenty tasks
+//! for each worker, and one task in a hundred is audited. Time is CPU time of the table alone, without the queue of simulated
+//! events and without reading the clock. One asynchronous task owns the table, so a message waits while the table handles earlier
+//! messages. Therefore, the time that the table really takes is added to the simulated clock. Memory is the growth of the
+//! process, including the simulation.
 
 #![expect(clippy::print_stdout, reason = "a table is printed")]
 
@@ -24,13 +25,13 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Tasks for each worker.
+/// Number of tasks for each worker.
 const TASKS_EACH: usize = 20;
-/// Evaluations that a worker accepts.
+/// Number of evaluations that a worker accepts at once.
 const CREDITS: usize = 4;
 /// Shortest and longest evaluation, milliseconds.
 const EVALUATION_MS: (u64, u64) = (200, 1_000);
-/// One way on the network.
+/// Time that a message takes on the network, one way.
 const LATENCY: Duration = Duration::from_millis(5);
 const HEARTBEAT: Duration = Duration::from_secs(1);
 const SILENCE_LIMIT: Duration = Duration::from_secs(4);
@@ -67,7 +68,7 @@ struct Cluster {
     agenda: BinaryHeap<Reverse<(Instant, u64, Happens)>>,
     number: u64,
     stream: RandomStream,
-    /// For each worker, when it finishes everything that it holds, and its process.
+    /// For each worker, its process, and the time when it finishes all its leases.
     alive: BTreeMap<WorkerId, (Instant, u64)>,
     /// Time that reading the clock takes.
     clock_takes: Duration,
@@ -75,7 +76,7 @@ struct Cluster {
     spent: Duration,
     messages: u64,
     leases: u64,
-    /// Until when the table is busy, on the simulated clock.
+    /// End of the table's current work, on the simulated clock.
     busy: Instant,
     /// How long each message waited for the table.
     waits: Vec<Duration>,
@@ -109,7 +110,7 @@ impl Cluster {
             idle: Duration::ZERO,
         };
         for process in 0..workers as u64 {
-            // Spreads the heartbeats over the second.
+            // The joins are spread over a second, so that the heartbeats are too.
             let at = HEARTBEAT.mul_f64(process as f64 / workers as f64);
             cluster.plan(begun + at, Happens::Join(process));
         }
@@ -192,7 +193,7 @@ impl Cluster {
                 if self.alive.contains_key(&worker) {
                     self.timed(|table, now| {
                         table.keep_alive(worker, now);
-                        // Fails if another worker was faster with the task.
+                        // `complete` fails if the job is over: another worker has then answered the task.
                         let _ = table.complete(worker, lease, vec![Answer; tasks], now);
                     });
                     self.plan(self.clock, Happens::Credits(worker, tasks));
@@ -216,7 +217,7 @@ impl Cluster {
         }
     }
 
-    /// Grants all leases that it can, and plans their results.
+    /// Grants all leases that the table can grant, and plans their results.
     fn grant(&mut self) {
         while let Some(grant) = self.timed(|table, now| table.grant(now)) {
             self.leases += 1;

@@ -11,7 +11,7 @@ use murmuration_swarm::{
 };
 use tokio::sync::watch;
 
-/// Controllers to evaluate that share everything but genome and seed.
+/// Controllers to evaluate. Their tasks differ only in genome and seed.
 #[derive(Debug, Clone)]
 pub struct EvaluationJob {
     /// Campaign of the tasks, if any.
@@ -24,7 +24,7 @@ pub struct EvaluationJob {
     pub image: ImageFormat,
     /// Embedder of the pictures; `None` if they are not embedded.
     pub embedder: Option<EmbedderRef>,
-    /// Trials of each controller.
+    /// Number of trials of each controller.
     pub starts: Starts,
     /// Whether the judge names the class of each trial.
     pub judges: bool,
@@ -33,7 +33,7 @@ pub struct EvaluationJob {
 }
 
 impl EvaluationJob {
-    /// Simulates each controller once, from the start of its seed, in the world and picture format of this campaign.
+    /// A job that simulates each controller once, from the start of its seed, in the world and picture format of this campaign.
     pub fn of(record: &CampaignRecord, embedder: Option<EmbedderRef>, tasks: Vec<(Controller, u64)>) -> Self {
         Self {
             campaign: Some(record.id.clone()),
@@ -48,7 +48,8 @@ impl EvaluationJob {
         }
     }
 
-    /// Like [`EvaluationJob::of`], but with as many trials as an individual of this campaign, and judged if its individuals are.
+    /// Like [`EvaluationJob::of`], but each controller has as many trials as an individual of this campaign, and is judged if the
+    /// campaign's individuals are.
     pub fn of_individuals(
         record: &CampaignRecord,
         embedder: Option<EmbedderRef>,
@@ -71,8 +72,8 @@ pub struct EmbeddingJob {
     pub embedder: EmbedderRef,
     /// Number of pictures of each individual.
     pub starts: Starts,
-    /// For each individual (at least one) a picture of each trial: grey values as in an evaluation, in the shape that the embedder
-    /// expects.
+    /// For each individual (at least one), a picture of each trial: grey values as in an evaluation, in the shape that the
+    /// embedder expects.
     pub images: Vec<Vec<Vec<u8>>>,
 }
 
@@ -83,13 +84,13 @@ pub struct TrainingJob {
     pub weight: Weight,
     pub configuration: Configuration,
     pub shape: PictureShape,
-    /// The pictures without labels.
+    /// The unlabelled pictures to train on.
     pub pictures: TrainingPictures,
     /// Checkpoint and labels of a fine-tuning; `None` for a pretraining.
     pub fine_tuning: Option<FineTuningParams>,
     /// Receives the progress of the training.
     pub progress: watch::Sender<Option<v1::TrainingProgress>>,
-    /// Receives each saved training; only the newest matters.
+    /// Receives each snapshot of the training; only the newest snapshot matters.
     pub saved: watch::Sender<Option<SavedTraining>>,
 }
 
@@ -106,7 +107,7 @@ impl TrainingJob {
     }
 }
 
-/// Start of a training on labels.
+/// The starting point of a training on labels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FineTuningParams {
     pub parent: CheckpointDigest,
@@ -166,7 +167,7 @@ pub enum JobError {
     /// A task was poisoned, and this kind of work has no substitute for it.
     #[error("the work cannot be done: {0}")]
     Poisoned(#[from] PoisonedTask),
-    /// No worker is connected to do it.
+    /// No worker is connected.
     #[error("{}", super::NO_WORKER)]
     NoWorker,
     /// The coordinator is stopping.

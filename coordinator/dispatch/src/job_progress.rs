@@ -18,13 +18,13 @@ pub struct JobProgress {
 }
 
 impl JobProgress {
-    /// Tasks whose results have arrived. Decreases if a worker is found wrong.
+    /// Number of tasks whose results have arrived. The number falls if a machine is quarantined.
     #[must_use]
     pub fn done(&self) -> u32 {
         self.done.load(Ordering::Relaxed)
     }
 
-    /// Why the job does not advance: no worker can embed, or the last lease came back with this reason.
+    /// Why the job makes no progress: no worker can embed, or the reason with which a worker returned the last lease.
     #[must_use]
     pub fn trouble(&self) -> Option<String> {
         if self.lacks_embedder.load(Ordering::Relaxed) {

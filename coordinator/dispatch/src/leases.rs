@@ -1,16 +1,15 @@
 //! Leases of workers as a pure state machine, without clock, network or disk.
 //!
-//! A *job* is a list of tasks (one generation of a campaign, say). Tasks go out in *batches*, each under a *lease* that
-//! belongs to one worker until the worker answers or is lost. Invariants, all tested with random schedules:
+//! A *job* is a list of tasks (such as one generation of a campaign). Tasks are leased in *batches*. Each *lease* belongs to one
+//! worker until the worker answers or is lost. Random schedules test all these invariants:
 //!
-//! - a task is never forgotten: until it is settled, it waits for a lease or is under one that a worker holds;
+//! - a task is never forgotten: until it is settled, it waits for a lease or belongs to a lease that a worker holds;
 //! - a task is settled once: by one result, or by two machines that agree if it is audited or disputed;
-//! - a machine has one vote, however many workers it runs, and one that contradicts itself has none;
-//! - results of a machine that was found wrong do not count, and tasks that they settled are done again;
-//! - a task whose workers are lost is poisoned after the third, if they were on two machines or if no other machine can try
-//!   it;
-//! - a job ends as impossible once two machines report one of its tasks as impossible, or one if there is no other machine;
-//! - there is one code path for a lease that comes back undone, whatever the reason.
+//! - a machine has one vote, however many workers it runs, and a machine that contradicts itself has no vote;
+//! - results of a quarantined machine do not count, and tasks that these results settled are done again;
+//! - a task is poisoned when three workers were lost with it, if they were on two machines or no other machine can try the task;
+//! - a job ends as impossible once two machines report a task as impossible, or one machine does and there is no other machine;
+//! - one code path handles every lease that is returned undone, whatever the reason.
 //!
 //! [`LeaseTable::take_events`] returns what happened to jobs and machines; [`LeaseTable::grant`] returns the next lease to send.
 
@@ -35,43 +34,43 @@ use task::Task;
 
 /// Maximum number of tasks in one batch.
 pub const MAX_BATCH: usize = 64;
-/// Tasks that a thread of a worker can do at once: one swarm for each lane of the widest vectors.
+/// Number of tasks that a thread of a worker can run at once: one swarm for each lane of the widest vectors.
 pub const AT_ONCE: usize = 8;
 /// Number of lost workers after which a task is poisoned.
 pub(crate) const MOST_LOST: usize = 3;
 /// Shortest and longest time after which a lease is also given to an idle worker.
 const SPECULATION_DELAY: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(5));
-/// A lease is late after this many times the usual turnaround.
+/// A lease is late after `LATE` times the usual turnaround.
 const LATE: u32 = 4;
 /// A machine hangs if it has had leases and answered none for this time, or for [`HANGS`] times the usual turnaround if that is longer.
 const HANGS_AFTER: Duration = Duration::from_secs(30);
 const HANGS: u32 = 8;
 
-/// When two results of the same task count as the same.
+/// Decides when two results of a task count as the same result.
 pub trait Agree {
     /// Whether `other` is the same result.
     fn agrees_with(&self, other: &Self) -> bool;
 }
 
-/// A worker's connection; a worker that reconnects gets a new one.
+/// The number of a worker's connection; a worker that reconnects gets a new number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct WorkerId(u64);
 
-/// A worker's process, the same over all its connections from one machine.
+/// A worker's process, with the same identifier over all its connections from one machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct WorkerProcessId {
-    /// The machine that it runs on.
+    /// The machine that the process runs on.
     pub machine: MachineId,
-    /// A number that the process chooses, to distinguish it from others on that machine. Votes are counted by machine.
+    /// A number that the process chooses, to distinguish it from other processes on its machine. Votes are counted by machine.
     pub instance: u64,
 }
 
 /// The abilities of a worker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Abilities {
-    /// Tasks that it runs at once, 1 or more.
+    /// Number of tasks that the worker runs at once, 1 or more.
     pub capacity: usize,
-    /// Whether it embeds pictures.
+    /// Whether the worker embeds pictures.
     pub embeds: bool,
 }
 
@@ -86,12 +85,12 @@ pub struct LeaseNumber(pub u64);
 pub struct JobParams {
     /// Number of tasks, at least one.
     pub tasks: usize,
-    /// Cost of a task, by which jobs take turns, in a unit that all jobs share (agents times steps over a weight, say); at
-    /// least 1.
+    /// Cost of a task, at least 1. Jobs take turns by cost, so all jobs must use the same unit (such as agents times steps over a
+    /// weight).
     pub cost: u64,
-    /// Places of the tasks that a second machine repeats, if there is one.
+    /// Places of the tasks that a second machine repeats, if there is a second machine.
     pub audited: BTreeSet<usize>,
-    /// Whether only workers that embed can do them.
+    /// Whether only workers that embed can do the tasks.
     pub embeds: bool,
     /// Whether a late lease is also given to a worker that would be idle.
     pub speculative: bool,
@@ -115,12 +114,12 @@ pub enum Settled<R> {
     Result {
         /// The result.
         value: R,
-        /// Worker that did the task, or the first of those that agree.
+        /// Worker that did the task, or the first of the workers that agree.
         by: WorkerProcessId,
         /// Whether another machine had the same result.
         audited: bool,
     },
-    /// Its workers were lost, and it is not tried again.
+    /// Workers were lost with the task, and it is not tried again.
     Poisoned {
         /// Workers that were lost while they held the task, the last two while they held nothing else.
         lost: Vec<WorkerProcessId>,
@@ -130,16 +129,16 @@ pub enum Settled<R> {
 /// A change that concerns submitters of jobs or observers of workers.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Event<R> {
-    /// A number of tasks of a job is settled. It decreases if a worker is found wrong.
+    /// The number of settled tasks of a job has changed. It falls if a machine is quarantined.
     Progress {
         job: JobId,
-        /// How many.
+        /// Number of settled tasks.
         settled: usize,
     },
-    /// All tasks are settled, in their order; the job is now forgotten.
+    /// All tasks of a job are settled; the job is now forgotten.
     Done {
         job: JobId,
-        /// One a task.
+        /// Outcome of each task, in the order of the tasks.
         results: Vec<Settled<R>>,
     },
     /// Machines disagree about a task, and no other machine can decide; the job is now forgotten.
@@ -150,10 +149,10 @@ pub enum Event<R> {
         /// Workers whose results differ.
         between: Vec<WorkerProcessId>,
     },
-    /// Workers on two machines (or on the only one) report that a task is impossible. The job is now forgotten.
+    /// Workers on two machines (or on the only machine) report that a task is impossible. The job is now forgotten.
     Impossible {
         job: JobId,
-        /// Workers that report it.
+        /// Workers that report the task as impossible.
         by: Vec<WorkerProcessId>,
     },
     /// A machine was found wrong: its connections are closed, and its unaudited results are computed again.
@@ -170,13 +169,13 @@ pub enum Event<R> {
 /// Why results were refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Refused {
-    /// The lease was never granted, was answered, or its job is over. Harmless: late results look like this.
+    /// The lease was never granted, it was answered, or its job is over. Late results cause this error, which is harmless.
     #[error("the lease does not exist; its job may be over")]
     UnknownLease,
-    /// The lease was another worker's.
+    /// The lease belongs to another worker.
     #[error("the lease was given to another worker")]
     NotYours,
-    /// Not one result for each task: the worker violates the protocol.
+    /// The number of results is not the number of tasks: the worker violates the protocol.
     #[error("{got} results for a lease of {wanted} tasks")]
     WrongCount {
         /// Number of results.
@@ -186,12 +185,12 @@ pub enum Refused {
     },
 }
 
-/// Why a lease comes back undone.
+/// Why a lease is returned undone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Back {
-    /// Its worker is alive, and could not or would not do it now.
+    /// The lease's worker could not or would not do the tasks now, left as announced, or was quarantined.
     Returned,
-    /// Its worker was lost.
+    /// The lease's worker was lost.
     Broken,
 }
 
@@ -205,14 +204,14 @@ pub struct LeaseTable<R> {
     events: Vec<Event<R>>,
     /// Cost of the leased tasks of the job that was served last. New jobs begin with it, so that they get no head start.
     served: u64,
-    /// How long a disputed task, or one that a single machine reports as impossible, waits for another machine.
+    /// How long a disputed task, or a task that a single machine reports as impossible, waits for another machine.
     dispute_timeout: Duration,
     /// Usual time between a lease and its result.
     turnaround: Option<Duration>,
     next: u64,
 }
 
-/// A lease outlives its holder until its job is over, so that a late result still counts.
+/// A lease stays in the table after its holder is lost, until its job is over: a late result still counts.
 #[derive(Debug)]
 struct Lease {
     job: JobId,
@@ -280,13 +279,13 @@ impl<R: Agree> LeaseTable<R> {
         }
     }
 
-    /// Tasks that wait for a worker.
+    /// Number of tasks that wait for a worker.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.jobs.values().map(|job| job.queues.len()).sum()
     }
 
-    /// Leases that are with a worker.
+    /// Number of leases that workers hold.
     #[must_use]
     pub const fn out(&self) -> usize {
         self.workers.out()
@@ -297,7 +296,8 @@ impl<R: Agree> LeaseTable<R> {
         std::mem::take(&mut self.events)
     }
 
-    /// Takes the results of a lease, one for each task and in their order, also if the lease was lost meanwhile.
+    /// Takes the results of a lease, one for each task, in the order of the tasks. The results count even if the lease was lost
+    /// meanwhile.
     ///
     /// # Errors
     /// See [`Refused`]; the table is then unchanged.
@@ -346,8 +346,8 @@ impl<R: Agree> LeaseTable<R> {
         Ok(())
     }
 
-    /// A worker returns a lease that it could not do. The worker gets no more tasks of that job for a pause that grows each time
-    /// in a row; the lease's tasks are the next to go out.
+    /// A worker returns a lease that it could not do. The worker gets no tasks of that job for a pause, which grows with each
+    /// return in a row. The returned tasks are leased next.
     pub fn give_back(&mut self, worker: WorkerId, number: LeaseNumber, now: Instant) {
         let Some(job) = self.leased(worker, number) else {
             return;
@@ -360,8 +360,8 @@ impl<R: Agree> LeaseTable<R> {
         self.come_back(number, Back::Returned);
     }
 
-    /// A worker reports that the tasks of a lease are impossible. They go to other machines, and the job ends if a second machine
-    /// reports the same; the worker gets no more tasks of that job for a while.
+    /// A worker reports that the tasks of a lease are impossible. Other machines get the tasks, and the job ends if a second
+    /// machine reports the same. The worker gets no tasks of that job for a while.
     pub fn refuse(&mut self, worker: WorkerId, number: LeaseNumber, now: Instant) {
         let is_out = |lease: &&Lease| lease.holder.is_some();
         let (Some(id), Some(lease)) = (
@@ -391,7 +391,7 @@ impl<R: Agree> LeaseTable<R> {
         self.events.push(Event::Impossible { job: id, by });
     }
 
-    /// Takes back a lease that its holder will not answer; its tasks are the next to go out.
+    /// Takes back a lease that its holder will not answer. The lease's tasks are leased next.
     fn come_back(&mut self, number: LeaseNumber, how: Back) {
         if !self.release(number) {
             return;
@@ -469,7 +469,8 @@ impl<R: Agree> LeaseTable<R> {
         true
     }
 
-    /// Updates the moving average. A late lease raises it only a little: it counts as `LATE` times the usual at most.
+    /// Updates the moving average of the turnaround. A lease counts as at most `LATE` times the usual turnaround, so that a late
+    /// lease raises the average only a little.
     fn learn_turnaround(&mut self, took: Duration) {
         let learned = |usual: Duration| (usual * 7 + took.min(usual * LATE)) / 8;
         self.turnaround = Some(self.turnaround.map_or(took, learned));

@@ -1,7 +1,7 @@
-//! The dispatcher: one task that owns the lease table and talks to every worker.
+//! The dispatcher: one asynchronous task that owns the lease table and exchanges messages with every worker.
 //!
-//! Campaigns submit jobs to it and wait for their results; the worker service passes on the workers' messages. It drops
-//! the results of a job when the job is over, and writes nothing to disk.
+//! Campaigns submit jobs to the dispatcher and wait for the results; the worker service passes on the workers' messages. The
+//! dispatcher drops the results of a job when the job is over, and writes nothing to disk.
 
 mod job;
 mod job_progress;
@@ -33,14 +33,14 @@ use work::Work;
 /// A connected worker or trainer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ConnectedMachine {
-    /// Its name and address.
+    /// Name and address of the worker or trainer.
     pub name: String,
-    /// Tasks that it runs at once; 0 once it takes no more.
+    /// Number of tasks that the machine runs at once; 0 once it takes no more work.
     pub capacity: usize,
     pub work: Vec<WorkInHand>,
 }
 
-/// Tasks of one campaign and kind that a machine has in hand.
+/// Tasks of one campaign and kind that a machine holds.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WorkInHand {
     pub kind: WorkKind,
@@ -71,7 +71,7 @@ impl Share {
     }
 }
 
-/// One in a hundred.
+/// The default share: one in a hundred.
 impl Default for Share {
     fn default() -> Self {
         Self(0.01)
@@ -108,16 +108,16 @@ impl Default for Options {
 /// Error text when no worker is connected.
 pub const NO_WORKER: &str = "no worker is connected: start one with `murmuration-worker --coordinator URL`";
 
-/// How long [`Dispatch::while_staffed`] waits for a worker: one that is starting has connected by then.
+/// How long [`Dispatch::while_staffed`] waits for a worker. A worker that is starting connects within this time.
 const FIRST_WORKER_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Capacity of the queue of messages to a worker. If it is full, the worker counts as lost.
 pub const OUTBOX: usize = 1024;
 
-/// Queue of messages to a worker. An error ends its stream.
+/// Queue of messages to a worker. An error in the queue ends the worker's stream.
 pub type Outbox = mpsc::Sender<Result<v1::CoordinatorMessage, Status>>;
 
-/// A handle on the dispatcher; cheap to clone. The dispatcher ends when the last one is dropped.
+/// A handle on the dispatcher; cheap to clone. The dispatcher ends when the last handle is dropped.
 #[derive(Debug, Clone)]
 pub struct Dispatch {
     commands: mpsc::Sender<Command>,
@@ -127,19 +127,19 @@ pub struct Dispatch {
 
 #[derive(Debug)]
 pub struct JoinRequest {
-    /// Its name, for people.
+    /// The worker's name, for people.
     pub name: String,
     /// Where the worker connects from.
     pub origin: Origin,
-    /// Number of the worker's process, unique on its machine; `None` if it reports none.
+    /// Number of the worker's process, unique on its machine; `None` if the process reports no number.
     pub instance: Option<u64>,
-    /// Tasks that it runs at once.
+    /// Number of tasks that the worker runs at once.
     pub capacity: usize,
     /// The worker's kind of embedding, if it embeds.
     pub kind: EmbeddingKind,
     /// Receives the messages to the worker.
     pub outbox: Outbox,
-    /// Dropped when the dispatcher forgets the worker: nothing that it sends counts any more.
+    /// Dropped when the dispatcher forgets the worker: messages from the worker no longer count.
     pub present: oneshot::Sender<Infallible>,
 }
 
@@ -204,9 +204,9 @@ pub enum TrainingLease {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Publication {
     pub machine: MachineId,
-    /// The training configuration, TOML.
+    /// The training configuration, in TOML.
     pub configuration: String,
-    /// The checkpoint that was fine-tuned; `None` if trained from scratch.
+    /// The checkpoint that was fine-tuned; `None` if the embedder was trained from scratch.
     pub parent: Option<CheckpointDigest>,
     /// Bytes of the model.
     pub bytes: usize,
@@ -216,9 +216,9 @@ pub struct Publication {
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeasedTraining {
     pub configuration: Configuration,
-    /// The checkpoint that is fine-tuned; `None` if trained from scratch.
+    /// The checkpoint that is fine-tuned; `None` if the embedder is trained from scratch.
     pub parent: Option<CheckpointDigest>,
-    /// Maximum number of bytes of its snapshots.
+    /// Maximum number of bytes of the training's snapshots.
     pub snapshot_bytes: usize,
 }
 
@@ -276,7 +276,8 @@ impl Request {
 }
 
 impl Dispatch {
-    /// Starts a dispatcher on the current runtime. It refuses the machines in `wrong`, which were quarantined before.
+    /// Starts a dispatcher on the current runtime. The dispatcher refuses the machines in `wrong`, which were quarantined
+    /// earlier.
     #[must_use]
     pub fn start(options: Options, metrics: DispatchMetrics, wrong: Vec<Quarantined>) -> Self {
         let (commands, inbox) = mpsc::channel(1024);
@@ -290,8 +291,8 @@ impl Dispatch {
         }
     }
 
-    /// Evaluates a job on the workers; `job_progress` receives its progress. Results are in the
-    /// order of the tasks. Dropping the future withdraws the job.
+    /// Evaluates a job on the workers; `job_progress` receives the job's progress. Results are in the order of the tasks.
+    /// Dropping the future withdraws the job.
     ///
     /// # Errors
     /// See [`JobError`].
@@ -365,17 +366,17 @@ impl Dispatch {
 
     /// Ends every worker's stream and every job.
     pub async fn stop(&self) {
-        // Fails if the dispatcher has ended already.
+        // `send` fails if the dispatcher has already ended.
         let _ = self.commands.send(Command::Stop).await;
     }
 
-    /// Number of workers that take work, now and whenever it changes.
+    /// Receiver of the number of workers that take work: the current number, and each change.
     #[must_use]
     pub fn workers(&self) -> watch::Receiver<usize> {
         self.workers.clone()
     }
 
-    /// Quarantined machines, oldest first, now and whenever one is added.
+    /// Receiver of the quarantined machines, oldest first: the current list, and each addition.
     #[must_use]
     pub fn quarantined(&self) -> watch::Receiver<Vec<Quarantined>> {
         self.quarantined.clone()
@@ -390,7 +391,7 @@ impl Dispatch {
         answer.await.map_err(|_| JoinError::ShuttingDown)?
     }
 
-    /// Passes on a worker's message.
+    /// Passes on a worker's message to the dispatcher.
     pub async fn report(&self, worker: WorkerId, report: WorkerReport) {
         // A dispatcher that has ended needs no reports.
         let _ = self
@@ -399,7 +400,7 @@ impl Dispatch {
             .await;
     }
 
-    /// The training under a lease that was granted in this epoch of the coordinator.
+    /// The training under a lease, if the lease was granted in `epoch` of the coordinator.
     pub async fn training_lease(&self, worker: WorkerId, epoch: u64, lease: LeaseNumber) -> TrainingLease {
         let (reply, answer) = oneshot::channel();
         let request = Request::TrainingLease {
@@ -415,8 +416,8 @@ impl Dispatch {
         }
     }
 
-    /// Campaign of the training under this lease, if a trainer on this machine holds it and it was granted in this epoch of the
-    /// coordinator.
+    /// Campaign of the training under `lease`. `None` if no trainer on `machine` holds the lease, or the lease was not granted in
+    /// `epoch` of the coordinator.
     pub async fn leased_training(
         &self,
         machine: MachineId,
@@ -435,8 +436,8 @@ impl Dispatch {
         answer.await.ok()?
     }
 
-    /// Whether a trainer on this machine holds the lease of a training that has such a result. Each lease allows a few publications, for
-    /// a trainer that repeats a request.
+    /// Whether a trainer on the publication's machine holds the lease of a training with such a result. Each training allows
+    /// several publications, because trainers can repeat a request or be lost.
     pub async fn may_publish(&self, publication: Publication) -> bool {
         let (reply, answer) = oneshot::channel();
         let request = Request::Publication { publication, reply };

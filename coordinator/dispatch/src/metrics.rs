@@ -107,7 +107,7 @@ impl Families {
             disagreements: Counter::default(),
             poisoned: Counter::default(),
             done: Family::default(),
-            // From a millisecond to nine hours: a training is one lease.
+            // The buckets range from a millisecond to almost five hours, because a training is one lease.
             turnaround: Family::new_with_constructor(|| Histogram::new(exponential_buckets(0.001, 4.0, 13))),
         };
         let Self {
@@ -187,14 +187,14 @@ impl Families {
 }
 
 impl DispatchMetrics {
-    /// Sets the gauges: connected peers, tasks that wait, leases that are held.
+    /// Sets the gauges of connected peers, waiting tasks and held leases.
     pub(crate) fn stand(&self, connected: usize, pending: usize, leased: usize) {
         self.connected.set(connected as i64);
         self.pending.set(pending as i64);
         self.leased.set(leased as i64);
     }
 
-    /// A lease was answered with `results` results, `after` it was granted.
+    /// A lease was answered with `results` results; `after` is the time since the lease was granted.
     pub(crate) fn answered(&self, kind: WorkKind, results: usize, after: Duration) {
         let labels = kind.labels();
         self.families.done.get_or_create(&labels).inc_by(results as u64);
@@ -202,7 +202,7 @@ impl DispatchMetrics {
         turnaround.observe(after.as_secs_f64());
     }
 
-    /// A number of leases came back undone.
+    /// A number of leases were returned undone.
     pub(crate) fn returned(&self, leases: usize) {
         self.returned.inc_by(leases as u64);
     }

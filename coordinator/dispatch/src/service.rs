@@ -1,4 +1,4 @@
-//! The dispatcher's task: it owns the lease table, and is the only one to write to workers.
+//! The dispatcher's task: it owns the lease table, and no other task writes to workers.
 
 mod results;
 
@@ -31,10 +31,10 @@ use tracing::Span;
 
 /// How often the service looks for silent workers and late leases.
 const TICK: Duration = Duration::from_millis(100);
-/// From this number of remembered names on, those of processes that are gone are forgotten.
+/// Once this number of names is remembered, names of processes that are gone are forgotten.
 const MOST_NAMES: usize = 4096;
-/// Most checkpoints that trainers may publish for one training: one is needed, and more come if trainers are lost before they report it,
-/// or repeat a request.
+/// Maximum number of checkpoints that trainers may publish for one training. One checkpoint is needed. More checkpoints come if
+/// trainers repeat a request, or are lost before they report the checkpoint.
 const MOST_PUBLICATIONS: u32 = 64;
 
 /// Most requests that are handled before leases are sent again.
@@ -55,7 +55,7 @@ pub(super) struct Service {
     table: LeaseTable<Vote>,
     jobs: BTreeMap<JobId, Job>,
     workers: BTreeMap<WorkerId, Worker>,
-    /// Names and addresses of processes, including those that are gone.
+    /// Names and addresses of processes, including processes that are gone.
     names: BTreeMap<WorkerProcessId, String>,
     /// Decides which tasks are audited, and numbers processes that report no number.
     chance: RandomStream,
@@ -79,7 +79,7 @@ struct Job {
     job_progress: Arc<JobProgress>,
     /// A worker's reason why the job is impossible.
     refusal: Option<String>,
-    /// Checkpoints that trainers published for it.
+    /// Number of checkpoints that trainers published for the job.
     publications: u32,
 }
 
@@ -88,7 +88,7 @@ struct Worker {
     kind: EmbeddingKind,
     outbox: Outbox,
     _present: oneshot::Sender<Infallible>,
-    /// Leases of the trainings that it was granted.
+    /// Leases of trainings that were granted to the worker.
     trainings: BTreeSet<LeaseNumber>,
 }
 
@@ -99,8 +99,8 @@ impl Job {
 }
 
 impl Service {
-    /// A service without jobs and workers. `count` receives the number of workers that take work; `wrong` has the machines that
-    /// were quarantined before, and receives new ones.
+    /// A service without jobs and workers. `count` receives the number of workers that take work. `wrong` holds the machines that
+    /// were quarantined earlier, and receives newly quarantined machines.
     pub(super) fn new(
         options: Options,
         count: watch::Sender<usize>,
@@ -196,7 +196,7 @@ impl Service {
                 lease,
                 reply,
             } => {
-                // The client may have gone.
+                // The client may have disconnected.
                 let _ = reply.send(self.training_lease(worker, epoch, lease));
             }
             Request::LeasedTraining {
@@ -205,15 +205,15 @@ impl Service {
                 lease,
                 reply,
             } => {
-                // The client may have gone.
+                // The client may have disconnected.
                 let _ = reply.send(self.leased_training(machine, epoch, lease));
             }
             Request::Publication { publication, reply } => {
-                // The client may have gone.
+                // The client may have disconnected.
                 let _ = reply.send(self.may_publish(&publication));
             }
             Request::Connected { reply } => {
-                // The client may have gone.
+                // The client may have disconnected.
                 let _ = reply.send(self.connected());
             }
             Request::Report { worker, report } => {
@@ -313,7 +313,7 @@ impl Service {
         self.names.insert(process, name);
     }
 
-    /// Tells jobs that embed whether a connected worker can do them.
+    /// Records in each job that embeds whether connected workers exist and none of them can embed.
     fn tell_lacks(&self) {
         let lacks = self.table.lacks_embedders();
         for job in self.jobs.values().filter(|job| job.submitted.embeds()) {
@@ -354,7 +354,7 @@ impl Service {
         }
     }
 
-    /// The only way in which a worker is lost; the worker receives `reason` if it is still connected.
+    /// Loses a worker: every loss goes through this function. The worker receives `reason` if it is still connected.
     fn lose(&mut self, id: WorkerId, reason: Option<Status>) {
         let with_workers = self.table.out();
         self.table.lose(id);
@@ -425,7 +425,7 @@ impl Service {
         }
     }
 
-    /// Campaign of the training under this lease, if a trainer on this machine holds it.
+    /// Campaign of the training under `lease`, if a trainer on `machine` holds the lease.
     fn leased_training(&self, machine: MachineId, epoch: u64, lease: LeaseNumber) -> Option<CampaignId> {
         let job = self
             .table

@@ -1,4 +1,4 @@
-//! Jobs of all kinds of work side by side: the lease table counts votes, and each job keeps the results behind them.
+//! Jobs of all kinds of work. The lease table counts votes, and each job keeps the results that the votes stand for.
 
 use super::{
     DispatchMetrics, JobError, WorkKind,
@@ -12,12 +12,12 @@ use murmuration_swarm::{EmbeddingKind, Invalid};
 use std::fmt;
 use tokio::sync::oneshot;
 
-/// A result as the lease table counts it: without its content.
+/// A result as the lease table counts it: a vote without the result's content.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Vote {
-    /// Index of the result among those of its task.
+    /// Index of the result among the results of its task.
     number: usize,
-    /// Indices of the task's earlier results that count as the same.
+    /// Indices of the task's earlier results that count as the same result.
     agrees_with: Vec<usize>,
 }
 
@@ -48,7 +48,8 @@ pub(super) struct Closing<'a> {
 pub(super) trait AnyJob: fmt::Debug + Send {
     fn kind(&self) -> WorkKind;
     fn campaign(&self) -> Option<&CampaignId>;
-    /// Parameters for the lease table. If the work is audited, `audited` decides for each task whether a second machine repeats it.
+    /// Parameters for the lease table. If the work is audited, `audited` decides for each task whether a second machine repeats
+    /// the task.
     fn params(&self, audited: &mut dyn FnMut() -> bool) -> JobParams;
     fn embeds(&self) -> bool;
     fn batch(&self, places: &[usize]) -> v1::lease::Work;
@@ -57,11 +58,12 @@ pub(super) trait AnyJob: fmt::Debug + Send {
     /// Whether the submitter no longer waits for the job.
     fn is_withdrawn(&self) -> bool;
 
-    /// Keeps a worker's results of the tasks at these places, and returns a vote for each.
+    /// Keeps a worker's results of the tasks at these places, and returns a vote for each result.
     fn keep(&mut self, places: &[usize], outcome: Outcome, kind: EmbeddingKind)
     -> Result<Vec<Vote>, Unsound>;
 
-    /// Sends the outcomes to the submitter, or an error if a task was poisoned and this work has no outcome for that.
+    /// Sends the outcomes to the submitter. Sends an error if a task was poisoned and this kind of work has no outcome for a
+    /// poisoned task.
     fn finish(self: Box<Self>, settled: Vec<Settled<Vote>>, closing: &Closing<'_>);
 
     /// Sends the error to the submitter.
@@ -74,7 +76,7 @@ pub(super) type Outcomes<W> = Result<Vec<<W as Work>::Outcome>, JobError>;
 /// A job of one kind of work, whose submitter waits for outcomes of that kind.
 pub(super) struct Submitted<W: Work> {
     work: W,
-    /// The results of each task, in the order in which they came.
+    /// The results of each task, in the order of their arrival.
     results: Vec<Vec<W::Result>>,
     reply: oneshot::Sender<Outcomes<W>>,
 }

@@ -12,14 +12,15 @@ use tokio::sync::watch;
 pub struct Trainers(Dispatch);
 
 impl Trainers {
-    /// Starts the dispatcher on the current runtime. It refuses the machines in `wrong`, which were quarantined before.
+    /// Starts the dispatcher on the current runtime. The dispatcher refuses the machines in `wrong`, which were quarantined
+    /// earlier.
     #[must_use]
     pub fn start(options: Options, metrics: DispatchMetrics, wrong: Vec<Quarantined>) -> Self {
         Self(Dispatch::start(options, metrics, wrong))
     }
 
-    /// Trains an embedder on a trainer, which publishes it; `job_progress` receives the progress. Dropping the future withdraws the
-    /// job.
+    /// Trains an embedder on a trainer, which publishes the embedder; `job_progress` receives the progress. Dropping the future
+    /// withdraws the job.
     ///
     /// # Errors
     /// See [`JobError`].
@@ -31,13 +32,13 @@ impl Trainers {
         self.0.submit_one(job, job_progress).await
     }
 
-    /// Number of trainers that take work, now and whenever it changes.
+    /// Receiver of the number of trainers that take work: the current number, and each change.
     #[must_use]
     pub fn connected(&self) -> watch::Receiver<usize> {
         self.0.workers()
     }
 
-    /// Quarantined machines, oldest first, now and whenever one is added.
+    /// Receiver of the quarantined machines, oldest first: the current list, and each addition.
     #[must_use]
     pub fn quarantined(&self) -> watch::Receiver<Vec<Quarantined>> {
         self.0.quarantined()

@@ -46,7 +46,7 @@ pub(super) trait Work: Debug + Send + 'static {
         true
     }
 
-    /// Whether only workers that embed can do it.
+    /// Whether only workers that embed can do the work.
     fn embeds(&self) -> bool {
         false
     }
@@ -60,15 +60,15 @@ pub(super) trait Work: Debug + Send + 'static {
     /// Whether two results of one task count as the same.
     fn agree(one: &Self::Result, other: &Self::Result) -> bool;
 
-    /// Outcome of a settled result; `unaudited` is the machine that computed it, if no other machine did.
+    /// Outcome of a settled result; `unaudited` is the machine that computed the result, if no other machine confirmed it.
     fn settled(result: Self::Result, unaudited: Option<MachineId>) -> Self::Outcome;
 
-    /// The outcome of a poisoned task, or an error if the job cannot go on without it.
+    /// The outcome of a poisoned task, or an error if the job cannot continue without the task.
     fn poisoned(task: PoisonedTask) -> Result<Self::Outcome, JobError> {
         Err(task.into())
     }
 
-    /// The training, if the work is one.
+    /// The training, if the work is a training.
     fn training(&self) -> Option<&TrainingJob> {
         None
     }
@@ -89,7 +89,7 @@ fn task(controller: &Controller, seed: u64) -> v1::EvaluationTask {
 /// Splits the results of a worker by task.
 ///
 /// # Errors
-/// If there are not `starts` for each task.
+/// If there are not `starts` results for each task.
 fn by_task<T>(of: &str, trials: Vec<T>, starts: Starts) -> Result<Vec<Vec<T>>, Invalid> {
     let starts = starts.get();
     if !trials.len().is_multiple_of(starts) {
@@ -258,7 +258,7 @@ impl Work for ReplayJob {
         Some(&self.campaign)
     }
 
-    /// The same for all campaigns, because a person waits for it.
+    /// The weight of a replay is the same for all campaigns, because a person waits for the replay.
     fn weight(&self) -> Weight {
         Weight::default()
     }
@@ -323,12 +323,12 @@ impl Work for TrainingJob {
         self.weight
     }
 
-    /// Trainings compete with trainings alone.
+    /// Every training costs the same, because trainings compete only with other trainings.
     fn cost(&self) -> u64 {
         1
     }
 
-    /// A second trainer would spend minutes on it too.
+    /// A training is not speculative: a second trainer would also spend minutes on it.
     fn is_speculative(&self) -> bool {
         false
     }

@@ -34,7 +34,7 @@ impl<R: Agree> LeaseTable<R> {
         leases.map(|lease| (lease.job, lease.tasks.len()))
     }
 
-    /// Tasks that a worker runs at once; 0 if it takes no more or is gone.
+    /// Number of tasks that a worker runs at once; 0 if the worker takes no more work or is gone.
     #[must_use]
     pub fn capacity(&self, worker: WorkerId) -> usize {
         self.workers.get(worker).map_or(0, |worker| worker.capacity)

@@ -1,4 +1,4 @@
-//! The tasks of one job. Results and failures move tasks between queues, and change how many are settled.
+//! The tasks of one job. Results and failures move tasks between queues, and change the number of settled tasks.
 
 use super::{
     Agree, LeaseNumber, WorkerId, WorkerProcessId,
@@ -13,23 +13,23 @@ pub(super) struct Job<R> {
     pub(super) tasks: Vec<Task<R>>,
     pub(super) queues: Queues,
     pub(super) settled: usize,
-    /// Cost of all its tasks that were leased so far; the job with the lowest cost is next.
+    /// Cost of all tasks of the job that were leased so far; the job with the lowest cost is served next.
     pub(super) served: u64,
     pub(super) cost: u64,
     pub(super) speculative: bool,
-    /// Whether only workers that embed can do it.
+    /// Whether only workers that embed can do the job.
     pub(super) embeds: bool,
-    /// Its leases, including those that no worker holds any more.
+    /// The job's leases, including leases that no worker holds any more.
     pub(super) leases: BTreeSet<LeaseNumber>,
-    /// Workers that gave back leases of it.
+    /// Workers that gave back leases of the job.
     pub(super) rested: BTreeSet<WorkerId>,
     /// The tasks that each lost process held.
     pub(super) lost_with: BTreeMap<WorkerProcessId, BTreeSet<usize>>,
 }
 
 impl<R: Agree> Job<R> {
-    /// Records a worker's result of a task, which the worker still held if `held`. Returns the processes that this shows to be
-    /// wrong.
+    /// Records a worker's result of a task; `held` is whether the worker still held the task. Returns the processes that this
+    /// result proves wrong.
     pub(super) fn record_vote(
         &mut self,
         place: usize,
@@ -48,7 +48,7 @@ impl<R: Agree> Job<R> {
         wrong
     }
 
-    /// A lease on a task comes back undone; `broke` is its worker if that was lost.
+    /// A lease on a task is returned undone; `broke` is the worker's process if the worker was lost.
     pub(super) fn come_back(&mut self, place: usize, broke: Option<WorkerProcessId>) {
         let task = &mut self.tasks[place];
         let before = task.state();
@@ -60,7 +60,7 @@ impl<R: Agree> Job<R> {
         self.file(place, before);
     }
 
-    /// A worker that counted as lost is back: no task is to blame.
+    /// A worker that counted as lost has reconnected, so its tasks are not to blame.
     pub(super) fn acquit(&mut self, process: WorkerProcessId) {
         for place in self.lost_with.remove(&process).unwrap_or_default() {
             let before = self.tasks[place].state();
@@ -70,7 +70,8 @@ impl<R: Agree> Job<R> {
         }
     }
 
-    /// Discards a machine's results; returns how many tasks that reopens. Results that another machine confirms stay settled.
+    /// Discards a machine's results, and returns the number of tasks that are no longer settled. Results that another machine
+    /// confirms stay settled.
     pub(super) fn discard_votes(&mut self, machine: MachineId) -> usize {
         let before = self.settled;
         for place in 0..self.tasks.len() {
@@ -82,7 +83,8 @@ impl<R: Agree> Job<R> {
         before.saturating_sub(self.settled)
     }
 
-    /// Moves a changed task to its queue; `before` is its former state. Returns the processes that are shown to be wrong.
+    /// Moves a changed task to its queue; `before` is its former state. Returns the processes that the task's result proves
+    /// wrong.
     pub(super) fn file(&mut self, place: usize, before: TaskState) -> Vec<WorkerProcessId> {
         let task = &self.tasks[place];
         let state = task.state();

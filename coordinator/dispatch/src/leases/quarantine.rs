@@ -15,7 +15,7 @@ impl<R: Agree> LeaseTable<R> {
         self.quarantine_all(BTreeSet::from([process]));
     }
 
-    /// Quarantines the machines of these processes. Their results are discarded before any job can end with one.
+    /// Quarantines the machines of `processes`. The machines' results are discarded before any job can end with such a result.
     pub(super) fn quarantine_all(&mut self, mut processes: BTreeSet<WorkerProcessId>) {
         processes.retain(|process| !self.quarantined.contains(&process.machine));
         let again: Vec<usize> = processes
@@ -52,7 +52,7 @@ impl<R: Agree> LeaseTable<R> {
         }
     }
 
-    /// Ends jobs with a task that no machine but the quarantined ones found possible.
+    /// Ends jobs with a task that is impossible once the results of the quarantined machines are discarded.
     fn end_impossible_jobs(&mut self) {
         let first = |job: &Job<R>| job.tasks.iter().position(Task::is_impossible);
         let impossible = self.jobs.iter().filter_map(|(&id, job)| Some((id, first(job)?)));

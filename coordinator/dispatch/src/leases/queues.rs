@@ -2,16 +2,16 @@
 
 use std::collections::BTreeSet;
 
-/// The tasks of a job that wait for a worker, by the worker that they need; each is in at most one queue.
+/// The waiting tasks of a job, by the worker that they need. A task is in at most one queue.
 #[derive(Debug)]
 pub(super) struct Queues {
-    /// For any worker, before `next`.
+    /// Tasks for any worker, leased before the tasks in `next`.
     first: BTreeSet<usize>,
-    /// For any worker.
+    /// Tasks for any worker.
     next: BTreeSet<usize>,
-    /// For a worker on a machine that has not answered them yet.
+    /// Tasks for a worker on a machine that has not answered them yet.
     pub(super) second: BTreeSet<usize>,
-    /// For a worker that holds nothing else, which would be lost with it.
+    /// Tasks for a worker that holds no other task: other tasks would be lost with the worker.
     pub(super) alone: BTreeSet<usize>,
 }
 
@@ -55,7 +55,7 @@ impl Queues {
         self.first.len() + self.next.len()
     }
 
-    /// Tasks for any worker, in the order in which they go out.
+    /// Tasks for any worker, in the order in which they are leased.
     pub(super) fn ready(&self) -> impl Iterator<Item = usize> {
         self.first.iter().chain(&self.next).copied()
     }

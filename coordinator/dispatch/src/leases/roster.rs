@@ -1,5 +1,5 @@
-//! The connected workers, in the order of their turns. Look-ups take logarithmic time in the number of workers; only those that
-//! iterate over all workers take longer.
+//! The connected workers, in the order of their turns. Look-ups take logarithmic time in the number of workers; only look-ups
+//! that iterate over all workers take longer.
 
 use super::{WorkerId, workers::Worker};
 use murmuration_model::MachineId;
@@ -9,7 +9,7 @@ use std::{
     time::Instant,
 };
 
-/// Order of turns: the worker with the lowest load first, then the one with the most credits, then the one that joined first.
+/// Order of turns: workers with a lower load first, then workers with more credits, then workers that joined earlier.
 type Turn = (usize, Reverse<usize>, WorkerId);
 
 /// The connected workers.
@@ -17,9 +17,9 @@ type Turn = (usize, Reverse<usize>, WorkerId);
 pub(super) struct Roster {
     workers: BTreeMap<WorkerId, Worker>,
     machines: BTreeMap<MachineId, Machine>,
-    /// Workers that may get more.
+    /// Workers that can get more tasks.
     free: BTreeSet<Turn>,
-    /// Workers that embed and may get more.
+    /// Workers that embed and can get more tasks.
     free_embedders: BTreeSet<Turn>,
     /// All workers, those with the fewest leases first.
     by_leases: BTreeSet<(usize, WorkerId)>,
@@ -38,7 +38,7 @@ struct Machine {
     unanswered_since: Option<Instant>,
 }
 
-/// Number of workers that take work, and of tasks that they run at once, as far as proven.
+/// Number of workers that take work, and number of tasks that they have proven to run at once.
 #[derive(Debug, Clone, Copy, Default)]
 struct Staff {
     workers: usize,
@@ -58,7 +58,7 @@ impl Staff {
 }
 
 impl Worker {
-    /// The worker's turn, if it may get more.
+    /// The worker's turn, if the worker can get more tasks.
     fn turn(&self, id: WorkerId) -> Option<Turn> {
         let may = self.credits > 0 && !self.alone && self.capacity > 0;
         may.then(|| (self.load(), Reverse(self.credits), id))
@@ -92,7 +92,7 @@ impl Roster {
         self.workers.iter().map(|(&id, worker)| (id, worker))
     }
 
-    /// Workers that may get more, in the order of their turns: all, or only those that embed.
+    /// Workers that can get more tasks, in the order of their turns; only workers that embed if `embeds`.
     pub(super) fn free(&self, embeds: bool) -> impl Iterator<Item = (WorkerId, &Worker)> {
         let free = if embeds { &self.free_embedders } else { &self.free };
         free.iter()
@@ -101,7 +101,7 @@ impl Roster {
 
     /// Free workers that hold no lease.
     pub(super) fn idle(&self, embeds: bool) -> impl Iterator<Item = (WorkerId, &Worker)> {
-        // A load of 0 is not enough: it is rounded down, so many threads with one task have it too.
+        // A load of 0 is not enough: loads are rounded down, so a worker with many threads and one task also has a load of 0.
         self.free(embeds)
             .take_while(|(_, worker)| worker.load() == 0)
             .filter(|(_, worker)| worker.holds.is_empty())
@@ -124,7 +124,7 @@ impl Roster {
         self.embedders.workers
     }
 
-    /// Tasks that all workers, or those that embed, run at once.
+    /// Number of tasks that all workers run at once; only workers that embed count if `embeds`.
     pub(super) const fn capacity(&self, embeds: bool) -> usize {
         if embeds {
             self.embedders.capacity
@@ -181,7 +181,7 @@ impl Roster {
         self.machines.get_mut(&machine)
     }
 
-    /// The only way to change a worker, because its turn may change too; `None` if the worker is unknown.
+    /// Changes a worker and its turn; `None` if the worker is unknown. Every change of a worker must use this function.
     pub(super) fn change<T>(&mut self, id: WorkerId, change: impl FnOnce(&mut Worker) -> T) -> Option<T> {
         let mut worker = self.workers.remove(&id)?;
         self.strike(id, &worker);
@@ -191,7 +191,7 @@ impl Roster {
         Some(changed)
     }
 
-    /// Notes a sign of life, which changes no turn.
+    /// Records the time of a worker's message, which changes no turn.
     pub(super) fn hear(&mut self, id: WorkerId, now: Instant) {
         if let Some(worker) = self.workers.get_mut(&id) {
             worker.heard = now;

@@ -1,7 +1,8 @@
-//! Tests the lease table with random schedules of everything that happens in a cluster: machines that run several workers, lie
-//! with all of them, or report tasks as impossible; workers that hang; deadly and impossible tasks.
+//! Tests the lease table with random schedules of all events in a cluster. Machines run several workers, send wrong results from
+//! all of them, or report tasks as impossible. Workers hang, and tasks can be deadly or impossible.
 //!
-//! `MURMURATION_SCHEDULES` is the number of schedules, `MURMURATION_SEED` the seed of the first. A failure names its seed.
+//! `MURMURATION_SCHEDULES` is the number of schedules, and `MURMURATION_SEED` is the seed of the first schedule. A failure names
+//! its seed.
 
 mod observed;
 
@@ -27,20 +28,20 @@ fn truth(job: JobId, place: usize) -> u64 {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Character {
     Honest,
-    /// Now and then its workers send a wrong result, mostly the same one, which no other machine sends.
+    /// The machine's workers sometimes send a wrong result, mostly the same wrong result, which no other machine sends.
     Liar,
-    /// Now and then reports a possible task as impossible.
+    /// The machine's workers sometimes report a possible task as impossible.
     Unfit,
 }
 
 struct Process {
     character: Character,
-    /// It sends heartbeats and never answers.
+    /// Whether the process sends heartbeats but never answers.
     hangs: bool,
     embeds: bool,
-    /// Its connection, if it has one.
+    /// The process's connection, if it has a connection.
     worker: Option<WorkerId>,
-    /// Leases that it has not answered, on any connection.
+    /// Leases that the process has not answered, on any connection.
     has: Vec<Grant>,
 }
 
@@ -64,7 +65,7 @@ struct SimulatedCluster {
     machines: BTreeMap<MachineId, Character>,
     jobs: BTreeMap<JobId, Submitted>,
     next_instance: u64,
-    /// How often each kind of event occurred, to check that the schedules reach them all.
+    /// How often each kind of event occurred, to check that the schedules reach all kinds.
     seen: Seen,
 }
 
@@ -131,7 +132,7 @@ impl SimulatedCluster {
         machine
     }
 
-    /// A random machine, every other time a new one.
+    /// A random machine; half of the time, a new machine.
     fn some_machine(&mut self) -> MachineId {
         if !self.machines.is_empty() && self.chance(2) {
             return *self.machines.keys().choose(&mut self.die).unwrap();
@@ -221,7 +222,7 @@ impl SimulatedCluster {
         self.hear_events();
     }
 
-    /// A process answers its next lease; false if it has none or never answers.
+    /// A process answers its next lease; false if the process has no lease or never answers.
     fn work(&mut self, id: WorkerProcessId) -> bool {
         let process = &self.processes[&id];
         let (Some(worker), false) = (process.worker, process.has.is_empty()) else {
@@ -312,7 +313,7 @@ impl SimulatedCluster {
         }
     }
 
-    /// Answers another worker's lease, and one that was never granted.
+    /// Answers another worker's lease, and a lease that was never granted; both answers must fail.
     fn meddle(&mut self, id: WorkerProcessId) {
         let Some(worker) = self.processes[&id].worker else {
             return;
@@ -343,7 +344,7 @@ impl SimulatedCluster {
             self.die(instance);
         }
         if self.table.jobs.values().any(|job| !job.speculative) {
-            // A task that is not speculative waits for its hung worker until that is killed.
+            // A task that is not speculative waits for its hung worker until the worker is killed.
             let hung = self.processes.iter().filter(|(_, process)| process.hangs);
             for instance in hung.map(|(&instance, _)| instance).collect::<Vec<_>>() {
                 self.die(instance);

@@ -1,4 +1,4 @@
-//! One task of a job: the votes of workers on its result, and whether they settle it.
+//! One task of a job: the workers' votes on its result, and whether these votes settle the task.
 
 use super::{Agree, MOST_LOST, Settled, WorkerProcessId};
 use murmuration_model::MachineId;
@@ -6,30 +6,30 @@ use std::{collections::BTreeSet, time::Instant};
 
 #[derive(Debug)]
 pub(super) struct Task<R> {
-    /// One result of each machine; several machines if the task is audited or disputed.
+    /// The result of each machine that answered the task.
     pub(super) votes: Vec<(WorkerProcessId, R)>,
     /// Workers that reported the task as impossible, one for each machine.
     pub(super) refused: Vec<WorkerProcessId>,
-    /// Workers that were lost while they held the task, and have not come back.
+    /// Workers that were lost while they held the task, and have not reconnected.
     pub(super) lost: BTreeSet<WorkerProcessId>,
     /// Number of workers that hold the task.
     pub(super) out: usize,
-    /// Since when no other machine could decide about it.
+    /// Time since which no other machine could decide about the task.
     pub(super) alone_since: Option<Instant>,
-    /// Whether one vote is not enough.
+    /// Whether one vote does not settle the task.
     audited: bool,
-    /// Whether workers lost on one machine are enough to poison it.
+    /// Whether workers lost on one machine are enough to poison the task.
     one_machine_is_enough: bool,
 }
 
 /// State of a task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum TaskState {
-    /// It needs a further result.
+    /// The task needs a further result.
     Open,
-    /// The vote at this place is its result.
+    /// The vote at this place is the result of the task.
     Settled(usize),
-    /// Too many workers were lost with it.
+    /// Too many workers were lost with the task.
     Poisoned,
 }
 
@@ -52,7 +52,7 @@ impl<R: Agree> Task<R> {
         }
     }
 
-    /// One vote settles a task. An audited or disputed task needs two votes that agree, which outvote any other.
+    /// One vote settles a task. An audited or disputed task needs two votes that agree; two such votes outvote any other vote.
     pub(super) fn state(&self) -> TaskState {
         let count = |place: usize| self.agreeing(place).count();
         let Some(best) = (0..self.votes.len()).rev().max_by_key(|&place| count(place)) else {
@@ -71,21 +71,21 @@ impl<R: Agree> Task<R> {
         }
     }
 
-    /// Whether a worker on this machine could help to settle it: the machine has not answered it yet and, once three workers were
-    /// lost with it, lost none of them.
+    /// Whether a worker on `machine` could help to settle the task. The machine must not have answered the task yet. Once three
+    /// workers were lost with the task, the machine must not have lost any of them.
     pub(super) fn wants(&self, machine: MachineId) -> bool {
         let lost_there = || self.lost.iter().any(|process| process.machine == machine);
         let may_die_of_it = self.has_lost_enough() && lost_there();
         !self.has_answered(machine) && !may_die_of_it
     }
 
-    /// Whether only a machine that has not tried it can settle it.
+    /// Whether only a machine that has not tried the task can settle it.
     pub(super) fn wants_another_machine(&self) -> bool {
         let met = !self.votes.is_empty() || !self.refused.is_empty() || self.has_lost_enough();
         met && !self.state().is_settled()
     }
 
-    /// Whether enough workers were lost with it to blame the task.
+    /// Whether enough workers were lost with the task to blame the task.
     pub(super) fn has_lost_enough(&self) -> bool {
         self.lost.len() >= MOST_LOST
     }
@@ -105,7 +105,7 @@ impl<R: Agree> Task<R> {
         self.votes.iter().map(|(by, _)| *by)
     }
 
-    /// Whether machines disagree about it.
+    /// Whether machines disagree about the task.
     pub(super) fn is_disputed(&self) -> bool {
         !self.votes.is_empty() && self.agreeing(0).count() < self.votes.len()
     }
@@ -121,7 +121,7 @@ impl<R: Agree> Task<R> {
         true
     }
 
-    /// Records a worker's report that the task is impossible; returns whether it [is impossible](Self::is_impossible) now.
+    /// Records a worker's report that the task is impossible; returns whether the task [is impossible](Self::is_impossible) now.
     pub(super) fn refuse(&mut self, by: WorkerProcessId) -> bool {
         if !self.has_answered(by.machine) {
             self.refused.push(by);
@@ -129,7 +129,7 @@ impl<R: Agree> Task<R> {
         self.is_impossible()
     }
 
-    /// Whether two machines report it as impossible, and none has done it.
+    /// Whether two machines report the task as impossible, and no machine has done the task.
     pub(super) fn is_impossible(&self) -> bool {
         self.votes.is_empty() && self.refused.len() > 1
     }
@@ -140,17 +140,17 @@ impl<R: Agree> Task<R> {
         self.lost.insert(process);
     }
 
-    /// A process is back; returns whether it had been lost with this task.
+    /// A process has reconnected; returns whether it had been lost with this task.
     pub(super) fn acquit(&mut self, process: WorkerProcessId) -> bool {
         let was_lost = self.lost.remove(&process);
-        // Not `&= !was_lost`: with that, the random schedules fail in builds that rustc 1.95 optimises, and in no other.
+        // With `&= !was_lost` instead, the random schedules fail in builds that rustc 1.95 optimises, and in no other builds.
         if was_lost {
             self.one_machine_is_enough = false;
         }
         was_lost
     }
 
-    /// Discards a machine's vote, refusal and lost workers; returns whether there were any.
+    /// Discards a machine's vote, refusal and lost workers; returns whether anything was discarded.
     pub(super) fn discard_votes(&mut self, machine: MachineId) -> bool {
         let known = |task: &Self| (task.votes.len(), task.refused.len(), task.lost.len());
         let before = known(self);
@@ -158,19 +158,19 @@ impl<R: Agree> Task<R> {
         self.refused.retain(|by| by.machine != machine);
         self.lost.retain(|process| process.machine != machine);
         let changed = known(self) != before;
-        // Not `&= !changed`, for the reason that `acquit` gives.
+        // This is not `&= !changed`, for the reason that `acquit` gives.
         if changed {
             self.one_machine_is_enough = false;
         }
         changed
     }
 
-    /// From now on, workers lost on one machine are enough to poison it, until another machine is involved.
+    /// From now on, workers lost on one machine are enough to poison the task, until another machine is involved.
     pub(super) const fn blame(&mut self) {
         self.one_machine_is_enough = true;
     }
 
-    /// One vote is enough from now on.
+    /// From now on, one vote settles the task.
     pub(super) const fn waive_audit(&mut self) {
         self.audited = false;
     }

@@ -1,4 +1,4 @@
-//! The lease table, case by case.
+//! Tests of the lease table, case by case.
 
 use super::*;
 
@@ -23,7 +23,7 @@ fn worker_of(machine: u64, instance: u64) -> WorkerProcessId {
     }
 }
 
-/// Connects a worker with this many credits.
+/// Connects a worker with `credits` credits.
 fn join(table: &mut LeaseTable<u64>, process: WorkerProcessId, credits: usize) -> WorkerId {
     let worker = table.join(process, ABLE, now()).unwrap();
     table.add_credits(worker, credits);
@@ -63,7 +63,7 @@ fn audited(tasks: usize) -> JobParams {
     }
 }
 
-/// A table with workers that have these credits, on machines 1, 2, ...
+/// A table with one worker for each entry of `credits`, on machines 1, 2, ...
 fn workers<const N: usize>(credits: [usize; N]) -> (LeaseTable<u64>, [WorkerId; N]) {
     let mut table = LeaseTable::new(DISPUTE_TIMEOUT);
     let mut instance = 0;

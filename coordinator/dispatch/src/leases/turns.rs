@@ -10,7 +10,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// A worker, its tasks, and whether it must hold nothing else meanwhile.
+/// A worker, the tasks to lease to it, and whether it must hold no other tasks meanwhile.
 struct Choice {
     worker: WorkerId,
     tasks: Vec<usize>,
@@ -19,9 +19,10 @@ struct Choice {
 
 /// Size of a worker's next batch when `waiting` tasks wait and all workers together run `capacity` tasks at once.
 ///
-/// At most half an even share, so that batches shrink towards the end of a job. At most half of the worker's credits and tasks
-/// over its capacity (but a group of [`AT_ONCE`]), so that the worker has a batch in hand while it receives the next. Whole
-/// groups of [`AT_ONCE`], as long as there are enough for all workers.
+/// A batch is at most half an even share of the waiting tasks, so that batches shrink towards the end of a job. A batch is also
+/// at most half of the worker's credits and held tasks, divided by its capacity (but at least [`AT_ONCE`]), so that the worker
+/// has tasks while it receives the next batch. Batches are whole groups of [`AT_ONCE`], as long as there are enough tasks for all
+/// workers.
 fn share(waiting: usize, capacity: usize, worker: &Worker) -> usize {
     let capacity = capacity.max(1);
     let even = waiting.div_ceil(2 * capacity);
@@ -44,8 +45,8 @@ fn share(waiting: usize, capacity: usize, worker: &Worker) -> usize {
 impl<R: Agree> LeaseTable<R> {
     /// Leases the next batch, if there is work and a worker with credits for it.
     ///
-    /// The job whose leased tasks have cost least is next. Batches shrink towards a job's end. If no task waits, an idle worker
-    /// gets tasks that another worker is late with.
+    /// The job whose leased tasks cost least so far is served next. Batches shrink towards a job's end. If no task waits, an idle
+    /// worker gets tasks that another worker is late with.
     pub fn grant(&mut self, now: Instant) -> Option<Grant> {
         self.decide_without_others(now);
         let mut turns: Vec<(u64, JobId)> = self
@@ -119,7 +120,7 @@ impl<R: Agree> LeaseTable<R> {
         })
     }
 
-    /// Chooses a worker for tasks that another machine has done already.
+    /// Chooses a worker for tasks that another machine has already answered.
     fn choose_second(
         &self,
         id: JobId,
@@ -143,7 +144,7 @@ impl<R: Agree> LeaseTable<R> {
         })
     }
 
-    /// Chooses a worker for a task that may kill it: the task is leased alone.
+    /// Chooses a worker for a task that may end the worker's process. The task is leased alone.
     fn choose_alone(&self, id: JobId, job: &Job<R>, now: Instant) -> Option<Choice> {
         let idle = || self.workers.idle(job.embeds);
         if job.queues.alone.is_empty() || idle().next().is_none() {
@@ -163,8 +164,8 @@ impl<R: Agree> LeaseTable<R> {
         })
     }
 
-    /// Chooses tasks of a late lease for an idle worker as well; the first result counts. Each further worker gets twice as long
-    /// before there is a next.
+    /// Chooses a second worker for tasks of a late lease; the first result counts. Each further worker has twice as much time
+    /// before the next worker gets the tasks.
     fn speculate(&self, reserved: Option<WorkerId>, now: Instant) -> Option<(JobId, Choice)> {
         for lease in self.late(now) {
             let job = self.jobs.get(&lease.job)?;
@@ -183,8 +184,8 @@ impl<R: Agree> LeaseTable<R> {
                 job.tasks[place].wants(worker.machine()) && !self.has_in_hand(worker, lease.job, place)
             };
             let fits = |worker: &Worker| new_to(worker, place) && (!alone || worker.holds.is_empty());
-            // A machine that hangs may have further connections, which have answered nothing either: the task rather waits for a worker
-            // that has.
+            // A machine that hangs may have further connections, which have answered nothing either. If a worker that has
+            // answered something is on time, the task waits for such a worker.
             let is_proven =
                 |worker: &Worker| worker.answered > 0 && worker.suits(job) && new_to(worker, place);
             let is_on_time = |worker: &Worker| is_proven(worker) && !self.is_behind(worker, now);
@@ -220,12 +221,12 @@ impl<R: Agree> LeaseTable<R> {
             .filter(|lease| lease.holder.is_some())
     }
 
-    /// Whether a lease, whose tasks `hands` workers hold, has been out for longer than its speculation delay.
+    /// Whether a lease, whose tasks `hands` workers hold, was granted longer ago than its speculation delay.
     fn is_late(&self, lease: &Lease, hands: usize, now: Instant) -> bool {
         lease.holder.is_some() && now.saturating_duration_since(lease.given) > self.speculation_delay(hands)
     }
 
-    /// How long a lease, whose tasks `hands` workers hold, may be out before it is late.
+    /// Time after which a lease, whose tasks `hands` workers hold, is late.
     fn speculation_delay(&self, hands: usize) -> Duration {
         let usual = self.turnaround.map_or(SPECULATION_DELAY.1, |usual| usual * LATE);
         usual.clamp(SPECULATION_DELAY.0, SPECULATION_DELAY.1) * (1 << hands.saturating_sub(1).min(10))
@@ -236,7 +237,7 @@ impl<R: Agree> LeaseTable<R> {
         leases.any(|lease| lease.job == job && lease.tasks.contains(&place))
     }
 
-    /// The worker that is kept from other work for a task that goes out alone, if such a task waits.
+    /// The worker that gets no other work, because a task that must be leased alone waits for this worker.
     fn reserved(&self, now: Instant) -> Option<WorkerId> {
         let mut alone = self.jobs.values().flat_map(|job| {
             job.queues
@@ -255,8 +256,9 @@ impl<R: Agree> LeaseTable<R> {
         })
     }
 
-    /// Of the workers that may get more of a job, the one with the lowest load; one of a machine that is late only if all machines are,
-    /// and a worker that is late itself only if all workers are. None of a machine that hangs, unless all do.
+    /// The worker with the lowest load that can get more tasks of a job. A worker on a machine that is late is chosen only if all
+    /// machines are late, and a worker that is late itself only if all workers are late. A worker on a machine that
+    /// hangs is chosen only if all machines hang.
     fn free(
         &self,
         id: JobId,
@@ -286,9 +288,9 @@ impl<R: Agree> LeaseTable<R> {
         beside_late.or(behind)
     }
 
-    /// Decides about tasks that need another machine when none could answer soon. It waives audits, and poisons tasks that three
-    /// workers were lost with. A dispute, or a task that one machine reports as impossible, ends the job with an event unless
-    /// another machine joins in time.
+    /// Decides about tasks that need another machine, if no other machine could answer soon. Audits are waived, and tasks with
+    /// which three workers were lost are poisoned. A disputed task, or a task that one machine reports as impossible, ends the
+    /// job with an event, unless another machine joins in time.
     fn decide_without_others(&mut self, now: Instant) {
         let mut concerned = BTreeSet::new();
         let mut over = BTreeMap::new();
@@ -316,7 +318,7 @@ impl<R: Agree> LeaseTable<R> {
                 job.file(place, before);
                 concerned.insert(id);
             } else if task.votes.is_empty() && !anybody_works {
-                // The operator may have stopped the worker that failed, and may be starting another.
+                // The operator may have stopped the worker that failed, and may be starting another worker.
                 task.alone_since = None;
             } else if now.saturating_duration_since(*task.alone_since.get_or_insert(now))
                 >= self.dispute_timeout
@@ -351,7 +353,7 @@ impl<R: Agree> LeaseTable<R> {
         });
     }
 
-    /// Tasks that only another machine can settle: those that wait for one, and those that are late on one.
+    /// Tasks that only another machine can settle: tasks that wait for a machine, and tasks of late leases.
     fn wanting_another_machine(&self, now: Instant) -> Vec<(JobId, usize)> {
         let waiting = self.jobs.iter().flat_map(|(&id, job)| {
             let queues = job.queues.second.iter().chain(&job.queues.alone);
@@ -377,10 +379,11 @@ impl<R: Agree> LeaseTable<R> {
 
     /// Whether a connected worker could soon answer a task that needs another machine.
     ///
-    /// A worker does not count if its machine is late with the task or hangs, if it is late with others and takes nothing more,
-    /// has long been idle without asking for work, or gave the task's job back and has done nothing of it since. Workers that gave
-    /// the job back do count if the job would end without them. Late, hanging and idle workers do count for a task without votes
-    /// that a machine refused or whose job is not speculative (such jobs take minutes).
+    /// A worker does not count if its machine is late with the task or hangs, if it is late with other tasks and takes no more
+    /// work, or if it has long been idle without asking for work. A worker that gave the task's job back, and has completed no
+    /// lease of the job since, does not count either. However, workers that gave the job back count if the job would end without
+    /// them. Late, hanging and idle workers count for a task without votes that a machine refused, or whose job is not speculative:
+    /// jobs that are not speculative take minutes.
     fn could_say(
         &self,
         id: JobId,
@@ -394,7 +397,7 @@ impl<R: Agree> LeaseTable<R> {
         let task = &job.tasks[place];
         let is_urgent = !task.votes.is_empty() || (job.speculative && task.refused.is_empty());
         let is_no_help = |worker: &Worker| {
-            // A worker that is late with another task may still get this one, unless it takes nothing more.
+            // A worker that is late with another task can still get this task, unless the worker takes no more work.
             let takes_more = worker.credits > 0 && !worker.alone;
             let is_late = || self.is_behind(worker, now) && !takes_more;
             is_urgent

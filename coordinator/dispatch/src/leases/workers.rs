@@ -1,4 +1,4 @@
-//! Workers join, give signs of life, fall silent, and leave.
+//! Workers join, send messages, fall silent, and leave.
 
 use super::{
     Abilities, Agree, Back, JobId, LeaseNumber, LeaseTable, SPECULATION_DELAY, WorkerId, WorkerProcessId,
@@ -13,33 +13,33 @@ use std::{
 #[derive(Debug)]
 pub(super) struct Worker {
     pub(super) process: WorkerProcessId,
-    /// Tasks that it runs at once; 0 once it takes no more.
+    /// Number of tasks that the worker runs at once; 0 once the worker takes no more work.
     pub(super) capacity: usize,
-    /// Tasks that it has answered.
+    /// Number of tasks that the worker has answered.
     pub(super) answered: usize,
     pub(super) embeds: bool,
     pub(super) credits: usize,
     pub(super) heard: Instant,
-    /// When it joined or last finished a lease.
+    /// Time when the worker joined or last completed a lease.
     pub(super) active: Instant,
     pub(super) holds: BTreeSet<LeaseNumber>,
-    /// Tasks that it has in hand.
+    /// Number of tasks that the worker holds.
     pub(super) tasks: usize,
-    /// It holds a task that may kill it, and so gets no other.
+    /// Whether the worker holds a task that may end the worker's process, and so gets no other task.
     pub(super) alone: bool,
-    /// Jobs whose leases it gave back, and has not completed one of since.
+    /// Jobs whose lease the worker gave back, if it has not completed a lease of the job since.
     pub(super) rests: BTreeMap<JobId, Rest>,
 }
 
 /// A worker's pause from a job that it could not do.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rest {
-    /// How long the last one was.
+    /// Length of the last pause.
     length: Duration,
     until: Instant,
 }
 
-/// Capacity that counts of a worker that has answered nothing yet.
+/// Maximum capacity that counts for a worker that has answered no task yet.
 const UNPROVEN: usize = 16;
 
 /// First and longest pause of a worker from a job whose leases it gives back.
@@ -50,18 +50,18 @@ impl Worker {
         self.process.machine
     }
 
-    /// True if the worker takes work and can do this job's.
+    /// Whether the worker takes work and can do tasks of this job.
     pub(super) const fn suits<R>(&self, job: &Job<R>) -> bool {
         self.capacity > 0 && (self.embeds || !job.embeds)
     }
 
-    /// The part of its capacity that counts when work is shared out: what it claims, but little before it has answered anything. A
-    /// worker that claims much and never answers must not make everybody's batches small.
+    /// The part of the worker's capacity that counts when work is shared out: the capacity that the worker claims, but little
+    /// before it has answered any task. A worker that claims much and never answers must not make all batches small.
     pub(super) fn proven_capacity(&self) -> usize {
         self.capacity.min(UNPROVEN.saturating_add(self.answered))
     }
 
-    /// Tasks in hand for each that it runs at once, in thousandths.
+    /// Number of tasks that the worker holds for each task that it can run at once, in thousandths.
     pub(super) fn load(&self) -> usize {
         1000 * self.tasks / self.capacity.max(1)
     }
@@ -77,13 +77,13 @@ impl Worker {
         self.rests.insert(job, Rest { length, until });
     }
 
-    /// True if the worker has long been idle and has no credits.
+    /// Whether the worker has long been idle and has no credits.
     pub(super) fn asks_for_nothing(&self, now: Instant) -> bool {
         let idle = now.saturating_duration_since(self.active);
         self.credits == 0 && self.holds.is_empty() && idle > SPECULATION_DELAY.1
     }
 
-    /// True if the worker returned its last lease of this job undone.
+    /// Whether the worker returned its last lease of this job undone.
     pub(super) fn gave_back(&self, job: JobId) -> bool {
         self.rests.contains_key(&job)
     }
@@ -94,8 +94,8 @@ impl Worker {
 }
 
 impl<R: Agree> LeaseTable<R> {
-    /// A worker joins at time `now`; it has no credits yet. `None` if its machine was found wrong. If the worker had counted as
-    /// lost, its tasks are no longer blamed for that.
+    /// A worker joins at time `now`, without credits; `None` if its machine is quarantined. If the worker had counted as lost,
+    /// its tasks are no longer blamed for the loss.
     pub fn join(
         &mut self,
         process: WorkerProcessId,
@@ -126,7 +126,7 @@ impl<R: Agree> LeaseTable<R> {
         Some(id)
     }
 
-    /// A worker gave a sign of life.
+    /// A message of a worker arrived at time `now`.
     pub fn keep_alive(&mut self, worker: WorkerId, now: Instant) {
         self.workers.hear(worker, now);
     }
@@ -139,7 +139,7 @@ impl<R: Agree> LeaseTable<R> {
         }
     }
 
-    /// A worker takes no further leases; those it holds stay with it.
+    /// A worker takes no further leases; it keeps the leases that it holds.
     pub fn drain(&mut self, worker: WorkerId) {
         self.workers.change(worker, |worker| {
             worker.credits = 0;
@@ -147,7 +147,8 @@ impl<R: Agree> LeaseTable<R> {
         });
     }
 
-    /// A worker is gone: its leases come back undone. Its tasks are not blamed if it had announced that it would leave.
+    /// A worker is gone, and its leases are returned undone. Its tasks are not blamed if the worker had announced that it would
+    /// leave.
     pub fn lose(&mut self, worker: WorkerId) {
         let leaving = self
             .workers
@@ -185,7 +186,7 @@ impl<R: Agree> LeaseTable<R> {
         self.workers.working()
     }
 
-    /// Whether workers are connected, but none that embeds.
+    /// Whether workers are connected, but no worker that embeds.
     #[must_use]
     pub(crate) const fn lacks_embedders(&self) -> bool {
         self.workers.working() > 0 && self.workers.embedders() == 0

@@ -87,7 +87,7 @@ impl Service {
         let Some(process) = self.table.process(worker) else {
             return;
         };
-        // Before the quarantine forgets the worker, so that the worker receives the reason.
+        // The worker is dismissed before the quarantine forgets it, so that the worker receives the reason.
         self.dismiss(worker, Some(Status::invalid_argument(what)));
         self.table.quarantine(process);
     }

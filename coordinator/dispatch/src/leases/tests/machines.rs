@@ -1,4 +1,5 @@
-//! Machines: several workers have one vote, and no machine's reports or losses end what another machine could do.
+//! All workers of a machine have one vote together. A machine's reports or losses do not end a task that another machine could
+//! do.
 
 use super::*;
 
@@ -128,7 +129,7 @@ fn what_embeds_goes_to_workers_that_embed() {
     let grant = table.grant(now()).unwrap();
     assert_eq!((grant.worker, grant.job), (able, job));
     table.complete(able, grant.lease, answers(&grant), now()).unwrap();
-    // It does not audit either.
+    // The worker that cannot embed does not audit either.
     table.grant(now());
     assert!(matches!(
         results(table.take_events())[..],
@@ -213,7 +214,7 @@ fn what_the_only_machine_cannot_do_ends_the_job_unless_another_comes_in_time() {
     let grant = table.grant(start).unwrap();
     table.refuse(grant.worker, grant.lease, start);
     assert_eq!(table.grant(start), None);
-    // Without any worker, the task waits for a new one.
+    // Without any worker, the task waits for a new worker.
     for worker in only {
         table.lose(worker);
     }
