@@ -5,13 +5,14 @@ export CARGO_TERM_COLOR ?= auto
 
 .PHONY: demo test forget-skipped test-python guide wheel wheel-programs wheel-aarch64 test-browser test-faults faults test-containers lint build install runtime browser toolchain tests-built bench instructions fuzz clean
 
-# Builds, runs the paper's single-sensor campaign on a learned embedding, and prints the path of its report.
+# Builds the programs, runs the paper's single-sensor campaign on a learned embedding, and prints the path of the campaign's
+# report.
 demo: build runtime
 	./target/release/murmuration run examples/single-sensor-latent.toml
 
-# What must pass before a change lands, with `lint`, `test-faults`, `test-containers` and `test-python` (.ci/run). Runs the tests of
-# all other targets and lists failures at the end; then builds the guide, and lists what was skipped. Counts instructions only with
-# CARGO_INCREMENTAL=0 in the environment, as in .ci/run.
+# A change must pass this target and `lint`, `test-faults`, `test-containers` and `test-python` (.ci/run). This target runs the
+# tests of all other test targets and lists failures at the end; after that, it builds the guide, and lists skipped checks. It
+# counts instructions only with CARGO_INCREMENTAL=0 in the environment, as in .ci/run.
 test: forget-skipped tests-built runtime browser
 	python="$$(scripts/python-packages $(CURDIR)/target/python)"; \
 		PATH="$${python:+$$python:}$$PATH" scripts/run-tests
@@ -19,11 +20,11 @@ test: forget-skipped tests-built runtime browser
 	scripts/guide
 	scripts/skipped
 
-# Only the pages, in a real browser; screenshots land in target/screenshots.
+# Tests only the pages, in a real browser; screenshots are stored in target/screenshots.
 test-browser: tests-built browser
 	scripts/run-tests -E 'binary(machine) & test(/^browser/)'
 
-# Faults against the real processes, in a short form; `make faults` fires all of them in full, for more than an hour.
+# Injects faults into the real processes, in a short form; `make faults` fires all faults in full, for more than an hour.
 test-faults: tests-built runtime
 	MURMURATION_BINARIES=$(CURDIR)/target/debug "$$(scripts/test-binary tests faults)"
 
@@ -31,44 +32,44 @@ faults: build runtime
 	MURMURATION_SCHEDULES=1000000 $(CARGO) test --release --workspace --lib schedules -- --nocapture
 	MURMURATION_SCALE=long $(CARGO) test --release --workspace --test faults
 
-# A cluster in containers, some of which are killed. Ignored without a Docker engine.
+# Tests a cluster in containers, some of which are killed. Without a Docker engine, these tests are ignored.
 test-containers: tests-built runtime
 	bases="$$(tests/containers/base-images)" && MURMURATION_TEST_BASES="$$bases" \
 		MURMURATION_BINARIES=$(CURDIR)/target/debug "$$(scripts/test-binary tests containers)"
 
-# The Python library against the programs: formatting, types, tests, examples and notebooks.
+# Tests the Python library with the programs: formatting, types, tests, examples and notebooks.
 test-python: tests-built
 	scripts/test-python
 	rm -rf target/tested-wheel
 	scripts/test-wheel "$$(scripts/wheel target/debug target/tested-wheel)"
 
-# Compiles the programs and every test. With BUILT=yes they are taken as they are, without asking Cargo.
+# Compiles the programs and every test. With BUILT=yes, this target compiles nothing.
 tests-built: toolchain
 ifndef BUILT
 	scripts/build-tests
 endif
 
-# With BUILT=yes other targets have begun beside this one.
+# With BUILT=yes, other targets are already running beside this target, so their records must stay.
 forget-skipped:
 ifndef BUILT
 	scripts/skipped --forget
 endif
 
-# Makes the guide, a book of the pages in docs/, in target/guide/html, and follows its links.
+# Makes the guide, a book of the pages in docs/, in target/guide/html, and checks its links.
 guide: toolchain
 	$(CARGO) build --workspace --bins
 	scripts/guide
 
-# A wheel of the Python library with the programs in it, for pip, in the folder dist. The programs are smaller than those of `build`,
-# and take longer to build (the profile `wheel` in Cargo.toml).
+# Makes a wheel of the Python library with the programs in it, for pip, in the folder dist. The programs are smaller than those of
+# `build`, and take longer to build (the profile `wheel` in Cargo.toml).
 wheel: wheel-programs
 	scripts/wheel target/wheel dist
 
 wheel-programs: toolchain
 	$(CARGO) build --profile wheel --workspace --bins
 
-# The same for ARM64, made on another kind of machine. It needs `rustup target add aarch64-unknown-linux-gnu`, and of Debian the
-# packages gcc-aarch64-linux-gnu and g++-aarch64-linux-gnu.
+# Makes a wheel for ARM64 on another kind of machine. This target needs `rustup target add aarch64-unknown-linux-gnu`, and
+# Debian's packages gcc-aarch64-linux-gnu and g++-aarch64-linux-gnu.
 wheel-aarch64: export CC_aarch64_unknown_linux_gnu = aarch64-linux-gnu-gcc
 wheel-aarch64: export CXX_aarch64_unknown_linux_gnu = aarch64-linux-gnu-g++
 wheel-aarch64: export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER = aarch64-linux-gnu-gcc
@@ -93,15 +94,15 @@ install: build runtime
 	install target/release/murmuration target/release/murmuration-worker target/release/murmuration-trainer "$(INSTALL_ROOT)/bin"
 	scripts/install-manual target/release/murmuration "$(INSTALL_ROOT)"
 
-# Performance figures of this machine, each with a baseline from the same run.
+# Prints performance figures of this machine, each with a baseline from the same run.
 bench: build runtime
 	./target/release/murmuration lab bench simulate
 	./target/release/murmuration lab bench cluster
 	./target/release/murmuration lab bench train
 	$(CARGO) bench --workspace
 
-# Counts the instructions of fixed work with valgrind, and fails where they grew by more than 5 %. Compiles this workspace's crates
-# anew, without incremental compilation, as .ci/run does.
+# Counts the instructions of fixed work with valgrind, and fails where they grew by more than 5 %. This target compiles the
+# workspace's crates again, without incremental compilation, as .ci/run does.
 instructions: export CARGO_INCREMENTAL = 0
 instructions: tests-built
 	scripts/instruction-counts
@@ -111,11 +112,11 @@ SECONDS ?= 60
 fuzz: toolchain
 	scripts/fuzz $(SECONDS)
 
-# ONNX Runtime, which runs embedders: a pinned library, fetched once into the cache folder.
+# Fetches ONNX Runtime, which runs embedders: a pinned version of the library, once, into the cache folder.
 runtime:
 	@scripts/fetch-onnxruntime
 
-# Chromium and its driver, which only tests need.
+# Installs Chromium and its driver, which only tests need.
 browser:
 	@scripts/browser
 
