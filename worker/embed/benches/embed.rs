@@ -1,5 +1,5 @@
-//! Images embedded per second on one thread, by batch size, for the paper's network and the compact one, with arbitrary
-//! weights.
+//! Benchmark: images that one thread embeds per second, by batch size. The networks are the paper's and the compact network, with
+//! arbitrary weights.
 #![expect(clippy::unwrap_used, reason = "a figure that cannot be had is a bug")]
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
@@ -30,7 +30,8 @@ impl Chain {
         Self { graph, weights }.then("Div", &[], Vec::new(), &["white"])
     }
 
-    /// Appends a node with parameters of these shapes and the named constants as inputs.
+    /// Appends a node to the chain. The node's inputs are the chain's last output, new parameters with these `shapes`, and the
+    /// `named` constants.
     fn then(
         mut self,
         op_type: &str,

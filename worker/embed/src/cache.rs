@@ -13,19 +13,19 @@ use std::{
     time::SystemTime,
 };
 
-/// Suffixes of checkpoints, after the digest, and of unfinished files, after a random name.
+/// Suffixes of file names: a checkpoint's follows its digest, an unfinished file's follows a random name.
 const SUFFIX: &str = ".onnx";
 const WRITING: &str = ".writing";
 
 /// A folder of checkpoints with bounded size.
 ///
-/// Several processes may share a folder. A file appears complete or not at all, is checked at every read, and may disappear at any
-/// time.
+/// Several processes can share a folder. A file appears only when it is complete, is checked at every read, and can disappear at
+/// any time.
 #[derive(Debug)]
 pub struct Cache {
     folder: PathBuf,
     max_bytes: u64,
-    /// Locked during a fetch, so that other threads wait for the checkpoint instead of fetching it too.
+    /// Lock that a thread holds during a fetch. Other threads wait for the checkpoint instead of fetching it again.
     fetching: Mutex<()>,
 }
 
@@ -45,7 +45,7 @@ pub enum FetchError {
         digest: CheckpointDigest,
         error: Box<dyn Error + Send + Sync>,
     },
-    /// Bytes with another digest were received.
+    /// The received bytes do not have the requested digest.
     #[error("checkpoint {digest}: other bytes came, of digest {got}")]
     Mismatch {
         digest: CheckpointDigest,
@@ -57,7 +57,8 @@ pub enum FetchError {
     Cache(#[from] CacheError),
 }
 
-/// The default folder of checkpoints: in the [`cache_folder`], or in the folder for temporary files if there is no home directory.
+/// The default folder of checkpoints: in the [`cache_folder`], or in the folder for temporary files if there is no home
+/// directory.
 #[must_use]
 pub fn checkpoint_folder() -> PathBuf {
     cache_folder()
@@ -70,7 +71,7 @@ impl Cache {
     /// alone exceeds the limit.
     ///
     /// # Errors
-    /// If the folder cannot be created.
+    /// Fails if the folder cannot be created.
     pub fn open(folder: impl Into<PathBuf>, max_bytes: u64) -> Result<Self, CacheError> {
         let folder = folder.into();
         fs::create_dir_all(&folder).map_err(at(&folder))?;
@@ -81,12 +82,12 @@ impl Cache {
         })
     }
 
-    /// The bytes of a checkpoint: from the folder, or else from `fetch`, whose bytes are then cached.
+    /// The bytes of a checkpoint: read from the folder, or else fetched with `fetch` and kept in the folder.
     ///
-    /// One thread at a time calls `fetch`, and only for checkpoints that the folder still lacks.
+    /// Only one thread at a time calls `fetch`, and only if the folder does not have the checkpoint.
     ///
     /// # Errors
-    /// If `fetch` fails or returns bytes with another digest, or the folder cannot be read.
+    /// Fails if `fetch` fails or returns bytes with another digest, or the folder cannot be read.
     pub fn get_or_fetch<E: Into<Box<dyn Error + Send + Sync>>>(
         &self,
         digest: CheckpointDigest,
@@ -105,16 +106,17 @@ impl Cache {
             return Err(FetchError::Mismatch { digest, got });
         }
         if let Err(error) = self.insert(digest, &bytes) {
-            // For example on a full disk. The bytes are correct nevertheless; the next call fetches them again.
+            // The disk may be full, for example. The bytes are still correct, so return them; the next call fetches them again.
             tracing::warn!(%error, "a checkpoint is not kept");
         }
         Ok(bytes)
     }
 
-    /// The bytes of a checkpoint if the folder has it. Marks it as used. Removes a file whose bytes do not match the digest.
+    /// The bytes of a checkpoint; `None` if the folder does not have the checkpoint. Marks the checkpoint as used. Removes a file
+    /// whose bytes do not match the digest.
     ///
     /// # Errors
-    /// If the folder cannot be read or written.
+    /// Fails if the folder cannot be read or written.
     pub fn get(&self, digest: CheckpointDigest) -> Result<Option<Vec<u8>>, CacheError> {
         let path = self.file(digest);
         let file = match File::open(&path) {
@@ -129,7 +131,7 @@ impl Cache {
             remove(&path)?;
             return Ok(None);
         }
-        // Only the order of eviction depends on the time, so errors are ignored and a read-only folder can be used.
+        // Only the order of eviction depends on the file's time. Errors are ignored, so that a read-only folder can be used.
         let _ = file.set_modified(SystemTime::now());
         Ok(Some(bytes))
     }
@@ -157,7 +159,8 @@ impl Cache {
                 .file_name()
                 .and_then(|name| name.to_str())
                 .unwrap_or_default();
-            // Skips files of others, and files that another process removed. Unfinished files count, so that they are evicted too.
+            // Skip files of other programs, and files that another process removed. Count unfinished files, so that they are
+            // evicted too.
             let ours = name.ends_with(SUFFIX) || name.ends_with(WRITING);
             let Some(facts) = fs::metadata(&path).ok().filter(|facts| ours && facts.is_file()) else {
                 continue;
@@ -190,7 +193,7 @@ fn at(path: &Path) -> impl Fn(io::Error) -> CacheError {
     }
 }
 
-/// Removes a file; it may already be gone.
+/// Removes a file; succeeds if the file is already gone.
 fn remove(path: &Path) -> Result<(), CacheError> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(at(path)(error)),

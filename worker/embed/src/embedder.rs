@@ -14,7 +14,7 @@ pub const MAX_BATCH: usize = 32;
 /// Maximum number of elements of a model's largest tensor for a whole batch (64 MiB of floats).
 const MAX_BATCH_ELEMENTS: usize = 16 << 20;
 
-/// A checkpoint in its own single-threaded session.
+/// A checkpoint, opened in its own single-threaded session of ONNX Runtime.
 #[derive(Debug)]
 pub struct Embedder {
     session: Session,
@@ -27,19 +27,19 @@ pub struct Embedder {
 /// Why images were not embedded.
 #[derive(Debug, thiserror::Error)]
 pub enum EmbedError {
-    /// ONNX Runtime cannot run the model, or failed to.
+    /// ONNX Runtime cannot run the model.
     #[error("ONNX Runtime: {0}")]
     Runtime(#[from] ort::Error),
     /// An image does not have the size that the model takes.
     #[error("image {index} has {pixels} pixels: this embedder takes {images}")]
     ImageSize {
-        /// Which of the images, from 0.
+        /// Index of the image, from 0.
         index: usize,
-        /// Its number of pixels, over all channels.
+        /// Number of pixels of the image, over all channels.
         pixels: usize,
         images: ImageShape,
     },
-    /// The model's output differs from what it declares.
+    /// The shape of the model's output differs from the shape that the model declares.
     #[error("the model made a value of shape {shape:?}, not {images} x {dimensions}")]
     OutputShape {
         shape: Vec<i64>,
@@ -51,17 +51,17 @@ pub enum EmbedError {
     /// An embedding has a number that is infinite or NaN.
     #[error("image {index} is embedded as {value}, not as a finite number")]
     NotFinite {
-        /// Which of the images, from 0.
+        /// Index of the image, from 0.
         index: usize,
         value: f32,
     },
 }
 
 impl Embedder {
-    /// A session for `model`.
+    /// An embedder that runs `model`.
     ///
     /// # Errors
-    /// If ONNX Runtime refuses the model, for instance because of an operator that this version lacks.
+    /// Fails if ONNX Runtime refuses the model, for instance because this version lacks an operator.
     pub fn open(runtime: &Runtime, model: EmbedderModel) -> Result<Self, EmbedError> {
         let session = session(runtime, model.encoded())?;
         let batch = MAX_BATCH_ELEMENTS / model.largest_value().max(1);
@@ -81,11 +81,12 @@ impl Embedder {
     /// The embeddings of `images`, in order.
     ///
     /// An image is raw grey values, channel by channel; a pixel of a channel has index `x * width + y` (axis 0 is x), as in an
-    /// evaluation. An embedding has [`EmbedderModel::dimensions`] numbers, all finite. On one kind of CPU and one build of ONNX
-    /// Runtime, its bits do not depend on the other images or on how many there are.
+    /// evaluation. An embedding has [`EmbedderModel::dimensions`] numbers, all finite. For one kind of CPU and one build of ONNX
+    /// Runtime, the bits of an embedding do not depend on the other images or on their number.
     ///
     /// # Errors
-    /// If an image has the wrong size, or an embedding has the wrong shape or is not finite; then no embedding is returned.
+    /// Fails if an image has the wrong size, or if an embedding has the wrong shape or is not finite. If any check fails, no
+    /// embedding is returned.
     pub fn embed(&mut self, images: &[&[u8]]) -> Result<Vec<Vec<f32>>, EmbedError> {
         let shape = self.model.images();
         if let Some((index, image)) = images
@@ -151,9 +152,9 @@ fn session(runtime: &Runtime, model: &[u8]) -> ort::Result<Session> {
         .with_parallel_execution(false)?
         .with_optimization_level(GraphOptimizationLevel::All)?
         .with_deterministic_compute(true)?
-        // Failures are returned as errors; the library would also write them to stderr.
+        // `ort` returns failures as errors, so ONNX Runtime need not write failures to stderr.
         .with_log_level(LogLevel::Fatal)?
-        // ONNX Runtime would keep one memory pattern per batch size.
+        // With memory patterns, ONNX Runtime would keep one pattern for each batch size.
         .with_memory_pattern(false)?
         .commit_from_memory(model)
 }

@@ -1,4 +1,4 @@
-//! The embedders of one thread, by digest: opened when first requested, kept while in use.
+//! The embedders that one thread has open, by digest. The most recently used embedders stay open.
 
 use super::{Cache, EmbedError, Embedder, FetchError, Runtime};
 use murmuration_onnx::{EmbedderModel, ModelError};
@@ -8,12 +8,12 @@ use std::{error::Error, sync::Arc};
 /// Number of embedders that a thread keeps open: enough for two campaigns that both change to their next checkpoints.
 const MOST_OPEN: usize = 4;
 
-/// Opens checkpoints for one thread; threads share the cache.
+/// Opens checkpoints for one thread. Several threads can share the cache.
 #[derive(Debug)]
 pub struct Embedders {
     runtime: Runtime,
     cache: Arc<Cache>,
-    /// Most recently used first.
+    /// Open embedders, most recently used first.
     open: Vec<(CheckpointDigest, Embedder)>,
 }
 
@@ -38,7 +38,7 @@ pub enum OpenError {
 }
 
 impl Embedders {
-    /// No embedder open yet.
+    /// Begins without open embedders.
     #[must_use]
     pub const fn new(runtime: Runtime, cache: Arc<Cache>) -> Self {
         Self {
@@ -48,10 +48,10 @@ impl Embedders {
         }
     }
 
-    /// The embedder of the checkpoint with that digest; see [`Cache::get_or_fetch`] for `fetch`.
+    /// The embedder of the checkpoint with this digest. [`Cache::get_or_fetch`] describes `fetch`.
     ///
     /// # Errors
-    /// If the checkpoint is not available, is not an embedder, or does not run.
+    /// Fails if the checkpoint is not available, is not an embedder, or does not run.
     pub fn get<E: Into<Box<dyn Error + Send + Sync>>>(
         &mut self,
         digest: CheckpointDigest,

@@ -1,8 +1,8 @@
 //! Embeds images with a published checkpoint, on ONNX Runtime.
 //!
-//! [`Runtime`] is the loaded library. An [`Embedder`] is one checkpoint, ready to run on one thread. A [`Cache`] keeps checkpoints
-//! on disk. [`Embedders`] combines the three for a thread that needs checkpoints by digest. The crate has no network code: the
-//! caller passes a function that fetches a missing checkpoint.
+//! [`Runtime`] is the loaded library. An [`Embedder`] is one checkpoint, ready to run on one thread. A [`Cache`] keeps
+//! checkpoints on disk. [`Embedders`] uses a runtime and a cache to open checkpoints by digest for one thread. The crate has no
+//! network code: the caller passes a function that fetches a missing checkpoint.
 
 mod cache;
 mod embedder;

@@ -9,11 +9,11 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-/// The version of ONNX Runtime that `make runtime` fetches. Versions from 1.17 on work. It is the last version whose Linux build
-/// does not contain the vendor's telemetry.
+/// The version of ONNX Runtime that `make runtime` fetches: the last version whose Linux build does not contain the vendor's
+/// telemetry. Versions from 1.17 on work.
 pub(crate) const ONNX_RUNTIME_VERSION: &str = "1.28.0";
 
-/// Names of the system's library: of the development package, then of the runtime package.
+/// File names of the system's ONNX Runtime: from the development package, then from the runtime package.
 #[cfg(not(target_os = "macos"))]
 const SYSTEM_NAMES: &[&str] = &["libonnxruntime.so", "libonnxruntime.so.1"];
 #[cfg(target_os = "macos")]
@@ -21,12 +21,12 @@ const SYSTEM_NAMES: &[&str] = &["libonnxruntime.dylib"];
 
 /// Folders of a Python environment that contain a folder for each Python version.
 const LIBRARY_FOLDERS: [&str; 2] = ["lib", "lib64"];
-/// Package folders of a Python version: the usual one, and Debian's, which pip shares with the system.
+/// Folders of a Python version that contain packages: the usual folder, and Debian's folder, which pip shares with the system.
 const PACKAGE_FOLDERS: [&str; 2] = ["site-packages", "dist-packages"];
 
 /// ONNX Runtime, loaded into this process.
 ///
-/// A process loads it once; clones of this value are handles to it.
+/// A process loads the library once; clones of this value are handles to the loaded library.
 #[derive(Clone)]
 pub struct Runtime {
     environment: Environment,
@@ -52,12 +52,13 @@ pub enum RuntimeError {
 impl Runtime {
     /// Loads ONNX Runtime, if it is not loaded yet.
     ///
-    /// Uses the library that `ORT_DYLIB_PATH` names. Without that variable, uses the first of: the package `onnxruntime` of the
-    /// Python environment that this program is installed in, the pinned version beside this program or in the [`cache_folder`], the
-    /// system's library. Fetches nothing.
+    /// Uses the library that `ORT_DYLIB_PATH` names. Without that variable, uses the first library that exists. The order is:
+    /// `onnxruntime` in this program's Python environment, the pinned version beside this program, the pinned version in the
+    /// [`cache_folder`], the system's library. Never fetches a library.
     ///
     /// # Errors
-    /// If the library is missing ([`RuntimeError::Missing`], whose text tells how to get it), or does not load.
+    /// [`RuntimeError::Missing`], whose text explains how to install the library, or [`RuntimeError::Unusable`] if the library
+    /// does not load.
     pub fn load() -> Result<Self, RuntimeError> {
         static LOADED: Mutex<Option<Runtime>> = Mutex::new(None);
         let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -74,15 +75,14 @@ impl Runtime {
         &self.library
     }
 
-    /// The library's description of its build: version, commit, flags. Embeddings of two builds may differ in their last
-    /// bits.
+    /// The library's description of its build: version, commit, flags. Embeddings by two builds can differ in their last bits.
     #[must_use]
     pub fn build(&self) -> &'static str {
         ort::info()
     }
 
-    /// The embedding kind of this machine. ONNX Runtime chooses kernels by the processor's features, and builds differ. On machines
-    /// of the same kind, embeddings have the same bits.
+    /// The embedding kind of this machine: the processor's instruction sets, by which ONNX Runtime chooses its kernels, and the
+    /// build of ONNX Runtime. Machines of the same kind compute embeddings with the same bits.
     #[must_use]
     pub fn kind(&self) -> EmbeddingKind {
         EmbeddingKind::of(&format!("{ARCH} {} {}", instructions().join(" "), self.build()))
@@ -101,7 +101,7 @@ impl fmt::Debug for Runtime {
     }
 }
 
-/// Instruction sets for which ONNX Runtime has kernels.
+/// Instruction sets of this CPU for which ONNX Runtime has kernels.
 #[cfg(target_arch = "x86_64")]
 fn instructions() -> Vec<&'static str> {
     macro_rules! detected {
@@ -153,7 +153,7 @@ fn named_library() -> Option<PathBuf> {
         .map(PathBuf::from)
 }
 
-/// Possible paths of the library: in the Python package, then of the pinned version.
+/// Possible paths of the library, in order of preference: first in the Python package, then of the pinned version.
 fn known_libraries() -> Vec<PathBuf> {
     let file = match cfg!(target_os = "macos") {
         true => format!("libonnxruntime.{ONNX_RUNTIME_VERSION}.dylib"),
@@ -171,8 +171,8 @@ fn known_libraries() -> Vec<PathBuf> {
     of_python.chain(beside).chain(cached).collect()
 }
 
-/// Libraries of the packages `onnxruntime` in the Python environment with this folder of programs. pip installs that package there
-/// as a dependency of Murmuration's wheel.
+/// Libraries of the packages `onnxruntime` in the Python environment whose programs are in the folder `programs`. pip installs
+/// `onnxruntime` as a dependency of Murmuration's wheel.
 fn of_python_environment(programs: &Path) -> Vec<PathBuf> {
     let within = |folder: PathBuf, is_wanted: fn(&str) -> bool| -> Vec<PathBuf> {
         let entries = fs::read_dir(folder).into_iter().flatten().flatten();
@@ -185,7 +185,7 @@ fn of_python_environment(programs: &Path) -> Vec<PathBuf> {
         return Vec::new();
     };
     let folders = LIBRARY_FOLDERS.map(|folder| environment.join(folder));
-    // Debian has one folder for all versions, `python3`.
+    // Debian has one folder, `python3`, for all Python versions.
     let versions = folders
         .into_iter()
         .flat_map(|folder| within(folder, |name| name.starts_with("python3")));
@@ -195,13 +195,14 @@ fn of_python_environment(programs: &Path) -> Vec<PathBuf> {
         .collect()
 }
 
-/// Whether a file of the Python package `onnxruntime` is the library. Its version follows `so`, or precedes `dylib`.
+/// Whether a file of the Python package `onnxruntime` is the library. The library's version follows `so` in the file's name, or
+/// precedes `dylib`.
 fn is_library(file: &str) -> bool {
     let version = file.strip_prefix("libonnxruntime.");
     version.is_some_and(|version| version.starts_with("so.") || version.ends_with(".dylib"))
 }
 
-/// Loads the named library, else the first pinned library that exists, else the system's.
+/// Loads the named library, or else the first pinned library that exists, or else the system's library.
 fn find(named: Option<PathBuf>, pinned: &[PathBuf]) -> Result<Runtime, RuntimeError> {
     if let Some(library) = certain(named, pinned) {
         return load(library);
@@ -212,7 +213,7 @@ fn find(named: Option<PathBuf>, pinned: &[PathBuf]) -> Result<Runtime, RuntimeEr
         .collect();
     for &name in SYSTEM_NAMES {
         match load(PathBuf::from(name)) {
-            // The loader's error does not distinguish a missing library from one that is too old.
+            // The loader's error does not distinguish a missing library from a library that is too old.
             Err(error) => tried.push(format!("{name} of the system: {error}")),
             loaded => return loaded,
         }
@@ -220,7 +221,7 @@ fn find(named: Option<PathBuf>, pinned: &[PathBuf]) -> Result<Runtime, RuntimeEr
     Err(RuntimeError::Missing(tried))
 }
 
-/// The library that must load, if there is one.
+/// The named library, or else the first pinned library that exists. If this library does not load, no other library is tried.
 fn certain(named: Option<PathBuf>, pinned: &[PathBuf]) -> Option<PathBuf> {
     // An unreadable file counts as present: a different library would compute different bits.
     let is_absent = |library: &Path| {
@@ -234,7 +235,7 @@ fn load(library: PathBuf) -> Result<Runtime, RuntimeError> {
         library: library.clone(),
         reason,
     };
-    // Loads by path, before any other use of `ort`: if `ort` loads a library by itself and fails, it panics.
+    // Load the library by its path before any other use of `ort`, because `ort` panics if it loads a library by itself and fails.
     let builder = ort::init_from(&library).map_err(|error| unusable(error.to_string()))?;
     let environment = builder
         .with_name("murmuration")
@@ -269,7 +270,7 @@ mod tests {
         let environment = tempfile::tempdir().unwrap();
         let programs = environment.path().join("bin");
         assert_eq!(of_python_environment(&programs), Vec::<PathBuf>::new());
-        // Where pip installs it on Linux, on macOS, on Debian outside of an environment, and on Fedora.
+        // Paths where pip installs the package: on Linux, on macOS, on Debian outside of an environment, and on Fedora.
         let places = [
             ("lib/python3.12/site-packages", "libonnxruntime.so.1.28.0"),
             ("lib/python3.13/site-packages", "libonnxruntime.1.28.0.dylib"),

@@ -1,4 +1,4 @@
-//! Embedders and their cache. The model is `tests/models/small.onnx`; these tests need ONNX Runtime (`make runtime`).
+//! Tests of embedders and their cache. The model is `tests/models/small.onnx`; these tests need ONNX Runtime (`make runtime`).
 
 use super::*;
 use murmuration_onnx::{AttributeProto, EmbedderModel, ModelProto, NodeProto, ValueInfoProto};
@@ -14,7 +14,7 @@ fn embedder() -> Embedder {
     Embedder::open(&Runtime::load().unwrap(), EmbedderModel::read(SMALL).unwrap()).unwrap()
 }
 
-/// The images of `small.py`, and more images by the same rule.
+/// Image number `k`, made by the rule of `small.py`.
 fn image(k: usize) -> Vec<u8> {
     (0..96)
         .map(|pixel| (pixel * (7 + 4 * k) + 31 * k) as u8)
@@ -42,7 +42,7 @@ fn embeddings_are_those_of_the_python_package() {
     assert_eq!(embeddings.len(), 3);
     for (embedding, expected) in embeddings.iter().zip(EMBEDDINGS) {
         for (value, expected) in embedding.iter().zip(expected) {
-            // Not bit for bit, because kernels depend on the kind of CPU.
+            // The bits can differ, because ONNX Runtime's kernels depend on the kind of CPU.
             assert!((value - expected).abs() < 1e-5, "{embeddings:?}");
         }
     }
@@ -161,7 +161,7 @@ fn flattened(op_type: &str, attribute: Vec<AttributeProto>) -> Vec<u8> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
-    /// The shapes that a model declares equal those that ONNX Runtime computes.
+    /// `EmbedderModel` and ONNX Runtime compute the same shapes.
     #[test]
     fn windows_slide_as_in_onnx_runtime(
         op_type in prop::sample::select(vec!["AveragePool", "MaxPool", "Conv"]),
@@ -314,7 +314,7 @@ fn what_was_used_longest_ago_goes_first() {
 fn embedders_are_opened_once_and_only_so_many() {
     let (_folder, cache) = cache(1 << 20);
     let mut embedders = Embedders::new(Runtime::load().unwrap(), Arc::new(cache));
-    // The same model under different digests: they differ in a text field appended to its bytes.
+    // Checkpoints of one model with different digests: each has a different text field appended to the model's bytes.
     let checkpoints: Vec<Vec<u8>> = (b'a'..b'g')
         .map(|name| [SMALL, &[0x12, 1, name]].concat())
         .collect();
