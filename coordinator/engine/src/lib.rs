@@ -1,5 +1,5 @@
-//! Campaigns at work: their stages, the choice of questions for annotators, maps of archives, the individuals nearest to a
-//! behaviour from elsewhere, and the synthetic annotator.
+//! The work on campaigns: their stages, the choice of questions for annotators, maps of archives, the individuals nearest to a
+//! given behaviour, and the synthetic annotator.
 //!
 //! Limits: this crate uses neither the network nor HTML.
 

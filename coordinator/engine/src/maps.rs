@@ -1,5 +1,4 @@
-//! Two-dimensional maps of behaviours, for people to look at: on the principal axes immediately, and by t-SNE once that has been
-//! computed.
+//! Two-dimensional maps of behaviours for people: a map on the principal axes at once, and a t-SNE map once it has been computed.
 //!
 //! A map is kept until the archive grows or changes its version, or until other maps need its room. A forgotten map is computed
 //! again, with the same result. No result of a campaign depends on maps.
@@ -70,15 +69,16 @@ impl Maps {
         }
     }
 
-    /// The archive on its principal axes. Blocks while the archive is read and projected, once for each version.
+    /// The map of the archive on its principal axes. The first call for an archive version blocks while the archive is read and
+    /// projected.
     pub fn axes(&self, record: &CampaignRecord) -> Result<Arc<Projection>, SpaceError> {
         let kept = self.kept.of(&record.id);
         self.current(record, &mut lock(&kept))
             .map(|known| Arc::clone(&known.axes))
     }
 
-    /// The archive by t-SNE; `None` until that is computed. The first request starts the computation, unless the archive still
-    /// grows. Blocks like [`Maps::axes`].
+    /// The t-SNE map of the archive; `None` until the map is computed. The first request starts the computation, unless the
+    /// archive still grows. Blocks like [`Maps::axes`].
     pub fn neighbours(&self, record: &CampaignRecord) -> Result<Option<Arc<Points>>, SpaceError> {
         if record.state == CampaignState::Running {
             return Ok(None);
@@ -129,7 +129,7 @@ impl Maps {
                 }
                 let space = self.spaces.of(record)?;
                 let axes = Arc::new(projection::principal_axes(&space.behaviours, &self.interrupt)?);
-                // If the archive switches after the record was read, this map is of a version that no later request needs.
+                // If the archive changed its version after the record was read, no later request needs this map.
                 Known {
                     of: version(&space),
                     axes,

@@ -16,7 +16,7 @@ impl From<CampaignStatus> for v1::Campaign {
         let record = status.record;
         let (generations, dataset_done) = (record.generations(), record.dataset_done());
         let (evaluated, evaluations) = (record.individuals(), record.evaluations());
-        // Without a search there is no novelty, and it is stored as 0.
+        // A campaign whose method has no novelty stores a novelty of 0.
         let measures_novelty = record.spec.method().has_novelty();
         let last_novelty = record.last_novelty.filter(|_| measures_novelty);
         let arrived = |stage| if status.stage == stage { status.arrived } else { 0 };
@@ -138,9 +138,9 @@ impl From<Nearest> for v1::FindNearestResponse {
 }
 
 impl Taxonomy {
-    /// Its messages, part by part, with the names of its clusters.
+    /// The messages of the taxonomy, part by part, with the names of its clusters.
     pub fn into_parts(self, names: Names) -> impl Iterator<Item = v1::Taxonomy> + Send + 'static {
-        // At most six bytes per individual on the wire, with the number of robust trials.
+        // An individual takes at most six bytes of a message, including its number of robust trials.
         const CLUSTERS: usize = PART_BYTES / 6;
         let loss = v1::Taxonomy {
             loss: self.loss,

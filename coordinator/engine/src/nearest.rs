@@ -6,17 +6,17 @@ use murmuration_search::novelty::{Behaviours, Misfit};
 use murmuration_swarm::counted;
 use std::collections::BTreeMap;
 
-/// A behaviour is unlike everything in a cluster if its distance from the medoid is more than this many times the mean distance of
-/// the members.
+/// A behaviour is unlike everything in a cluster if its distance from the medoid is more than `UNLIKE` times the cluster's mean
+/// distance.
 pub const UNLIKE: f64 = 3.0;
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Neighbour {
     /// Place in the archive, from 0.
     pub index: u64,
-    /// Its distance from the behaviour, in units of the behaviour space.
+    /// Distance of the individual from the behaviour, in units of the behaviour space.
     pub distance: f64,
-    /// The place of its cluster, from 0.
+    /// Place of the individual's cluster, from 0.
     pub cluster: u32,
     pub class: Option<ClassName>,
 }
@@ -28,11 +28,11 @@ pub struct Nearest {
     pub neighbours: Vec<Neighbour>,
     /// The nearest individual that has a class.
     pub labelled: Option<Neighbour>,
-    /// The nearest medoid; its cluster is the behaviour's.
+    /// The nearest medoid; the behaviour belongs to its cluster.
     pub medoid: Neighbour,
-    /// Mean distance of that cluster's members, the medoid included, to the medoid, in units of the behaviour space.
+    /// Mean distance of the nearest medoid's cluster, in units of the behaviour space.
     pub mean_distance: f64,
-    /// Whether the clusters are those of the taxonomy.
+    /// Whether the clusters come from the taxonomy.
     pub is_taxonomy: bool,
 }
 
@@ -48,7 +48,8 @@ pub enum NearestError {
 }
 
 impl Nearest {
-    /// Up to `count` individuals of an archive, those nearest to `behaviour`, with their `classes`.
+    /// Finds the `count` individuals of an archive that are nearest to `behaviour` (all if there are fewer), with their
+    /// `classes`.
     pub fn find(
         clustered: &Clustered,
         classes: &BTreeMap<u64, ClassName>,
@@ -101,7 +102,7 @@ impl Nearest {
 }
 
 impl Nearest {
-    /// The distance from the medoid, divided by the mean distance of its members; `None` if all members are at one place.
+    /// The distance from the nearest medoid, divided by the mean distance of its cluster; `None` if all members are at one place.
     pub fn relative_distance(&self) -> Option<f64> {
         relative_distance(self.medoid.distance, self.mean_distance)
     }
@@ -112,13 +113,13 @@ impl Nearest {
     }
 }
 
-/// Whether a distance from a medoid is more than [`UNLIKE`] times the mean distance of its members. If all members are at one
-/// place, any distance is.
+/// Whether a distance from a medoid is more than [`UNLIKE`] times the mean distance of its cluster. If all members are at one
+/// place, the answer is yes for any distance above 0.
 pub fn is_unlike(distance: f64, mean_distance: f64) -> bool {
     distance > UNLIKE * mean_distance
 }
 
-/// A distance from a medoid, divided by the mean distance of its members; `None` if all members are at one place.
+/// A distance from a medoid, divided by the mean distance of its cluster; `None` if all members are at one place.
 pub fn relative_distance(distance: f64, mean_distance: f64) -> Option<f64> {
     (mean_distance > 0.0).then(|| distance / mean_distance)
 }
@@ -188,7 +189,7 @@ mod tests {
         assert_eq!(found.mean_distance, 1.0);
         assert!(!found.is_unlike());
         let far = Nearest::find(&archive, &BTreeMap::new(), &[12.0], 9).unwrap();
-        // A cluster with one member is at one place.
+        // All members of a cluster with one member are at one place.
         assert!(far.is_unlike() && far.relative_distance().is_none());
         assert_eq!(
             (far.neighbours.len(), far.medoid.cluster, far.labelled),

@@ -37,7 +37,8 @@ pub enum SpaceError {
 }
 
 impl Space {
-    /// Reads the archive up to the individuals in `record`. If its version changes meanwhile, the archive is read again.
+    /// Reads the archive up to the individuals in `record`. If the archive's version changes meanwhile, the archive is read
+    /// again.
     pub fn read(store: &Store, record: &CampaignRecord) -> Result<Self, SpaceError> {
         Self::read_on(store, record, None)
     }
@@ -98,7 +99,7 @@ impl Spaces {
         }
     }
 
-    /// The space of the archive up to the individuals in `record`. Blocks while it is read.
+    /// The space of the archive up to the individuals in `record`. Blocks while the archive is read.
     pub fn of(&self, record: &CampaignRecord) -> Result<Arc<Space>, SpaceError> {
         let kept = self.kept.of(&record.id);
         let mut known = kept.lock().unwrap_or_else(PoisonError::into_inner);
@@ -116,7 +117,7 @@ impl Spaces {
     }
 }
 
-/// The behaviours of an archive, appended to the known ones.
+/// The behaviours of an archive, appended to the behaviours in `known`.
 fn behaviours(
     store: &Store,
     record: &CampaignRecord,

@@ -22,7 +22,7 @@ use tokio::task::JoinSet;
 
 /// Number of motions that are simulated and judged at a time; fewer if the swarms are large.
 const AT_ONCE: usize = 64;
-/// Number of agents that are judged at a time: the judge compares each agent of a swarm with each other.
+/// Number of agents that are judged at a time: the judge compares each agent of a swarm with every other agent.
 const AGENTS_AT_ONCE: usize = 20_000;
 
 /// Why the synthetic annotator cannot answer.
@@ -34,7 +34,7 @@ pub enum AnnotatorError {
     Query(#[from] QueryError),
     #[error(transparent)]
     Job(#[from] JobError),
-    /// A bug ended it.
+    /// A bug ended the synthetic annotator.
     #[error(transparent)]
     Broken(#[from] Broken),
 }
@@ -43,15 +43,16 @@ pub enum AnnotatorError {
 #[derive(Debug, Clone)]
 pub struct SyntheticAnnotator {
     pub store: Store,
-    /// The source of its questions.
+    /// The source of the annotator's questions.
     pub queries: Queries,
     /// The workers that simulate the motions.
     pub dispatch: Dispatch,
 }
 
 impl SyntheticAnnotator {
-    /// Its answers for the first `count` individuals in the strategy's order that have no answer, or for as many as there are.
-    /// Nothing is written to the log. `job_progress` counts the answers; `interrupt` ends a clustering of the archive.
+    /// The annotator's answers for the first `count` individuals in the strategy's order that have no answer, or for all such
+    /// individuals if there are fewer. Nothing is written to the log. `job_progress` counts the answers; `interrupt` ends the
+    /// clustering of the archive.
     ///
     /// The same archive and log give the same answers.
     pub async fn answers(
@@ -76,7 +77,7 @@ impl SyntheticAnnotator {
         Ok(asked.into_iter().zip(classes).map(answer).collect())
     }
 
-    /// The classes of individuals, in their order. `job_progress` counts them.
+    /// The class of each individual in `asked`, in that order. `job_progress` counts the classes.
     async fn classes(
         &self,
         record: &CampaignRecord,

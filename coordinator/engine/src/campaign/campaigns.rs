@@ -1,4 +1,4 @@
-//! Every campaign of the store, and the runs in this process.
+//! All campaigns of the store, and the runs of campaigns in this process.
 
 use super::{
     CampaignError,
@@ -30,17 +30,17 @@ use tracing::Instrument as _;
 #[derive(Debug, Clone)]
 pub struct CampaignStatus {
     pub record: CampaignRecord,
-    /// Whether this process works on it.
+    /// Whether this process works on the campaign.
     pub active: bool,
     /// The current stage; if the campaign does not run, the stage that it would resume with.
     pub stage: Stage,
-    /// Number of results that have arrived of the stage's current job (a generation, part of a dataset, stored pictures).
+    /// Number of results that have arrived for the stage's current job (a generation, part of a dataset, or stored pictures).
     pub arrived: u32,
-    /// Evaluations (or embeddings) per second over the last seconds.
+    /// Evaluations (or embeddings) per second, averaged over the last few seconds.
     pub per_second: f64,
-    /// Progress of the training, during one.
+    /// Progress of the current training; `None` outside a training.
     pub training: Option<v1::TrainingProgress>,
-    /// The missing resource that it waits for, such as room on the disk, or a worker.
+    /// The missing resource that the campaign waits for, such as disk space or a worker.
     pub waiting: Option<String>,
     pub workers: usize,
     pub trainers: usize,
@@ -49,7 +49,7 @@ pub struct CampaignStatus {
 }
 
 impl CampaignStatus {
-    /// Progress of its stage; `None` before a trainer has reported its epochs.
+    /// Progress of the current stage; `None` before a trainer has reported its epochs.
     pub fn progress(&self) -> Option<v1::StageProgress> {
         let (record, arrived) = (&self.record, u64::from(self.arrived));
         let (spec, archived) = (&record.spec, record.individuals());
@@ -103,9 +103,9 @@ impl CampaignStatus {
 #[derive(Debug, Clone)]
 pub struct ListedCampaign {
     pub head: CampaignHead,
-    /// Whether this process works on it.
+    /// Whether this process works on the campaign.
     pub active: bool,
-    /// The campaign lacks a resource, and continues by itself when it has it.
+    /// Whether the campaign waits for a resource. It continues by itself once it has the resource.
     pub waiting: bool,
 }
 
@@ -118,7 +118,7 @@ pub struct Campaigns {
 }
 
 impl Campaigns {
-    /// The campaigns of a store, without any run. Raising `interrupt` ends their computations early.
+    /// Starts without runs. Raising `interrupt` ends the campaigns' computations early.
     pub fn new(
         trainers: Trainers,
         checkpoints: Checkpoints,
@@ -141,10 +141,10 @@ impl Campaigns {
         }
     }
 
-    /// Stores a campaign and starts it. A repeated request starts nothing: the campaign goes on unchanged.
+    /// Stores a campaign and starts it. A repeated request changes nothing: the existing campaign continues.
     ///
     /// # Errors
-    /// If it cannot be stored, or its published checkpoint is missing or unsuitable.
+    /// If the campaign cannot be stored, or its published checkpoint is missing or unsuitable.
     pub async fn create(&self, new: NewCampaign) -> Result<CampaignStatus, CampaignError> {
         if let Some(&EmbedderSource::Published(checkpoint)) = new.spec.embedder() {
             self.context
@@ -156,7 +156,7 @@ impl Campaigns {
             .duration_since(UNIX_EPOCH)
             .map_or(0, |age| age.as_millis() as u64);
         let campaigns = self.clone();
-        // In a separate task, so that a stored campaign starts even if the client has gone.
+        // This runs in a separate task, so that a stored campaign starts even if the client has disconnected.
         let creating = async move {
             let store = &campaigns.context.store;
             let Started { id, is_new } = store
@@ -173,7 +173,7 @@ impl Campaigns {
         created.map_err(|_| CampaignError::Broken)?
     }
 
-    /// Continues every campaign that was running when its coordinator ended, unless a person has since decided otherwise.
+    /// Continues every campaign that was running when its coordinator ended, unless a person has since paused or cancelled it.
     ///
     /// # Errors
     /// If the store cannot be read. A campaign that cannot be continued is logged and left unchanged.
@@ -183,7 +183,7 @@ impl Campaigns {
             .into_iter()
             .filter(|record| record.state == CampaignState::Running);
         for CampaignRecord { id, .. } in running {
-            // A person may have decided about it since.
+            // A person may have decided about the campaign since the records were read.
             match self.go_on(&self.registry.deciding(&id).await).await {
                 Ok(true) => tracing::info!(campaign = %id, "resumed"),
                 Ok(false) => {}
@@ -193,8 +193,8 @@ impl Campaigns {
         Ok(())
     }
 
-    /// Records workers and trainers that are found wrong, and reopens completed campaigns that contain their results. Running
-    /// campaigns check for themselves. Ends with the dispatcher.
+    /// Records quarantined workers and trainers, and reopens completed campaigns that contain their results. Running campaigns
+    /// check their own results. This function ends when the dispatcher ends.
     pub async fn watch_quarantine(self) {
         let mut workers = self.context.dispatch.quarantined();
         let mut trainers = self.context.trainers.quarantined();
@@ -218,7 +218,7 @@ impl Campaigns {
 
     async fn reopen(&self, wrong: Vec<Quarantined>) -> Result<(), CampaignError> {
         let concerned = move |store: &Store| -> Result<_, StoreError> {
-            // This comes before the check of campaigns: a campaign that completes from now on checks for itself.
+            // The quarantine is stored before the campaigns are checked: a campaign that completes later checks its own results.
             store.quarantine(&wrong)?;
             let mut concerned = Vec::new();
             for record in store.campaigns()? {
@@ -269,7 +269,7 @@ impl Campaigns {
             .collect())
     }
 
-    /// The fields of campaigns that a search of the list uses, oldest campaign first.
+    /// For each campaign, oldest first, the fields that a search of the list uses.
     pub async fn heads(&self) -> Result<Vec<ListedCampaign>, CampaignError> {
         let at_work = self.registry.snapshots();
         let heads = self.context.store.run(Store::campaign_heads).await?;
@@ -288,7 +288,7 @@ impl Campaigns {
         Ok(heads.into_iter().map(listed).collect())
     }
 
-    /// These campaigns, in this order, without those that no longer exist.
+    /// The status of each campaign in `ids`, in that order. Campaigns that no longer exist are skipped.
     pub async fn statuses(&self, ids: Vec<CampaignId>) -> Result<Vec<CampaignStatus>, CampaignError> {
         let at_work = self.registry.snapshots();
         let read = move |store: &Store| -> Result<Vec<_>, StoreError> {
@@ -373,7 +373,7 @@ impl Campaigns {
         );
         let run = record.run_id();
         let context = self.context.during(run.clone());
-        // Outside any request's span: the run outlives the request that started it, and names its campaign itself.
+        // The span has no parent: the run outlives the request that started it, and names its campaign itself.
         let span = tracing::info_span!(parent: None, "campaign", id = %record.id);
         self.registry.start(deciding, |former| {
             let work = async move {
@@ -426,15 +426,16 @@ impl Campaigns {
         }
     }
 
-    /// The snapshot must be older than the record: then the record contains the final state of a run that had ended by the time of
-    /// the snapshot.
+    /// The snapshot must be older than the record. If the run had ended when the snapshot was taken, the record then contains the
+    /// run's final state.
     fn merged(
         &self,
         Snapshot { active, progress }: Snapshot,
         mut record: CampaignRecord,
         notices: Vec<Notice>,
     ) -> CampaignStatus {
-        // The store could not write this state. If the store has another state, that is a later decision.
+        // The store could not write that the campaign failed. If the record is no longer `Running`, a later decision changed its
+        // state.
         if let Some(error) = progress.failed
             && record.state == CampaignState::Running
         {

@@ -6,16 +6,16 @@ use murmuration_search::interrupt::Interrupted;
 use murmuration_store::Store;
 use std::{sync::Arc, time::Duration};
 
-/// Pauses before a refused commit is retried: they double from the first to the last.
+/// Pauses before a refused commit is retried. The pause doubles from `FIRST_PAUSE` up to `LAST_PAUSE`.
 const FIRST_PAUSE: Duration = Duration::from_secs(2);
 const LAST_PAUSE: Duration = Duration::from_secs(30);
 
 impl StageContext {
-    /// Makes a change to the store. If the disk refuses it for now (it is full, read-only, or failing), the campaign reports that,
-    /// waits and retries, so that results of workers are not lost.
+    /// Makes a change to the store. While the disk is full, read-only or failing, the campaign reports this and retries the
+    /// change, so that the workers' results are not lost.
     ///
     /// # Errors
-    /// [`Interrupted`] if the campaign is to stop while it waits; the store is then unchanged.
+    /// [`Interrupted`] if the campaign must stop while it waits; the store is then unchanged.
     pub(super) async fn commit<T: Send + 'static, E: Into<CampaignError> + Send + 'static>(
         &self,
         handle: &CommitHandle,

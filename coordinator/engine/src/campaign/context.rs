@@ -1,4 +1,4 @@
-//! Context of every stage.
+//! The services that every stage uses, and the sizes of its chunks.
 
 use super::{CampaignError, metrics::CampaignMetrics};
 use crate::synthetic::SyntheticAnnotator;
@@ -20,7 +20,7 @@ pub(super) struct StageContext {
 }
 
 impl StageContext {
-    /// The same context for a run of a campaign.
+    /// A copy of this context whose store refuses changes after the end of `run`.
     pub(super) fn during(&self, run: RunId) -> Self {
         Self {
             store: self.store.during(run),
@@ -39,15 +39,15 @@ impl StageContext {
     }
 }
 
-/// Maximum size in bytes of the pictures that a stage holds at a time, where it can split them.
+/// Maximum size in bytes of the pictures that a stage holds at a time, if it can work in parts.
 const PICTURE_BYTES: usize = 256 << 20;
 
-/// Number of pictures that a stage handles at a time: `most`, or as many as fit.
+/// Number of pictures that a stage handles at a time: as many as fit in `PICTURE_BYTES`, but at most `most`.
 pub(super) fn pictures_at_once(image: &ImageFormat, most: usize) -> usize {
     (PICTURE_BYTES / image.bytes()).clamp(1, most)
 }
 
-/// Number of individuals whose pictures a stage handles at a time: `most`, or as many as fit.
+/// Number of individuals whose pictures a stage handles at a time: as many as fit in `PICTURE_BYTES`, but at most `most`.
 pub(super) fn individuals_at_once(spec: &CampaignSpec, most: usize) -> usize {
     (PICTURE_BYTES / spec.individual_bytes()).clamp(1, most)
 }

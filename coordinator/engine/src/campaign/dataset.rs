@@ -14,7 +14,7 @@ use murmuration_swarm::{CampaignSpec, Controller, Dataset, EmbedderSource, Purpo
 use rand::RngExt as _;
 use std::ops::Range;
 
-/// Number of controllers whose pictures are simulated and committed together, if so many fit.
+/// Maximum number of controllers whose pictures are simulated and committed together.
 const CHUNK: u64 = 500;
 
 /// Simulates the missing part of the dataset.
@@ -59,7 +59,7 @@ pub(super) async fn collect(
     Ok(())
 }
 
-/// Controllers of the dataset by index, each with the seeds of its starts.
+/// The dataset's tasks for a range of controllers: each controller once for each of its starts, with the seed of the start.
 pub fn tasks(
     spec: &CampaignSpec,
     dataset: &Dataset,
@@ -78,7 +78,8 @@ pub fn tasks(
     Ok(tasks)
 }
 
-/// Another controller, with the starts of the controller that it replaces, because the pictures of one controller belong together.
+/// Tasks with another controller in place of a poisoned task's controller, one for each start: the pictures of one controller
+/// belong together.
 fn substitutes(
     spec: &CampaignSpec,
     dataset: &Dataset,

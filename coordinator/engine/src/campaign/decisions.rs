@@ -1,5 +1,5 @@
-//! Decisions of people about a campaign. A decision is written to disk before it is carried out. From then on the former run can no
-//! longer change the campaign, so nobody has to wait for its end.
+//! Decisions of people about a campaign. A decision is written to disk before it is carried out. Once the decision is on disk,
+//! the former run can no longer change the campaign, so no caller waits for the end of that run.
 
 use super::{
     CampaignError, CampaignStatus, Campaigns,
@@ -15,7 +15,7 @@ impl Campaigns {
     /// Pauses a campaign; the decision is on disk when this returns.
     ///
     /// # Errors
-    /// If there is no such campaign or its state does not allow it.
+    /// If there is no such campaign, or its state does not allow a pause.
     pub async fn pause(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let record = self.record(id).await?;
         self.decide(record.id, Decision::Pause).await
@@ -24,10 +24,10 @@ impl Campaigns {
     /// Continues a campaign; the decision is on disk when this returns.
     ///
     /// # Errors
-    /// If there is no such campaign, its state does not allow it, or another simulator began it.
+    /// If there is no such campaign, its state does not allow it to resume, or another version of the simulator began it.
     pub async fn resume(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let record = self.record(id).await?;
-        // An impossible change of state is the first reason to refuse.
+        // If the state does not allow the campaign to resume, the error should name the state, not the simulator.
         if record.state.after(Change::Resume).is_some() {
             check_simulator(&record)?;
         }
@@ -37,7 +37,7 @@ impl Campaigns {
     /// Ends a campaign for good; the decision is on disk when this returns.
     ///
     /// # Errors
-    /// If there is no such campaign or its state does not allow it.
+    /// If there is no such campaign, or its state does not allow it to be cancelled.
     pub async fn cancel(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let record = self.record(id).await?;
         self.decide(record.id, Decision::Cancel).await
@@ -46,7 +46,7 @@ impl Campaigns {
     /// Moves a campaign to a stored checkpoint, with which it continues; the decision is on disk when this returns.
     ///
     /// # Errors
-    /// If there is no such campaign or checkpoint, the two do not fit together, or the campaign is cancelled.
+    /// If there is no such campaign or checkpoint, the checkpoint does not fit the campaign, or the campaign is cancelled.
     pub async fn adopt(
         &self,
         id: &str,
@@ -58,8 +58,8 @@ impl Campaigns {
         self.decide(record.id, Decision::Adopt(checkpoint)).await
     }
 
-    /// Begins a round of feedback: the campaign is fine-tuned on its current labels, then continues its search. The decision is on
-    /// disk when this returns.
+    /// Begins a round of feedback: the campaign is fine-tuned on its current labels, then continues its search. The decision is
+    /// on disk when this returns.
     ///
     /// # Errors
     /// If there is no such campaign, it is cancelled or has no embedder (yet), or its labels name fewer than two classes.
@@ -87,8 +87,8 @@ impl Campaigns {
         Ok(self.context.store.run(move |store| store.deletion(&id)).await?)
     }
 
-    /// Deletes a campaign that does not run, with everything that belongs to it alone, and reports what that was. It is gone from
-    /// the disk when this returns. A campaign of a study is only deleted if the request names the study.
+    /// Deletes a campaign that does not run, with all data that belong only to it, and reports what was deleted. The campaign is
+    /// gone from the disk when this returns. A campaign of a study is only deleted if the request names the study.
     ///
     /// # Errors
     /// If there is no such campaign, it runs, or it belongs to a study that the request does not name.
@@ -113,7 +113,7 @@ impl Campaigns {
         deleted.map_err(|_| CampaignError::Broken)?
     }
 
-    /// A campaign that may move to another behaviour space.
+    /// The campaign's record, if the campaign can move to another behaviour space.
     async fn movable(&self, id: &str, change: Change) -> Result<CampaignRecord, CampaignError> {
         let record = self.record(id).await?;
         let CampaignRecord { id, spec, state, .. } = &record;
@@ -129,10 +129,11 @@ impl Campaigns {
         Ok(record)
     }
 
-    /// Writes a decision, ends the current run, and begins another if the campaign is to run. Returns the new status.
+    /// Writes a decision, ends the current run, and begins a new run if the campaign's state is now `Running`. Returns the new
+    /// status.
     async fn decide(&self, id: CampaignId, decision: Decision) -> Result<CampaignStatus, CampaignError> {
         let campaigns = self.clone();
-        // In a separate task, so that the decision is carried out even if the client has gone.
+        // This runs in a separate task, so that the decision is carried out even if the client has disconnected.
         let deciding = async move {
             let deciding = campaigns.registry.deciding(&id).await;
             campaigns.decide_alone(&deciding, decision).await?;
@@ -158,7 +159,7 @@ impl Campaigns {
         Ok(())
     }
 
-    /// Starts a run of a campaign that is to run and has no run here. Returns whether it did.
+    /// Starts a run of a campaign whose state is `Running`, unless this process already runs it. Returns whether a run started.
     pub(super) async fn go_on(&self, deciding: &Deciding) -> Result<bool, CampaignError> {
         let record = self.record(deciding.id.as_str()).await?;
         if record.state != CampaignState::Running || self.registry.snapshot(&deciding.id).active {

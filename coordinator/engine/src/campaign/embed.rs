@@ -1,4 +1,5 @@
-//! The embed stage: the workers embed every stored picture with the next checkpoint, then the archive switches to it in one step.
+//! The embed stage: the workers embed every stored picture with the next checkpoint, then the archive switches to that checkpoint
+//! in one step.
 
 use super::{
     CampaignError,
@@ -14,10 +15,11 @@ use murmuration_search::{
 use murmuration_store::{ArchivedIndividual, GenerationRecord, Provenance, Store, Switch};
 use murmuration_swarm::{CampaignSpec, Scale};
 
-/// Number of pictures that are embedded and committed together, if so many fit.
+/// Maximum number of individuals whose pictures are embedded and committed together.
 const CHUNK: usize = 2048;
 
-/// Embeds the pictures that the next checkpoint has not embedded yet, recomputes novelty, and makes that checkpoint the campaign's.
+/// Embeds the pictures that the next checkpoint has not embedded yet, recomputes novelty, and moves the campaign to that
+/// checkpoint.
 pub(super) async fn embed(
     context: &StageContext,
     record: CampaignRecord,
@@ -81,7 +83,7 @@ pub(super) async fn embed(
     context.commit(&handle.commit_handle(), switch).await
 }
 
-/// Recomputes the novelty of every generation, each in the archive as it was after that generation.
+/// Recomputes the novelty of every individual, in the archive as it was after the individual's generation.
 fn measure(
     store: &Store,
     id: &CampaignId,

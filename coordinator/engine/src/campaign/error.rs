@@ -132,7 +132,7 @@ impl From<DeletionError> for CampaignError {
 }
 
 impl CampaignError {
-    /// Whether the campaign has no fault: a person decided about it, or the coordinator ends.
+    /// Whether a person's decision or the coordinator's end stopped the campaign, and not a fault.
     pub(super) const fn is_stop(&self) -> bool {
         matches!(
             self,
@@ -143,7 +143,7 @@ impl CampaignError {
         )
     }
 
-    /// Whether the disk is the cause, so that a retry may succeed.
+    /// Whether the disk caused the error, so that a retry can succeed.
     pub const fn may_pass(&self) -> bool {
         match self {
             Self::Store(error)

@@ -11,18 +11,18 @@ use std::collections::BTreeMap;
 /// The results of a job.
 #[derive(Debug)]
 pub(super) struct Done {
-    /// The completed tasks: those of the job, with substitutes for poisoned ones.
+    /// The completed tasks: the job's tasks, with substitutes for poisoned tasks.
     pub(super) tasks: Vec<(Controller, u64)>,
     /// The trials of each task.
     pub(super) evaluations: Vec<Vec<Evaluation<CompressedImage>>>,
     /// The maker of each task's result.
     pub(super) makers: Vec<Maker>,
-    /// The places of poisoned tasks, with the reasons.
+    /// The place of each poisoned task in the job, with the reason.
     pub(super) poisoned: Vec<(usize, PoisonedTask)>,
 }
 
 impl Done {
-    /// The pictures of all tasks, each of one trial, and their provenance. `notice` gives the message about a poisoned task.
+    /// The pictures of all tasks (one trial each), and their provenance. `notice` makes the message about a poisoned task.
     pub(super) fn into_pictures(
         self,
         notice: impl Fn(usize, &PoisonedTask) -> String,
@@ -47,8 +47,8 @@ impl Done {
 /// A task and its place in a job.
 pub(super) type Placed = (usize, (Controller, u64));
 
-/// Runs `job` on the workers. If a task is poisoned, `substitute` gives the tasks that replace it at an attempt, counted from 1,
-/// including those of its neighbours if they belong together.
+/// Runs `job` on the workers. `substitute` gets the place of a poisoned task and the number of the attempt, from 1. It returns
+/// the tasks to run instead, including new tasks for neighbours that belong with the poisoned task.
 pub(super) async fn evaluate(
     dispatch: &Dispatch,
     handle: &mut RunHandle,

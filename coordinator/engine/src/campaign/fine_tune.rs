@@ -1,4 +1,4 @@
-//! The fine-tune stage: a trainer continues from the campaign's embedder on labels, and the campaign moves to the new checkpoint.
+//! The fine-tune stage: a trainer trains the campaign's embedder further on labels, and the campaign moves to the new checkpoint.
 
 use super::{
     CampaignError,
@@ -15,7 +15,7 @@ use murmuration_swarm::{
     training::{Configuration, ConfigurationError},
 };
 
-/// Number of pictures from further starts that are simulated and committed together.
+/// Maximum number of pictures from further starts that are simulated and committed together.
 const CHUNK: usize = 1000;
 
 /// Fine-tunes the embedder on the labels of the current round, on a trainer, and moves the campaign to the new checkpoint.
@@ -52,8 +52,8 @@ async fn read(
     Ok(context.store.run(read).await?)
 }
 
-/// Simulates labelled controllers from further starts, on workers, unless their pictures are on disk. A controller keeps its class from
-/// every start.
+/// Has workers simulate labelled controllers from further starts, if the pictures are not on disk yet. A controller keeps its
+/// class from every start.
 async fn further_starts(
     context: &StageContext,
     record: &CampaignRecord,
@@ -68,7 +68,8 @@ async fn further_starts(
             .map(|start| (start.controller.clone(), start.seed))
             .collect();
         let job = EvaluationJob::of(record, None, tasks);
-        // The labelled start replaces a poisoned task, because it has already been simulated.
+        // If the task of a further start is poisoned, the labelled start replaces it: the labelled start has already been
+        // simulated.
         let labelled = |place: usize, _| {
             let FurtherStart {
                 controller, labelled, ..

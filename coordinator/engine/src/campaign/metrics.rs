@@ -15,7 +15,7 @@ pub struct CampaignMetrics {
 impl CampaignMetrics {
     /// All metrics at zero, added to `registry`.
     pub fn register(registry: &mut Registry) -> Self {
-        // From a millisecond to half a minute.
+        // The buckets range from a millisecond to half a minute.
         let commit = Histogram::new(exponential_buckets(0.001, 2.0, 16));
         registry.register_with_unit(
             "generation_commit",

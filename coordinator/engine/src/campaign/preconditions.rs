@@ -5,7 +5,7 @@ use murmuration_model::{CampaignId, CampaignRecord, labels::Labels};
 use murmuration_proto::SIMULATOR_VERSION;
 use std::collections::BTreeSet;
 
-/// Checks that the archive may grow with the evaluations of this simulator.
+/// Checks that this version of the simulator began the campaign: all evaluations of an archive must come from one version.
 pub(super) fn check_simulator(record: &CampaignRecord) -> Result<(), CampaignError> {
     match record.simulator_version == SIMULATOR_VERSION {
         true => Ok(()),

@@ -1,7 +1,7 @@
 //! The runs of campaigns in this process.
 //!
-//! A change of a campaign's run holds the lock of that campaign ([`Deciding`]). Other campaigns and readers do not wait for it. The
-//! registry's own lock is held for look-ups, never during waits or computations.
+//! A function that starts or stops a campaign's run holds the lock of that campaign ([`Deciding`]). Other campaigns and readers
+//! do not wait for this lock. The registry's own lock is held only for look-ups, never during waits or computations.
 
 use super::run_handle::Progress;
 use murmuration_model::CampaignId;
@@ -15,21 +15,21 @@ use tokio::{
     task::JoinHandle,
 };
 
-/// The runs of campaigns; clones share them.
+/// The runs of campaigns; all clones share the same runs.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Registry(Arc<Mutex<Entries>>);
 
 #[derive(Debug, Default)]
 struct Entries {
     campaigns: BTreeMap<CampaignId, Entry>,
-    /// Whether the coordinator ends: no run starts any more.
+    /// Whether the coordinator is ending, so that no run starts any more.
     is_ending: bool,
 }
 
 #[derive(Debug, Default)]
 struct Entry {
     deciding: Arc<tokio::sync::Mutex<()>>,
-    /// The newest run that started here.
+    /// The newest run of the campaign in this process.
     at_work: Option<AtWork>,
 }
 
@@ -49,16 +49,16 @@ pub(super) struct AtWork {
     pub(super) task: JoinHandle<()>,
 }
 
-/// A run at one instant.
+/// The state of a run at one instant.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Snapshot {
-    /// Whether the run is at work and was not told to stop.
+    /// Whether the run is at work and was not asked to stop.
     pub(super) active: bool,
     pub(super) progress: Progress,
 }
 
 impl Registry {
-    /// Waits for any other decision about the campaign.
+    /// Waits until no other decision about the campaign is in progress, and locks the campaign.
     pub(super) async fn deciding(&self, id: &CampaignId) -> Deciding {
         let lock = {
             let mut entries = self.lock();
@@ -70,8 +70,8 @@ impl Registry {
         }
     }
 
-    /// Starts a run of the campaign. `begin` gets the former run, which was told to stop and may not have stopped yet. Does nothing
-    /// once the coordinator ends.
+    /// Starts a run of the campaign. `begin` gets the former run, which was asked to stop but may still be at work. Once the
+    /// coordinator is ending, no run starts.
     pub(super) fn start(&self, deciding: &Deciding, begin: impl FnOnce(Option<JoinHandle<()>>) -> AtWork) {
         let mut entries = self.lock();
         if entries.is_ending {
@@ -83,7 +83,7 @@ impl Registry {
         entry.at_work = Some(begin(former));
     }
 
-    /// Tells the run of the campaign to stop, if it has one.
+    /// Asks the run of the campaign to stop, if there is a run.
     pub(super) fn stop(&self, deciding: &Deciding) {
         if let Some(Entry {
             at_work: Some(at_work),
@@ -94,7 +94,7 @@ impl Registry {
         }
     }
 
-    /// Tells every run to stop, and waits until all have stopped. No run starts after that.
+    /// Asks every run to stop, and waits until all runs have stopped. No run starts after this call.
     pub(super) async fn end(&self) {
         let at_work: Vec<AtWork> = {
             let mut entries = self.lock();
@@ -109,7 +109,7 @@ impl Registry {
         }
     }
 
-    /// The run of a campaign; inactive if there is none.
+    /// The state of a campaign's run; inactive if the campaign has no run.
     pub(super) fn snapshot(&self, id: &CampaignId) -> Snapshot {
         let entries = self.lock();
         let entry = entries.campaigns.get(id);
@@ -143,7 +143,8 @@ impl Entry {
         })
     }
 
-    /// Whether a decision about it is in progress, its run has not ended, or only the run knows that it failed.
+    /// Whether the entry is needed: a decision is in progress, the run has not ended, or only the run's progress shows that it
+    /// failed.
     fn is_needed(&self) -> bool {
         let tells =
             |at_work: &AtWork| !at_work.task.is_finished() || at_work.progress.borrow().failed.is_some();

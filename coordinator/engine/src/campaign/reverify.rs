@@ -1,5 +1,5 @@
-//! When a machine is found wrong, other machines repeat the results that it alone has vouched for. A result that differs, by the
-//! criteria of audits, is rolled back with everything that depends on it.
+//! When a machine is quarantined, other machines repeat the results that only this machine has computed. A result that differs by
+//! the criteria of audits is rolled back, with everything that depends on it.
 //!
 //! Limits: once a campaign has learned from labels, or moved to another embedder, a rollback would lose people's labels. Such a
 //! campaign fails with an error.
@@ -15,7 +15,7 @@ use murmuration_model::{ArchiveEmbedder, CampaignId, CampaignRecord};
 use murmuration_store::{ArchivedIndividual, Store, StoreError, Suspect, Suspects};
 use murmuration_swarm::{CompressedImage, Controller, EmbedderSource, counted, embeddings_agree};
 
-/// Number of results that are repeated at a time, if so many fit.
+/// Maximum number of results that are repeated at a time.
 const CHUNK: usize = 1024;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,18 +25,19 @@ enum Wrong {
     Embedding(u64),
 }
 
-/// The part of a campaign that is rolled back. The campaign then repeats it by itself.
+/// The part of a campaign that is rolled back. The campaign then computes this part again by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Rollback {
     /// All but the first `pictures` pictures.
     Dataset { pictures: u64 },
-    /// The generations from this one on.
+    /// The generation `generation` and all later generations.
     Generations { generation: u32 },
-    /// The embeddings, and the generations that came after the first `kept` individuals were embedded.
+    /// All embeddings, and the generations after the first `kept` individuals, which the archive had when it moved to its
+    /// embedder.
     Embeddings { kept: u64 },
 }
 
-/// Repeats the results that only wrong machines have computed.
+/// Repeats the results that only quarantined machines have computed.
 pub(super) async fn reverify(
     context: &StageContext,
     record: &CampaignRecord,
@@ -68,14 +69,14 @@ pub(super) async fn reverify(
     context.commit(&handle.commit_handle(), apply).await
 }
 
-/// The first result that other machines find to be different.
+/// Finds the first result for which other machines compute a different value.
 async fn first_wrong(
     context: &StageContext,
     record: &CampaignRecord,
     suspects: &Suspects,
     handle: &mut RunHandle,
 ) -> Result<Option<Wrong>, CampaignError> {
-    // Each takes twice the room: the stored evaluation and the repeated one.
+    // Each result takes twice the memory: for the stored evaluation and for the repeated evaluation.
     let at_once = pictures_at_once(record.spec.image(), 2 * CHUNK).div_ceil(2);
     let individuals_at_once = individuals_at_once(&record.spec, 2 * CHUNK).div_ceil(2);
     for chunk in suspects.pictures.chunks(at_once) {
@@ -83,7 +84,8 @@ async fn first_wrong(
             return Ok(Some(wrong));
         }
     }
-    // Embeddings come before individuals, because a wrong later embedding says nothing against the individual.
+    // Embeddings are checked before individuals: if an individual was embedded again later, a wrong embedding does not make its
+    // evaluation wrong.
     for chunk in suspects.embeddings.chunks(individuals_at_once) {
         if let Some(wrong) = wrong_embedding(context, record, chunk, handle).await? {
             return Ok(Some(wrong));
@@ -141,7 +143,7 @@ async fn wrong_individual(
     let new = again.evaluations.iter().zip(&again.makers);
     let mut both = suspects.iter().zip(&archived).zip(new);
     let differs = both.find(|((suspect, old), (new, maker))| {
-        // Individuals that were in the archive when it moved were then embedded again, perhaps by other workers.
+        // When an archive moves to another embedder, all its individuals are embedded again, perhaps by other workers.
         let embedded = embedder.is_some() && old.index >= moved;
         old.trials.iter().zip(*new).any(|(old, new)| {
             old.features.map(f64::to_bits) != new.features().map(f64::to_bits)
@@ -171,7 +173,7 @@ async fn wrong_embedding(
     suspects: &[Suspect],
     handle: &mut RunHandle,
 ) -> Result<Option<Wrong>, CampaignError> {
-    // The embeddings of an unfinished move are all made again.
+    // If a move to another embedder is unfinished, all its embeddings are computed again without a comparison.
     let ArchiveEmbedder::Checkpoint(checkpoint) = record.embedder else {
         return Ok(suspects.first().map(|suspect| Wrong::Embedding(suspect.place)));
     };
@@ -208,7 +210,7 @@ async fn archived(
     .await
 }
 
-/// Reads the store's contents at these places.
+/// Reads the stored results of the suspects, each with `read`.
 async fn read_all<T: Send + 'static>(
     context: &StageContext,
     suspects: &[Suspect],
@@ -222,7 +224,7 @@ async fn read_all<T: Send + 'static>(
     Ok(context.store.run(read).await?)
 }
 
-/// Number of individuals in the archive when it moved to its current embedder; 0 while it moves to another.
+/// Number of individuals in the archive when it moved to its current embedder; 0 while the archive moves to another embedder.
 async fn moved(context: &StageContext, record: &CampaignRecord) -> Result<u64, CampaignError> {
     if record.embedder.next().is_some() {
         return Ok(0);
@@ -232,7 +234,7 @@ async fn moved(context: &StageContext, record: &CampaignRecord) -> Result<u64, C
     Ok(context.store.run(read).await?)
 }
 
-/// The evaluations of a job by machines that are not quarantined.
+/// Repeats the evaluations of a job on machines that are not quarantined.
 async fn evaluated_again(
     context: &StageContext,
     job: EvaluationJob,
@@ -243,7 +245,7 @@ async fn evaluated_again(
     evaluate(&context.dispatch, handle, job, same).await
 }
 
-/// The part to roll back because of a wrong result.
+/// The part of the campaign that must be rolled back because of a wrong result.
 async fn rollback(
     context: &StageContext,
     record: &CampaignRecord,
@@ -263,8 +265,8 @@ async fn rollback(
 }
 
 impl Rollback {
-    /// The part to roll back because of a wrong result. `labels` is the length of the campaign's label log, and `moved` the number
-    /// of individuals when the archive moved to its embedder. `None` if no rollback is possible.
+    /// The part of the campaign that must be rolled back because of a wrong result; `None` if no rollback is possible. `labels`
+    /// is the length of the campaign's label log. `moved` is the number of individuals when the archive moved to its embedder.
     fn of(record: &CampaignRecord, wrong: Wrong, labels: u64, moved: u64) -> Option<Self> {
         let moves = matches!(record.embedder, ArchiveEmbedder::Switching { from: Some(_), .. });
         let starts = match record.spec.embedder() {

@@ -16,7 +16,7 @@ pub(super) async fn run(context: StageContext, run: RunId, mut handle: RunHandle
     let id = run.campaign().clone();
     match stages(&context, &run, &mut handle).await {
         Ok(()) => tracing::info!(campaign = %id, "completed"),
-        // The client already knows of a decision; after a shutdown the campaign is to continue with the next coordinator.
+        // The client already knows of a decision. After a shutdown, the next coordinator continues the campaign.
         Err(error) if error.is_stop() => {}
         Err(error) => {
             let message = error.to_string();
@@ -59,15 +59,15 @@ async fn stages(context: &StageContext, run: &RunId, handle: &mut RunHandle) -> 
             Stage::Label => label::label(context, record, handle).await?,
             Stage::FineTune => fine_tune::fine_tune(context, record, handle).await?,
             Stage::Evolve => search::evolve(context, record, seen, handle).await?,
-            // If it is not complete, a worker was found wrong meanwhile.
+            // If `complete` returns false, a worker was quarantined meanwhile.
             Stage::Taxonomy if search::complete(context, record, handle).await? => return Ok(()),
             Stage::Taxonomy => {}
         }
     }
 }
 
-/// Results of a campaign that only quarantined machines have computed, and the number of these machines, which are also recorded on
-/// disk.
+/// Results of a campaign that only quarantined machines have computed, and the number of these machines. The machines are also
+/// recorded on disk.
 async fn suspects(
     context: &StageContext,
     id: &CampaignId,

@@ -15,7 +15,7 @@ pub(super) const COUNTING_INTERVAL: Duration = Duration::from_millis(100);
 /// Period over which the evaluations per second are averaged.
 const RATE_SPAN: Duration = Duration::from_secs(5);
 
-/// How long no machine may be connected before this is reported, so that a mere restart is not.
+/// Time without any connected machine before the absence is reported. A restart takes less time, and is not reported.
 const ABSENCE_LIMIT: Duration = Duration::from_secs(2);
 
 /// Whether machines are connected to do a campaign's work.
@@ -23,9 +23,9 @@ const ABSENCE_LIMIT: Duration = Duration::from_secs(2);
 pub(super) struct Availability {
     /// Number of connected machines.
     connected: watch::Receiver<usize>,
-    /// Message while none is connected.
+    /// Message while no machine is connected.
     missing: &'static str,
-    /// Time since which none has been connected.
+    /// Time at which no machine was found connected; `None` while a machine is connected.
     since: Option<Instant>,
 }
 
@@ -47,7 +47,7 @@ impl Availability {
         }
     }
 
-    /// The message about missing machines, once none has been connected for a while. Call it repeatedly.
+    /// The message about missing machines, once no machine has been connected for [`ABSENCE_LIMIT`]. Call this repeatedly.
     pub(super) fn missing(&mut self, now: Instant) -> Option<String> {
         if *self.connected.borrow() > 0 {
             self.since = None;
@@ -69,15 +69,15 @@ pub(super) fn held_up_by(missing: Option<String>, trouble: Option<String>) -> Op
 /// The progress of a campaign, for its watchers.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Progress {
-    /// Number of results that have arrived of the current job (a generation, part of a dataset, stored pictures).
+    /// Number of results that have arrived for the current job (a generation, part of a dataset, or stored pictures).
     pub(super) arrived: u32,
     pub(super) per_second: f64,
     pub(super) training: Option<v1::TrainingProgress>,
-    /// The missing resource that it waits for, except the disk.
+    /// The missing resource that the campaign waits for, except the disk.
     pub(super) waiting: Option<String>,
-    /// Why the disk refused a write, while that is retried.
+    /// Why the disk refused a write, while the write is retried.
     pub(super) disk: Option<String>,
-    /// Why the campaign failed, even if the store could not record that.
+    /// Why the campaign failed, even if the store could not record the failure.
     pub(super) failed: Option<String>,
 }
 
@@ -89,7 +89,7 @@ pub(super) struct CommitHandle {
 }
 
 impl CommitHandle {
-    /// Records why the disk refuses a write; `None` if it does not.
+    /// Records why the disk refuses a write; `None` if the disk accepts writes.
     pub(super) fn refused(&self, why: Option<String>) {
         self.progress.send_if_modified(|progress| {
             let changes = progress.disk != why;
@@ -98,23 +98,23 @@ impl CommitHandle {
         });
     }
 
-    /// Resolves when the campaign is to stop.
+    /// Resolves when the campaign must stop.
     pub(super) async fn stopped(&self) {
         // A closed channel means stop, because its sender is gone.
         let _ = self.stopped.clone().wait_for(|&stopped| stopped).await;
     }
 }
 
-/// The run's end of its channels: reports progress, and receives the stop.
+/// The run's end of the channels to its watchers: it reports progress, and receives the request to stop.
 #[derive(Debug)]
 pub(super) struct RunHandle {
     progress: watch::Sender<Progress>,
     stopped: watch::Receiver<bool>,
     /// The workers, which do all work except training.
     workers: Availability,
-    /// Ends the campaign's computations when it is to stop.
+    /// Ends the campaign's computations when the campaign must stop.
     pub(super) interrupt: Interrupt,
-    /// Number of results of this stage in this process, without the current job.
+    /// Number of results of this stage in this process, without the results of the current job.
     done: u64,
     /// Number of results of this stage at each time, over the last [`RATE_SPAN`].
     history: VecDeque<(Instant, u64)>,
@@ -148,7 +148,7 @@ impl RunHandle {
         });
     }
 
-    /// Adds `count` results to those of this stage.
+    /// Adds the `count` results of a finished job to the results of this stage.
     pub(super) fn done(&mut self, count: u64) {
         self.done += count;
         self.progress.send_modify(|progress| progress.arrived = 0);
@@ -180,11 +180,11 @@ impl RunHandle {
         }
     }
 
-    /// Awaits the future from `begin`, and reports its progress and obstacles meanwhile.
+    /// Awaits the future that `begin` returns, and reports the job's progress and obstacles meanwhile.
     ///
     /// # Errors
-    /// [`Interrupted`] if the campaign is to stop. It only stops while it waits for workers or trainers, so that no commit is left
-    /// unfinished.
+    /// [`Interrupted`] if the campaign must stop. A campaign only stops while it waits for workers or trainers, so that no commit
+    /// is left unfinished.
     pub(super) async fn until_stopped<F: Future>(
         &mut self,
         begin: impl FnOnce(Arc<JobProgress>) -> F,

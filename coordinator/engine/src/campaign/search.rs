@@ -1,4 +1,4 @@
-//! The evolve stage: propose, evaluate, absorb and commit generations. At the end, the taxonomy.
+//! The evolve stage proposes, evaluates, absorbs and commits generations. The taxonomy stage then clusters the archive.
 
 use super::{
     CampaignError,
@@ -32,7 +32,8 @@ struct Generation {
     provenance: Provenance,
 }
 
-/// A campaign's search between two generations: a function of its specification, its embedder and its archive.
+/// The state of a campaign's search between two generations. It depends only on the campaign's specification, embedder and
+/// archive.
 struct Search {
     store: Store,
     interrupt: Interrupt,
@@ -43,13 +44,13 @@ struct Search {
     scale: Scale,
     /// Index of neighbours in `behaviours`, kept from generation to generation.
     index: Index,
-    /// The last generation; empty before the first.
+    /// The last generation; empty before the first generation.
     parents: Vec<Parent>,
     next_generation: u32,
 }
 
-/// Continues from the last archived generation to the last one of the campaign. Stops early if more than `seen` workers are quarantined. A generation is
-/// committed while the next is evaluated; commits are in order.
+/// Runs all generations that are not archived yet. Stops early if more than `seen` workers are quarantined. A generation is
+/// committed while the next generation is evaluated; commits are in order.
 pub(super) async fn evolve(
     context: &StageContext,
     record: CampaignRecord,
@@ -63,7 +64,7 @@ pub(super) async fn evolve(
     loop {
         let id = search.campaign.id.clone();
         let committed = commit(context.clone(), handle.commit_handle(), id, uncommitted.take());
-        // Results of these workers may be in this archive, and are verified between stages.
+        // Results of newly quarantined workers may be in this archive. They are verified between stages.
         if quarantined.borrow().len() != seen || search.next_generation >= generations {
             return committed.await;
         }
@@ -120,7 +121,7 @@ async fn commit(
     context.commit(&handle, commit).await
 }
 
-/// Clusters the archive and completes the campaign. Returns whether it is complete, see [`Store::complete`].
+/// Clusters the archive and completes the campaign. Returns whether the campaign is complete, see [`Store::complete`].
 pub(super) async fn complete(
     context: &StageContext,
     record: CampaignRecord,
@@ -181,7 +182,7 @@ async fn restore(
 }
 
 impl Search {
-    /// Adds the archive on disk.
+    /// Reads the archive on disk into the search.
     fn restored(self) -> Result<Self, CampaignError> {
         let mut search = self;
         let population = u64::from(search.campaign.spec.search().population());
@@ -296,8 +297,7 @@ impl Search {
         Ok((self, generation))
     }
 
-    /// For each individual, the number of its trials to which no other medoid is nearer than its own; empty if individuals have one
-    /// trial.
+    /// The number of robust trials of each individual, see [`taxonomy::robust_trials`]; empty if individuals have one trial.
     fn robust_trials(&self, taxonomy: &Clustering) -> Result<Vec<u8>, CampaignError> {
         let (spec, len) = (&self.campaign.spec, self.campaign.individuals());
         if spec.starts() == Starts::ONE {
@@ -323,7 +323,8 @@ impl Search {
         Ok(robust)
     }
 
-    /// The place of each individual on the map. The taxonomy stores it, because the embeddings go when the campaign learns.
+    /// The place of each individual on the map. The taxonomy stores these places, because the embeddings change when the campaign
+    /// learns from labels.
     fn points(&self) -> Result<Vec<[f32; 2]>, Interrupted> {
         let axes = projection::principal_axes(&self.behaviours, &self.interrupt)?;
         Ok(axes

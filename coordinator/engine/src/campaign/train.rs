@@ -89,7 +89,7 @@ pub(super) async fn train(
             }
         }
     };
-    // No further snapshots follow the end of the job; this waits until the last is on disk.
+    // No snapshots follow the end of the job. This waits until the last snapshot is on disk.
     if keeping.await.is_err() || epochs_kept.await.is_err() {
         return Err(CampaignError::Broken);
     }
@@ -102,8 +102,8 @@ pub(super) async fn train(
     Ok(checkpoint)
 }
 
-/// Writes the metrics of each epoch to disk, for the curve of the training. If the disk is slower than the epochs, some are left
-/// out.
+/// Writes the metrics of each epoch to disk, for the curve of the training. If the disk is slower than the training, some epochs
+/// are left out of the curve.
 async fn keep_epochs(
     store: Store,
     id: CampaignId,
@@ -133,7 +133,7 @@ async fn keep_epochs(
     }
 }
 
-/// Writes the newest snapshot to disk, repeatedly, until there are no more.
+/// Writes the newest snapshot to disk, repeatedly, until no more snapshots arrive.
 async fn keep(store: Store, id: CampaignId, mut snapshots: watch::Receiver<Option<SavedTraining>>) {
     while snapshots.changed().await.is_ok() {
         let Some(training) = snapshots.borrow_and_update().clone() else {
@@ -141,9 +141,9 @@ async fn keep(store: Store, id: CampaignId, mut snapshots: watch::Receiver<Optio
         };
         let id = id.clone();
         match store.run(move |store| store.save_training(&id, &training)).await {
-            // The run is over: the next run continues from the snapshot before.
+            // If the run is over, the next run continues from the previous snapshot.
             Ok(()) | Err(StoreError::Superseded(_)) => {}
-            // Only time would be lost: the training continues, and a later snapshot may fit.
+            // A lost snapshot only costs time: the training continues, and the disk may have room for a later snapshot.
             Err(error) => tracing::warn!(%error, "a training could not be put aside"),
         }
     }

@@ -28,7 +28,7 @@ fn an_empty_archive_has_an_empty_map() {
     assert!(points.is_empty());
 }
 
-/// Individuals of a campaign.
+/// Number of individuals of a campaign.
 const COUNT: u64 = 12;
 
 /// A paused campaign with behaviours in two clumps.

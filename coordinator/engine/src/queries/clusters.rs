@@ -15,12 +15,12 @@ const MOST_BYTES: usize = 128 << 20;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clustered {
     pub space: Arc<Space>,
-    /// The clusters of the taxonomy, or those that it would have if the search ended now.
+    /// The clusters of the taxonomy, or the clusters that the taxonomy would have if the search ended now.
     pub clustering: Clustering,
-    /// Whether they are those of the taxonomy.
+    /// Whether `clustering` comes from the taxonomy.
     pub is_taxonomy: bool,
-    /// For each individual, the number of its trials to which no other medoid is nearer than its own; empty if individuals have one
-    /// trial, or these are not the taxonomy's clusters.
+    /// The number of robust trials of each individual, see [`taxonomy::robust_trials`]. Empty if individuals have one trial, or
+    /// `clustering` does not come from the taxonomy.
     pub robust_trials: Vec<u8>,
 }
 
@@ -69,8 +69,8 @@ impl Clustered {
     }
 }
 
-/// Whether a result for this number of individuals of this archive version is still good enough. During a search it is, until the
-/// archive is a quarter larger: clustering after every generation would not help.
+/// Whether a result for `individuals` individuals of `archive_version` is still good enough. During a search, a result is good
+/// enough until the archive is a quarter larger: clustering after every generation would not help.
 pub(super) fn serves(individuals: u64, archive_version: ArchiveVersion, record: &CampaignRecord) -> bool {
     let slack = match record.state {
         CampaignState::Running => individuals / 4,
@@ -97,7 +97,7 @@ impl Clusters {
         Ok(Arc::new(Clustered::read(&self.spaces, record, interrupt)?))
     }
 
-    /// The recent clusters of an archive, recomputed once they are no longer good enough. Blocks during that.
+    /// The recent clusters of an archive. Blocks while clusters that are no longer good enough are computed again.
     pub(super) fn lately(
         &self,
         record: &CampaignRecord,

@@ -1,7 +1,7 @@
-//! The holders of queries: leases as a pure state machine, without clock or content.
+//! The holders of queries: leases of queries as a pure state machine, which does not read the clock or the archive.
 //!
-//! Invariants, each tested below: a behaviour has at most one holder; a holder who asks again first gets what they have; queries
-//! that are not answered in time go to others; no token holds all queries.
+//! Invariants, each tested below: a behaviour has at most one holder; a holder who asks again first gets the queries that they
+//! have; queries that are not answered in time go to other holders; no token holds all queries.
 
 use super::Query;
 use murmuration_model::labels::Annotator;
@@ -13,8 +13,8 @@ use std::{
 /// How long a query stays with a holder who makes no further request.
 pub(super) const QUERY_LEASE_TIME: Duration = Duration::from_secs(5 * 60);
 
-/// Maximum number of queries that an annotator's token holds at once, in all its windows. Beyond it, queries are taken from the
-/// windows whose last request is oldest.
+/// Maximum number of queries that an annotator's token holds at once, in all its windows. Beyond this maximum, queries are taken
+/// from the windows whose last request is oldest.
 const MAX_HELD: usize = 1000;
 
 /// The holder of a query: an annotator and one of their windows.
@@ -27,8 +27,8 @@ pub struct AnnotatorSession {
     pub session: String,
 }
 
-/// The leased queries of one campaign. `K` is the kind of question: a holder who asks for another kind returns their queries of the
-/// former kind.
+/// The leased queries of one campaign. `K` is the kind of question: a holder who asks for another kind returns their queries of
+/// the former kind.
 #[derive(Debug)]
 pub(super) struct QueryLeases<K> {
     by_index: BTreeMap<usize, QueryLease<K>>,
@@ -45,7 +45,7 @@ struct QueryLease<K> {
 }
 
 impl<K: PartialEq + Copy> QueryLeases<K> {
-    /// Puts `query` before all others of `holder`, unless another holder has it.
+    /// Puts `query` before all other queries of `holder`, unless another holder has `query`.
     pub(crate) fn give_first(&mut self, holder: &AnnotatorSession, kind: K, query: Query, now: Instant) {
         let other = self.by_index.get(&query.index);
         if other.is_some_and(|lease| lease.holder != *holder && lease.until > now) {
@@ -65,8 +65,9 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
         );
     }
 
-    /// Leases up to `count` queries of `kind` to `holder` at time `now`: first the open ones that they hold, oldest first, then the
-    /// first of `ranking` that are open and free. All are leased for another `QUERY_LEASE_TIME`. Their other queries are returned.
+    /// Leases up to `count` queries of `kind` to `holder` at time `now`: first the open queries that the holder has, oldest
+    /// first, then the first open and free queries of `ranking`. Each lease lasts another `QUERY_LEASE_TIME`. The holder's other
+    /// queries are returned.
     pub(crate) fn top_up(
         &mut self,
         holder: &AnnotatorSession,
@@ -136,7 +137,7 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
         self.by_index.values().all(|lease| lease.until <= now)
     }
 
-    /// Forgets expired leases, and renews those that stay with `holder`. Returns the latter, oldest first.
+    /// Forgets expired leases, and renews the leases that stay with `holder`. Returns the renewed leases, oldest first.
     fn keep(
         &mut self,
         holder: &AnnotatorSession,

@@ -31,8 +31,8 @@ const MOST_BYTES: usize = 64 << 20;
 pub struct QueryRequest {
     pub holder: AnnotatorSession,
     pub strategy: Strategy,
-    /// Whether to ask about behaviours to which others gave a class, to measure agreement. Otherwise about behaviours without any
-    /// answer.
+    /// Whether to ask about behaviours to which other annotators gave a class, to measure agreement. If false, the questions are
+    /// about behaviours without any answer.
     pub agreement: bool,
     /// Number of queries to hold at once.
     pub count: usize,
@@ -75,7 +75,7 @@ pub struct Queries {
     interrupt: Interrupt,
 }
 
-/// Leased queries. They cannot be recomputed, so a campaign's leases are only forgotten when all are over.
+/// Leased queries by campaign. They cannot be recomputed, so a campaign's leases are only forgotten when all leases are over.
 type LeasesById = BTreeMap<CampaignId, Arc<Mutex<QueryLeases<Kind>>>>;
 
 /// The strategy of questions, and whether they measure agreement.
@@ -89,7 +89,7 @@ struct Rankings(Mutex<BTreeMap<Strategy, Arc<Ranking>>>);
 #[derive(Debug, Default)]
 struct Ranking {
     newest: Mutex<Option<Arc<Ranked>>>,
-    /// Held while a newer one is made.
+    /// Held while a newer ranking is made.
     making: Arc<tokio::sync::Mutex<()>>,
 }
 
@@ -113,7 +113,7 @@ impl Queries {
     }
 
     /// The next questions; `campaign` may be `latest`. The first request for a strategy waits until its ranking is made. If the
-    /// archive has since grown or moved to another space, a new ranking is made in the background, and the former is used
+    /// archive has since grown or moved to another space, a new ranking is made in the background. The former ranking is used
     /// meanwhile.
     pub async fn next(
         &self,
@@ -167,8 +167,8 @@ impl Queries {
         Ok(ranking::uncovered(&ranked.order).take(count).collect())
     }
 
-    /// The clusters of an archive: those of its taxonomy, or those that it would have if the search ended now. During a search they
-    /// may be of an archive up to a fifth smaller. Blocks while the archive is clustered.
+    /// The clusters of an archive: the clusters of its taxonomy, or of the taxonomy that it would have if the search ended now.
+    /// During a search, the clusters may belong to an archive up to a fifth smaller. Blocks while the archive is clustered.
     pub fn clusters(&self, record: &CampaignRecord) -> Result<Arc<Clustered>, SpaceError> {
         self.clusters.lately(record, &self.interrupt)
     }
@@ -226,7 +226,8 @@ impl Queries {
         Ok(ranked)
     }
 
-    /// `clustered` gives the clusters for all strategies but the random one.
+    /// Ranks the behaviours of an archive. Every strategy except the random strategy calls `clustered` for the archive's
+    /// clusters.
     async fn rank(
         &self,
         record: CampaignRecord,
@@ -270,7 +271,7 @@ impl Queries {
     }
 }
 
-/// Leases to the holder their own questions, and then the next of the ranking.
+/// Leases to the holder the questions that they already have, and then the next questions of the ranking.
 fn lease(
     leases: &Mutex<QueryLeases<Kind>>,
     store: &Store,
@@ -320,8 +321,8 @@ impl Ranked {
     }
 }
 
-/// Whether `request` may be about an individual: one without an answer, or, for agreement, one to which others gave a class and
-/// that the annotator has not answered.
+/// Whether `request` can ask about an individual. For agreement, other annotators must have given the individual a class, and the
+/// annotator no answer. If not for agreement, the individual must have no answer.
 fn is_open(labels: &Labels, index: u64, request: &QueryRequest) -> bool {
     let mut answered = labels.answered(index);
     if !request.agreement {

@@ -9,27 +9,27 @@ use murmuration_swarm::{CampaignSpec, Purpose, RandomStream, counted};
 use rayon::prelude::*;
 use std::fmt;
 
-/// Number of behaviours in order of coverage, more than people answer.
+/// Number of behaviours that are put in order of coverage. People answer fewer questions.
 const MOST_COVERED: usize = 1000;
 
 /// Why a behaviour is asked about, for display to the annotator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reason {
     Random,
-    /// It is the medoid of a cluster.
+    /// The behaviour is the medoid of a cluster.
     Medoid {
         cluster: usize,
         /// Number of behaviours in the cluster.
         size: usize,
     },
-    /// It is nearly as far from the medoid of its own cluster as from that of another.
+    /// The behaviour is nearly as far from the medoid of its own cluster as from the medoid of another cluster.
     Uncertain {
-        /// Its cluster, from 1.
+        /// The number of the behaviour's cluster, from 1.
         cluster: usize,
-        /// The other cluster; `None` if there is only one.
+        /// The number of the other cluster, from 1; `None` if there is only one cluster.
         other: Option<usize>,
     },
-    /// It is far from the medoids and from all behaviours before it.
+    /// The behaviour is far from the medoids and from all behaviours before it in the ranking.
     Uncovered,
     /// The window requested it, for instance because its answer was undone.
     Again,
@@ -75,18 +75,18 @@ pub fn in_random_order(count: usize, stream: &mut RandomStream) -> Vec<Query> {
     order.into_iter().map(query).collect()
 }
 
-/// The medoids of the clustering of `behaviours`, then all other behaviours, the most uncertain first. The clusters take turns, so
-/// that no border comes up ten times in a row.
+/// The medoids of the clustering of `behaviours`, then all other behaviours, the most uncertain first. The clusters take turns,
+/// so that annotators do not see the same border ten times in a row.
 ///
-/// A behaviour's uncertainty is its distance from the medoid of its cluster, divided by the distance from the nearest other medoid:
-/// 1 on the border.
+/// A behaviour's uncertainty is its distance from the medoid of its cluster, divided by its distance from the nearest other
+/// medoid. The uncertainty is 1 on the border of two clusters.
 pub fn by_uncertainty(behaviours: &Behaviours, clustering: &Clustering) -> Vec<Query> {
     let uncertain = uncertain_members(behaviours, clustering);
     medoids_first(clustering).chain(in_turns(uncertain)).collect()
 }
 
-/// The medoids of the clustering of `behaviours`, then up to [`MOST_COVERED`] others, each the farthest from all before it, then
-/// the rest.
+/// The medoids of the clustering of `behaviours`, then up to [`MOST_COVERED`] other behaviours, each the farthest from all before
+/// it, then the remaining behaviours.
 ///
 /// # Errors
 /// [`Interrupted`] once `interrupt` is raised.
@@ -155,8 +155,8 @@ fn in_turns(lists: Vec<Vec<Query>>) -> Vec<Query> {
     (0..longest).flat_map(turn).collect()
 }
 
-/// For each cluster, its members without the medoid, the most uncertain first; ties by index. Members of a single cluster are
-/// certain, and come by index.
+/// For each cluster, its members without the medoid, the most uncertain first; ties by index. If there is only one cluster, no
+/// member is uncertain, and members are in order of index.
 fn uncertain_members(behaviours: &Behaviours, clustering: &Clustering) -> Vec<Vec<Query>> {
     let uncertainties: Vec<(f64, Option<usize>)> = (0..behaviours.len())
         .into_par_iter()
@@ -183,8 +183,7 @@ fn uncertain_members(behaviours: &Behaviours, clustering: &Clustering) -> Vec<Ve
     members.into_iter().enumerate().map(sorted).collect()
 }
 
-/// The uncertainty of a behaviour's cluster, 0 to 1, and the other cluster that it might belong to: the distance from its own
-/// medoid divided by that from the nearest other medoid.
+/// The uncertainty of a behaviour (see [`by_uncertainty`]), 0 to 1, and the other cluster that the behaviour might belong to.
 fn uncertainty(behaviours: &Behaviours, clustering: &Clustering, index: usize) -> (f64, Option<usize>) {
     let own = clustering.clusters[index] as usize;
     let others = clustering.medoids.iter().enumerate();

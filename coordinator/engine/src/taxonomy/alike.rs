@@ -3,22 +3,23 @@
 use super::Taxonomy;
 use murmuration_swarm::Scale;
 
-/// Two clusters of a taxonomy that touch: the distance of their medoids is less than the sum of the mean distances of both
-/// clusters' members to their medoids. So no gap separates them, and they may be two halves of one behaviour. The ratio of this sum
-/// to the distance is the similarity of Davies and Bouldin, *A cluster separation measure*, 1979; here it is above 1.
+/// Two clusters of a taxonomy that touch: the distance of their medoids is less than the sum of the clusters' mean distances. No
+/// gap separates two such clusters, so they may be two halves of one behaviour. The ratio of this sum to the distance of the
+/// medoids is the similarity of Davies and Bouldin, *A cluster separation measure*, 1979. For clusters that touch, the ratio is
+/// above 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Alike {
     /// The place of the larger cluster.
     pub one: usize,
     /// The place of the smaller cluster.
     pub other: usize,
-    /// The distance of their medoids, in units of the behaviour space.
+    /// The distance between the two medoids, in units of the behaviour space.
     pub distance: f64,
 }
 
 impl Taxonomy {
-    /// The pairs of clusters whose medoids are alike, nearest first. Only for the current taxonomy: the space of former versions no
-    /// longer exists.
+    /// The pairs of clusters whose medoids are alike, nearest first. Call this only for the current taxonomy: the behaviour
+    /// spaces of former versions no longer exist.
     pub fn alike(&self, scale: &Scale) -> Vec<Alike> {
         let places: Vec<Vec<f64>> = self
             .medoids
@@ -39,7 +40,7 @@ impl Taxonomy {
     }
 }
 
-/// Whether two clusters touch, by the distance of their medoids and the mean distances of their members to these.
+/// Whether two clusters touch, by the distance of their medoids and the mean distance of each cluster.
 pub fn touch(distance: f64, [one, other]: [f64; 2]) -> bool {
     distance < one + other
 }
@@ -57,7 +58,7 @@ mod tests {
     use murmuration_store::Trial;
     use murmuration_swarm::BehaviourSpace;
 
-    /// A taxonomy with medoids at these first features, and these mean distances of their members.
+    /// A taxonomy whose medoids have these first features and whose clusters have these mean distances.
     fn taxonomy(medoids: &[(f64, f64)]) -> Taxonomy {
         let medoid = |(index, &(at, mean_distance)): (u64, &(f64, f64))| Medoid {
             individual: crate::still(index, 0).with_trial(Trial {
@@ -78,7 +79,7 @@ mod tests {
 
     #[test]
     fn medoids_are_alike_where_their_clusters_touch() {
-        // The distance of the third and the fourth equals the sum of their widths: a gap of zero is a gap.
+        // The distance between the third and the fourth medoid equals the sum of their mean distances: a gap of zero is a gap.
         let taxonomy = taxonomy(&[(0.0, 0.5), (1.5, 1.25), (9.0, 1.0), (10.5, 0.5), (0.5, 0.25)]);
         let found = taxonomy.alike(&Scale::unscaled(BehaviourSpace::Features));
         let found: Vec<_> = found

@@ -19,7 +19,7 @@ use murmuration_store::{ArchivedIndividual, ClusterMeasures, Store, StoreError, 
 use murmuration_swarm::{CampaignSpec, Choice, Scale};
 use std::collections::BTreeMap;
 
-/// Clusters the archive of a campaign as its specification says. `told` gets the progress.
+/// Clusters the archive of a campaign by the campaign's specification. `told` gets the progress.
 pub(crate) fn cluster(
     store: &Store,
     record: &CampaignRecord,
@@ -35,20 +35,20 @@ pub(crate) fn cluster(
     Ok(medoids::choose(spec, behaviours, &labelled, interrupt, told)?)
 }
 
-/// One behaviour: the individual at the centre of a cluster.
+/// One behaviour: the individual that represents a cluster.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Medoid {
     /// The individual, with its picture.
     pub individual: ArchivedIndividual,
-    /// Number of individuals in its cluster, itself included.
+    /// Number of individuals in the medoid's cluster, including the medoid.
     pub cluster_size: u64,
-    /// Mean distance of the cluster's members to it, in units of the behaviour space.
+    /// Mean distance of the cluster, in units of the behaviour space.
     pub mean_distance: f64,
-    /// Mean distance to its nearest neighbours in the whole archive, in units of the behaviour space.
+    /// Mean distance of the medoid to its nearest neighbours in the whole archive, in units of the behaviour space.
     pub novelty: f64,
 }
 
-/// The behaviours found, largest cluster first.
+/// The behaviours that a campaign found, largest cluster first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Taxonomy {
     /// One medoid per cluster.
@@ -57,13 +57,12 @@ pub struct Taxonomy {
     pub clusters: Vec<u32>,
     /// Sum over the archive of the distance to the nearest medoid.
     pub loss: f64,
-    /// For each individual by index, the number of its trials to which no other medoid is nearer than its own; empty if
-    /// individuals have one trial.
+    /// The number of robust trials of each individual by index, see [`robust_trials`]; empty if individuals have one trial.
     pub robust_trials: Vec<u8>,
 }
 
 impl Taxonomy {
-    /// Reads the taxonomy of a campaign; `None` if it is not completed.
+    /// Reads the taxonomy of a campaign; `None` if the campaign is not completed.
     ///
     /// # Errors
     /// If the store cannot be read, or lacks an individual of the taxonomy.
@@ -78,7 +77,7 @@ impl Taxonomy {
             .transpose()
     }
 
-    /// Reads any version of the taxonomy of a campaign; `None` if there is no version of that number.
+    /// Reads any version of the taxonomy of a campaign; `None` if there is no version of this number.
     pub fn read_version(
         store: &Store,
         campaign: &CampaignId,
@@ -121,8 +120,9 @@ impl Taxonomy {
     }
 }
 
-/// The number of an individual's trials to which no other medoid is nearer than its own. `behaviours` are those of the archive;
-/// `medoids` are the medoids' indices, and `own` is the place of the individual's own.
+/// The number of an individual's robust trials: trials that are at least as near to the individual's own medoid as to every other
+/// medoid. `behaviours` are the behaviours of the archive. `medoids` are the indices of the medoids, and `own` is the place of
+/// the individual's own medoid.
 pub fn robust_trials(
     individual: &ArchivedIndividual,
     scale: &Scale,
@@ -141,7 +141,7 @@ pub fn robust_trials(
     individual.trials.iter().filter(is_own).count() as u8
 }
 
-/// Measures the clusters of an archive. `neighbours` is the k of novelty.
+/// Measures the clusters of an archive. `neighbours` is the number of nearest neighbours that novelty uses.
 pub fn measure(
     behaviours: &Behaviours,
     clustering: &Clustering,

@@ -1,5 +1,5 @@
-//! Names of clusters. A person names a medoid, which is a label. When the campaign has learned, the name moves to the cluster that
-//! holds the majority of the named cluster's members. Names are not stored: they follow from labels and versions.
+//! Names of clusters. A person names a medoid, which is a label. When the campaign has learned from labels, the name moves to the
+//! cluster that holds the majority of the named cluster's members. Names are not stored: they follow from labels and versions.
 
 use super::Change;
 use murmuration_model::{
@@ -18,18 +18,18 @@ pub struct ClusterName {
 /// Where the name of a cluster comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Origin {
-    /// A person gave it to the medoid.
+    /// A person gave the name to the medoid.
     Person,
-    /// Only the rule-based judge gave it to the medoid.
+    /// Only the rule-based judge gave the name to the medoid.
     Judge,
-    /// It was carried over from a cluster of an earlier version.
+    /// The name was carried over from a cluster of an earlier version.
     Carried {
         version: u32,
-        /// The place of the cluster in that version.
+        /// The place of the earlier cluster in that version.
         place: usize,
-        /// Number of that cluster's members in this cluster.
+        /// Number of members that the earlier cluster and this cluster share.
         shared: u64,
-        /// Number of all its members.
+        /// Number of the earlier cluster's members that this version still has.
         of: u64,
     },
 }
@@ -37,9 +37,9 @@ pub enum Origin {
 /// The names of a version's clusters.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Names {
-    /// The name of each cluster, by place; `None` if it has none.
+    /// The name of each cluster, by place; `None` if the cluster has no name.
     pub names: Vec<Option<ClusterName>>,
-    /// The names of the version before that no cluster of this version has, by their places there.
+    /// Names of the previous version that were not carried over to this version, in the order of their places.
     pub uncarried: Vec<Uncarried>,
 }
 
@@ -47,7 +47,7 @@ pub struct Names {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Uncarried {
     pub class: ClassName,
-    /// The place of its cluster in the version before.
+    /// The place of the named cluster in the previous version.
     pub place: usize,
     pub why: NotCarried,
 }
@@ -55,16 +55,16 @@ pub struct Uncarried {
 /// Why a name was not carried over.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum NotCarried {
-    /// No cluster holds more than half of its cluster's members.
+    /// No cluster holds more than half of the named cluster's members.
     Spread {
-        /// The cluster with most of these members.
+        /// The cluster with most of the named cluster's members.
         most_in: Option<usize>,
-        /// Number of these members in that cluster.
+        /// Number of the named cluster's members in `most_in`.
         shared: u64,
-        /// Number of these members in total.
+        /// Number of the named cluster's members that this version still has.
         of: u64,
     },
-    /// The cluster that holds the majority has another name: one by a person, or one that comes with more members.
+    /// The cluster that holds the majority has another name: a person's name, or a name that comes with more members.
     Outdone {
         /// The cluster that holds the majority.
         place: usize,
@@ -91,9 +91,10 @@ impl Names {
         }
     }
 
-    /// The names of a later version with the medoids `medoids`; `self` has the names of `version`, the version before. A name moves
-    /// to the cluster with the majority of its members, unless a person gave that cluster another name. If two names meet there,
-    /// the one with more members stays. The judge's names are not carried over, because the judge names each version anew.
+    /// The names of a later version with the medoids `medoids`; `self` has the names of `version`, the previous version. A name
+    /// moves to the cluster that holds the majority of the named cluster's members, unless a person gave that cluster another
+    /// name. If two names move to one cluster, the name with more members stays. The judge's names are not carried over, because
+    /// the judge names each version anew.
     pub fn carried(
         &self,
         version: u32,
@@ -156,8 +157,8 @@ impl Names {
         }
     }
 
-    /// The names of the last of `versions` of a campaign's taxonomy, oldest first: the labels of their medoids, carried over from
-    /// each version to the next.
+    /// The cluster names of the last of `versions` of a campaign's taxonomy, oldest version first. A medoid's label is the name
+    /// of its cluster, and names are carried over from each version to the next.
     pub fn read(
         store: &Store,
         campaign: &CampaignId,
@@ -183,7 +184,7 @@ impl Names {
         Ok(names)
     }
 
-    /// The names of the current taxonomy; empty if there is none.
+    /// The names of the current taxonomy; empty if there is no taxonomy.
     pub fn standing(store: &Store, campaign: &CampaignId) -> Result<Self, StoreError> {
         let versions = store.taxonomy_versions(campaign)?;
         match versions.last() {
@@ -212,7 +213,7 @@ mod tests {
         given.collect()
     }
 
-    /// The names of these clusters, after two clusters of three and two members with the names ring and pair.
+    /// The names of later clusters with these members. The earlier clusters were `ring` with three members and `pair` with two.
     fn after(members: &[u32], medoids: &[u64], message: &[(u64, &str, bool)]) -> Names {
         let before = Names::first(&[0, 3], &given(&[(0, "ring", false), (3, "pair", false)]));
         let change = Change::between(&stored(2, &[0, 0, 0, 1, 1]), &stored(medoids.len(), members));

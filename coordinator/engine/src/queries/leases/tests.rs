@@ -1,4 +1,4 @@
-//! No holder gets another's query, in any order of events.
+//! No holder gets another holder's query, in any order of events.
 
 use super::*;
 use crate::queries::Reason;
@@ -89,7 +89,7 @@ fn no_token_holds_more_than_its_most_whatever_names_and_windows_it_gives() {
         let given = ask(&window(&format!("ana{place}"), Some(1)), 100);
         assert_eq!(given, (100 * place..100 * (place + 1)).collect::<Vec<_>>());
     }
-    // One more window takes the queries of the oldest, which then takes those of the next.
+    // One more window takes the queries of the oldest window, which then takes the queries of the next window.
     let further = ask(&window("ana-again", Some(1)), 100);
     assert_eq!(further, (0..100).collect::<Vec<_>>());
     assert_eq!(ask(&window("ana0", Some(1)), 100), (100..200).collect::<Vec<_>>());
@@ -121,7 +121,7 @@ fn what_nobody_answers_in_time_is_given_to_others() {
     table.now += QUERY_LEASE_TIME - Duration::from_secs(1);
     assert_eq!(table.ask(&ana, 'a', 1), [0]);
     table.now += Duration::from_secs(2);
-    // Index 0 was renewed, 1 was returned.
+    // The query of index 0 was renewed, and the query of index 1 was returned.
     assert_eq!(table.ask(&ben, 'a', 2), [1, 2]);
     table.now += QUERY_LEASE_TIME;
     assert_eq!(table.ask(&ana, 'a', 3), [0, 1, 2]);

@@ -10,7 +10,7 @@ use murmuration_store::{ClusterMeasures, DataDirectory, GenerationRecord, Proven
 use murmuration_swarm::CampaignSpec;
 use std::collections::BTreeSet;
 
-/// A running campaign with generations of ten.
+/// A running campaign with generations of ten individuals.
 struct Campaign {
     _folder: tempfile::TempDir,
     store: Store,
@@ -143,7 +143,7 @@ async fn clusters_are_there_while_the_archive_grows_and_are_the_taxonomys_in_the
     assert_eq!((first.clustering.clusters.len(), first.is_taxonomy), (80, false));
     (8..10).for_each(|generation| campaign.grow(generation));
     assert!(Arc::ptr_eq(&clusters(), &first));
-    // Questions by medoids begin with those on the sheet.
+    // Questions by medoids begin with the medoids on the contact sheet.
     let medoids: BTreeSet<usize> = first.clustering.medoids.iter().copied().collect();
     assert!(
         campaign
@@ -275,7 +275,7 @@ async fn what_was_forgotten_is_made_again_and_the_same_is_asked() {
             let again = clusters(&ids[place]);
             assert_eq!(again, clustered[place]);
             assert!(!Arc::ptr_eq(&again, &clustered[place]), "it was kept");
-            // No more than the last one made.
+            // At most the last result that was made is kept.
             let heaviest = 40 * (5 * 8 + 4) + 40 * 8 + 256;
             assert!(campaign.queries.clusters.bytes() <= heaviest);
             assert!(campaign.queries.rankings.bytes() <= 40 * size_of::<Query>() + 256);

@@ -56,7 +56,7 @@ fn a_single_cluster_has_no_border() {
     assert_eq!(ranking[2].reason.to_string(), "in cluster 1");
 }
 
-/// If these change, so do the questions that people get.
+/// If this order changes, people get other questions.
 #[test]
 fn the_lot_is_the_same_for_ever() {
     assert_eq!(
@@ -66,7 +66,7 @@ fn the_lot_is_the_same_for_ever() {
 }
 
 fn points() -> impl Strategy<Value = Vec<[f64; 2]>> {
-    // Few distinct values, so that some coincide.
+    // The coordinates have few distinct values, so that some points coincide.
     let coordinate = || (0..6i32).prop_map(f64::from);
     prop::collection::vec((coordinate(), coordinate()).prop_map(|(x, y)| [x, y]), 0..40)
 }
