@@ -8,8 +8,8 @@ In the folder of the repository, with a coordinator that listens with TLS at swa
     export PYTHONPATH=. MURMURATION_TOKEN_FILE=operator.token
     python examples/python/submit_and_watch.py swarm.example:7700 certs/ca.pem
 
-docs/security.md shows how to make the certificates, the coordinator that uses them, and an operator's token.
-Prints a line for every change, then the campaign's id and the digest of its archive.
+docs/security.md shows how to make the certificates, the coordinator that uses them, and an operator's token. The script
+prints a line for every change, then the campaign's id and the digest of its archive.
 """
 
 import os
