@@ -1,4 +1,4 @@
-//! `README.md`: what the files and their columns mean. The columns are described once, where the tables are written.
+//! `README.md`: what the files and their columns mean. The code that writes a table describes its columns.
 
 use crate::{
     CHECKPOINTS, DATABASE, DATASHEET, GENERATIONS, INDIVIDUALS, LABELS, PICTURES, TAXONOMY,

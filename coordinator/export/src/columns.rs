@@ -7,9 +7,9 @@ use arrow_schema::{DataType, Field, Schema};
 use parquet::{arrow::ArrowWriter, basic::Compression, file::properties::WriterProperties};
 use std::{collections::HashMap, fs::File, path::Path, sync::Arc};
 
-/// Most rows of a row group.
+/// Maximum number of rows of a row group.
 const ROWS: usize = 16_384;
-/// Most bytes of a row group as arrays, neither encoded nor compressed: the writer holds one in memory.
+/// Maximum size of a row group in memory, in bytes, neither encoded nor compressed. The writer holds one row group in memory.
 const GROUP_BYTES: usize = 16 << 20;
 
 /// A column without nulls.
@@ -24,11 +24,11 @@ pub(crate) fn list_of(kind: DataType) -> DataType {
 
 /// Description of a column, and the unit of its numbers.
 pub(crate) trait Described {
-    /// The same column, described.
+    /// This column, with `about` as its description.
     fn about(self, about: &str) -> Self;
-    /// The same column, with the unit of its numbers.
+    /// This column, with the unit of its numbers.
     fn unit(self, unit: &str) -> Self;
-    /// The same column, with the names of the numbers in its lists.
+    /// This column, with the names of the numbers in its lists.
     fn names(self, names: &[impl AsRef<str>]) -> Self;
 }
 
@@ -56,7 +56,7 @@ fn with(field: Field, key: &str, value: &str) -> Field {
     field.with_metadata(metadata)
 }
 
-/// The metadata of a column under `key`; empty if there are none.
+/// The metadata of a column under `key`; empty if the column has none under this key.
 pub(crate) fn metadata(field: &Field, key: &str) -> String {
     field
         .metadata()
@@ -65,14 +65,14 @@ pub(crate) fn metadata(field: &Field, key: &str) -> String {
         .unwrap_or_default()
 }
 
-/// Lists of `width` numbers each, one after the other in `values`.
+/// Lists of `width` numbers each; `values` has the numbers of the lists, one list after the other.
 pub(crate) fn lists(values: ArrayRef, rows: usize, width: usize) -> ListArray {
     let field = Arc::new(Field::new_list_field(values.data_type().clone(), false));
     let offsets = OffsetBuffer::from_lengths(std::iter::repeat_n(width, rows));
     ListArray::new(field, offsets, values, None)
 }
 
-/// A column of lists of `width` numbers each, or of nulls if `width` is 0.
+/// A column of lists of `width` numbers each; if `width` is 0, a column of nulls.
 pub(crate) fn lists_or_nulls<T: ArrowPrimitiveType>(
     values: Vec<T::Native>,
     rows: usize,
@@ -101,7 +101,7 @@ impl TableWriter {
         let file = File::create_new(path).map_err(ExportError::file("write", path))?;
         let properties = WriterProperties::builder()
             .set_compression(Compression::ZSTD(parquet::basic::ZstdLevel::default()))
-            // `add` bounds the bytes of a row group: the library would count compressed ones.
+            // `add` bounds the bytes of a row group, because the library's limit would count compressed bytes.
             .set_max_row_group_row_count(Some(ROWS))
             .build();
         let schema = Arc::new(schema);
@@ -114,7 +114,7 @@ impl TableWriter {
         })
     }
 
-    /// Adds rows, column by column. Rows of a table are about equally long.
+    /// Adds rows, given as columns. Assumes that all rows of a table are about equally long.
     pub(crate) fn add(&mut self, columns: Vec<ArrayRef>) -> Result<(), ExportError> {
         let rows = RecordBatch::try_new(Arc::clone(&self.schema), columns)
             .map_err(ExportError::uneven(&self.path))?;
@@ -134,7 +134,7 @@ impl TableWriter {
         Ok(())
     }
 
-    /// Writes the end of the table, which is on disk when this returns.
+    /// Writes the end of the table. The table is on disk when this function returns.
     pub(crate) fn finish(self) -> Result<(), ExportError> {
         let path = self.path;
         let file = self.writer.into_inner().map_err(ExportError::unwritten(&path))?;

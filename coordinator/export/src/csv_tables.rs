@@ -1,5 +1,5 @@
-//! The same tables as CSV, as far as values fit in cells: a header, then numbers that read back exactly, and names as spreadsheets
-//! can open them. The individuals come without their trials; of the label log, only the standing answers.
+//! The tables of an export as CSV: a header, numbers that can be read again exactly, and names that spreadsheets can open. Values
+//! that do not fit in a cell are left out: the trials of individuals, and entries of the label log that are not standing answers.
 
 use crate::{ExportError, IndividualTable};
 use csv::Writer;
@@ -40,7 +40,7 @@ impl CsvTables {
         })
     }
 
-    /// Adds individuals with the classes that they have.
+    /// Adds individuals to the table; `classes` has the classes of those that were labelled.
     pub(crate) fn add_individuals(
         &mut self,
         members: &[Member],
@@ -55,8 +55,8 @@ impl CsvTables {
         Ok(())
     }
 
-    /// Writes the other tables. The table of labels has the standing answers, with the columns that a label file must have; the
-    /// columns that `murmuration labels --csv` adds are in the table of individuals.
+    /// Writes every table except that of the individuals. The table of labels has the standing answers, with the columns that a
+    /// label file must have; the columns that `murmuration labels --csv` adds are in the table of individuals.
     pub(crate) fn add_small_tables(
         &mut self,
         folder: &Path,
@@ -119,7 +119,7 @@ impl CsvTables {
         Ok(())
     }
 
-    /// The names of the files, which are all on disk when this returns.
+    /// The names of the files. All files are on disk when this function returns.
     pub(crate) fn finish(self) -> Result<Vec<String>, ExportError> {
         let file = self.individuals.finish();
         file.and_then(|file| file.sync_all())

@@ -114,7 +114,8 @@ fn proposed(campaign: &ExportedCampaign, checkpoints: &[CheckpointRecord]) -> St
     }
 }
 
-/// The network that embeds an archive, from its lineage, because a campaign may have moved to one that its method does not name.
+/// Describes the network that embeds an archive. The description follows the network's lineage, because a campaign can have moved
+/// to a network that its method does not name.
 fn network(
     method: Method,
     checkpoint: Option<CheckpointDigest>,
@@ -123,7 +124,7 @@ fn network(
     let of = |digest| checkpoints.iter().find(|record| record.digest == digest);
     let newest = checkpoint.and_then(of);
     let mut lineage = iter::successors(newest, |record| record.lineage.parent.and_then(of))
-        // Stops after as many as there are, because a lineage in a circle has no end.
+        // Stops after as many checkpoints as the export has, because a lineage in a circle has no end.
         .take(checkpoints.len())
         .map(|record| &record.lineage);
     if lineage.any(|lineage| !lineage.label_digest.is_empty()) {

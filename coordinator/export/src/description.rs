@@ -1,4 +1,4 @@
-//! `campaign.json`, and the description of each checkpoint: everything that is in no table.
+//! `campaign.json` and the description of each checkpoint: the facts that no table has.
 
 use crate::CHECKPOINTS;
 use murmuration_proto::v1;
@@ -15,7 +15,7 @@ pub(crate) const FORMAT: u32 = 1;
 pub(crate) struct Description {
     /// Version of the format of the folder.
     pub(crate) format: u32,
-    /// The version of Murmuration that wrote it.
+    /// The version of Murmuration that wrote the folder.
     pub(crate) murmuration: String,
     campaign: String,
     state: String,
@@ -30,14 +30,14 @@ pub(crate) struct Description {
     checkpoint: Option<String>,
     next_checkpoint: Option<String>,
     generations: u32,
-    /// Individuals of the archive.
+    /// Number of individuals of the archive.
     pub(crate) individuals: u64,
     label_entries: u64,
     /// The digest of the archive, as `murmuration digest` prints it.
     pub(crate) digest: String,
     /// The digest of the current classes.
     pub(crate) label_digest: String,
-    /// Sum of the distances of all individuals to their medoids; of a completed campaign.
+    /// Sum of the distances of all individuals to their medoids, if the campaign has completed.
     pub(crate) loss: Option<f64>,
     /// The checkpoints, parents first.
     pub(crate) checkpoints: Vec<String>,
@@ -89,7 +89,7 @@ struct CheckpointDescription {
     configuration: String,
     metrics: BTreeMap<String, f64>,
     created_ms: u64,
-    /// The first eight bytes of the digest of each picture that it learned with a class, hexadecimal.
+    /// The first eight bytes, hexadecimal, of the digest of each picture that the checkpoint learned with a class.
     labelled: Vec<String>,
 }
 
@@ -122,6 +122,6 @@ pub(crate) fn checkpoint_to_json(record: &CheckpointRecord) -> String {
 
 /// A document as a text of several lines.
 pub(crate) fn to_json(document: &impl Serialize) -> String {
-    // Cannot fail: all keys of these documents are strings.
+    // Writing JSON cannot fail here, because all keys of these documents are strings.
     serde_json::to_string_pretty(document).unwrap_or_default() + "\n"
 }

@@ -1,4 +1,4 @@
-//! `BLAKE3SUMS`: the digest of every file of an export, a line each, as `b3sum --check` reads them.
+//! `BLAKE3SUMS`: the digest of every file of an export, one per line, in the format of `b3sum --check`.
 
 use crate::{CAMPAIGN, DATABASE, ExportError, SPEC};
 use murmuration_files::{digest_of, listed_file};
@@ -9,9 +9,9 @@ use std::{
     path::Path,
 };
 
-/// The name of the list.
+/// The file name of the list of digests.
 pub(crate) const FILE: &str = "BLAKE3SUMS";
-/// Most bytes of the list: some 1,000 checkpoints with their descriptions.
+/// Maximum size of the list in bytes: room for the digests of more than 1,000 checkpoints and their descriptions.
 const MAX_BYTES: u64 = 1 << 20;
 
 /// The digests of the files of a folder, by path within it.
@@ -19,14 +19,14 @@ const MAX_BYTES: u64 = 1 << 20;
 pub(crate) struct Digests(BTreeMap<String, blake3::Hash>);
 
 impl Digests {
-    /// Adds a file that has been written.
+    /// Adds the digest of a file that has been written.
     pub(crate) fn add(&mut self, folder: &Path, name: &str) -> Result<(), ExportError> {
         let digest = digest(&folder.join(name))?;
         self.0.insert(name.to_owned(), digest);
         Ok(())
     }
 
-    /// The files that are listed, in alphabetical order.
+    /// The names of the listed files, in alphabetical order.
     pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
         self.0.keys().map(String::as_str)
     }
@@ -87,8 +87,8 @@ impl Digests {
     }
 }
 
-/// Whether a folder holds an unchanged export and nothing else: only the listed files, and the folders that they are in. A list
-/// that a user made of their own files does not count.
+/// Whether a folder holds an unchanged export and nothing else: only the listed files, and the folders of these files. A folder
+/// of other files with a list of their digests is no export.
 ///
 /// # Errors
 /// If the folder cannot be read.

@@ -1,4 +1,4 @@
-//! Why a folder cannot be written or read.
+//! Why the folder of an export cannot be written or read.
 
 use arrow_schema::ArrowError;
 use murmuration_store::transfer::Unsound;
@@ -10,7 +10,7 @@ use std::{
 };
 use zip::result::ZipError;
 
-/// Why nothing was exported, or a folder cannot be imported.
+/// Why no campaign was exported, or why a folder cannot be imported.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// A file or folder cannot be used.
@@ -18,33 +18,33 @@ pub enum ExportError {
     File {
         /// The failed operation.
         doing: &'static str,
-        /// Its file or folder.
+        /// The file or folder of the failed operation.
         path: PathBuf,
         /// Error of the system.
         source: io::Error,
     },
-    /// Something is there already.
+    /// The folder for the export is not empty.
     #[error("{0} is not empty: name a new folder, or replace an export with --force")]
     NotEmpty(PathBuf),
-    /// The existing folder or file may not be replaced.
+    /// The existing folder cannot be replaced, because it is not an unchanged export.
     #[error(
         "{0} holds something besides an export, or files of one that were changed, which --force does not replace: name a new folder"
     )]
     NoExport(PathBuf),
-    /// An export in the folder that the process is in would be replaced.
+    /// The export would replace the current folder of the process, or a folder above it.
     #[error("{0} is the working folder, or has it in it, and cannot be replaced: go to another folder first")]
     WorkingFolder(PathBuf),
-    /// A former export has lost its name, and the new one has not got it.
+    /// The former export has lost its name, but the new export did not get this name.
     #[error("cannot write {target}: {source}; the export that was there is in {old}")]
     Aside {
-        /// Where the former export is.
+        /// The path of the former export.
         old: PathBuf,
-        /// Its name.
+        /// The name that the former export had.
         target: PathBuf,
         /// Error of the system.
         source: io::Error,
     },
-    /// The folder, or a file in it, is not as an export writes it.
+    /// The folder, or a file in it, differs from what an export writes.
     #[error("{path}: {reason}")]
     Damaged {
         /// The folder or file.
@@ -58,7 +58,7 @@ pub enum ExportError {
 }
 
 impl ExportError {
-    /// The reason may quote a file, which may contain anything.
+    /// Makes the reason one line of plain text, because it can quote a file, which can contain anything.
     pub(crate) fn damaged(path: &Path, reason: impl ToString) -> Self {
         Self::Damaged {
             path: path.to_path_buf(),
@@ -79,7 +79,7 @@ impl ExportError {
             doing: "write",
             path: path.clone(),
             source: match error {
-                // The library's message would show the system's error as a Rust value.
+                // The message of the Parquet library would show the system's error as a Rust value.
                 ParquetError::External(error) => match error.downcast::<io::Error>() {
                     Ok(error) => *error,
                     Err(error) => io::Error::other(error),

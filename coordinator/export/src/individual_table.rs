@@ -12,8 +12,8 @@ use std::{
     mem,
 };
 
-/// The table of an archive's individuals, with a header: numbers that read back exactly, and classes as spreadsheets can open them.
-/// The columns have the names of those of a report's archive.
+/// The table of an archive's individuals, with a header. Its numbers can be read again exactly, and spreadsheets can open its
+/// classes. Its columns have the same names as those of `archive.csv` in a report.
 pub struct IndividualTable<W: Write> {
     table: Writer<W>,
     genes: Vec<String>,
@@ -30,7 +30,7 @@ impl<W: Write> IndividualTable<W> {
         }
     }
 
-    /// Adds an individual with the place of its cluster, from 0, and its class, if it has them.
+    /// Adds an individual with the place of its cluster, from 0, and its class; either can be missing.
     ///
     /// # Errors
     /// If it cannot be written.
@@ -57,7 +57,7 @@ impl<W: Write> IndividualTable<W> {
         Ok(())
     }
 
-    /// Adds the header, unless it is there.
+    /// Adds the header, unless the table has its header already.
     fn add_header(&mut self, dimensions: usize) -> io::Result<()> {
         if mem::replace(&mut self.has_header, true) {
             return Ok(());
@@ -69,8 +69,8 @@ impl<W: Write> IndividualTable<W> {
         Ok(())
     }
 
-    /// Writes the rest, and returns the writer. A table without individuals has its header, but no columns of embeddings, whose
-    /// number is not known.
+    /// Writes the rest of the table, and returns the writer. A table without individuals has a header without columns of
+    /// embeddings, because their number is not known.
     ///
     /// # Errors
     /// If it cannot be written.
@@ -82,7 +82,7 @@ impl<W: Write> IndividualTable<W> {
 }
 
 impl IndividualTable<Vec<u8>> {
-    /// Takes the bytes written since the last call.
+    /// Takes the bytes that were written since the last call.
     ///
     /// # Errors
     /// Never: writing to memory cannot fail.

@@ -1,4 +1,4 @@
-//! The table of individuals, a row each; pictures are beside it.
+//! The table of individuals, with one row per individual; another file has the pictures.
 
 use crate::{
     ExportError,
@@ -64,7 +64,7 @@ fn trial_columns() -> Fields {
     ])
 }
 
-/// Adds individuals to the table, with the classes that they have.
+/// Adds individuals to the table; `classes` has the classes of those that were labelled.
 pub(crate) fn write(
     table: &mut TableWriter,
     members: &[Member],

@@ -35,7 +35,7 @@ pub(crate) fn columns() -> Schema {
     ])
 }
 
-/// An action in four columns.
+/// The action of an entry of the label log, in four columns.
 struct Row {
     action: &'static str,
     index: Option<u64>,
@@ -66,7 +66,7 @@ impl Row {
     }
 }
 
-/// Writes the table of a campaign's log.
+/// Writes the table of a campaign's label log.
 pub(crate) fn write(path: &Path, campaign: &ReceivedCampaign) -> Result<(), ExportError> {
     let mut table = TableWriter::create(path, columns())?;
     let stand: BTreeSet<u64> = campaign.labels().standing().map(|label| label.entry).collect();

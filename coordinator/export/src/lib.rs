@@ -1,7 +1,8 @@
-//! The folder that a campaign is exported to: its database, which is what an import reads, and the same as Parquet, NPZ, ONNX, TOML
-//! and JSON, with a page about the columns and a datasheet.
+//! The folder that a campaign is exported to. An import reads the campaign's database in this folder. The folder also has the
+//! same data as Parquet, NPZ, ONNX, TOML and JSON, a page about the columns, and a datasheet.
 //!
-//! Data in, files out: reads neither a store nor the network. A folder appears under its name once it is whole.
+//! This crate receives data and writes files; it reads neither a data directory nor the network. A folder gets its name once all
+//! its files are written.
 
 mod about;
 mod checked;
@@ -27,25 +28,25 @@ pub use error::ExportError;
 pub use individual_table::IndividualTable;
 pub use writer::{Exported, NewFolder};
 
-/// Everything, as a database of SQLite.
+/// The whole campaign, as an SQLite database.
 const DATABASE: &str = "campaign.sqlite";
-/// The specification, TOML.
+/// The specification, as TOML.
 const SPEC: &str = "spec.toml";
-/// Everything else of the campaign itself, JSON.
+/// The facts about the campaign that no table has, as JSON.
 const CAMPAIGN: &str = "campaign.json";
-/// One row an individual.
+/// The table of individuals.
 const INDIVIDUALS: &str = "individuals.parquet";
-/// One row a generation.
+/// The table of generations.
 const GENERATIONS: &str = "generations.parquet";
-/// One row an entry of the label log.
+/// The table of entries of the label log.
 const LABELS: &str = "labels.parquet";
-/// One row a medoid; of a completed campaign.
+/// The table of medoids, if the campaign has completed.
 const TAXONOMY: &str = "taxonomy.parquet";
-/// One array, `pictures`.
+/// The pictures, as the array `pictures`.
 const PICTURES: &str = "pictures.npz";
 /// The folder of the checkpoints, each with its description.
 const CHECKPOINTS: &str = "checkpoints";
-/// Meaning of the files and columns.
+/// The page about the files and columns.
 const README: &str = "README.md";
-/// Where the data come from, and what they are for.
+/// The datasheet: where the data come from, and what they are for.
 const DATASHEET: &str = "DATASHEET.md";

@@ -1,6 +1,7 @@
 //! `pictures.npz`: NumPy's archive of one array of grey values, written picture by picture.
 //!
-//! A picture is stored column by column (`x * side + y`); in the array its rows go from the top down, as plots show them.
+//! An archive stores a picture column by column (`x * side + y`). The array has the picture row by row, from the top down, as
+//! plots show pictures.
 
 use crate::ExportError;
 use murmuration_swarm::{CampaignSpec, PictureShape};
@@ -11,7 +12,7 @@ use std::{
 };
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
-/// The file of the array in the archive; NumPy calls it `pictures`.
+/// The name of the array's file in the ZIP archive; NumPy calls this array `pictures`.
 const ARRAY: &str = "pictures.npy";
 
 /// The shape of the array: individuals, starts if there are several, channels if there are several, rows, columns.
@@ -31,7 +32,7 @@ pub(crate) fn shape(spec: &CampaignSpec, individuals: u64) -> Vec<u64> {
 fn header(shape: &[u64]) -> Vec<u8> {
     let sizes = shape.iter().map(u64::to_string).collect::<Vec<_>>().join(", ");
     let text = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({sizes}), }}");
-    // The header before the numbers is a multiple of 64 bytes long, and ends with a new line.
+    // The length of the header before the numbers is a multiple of 64 bytes, and the header ends with a line break.
     let unpadded = 10 + text.len() + 1;
     let padding = unpadded.next_multiple_of(64) - unpadded;
     let text = format!("{text}{}\n", " ".repeat(padding));
@@ -41,7 +42,7 @@ fn header(shape: &[u64]) -> Vec<u8> {
     header
 }
 
-/// A picture's rows from its columns.
+/// A picture row by row, from a picture column by column.
 fn transposed(picture: &[u8], shape: PictureShape) -> Vec<u8> {
     let side = shape.side();
     let mut rows = Vec::with_capacity(picture.len());
@@ -53,7 +54,7 @@ fn transposed(picture: &[u8], shape: PictureShape) -> Vec<u8> {
     rows
 }
 
-/// An archive that is being written.
+/// A ZIP archive of pictures that is being written.
 pub(crate) struct PictureWriter {
     path: PathBuf,
     shape: PictureShape,
@@ -61,7 +62,7 @@ pub(crate) struct PictureWriter {
 }
 
 impl PictureWriter {
-    /// A new archive of the pictures of so many individuals of a campaign.
+    /// A new ZIP archive for the pictures of this number of individuals of a campaign.
     pub(crate) fn create(path: &Path, spec: &CampaignSpec, individuals: u64) -> Result<Self, ExportError> {
         let file = File::create_new(path).map_err(ExportError::file("write", path))?;
         let mut archive = ZipWriter::new(file);
@@ -89,7 +90,7 @@ impl PictureWriter {
             .map_err(ExportError::file("write", &self.path))
     }
 
-    /// Writes the end of the archive, which is on disk when this returns.
+    /// Writes the end of the ZIP archive. The archive is on disk when this function returns.
     pub(crate) fn finish(self) -> Result<(), ExportError> {
         let path = self.path;
         let file = self.archive.finish().map_err(ExportError::unzipped(&path))?;

@@ -1,4 +1,4 @@
-//! Fills the folder of an export in a temporary place, and gives it its name once it is whole.
+//! Makes the folder of an export under a temporary name, and gives it its own name once it is complete.
 
 use crate::{CHECKPOINTS, ExportError, digests};
 use murmuration_files::{UnfinishedFolder, remove_leftovers};
@@ -13,17 +13,19 @@ use std::{
 
 /// Prefix of a folder that is being filled.
 const PREFIX: &str = ".murmuration-export-";
-/// Extension of a former export that is being replaced, beside the new one. If one is left, the new one may not have got its name.
+/// Extension of a former export that is being replaced. If a folder with this extension remains, the new export possibly did not
+/// get its name.
 const REPLACED: &str = "replaced";
 
-/// The absolute path of an export, without links. It must be empty or not exist, unless an export there is to be replaced.
+/// The absolute path of an export, without links. The path must be an empty folder or not exist, unless `replaces` allows an
+/// export there.
 pub(crate) fn target(target: &Path, replaces: bool) -> Result<PathBuf, ExportError> {
     target_seen_from(&env::current_dir().unwrap_or_default(), target, replaces)
 }
 
 fn target_seen_from(current: &Path, target: &Path, replaces: bool) -> Result<PathBuf, ExportError> {
     let failed = ExportError::file("look into", target);
-    // Another folder cannot be renamed to `.` or to a link.
+    // Links are resolved first, because a folder cannot be renamed to `.` or to a link.
     let whole = match fs::canonicalize(target) {
         Ok(whole) => whole,
         Err(error) if error.kind() == io::ErrorKind::NotFound => target.to_path_buf(),
@@ -48,7 +50,8 @@ fn target_seen_from(current: &Path, target: &Path, replaces: bool) -> Result<Pat
     }
 }
 
-/// A new folder in the empty folder `target`, or else beside `target`. Removes the folders that ended processes left there.
+/// Makes a new folder in `target` if that is an empty folder, or else beside `target`. Removes folders that ended processes left
+/// in the same place.
 pub(crate) fn new_folder(target: &Path) -> Result<UnfinishedFolder, ExportError> {
     let folder_of_it =
         match is_empty(target).map_err(ExportError::file("look into", target))? && target.is_dir() {
@@ -66,7 +69,7 @@ fn parent(target: &Path) -> &Path {
     }
 }
 
-/// Gives a whole folder its name. Then removes the export that had the name, if it is to be replaced.
+/// Gives a complete folder its name. If `replaces` is set, it then removes the former export of that name.
 pub(crate) fn place(folder: UnfinishedFolder, target: &Path, replaces: bool) -> Result<(), ExportError> {
     let checkpoints = folder.path().join(CHECKPOINTS);
     if checkpoints.is_dir() {
@@ -79,7 +82,7 @@ pub(crate) fn place(folder: UnfinishedFolder, target: &Path, replaces: bool) -> 
     let (folder, _lock) = folder.keep();
     let placed = rename(&folder, target, replaces);
     if placed.is_err() {
-        // A half-written folder would block the next try, which reports it if it cannot be removed here.
+        // A folder that is left here would block the next export. If it cannot be removed here, the next export reports it.
         let _ = fs::remove_dir_all(&folder);
     }
     placed
@@ -94,7 +97,7 @@ fn move_up(folder: &Path, target: &Path) -> Result<(), ExportError> {
         .collect();
     let mut names = names.map_err(failed)?;
     names.sort_by_key(|name| name == digests::FILE);
-    // Another process may have put something there meanwhile.
+    // Another process can have written to the target meanwhile.
     if names
         .iter()
         .any(|name| target.join(name).symlink_metadata().is_ok())
@@ -105,7 +108,7 @@ fn move_up(folder: &Path, target: &Path) -> Result<(), ExportError> {
     for name in names {
         if let Err(error) = fs::rename(folder.join(&name), target.join(&name)) {
             for name in moved {
-                // Moved back, to be removed with the folder.
+                // The moved files go back into the folder, and are removed with the folder.
                 let _ = fs::rename(target.join(&name), folder.join(&name));
             }
             return Err(failed(error));
@@ -123,10 +126,10 @@ fn rename(folder: &Path, target: &Path, replaces: bool) -> Result<(), ExportErro
         return sync(parent(target));
     }
     if !replaces {
-        // Another export has been quicker.
+        // Another process has written to the target meanwhile.
         return Err(ExportError::NotEmpty(target.to_path_buf()));
     }
-    // Something may have been added to the old export meanwhile.
+    // A file can have been added to the old export meanwhile.
     if !digests::is_alone(target).unwrap_or(false) {
         return Err(ExportError::NoExport(target.to_path_buf()));
     }
@@ -142,9 +145,9 @@ fn rename(folder: &Path, target: &Path, replaces: bool) -> Result<(), ExportErro
             },
         });
     }
-    // The new one must be on disk under its name before the old one goes.
+    // The new export must be on disk under its name before the old export is removed.
     sync(parent(target))?;
-    // Its owner may have made it read-only.
+    // The owner can have made the old export read-only.
     for folder in [old.clone(), old.join(CHECKPOINTS)] {
         let _ = fs::set_permissions(folder, Permissions::from_mode(0o755));
     }
@@ -208,7 +211,7 @@ mod tests {
         let filled = new_folder(&target).unwrap();
         export_in(filled.path(), "new");
         place(filled, &target, false).unwrap();
-        // The folder itself stays: a shell in it keeps seeing its files, and a volume may be mounted there.
+        // The empty folder itself stays, because a shell can be in it, or a volume can be mounted on it.
         assert_eq!(fs::metadata(folder.path()).unwrap().ino(), before);
         assert!(digests::is_alone(folder.path()).unwrap());
     }
@@ -249,7 +252,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let target = folder.path().join("export");
         export_in(&target, "old");
-        // A folder that is not there cannot get a name.
+        // A folder that does not exist cannot be renamed.
         let failed = rename(&folder.path().join("gone"), &target, true).unwrap_err();
         assert!(matches!(failed, ExportError::File { .. }), "{failed}");
         assert_eq!(fs::read_to_string(target.join("README.md")).unwrap(), "old");

@@ -1,4 +1,4 @@
-//! Tests: an export is whole and can be imported, and a folder that was changed is refused.
+//! Tests that an export is complete and can be imported, and that a changed folder is refused.
 
 use super::*;
 use arrow_array::{Array as _, cast::AsArray as _, types::UInt64Type};
@@ -95,7 +95,7 @@ fn write(target: &Path, database: &[u8], with_csv: bool) -> Exported {
     folder.finish().unwrap()
 }
 
-/// Lists the digests again, as after a deliberate change of a file.
+/// Writes the list of digests again, as a person would who changed a file on purpose.
 fn list_again(folder: &Path, exported: &Exported) {
     let mut listed = digests::Digests::default();
     for name in exported.files.iter().filter(|name| *name != digests::FILE) {

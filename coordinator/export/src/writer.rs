@@ -1,4 +1,4 @@
-//! Writes the folder around the database of a campaign, and gives it its name once all of it is on disk.
+//! Writes the folder around the database of a campaign, and gives the folder its name once all its files are on disk.
 
 use crate::{
     CAMPAIGN, CHECKPOINTS, DATABASE, DATASHEET, ExportError, GENERATIONS, INDIVIDUALS, LABELS, PICTURES,
@@ -22,17 +22,17 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// The written export.
+/// An export that has been written.
 #[derive(Debug)]
 pub struct Exported {
     /// The folder.
     pub folder: PathBuf,
     pub campaign: ExportedCampaign,
-    /// The files, by path within the folder, in alphabetical order.
+    /// The paths of the files within the folder, in alphabetical order.
     pub files: Vec<String>,
 }
 
-/// A folder that is being filled, beside the place that it will have.
+/// The folder of an export that is being written, under a temporary name.
 pub struct NewFolder {
     target: PathBuf,
     folder: UnfinishedFolder,
@@ -42,11 +42,11 @@ pub struct NewFolder {
 }
 
 impl NewFolder {
-    /// Makes an empty folder that is to become `target`, which must be empty or not exist, unless an export in it is to be
-    /// replaced. `with_csv` adds every table as CSV.
+    /// Makes an empty folder that will become `target`. `target` must be an empty folder or not exist, unless `replaces` allows
+    /// an export in it. `with_csv` adds every table as CSV.
     ///
     /// # Errors
-    /// [`ExportError::NotEmpty`], [`ExportError::NoExport`], or if it cannot be made.
+    /// [`ExportError::NotEmpty`], [`ExportError::NoExport`], [`ExportError::WorkingFolder`], or if the folder cannot be made.
     pub fn create(target: &Path, with_csv: bool, replaces: bool) -> Result<Self, ExportError> {
         let target = placing::target(target, replaces)?;
         let folder = placing::new_folder(&target)?;
@@ -63,7 +63,7 @@ impl NewFolder {
     /// Writes the next bytes of the campaign's database.
     ///
     /// # Errors
-    /// If they cannot be written.
+    /// If the bytes cannot be written.
     pub fn add(&mut self, bytes: &[u8]) -> Result<(), ExportError> {
         let written = self.database.write_all(bytes);
         written.map_err(ExportError::file("write", &self.folder.path().join(DATABASE)))
@@ -72,8 +72,8 @@ impl NewFolder {
     /// Checks the database, writes the other files from it, and gives the folder its name.
     ///
     /// # Errors
-    /// [`ExportError::Answer`] if it is no database of a campaign, or if a file cannot be written; nothing is written to the target
-    /// then.
+    /// [`ExportError::Answer`] if the bytes are no database of a campaign, or an error if a file cannot be written. Except for
+    /// [`ExportError::Aside`], an error leaves `target` unchanged.
     pub fn finish(self) -> Result<Exported, ExportError> {
         let folder = self.folder.path();
         let database = folder.join(DATABASE);
@@ -103,7 +103,8 @@ impl NewFolder {
     }
 }
 
-/// Writes the individuals, their pictures, and every table as CSV if that is wanted. Returns the names of the files.
+/// Writes the table of individuals and their pictures and, if `with_csv` is set, every table as CSV. Returns the names of the
+/// files.
 fn write_archive(
     folder: &Path,
     campaign: &ReceivedCampaign,
@@ -183,7 +184,7 @@ fn write_texts(
     Ok(texts.map(|(name, _)| name.to_owned()).into())
 }
 
-/// Writes a text file, which is on disk when this returns.
+/// Writes a text file. The file is on disk when this function returns.
 fn write_text(folder: &Path, name: &str, text: &str) -> Result<(), ExportError> {
     write(folder, name, text.as_bytes())
 }
