@@ -1,5 +1,5 @@
-//! A folder of files that one command writes, such as a report. A list in the folder tells later commands which files are
-//! Murmuration's.
+//! A folder of files that one command writes, such as a report. A list in the folder names the files that Murmuration wrote, for
+//! later commands.
 
 use crate::{listed::digest_of, listed::listed_file, new_file::write_file, unfinished::UnfinishedFolder};
 use murmuration_swarm::counted;
@@ -15,35 +15,35 @@ use std::{
 const LIST: &str = ".murmuration-files";
 /// First line of the list.
 const EXPLANATION: &str = "# Files that murmuration wrote into this folder, each with its BLAKE3 digest. It replaces and removes no others.";
-/// Maximum length of the list in bytes: some 100,000 files.
+/// Maximum length of the list in bytes: enough for some 100,000 files.
 const MAX_LIST_BYTES: u64 = 16 << 20;
-/// Prefix of a folder that is being filled.
+/// Prefix of the name of a folder that is being filled.
 const UNFINISHED: &str = ".murmuration-unfinished-";
-/// Subfolder of the unfinished folder for the files that are replaced.
+/// Subfolder of the unfinished folder that keeps the replaced files.
 const FORMER: &str = ".former";
 /// Maximum number of files that an error names.
 const NAMED: usize = 8;
 
-/// A folder being filled. Its files lie in a hidden folder within it until [`Folder::finish`] gives them their names.
+/// A folder that is being filled. New files are in a hidden subfolder until [`Folder::finish`] moves them to their names.
 ///
-/// The folder may hold the user's own files. By default `finish` replaces only listed files whose bytes did not change since a
-/// command wrote them, and otherwise fails without changing anything. It also removes unchanged listed files that this command did
-/// not write again, so files of an earlier report disappear, and nothing else does.
+/// The folder may hold the user's own files. By default, `finish` replaces only listed files that nobody changed since a command
+/// wrote them. If any other file is in the way, `finish` fails and changes nothing. `finish` also removes unchanged listed files
+/// that this command did not write again, such as files of an earlier report.
 #[derive(Debug)]
 pub struct Folder {
     path: PathBuf,
     unfinished: UnfinishedFolder,
-    /// Files written so far, in order.
+    /// Names and digests of the files written so far, in order.
     files: Vec<(String, blake3::Hash)>,
     replaces: Replaces,
 }
 
-/// The files that a new one of the same name may replace.
+/// The existing files that a new file of the same name can replace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Replaces {
-    /// Files that a command wrote, if unchanged.
+    /// Files that a command wrote and that nobody changed since.
     Unchanged,
-    /// Files that a command wrote, changed or not.
+    /// Files that a command wrote, even if somebody changed them since.
     Changed,
     /// Every file: for the folders of a data directory, where only Murmuration writes.
     All,
@@ -54,7 +54,7 @@ pub enum Replaces {
 pub enum FolderError {
     #[error("cannot write {}: {source}", path.display())]
     Write { path: PathBuf, source: io::Error },
-    /// The user's own files have the names of new ones.
+    /// The user's own files have the names of new files.
     #[error(
         "cannot write into {}: murmuration did not write {}, which {} in the way: name another folder, or move what is there",
         folder.display(),
@@ -62,7 +62,7 @@ pub enum FolderError {
         if names.len() == 1 { "is" } else { "are" }
     )]
     Foreign { folder: PathBuf, names: Vec<String> },
-    /// Files that an earlier command wrote have changed.
+    /// Somebody changed files that an earlier command wrote.
     #[error(
         "cannot write into {}: {} changed since murmuration wrote {}: name another folder, or replace {} with --force",
         folder.display(),
@@ -73,7 +73,7 @@ pub enum FolderError {
     Changed { folder: PathBuf, names: Vec<String> },
 }
 
-/// Displays the first names, and the number of the others.
+/// Displays the first names of a list, and the number of the other names.
 struct Names<'a>(&'a [String]);
 
 impl fmt::Display for Names<'_> {
@@ -87,14 +87,14 @@ impl fmt::Display for Names<'_> {
     }
 }
 
-/// Acceptable digests of each file, by its path within the folder.
+/// Digests of all contents that commands wrote to each file, by the file's path within the folder.
 type Listed = BTreeMap<String, Vec<blake3::Hash>>;
 
 impl Folder {
-    /// Begins to fill `path`, which is created if it does not exist.
+    /// Begins to fill the folder `path`, and creates this folder if it does not exist.
     ///
     /// # Errors
-    /// [`FolderError::Write`] if nothing can be written there.
+    /// [`FolderError::Write`] if no file can be written into the folder.
     pub fn create(path: &Path, replaces: Replaces) -> Result<Self, FolderError> {
         let begun = fs::create_dir_all(path).and_then(|()| UnfinishedFolder::new(path, UNFINISHED));
         Ok(Self {
@@ -105,7 +105,7 @@ impl Folder {
         })
     }
 
-    /// Writes a file of text; `name` is its path within the folder.
+    /// Writes a file of text; `name` is the file's path within the folder.
     ///
     /// # Errors
     /// [`FolderError::Write`].
@@ -137,10 +137,10 @@ impl Folder {
         Ok(())
     }
 
-    /// Checks that these files can be written, before the work of computing them.
+    /// Checks that files with these names can be written, before the caller computes their contents.
     ///
     /// # Errors
-    /// As [`Folder::finish`].
+    /// The errors of [`Folder::finish`].
     pub fn check_names<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<(), FolderError> {
         self.check(names, &self.listed()?)
     }
@@ -174,13 +174,14 @@ impl Folder {
         }
     }
 
-    /// Moves the files to their names, in the order of writing. Then removes unchanged files of earlier commands that this command
-    /// did not write again. Returns the paths of the new files in the order of writing.
+    /// Moves the new files to their names, in the order of writing. Then removes unchanged files of earlier commands that this
+    /// command did not write again. Returns the paths of the new files in the order of writing.
     ///
     /// # Errors
-    /// [`FolderError::Foreign`] or [`FolderError::Changed`] with the files that are in the way; then the folder is unchanged.
+    /// [`FolderError::Foreign`] or [`FolderError::Changed`] lists the files that are in the way, and the folder is unchanged.
+    /// [`FolderError::Write`] if the system refuses a change.
     pub fn finish(self) -> Result<Vec<PathBuf>, FolderError> {
-        // Other commands wait until this one has written its list.
+        // Other commands wait until this command has written its list.
         let locked = File::open(&self.path).and_then(|folder| folder.lock().map(|()| folder));
         let _lock = locked.map_err(failed(&self.path))?;
         let mut listed = self.listed()?;
@@ -191,7 +192,7 @@ impl Folder {
             .filter(|name| !names().any(|new| new == *name))
             .cloned()
             .collect();
-        // The list names old and new files: if this command is killed from here on, the next one still recognises every file.
+        // The list names old and new files. If this command is killed from here on, the next command still recognises every file.
         for (name, digest) in &self.files {
             listed.entry(name.clone()).or_default().push(*digest);
         }
@@ -201,7 +202,7 @@ impl Folder {
             if self.state_of(&name, &listed) == State::Ours {
                 let path = self.path.join(&name);
                 fs::remove_file(&path).map_err(failed(&path))?;
-                // Removes the file's folder too if it is empty.
+                // If the file's folder is empty now, remove the folder too.
                 let _ = path.parent().map(fs::remove_dir);
             }
         }
@@ -213,7 +214,7 @@ impl Folder {
         Ok(names().map(|name| self.path.join(name)).collect())
     }
 
-    /// Moves every file to its place. If one cannot be moved, restores the files replaced so far.
+    /// Moves every file to its place. If a file cannot be moved, restores the files replaced so far.
     fn place_all(&self) -> Result<(), FolderError> {
         let former = self.unfinished.path().join(FORMER);
         fs::create_dir(&former).map_err(failed(&self.path))?;
@@ -225,7 +226,8 @@ impl Folder {
         let mut was_there = Vec::new();
         for (name, _) in &self.files {
             let target = self.path.join(name);
-            // A hard link, so that the file exists at every moment. Not all file systems support hard links.
+            // Keep the old file under a hard link, so that the file exists at every moment. Not all file systems support hard
+            // links.
             let _ = fs::hard_link(&target, former.join(was_there.len().to_string()));
             let found = fs::symlink_metadata(&target).is_ok();
             if let Err(error) = fs::rename(self.unfinished.path().join(name), &target) {
@@ -237,8 +239,8 @@ impl Folder {
         Ok(())
     }
 
-    /// Restores the files replaced so far, and removes the new files that replaced none. If a previous file has no hard link, the
-    /// new file stays, and the list names it.
+    /// Restores the files replaced so far, and removes the new files that replaced no file. If a previous file has no hard link,
+    /// the new file stays, and the list names the new file.
     fn put_back(&self, former: &Path, was_there: &[bool]) {
         for (place, (was_there, (name, _))) in was_there.iter().zip(&self.files).enumerate() {
             let target = self.path.join(name);
@@ -249,7 +251,7 @@ impl Folder {
         }
     }
 
-    /// The folder's list; empty if it has none.
+    /// The folder's list of files; empty if the folder has no list.
     ///
     /// # Errors
     /// [`FolderError::Foreign`] if something else has the list's name.
@@ -288,7 +290,7 @@ impl Folder {
         write_file(&path, text).map(drop).map_err(failed(&path))
     }
 
-    /// State of the place of a file.
+    /// What exists at the path of a file.
     fn state_of(&self, name: &str, listed: &Listed) -> State {
         let path = self.path.join(name);
         let above = Path::new(name).ancestors().skip(1);
@@ -311,17 +313,17 @@ impl Folder {
     }
 }
 
-/// State of the place of a file.
+/// What exists at the path of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum State {
     Absent,
-    /// A file that a command wrote, unchanged.
+    /// A file that a command wrote and that nobody changed since.
     Ours,
-    /// A file that a command wrote, changed since.
+    /// A file that a command wrote and that somebody changed since.
     Changed,
     /// A file that no command wrote.
     Unlisted,
-    /// Something other than a file in its place, or other than a folder in the place of a parent. Holds its path.
+    /// Path of something in the way: not a file at the file's path, or not a folder at the path of a parent folder.
     Foreign(String),
 }
 
@@ -496,7 +498,7 @@ mod tests {
         fs::write(folder.join(LIST), lines).unwrap();
         fill(&folder, &[("page", "1")], true).unwrap();
         assert_eq!(fs::read_to_string(&outside).unwrap(), "mine");
-        // The list may be a link, or something else of that name.
+        // The list can be a link, or a file that Murmuration did not write.
         fs::remove_file(folder.join(LIST)).unwrap();
         symlink(&outside, folder.join(LIST)).unwrap();
         fill(&folder, &[("page", "2")], true).unwrap_err();
@@ -517,7 +519,7 @@ mod tests {
         for name in ["a", "c", "b"] {
             folder.text(name, "2").unwrap();
         }
-        // Moving it will fail.
+        // Without its unfinished file, moving `b` will fail.
         fs::remove_file(folder.unfinished.path().join("b")).unwrap();
         folder.finish().unwrap_err();
         for name in ["a", "b"] {

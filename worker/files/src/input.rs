@@ -1,6 +1,6 @@
-//! Reads files that a person names, up to a limit for their kind.
+//! Reads files that a person names, up to a maximum length for each kind of file.
 //!
-//! A named file may be a pipe or a device that never ends. This module checks lengths, not contents.
+//! A named file can be a pipe or a device that never ends. This module checks lengths, not contents.
 
 use murmuration_onnx::MAX_MODEL_BYTES;
 use murmuration_swarm::grouped;
@@ -10,38 +10,38 @@ use std::{
     path::Path,
 };
 
-/// The kind of a file, which determines its maximum length. Every limit is ten times the usual length.
+/// The kind of a file, which determines its maximum length. Every limit is at least ten times the usual length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InputKind {
-    /// A campaign, TOML.
+    /// Campaign file (TOML).
     Campaign,
-    /// A study, TOML.
+    /// Study file (TOML).
     Study,
-    /// Controllers, one per line.
+    /// File of controllers, one per line.
     Controllers,
-    /// Labels, CSV.
+    /// File of labels (CSV).
     Labels,
-    /// Starts of swarms, CSV.
+    /// File of starts of swarms (CSV).
     Starts,
-    /// Tracks of robots, CSV.
+    /// File of tracks of robots (CSV).
     Tracks,
-    /// A picture of a behaviour, PNG.
+    /// Picture of a behaviour (PNG).
     Picture,
-    /// A reference case, JSON.
+    /// Reference case (JSON).
     Case,
-    /// A checkpoint, ONNX.
+    /// Checkpoint (ONNX).
     Checkpoint,
-    /// The contents of a backup, JSON.
+    /// Manifest of a backup (JSON).
     Manifest,
-    /// Digests of tokens and their holders, TOML.
+    /// Digests of tokens, with their holders (TOML).
     Tokens,
     Token,
-    /// A certificate or a private key, PEM.
+    /// Certificate or private key (PEM).
     Pem,
 }
 
 impl InputKind {
-    /// Maximum number of bytes of such a file.
+    /// Maximum number of bytes of a file of this kind.
     #[must_use]
     pub const fn max_bytes(self) -> u64 {
         match self {
@@ -72,7 +72,7 @@ impl InputKind {
     }
 }
 
-/// A file is longer than its kind allows; inside an [`io::Error`] of the kind [`io::ErrorKind::FileTooLarge`].
+/// A file is longer than its kind allows. An [`io::Error`] of the kind [`io::ErrorKind::FileTooLarge`] contains this error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("it is too long: {} has at most {} bytes", .0.noun(), grouped(.0.max_bytes()))]
 pub struct TooLong(pub InputKind);
@@ -88,7 +88,7 @@ pub fn read_bytes(path: &Path, kind: InputKind) -> io::Result<Vec<u8>> {
 /// The text of the file at `path`.
 ///
 /// # Errors
-/// The system's error, [`TooLong`], or that the text is not UTF-8.
+/// The system's error, [`TooLong`], or an error if the text is not UTF-8.
 pub fn read_text(path: &Path, kind: InputKind) -> io::Result<String> {
     text_of(File::open(path)?, kind)
 }
@@ -96,7 +96,7 @@ pub fn read_text(path: &Path, kind: InputKind) -> io::Result<String> {
 /// The text from a `reader` such as standard input.
 ///
 /// # Errors
-/// As [`read_text`].
+/// The errors of [`read_text`].
 pub fn text_of(reader: impl Read, kind: InputKind) -> io::Result<String> {
     let text = String::from_utf8(bytes_of(reader, kind)?);
     text.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error.utf8_error()))

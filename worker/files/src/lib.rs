@@ -1,7 +1,7 @@
-//! Files that users name: reads them up to a limit, and writes them without losing other data.
+//! Reads files that users name, up to a maximum length, and writes files without losing other data.
 //!
-//! [`NewFile`] writes one file, [`Folder`] a folder of files. Both keep existing files until the new ones are complete and on disk.
-//! A [`Folder`] replaces and removes only files that an earlier command wrote into it.
+//! [`NewFile`] writes one file; [`Folder`] writes a folder of files. Existing files stay until the new files are complete and on
+//! disk. A [`Folder`] replaces and removes only files that an earlier command wrote into it.
 
 mod folder;
 mod input;

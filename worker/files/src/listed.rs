@@ -10,8 +10,8 @@ use std::{
 /// Maximum number of characters of a path in a list.
 const MAX_NAME_CHARS: usize = 200;
 
-/// Parses a line of a list: a file's digest and path. `None` if the line has another format, or the path leaves the folder or has
-/// invisible characters.
+/// Parses a line of a list: a file's digest and path. `None` if the line has another format, or if the path leads out of the
+/// folder or has invisible characters.
 #[must_use]
 pub fn listed_file(line: &str) -> Option<(blake3::Hash, &str)> {
     let (digest, name) = line.split_once("  ")?;

@@ -13,11 +13,12 @@ use tempfile::NamedTempFile;
 /// Maximum number of symbolic links to follow.
 const MAX_LINKS: u32 = 40;
 
-/// A file being written. [`NewFile::finish`] replaces the existing file of that name; without it, the existing file stays.
+/// A file that is being written. [`NewFile::finish`] replaces the existing file of the same name; until then, the existing file
+/// stays.
 ///
-/// Follows links and replaces their target. Writes directly to devices and pipes, which have no content to lose, and to files that
-/// a process has open, such as `/dev/stdout`. The new file keeps the permissions and, where the system allows it, the owner of the
-/// file that it replaces.
+/// Follows links and replaces their target. Writes directly to devices and pipes, which have no content to lose, and to files
+/// that a process has open, such as `/dev/stdout`. The new file keeps the permissions and, where the system allows it, the owner
+/// of the file that it replaces.
 #[derive(Debug)]
 pub struct NewFile(Place);
 
@@ -59,10 +60,10 @@ impl fmt::Display for Written {
 }
 
 impl NewFile {
-    /// Begins the file `path`, and creates missing parent folders.
+    /// Begins to write the file `path`, and creates missing parent folders.
     ///
     /// # Errors
-    /// The system's error, or that `path` is a folder.
+    /// The system's error, or an error if `path` is a folder.
     pub fn create(path: &Path) -> io::Result<Self> {
         let target = without_links(path)?;
         let former = match fs::symlink_metadata(&target) {
@@ -77,7 +78,8 @@ impl NewFile {
             Err(error) => return Err(error),
         };
         if former.is_some() {
-            // Renaming needs write permission only for the folder. This check keeps a write-protected file from being replaced.
+            // Renaming needs write permission only for the folder. Opening the file for writing prevents replacing a
+            // write-protected file.
             File::options().write(true).open(&target)?;
         }
         let folder = folder_of(&target);
@@ -114,16 +116,16 @@ impl NewFile {
     /// Waits until the file is on disk, and renames it to its target.
     ///
     /// # Errors
-    /// The system's error; then the previous file is unchanged.
+    /// The system's error, which leaves the previous file unchanged.
     pub fn finish(self) -> io::Result<Written> {
         self.place(true)
     }
 
-    /// Like [`NewFile::finish`], but does not replace a file that appeared after [`NewFile::create`] found none: then the new file
-    /// keeps its temporary name, which the error contains.
+    /// Like [`NewFile::finish`], but does not replace a file that appeared after [`NewFile::create`]. If such a file appeared,
+    /// the new file keeps its temporary name, which the error contains.
     ///
     /// # Errors
-    /// As [`NewFile::finish`], and `AlreadyExists`.
+    /// The errors of [`NewFile::finish`], and `AlreadyExists` if a file with this name has appeared.
     pub fn finish_unless_taken(self) -> io::Result<Written> {
         self.place(false)
     }
@@ -145,7 +147,7 @@ impl NewFile {
             permissions,
         }) = former
         {
-            // Only root may change the owner. Other users may change the group to one of their own.
+            // Only root can change a file's owner. Other users can change the group to one of their own groups.
             let _ = fchown(file.as_file(), Some(user), Some(group))
                 .or_else(|_| fchown(file.as_file(), None, Some(group)));
             file.as_file().set_permissions(permissions)?;
@@ -199,14 +201,14 @@ impl Write for NewFile {
 /// Writes a complete file.
 ///
 /// # Errors
-/// As [`NewFile::create`] and [`NewFile::finish`]; then the previous file is unchanged.
+/// The errors of [`NewFile::create`] and [`NewFile::finish`], which leave the previous file unchanged.
 pub fn write_file(path: &Path, bytes: impl AsRef<[u8]>) -> io::Result<Written> {
     let mut file = NewFile::create(path)?;
     file.write_all(bytes.as_ref())?;
     file.finish()
 }
 
-/// Resolves links; the target need not exist. Does not resolve links to descriptors.
+/// Resolves symbolic links, even if their target does not exist. Does not resolve links to file descriptors.
 fn without_links(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..MAX_LINKS {
@@ -225,8 +227,8 @@ fn without_links(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::other("too many links lead to one another"))
 }
 
-/// Refuses another user's link in a folder such as `/tmp`, as Linux does with `fs.protected_symlinks`: the link may be an attempt
-/// to have one of this user's files replaced.
+/// Refuses another user's link in a shared folder such as `/tmp`, as Linux does with `fs.protected_symlinks`. The other user
+/// could use such a link to have one of this user's files replaced.
 fn check_owner(link: &Path, found: &Metadata) -> io::Result<()> {
     const STICKY_FOR_ALL: u32 = 0o1002;
     let folder = fs::metadata(folder_of(link))?;
@@ -241,8 +243,8 @@ fn check_owner(link: &Path, found: &Metadata) -> io::Result<()> {
     Ok(())
 }
 
-/// Whether a link leads to an open file descriptor, as `/dev/stdout` leads to `/proc/self/fd/1`. Other output may share that file,
-/// so it must not be replaced.
+/// Whether a link leads to an open file descriptor, as `/dev/stdout` leads to `/proc/self/fd/1`. Other output can go to the same
+/// file, so the file must not be replaced.
 fn is_descriptor(link: &Path) -> io::Result<bool> {
     Ok(fs::canonicalize(folder_of(link))?.starts_with("/proc"))
 }
@@ -302,7 +304,7 @@ mod tests {
             .unwrap();
         assert!(refused.to_string().contains(&kept), "{refused}");
         assert_eq!(fs::read_to_string(folder.path().join(kept)).unwrap(), "mine");
-        // A file that existed from the beginning is replaced.
+        // `finish_unless_taken` replaces a file that existed before `create`.
         let mut file = NewFile::create(&path).unwrap();
         file.write_all(b"newer").unwrap();
         assert_eq!(file.finish_unless_taken().unwrap(), Written::Replaced);
@@ -331,7 +333,7 @@ mod tests {
         write_file(&at("link"), "new").unwrap();
         if geteuid().is_root() {
             lchown(at("link"), Some(1), None).unwrap();
-            // Root owns the folder, and any user may have made the link.
+            // Root owns the folder, and another user owns the link.
             let refused = write_file(&at("link"), "newer").unwrap_err();
             assert_eq!(refused.kind(), io::ErrorKind::PermissionDenied, "{refused}");
         }

@@ -8,10 +8,11 @@ use std::{
 };
 use tempfile::TempDir;
 
-/// Attempts at creating a folder, because another process may remove a new one as a leftover.
+/// Maximum number of attempts to create a folder. Another process can remove a new folder as a leftover.
 const ATTEMPTS: u32 = 8;
 
-/// A folder that is being filled. Its lock shows other processes that it is in use. Dropping it removes the folder.
+/// A folder that is being filled. The folder's lock shows other processes that the folder is in use. Dropping this value removes
+/// the folder.
 #[derive(Debug)]
 pub struct UnfinishedFolder {
     folder: TempDir,
@@ -19,10 +20,11 @@ pub struct UnfinishedFolder {
 }
 
 impl UnfinishedFolder {
-    /// Creates a folder in `parent`, which must exist, with a name that begins with `prefix`. Removes leftovers there first.
+    /// Creates a folder in `parent`, which must exist, with a name that begins with `prefix`. First removes leftovers in
+    /// `parent`.
     ///
     /// # Errors
-    /// The system's error, or that the file system has no locks.
+    /// The system's error, or an error if the file system has no locks.
     pub fn new(parent: &Path, prefix: &str) -> io::Result<Self> {
         remove_leftovers(parent, prefix);
         for _ in 0..ATTEMPTS {
@@ -31,7 +33,7 @@ impl UnfinishedFolder {
                 .rand_bytes(RANDOM_CHARS)
                 .permissions(Permissions::from_mode(0o755))
                 .tempdir_in(parent)?;
-            // Another process may have taken it for a leftover, and may have removed it.
+            // Another process may have removed the new folder as a leftover.
             let lock = File::open(folder.path()).and_then(|lock| Ok(lock.try_lock().map(|()| lock)?));
             match lock {
                 Ok(lock) if folder.path().exists() => return Ok(Self { folder, lock }),
@@ -48,18 +50,19 @@ impl UnfinishedFolder {
         self.folder.path()
     }
 
-    /// The folder, which is no longer removed automatically, and its lock. Once the lock is dropped, other processes take it for a
-    /// leftover unless it was renamed.
+    /// The folder, which is no longer removed automatically, and its lock. Once the lock is dropped, other processes remove the
+    /// folder as a leftover if it still has its temporary name.
     #[must_use]
     pub fn keep(self) -> (PathBuf, File) {
         (self.folder.keep(), self.lock)
     }
 }
 
-/// Letters and digits that follow the prefix of a name.
+/// Number of letters and digits that follow the prefix of a name.
 const RANDOM_CHARS: usize = 6;
 
-/// Removes folders in `parent` with names of `prefix` and six letters or digits, if the processes that filled them have ended.
+/// Removes the folders in `parent` whose names are `prefix` and six letters or digits, if the processes that filled these folders
+/// have ended.
 pub fn remove_leftovers(parent: &Path, prefix: &str) {
     let entries = fs::read_dir(parent).into_iter().flatten().flatten();
     for entry in entries {
