@@ -6,29 +6,30 @@ use super::{
     window::{Point, Window, quantile, share},
 };
 
-/// Agents whose nearest neighbour is nearer than this are crowded; in spacings. Of randomly placed agents, nearly half are
-/// crowded.
+/// An agent is crowded if its nearest neighbour is nearer than this distance, in spacings. Nearly half of randomly placed agents
+/// are crowded.
 const CROWDED: f64 = 0.43;
-/// Bodies whose centres are nearer than this are in contact; in radii (bodies touch at 2).
+/// Two bodies are in contact if their centres are nearer than this distance, in radii. (Bodies touch at 2.)
 const CONTACT: f64 = 3.0;
-/// Agents nearer than this to an agent of a cluster belong to it; in radii. Two bodies fit in between.
+/// An agent belongs to a cluster if it is within this distance, in radii, of an agent of the cluster. Two bodies fit between two
+/// agents at this distance.
 const CLUSTER_LINK: f64 = 6.0;
 
-/// Measures of where the agents are.
+/// Measures of the agents' positions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Arrangement {
-    /// Median distance from the median position at the end; in packed radii, so about 0.7 for a tight disc.
+    /// Median distance of the agents from their median position at the end, in packed radii: about 0.7 for a tight disc.
     pub spread: f64,
-    /// Median distance to the third nearest neighbour at the end; in body radii, so 2 in a tight disc.
+    /// Median distance of an agent to its third nearest neighbour at the end, in body radii: 2 in a tight disc.
     pub packing: f64,
     /// Share of agents whose nearest neighbour is closer than 0.43 spacings at the end.
     pub crowded: f64,
-    /// Mean distance from the centre of an agent's path to the nearest other such centre; in spacings, so about 0.5 for
-    /// random places and 1 on a square grid.
+    /// Mean distance from the centre of an agent's path to the nearest centre of another path, in spacings: about 0.5 for random
+    /// centres, 1 on a square grid.
     pub homes: f64,
-    /// Share of all times and agents with another agent's centre within three radii.
+    /// Share of time that agents spend with another agent's centre within three radii.
     pub contact: f64,
-    /// Sizes of the clusters at the end, largest first: agents are linked over up to six radii.
+    /// Sizes of the clusters at the end, largest first. Two agents at most six radii apart are in the same cluster.
     pub clusters: Vec<usize>,
 }
 
@@ -67,7 +68,7 @@ impl Arrangement {
 /// Distance from each point to its `RANK`-th nearest other point; infinite if there are fewer points.
 fn neighbours<const RANK: usize>(points: &[Point]) -> Vec<f64> {
     let nearest = |(i, &point): (usize, &Point)| {
-        // Squares of the smallest distances, ascending; roots have the same order.
+        // Squares of the smallest distances, ascending; the distances have the same order.
         let mut least = [f64::INFINITY; RANK];
         for (_, &other) in points.iter().enumerate().filter(|&(j, _)| j != i) {
             let way = minus(other, point);
@@ -81,12 +82,13 @@ fn neighbours<const RANK: usize>(points: &[Point]) -> Vec<f64> {
     points.iter().enumerate().map(nearest).collect()
 }
 
-/// Members of the clusters of `points` by single linkage over up to `link`, largest first.
+/// Members of the clusters of `points`, largest cluster first. Single linkage joins points that are at most `link` apart.
 pub(super) fn clusters(points: &[Point], link: f64) -> Vec<Vec<usize>> {
     linked(points.len(), |i, j| length(minus(points[i], points[j])) <= link)
 }
 
-/// Groups of the numbers under `count` that a symmetric relation connects: largest first, then by smallest member.
+/// The numbers under `count`, in groups that the symmetric relation `link` connects: largest group first, then by smallest
+/// member.
 pub(super) fn linked(count: usize, link: impl Fn(usize, usize) -> bool) -> Vec<Vec<usize>> {
     let mut free: Vec<usize> = (0..count).collect();
     let mut groups = Vec::new();

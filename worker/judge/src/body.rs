@@ -1,4 +1,4 @@
-//! The swarm as one body: its outline, its hollow, and the rotation in it.
+//! The swarm as one body: its outline, its empty middle, and its rotation.
 
 use super::{
     arrangement::linked,
@@ -8,17 +8,17 @@ use super::{
 };
 use std::f64::consts::TAU;
 
-/// Share of agents that a connected body must have for the others to count as strays.
+/// Minimum share of agents in a connected group that is the main body; all other agents are strays.
 const MAIN_BODY: f64 = 0.6;
-/// Without a connected body, agents further from the median position than this many median distances are strays.
+/// If no connected group is a main body, agents further from the median position than this number of median distances are strays.
 const STRAY: f64 = 2.5;
-/// Depth in the outline of all paths from which on an agent is inside, not on the rim.
+/// Depth in the outline of all paths above which an agent is inside, not on the rim.
 const INSIDE: f64 = 0.2;
 
-/// Measures of the main body: the largest group of agents connected by touching paths, if it is most of the swarm.
+/// Measures of the main body: the largest group of agents that touching paths connect, if most of the swarm is in this group.
 ///
-/// Depths are distances from the convex outline over the radius of a circle of the same area: 0 on a convex ring, up to
-/// 1 in its middle.
+/// A depth is the distance from the convex outline, divided by the radius of a circle of the same area. The depth is 0 on a
+/// convex ring, and up to 1 in the ring's middle.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Body {
     /// Median over agents of their mean depth in the outline of all paths.
@@ -27,17 +27,17 @@ pub struct Body {
     pub inside: f64,
     /// Greatest depth of an agent in the outline of the swarm at the end.
     pub deepest: f64,
-    /// Fifth percentile of distances from the centre over the outline's radius: how hollow it is.
+    /// How hollow the body is: the fifth percentile of the distances from the centre, divided by the outline's radius.
     pub hollow: f64,
-    /// Widest angle at the centre without an agent at the end, radians.
+    /// Widest angle at the centre without an agent at the end, in radians.
     pub gap: f64,
-    /// Mean absolute angle that an agent goes round the centre, radians.
+    /// Mean signed angle that an agent goes round the centre, as an absolute value, in radians.
     pub round: f64,
-    /// Angle that at least three agents in four go round the centre, radians, in the direction of the swarm.
+    /// Angle that at least three agents in four go round the centre in the swarm's direction, in radians.
     pub round_by_most: f64,
-    /// 1 if every agent goes round the same way, 0 if half of them go the other way.
+    /// 1 if all agents go round the centre the same way, 0 if half of the agents go the other way.
     pub one_way: f64,
-    /// Share of motion that is around the centre rather than to or from it.
+    /// Share of the motion that goes around the centre, rather than towards or away from the centre.
     pub tangential: f64,
 }
 
@@ -75,7 +75,7 @@ impl Body {
         }
     }
 
-    /// For a swarm whose paths all lie on one line.
+    /// Measures of a swarm whose paths all lie on one line.
     const fn flat() -> Self {
         Self {
             depth: 1.0,
@@ -119,7 +119,7 @@ fn deepest(end: Vec<Point>) -> f64 {
     })
 }
 
-/// Signed angle that a path goes round `centre`, radians.
+/// Signed angle that a path goes round `centre`, in radians.
 fn around(path: &[Point], centre: Point) -> f64 {
     path.windows(2)
         .map(|pair| angle_between(minus(pair[0], centre), minus(pair[1], centre)))

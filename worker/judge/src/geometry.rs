@@ -22,7 +22,7 @@ impl Outline {
         (corners.len() > 2 && area > 0.0).then_some(Self { corners, area })
     }
 
-    /// Radius of the circle with the same area.
+    /// Radius of the circle with the outline's area.
     pub(super) fn radius(&self) -> f64 {
         (self.area / std::f64::consts::PI).sqrt()
     }
@@ -36,7 +36,7 @@ impl Outline {
         })
     }
 
-    /// Whether `point` is inside.
+    /// Whether `point` is inside the outline.
     pub(super) fn contains(&self, point: Point) -> bool {
         edges(&self.corners).all(|(a, b)| cross(minus(b, a), minus(point, a)) >= 0.0)
     }
@@ -84,7 +84,7 @@ fn square_to_segment(point: Point, a: Point, b: Point) -> f64 {
     dot(away, away)
 }
 
-/// Whether two segments cross each other; touching ends do not count.
+/// Whether two segments cross each other. Segments that only touch do not cross.
 pub(super) fn segments_cross([a, b]: [Point; 2], [c, d]: [Point; 2]) -> bool {
     let side = |from, to, point| cross(minus(to, from), minus(point, from));
     side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0
@@ -106,7 +106,7 @@ pub(super) fn length(a: Point) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// Angle from one direction to another, radians in (-pi, pi\].
+/// Angle from one direction to another, in radians in (-pi, pi\].
 pub(super) fn angle_between(from: Point, to: Point) -> f64 {
     libm::atan2(cross(from, to), dot(from, to))
 }

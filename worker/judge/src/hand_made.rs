@@ -1,5 +1,5 @@
-//! Synthetic motions with known classes: the judge must name them at any size and speed, also beyond the examples of a labelled
-//! set.
+//! Synthetic motions with known classes. The judge must name these classes at any size and speed, even where a labelled set has
+//! no examples.
 
 use super::judge;
 use murmuration_proto::v1;
@@ -13,7 +13,7 @@ const STRIDE: u32 = 4;
 const TOUCHING: f64 = 10.0;
 const MIDDLE: f64 = 250.0;
 
-/// The judge's class of a swarm of the paper's world in which agent `a` is at `path(a, step)` over the last 160 steps.
+/// The judge's class of a swarm in the paper's world. Agent `a` is at `path(a, step)` in each of the last 160 steps.
 fn class_of(agents: u32, path: impl Fn(u32, f64) -> [f64; 2]) -> Class {
     let world = World::try_from(v1::World {
         agents: Some(agents),
@@ -42,7 +42,7 @@ fn tight(agents: u32) -> f64 {
     f64::from(agents) * TOUCHING / TAU
 }
 
-/// A rotating swarm: its centre, and the arc that an agent moves along in a step, signed by direction.
+/// A rotating swarm: its centre, and the length of the arc that an agent moves in a step, signed by direction.
 fn turning() -> impl Strategy<Value = ([f64; 2], f64)> {
     let middle = MIDDLE - 30.0..MIDDLE + 30.0_f64;
     let speed = prop_oneof![-1.9..-0.3_f64, 0.3..1.9_f64];

@@ -1,8 +1,8 @@
 //! The judge: names the class of a behaviour from its motion, by rules that people can read.
 //!
-//! Its input is what annotators see: the paths of the last 160 steps and where they end. It uses no embeddings or features.
-//! [`Measures`] are geometry and kinematics in units of the bodies and the arena. [`Measures::class`] is the list of rules.
-//! `murmuration lab judge` and `tests/tests/single_node/judge.rs` measure its agreement with labels.
+//! The judge sees what annotators see: the paths of the last 160 steps, and the ends of these paths. The judge uses no embeddings
+//! or features. [`Measures`] are geometry and kinematics in units of the bodies and the arena. [`Measures::class`] is the list of
+//! rules. `murmuration lab judge` and `tests/tests/single_node/judge.rs` measure the judge's agreement with labels.
 
 mod arrangement;
 mod body;
@@ -29,10 +29,10 @@ pub fn frames(world: &World) -> Frames {
     Frames::of_end(window::WINDOW_STEPS, window::STRIDE, world)
 }
 
-/// Judges the end of a motion in `world`: its last 160 steps. Every fourth step is enough.
+/// Judges the end of a motion in `world`: its last 160 steps. A replay with every fourth of these steps is enough.
 ///
-/// Pure. 24 agents take a few tenths of a millisecond. The cost grows with the number of agents, and with its square
-/// where they stand close together.
+/// This function is pure. Judging 24 agents takes a few tenths of a millisecond. The time grows with the square of the number of
+/// agents.
 #[must_use]
 pub fn judge(replay: &Replay, world: &World) -> Verdict {
     let measures = Measures::of(replay, world);
@@ -42,7 +42,7 @@ pub fn judge(replay: &Replay, world: &World) -> Verdict {
     }
 }
 
-/// Measures of the last 160 steps of a swarm. All are 0 or more; lengths are in the units of [`Scale`].
+/// Measures of the last 160 steps of a swarm. All measures are 0 or more; lengths are in the units of [`Scale`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measures {
     pub arrangement: Arrangement,
@@ -52,7 +52,7 @@ pub struct Measures {
 }
 
 impl Measures {
-    /// Measures the end of a replay; the cost grows with the square of the number of agents.
+    /// Measures the end of a replay. The time grows with the square of the number of agents.
     #[must_use]
     pub fn of(replay: &Replay, world: &World) -> Self {
         let scale = Scale::of(world);
@@ -85,7 +85,7 @@ impl Scale {
         Self {
             radius: world.radius(),
             packed: world.radius() * agents.sqrt(),
-            // If the walls leave no room to move, counts the room of one body.
+            // If the walls leave no room to move, a side counts as one body's radius.
             spacing: (sides.map(|side| side.max(world.radius())).iter().product::<f64>() / agents).sqrt(),
         }
     }

@@ -7,31 +7,31 @@ use super::{
     window::{Point, Window, mean, quantile, ratio, share},
 };
 
-/// An agent follows another agent's path within this distance if it goes the same way; in radii.
+/// An agent follows another agent's path if it is within this distance, in radii, of the path and goes the same way.
 const FOLLOWED: f64 = 1.5;
-/// Paths that come within this distance touch; in radii.
+/// Two paths touch if they come within this distance of each other, in radii.
 const SHARED: f64 = 2.0;
-/// Cosine from which on two directions count as the same.
+/// Minimum cosine of the angle between two directions that count as the same direction.
 const SAME_WAY: f64 = 0.85;
-/// Sine from which on two paths cross rather than merge.
+/// Minimum sine of the angle between two paths that cross rather than merge.
 const ACROSS: f64 = 0.35;
-/// Movement in a fortieth of the window below which an agent has no direction; in radii.
+/// An agent that moves less than this in a fortieth of the window has no direction; in radii.
 const STANDS: f64 = 0.08;
-/// Movement in a twentieth of the window below which an agent's turns are not measured; in radii.
+/// The turns of an agent that moves less than this in a twentieth of the window are not measured; in radii.
 const TURNS_ON_THE_SPOT: f64 = 0.2;
 
 /// Measures of the agents' paths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion {
-    /// Mean distance between an agent's first and last position; in spacings.
+    /// Mean distance between an agent's first and last position, in spacings.
     pub net: f64,
-    /// Median of an agent's largest distance from the centre of its own path; in spacings.
+    /// Median of an agent's largest distance from the centre of its own path, in spacings.
     pub reach: f64,
-    /// Upper quartile of that distance; in spacings.
+    /// Upper quartile of an agent's largest distance from the centre of its own path, in spacings.
     pub far_reach: f64,
-    /// Median angle that an agent's direction of motion turns through, radians.
+    /// Median angle that an agent's direction of motion turns through, in radians.
     pub turning: f64,
-    /// 1 if all turning goes one way round, 0 if half of it goes the other way.
+    /// 1 if all agents turn the same way, 0 if half of the turning goes the other way.
     pub one_sense: f64,
     /// Share of path points where another agent's path passes in the same direction within 1.5 radii.
     pub following: f64,
@@ -42,7 +42,7 @@ pub struct Motion {
 /// Which paths touch each other.
 #[derive(Debug, Clone)]
 pub(super) struct SharedPaths {
-    /// For each agent, the agents whose paths come near the midpoints of its own path's pieces, ascending.
+    /// For each agent, the other agents whose paths come near the midpoints of the pieces of its own path, ascending.
     near: Vec<Vec<usize>>,
 }
 
@@ -105,7 +105,7 @@ fn following(paths: &[Vec<Point>], pieces: &Pieces, scale: &Scale) -> (f64, Shar
     let reach = SHARED * scale.radius;
     let mut near = Vec::with_capacity(paths.len());
     let mut followed = Vec::new();
-    // For each agent, the last agent `i` whose path was found to be near its own.
+    // For each agent, the last agent `i` whose path was found to be near this agent's path.
     let mut found = vec![None; paths.len()];
     for (i, path) in paths.iter().enumerate() {
         let mut touched = Vec::new();
@@ -149,7 +149,7 @@ fn crossed(paths: &[Vec<Point>], pieces: &Pieces, scale: &Scale) -> f64 {
             && segments_cross([a, b], [c, d])
     };
     let mut pairs = 0_usize;
-    // For each agent, the last one whose path was found to cross its own.
+    // For each agent, the last agent `i` whose path was found to cross this agent's path.
     let mut found = vec![None; paths.len()];
     for (i, path) in paths.iter().enumerate() {
         for own in segments(path).filter(|&own| moves(own)) {

@@ -7,14 +7,14 @@ use super::{
 
 /// Maximum number of cells per piece: an empty cell costs less than a needless comparison.
 const CELLS: f64 = 4.0;
-/// Largest error of a piece by rounding, relative to the reach.
+/// Largest rounding error of a piece's position, relative to the reach of a query.
 const SLACK: f64 = 1e-9;
 
 /// The part of an agent's path between two neighbouring times.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Piece {
     pub(super) agent: usize,
-    /// Start and end points.
+    /// Start and end points of the piece.
     pub(super) ends: [Point; 2],
     /// Index among the pieces of all agents, ordered by agent, then by time.
     pub(super) place: usize,
@@ -29,7 +29,7 @@ pub(super) struct Pieces {
     begins: Vec<usize>,
     /// The corner of the first cell.
     corner: Point,
-    /// Cells along x and y.
+    /// Numbers of cells along x and y.
     cells: [usize; 2],
     side: f64,
     /// Half the length of the longest piece.
@@ -79,7 +79,7 @@ impl Pieces {
         grid
     }
 
-    /// All pieces with a point within `reach` of `point`, and some others; in no particular order.
+    /// All pieces with a point within `reach` of `point`, and some other pieces, in no particular order.
     pub(super) fn near(&self, point: Point, reach: f64) -> impl Iterator<Item = &Piece> {
         let reach = (reach + self.half) * (1.0 + SLACK);
         let [columns, rows] = [0, 1]
@@ -94,12 +94,12 @@ impl Pieces {
         })
     }
 
-    /// All pieces that may cross the one with these ends, and some others.
+    /// All pieces that can cross the piece with these ends, and some other pieces.
     pub(super) fn across(&self, ends: [Point; 2]) -> impl Iterator<Item = &Piece> {
         self.near(mean(&ends), length(minus(ends[1], ends[0])) / 2.0)
     }
 
-    /// The column or row of a coordinate; the nearest one for coordinates beyond the grid.
+    /// The column or row of a coordinate; the nearest column or row if the coordinate is beyond the grid.
     fn column(&self, axis: usize, value: f64) -> usize {
         // The cast turns negative numbers into 0.
         let column = ((value - self.corner[axis]) / self.side) as usize;

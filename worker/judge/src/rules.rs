@@ -1,15 +1,15 @@
-//! The rules from measures to a class: the first rule that holds decides.
+//! The rules that derive a class from measures. The first rule that holds decides.
 //!
-//! Thresholds were chosen on the training parts of the labelled sets, both on the motions that annotators saw and on this
-//! simulator's motions from the same starts. The two differ for chaotic swarms. Lengths are in the units of
+//! The thresholds were chosen on the training parts of the labelled sets: on the motions that annotators saw, and on this
+//! simulator's motions from the same starts. The two kinds of motions differ for chaotic swarms. Lengths are in the units of
 //! [`Scale`](super::Scale). For the accuracy of the rules see `docs/judge.md`.
 
 use super::{Arrangement, Body, Measures, Motion, Walls};
 use murmuration_swarm::{Class, Pattern, World};
 
-/// A clump's median distance from its middle, in packed radii (a tight disc has 0.7).
+/// Maximum spread of a clump: the median distance of its agents from its middle, in packed radii. A tight disc has 0.7.
 const CLUMP_SPREAD: f64 = 1.78;
-/// Minimum number of agents of a cluster: two may meet by chance.
+/// Minimum number of agents of a cluster: two agents can meet by chance.
 const CLUSTER: usize = 3;
 
 impl Measures {
@@ -67,7 +67,7 @@ impl Measures {
         let agents: usize = arrangement.clusters.iter().sum();
         let clustered = clusters.clone().sum::<usize>() as f64 / agents.max(1) as f64;
         let clusters = clusters.count();
-        // Agents in single file keep their distance; clumps that creep along do not.
+        // Agents in single file keep their distance; agents in a slowly moving clump do not.
         let in_file = motion.following >= 0.25 && arrangement.contact <= 0.8 && arrangement.packing <= 12.5;
         if in_file && body.round >= 0.1 && arrangement.spread <= 7.5 && walls.near <= 0.32 {
             return Some(Pattern::Chain);
@@ -78,38 +78,38 @@ impl Measures {
         }
         let close = arrangement.crowded >= 0.85 && arrangement.spread <= 8.75;
         let apart = clusters >= 3 && clustered >= 0.5 && close;
-        // Agents that turn about each other are a group, even if there are only two.
+        // Even two agents that turn about each other are a group.
         let turning = arrangement.homes <= 0.22 && motion.turning >= 2.0;
         (apart || turning).then_some(Pattern::SmallClusters)
     }
 }
 
-/// A ring pressed on walls, or a stream along all walls; ignores agents inside.
+/// A ring pressed on walls, or a stream along all walls. Agents inside the ring or stream do not matter.
 fn follows_walls(body: &Body, walls: &Walls) -> bool {
-    // A ring that only grazes a wall is near it for less than a quarter of the time.
+    // A ring that only grazes a wall is near the wall for less than a quarter of the time.
     let pressed = walls.near >= 0.27 && body.one_way >= 0.95 && body.tangential >= 0.78;
     pressed || walls.along >= 0.69 && walls.circulation >= 0.6 && walls.way >= 0.4
 }
 
-/// Nearly all agents go the same way round on the rim; a fifth may be strays.
+/// Nearly all agents go the same way round, on the rim. Up to a fifth of the agents can be strays.
 fn goes_round(body: &Body) -> bool {
     body.one_way >= 0.8 && body.tangential >= 0.92 && body.depth <= 0.09
 }
 
-/// One agent inside is enough; the annotators were divided on it.
+/// One agent inside a ring is enough. Annotators disagreed about rings with a single agent inside.
 fn is_nested(body: &Body) -> bool {
     body.deepest >= 0.22
 }
 
-/// A rim without gaps, at any speed of rotation. It has few agents inside, because a tight clump has a rim too. A rim as wide as
-/// the arena is a dispersal at the walls.
+/// A rim without gaps, at any speed of rotation. The rim has few agents inside, because a tight clump has a rim too. A rim as
+/// wide as the arena is a dispersal at the walls.
 fn is_closed_rim(arrangement: &Arrangement, body: &Body) -> bool {
     let rim = body.depth <= 0.047 && body.gap <= 0.9 && body.inside <= 0.25;
     rim && arrangement.spread <= 6.4
 }
 
-/// Single file around the centre, for at least four tenths of a turn in the window. Agents may leave the rim, because paths may be
-/// wavy.
+/// Agents in single file around the centre, for at least four tenths of a turn in the window. Agents can leave the rim, because
+/// paths can be wavy.
 fn is_loop(motion: &Motion, body: &Body) -> bool {
     body.round >= 2.75 && motion.following >= 0.55 && body.deepest <= 0.48
 }
@@ -120,7 +120,7 @@ fn is_small_loop(arrangement: &Arrangement, motion: &Motion, body: &Body) -> boo
     arrangement.spread <= CLUMP_SPREAD && loose && motion.following >= 0.5
 }
 
-/// Single file without a gap around an empty middle, at any speed and of any shape.
+/// Agents in single file without a gap around an empty middle, at any speed and in any shape.
 fn is_closed_file(motion: &Motion, body: &Body) -> bool {
     motion.following >= 0.9 && body.gap <= 1.0 && body.hollow >= 0.4
 }
@@ -129,23 +129,23 @@ fn is_clump(arrangement: &Arrangement) -> bool {
     arrangement.spread <= CLUMP_SPREAD
 }
 
-/// Two tight clumps that do not move; a tenth of the agents may be strays.
+/// Two tight clumps that do not move. Up to a tenth of the agents can be strays.
 fn are_two_clumps(arrangement: &Arrangement, motion: &Motion) -> bool {
     arrangement.in_two_clusters() >= 0.9 && arrangement.packing <= 4.4 && motion.net <= 0.45
 }
 
-/// A disc or band that turns as a whole, with each agent on its own curve. Excludes motion along walls.
+/// A disc or band that turns as a whole, with each agent on its own curve. Motion along walls does not count.
 fn swirls(arrangement: &Arrangement, motion: &Motion, body: &Body, walls: &Walls) -> bool {
     let turns = body.round >= 0.42 && motion.turning >= 1.08;
     turns && arrangement.crowded >= 0.33 && walls.along <= 0.4
 }
 
-/// Most agents go the same way round, and some of them do so near the middle.
+/// Most agents go the same way round, and some agents go round near the middle.
 fn swirls_to_the_middle(body: &Body) -> bool {
     body.one_way >= 0.9 && body.round_by_most >= 0.5 && body.deepest >= 0.4
 }
 
-/// Agents on overlapping curves of one sense, about several centres.
+/// Agents on overlapping curves about several centres, which all turn the same way.
 fn swirl_apart(motion: &Motion) -> bool {
     motion.crossed >= 1.66 && motion.one_sense >= 0.7 && motion.reach >= 0.24
 }
@@ -155,7 +155,7 @@ fn is_even(arrangement: &Arrangement, motion: &Motion, body: &Body) -> bool {
     arrangement.crowded <= 0.23 && motion.net <= 0.46 && body.gap <= 1.23
 }
 
-/// Each agent on its own small circle, with centres further apart than by chance.
+/// Each agent moves on its own small circle. The centres are further apart than random points.
 fn keep_circling(arrangement: &Arrangement, motion: &Motion) -> bool {
     arrangement.homes >= 0.55 && motion.far_reach <= 0.55 && motion.turning >= 3.3
 }

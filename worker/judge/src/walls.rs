@@ -7,22 +7,22 @@ use super::{
 };
 use murmuration_swarm::{Boundary, World};
 
-/// Distance from touching a wall within which an agent is near it; in radii.
+/// An agent is near a wall if it is at most this far from touching the wall, in radii.
 const NEAR: f64 = 4.0;
-/// Distance from touching a wall within which an agent moves along it; in radii.
+/// An agent moves along a wall if it is at most this far from touching the wall, in radii.
 const ALONG: f64 = 3.0;
 
 /// Measures of motion at the walls.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Walls {
-    /// Share of all times and agents within four radii of touching a wall.
+    /// Share of time that agents spend within four radii of touching a wall.
     pub near: f64,
-    /// Share of all motion that is within three radii of touching one.
+    /// Share of all motion that is within three radii of touching a wall.
     pub along: f64,
-    /// Share of that motion that goes one way around the arena: 1 if all of it does, 0 if half of it goes each way, or if it goes
-    /// straight at the walls.
+    /// Share of the motion along walls that goes one way around the arena. The share is 0 if half of this motion goes each way,
+    /// or if all goes straight at the walls.
     pub circulation: f64,
-    /// Mean length of an agent's path along walls; in spacings.
+    /// Mean length of an agent's path along walls, in spacings.
     pub way: f64,
 }
 
@@ -62,7 +62,7 @@ impl Walls {
     }
 }
 
-/// Distance of an agent's centre from where its body would touch the nearest wall.
+/// Distance of an agent's centre from the place where its body would touch the nearest wall.
 fn room([x, y]: Point, world: &World) -> f64 {
     let room = |value: f64, side: f64| value.min(side - value) - world.margin();
     room(x, world.width()).min(room(y, world.height()))

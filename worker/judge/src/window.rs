@@ -1,4 +1,4 @@
-//! The last steps of a swarm's motion, at evenly spaced times, and the statistics over them.
+//! The last steps of a swarm's motion at evenly spaced times, and functions for statistics.
 
 use murmuration_swarm::{Boundary, Pose, Replay, World};
 use std::{f64::consts::TAU, num::NonZeroU32};
@@ -10,7 +10,7 @@ pub(super) const STRIDE: NonZeroU32 = NonZeroU32::MIN.saturating_add(3);
 /// Number of intervals of the window: one for every four steps.
 const STRETCHES: u32 = WINDOW_STEPS / STRIDE.get();
 
-/// A point or a vector, world units; y points down the screen.
+/// A point or a vector, in world units; y points down the screen.
 pub(super) type Point = [f64; 2];
 
 /// The position of each agent at 41 evenly spaced times of the window.
@@ -78,7 +78,8 @@ impl Window {
     }
 }
 
-/// Makes paths on a torus continuous, and moves each by whole sides so that its mean is near the swarm's centre.
+/// Makes paths on a torus continuous, and moves each path by whole sides of the torus, so that its mean is near the swarm's
+/// centre.
 fn unroll(paths: &mut [Vec<Point>], torus: &World) {
     for path in &mut *paths {
         for place in 1..path.len() {
@@ -121,7 +122,7 @@ pub(super) fn quantile(values: impl Iterator<Item = f64>, part: f64) -> f64 {
     sorted.get(place).copied().unwrap_or(0.0)
 }
 
-/// Share of true values; 0 if there are none.
+/// Share of true values; 0 if there are no values.
 pub(super) fn share(values: impl Iterator<Item = bool>) -> f64 {
     let (mut held, mut all) = (0.0, 0.0);
     for value in values {

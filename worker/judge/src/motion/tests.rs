@@ -1,11 +1,11 @@
-//! The search among nearby pieces finds the same as a search among all pieces.
+//! Tests that a search among nearby pieces gives the same results as a search among all pieces.
 
 use super::*;
 use murmuration_swarm::{Purpose, RandomStream, World};
 use rand::RngExt as _;
 use std::f64::consts::TAU;
 
-/// Paths of `agents` that stand or wander in a square of this side, at most at `speed`.
+/// Paths of this number of agents, which start in a square of this `side` and stand or move, at most at `speed`.
 fn paths(stream: &mut RandomStream, agents: usize, side: f64, speed: f64) -> Vec<Vec<Point>> {
     let path = |_| {
         let mut at = [0, 1].map(|_| stream.random_range(0.0..=side));
@@ -26,7 +26,7 @@ fn paths(stream: &mut RandomStream, agents: usize, side: f64, speed: f64) -> Vec
     (0..agents).map(path).collect()
 }
 
-/// Like [`following`], but compares every piece with every other.
+/// Like [`following`], but compares every piece with every other piece.
 fn following_of_all(paths: &[Vec<Point>], scale: &Scale) -> (f64, Vec<Vec<bool>>) {
     let mut shared = vec![vec![false; paths.len()]; paths.len()];
     let mut followed = Vec::new();
@@ -53,7 +53,7 @@ fn following_of_all(paths: &[Vec<Point>], scale: &Scale) -> (f64, Vec<Vec<bool>>
     (share(followed.into_iter()), shared)
 }
 
-/// Like [`crossed`], but compares every piece with every other.
+/// Like [`crossed`], but compares every piece with every other piece.
 fn crossed_of_all(paths: &[Vec<Point>], scale: &Scale) -> f64 {
     let moves = |[a, b]: [Point; 2]| length(minus(b, a)) > STANDS * scale.radius;
     let across = |[a, b]: [Point; 2], [c, d]: [Point; 2]| {
