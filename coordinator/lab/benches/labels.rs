@@ -1,4 +1,5 @@
-//! An answer and a query with 10,000 labels on disk, compared to reading the whole log, which neither does.
+//! Measures an answer and a query with 10,000 labels on disk, beside a read of the whole label log. Neither the answer nor the
+//! query reads the whole log.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use murmuration_engine::{
@@ -20,7 +21,7 @@ use std::{
 
 const LABELS: u64 = 10_000;
 const POPULATION: u64 = 500;
-/// Individuals; some remain unlabelled, to be asked about.
+/// Number of individuals. Queries choose among the individuals without a label.
 const ARCHIVE: u64 = LABELS + 4 * POPULATION;
 
 type Done<T> = Result<T, Box<dyn Error>>;
@@ -80,14 +81,14 @@ fn labels(c: &mut Criterion) {
     let store = Store::open(&directory).expect("a store");
     let id = labelled(&store).expect("a labelled campaign");
     let runtime = tokio::runtime::Runtime::new().expect("threads");
-    // Queries of stored data, without workers.
+    // Queries that use stored data, without workers.
     let queries = Queries::new(store.clone(), Spaces::new(store.clone()), Interrupt::default());
     let wish = question().expect("a wish");
     let ask = || {
         let asked = queries.next(id.as_str(), wish.clone(), Instant::now());
         runtime.block_on(asked).expect("a question")
     };
-    // The first query clusters the archive, which has its own benchmark.
+    // The first query clusters the archive; clustering has its own benchmark.
     ask();
     let mut group = c.benchmark_group("10000 labels");
     group

@@ -46,7 +46,8 @@ pub struct AccuracyCommand {
     /// Labelled behaviours, as `murmuration labels --csv` writes them; repeat the option to join sets
     #[arg(long, required = true, value_name = "CSV")]
     labels: Vec<PathBuf>,
-    /// Folder of the pictures ID.png, one for each --labels [default: `images` beside the CSV, else simulated from the column seed or `starts.csv` beside it]
+    /// Folder of the pictures ID.png, one folder for each --labels [default: `images` beside the CSV, or else simulated pictures,
+    /// with starts from the column seed or `starts.csv`]
     #[arg(long, value_name = "DIR", conflicts_with = "features")]
     images: Vec<PathBuf>,
     /// Measure the embeddings of this ONNX file or checkpoint (the first digits of its digest suffice)
@@ -55,7 +56,7 @@ pub struct AccuracyCommand {
     /// Measure the absolute values of the five hand-crafted features, which are columns of the CSV
     #[arg(long, group = "embedding")]
     features: bool,
-    /// Measure the embeddings of N untrained networks with seeds from 1: mean and deviation
+    /// Measure the embeddings of N untrained networks with the seeds 1 to N: mean and deviation
     #[arg(long, value_name = "N", group = "embedding")]
     untrained: Option<NonZeroU32>,
     /// Network of --untrained
@@ -200,14 +201,14 @@ pub(crate) fn starts_file(labels: &Path) -> PathBuf {
     labels.with_file_name("starts.csv")
 }
 
-/// The starts beside the file of a set, if the file exists and the set has no seeds.
+/// The file of starts beside the label file of a set, if that file exists and the set has no seeds.
 pub(crate) fn starts_beside(set: &LabelledSet) -> Result<Option<PathBuf>, CliError> {
     let starts = starts_file(set.path());
     Ok((!set.can_be_simulated() && is_there(&starts)?).then_some(starts))
 }
 
-/// The images of a set: from the folder `images` beside its file, or else simulated again, with the starts from `starts.csv` beside
-/// it if the file has no seeds.
+/// The images of a set: from the folder `images` beside the label file, or else simulated. If the label file has no seeds, the
+/// simulation uses the starts in `starts.csv` beside the label file.
 pub(super) fn images_beside(set: &LabelledSet, shape: ImageShape) -> Result<Vec<Vec<u8>>, CliError> {
     let folder = set.path().with_file_name("images");
     let starts = starts_beside(set)?;
@@ -218,7 +219,7 @@ pub(super) fn images_beside(set: &LabelledSet, shape: ImageShape) -> Result<Vec<
     })
 }
 
-/// The embeddings of images. Fails if the embedder has learned the class of one of them.
+/// The embeddings of images. Fails if the embedder has learned the class of one of the images.
 pub(super) fn embeddings(
     embedder: &mut Embedder,
     images: &[Vec<u8>],
@@ -263,7 +264,7 @@ pub(super) fn features(sets: &[LabelledSet]) -> Result<Vec<Vec<f64>>, CliError> 
 /// A checkpoint named on the command line.
 struct Named {
     digest: String,
-    /// The pictures whose classes it has learned; unknown for a file.
+    /// The pictures whose classes the checkpoint has learned; none for a file, where they are unknown.
     seen: SeenPictures,
     embedder: Embedder,
 }

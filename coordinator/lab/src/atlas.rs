@@ -33,12 +33,12 @@ Examples:
   murmuration lab atlas examples/atlas.toml --out atlas       every controller of the paper's robot, in minutes
   murmuration lab atlas latest --out atlas                    the atlas of a campaign that there is")]
 pub struct AtlasCommand {
-    /// Campaign file with the method "exhaustive"; or the id of a campaign that judges, or `latest`
+    /// Campaign file with the method "exhaustive"; or the id of a campaign that has verdicts, or `latest`
     campaign: String,
     /// Folder for the atlas [default: atlases/CAMPAIGN in the data directory]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files of a former atlas in the folder although they were changed since
+    /// Replace files of a former atlas in the folder even if they have been changed since
     #[arg(long)]
     force: bool,
     /// Number of values of each speed, used instead of the file's step: an odd number from 3 on
@@ -50,7 +50,7 @@ pub struct AtlasCommand {
 
 /// The campaign that an atlas is made of.
 enum Source {
-    /// A campaign file. Its campaign continues if it exists already.
+    /// The specification in a campaign file. If a campaign has this specification already, the campaign continues.
     Spec(Box<CampaignSpec>),
     /// An existing campaign.
     Campaign(String),
@@ -62,7 +62,7 @@ impl AtlasCommand {
         let in_process = self.in_process.some()?;
         if let Some(folder) = &self.out {
             expect_outside_data(folder)?;
-            // Detects files in the way now, before hours of evaluations.
+            // Files that must not be replaced are found now, before hours of evaluations.
             drop(atlas::folder(folder, replaces(self.force))?);
         }
         let make = async |connection: &mut Connection| {
@@ -158,7 +158,7 @@ fn atlas_folder(data: &Path, campaign: &CampaignId) -> PathBuf {
     data.join("atlases").join(campaign.as_str())
 }
 
-/// The same campaign over a grid with this number of values of each speed.
+/// The specification with a grid that has `values` values of each speed.
 fn with_values(spec: &CampaignSpec, values: u32) -> Result<CampaignSpec, CliError> {
     if values < 3 || values.is_multiple_of(2) {
         let text = format!(
@@ -210,8 +210,8 @@ async fn finish(
     }
 }
 
-/// Collects the archive of a campaign. Writes the pictures of its swarms into `folder` at once, since together they may not fit in
-/// memory.
+/// Collects the archive of a campaign. Writes the pictures of its swarms into `folder` as they arrive, since all pictures
+/// together may not fit in memory.
 async fn gather(
     connection: &mut Connection,
     campaign: &v1::Campaign,
@@ -231,7 +231,7 @@ async fn gather(
     while let Some(chunk) = chunks.message().await? {
         for individual in chunk.individuals {
             let entry = entry(&spec, &individual)?;
-            // The substitute of a poisoned task is out of order, and has no position in a tile.
+            // The substitute for a controller with a poisoned task is not in the ordered list, and has no position in a tile.
             let is_listed = listed.is_some_and(|all| {
                 individual.index < all.len() && all.controller(individual.index) == entry.controller
             });

@@ -1,4 +1,4 @@
-//! `bench`: the speed of this machine, and the accuracy that labels bring.
+//! `bench`: the speed of this machine, and the accuracy that an embedding gains from labels.
 
 mod all;
 mod cluster;
@@ -31,9 +31,9 @@ use std::{
 
 /// Pairs of robots in a simulation of the paper's world, over all steps: 24 robots, 1,200 steps.
 const PAIRS: u64 = 24 * 23 * 1200;
-/// Operations per pair of robots with one sensor and step.
+/// Operations in a step, per pair of robots with one sensor.
 const ONE_SENSOR: u64 = 14;
-/// Operations per pair of robots with two sensors and step.
+/// Operations in a step, per pair of robots with two sensors.
 const TWO_SENSORS: u64 = 21;
 /// Operations of a simulation of the paper's world with one sensor.
 const SIMULATION: u64 = PAIRS * ONE_SENSOR;
@@ -44,7 +44,7 @@ const RESULT: u64 = 50 * 50 + 5 * 8;
 
 #[derive(Debug, clap::Subcommand)]
 pub enum Bench {
-    /// Measure simulation, campaigns, training, novelty and k-medoids in short, each beside its peer, in one table
+    /// Measure simulation, campaigns, training, novelty and k-medoids briefly, each beside another implementation, in one table
     All(all::AllBench),
     /// Measure evaluations a second on one core, with and without SIMD
     Simulate {
@@ -52,9 +52,9 @@ pub enum Bench {
         #[arg(long, default_value_t = 2.0)]
         seconds: f64,
     },
-    /// Measure a campaign with its coordinator against its evaluations alone, and the coordinator alone
+    /// Compare a campaign with its evaluations alone, and measure the coordinator alone
     Cluster(cluster::ClusterBench),
-    /// Measure where the time of a latent campaign goes, from its dataset to its taxonomy
+    /// Measure the time of each stage of a latent campaign, from its dataset to its taxonomy
     Pipeline(pipeline::PipelineBench),
     /// Measure the time of a training step and epoch on all cores, and peak memory
     Train {
@@ -158,8 +158,8 @@ fn span(seconds: f64) -> Result<Duration, CliError> {
         .map_err(|_| CliError::Input(format!("--seconds {seconds}: must be a positive number")))
 }
 
-/// Evaluations a second, scalar and with this machine's best instructions. Both take turns on the same uniform sample of the
-/// paper's controllers, so that other load disturbs both alike.
+/// Evaluations a second, without vector instructions and with the best vector instructions of this machine. The two measurements
+/// take turns on the same uniform sample of the paper's controllers, so that other load disturbs both measurements alike.
 fn alternately(model: Preset, full: bool, span: Duration) -> Result<[f64; 2], CliError> {
     let space = ControllerSpace::for_model(v1::ControllerSpace::default(), &model.into())?;
     let mut stream = RandomStream::derive(1, Purpose::Propose, 0);

@@ -38,7 +38,7 @@ pub struct JudgeCommand {
     /// Starts of the swarms, one file for each --labels [default: the column seed, else `starts.csv` beside the CSV]
     #[arg(long, value_name = "CSV")]
     starts: Vec<PathBuf>,
-    /// Also write what the second judge measures of each swarm, to train it by
+    /// Also write the second judge's measures of each swarm to this CSV, to train the second judge
     #[arg(long, value_name = "CSV")]
     measures: Option<PathBuf>,
     #[command(flatten)]
@@ -50,7 +50,7 @@ impl JudgeCommand {
         self.check_starts()?;
         if let Some(table) = &self.measures {
             FileType::Csv.check("--measures", table)?;
-            // Without --starts those beside the labels are read.
+            // Without --starts, the command reads the files of starts beside the labels.
             let beside: Vec<PathBuf> = match self.starts.is_empty() {
                 true => self.labels.iter().map(|labels| starts_file(labels)).collect(),
                 false => Vec::new(),
@@ -97,7 +97,7 @@ impl JudgeCommand {
         Ok(())
     }
 
-    /// The starts of a file's swarms, if the file itself has none.
+    /// The file of starts for the swarms of a label file; `None` if the label file's seeds determine the starts.
     fn starts_of(&self, place: usize, labels: &LabelledSet) -> Result<Option<PathBuf>, CliError> {
         match self.starts.get(place) {
             Some(named) => Ok(Some(named.clone())),
@@ -149,11 +149,11 @@ type WithoutMeaning = BTreeMap<(Class, &'static str), u64>;
 #[derive(Debug)]
 struct PatternCounts {
     pattern: Pattern,
-    /// Behaviours in which annotators see it.
+    /// Behaviours in which annotators see the pattern.
     given: u64,
-    /// Behaviours in which annotators and the judge see it.
+    /// Behaviours in which annotators and the judge see the pattern.
     agreed: u64,
-    /// Behaviours in which the judge sees it.
+    /// Behaviours in which the judge sees the pattern.
     judged: u64,
 }
 
@@ -210,7 +210,7 @@ impl Judged {
 /// A behaviour's id, the class of its label, and the verdicts of the judges.
 type Said = ((String, String), Judged);
 
-/// How often two of three agree: the labels, the rule-based judge and the second judge.
+/// Agreement between each two of the labels, the rule-based judge and the second judge.
 #[derive(Debug)]
 struct Opinions<'a> {
     /// Labels against the rule-based judge.
@@ -219,7 +219,7 @@ struct Opinions<'a> {
     second: ConfusionMatrix<&'a str>,
     /// The rule-based judge against the second judge.
     judges: ConfusionMatrix<&'a str>,
-    /// Behaviours to which all three give the same class.
+    /// Number of behaviours to which the labels and both judges give the same class.
     all_agreed: u64,
 }
 
@@ -293,7 +293,7 @@ fn agreement(matrix: &ConfusionMatrix<&str>) -> json::Agreement {
     }
 }
 
-/// Reports the classes that the judge could not answer with.
+/// Reports the classes that have no meaning in the world of a swarm.
 fn tell_without_meaning(without_meaning: &WithoutMeaning) -> Result<(), OutputError> {
     for ((class, why), &swarms) in without_meaning {
         outln!("\n{class} has no meaning for {}: {why}", counted(swarms, "swarm"))?;
@@ -343,7 +343,8 @@ fn print_patterns(patterns: &[PatternCounts]) -> Result<(), OutputError> {
     table.print()
 }
 
-/// A row: how many behaviours annotators gave a name, and how many of them have it from the judge too.
+/// The cells of a row: a name, the number of behaviours to which annotators gave the name, and how many of these have the name
+/// from the judge too.
 fn counts(name: &str, given: u64, agreed: u64) -> [String; 4] {
     [
         name.to_owned(),

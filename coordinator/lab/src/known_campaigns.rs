@@ -16,14 +16,15 @@ use tonic::Code;
 /// The campaigns of a coordinator, by their specification.
 #[derive(Debug, Default)]
 pub(super) struct KnownCampaigns {
-    /// Digest of the specification, which never changes, by id; `None` if this version cannot read the specification.
+    /// Digest of each campaign's specification, by the campaign's id; `None` if this version cannot read the specification. A
+    /// campaign's specification never changes.
     digests: BTreeMap<String, Option<String>>,
-    /// The ids, oldest first.
+    /// The campaigns' ids, oldest campaign first.
     ids: Vec<String>,
 }
 
 impl KnownCampaigns {
-    /// Updates the list of campaigns. Only new ones are examined.
+    /// Updates the list of campaigns. Only new campaigns are examined.
     pub(super) async fn renew(&mut self, client: &mut Client) -> Result<(), CliError> {
         let listed = client.list_campaigns(v1::ListCampaignsRequest {}).await?;
         self.take(whole(listed.into_inner()).await?.campaigns.validated()?);
@@ -45,8 +46,8 @@ impl KnownCampaigns {
         self.digests = digests;
     }
 
-    /// The campaign of a specification: an existing one, or a new one of `study`, which may be empty. Two callers that look at the same
-    /// time get the same campaign.
+    /// Finds a campaign with this specification, or begins one for `study` (empty if the campaign belongs to no study). Two
+    /// callers at the same time get the same campaign.
     pub(super) async fn find_or_begin(
         &mut self,
         client: &mut Client,
@@ -66,7 +67,7 @@ impl KnownCampaigns {
             ..v1::CreateCampaignRequest::default()
         };
         match client.create_campaign(request).await {
-            // Another study, or a campaign file of another name, began it meanwhile.
+            // Another study, or a campaign file of another name, has begun the campaign meanwhile.
             Err(status) if status.code() == Code::AlreadyExists => {
                 self.renew(client).await?;
                 let begun = usable(client, self.of(spec)).await?;
@@ -85,7 +86,7 @@ impl KnownCampaigns {
     }
 }
 
-/// Resumes a campaign if necessary, follows it until it stops, and shows each status. Returns the last one.
+/// Resumes a campaign if necessary, follows it until it stops, and shows each status. Returns the last status.
 pub(super) async fn to_rest(
     client: &mut Client,
     begun: v1::Campaign,
@@ -102,7 +103,7 @@ pub(super) async fn to_rest(
     }
 }
 
-/// Brings a campaign to its end, as [`to_rest`] does. Returns it completed.
+/// Brings a campaign to its end, as [`to_rest`] does. Returns the completed campaign.
 pub(super) async fn to_end(
     client: &mut Client,
     begun: v1::Campaign,
@@ -124,16 +125,17 @@ pub(super) fn stopped(campaign: &v1::Campaign) -> String {
     format!("campaign {} was stopped by another command", campaign.id)
 }
 
-/// The first campaign that follows its specification: one that was not cancelled, taught by people, or moved to another checkpoint.
+/// The first campaign in `known` that still follows its specification: nobody has cancelled it, taught it, or moved it to another
+/// checkpoint.
 async fn usable(client: &mut Client, known: Vec<String>) -> Result<Option<v1::Campaign>, CliError> {
     for campaign in known {
-        // The current state: the campaign may have continued since it was listed.
+        // The campaign may have continued since it was listed: get its current state.
         let campaign = get_campaign(client, campaign).await?;
         if campaign.state() == v1::CampaignState::Cancelled {
             continue;
         }
         let digest = get_digest(client, &campaign.id).await?;
-        // Without a checkpoint, none can have been adopted.
+        // A campaign without a checkpoint cannot have adopted one.
         let adopted = digest.adopted && !campaign.checkpoint.is_empty();
         if !digest.attended && !adopted {
             return Ok(Some(campaign));
@@ -142,7 +144,8 @@ async fn usable(client: &mut Client, known: Vec<String>) -> Result<Option<v1::Ca
     Ok(None)
 }
 
-/// The request id of everybody who begins a campaign of this specification while exactly the campaigns `known` have it.
+/// The request id for beginning a campaign of this specification. All callers use the same id while exactly the campaigns `known`
+/// have the specification.
 fn request_id(spec: &CampaignSpec, known: &[String]) -> String {
     let of = format!("{} {}", cell_digest(spec), known.join(" "));
     blake3::hash(of.as_bytes()).to_hex().to_string()

@@ -1,4 +1,4 @@
-//! `murmuration lab`: the commands that measure and study. Only the program depends on this crate.
+//! `murmuration lab`: the commands for measurements and studies. Only the program `murmuration` depends on this crate.
 
 mod accuracy;
 mod atlas;
@@ -15,16 +15,16 @@ use std::future::ready;
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Run, list and show studies: grids of campaigns with what is measured of them
+    /// Run, list and show studies: grids of campaigns with their measurements
     #[command(subcommand)]
     Study(study::StudyCommand),
-    /// Evaluate and judge every controller of a robot, and draw their map
+    /// Evaluate and judge every controller of a robot, and draw a map of the verdicts
     Atlas(atlas::AtlasCommand),
     /// Measure how well an embedding agrees with labels
     Accuracy(accuracy::AccuracyCommand),
     /// Measure how well the rule-based judge agrees with labels
     Judge(judge::JudgeCommand),
-    /// Measure the speed of this machine, and the accuracy that labels bring
+    /// Measure the speed of this machine, and the accuracy that an embedding gains from labels
     #[command(subcommand)]
     Bench(bench::Bench),
 }

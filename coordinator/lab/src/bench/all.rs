@@ -1,4 +1,4 @@
-//! `bench all`: every speed that has a peer, in one table.
+//! `bench all`: short measurements of every speed, each beside its peer if it has one, in one table.
 
 mod archives;
 mod evaluations;
@@ -31,16 +31,16 @@ The floor is what one result takes at least, counted by hand: docs/performance.m
 Example:
   murmuration lab bench all --seconds 0.1")]
 pub struct AllBench {
-    /// Seconds that each measurement takes; campaigns have 10 generations for each second, and at most 100, and the dataset of the
-    /// latent one 200 controllers
+    /// Seconds that each measurement takes. For each second, the campaign has 10 generations (at most 100 in all), and the latent
+    /// campaign's dataset has 200 controllers
     #[arg(long, default_value_t = 5.0)]
     seconds: f64,
-    /// Python that has the peers numba and torch
+    /// Python program with the packages numba and torch, which are the peers
     #[arg(long, value_name = "PROGRAM", default_value = "python3")]
     python: String,
 }
 
-/// A row of the table, in results a second.
+/// A row of the table, with speeds in results a second.
 #[derive(Debug)]
 struct Row {
     item: String,
@@ -91,7 +91,7 @@ impl Row {
     }
 }
 
-/// At least three digits.
+/// A rate with at least three digits.
 fn rate(rate: f64) -> String {
     if rate < 100.0 {
         format!("{rate:.2}")
@@ -222,8 +222,8 @@ impl Printed {
     }
 }
 
-/// Times two kinds of work in turns for as long as `span`, at least once. Returns the least time of each, seconds of CPU time. A
-/// round returns both times, with `None` for a missing peer.
+/// Times two kinds of work in turns for as long as `span`, and each at least once. Returns the least CPU time of each kind, in
+/// seconds. `round` runs both kinds and returns both times, with `None` for a missing peer.
 fn in_turns(
     span: Duration,
     mut round: impl FnMut() -> Result<(f64, Option<f64>), CliError>,
@@ -249,7 +249,7 @@ fn this_machine() -> Machine {
     }
 }
 
-/// Description for people.
+/// A description of the machine for people.
 fn machine_in_words(machine: &Machine) -> String {
     let cpu = machine.cpu.as_deref().unwrap_or("unknown CPU");
     format!(
@@ -258,7 +258,7 @@ fn machine_in_words(machine: &Machine) -> String {
     )
 }
 
-/// The name from the text of /proc/cpuinfo; aarch64 has none there.
+/// The CPU's name from the text of /proc/cpuinfo; on aarch64, that file has no name.
 fn cpu(text: &str) -> Option<String> {
     let line = text.lines().find(|line| line.starts_with("model name"))?;
     Some(line.split_once(':')?.1.trim().to_owned())
@@ -271,7 +271,7 @@ const fn vector_bits(arch: Arch) -> u32 {
         Arch::V3(_) => 256,
         #[cfg(target_arch = "x86_64")]
         Arch::V4(_) => 512,
-        // NEON.
+        // NEON has vectors of 128 bits.
         _ => 128,
     }
 }

@@ -44,16 +44,16 @@ pub struct ClusterBench {
     /// Generations of the campaign, of 100 controllers each
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     generations: u32,
-    /// Thousands of null evaluations, in generations of 100 and of 1,000
+    /// Generations of null evaluations, of 1,000 null evaluations each
     #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     null_generations: u32,
     /// Measurements of each kind
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=1000))]
     rounds: u16,
-    /// ONNX file of an embedder: measure a campaign whose workers embed, too
+    /// ONNX file of an embedder: also measure a campaign whose workers embed
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
-    /// Measure null evaluations in generations of 1,000 once, in this data directory, which stays
+    /// Measure null evaluations once, in this data directory, and keep the directory
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
 }

@@ -29,7 +29,7 @@ simulated from further starts (feedback.starts), so train.csv needs the columns 
 Example:
   murmuration lab bench labels examples/two-sensor-latent.toml --set labelled/two_sensor --plot curve.svg")]
 pub struct LabelsBench {
-    /// Campaign file, of which [dataset], [training] and [feedback] are used
+    /// Campaign file; the command uses its [dataset], [training] and [feedback]
     spec: PathBuf,
     /// Folder with train.csv, validation.csv and images/ID.png; repeat the option to join sets
     #[arg(long, required = true, value_name = "DIR")]
@@ -37,7 +37,7 @@ pub struct LabelsBench {
     /// Seeds, used instead of the file's seed
     #[arg(long, num_args = 1.., default_values_t = [1, 2, 3])]
     seeds: Vec<u64>,
-    /// Numbers of labels; a number above the size of the set means all of them
+    /// Numbers of labels; a number above the size of the set means all labels
     #[arg(long, num_args = 1.., default_values_t = [0, 25, 50, 100, 200, 500])]
     labels: Vec<usize>,
     /// Query strategies that choose the behaviours to label
@@ -128,7 +128,8 @@ fn images(labels: &LabelledSet, folder: &Path, image: &ImageFormat) -> Result<Ve
     Ok(labels.images(&folder.join("images"), image.shape().into())?)
 }
 
-/// Simulates pictures of each controller from further starts, as a campaign does; the first is that of individual `first`.
+/// Simulates pictures of each controller from further starts, as a campaign does. The first controller has the further starts of
+/// the individual `first`.
 fn further(labels: &LabelledSet, spec: &CampaignSpec, first: u64) -> Result<Vec<Vec<Vec<u8>>>, CliError> {
     let Some(feedback) = spec.feedback().filter(|feedback| feedback.starts() > 1) else {
         return Ok(vec![Vec::new(); labels.classes().count()]);

@@ -42,7 +42,7 @@ pub struct PipelineBench {
 /// Pictures of each controller of the dataset.
 const STARTS: u32 = 2;
 
-/// The measured stages, in their order. The time of any other stage counts for the one before it.
+/// The measured stages, in order. The time of any other stage is added to the measured stage before it.
 const STAGES: [CampaignStage; 4] = [
     CampaignStage::Dataset,
     CampaignStage::Pretrain,
@@ -54,13 +54,13 @@ const STAGES: [CampaignStage; 4] = [
 const PAUSE: Duration = Duration::from_millis(50);
 
 pub(super) struct Pipeline {
-    /// The time of each of [`STAGES`].
+    /// The time of each stage in [`STAGES`].
     stages: [Took; 4],
     /// Simulations of the dataset and of the archive.
     simulations: u64,
     /// Minimum multiply-adds of the training.
     multiply_adds: u64,
-    /// Time of the same number of simulations in a plain loop.
+    /// Time that a plain loop takes for `simulations` simulations.
     plain: Duration,
 }
 
@@ -69,7 +69,8 @@ impl Pipeline {
         self.stages.iter().map(|took| took.wall).sum()
     }
 
-    /// Minimum operations per simulation: its own, and its part of the training. A multiply-add counts twice.
+    /// Minimum operations per simulation: the simulation's own operations, and its part of the training. A multiply-add counts as
+    /// two operations.
     pub(super) const fn floor(&self) -> u64 {
         SIMULATION + 2 * self.multiply_adds / self.simulations
     }
@@ -132,7 +133,7 @@ impl PipelineBench {
 
     /// Runs the campaign, then the plain loop.
     pub(super) async fn measure(&self) -> Result<Pipeline, CliError> {
-        // Without the library, the campaign would wait for a worker that can embed.
+        // Without ONNX Runtime, the campaign would wait for a worker that can embed.
         Runtime::load()?;
         let spec = self.spec()?;
         let in_process = InProcess {
@@ -166,7 +167,7 @@ impl PipelineBench {
         })
     }
 
-    /// Multiply-adds of the training: an epoch shows every behaviour that is not held out in two pictures.
+    /// Multiply-adds of the training: an epoch shows two pictures of every behaviour that is not held out.
     fn multiply_adds(&self, spec: &CampaignSpec) -> u64 {
         let Some(EmbedderSource::Trained { training, .. }) = spec.embedder() else {
             return 0;

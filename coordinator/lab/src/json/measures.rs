@@ -9,11 +9,11 @@ use std::collections::BTreeMap;
 /// The labelled behaviours of a measurement.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Set {
-    /// The files.
+    /// Paths of the label files.
     pub(crate) labels: Vec<String>,
     /// Behaviours with a class from an annotator other than the synthetic one.
     pub(crate) behaviours: u64,
-    /// Rows by the synthetic annotator, which are not counted.
+    /// Rows by the synthetic annotator, which the measurement ignores.
     pub(crate) synthetic_left_out: u64,
 }
 
@@ -37,7 +37,7 @@ pub(crate) struct Accuracy {
 pub(crate) struct UntrainedAccuracy {
     #[serde(flatten)]
     pub(crate) set: Set,
-    /// `untrained`.
+    /// Always `untrained`.
     pub(crate) embedding: String,
     /// Name of the network.
     pub(crate) network: String,
@@ -55,7 +55,7 @@ pub(crate) struct UntrainedAccuracy {
 pub(crate) struct Tally {
     /// Triplets whose anchor is nearer to the positive than to the negative.
     correct: u64,
-    /// All of them.
+    /// All triplets.
     triplets: u64,
     /// The share of correct triplets; null if there are no triplets.
     percent: Option<f64>,
@@ -65,7 +65,7 @@ pub(crate) struct Tally {
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 pub(crate) struct Spread {
-    /// Mean; null if there are no triplets.
+    /// Mean over the networks; null if there are no triplets.
     mean_percent: Option<f64>,
     /// Sample standard deviation; null with fewer than two networks.
     deviation_percent: Option<f64>,
@@ -81,7 +81,7 @@ pub(crate) struct Judge {
     pub(crate) agreement: Agreement,
     /// The patterns among behaviours of the class `random`, by name.
     pub(crate) patterns: BTreeMap<String, PatternCounts>,
-    /// By class: number of behaviours whose world gives the class no meaning, so that the judge cannot answer with it.
+    /// Number of behaviours in whose world a class has no meaning, by class. The judge cannot give such a class.
     pub(crate) without_meaning: BTreeMap<String, u64>,
     /// Agreement of the second judge with annotators.
     pub(crate) second_judge: Agreement,
@@ -101,7 +101,7 @@ pub(crate) struct Agreement {
     pub(crate) agreed: u64,
     /// Cohen's kappa, -1 to 1; null if agreement by chance is certain.
     pub(crate) kappa: Option<f64>,
-    /// By the annotators' class: number of behaviours by the judge's class.
+    /// Number of behaviours by the annotators' class, then by the judge's class.
     pub(crate) judged_by_class: BTreeMap<String, BTreeMap<String, u64>>,
 }
 
@@ -109,28 +109,28 @@ pub(crate) struct Agreement {
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 pub(crate) struct PatternCounts {
-    /// Behaviours in which annotators see it.
+    /// Behaviours in which annotators see the pattern.
     pub(crate) given: u64,
-    /// Behaviours in which annotators and the judge see it.
+    /// Behaviours in which annotators and the judge see the pattern.
     pub(crate) agreed: u64,
-    /// Behaviours in which the judge sees it.
+    /// Behaviours in which the judge sees the pattern.
     pub(crate) judged: u64,
 }
 
 /// An atlas that was written.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Atlas {
-    /// Id of its campaign.
+    /// Id of the atlas's campaign.
     pub(crate) campaign: String,
     /// Digest of the campaign's archive.
     pub(crate) digest: String,
-    /// Path of its page, or of its table if it has no page.
+    /// Path of the atlas's page, or of its table if the atlas has no page.
     pub(crate) atlas: String,
     /// Controllers that were simulated.
     pub(crate) controllers: u64,
 }
 
-/// A speed of this machine beside that of another implementation, the peer.
+/// A speed of Murmuration on this machine, beside the speed of another implementation, the peer.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct BenchAll {
     /// What was measured.
@@ -139,9 +139,9 @@ pub(crate) struct BenchAll {
     pub(crate) unit: &'static str,
     /// The speed of Murmuration.
     pub(crate) ours: f64,
-    /// The speed of the peer in the same run; null if there is no peer, or it is not installed.
+    /// The speed of the peer in the same run; null if the peer does not exist or is not installed.
     pub(crate) peer: Option<f64>,
-    /// Name of the peer; null if there is none.
+    /// Name of the peer; null without a peer.
     pub(crate) peer_name: Option<&'static str>,
     /// `ours` divided by `peer`; null without `peer`.
     pub(crate) ratio: Option<f64>,
@@ -157,9 +157,9 @@ pub(crate) struct BenchAll {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 #[schemars(inline)]
 pub(crate) struct Machine {
-    /// Name of the CPU; null if the system does not say.
+    /// Name of the CPU; null if the system does not report the name.
     pub(crate) cpu: Option<String>,
-    /// Threads that run at once.
+    /// Number of threads that run at the same time.
     pub(crate) cores: usize,
     /// Bits of the vectors that the simulator computes with; 64 without vectors.
     pub(crate) vector_bits: u32,
@@ -185,9 +185,9 @@ pub(crate) struct BenchCluster {
     pub(crate) what: &'static str,
     /// Workers of one thread each.
     pub(crate) workers: u16,
-    /// Evaluations of a round.
+    /// Number of evaluations in a round.
     pub(crate) results: u64,
-    /// Evaluations on disk a second, in the best round.
+    /// Evaluations written to disk a second, in the best round.
     pub(crate) results_per_second: f64,
     /// CPU time per evaluation in the best round: of coordinator and workers, or of the coordinator alone for null evaluations.
     pub(crate) cpu_seconds_per_result: f64,
@@ -204,15 +204,15 @@ pub(crate) struct BenchCluster {
 pub(crate) struct BenchPipeline {
     /// The stage: `dataset`, `pretrain`, `evolve` or `taxonomy`.
     pub(crate) stage: &'static str,
-    /// How long it lasted.
+    /// Duration of the stage.
     pub(crate) seconds: f64,
     /// CPU time of coordinator, workers and trainer during the stage.
     pub(crate) cpu_seconds: f64,
-    /// Its share of the campaign's time, 0 to 1.
+    /// The stage's share of the campaign's time, 0 to 1.
     pub(crate) share: f64,
     /// Simulations of dataset and archive.
     pub(crate) simulations: u64,
-    /// Time of the same number of simulations in a plain loop.
+    /// Time that a plain loop takes for `simulations` simulations.
     pub(crate) loop_seconds: f64,
 }
 
@@ -231,7 +231,7 @@ pub(crate) struct BenchTrain {
     seconds_per_step: f64,
     /// Time of an epoch.
     seconds_per_epoch: f64,
-    /// Peak memory of the process so far; null if the system does not say.
+    /// Peak memory of the process so far; null if the system does not report it.
     peak_memory_bytes: Option<u64>,
 }
 
@@ -244,9 +244,9 @@ pub(crate) struct BenchLabels {
     pub(crate) labels: usize,
     /// Seed of dataset, embedder and fine-tuning.
     pub(crate) seed: u64,
-    /// Correct triplets whose anchor is of another class than `random`; null if there are no such triplets.
+    /// Correct triplets, in percent of the triplets whose anchor is of another class than `random`; null without such triplets.
     pub(crate) anchor_not_random_percent: Option<f64>,
-    /// Correct triplets; null if there are no triplets.
+    /// Correct triplets, in percent of all triplets; null if there are no triplets.
     pub(crate) every_anchor_percent: Option<f64>,
     /// Time of the fine-tuning.
     pub(crate) seconds: f64,

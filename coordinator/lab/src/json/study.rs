@@ -12,13 +12,13 @@ pub(crate) struct Study {
     study: String,
     /// Path of the page of its report; null if no report was written.
     report: Option<String>,
-    /// Number of its cells.
+    /// Number of the study's cells.
     cells: usize,
     /// The cells that were measured, in the order of the grid.
     measured: Vec<StudyCell>,
     /// A table for each measure.
     tables: Vec<StudyTable>,
-    /// Number of judged individuals by who named them: `judge`, or an annotator.
+    /// Number of judged individuals, by the source of their class: `judge`, or an annotator.
     named_by: BTreeMap<String, usize>,
 }
 
@@ -26,21 +26,21 @@ pub(crate) struct Study {
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 struct StudyCell {
-    /// Digest of its specification without the name.
+    /// Digest of the cell's specification without the name.
     cell: String,
-    /// Its value on each axis.
+    /// The cell's value on each axis.
     values: BTreeMap<String, String>,
-    /// Its seed.
+    /// Seed of the cell.
     seed: u64,
-    /// Id of its campaign.
+    /// Id of the cell's campaign.
     campaign: String,
     /// Digest of the archive.
     archive_digest: String,
-    /// Digest of the checkpoint; empty if none.
+    /// Digest of the checkpoint; empty without a checkpoint.
     checkpoint: String,
     /// Individuals of the archive.
     evaluations: u64,
-    /// Its figures, by name.
+    /// Figures of the cell, by name.
     figures: BTreeMap<String, f64>,
 }
 
@@ -50,7 +50,7 @@ struct StudyCell {
 struct StudyTable {
     /// What was measured.
     measure: String,
-    /// Its rows, in the order of the grid.
+    /// Rows of the table, in the order of the grid.
     rows: Vec<StudyRow>,
 }
 
@@ -58,9 +58,9 @@ struct StudyTable {
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(inline)]
 struct StudyRow {
-    /// The value on each axis.
+    /// The row's value on each axis.
     values: BTreeMap<String, String>,
-    /// The figures that it has so far, by name.
+    /// The figures that the row has so far, by name.
     figures: BTreeMap<String, StudyFigure>,
 }
 
@@ -70,9 +70,9 @@ struct StudyRow {
 struct StudyFigure {
     /// Replicates that have the figure; for accuracies, the number of different embeddings.
     replicates: usize,
-    /// Their mean.
+    /// Mean over the replicates.
     mean: f64,
-    /// Their sample standard deviation; null for a single replicate.
+    /// Sample standard deviation over the replicates; null for a single replicate.
     deviation: Option<f64>,
     /// Mean with the judge's errors; null for figures that do not depend on the judge.
     mean_with_judge_errors: Option<f64>,
@@ -85,13 +85,13 @@ struct StudyFigure {
 /// A study and its progress.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct ListedStudy {
-    /// Its name.
+    /// Name of the study.
     pub(crate) study: String,
-    /// Number of its cells.
+    /// Number of the study's cells.
     pub(crate) cells: usize,
     /// Number of the cells that were measured.
     pub(crate) measured: usize,
-    /// Why its folder cannot be read; absent if it can. If present, the numbers are 0.
+    /// Reason why the study cannot be read; absent if the study can be read. With a problem, `cells` and `measured` are 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) problem: Option<String>,
 }

@@ -1,7 +1,7 @@
-//! How accurate an embedding becomes with labels: accuracy against their number, by query strategy.
+//! Measures the accuracy of an embedding against the number of labels, by query strategy.
 //!
-//! A labelled set plays the annotator: it names the class of each of its behaviours that a strategy asks about. Accuracy is
-//! measured on another set. [`Sets`] holds both, and cannot be made if they share a picture.
+//! A labelled set takes the place of the annotator: it has the class of each behaviour that a strategy asks about. Another set
+//! measures accuracy. [`Sets`] has both sets, and refuses sets that share a picture.
 
 mod plot;
 mod pretrained;
@@ -35,14 +35,14 @@ use std::{
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
-    /// How the labelled behaviours were chosen.
+    /// The strategy that chose the labelled behaviours.
     pub strategy: Strategy,
     pub labels: usize,
     /// Seed of dataset, embedder and fine-tuning.
     pub seed: u64,
-    /// Correct triplets whose anchor is not random, percent; `None` if there is no such triplet.
+    /// Correct triplets, in percent of the triplets whose anchor is not `random`; `None` without such triplets.
     pub not_random: Option<f64>,
-    /// Correct triplets, percent; `None` if there is none.
+    /// Correct triplets, in percent of all triplets; `None` without triplets.
     pub every: Option<f64>,
     /// Duration of the fine-tuning.
     pub took: Duration,
@@ -78,16 +78,16 @@ pub struct Curves<'a> {
     pub pretrained: &'a [Pretrained],
     /// The recipe for fine-tuning on labels.
     pub recipe: &'a Recipe,
-    /// Clusters that the strategy `medoids` begins with, 1 or more.
+    /// Number of clusters with which the strategy `medoids` begins, 1 or more.
     pub medoids: usize,
 }
 
 impl Curves<'_> {
-    /// Computes the curve of a strategy from the embedder at `which`, at ascending numbers of labels; calls `told` with every
-    /// point.
+    /// Computes the curve of a strategy at ascending numbers of labels, from the pretrained embedder with the index `which`.
+    /// Calls `told` with every point.
     ///
-    /// As in a campaign, the embedder that has learned from the labels so far chooses the next questions. Unlike there, each
-    /// embedder is fine-tuned from the pretrained one, so that it does not depend on earlier points.
+    /// As in a campaign, the embedder that has learned from the labels so far chooses the next questions. Unlike in a campaign,
+    /// each embedder is fine-tuned from the pretrained embedder, so that a point does not depend on earlier points.
     pub fn curve(
         &self,
         strategy: Strategy,
@@ -152,7 +152,7 @@ impl Curves<'_> {
         Ok(queries.into_iter().map(|query| query.index).collect())
     }
 
-    /// The classes and pictures of the behaviours `asked`; `None` if all are of one class.
+    /// The classes and pictures of the behaviours `asked`; `None` if all behaviours are of one class.
     fn labelled(&self, asked: &[usize]) -> Result<Option<LabelledPictures>, CurveError> {
         let train = self.sets.train();
         let (pictures, classes) = train.labelled_pictures(asked);

@@ -1,4 +1,4 @@
-//! The curves as a picture.
+//! Draws the curves of accuracy against the number of labels.
 
 use super::Point;
 use maud::{Markup, html};
@@ -10,7 +10,7 @@ use murmuration_report::{
 use murmuration_swarm::Strategy;
 use std::collections::BTreeMap;
 
-/// Size in pixels.
+/// Size of the drawing in pixels.
 const SIZE: [f64; 2] = [900.0, 520.0];
 
 /// Accuracy (anchor not random) against the number of labels as SVG: for each strategy the mean over the seeds, a bar of one

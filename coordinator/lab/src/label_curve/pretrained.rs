@@ -11,7 +11,7 @@ use std::sync::Arc;
 /// A pretrained embedder, and its dataset.
 #[derive(Debug)]
 pub struct Pretrained {
-    /// Seed of the campaign that would have trained it.
+    /// Seed of the campaign that would train this embedder.
     pub seed: u64,
     pub configuration: Configuration,
     pub network: Network,
@@ -23,7 +23,7 @@ impl Pretrained {
     /// Simulates the dataset and trains on all cores, as a campaign of this specification does.
     ///
     /// # Errors
-    /// If the campaign trains no embedder, or training fails.
+    /// Fails if the campaign trains no embedder, or training fails.
     pub fn of(spec: &CampaignSpec) -> Result<Self, CurveError> {
         let Some(EmbedderSource::Trained { dataset, training }) = spec.embedder() else {
             let allowed = "a campaign that trains an embedder of its own";

@@ -1,4 +1,4 @@
-//! Labelled behaviours, and the separation of those learned from and those that measure.
+//! Labelled behaviours, and the separation of the set to learn from and the set that measures accuracy.
 
 use murmuration_model::labels::class_numbers;
 use murmuration_swarm::{PictureShape, SeenPictures};
@@ -13,12 +13,12 @@ pub struct LabelledBehaviours {
     further: Vec<Vec<Vec<u8>>>,
 }
 
-/// Error if a set to learn from and one to measure share pictures; the number of shared ones.
+/// Error if the set to learn from and the set that measures share pictures; with the number of shared pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("{0} pictures are in both sets, that which is learned from and that which judges")]
 pub struct Overlap(pub usize);
 
-/// A set to learn from and a set to measure, without a picture in common.
+/// A set to learn from and a set that measures accuracy, without a picture in common.
 #[derive(Debug, Clone)]
 pub struct Sets {
     train: LabelledBehaviours,
@@ -26,10 +26,10 @@ pub struct Sets {
 }
 
 impl Sets {
-    /// Takes both sets.
+    /// Takes the set to learn from and the set that measures.
     ///
     /// # Errors
-    /// If they share pictures.
+    /// Fails if the sets share pictures.
     pub fn new(train: LabelledBehaviours, validation: LabelledBehaviours) -> Result<Self, Overlap> {
         let further = train.further.iter().flatten();
         let seen = SeenPictures::of(train.pictures.iter().chain(further).map(Vec::as_slice));
@@ -83,7 +83,7 @@ impl LabelledBehaviours {
         self.shape
     }
 
-    /// Their classes, in order.
+    /// The classes of the behaviours, in order.
     pub fn classes(&self) -> impl Iterator<Item = &str> {
         self.classes.iter().map(String::as_str)
     }
@@ -97,7 +97,7 @@ impl LabelledBehaviours {
             .collect()
     }
 
-    /// All pictures of the behaviours `which`, one after the other, and the [number](class_numbers) of the class of each.
+    /// All pictures of the behaviours `which`, one after the other, and the [number](class_numbers) of each picture's class.
     pub(super) fn labelled_pictures(&self, which: &[usize]) -> (Vec<u8>, Vec<u32>) {
         let numbers = class_numbers(self.classes());
         let (mut pictures, mut classes) = (Vec::new(), Vec::new());

@@ -1,4 +1,4 @@
-//! Studies as the coordinator keeps them.
+//! Reads and stores studies at the coordinator.
 
 use murmuration_cli::{CliError, connection::StudyClient};
 use murmuration_model::study_records::{StudyFile, StudyParts, StudyRecord};
@@ -22,7 +22,7 @@ pub(super) async fn get(client: &mut StudyClient, study: &str) -> Result<KeptStu
     KeptStudy::new(&file, arriving.records).map_err(|error| damaged(study, &error))
 }
 
-/// Stores the file of a study, records of it, or both.
+/// Stores the file of a study, records of the study, or both.
 pub(super) async fn keep(
     client: &mut StudyClient,
     study: &str,

@@ -13,11 +13,11 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-/// The labelled sets of each robot, by its name.
+/// The labelled sets of each robot, by the robot's name.
 #[derive(Debug, Default)]
 pub(super) struct Labelled {
     sets: BTreeMap<String, Vec<LabelledSet>>,
-    /// Their pictures, simulated on first use, because that takes seconds.
+    /// Pictures of the labelled sets. The first use simulates the pictures, because the simulation takes seconds.
     images: Mutex<BTreeMap<String, Vec<Vec<u8>>>>,
 }
 
@@ -42,7 +42,7 @@ impl Labelled {
         Ok((labelled, contents))
     }
 
-    /// The sets for the robots of a cell, with the robots' name; `None` if the study has none.
+    /// The sets for the robots of a cell, with the robots' name; `None` if the study has no such sets.
     fn of(&self, spec: &CampaignSpec) -> Option<(&str, &[LabelledSet])> {
         let model = spec.model().preset()?.name();
         let (model, sets) = self.sets.get_key_value(model)?;

@@ -26,13 +26,14 @@ pub(super) struct Measuring {
     pub(super) measures: Arc<Measures>,
     pub(super) digest: String,
     pub(super) labelled: Arc<Labelled>,
-    /// The content of the atlas; set before the first cell is measured, if recall or richness is.
+    /// The content of the atlas. The content is set before the first measurement of a cell if the study measures recall or
+    /// richness.
     pub(super) reference: Option<Arc<Reference>>,
     pub(super) interrupt: Interrupt,
 }
 
 impl Measuring {
-    /// The content of the atlas of a study, once its campaign is completed.
+    /// The content of the atlas of a study, from the completed campaign of the atlas.
     pub(super) async fn reference(
         &self,
         clients: &mut Clients,
@@ -64,7 +65,7 @@ impl Measuring {
     ) -> Result<Measured, CliError> {
         let digest = get_digest(&mut clients.campaigns, &campaign.id).await?;
         let has = |measure| self.measures.which.contains(&measure);
-        // Fetched once for all measures.
+        // The archive is fetched once for all measures.
         let archive = match self.reference.is_some() || has(Measure::Maps) {
             true => Some(Arc::new(judged_archive(clients, spec, &campaign.id).await?)),
             false => None,
@@ -157,7 +158,7 @@ impl Measuring {
         .await
     }
 
-    /// The accuracy of the embedding that the cell measures novelty by, or of the features without an embedding.
+    /// The accuracy of the embedding in which the cell measures novelty or, without an embedding, of the features.
     async fn accuracy(
         &self,
         clients: &mut Clients,
@@ -181,8 +182,8 @@ impl Measuring {
     }
 }
 
-/// The class of each individual that the campaign learned from, for rounds that run without people. A round begins with the last
-/// answer of the synthetic annotator; later answers of people were not learned from.
+/// The class of each individual that the campaign learned from in rounds without people. A round begins with the last answer of
+/// the synthetic annotator: the campaign did not learn from later answers of people.
 async fn learned_classes(clients: &mut Clients, campaign: &str) -> Result<BTreeMap<u64, u32>, CliError> {
     let request = v1::ListLabelEntriesRequest {
         campaign: campaign.to_owned(),
@@ -211,7 +212,7 @@ async fn shares(
     Ok(trials)
 }
 
-/// The same from an archive fetched before.
+/// The verdicts on the trials of an archive that was fetched before.
 fn shares_of(archive: &[Judged]) -> JudgedTrials {
     archive
         .iter()
@@ -219,7 +220,7 @@ fn shares_of(archive: &[Judged]) -> JudgedTrials {
         .collect()
 }
 
-/// `None` without triplets.
+/// The figures of a measured accuracy; `None` without triplets.
 fn figures(embedding: String, measured: &Accuracy) -> Option<AccuracyFigures> {
     Some(AccuracyFigures {
         embedding,
@@ -252,7 +253,7 @@ async fn computed<T: Send + 'static>(
     }
 }
 
-/// The individuals of a campaign with verdicts, in order.
+/// The individuals of a campaign with their verdicts, in order.
 async fn judged_archive(
     clients: &mut Clients,
     spec: &CampaignSpec,

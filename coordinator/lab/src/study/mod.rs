@@ -48,13 +48,13 @@ Example:
 pub struct ReportStudy {
     /// Name of the study
     study: String,
-    /// Classes to take instead of the judge's: the columns cell, index, class and by of medoids.csv
+    /// File of classes that replace the judge's: the columns cell, index, class and by of medoids.csv
     #[arg(long, value_name = "CSV")]
     classes: Option<PathBuf>,
     /// Folder for the report [default: the folder of the study in the data directory]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files of a former report in the folder although they were changed since
+    /// Replace files of a former report in the folder even if they have been changed since
     #[arg(long)]
     force: bool,
 }
@@ -126,8 +126,8 @@ fn report_error(error: ReportError) -> CliError {
     }
 }
 
-/// A study with its measurements, and the classes that people gave: `corrections`, and for other individuals those from the page of the
-/// study.
+/// A study with its measurements, and the classes that people gave: `corrections` and, for other individuals, the classes given
+/// on the page of the study.
 async fn outcome(
     client: &mut StudyClient,
     study: &str,
@@ -150,7 +150,7 @@ async fn list(connection: &mut Connection) -> Result<Vec<json::ListedStudy>, Cli
                 measured: outcome.cells().count(),
                 problem: None,
             },
-            // A damaged study hides no other.
+            // A damaged study does not hide other studies.
             Err(error) => json::ListedStudy {
                 study: name,
                 cells: 0,

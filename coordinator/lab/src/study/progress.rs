@@ -48,7 +48,7 @@ impl Progress {
         }
     }
 
-    /// Adds a campaign.
+    /// Adds the progress of a campaign.
     pub(super) fn cell(&self, words: String) -> CellProgress {
         let bar = self
             .bars

@@ -1,4 +1,5 @@
-//! `study run`: runs every campaign of a study to its end, several at once, and measures each as soon as it is completed.
+//! `study run`: runs every campaign of a study to its end, several at once, and measures each campaign as soon as it has
+//! completed.
 
 use super::{
     kept,
@@ -46,7 +47,7 @@ Examples:
 pub struct RunStudy {
     /// Study file (see studies/)
     file: PathBuf,
-    /// Run the study as its [quick] table says
+    /// Run the study with the settings of its [quick] table
     #[arg(long)]
     quick: bool,
     /// Campaigns that run at once
@@ -108,11 +109,11 @@ impl RunStudy {
 
 /// A campaign to run.
 enum Job {
-    /// The atlas that recall is measured against.
+    /// The campaign of the atlas, against which recall is measured.
     Atlas(Box<CampaignSpec>),
-    /// The campaign that trains the embedder of the cell at this index, and perhaps of others; with the campaign's digest.
+    /// A campaign that trains the embedder of the cell at this index, and perhaps of other cells; with the campaign's digest.
     Embedder(String, Box<CampaignSpec>, usize),
-    /// The cell at this index; with the digest of the campaign that trains its embedder, if it shares one.
+    /// The cell at this index; if the cell shares an embedder, with the digest of the campaign that trains the embedder.
     Cell(usize, Option<String>),
 }
 
@@ -127,7 +128,7 @@ struct StudyRun<'a> {
     kept: StudyClient,
     clients: Clients,
     measuring: Measuring,
-    /// The checkpoints that cells share, by the digest of the campaign that trains each.
+    /// The checkpoints that cells share, by the digest of the campaign that trains the checkpoint.
     embedders: BTreeMap<String, CheckpointDigest>,
     waiting: VecDeque<Job>,
     /// The campaigns of the coordinator at the last lookup.
@@ -153,7 +154,7 @@ impl<'a> StudyRun<'a> {
             .iter()
             .enumerate()
             .filter(|(_, measured)| measured.is_none());
-        // Two rows may give the same campaign.
+        // Two rows can have the same campaign.
         let mut wanted = BTreeSet::new();
         let missing: Vec<usize> = missing
             .map(|(place, _)| place)
@@ -162,7 +163,7 @@ impl<'a> StudyRun<'a> {
         let mut trained = BTreeSet::new();
         let mut waiting = VecDeque::new();
         let reference = known.reference().map(Arc::new);
-        // Figures of earlier runs also depend on the atlas, so it is made again even if no cell is missing.
+        // Figures of earlier runs also depend on the atlas, so the atlas is made again even if no cell is missing.
         if let (Some(plan), None) = (&study.measures.recall, &reference) {
             waiting.push_back(Job::Atlas(Box::new(plan.atlas.clone())));
         }
@@ -278,12 +279,13 @@ impl<'a> StudyRun<'a> {
         }
     }
 
-    /// Whether cells must wait for the atlas to be measured.
+    /// Whether cells must wait for the atlas, because their measures need it.
     fn waits_for_atlas(&self) -> bool {
         self.study.measures.recall.is_some() && self.measuring.reference.is_none()
     }
 
-    /// Begins a campaign, in the order of the study, and spawns a task for the rest.
+    /// Begins the campaign of a job, and spawns a task that brings the campaign to its end. Campaigns begin in the order of the
+    /// study.
     async fn start(
         &mut self,
         running: &mut JoinSet<Result<Done, String>>,

@@ -32,7 +32,7 @@ pub(super) fn show(outcome: &Outcome, report: Option<&Path>, as_json: bool) -> R
     Ok(())
 }
 
-/// Only the first figure has its published value beside it; the report has the others.
+/// Prints one table. Only the first figure has its published value beside it; the report has all published values.
 fn print_table(outcome: &Outcome, table: &StudyTable) -> Result<(), CliError> {
     let study = outcome.study();
     let figures = table.figures();
@@ -68,7 +68,7 @@ fn or_dash(value: Option<impl ToString>) -> String {
     value.map_or_else(|| "-".to_owned(), |value| value.to_string())
 }
 
-/// As `5.83 ± 0.26`.
+/// An entry as text, such as `5.83 ± 0.26`.
 fn in_words(entry: &Entry, figure: Figure) -> String {
     let decimals = figure.decimals();
     match entry.deviation {

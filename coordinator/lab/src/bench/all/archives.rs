@@ -1,5 +1,5 @@
-//! Large archives: the novelty of a generation on one thread, compared to brute force; and k-medoids by samples, the method for
-//! large archives, compared to FasterPAM on the whole archive.
+//! Measurements of large archives: the novelty of a generation on one thread, compared to brute force, and k-medoids by samples,
+//! compared to FasterPAM on the whole archive.
 
 use super::{
     super::{process_cpu, thread_cpu},
@@ -53,7 +53,7 @@ fn measured(span: Duration) -> Result<(f64, Option<f64>), CliError> {
     })
 }
 
-/// `len` behaviours of five values each, in clumps of differing width like those of an archive.
+/// `len` behaviours of five values each, in clumps of different widths, as in an archive.
 fn archive(len: usize) -> Result<Behaviours, CliError> {
     let mut stream = RandomStream::derive(1, Purpose::Start, len as u64);
     let mut behaviours = Behaviours::new(5);
@@ -69,14 +69,15 @@ fn archive(len: usize) -> Result<Behaviours, CliError> {
     Ok(behaviours)
 }
 
-/// CPU time of this thread, seconds.
+/// CPU time of this thread for `work`, seconds.
 fn timed(work: impl FnOnce() -> Result<Vec<f64>, Interrupted>) -> Result<f64, CliError> {
     let begun = thread_cpu();
     black_box(work()).map_err(CliError::failed)?;
     Ok(thread_cpu().saturating_sub(begun).as_secs_f64())
 }
 
-/// Individuals per second of the measurement, and the most. The most exceeds the size up to which campaigns use FasterPAM.
+/// Number of clustered individuals for each second of the measurement, and the largest number. The largest number exceeds the
+/// size up to which campaigns use FasterPAM.
 const EACH_SECOND: f64 = 4_000.0;
 const MOST_CLUSTERED: usize = 20_000;
 /// Medoids of the paper's taxonomy.
@@ -104,7 +105,7 @@ pub(super) fn medoids(span: Duration) -> Result<Row, CliError> {
     })
 }
 
-/// CPU time of this process, seconds.
+/// CPU time of this process for one clustering, seconds.
 fn clustered(algorithm: Algorithm, behaviours: &Behaviours) -> Result<f64, CliError> {
     let begun = process_cpu();
     let mut stream = RandomStream::derive(1, Purpose::Medoids, 0);

@@ -21,7 +21,7 @@ const LOOP: &str = include_str!("../../../../../worker/sim/benches/numba_loop.py
 const CONTROLLERS: usize = 48;
 const AT_ONCE: usize = 8;
 
-/// The loop alone, and with features and picture.
+/// Two rows: the simulation's loop alone, and evaluations with features and picture.
 pub(super) fn rows(model: Preset, span: Duration, python: &str) -> Result<[Row; 2], CliError> {
     let world = World::default();
     let tasks = uniform(model)?;
@@ -66,7 +66,7 @@ fn uniform(model: Preset) -> Result<Vec<(Controller, Start)>, CliError> {
     Ok(starts.map(|start| (space.sample(&mut stream), start)).collect())
 }
 
-/// CPU time of this thread, seconds.
+/// CPU time of this thread for the evaluations, seconds.
 fn evaluated(evaluator: &mut Evaluator, tasks: &[(Controller, Start)]) -> Result<f64, CliError> {
     let begun = thread_cpu();
     for tasks in tasks.chunks(AT_ONCE) {
@@ -75,7 +75,7 @@ fn evaluated(evaluator: &mut Evaluator, tasks: &[(Controller, Start)]) -> Result
     Ok(thread_cpu().saturating_sub(begun).as_secs_f64())
 }
 
-/// Time of numba for the same swarms, seconds.
+/// Time of numba for the swarms of one round, seconds.
 fn simulated(numba: &mut Peer) -> Result<f64, CliError> {
     let seconds = numba.round()?;
     seconds.parse().map_err(|_| numba.failed(&seconds))

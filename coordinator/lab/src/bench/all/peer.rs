@@ -1,4 +1,4 @@
-//! A peer in a Python process, which runs one round per input line.
+//! A peer: another implementation in a Python process, which runs one round per input line.
 
 use super::CliError;
 use std::{
@@ -6,7 +6,7 @@ use std::{
     process::{Child, ChildStdin, ChildStdout, Command, Stdio},
 };
 
-/// A peer that is ready.
+/// A peer that is ready for rounds.
 pub(super) struct Peer {
     name: &'static str,
     process: Child,
@@ -15,7 +15,8 @@ pub(super) struct Peer {
 }
 
 impl Peer {
-    /// Runs the text of a script with an argument, and sends it a line. `None` if Python or the package is missing.
+    /// Runs the text of a script with an argument, and sends the script a line. Returns `None` if Python or the package is
+    /// missing.
     pub(super) fn start(
         python: &str,
         package: &'static str,
@@ -40,7 +41,7 @@ impl Peer {
         if !line.is_empty() {
             writeln!(peer.to, "{line}").ok()?;
         }
-        // The first line reports readiness; a script that fails ends without one.
+        // The script's first output line reports readiness; a script that fails ends without output.
         peer.line().ok()?;
         Some(peer)
     }

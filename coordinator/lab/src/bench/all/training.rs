@@ -1,4 +1,4 @@
-//! A training step on one thread, compared to PyTorch's.
+//! A training step on one thread, compared to a step in PyTorch.
 
 use super::{
     super::{TRAINED_PICTURE, process_cpu},
@@ -38,7 +38,7 @@ pub(super) fn row(span: Duration, python: &str) -> Result<Row, CliError> {
     })
 }
 
-/// The least CPU time of a step among PyTorch's modes. The script prints wall time and CPU time of each.
+/// The least CPU time of a step among PyTorch's modes. The script prints the wall time and the CPU time of each mode.
 fn best(pytorch: &mut Peer) -> Result<f64, CliError> {
     let line = pytorch.round()?;
     let ways: Vec<[f64; 2]> = serde_json::from_str(&line).unwrap_or_default();

@@ -23,7 +23,7 @@ use tempfile::TempDir;
 /// Shortest and longest pause between two queries of the campaign's progress.
 const PAUSES: (Duration, Duration) = (Duration::from_millis(3), Duration::from_millis(200));
 
-/// A cluster without campaigns.
+/// A cluster in this process, in which no campaign has run yet.
 pub(in crate::bench) struct BenchCampaign {
     folder: Folder,
     cluster: LocalCluster,
@@ -46,7 +46,7 @@ impl Folder {
 
 /// A campaign that has reached its end.
 pub(in crate::bench) struct Finished {
-    /// From the request that creates the campaign to its end.
+    /// Time from the request that creates the campaign to the campaign's end.
     pub(in crate::bench) took: Took,
     folder: Folder,
     spec: CampaignSpec,
@@ -77,7 +77,7 @@ impl BenchCampaign {
         Self::start_in(Folder::Temporary(folder), in_process, model).await
     }
 
-    /// Starts a cluster without workers, whose data directory is `folder` and is kept.
+    /// Starts a cluster without workers. Its data directory is `folder`, which stays.
     pub(super) async fn start_kept(folder: &Path) -> Result<Self, CliError> {
         Self::start_in(Folder::Kept(folder.to_owned()), InProcess::NONE, None).await
     }
@@ -106,7 +106,7 @@ impl BenchCampaign {
         Ok(bench)
     }
 
-    /// How workers reach the coordinator.
+    /// The address and the credentials with which workers reach the coordinator.
     pub(super) const fn way(&self) -> &LocalWay {
         self.cluster.coordinator().local()
     }
@@ -122,7 +122,7 @@ impl BenchCampaign {
         .await
     }
 
-    /// Runs a campaign to its taxonomy, and ends the cluster. Calls `saw` with its stage after each pause.
+    /// Runs a campaign to its taxonomy, and ends the cluster. Calls `saw` with the campaign's stage after each pause.
     pub(in crate::bench) async fn complete(
         self,
         spec: &CampaignSpec,
@@ -136,7 +136,7 @@ impl BenchCampaign {
         .await
     }
 
-    /// Runs a campaign and queries its status until `pause` returns `None`; `pause` gives the time until the next query.
+    /// Runs a campaign and queries its status. `pause` returns the time until the next query, or `None` to end.
     async fn follow(
         self,
         spec: &CampaignSpec,
@@ -177,7 +177,7 @@ impl BenchCampaign {
     }
 }
 
-/// Half of the estimated remaining time, so that queries are few, and the last one comes just after the end.
+/// Half of the estimated remaining time, so that queries are few, and the last query comes just after the end.
 fn pause(elapsed: Duration, done: u32, all: u32) -> Duration {
     let left = elapsed * all.saturating_sub(done) / done.max(1);
     (left / 2).clamp(PAUSES.0, PAUSES.1)

@@ -13,12 +13,12 @@ use std::{
 };
 use tokio::{runtime, sync::watch};
 
-/// Evaluations that it accepts at once.
+/// Evaluations that the worker accepts at once.
 const CREDITS: u32 = 1024;
 /// Number of swarms whose pictures it sends, in turns.
 const SWARMS: u64 = 256;
 
-/// The worker, in a thread of its own.
+/// A worker in a thread of its own, whose evaluations cost nothing.
 pub(super) struct NullWorker {
     stop: watch::Sender<bool>,
     thread: JoinHandle<Result<Duration, CliError>>,
@@ -54,7 +54,7 @@ impl NullWorker {
         })
     }
 
-    /// Ends it. Returns the CPU time of its thread.
+    /// Ends the worker. Returns the CPU time of the worker's thread.
     pub(super) fn end(self) -> Result<Duration, CliError> {
         self.stop.send_replace(true);
         let early = || CliError::Failed("the null worker ended early".to_owned());
