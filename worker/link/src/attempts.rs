@@ -1,4 +1,4 @@
-//! Single calls to a coordinator that may be unavailable for a moment.
+//! Calls to a coordinator that can be unavailable for a moment.
 
 use crate::{TRACE_PARENT, trace_parent};
 use backon::{ConstantBuilder, Retryable as _};
@@ -7,7 +7,7 @@ use std::{future::Future, time::Duration};
 use tonic::{Code, Request, Status, metadata::MetadataValue};
 use tracing::Span;
 
-/// Number of retries of a call, and the pause before each.
+/// Number of retries of a call, and the pause before each retry.
 const FURTHER_ATTEMPTS: usize = 2;
 const PAUSE: Duration = Duration::from_millis(500);
 
@@ -28,7 +28,7 @@ pub fn for_lease<T>(message: T, lease: v1::LeaseId) -> Request<T> {
     request
 }
 
-/// Makes up to three attempts at a call, half a second apart, as long as its error [may pass](may_pass).
+/// Makes up to three attempts at a call, half a second apart. Tries again only after an error that [may pass](may_pass).
 ///
 /// # Errors
 /// The error of the last attempt.
@@ -72,7 +72,7 @@ mod tests {
     use super::*;
     use std::cell::Cell;
 
-    /// Number of attempts at a call that fails with these errors in order, and its result.
+    /// Number of attempts at a call whose attempts fail with these errors in order, and the call's final error.
     async fn calls(failures: &[Code]) -> (usize, Option<Code>) {
         let made = Cell::new(0);
         let outcome = attempts(|| async {

@@ -1,4 +1,4 @@
-//! Fetching checkpoints from the coordinator.
+//! Fetches checkpoints from the coordinator.
 
 use crate::{Coordinator, attempts, for_lease};
 use murmuration_onnx::MAX_MODEL_BYTES;
@@ -6,11 +6,11 @@ use murmuration_proto::v1::{self, checkpoint_service_client::CheckpointServiceCl
 use murmuration_swarm::CheckpointDigest;
 use tonic::Status;
 
-/// Fetches the bytes of a checkpoint for `lease`, unchecked, at most [`MAX_MODEL_BYTES`]. Retries while the coordinator is
-/// unavailable.
+/// Fetches the bytes of a checkpoint for `lease`, at most [`MAX_MODEL_BYTES`], without checking them. Tries again if the
+/// coordinator is unavailable for a moment.
 ///
 /// # Errors
-/// If there is no checkpoint with that digest, or the coordinator was unavailable for too long.
+/// Fails if the coordinator has no checkpoint with this digest, or is unavailable for too long.
 pub async fn fetch_checkpoint(
     coordinator: &Coordinator,
     digest: CheckpointDigest,

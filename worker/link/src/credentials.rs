@@ -1,4 +1,4 @@
-//! The credentials of a process towards a coordinator, and its trust in one: certificates and a token, from files.
+//! The certificates and the token by which a process and a coordinator trust each other, read from files.
 
 use crate::{Token, TokenError};
 use murmuration_files::{InputKind, read_text};
@@ -17,7 +17,7 @@ use tonic::{
 /// Environment variable that holds the token if no file is named.
 const TOKEN: &str = "MURMURATION_TOKEN";
 
-/// A connection to a coordinator that sends the token, if there is one, with every request.
+/// A connection to a coordinator. If the process has a token, the connection sends it with every request.
 pub type Coordinator = InterceptedService<Channel, Bearer>;
 
 /// Files of trust and identity, for every client of a coordinator.
@@ -67,7 +67,7 @@ pub enum CredentialsError {
     /// A file does not hold a token.
     #[error("{}: {error}", path.display())]
     TokenFile { path: PathBuf, error: TokenError },
-    /// The environment does not hold a token.
+    /// The environment variable does not hold a token.
     #[error("{TOKEN}: {0}")]
     TokenVariable(TokenError),
     #[error("\"{0}\" is not a coordinator's URL (such as http://127.0.0.1:7700)")]
@@ -101,10 +101,10 @@ impl<T> std::fmt::Debug for Secret<T> {
 }
 
 impl Credentials {
-    /// Reads the named files, and `MURMURATION_TOKEN` if no file is named for a token.
+    /// Reads the named files, and the variable `MURMURATION_TOKEN` if no token file is named.
     ///
     /// # Errors
-    /// The file or variable that cannot be used; never its contents.
+    /// The error names the file or variable that cannot be used, but never quotes its contents.
     pub fn read(trust: &TrustFiles, identity: &IdentityFiles) -> Result<Self, CredentialsError> {
         let ca = trust.ca.as_deref().map(|path| read_pem(path, "certificate"));
         let identity = match (&identity.certificate, &identity.key) {
@@ -127,7 +127,7 @@ impl Credentials {
         })
     }
 
-    /// Credentials of only a token, for processes on the coordinator's own machine.
+    /// Credentials that consist of a token only, for processes on the coordinator's own machine.
     #[must_use]
     pub fn token(token: Token) -> Self {
         Self {
@@ -139,7 +139,7 @@ impl Credentials {
     /// The coordinator at `url` (`http://HOST:PORT` or `https://HOST:PORT`), not yet connected.
     ///
     /// # Errors
-    /// If `url` is not valid, or these credentials do not fit it.
+    /// Fails if `url` is not valid, or these credentials do not fit it.
     pub fn endpoint(&self, url: &str) -> Result<Endpoint, CredentialsError> {
         let shown = || masked_url(url);
         let no_url = || CredentialsError::Url(shown());
@@ -166,7 +166,7 @@ impl Credentials {
         }
     }
 
-    /// The interceptor that sends the token, if there is one.
+    /// The interceptor that adds the token, if any, to every request.
     #[must_use]
     pub fn bearer(&self) -> Bearer {
         // All characters of a token are allowed in a header.
@@ -197,7 +197,7 @@ impl Interceptor for Bearer {
 /// The token in a file, without surrounding spaces and line ends.
 ///
 /// # Errors
-/// If the file cannot be read, or does not contain a token.
+/// Fails if the file cannot be read, or does not contain a token.
 pub fn read_token(path: &Path) -> Result<Token, CredentialsError> {
     let text = read_text(path, InputKind::Token).map_err(|source| CredentialsError::File {
         path: path.to_owned(),
@@ -212,13 +212,13 @@ pub fn read_token(path: &Path) -> Result<Token, CredentialsError> {
 /// The text of a PEM file that contains a "certificate" or a "private key".
 ///
 /// # Errors
-/// If the file cannot be read, or does not contain it.
+/// Fails if the file cannot be read, or does not contain the certificate or key.
 pub fn read_pem(path: &Path, what: &'static str) -> Result<String, CredentialsError> {
     let text = read_text(path, InputKind::Pem).map_err(|source| CredentialsError::File {
         path: path.to_owned(),
         source,
     })?;
-    // "BEGIN CERTIFICATE", or "BEGIN PRIVATE KEY", with or without an algorithm's name.
+    // The line is "BEGIN CERTIFICATE" or "BEGIN PRIVATE KEY", with or without an algorithm's name.
     let marker = what.to_uppercase();
     let holds = |line: &str| line.starts_with("-----BEGIN ") && line.contains(&marker);
     match text.lines().any(holds) {
@@ -243,7 +243,7 @@ fn token_of_environment() -> Result<Option<Token>, CredentialsError> {
     }
 }
 
-/// Text of an error's root cause: transport errors themselves only tell that they failed.
+/// Text of an error's root cause. The text of a transport error itself does not contain the cause.
 #[must_use]
 pub fn root_cause(error: &(dyn std::error::Error + 'static)) -> String {
     let causes = std::iter::successors(Some(error), |error| error.source());

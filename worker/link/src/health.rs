@@ -11,8 +11,8 @@ use tonic_health::{
     server::{HealthReporter, HealthService},
 };
 
-/// Service name for readiness: a worker or trainer is ready once it is connected, a coordinator once it has resumed interrupted
-/// campaigns. The empty service name means liveness.
+/// Service name for readiness. A worker or trainer is ready once it is connected; a coordinator is ready once it has resumed
+/// interrupted campaigns. The empty service name means liveness.
 pub const READY: &str = "ready";
 
 /// The health of a process; cheap to clone. At first the process is alive and not ready.
@@ -26,10 +26,10 @@ impl Health {
         Self(HealthReporter::new())
     }
 
-    /// Answers at `listen`, on its own task, for as long as the process lives.
+    /// Answers health queries at the address `listen` on a task of its own, until the process ends.
     ///
     /// # Errors
-    /// If the process cannot listen on that address.
+    /// Fails if the process cannot listen on this address.
     pub async fn serve(&self, listen: SocketAddr) -> Result<(), LinkError> {
         self.ready(false).await;
         let listener = TcpListener::bind(listen)
@@ -50,7 +50,7 @@ impl Health {
         HealthServer::new(HealthService::from_health_reporter(self.0.clone()))
     }
 
-    /// Reports a gRPC service of that name as serving.
+    /// Reports the gRPC service of this name as serving.
     pub async fn serves(&self, service: &str) {
         self.0.set_service_status(service, ServingStatus::Serving).await;
     }

@@ -1,6 +1,6 @@
 //! The connection of a worker or trainer to its coordinator: connects, sends keep-alives, and reconnects.
 //!
-//! [`keep`] does all of this. A [`Peer`] handles one connection, a [`Link`]. The crate knows nothing of the work itself.
+//! [`keep`] keeps a process connected. A [`Peer`] uses one connection, a [`Link`]. The crate does not depend on the kind of work.
 
 mod attempts;
 mod backoff;
@@ -41,13 +41,13 @@ use std::{
 use tokio::sync::watch;
 use tonic::{service::interceptor::InterceptedService, transport::Endpoint};
 
-/// The kind of process that connects. It determines the service and the contents of Hello.
+/// The kind of process that connects. The kind determines the gRPC service and the contents of the Hello message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     Worker {
         /// Number of simultaneous evaluations, 1 to 4,096.
         capacity: u32,
-        /// Embedding kind of its machine; unknown if the worker does not embed.
+        /// Embedding kind of the worker's machine; unknown if the worker does not embed.
         kind: EmbeddingKind,
     },
     /// A trainer, which runs one training at a time.
@@ -87,7 +87,7 @@ impl Role {
     }
 }
 
-/// Why a worker or trainer gave up. Temporary errors are retried for ever.
+/// Why a worker or trainer gave up. After a temporary error, the process tries again without limit.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// The URL is not valid, or the credentials do not fit it.
@@ -96,10 +96,10 @@ pub enum LinkError {
     /// The health service could not be started.
     #[error("cannot listen on {listen} to be asked for this process's health: {source}")]
     Health { listen: SocketAddr, source: io::Error },
-    /// The coordinator refused the process: its version differs, or its credentials are missing.
+    /// The coordinator refused the process because of its version or its credentials.
     #[error("the coordinator refused this {who}: {reason}")]
     Refused {
-        /// "worker" or "trainer".
+        /// The kind of the process: "worker" or "trainer".
         who: &'static str,
         /// The coordinator's reason.
         reason: String,
@@ -113,7 +113,7 @@ pub struct Address {
     bearer: Bearer,
     role: Role,
     name: String,
-    /// Identifies the process across connections; not 0.
+    /// Number that identifies the process across connections; never 0.
     instance: u64,
 }
 
@@ -122,7 +122,7 @@ impl Address {
     /// name (at most 128 bytes).
     ///
     /// # Errors
-    /// If `url` is not valid, or the credentials do not fit it.
+    /// Fails if `url` is not valid, or the credentials do not fit it.
     pub fn new(url: &str, credentials: &Credentials, role: Role, name: &str) -> Result<Self, LinkError> {
         let endpoint = credentials
             .endpoint(url)?
@@ -141,14 +141,14 @@ impl Address {
         })
     }
 
-    /// Connects from this address, if the machine has several.
+    /// Connects from this local `address`, for a machine with several addresses.
     #[must_use]
     pub fn connecting_from(mut self, address: Option<IpAddr>) -> Self {
         self.endpoint = self.endpoint.local_address(address);
         self
     }
 
-    /// A separate connection for other calls, made at its first use and again whenever it breaks.
+    /// A separate connection for other calls. The connection is made at its first use, and again whenever it breaks.
     #[must_use]
     pub fn channel(&self) -> Coordinator {
         InterceptedService::new(self.endpoint.connect_lazy(), self.bearer.clone())
@@ -157,8 +157,8 @@ impl Address {
 
 /// A process that works for a coordinator.
 pub trait Peer {
-    /// Handles one connection, from the Welcome on. Returns `Ok` after a request to stop, once everything is sent and
-    /// [`Link::close`] has been awaited.
+    /// Handles one connection, from the coordinator's Welcome message on. After a request to stop, sends all results, awaits
+    /// [`Link::close`] and returns `Ok`.
     fn session(
         &mut self,
         link: Link,
@@ -166,10 +166,10 @@ pub trait Peer {
     ) -> impl Future<Output = Result<(), Broken>> + Send;
 }
 
-/// Keeps `peer` connected until it leaves after `stop` becomes true, and reports to `health` whether it is connected.
+/// Keeps `peer` connected until `stop` becomes true and the peer has left. Reports to `health` whether the peer is connected.
 ///
 /// # Errors
-/// If the coordinator refuses it.
+/// Fails if the coordinator refuses the peer.
 pub async fn keep(
     address: &Address,
     health: &Health,

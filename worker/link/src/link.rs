@@ -1,4 +1,4 @@
-//! One connection, from Hello to the end of the stream.
+//! One connection, from the Hello message to the end of the stream.
 
 use crate::{Address, Role, root_cause};
 use murmuration_proto::v1::{
@@ -14,14 +14,14 @@ use tokio::{
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Status, Streaming, service::interceptor::InterceptedService};
 
-/// Largest message accepted: leases contain specifications and pictures.
+/// Maximum number of bytes of a received message. Leases contain specifications and pictures.
 const MAX_MESSAGE: usize = 64 << 20;
 /// Maximum number of messages that wait to be sent.
 const OUTBOX: usize = 64;
 /// Time for the coordinator to read the last messages.
 const LAST_WORDS: Duration = Duration::from_secs(5);
 
-/// A connection on which the coordinator has sent its Welcome.
+/// A connection on which the coordinator has sent its Welcome message.
 #[derive(Debug)]
 pub struct Link {
     outbox: mpsc::Sender<v1::WorkerMessage>,
@@ -40,13 +40,13 @@ pub enum Broken {
     /// The coordinator ended the connection.
     #[error("the coordinator closed the stream")]
     Closed,
-    /// The coordinator refuses this peer for good.
+    /// The coordinator refuses this peer permanently.
     #[error("{}", .0.message())]
     Refused(Status),
 }
 
 impl Link {
-    /// Connects, sends Hello, and waits for the Welcome.
+    /// Connects, sends a Hello message, and waits for the Welcome message.
     pub(crate) async fn connect(address: &Address) -> Result<Self, Broken> {
         let channel = InterceptedService::new(address.endpoint.connect().await?, address.bearer.clone());
         let (outbox, messages) = mpsc::channel(OUTBOX);
@@ -88,16 +88,16 @@ impl Link {
         }
     }
 
-    /// Waits for the next message, and meanwhile sends heartbeats. Dropping the future loses nothing.
+    /// Waits for the next message, and meanwhile sends heartbeats. Dropping the future loses no message.
     ///
     /// # Errors
-    /// If the stream is broken or has ended.
+    /// Fails if the stream is broken or has ended.
     pub async fn receive(&mut self) -> Result<coordinator_message::Message, Broken> {
         loop {
             tokio::select! {
                 message = self.inbox.message() => {
                     let message = message?.ok_or(Broken::Closed)?;
-                    // Unknown kinds of messages, from later versions, are ignored.
+                    // Messages of unknown kinds, from later versions, are ignored.
                     if let Some(message) = message.message {
                         return Ok(message);
                     }
@@ -109,10 +109,10 @@ impl Link {
         }
     }
 
-    /// Sends a message; waits while too many are queued.
+    /// Sends a message; waits while too many messages are queued.
     ///
     /// # Errors
-    /// If the stream has ended.
+    /// Fails if the stream has ended.
     pub async fn send(&self, message: worker_message::Message) -> Result<(), Broken> {
         send(&self.outbox, message).await
     }
@@ -129,7 +129,7 @@ impl Link {
     }
 }
 
-/// The coordinator's error, or the reason why it could not be reached, if known.
+/// The coordinator's error, or the reason why the coordinator could not be reached, if known.
 fn words(status: &Status) -> String {
     match status.source() {
         Some(source) => root_cause(source),

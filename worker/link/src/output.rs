@@ -1,11 +1,11 @@
 //! Output of a process: data on standard output, messages for people on standard error.
 //!
-//! The standard library's macros panic if the stream cannot be written (a pipe whose reader left, a full disk). Here writing
-//! to standard output returns the error. A message that cannot be written to standard error is dropped, because there is
-//! nowhere else to report it.
+//! The standard library's macros panic if the stream cannot be written, for example after a pipe's reader has exited or on a full
+//! disk. In this module, writing to standard output returns the error. A message that cannot be written to standard error is
+//! dropped, because no other stream can report it.
 //!
-//! Messages, and data on a terminal, have hidden characters removed: text from files or other machines cannot move the cursor or
-//! reverse the text around it.
+//! This module removes hidden characters from messages, and from data on a terminal. So text from files or other machines cannot
+//! move the cursor or reverse the text around it.
 
 use clap::{
     Command, Parser,
@@ -23,7 +23,7 @@ use std::{
 /// Why data did not reach standard output.
 #[derive(Debug, thiserror::Error)]
 pub enum OutputError {
-    /// Its reader left, as in `murmuration list | head -1`.
+    /// The reader of standard output exited, as in `murmuration list | head -1`.
     #[error("nobody reads standard output any more")]
     Closed,
     /// Writing failed, for instance because the disk is full.
@@ -51,8 +51,8 @@ impl OutputError {
     }
 }
 
-/// Prints text on standard output and flushes it; see [`outln!`](crate::outln). Removes hidden characters on a terminal, but not in
-/// a file or pipe.
+/// Prints text on standard output and flushes it; see [`outln!`](crate::outln). Removes hidden characters if standard output is a
+/// terminal, but not if it is a file or pipe.
 ///
 /// # Errors
 /// [`OutputError`].
@@ -65,15 +65,15 @@ pub fn print(text: impl fmt::Display) -> Result<(), OutputError> {
     Ok(stdout.flush()?)
 }
 
-/// Writes a message to standard error, without hidden characters and of bounded length. Drops it if that fails. See
+/// Writes a message to standard error, without hidden characters and of bounded length. Drops the message if writing fails. See
 /// [`errln!`](crate::errln).
 pub fn say(words: impl fmt::Display) {
     let words = text::message(&with_words_in_line(words.to_string(), env::args_os()));
-    // One write per message, so that lines of several processes do not mix.
+    // A single write per message keeps the lines of several processes apart.
     let _ = io::stderr().lock().write_all(format!("{words}\n").as_bytes());
 }
 
-/// Removes from `message` the line ends within these words of the command line: a file name with line ends must not look like
+/// Removes the line ends within these words of the command line from `message`. A file name with line ends must not look like
 /// several lines of output.
 fn with_words_in_line(message: String, words: impl Iterator<Item = OsString>) -> String {
     words.fold(message, |message, word| {
@@ -98,11 +98,11 @@ macro_rules! errln {
     ($($text:tt)*) => { $crate::say(format_args!($($text)*)) };
 }
 
-/// Parses the `words` of a command line; the first is the program. Help and version go to standard output, because they are
-/// data, and errors to standard error. In both cases the process must end with the returned exit code.
+/// Parses the `words` of a command line; the first word is the program. Help and version go to standard output, because they are
+/// data; errors go to standard error. After help, version or an error, the process must end with the returned exit code.
 ///
 /// # Errors
-/// The exit code: 0 after help and version, 1 if these cannot be written, 2 for wrong usage.
+/// The exit code: 0 after help and version, 1 if help or version cannot be written, 2 for wrong usage.
 pub fn parse_arguments<A: Parser>(words: impl IntoIterator<Item = OsString>) -> Result<A, ExitCode> {
     let words: Vec<OsString> = words.into_iter().collect();
     A::try_parse_from(&words).map_err(|mut error| {
@@ -131,8 +131,8 @@ fn clean(error: &mut clap::Error) {
     }
 }
 
-/// For a mistyped command, suggests the one with the smallest edit distance. By clap's own measure of similarity `rn` is nearer to
-/// `quarantine` than to `run`.
+/// For a mistyped command, suggests the command with the smallest edit distance. By clap's own measure of similarity `rn` is
+/// nearer to `quarantine` than to `run`.
 fn suggest(error: &mut clap::Error, command: Command, words: &[OsString]) {
     if error.kind() == ErrorKind::UnknownArgument {
         // clap suggests passing the unknown option as a value, which is never the intention.

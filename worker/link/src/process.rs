@@ -39,12 +39,12 @@ pub struct Post {
     pub local_address: Option<IpAddr>,
     /// Health of the process, for other processes to query.
     pub health: Health,
-    /// True once the process must leave, after SIGTERM or Ctrl-C.
+    /// True after SIGTERM or Ctrl-C, when the process must leave.
     pub stop: watch::Receiver<bool>,
 }
 
-/// Runs a worker's or trainer's process. `service` names it in traces; `leaving` is logged when it must leave. Errors go to
-/// stderr.
+/// Runs a worker's or trainer's process. `service` is the name of the process in traces; `leaving` is logged when the process
+/// must leave. Errors go to stderr.
 pub async fn run_peer<E: Display + From<LinkError>>(
     service: &'static str,
     leaving: &'static str,
@@ -69,7 +69,7 @@ pub async fn run_peer<E: Display + From<LinkError>>(
 
 impl PeerArguments {
     async fn post(self, leaving: &'static str) -> Result<Post, LinkError> {
-        // Comes first, so that a signal during the start also leads to a clean exit.
+        // Wait for signals first, so that a signal during the start also leads to a clean exit.
         let terminated = termination();
         let credentials = Credentials::read(&self.trust, &self.identity)?;
         let health = Health::new();

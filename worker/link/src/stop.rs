@@ -1,8 +1,8 @@
-//! Signals that tell a process to leave.
+//! Signals that ask a process to leave.
 
 use tokio::sync::watch;
 
-/// Exit code after a second signal: the one that shells report for a process that Ctrl-C ended.
+/// Exit code after a second signal: the code that shells report for a process that Ctrl-C ended.
 #[cfg(unix)]
 const IMPATIENT: i32 = 130;
 
@@ -13,15 +13,15 @@ pub async fn stopped(stop: &mut watch::Receiver<bool>) {
 }
 
 /// Waits for Ctrl-C or SIGTERM, and returns "interrupted" or "terminated". From this call on the first signal does not end the
-/// process, whether the future is polled or not. A second signal ends it at once with exit code 130, because the clean exit may
-/// take long. Must be called within a runtime.
+/// process, whether the future is polled or not. A second signal ends the process at once with exit code 130, because the clean
+/// exit can take long. Call this function within a tokio runtime.
 #[cfg(unix)]
 pub fn termination() -> impl Future<Output = &'static str> + Send {
     use tokio::signal::unix::{Signal, SignalKind, signal};
     async fn heard(signal: Option<&mut Signal>) {
         match signal {
             Some(signal) => drop(signal.recv().await),
-            // Signals cannot be received: run until killed.
+            // If signals cannot be received, the process runs until it is killed.
             None => std::future::pending().await,
         }
     }
@@ -43,12 +43,12 @@ pub fn termination() -> impl Future<Output = &'static str> + Send {
     }
 }
 
-/// Waits for Ctrl-C ("interrupted").
+/// Waits for Ctrl-C, and returns "interrupted".
 #[cfg(not(unix))]
 pub async fn termination() -> &'static str {
     match tokio::signal::ctrl_c().await {
         Ok(()) => "interrupted",
-        // Signals cannot be received: run until killed.
+        // If signals cannot be received, the process runs until it is killed.
         Err(_) => std::future::pending().await,
     }
 }

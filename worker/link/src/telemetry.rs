@@ -1,4 +1,4 @@
-//! Telemetry of a process: a log on stderr, and traces for a collector if one is named.
+//! Telemetry of a process: a log on stderr, and traces for a collector if the environment names a collector.
 
 use murmuration_swarm::text;
 use opentelemetry::{
@@ -22,9 +22,9 @@ pub const TRACE_PARENT: &str = "traceparent";
 #[must_use = "what is not ended may lose its last spans"]
 pub struct Telemetry(Option<SdkTracerProvider>);
 
-/// Starts telemetry. The log goes to stderr, with colours only on a terminal; `RUST_LOG` filters it by level and module; its
-/// default is the level `default`. If `OTEL_EXPORTER_OTLP_ENDPOINT` names a collector, spans go there by gRPC, as spans of
-/// `service`. Call this once per process, on a tokio runtime.
+/// Starts telemetry. The log goes to stderr, with colours only on a terminal. `RUST_LOG` filters the log by level and module;
+/// without this variable, the log has the level `default`. If `OTEL_EXPORTER_OTLP_ENDPOINT` names a collector, spans of `service`
+/// go to this collector by gRPC. Call this function once per process, on a tokio runtime.
 pub fn telemetry(service: &'static str, default: tracing::Level) -> Telemetry {
     let asked = env::var("RUST_LOG").ok().filter(|asked| !asked.is_empty());
     let asked = asked.map(|asked| asked.parse::<Targets>());
@@ -91,7 +91,7 @@ fn shown(lines: &str) -> String {
     all
 }
 
-/// Whether the log on stderr may have colours: on a terminal, unless `NO_COLOR` or `TERM` forbids it.
+/// Whether the log on stderr has colours: on a terminal, unless `NO_COLOR` or `TERM` forbids colours.
 fn in_colour() -> bool {
     anstream::AutoStream::choice(&io::stderr()) != anstream::ColorChoice::Never
 }

@@ -7,10 +7,10 @@ use std::{fmt, str::FromStr};
 
 /// Prefix of every token, which lets scanners for leaked secrets recognise it.
 const PREFIX: &str = "mur_";
-/// Random bytes in a token.
+/// Number of random bytes in a token.
 const BYTES: usize = 32;
 
-/// A secret that admits its bearer. Only [`Token::reveal`] shows it, never `Debug`.
+/// A secret that admits its bearer. Only [`Token::reveal`] shows the secret; `Debug` never does.
 #[derive(Clone)]
 pub struct Token(String);
 
@@ -31,7 +31,7 @@ impl Token {
     /// A new token, from the system's random numbers.
     ///
     /// # Errors
-    /// If the system has no random numbers.
+    /// Fails if the system has no random numbers.
     pub fn generate() -> Result<Self, getrandom::Error> {
         let mut bytes = [0; BYTES];
         getrandom::fill(&mut bytes)?;
@@ -44,7 +44,7 @@ impl Token {
         &self.0
     }
 
-    /// The digest by which a coordinator recognises it.
+    /// The digest by which a coordinator recognises the token.
     #[must_use]
     pub fn digest(&self) -> TokenDigest {
         TokenDigest::of(&self.0)

@@ -1,4 +1,4 @@
-//! Refused credentials; secrets never appear in errors.
+//! Tests of refused credentials. Secrets never appear in errors.
 
 use super::*;
 use std::fs;
