@@ -9,9 +9,9 @@ pub enum ArchiveEmbedder {
     Checkpoint(CheckpointDigest),
     /// The archive switches to another checkpoint.
     Switching {
-        /// The checkpoint that embeds it until the switch, if any.
+        /// The checkpoint that embeds the archive until the switch, if any.
         from: Option<CheckpointDigest>,
-        /// The checkpoint that embeds it from the switch on.
+        /// The checkpoint that embeds the archive from the switch on.
         to: CheckpointDigest,
         /// Number of individuals on disk, from index 0, that are embedded with `to`.
         embedded: u64,
@@ -45,7 +45,7 @@ impl ArchiveEmbedder {
     }
 }
 
-/// A published embedder, with what jobs need to know of it.
+/// A published embedder, with the data that jobs need about it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EmbedderRef {
     pub checkpoint: CheckpointDigest,

@@ -17,7 +17,7 @@ impl CampaignId {
         &self.0
     }
 
-    /// The number at its end; `None` above 2^64 - 1.
+    /// The number at the end of the id; `None` if it is larger than 2^64 - 1.
     pub fn number(&self) -> Option<u64> {
         self.0.rsplit_once('-')?.1.parse().ok()
     }
@@ -26,7 +26,7 @@ impl CampaignId {
 impl FromStr for CampaignId {
     type Err = Invalid;
 
-    /// Parses an id from outside. No valid id can be a path to another folder.
+    /// Parses an id that comes from outside the store. No valid id can be a path to another folder.
     fn from_str(text: &str) -> Result<Self, Invalid> {
         let refused = || Invalid::new("campaign", text::quoted(text), "an id, NAME-N");
         let (name, number) = text.rsplit_once('-').ok_or_else(refused)?;

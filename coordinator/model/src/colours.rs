@@ -5,17 +5,17 @@ use murmuration_swarm::Class;
 /// Red, green and blue in sRGB.
 pub type Rgb = [u8; 3];
 
-/// The background of pictures that have one.
+/// The background colour of pictures with a background.
 pub const PAPER: Rgb = [0xfb, 0xfa, 0xf7];
 
-/// Thin lines such as walls, on any background.
+/// The colour of thin lines such as walls, on any background.
 pub const LINE: Rgb = [0x9c, 0x9a, 0x94];
 
-/// Colours of agents: agent `i` has colour `i` modulo their number.
+/// Colours of agents: agent `i` has colour `i` modulo the number of colours.
 ///
-/// Twenty-four even steps of hue in OKLCH at chroma 0.155 (less at the edge of sRGB), so that no colour is louder than another. The
-/// order takes every seventh step, so that even a few agents spread over the whole circle. Lightness cycles through 0.56, 0.65 and
-/// 0.74, so that hues that look alike to a colour-blind person differ in lightness.
+/// The colours are twenty-four even steps of hue in OKLCH at chroma 0.155 (less at the edge of sRGB), so that all are equally
+/// vivid. The order takes every seventh step, so that the colours of a few agents spread over the whole circle of hues. Lightness
+/// cycles through 0.56, 0.65 and 0.74, so that hues that look alike to a colour-blind person differ in lightness.
 #[rustfmt::skip]
 pub const AGENTS: [Rgb; 24] = [
     [0xbe, 0x46, 0x4d], [0x7a, 0x9e, 0x1a], [0x03, 0x7f, 0xa9], [0xc7, 0x66, 0xb4], [0xb9, 0x84, 0x08], [0x0d, 0xc5, 0xb5],
@@ -24,11 +24,11 @@ pub const AGENTS: [Rgb; 24] = [
     [0x79, 0x7a, 0x04], [0x0f, 0xbf, 0xdd], [0x9b, 0x51, 0xac], [0xa5, 0x62, 0x02], [0x0b, 0xa7, 0x83], [0x5c, 0x68, 0xce],
 ];
 
-/// Colours of clusters, quieter than those of agents (chroma 0.07 to 0.135, lightness 0.60 to 0.82 in OKLCH): dark numbers are
-/// legible on them, and points are visible on white and on black.
+/// Colours of clusters, less vivid than the colours of agents (chroma 0.07 to 0.135, lightness 0.60 to 0.82 in OKLCH). Dark
+/// numbers are legible on these colours, and points of these colours are visible on white and on black.
 ///
-/// Each colour is the one farthest in OKLab from all before it, as seen with full colour vision or, at half the distance, without
-/// red or green (Machado et al. 2009). So the first twelve, enough for most taxonomies, differ most.
+/// Each colour is as far as possible in OKLab from all earlier colours, as seen with full colour vision or, at half the distance,
+/// without red or green vision (Machado et al. 2009). So the first twelve colours, enough for most taxonomies, differ most.
 #[rustfmt::skip]
 pub const CLUSTERS: [Rgb; 24] = [
     [0xdf, 0x89, 0xcc], [0x25, 0x97, 0x5b], [0xd9, 0xc6, 0x54], [0x61, 0x7a, 0xd0], [0x8e, 0xcb, 0xff], [0xc0, 0x6f, 0x1d],
@@ -46,7 +46,7 @@ pub const fn class(place: usize) -> Rgb {
     AGENTS[place % AGENTS.len()]
 }
 
-/// The colour of a class that the judge names, the same in every report and on every page. Behaviours without a class are grey.
+/// The colour of a class that the judge names, the same in every report and on every page. The class `random` is grey.
 pub const fn class_colour(class: Class) -> Rgb {
     match class {
         Class::CyclicPursuit => AGENTS[9],
@@ -60,7 +60,7 @@ pub const fn class_colour(class: Class) -> Rgb {
     }
 }
 
-/// `#rrggbb`.
+/// The colour as text, `#rrggbb`.
 pub fn hex([red, green, blue]: Rgb) -> String {
     format!("#{red:02x}{green:02x}{blue:02x}")
 }
@@ -89,7 +89,8 @@ mod tests {
         }
     }
 
-    /// Linear red, green and blue as seen without red and without green cones (Machado et al. 2009, severity 1).
+    /// Matrices that turn linear red, green and blue into the colours seen without red cones and without green cones (Machado et
+    /// al. 2009, severity 1).
     const DEFICIENCIES: [[[f64; 3]; 3]; 2] = [
         [
             [0.152_286, 1.052_583, -0.204_868],
@@ -118,7 +119,7 @@ mod tests {
         })
     }
 
-    /// Lightness, green to red and blue to yellow of OKLab (Ottosson 2020), of linear red, green and blue.
+    /// The OKLab coordinates (Ottosson 2020) of linear red, green and blue: lightness, green to red, and blue to yellow.
     fn oklab(colour: [f64; 3]) -> [f64; 3] {
         let cones = [
             [0.412_221, 0.536_333, 0.051_446],

@@ -9,7 +9,7 @@ pub struct ExportedCampaign {
     /// The campaign, without the pictures of its dataset.
     pub record: CampaignRecord,
     pub label_entries: u64,
-    /// BLAKE3 of its archive, 64 hexadecimal digits.
+    /// BLAKE3 of the campaign's archive, 64 hexadecimal digits.
     pub digest: String,
 }
 
@@ -21,7 +21,7 @@ impl ExportedCampaign {
     /// Maximum number of rounds of feedback in a transfer.
     pub(crate) const MAX_ROUNDS: u32 = 10_000;
 
-    /// Checks a campaign that a store is to take over.
+    /// Checks a campaign before a store imports it.
     ///
     /// # Errors
     /// [`Invalid`] names a value that no campaign of this version has.
@@ -40,7 +40,7 @@ impl ExportedCampaign {
         })
     }
 
-    /// Its state in the store that imports it: a running campaign is paused, until a person resumes it there.
+    /// The campaign's state in the store that imports it: a running campaign is paused, until a person resumes it.
     pub const fn state_when_imported(&self) -> CampaignState {
         match self.record.state {
             CampaignState::Running => CampaignState::Paused,
@@ -88,7 +88,7 @@ fn check_numbers(record: &CampaignRecord, label_entries: u64) -> Result<(), Inva
 }
 
 fn check_digest(digest: &str) -> Result<(), Invalid> {
-    // As written in the export, because it is compared character by character.
+    // The digest must be in lower case, because it is compared character by character.
     let is_digit = |byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f');
     match digest.len() == 64 && digest.bytes().all(is_digit) {
         true => Ok(()),
@@ -289,7 +289,7 @@ mod tests {
             unembedded(one);
         };
         assert_eq!(refused(without_both), "checkpoint");
-        // A campaign has no novelty before its first generation.
+        // Before its first generation, a campaign can be without a checkpoint.
         let new = |one: &mut ExportedCampaign| {
             unembedded(one);
             one.record.generations_done = 0;

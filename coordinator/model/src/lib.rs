@@ -1,4 +1,5 @@
-//! The nouns of all other parts: campaigns and their states, machines, embedders. Plain values, without disk, network or tasks.
+//! The types that all other parts use: campaigns and their states, machines, embedders. These types are plain values, and use no
+//! disk, network or tasks.
 
 mod archive_embedder;
 mod campaign_id;

@@ -3,8 +3,8 @@
 use murmuration_swarm::{EmbeddingKind, Invalid};
 use std::{fmt, net::IpAddr, str::FromStr};
 
-/// A machine that runs workers, and has one vote. The coordinator derives it from the connection (`access::origin`), never from
-/// what the worker reports about itself.
+/// A machine that runs workers, and has one vote. The coordinator derives the machine's id from the connection
+/// (`access::origin`), never from the worker's own reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct MachineId(pub u64);
 
@@ -29,14 +29,14 @@ impl FromStr for MachineId {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Quarantined {
     pub machine: MachineId,
-    /// Name and address of the worker that exposed it.
+    /// Name and address of the worker whose results were found wrong.
     pub name: String,
 }
 
 /// The maker of a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Maker {
-    /// How the maker's machine embeds; unknown for a machine that does not.
+    /// Embedding kind of the maker's machine; unknown for a machine that does not embed.
     pub kind: EmbeddingKind,
     /// The machine, if no other machine has confirmed the result; otherwise `None`.
     pub unaudited: Option<MachineId>,

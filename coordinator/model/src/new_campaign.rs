@@ -8,10 +8,10 @@ use murmuration_swarm::{CampaignName, CampaignSpec, Invalid, SpecFileError};
 #[derive(Debug, Clone, PartialEq)]
 pub struct NewCampaign {
     pub spec: CampaignSpec,
-    /// Its share of the workers.
+    /// The campaign's share of the workers.
     pub weight: Weight,
     pub study: Option<CampaignName>,
-    /// The request for it. A repeated request starts nothing.
+    /// Id of the request for the campaign. A repeated request starts nothing.
     pub request: Option<RequestId>,
 }
 

@@ -8,49 +8,49 @@ use std::fmt;
 pub struct CampaignRecord {
     pub id: CampaignId,
     pub spec: CampaignSpec,
-    /// Its share of the workers.
+    /// The campaign's share of the workers.
     pub weight: Weight,
     pub study: Option<CampaignName>,
     pub state: CampaignState,
-    /// Why it failed; empty in any other state.
+    /// Why the campaign failed; empty in any other state.
     pub error: String,
-    /// When it was created, milliseconds since 1970-01-01 UTC.
+    /// When the campaign was created, milliseconds since 1970-01-01 UTC.
     pub created_ms: u64,
-    /// When it stopped, milliseconds since 1970-01-01 UTC; `None` while it runs, or if the time was not recorded.
+    /// When the campaign stopped, milliseconds since 1970-01-01 UTC; `None` while it runs, or if the time was not recorded.
     pub ended_ms: Option<u64>,
-    /// Number of times that part of it was rolled back.
+    /// Number of rollbacks of the campaign.
     pub rollbacks: u64,
-    /// Number of decisions about it since it was created.
+    /// Number of decisions about the campaign since it was created.
     pub decisions: u64,
-    /// Version of the simulator that its evaluations come from.
+    /// Version of the simulator that made the campaign's evaluations.
     pub simulator_version: String,
     /// Complete generations on disk.
     pub generations_done: u32,
     /// Best and mean novelty of the last complete generation.
     pub last_novelty: Option<(f64, f64)>,
     pub embedder: ArchiveEmbedder,
-    /// Pictures of its dataset on disk, followed by those of the further starts of labelled controllers.
+    /// Number of pictures on disk: pictures of the dataset, then pictures of labelled controllers from further starts.
     pub pictures_done: u64,
     pub rounds: Rounds,
 }
 
-/// The rounds of feedback of a campaign. A round's *label cutoff* is the length of the beginning of the label log that it learns
-/// from. Later entries are for the next round.
+/// The rounds of feedback of a campaign. A round's *label cutoff* is the number of entries, from the first of the label log, that
+/// the round learns from. Later entries are for the next round.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Rounds {
-    /// Rounds whose fine-tuned checkpoint the archive has switched, or switches, to.
+    /// Number of rounds whose fine-tuned checkpoint the archive has switched to, or is switching to.
     pub done: u32,
-    /// The label cutoff of the last of them; 0 before the first.
+    /// The label cutoff of the last of the `done` rounds; 0 before the first round.
     pub last_cutoff: u64,
     /// The label cutoff of the round in progress, if any.
     pub current_cutoff: Option<u64>,
 }
 
-/// A campaign between two decisions about it.
+/// Identifies a run: the work on a campaign between two decisions.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RunId {
     campaign: CampaignId,
-    /// Number of decisions before it.
+    /// Number of decisions about the campaign before the run.
     number: u64,
 }
 
@@ -59,28 +59,28 @@ impl RunId {
         &self.campaign
     }
 
-    /// Number of decisions before it.
+    /// Number of decisions about the campaign before the run.
     pub const fn number(&self) -> u64 {
         self.number
     }
 }
 
-/// Version of an archive: two reads of one version with equally many individuals give the same individuals and behaviours. As text,
-/// for scripts to compare, it is its [`ArchiveVersion::origin`], and the digest of the checkpoint if there is one.
+/// Version of an archive: two reads of one version with equally many individuals give the same individuals and behaviours. The
+/// text of a version, which scripts can compare, is its [`ArchiveVersion::origin`] and the digest of its checkpoint, if any.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ArchiveVersion {
-    /// When the campaign was created, milliseconds since 1970-01-01 UTC. It distinguishes campaigns of one id in different data
-    /// directories.
+    /// When the campaign was created, milliseconds since 1970-01-01 UTC. The time distinguishes campaigns with the same id in
+    /// different data directories.
     pub created_ms: u64,
-    /// Number of times that part of it was rolled back. A counter, because a clock may be set back.
+    /// Number of rollbacks of the campaign: a counter, and not a time, because a clock can be set back.
     pub rollbacks: u64,
-    /// The checkpoint that embeds it.
+    /// The checkpoint that embeds the archive, if any.
     pub checkpoint: Option<CheckpointDigest>,
 }
 
 impl ArchiveVersion {
-    /// Text that distinguishes its individuals from those of any other campaign of this id, and from individuals that were rolled
-    /// back.
+    /// Text that distinguishes the archive's individuals from individuals that were rolled back, and from individuals of any
+    /// other campaign with the same id.
     pub fn origin(&self) -> String {
         match self.rollbacks {
             0 => self.created_ms.to_string(),
@@ -99,18 +99,18 @@ impl fmt::Display for ArchiveVersion {
     }
 }
 
-/// The fields of a campaign that a search of the list uses.
+/// The fields of a campaign that a search in the list of campaigns uses.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CampaignHead {
     pub id: CampaignId,
     pub study: Option<CampaignName>,
     pub state: CampaignState,
-    /// The beginning of its specification as TOML: the fields outside of tables, such as `method`.
+    /// The beginning of the campaign's specification as TOML: the fields outside of tables, such as `method`.
     pub opening: String,
 }
 
 impl CampaignRecord {
-    /// The run that may change the campaign, as long as no decision was made after this read.
+    /// The run that can change the campaign, if no decision was made after this record was read.
     pub fn run_id(&self) -> RunId {
         RunId {
             campaign: self.id.clone(),
@@ -126,7 +126,7 @@ impl CampaignRecord {
         }
     }
 
-    /// Pictures of its dataset on disk; 0 without a dataset.
+    /// Number of pictures of the campaign's dataset on disk; 0 without a dataset.
     pub fn dataset_done(&self) -> u64 {
         match self.spec.embedder() {
             Some(EmbedderSource::Trained { dataset, .. }) => self.pictures_done.min(dataset.pictures()),
@@ -134,14 +134,14 @@ impl CampaignRecord {
         }
     }
 
-    /// Number of generations in total, including those of the rounds so far.
+    /// Total number of generations, including the generations of the rounds so far.
     pub fn generations(&self) -> u32 {
         let further = self.spec.feedback().map_or(0, Feedback::generations);
         let further = further.saturating_mul(self.rounds.done);
         self.spec.search().generations().saturating_add(further)
     }
 
-    /// Number of evaluations of all these generations.
+    /// Number of evaluations of all [`CampaignRecord::generations`].
     pub fn evaluations(&self) -> u64 {
         u64::from(self.generations()) * u64::from(self.spec.search().population())
     }

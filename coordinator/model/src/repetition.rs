@@ -1,4 +1,4 @@
-//! How to repeat an archive, besides its specification: the rounds that taught it, and whether a person intervened.
+//! The steps that led to an archive, besides its specification: the rounds of feedback, and whether a person intervened.
 
 use murmuration_proto::v1;
 use murmuration_swarm::{CampaignSpec, CheckpointDigest, Invalid, Text, counted};
@@ -8,7 +8,7 @@ use murmuration_swarm::{CampaignSpec, CheckpointDigest, Invalid, Text, counted};
 pub struct Repetition {
     /// The rounds in which the checkpoint was fine-tuned on labels, the first round first.
     pub rounds: Vec<Round>,
-    /// Whether the rounds learned from other labels than the specification has the synthetic annotator give.
+    /// Whether the rounds learned from any labels that the specification's synthetic annotator did not give.
     pub attended: bool,
     /// Whether a person moved the campaign to the checkpoint, so that the specification and the rounds do not lead to it.
     pub adopted: bool,
@@ -20,21 +20,21 @@ pub struct Round {
     /// The checkpoint that was fine-tuned.
     pub parent: CheckpointDigest,
     pub checkpoint: CheckpointDigest,
-    /// Number of individuals whose classes it learned from.
+    /// Number of individuals whose classes the round learned from.
     pub labels: u64,
     /// Digest of the labelled pictures.
     pub label_digest: String,
 }
 
 impl Round {
-    /// Its labels in words, as in `the classes of 20 individuals`.
+    /// The labels of the round in words, such as `the classes of 20 individuals`.
     pub fn learned_from(&self) -> String {
         format!("the classes of {}", counted(self.labels, "individual"))
     }
 }
 
-/// Number of generations of the specification and of the rounds, as in `20 of the search, 20 for 1 round of feedback`; `None` if no
-/// round has added any.
+/// The numbers of generations of the specification and of the rounds, in words such as
+/// `20 of the search, 20 for 1 round of feedback`; `None` if no round has added generations.
 pub fn generations_in_words(spec: &CampaignSpec, generations: u32, rounds: u32) -> Option<String> {
     let search = spec.search().generations();
     let further = generations.checked_sub(search).filter(|&further| further > 0)?;

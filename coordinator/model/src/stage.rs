@@ -24,7 +24,7 @@ impl Stage {
             return Self::Embed;
         }
         match NextTraining::of(record) {
-            // This applies also to a campaign that adopted an embedder before its pictures were complete.
+            // A campaign that adopted an embedder before its dataset was complete also makes the missing pictures.
             Some(_) if lacks_pictures(record) => Self::Dataset,
             Some(NextTraining::Pretraining) => Self::Pretrain,
             Some(NextTraining::FineTuning { .. }) => Self::FineTune,

@@ -5,15 +5,15 @@ use murmuration_proto::v1;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CampaignState {
-    /// Searching, or interrupted because its coordinator ended.
+    /// The campaign is at work, or is interrupted because its coordinator ended.
     Running,
-    /// Stopped by a person; resumes where it was.
+    /// A person stopped the campaign, which can resume where it was.
     Paused,
     /// Every generation is evaluated, and the taxonomy is stored.
     Completed,
-    /// Stopped by an error; may be resumed.
+    /// An error stopped the campaign, which a person can resume.
     Failed,
-    /// Ended by a person.
+    /// A person ended the campaign for good.
     Cancelled,
 }
 
@@ -41,7 +41,7 @@ pub struct NotAllowed {
 }
 
 impl Change {
-    /// Its name as a command.
+    /// The change's name as a command.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Pause => "pause",
@@ -62,7 +62,7 @@ impl CampaignState {
         Self::Cancelled,
     ];
 
-    /// Its name in the store and on the command line.
+    /// The state's name in the store and on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Running => "running",
@@ -73,7 +73,7 @@ impl CampaignState {
         }
     }
 
-    /// The verb before the state's name in a refusal: a campaign that has ended did so before the request.
+    /// The verb before the state's name in a refusal: `was already` if the campaign ended before the request, or else `is`.
     const fn verb(self) -> &'static str {
         match self {
             Self::Completed | Self::Cancelled => "was already",
@@ -85,7 +85,7 @@ impl CampaignState {
         Self::ALL.into_iter().find(|state| state.name() == name)
     }
 
-    /// The state after `change`; `None` if it is not allowed from here.
+    /// The state after `change`; `None` if this state does not allow the change.
     pub const fn after(self, change: Change) -> Option<Self> {
         match (self, change) {
             (Self::Running, Change::Pause) => Some(Self::Paused),

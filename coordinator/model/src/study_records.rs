@@ -1,4 +1,4 @@
-//! What a coordinator keeps of a study: its file, and records of what was measured.
+//! The data that a coordinator keeps of a study: its file, and records of its measurements.
 
 use murmuration_proto::{PART_BYTES, v1};
 use murmuration_swarm::{Invalid, counted};
@@ -6,25 +6,25 @@ use murmuration_swarm::{Invalid, counted};
 /// Folder of the reports of studies in a data directory; each study has a folder in it.
 pub const STUDIES: &str = "studies";
 
-/// How a study was run last.
+/// The file and the options of the last run of a study.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StudyFile {
-    /// The study file.
+    /// Text of the study file.
     pub toml: String,
     /// The file's folder, an absolute path.
     pub folder: String,
-    /// Whether it was run with `--quick`.
+    /// Whether the study was run with `--quick`.
     pub quick: bool,
-    /// Digest of how its cells were measured.
+    /// Digest of the settings by which the cells were measured.
     pub measures: String,
 }
 
 /// The kind of a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum StudyRecordKind {
-    /// Measurements of a cell, JSON. The key is the digest of its specification.
+    /// Measurements of a cell, JSON. The key is the digest of the cell's specification.
     Cell,
-    /// Digest of a checkpoint. The key is the digest of the specification that trained it.
+    /// Digest of a checkpoint. The key is the digest of the specification that trained the checkpoint.
     Embedder,
     /// The atlas that recall is measured by, JSON.
     Reference,
@@ -36,9 +36,9 @@ pub enum StudyRecordKind {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StudyRecord {
     pub kind: StudyRecordKind,
-    /// Which of its kind.
+    /// Key that distinguishes the record from other records of its kind.
     pub key: String,
-    /// Digest of how it was measured; empty for embedders and classes.
+    /// Digest of the settings of the measurement; empty for embedders and classes.
     pub measures: String,
     pub content: Vec<u8>,
 }
@@ -46,7 +46,7 @@ pub struct StudyRecord {
 impl StudyRecordKind {
     pub const ALL: [Self; 4] = [Self::Cell, Self::Embedder, Self::Reference, Self::Classes];
 
-    /// Its name in the store.
+    /// The kind's name in the store.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -61,10 +61,10 @@ impl StudyRecordKind {
 impl StudyRecord {
     /// Longest key, in bytes: a digest.
     const MAX_KEY: usize = 64;
-    /// Most bytes of the content (256 MiB).
+    /// Maximum number of bytes of the content (256 MiB).
     pub const MAX_CONTENT: usize = 256 << 20;
 
-    /// The record as parts of a message: itself, then its content.
+    /// The record as parts of a message: first the record without its content, then the content.
     pub fn parts(self) -> impl Iterator<Item = v1::study_part::Part> {
         use v1::study_part::Part;
         let record = Part::Record((&self).into());
@@ -77,18 +77,18 @@ impl StudyRecord {
     }
 }
 
-/// A study, or records of one, as its parts arrive.
+/// A study, or records of a study, as the parts arrive.
 #[derive(Debug, Default)]
 pub struct StudyParts {
     pub file: Option<StudyFile>,
     pub records: Vec<StudyRecord>,
-    /// Of the contents of all records.
+    /// Bytes of the contents of all records.
     bytes: usize,
 }
 
 impl StudyParts {
     /// # Errors
-    /// If the part is invalid, is of no or over [`PART_BYTES`] bytes, or is content without a record before it.
+    /// If the part is invalid: content must have 1 to [`PART_BYTES`] bytes, and a record before it.
     pub fn add(&mut self, part: Option<v1::study_part::Part>) -> Result<(), Invalid> {
         use v1::study_part::Part;
         match part {
@@ -139,7 +139,7 @@ impl From<v1::StudyFile> for StudyFile {
     }
 }
 
-/// The content is empty: it follows in parts of its own.
+/// The record without its content, which follows in parts of its own.
 impl TryFrom<v1::StudyRecord> for StudyRecord {
     type Error = Invalid;
 
@@ -176,7 +176,7 @@ impl From<StudyRecordKind> for v1::StudyRecordKind {
     }
 }
 
-/// Without the content.
+/// The record without its content.
 impl From<&StudyRecord> for v1::StudyRecord {
     fn from(record: &StudyRecord) -> Self {
         Self {

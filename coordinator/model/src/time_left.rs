@@ -24,16 +24,16 @@ pub struct WorkLeft<'a> {
 /// A remaining time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimeLeft {
-    /// The time of the known parts.
+    /// Seconds that the known parts of the work take.
     pub seconds: f64,
     /// Whether further parts take an unknown time.
     pub is_least: bool,
 }
 
 impl WorkLeft<'_> {
-    /// How long the whole campaign still takes, without the clustering at its end, which takes seconds (half a minute for a million
-    /// individuals). `None` if nothing is known. The pace of a search is known only during the search (and as a lower bound during
-    /// the simulation of the dataset), that of a training only during the training.
+    /// The remaining time of the whole campaign, without the clustering at its end, which takes seconds (half a minute for a
+    /// million individuals). `None` if nothing is known. The pace of a search is known only during the search; the simulation of
+    /// the dataset gives a lower bound of the search's time. The pace of a training is known only during the training.
     pub fn whole(&self) -> Option<TimeLeft> {
         let of_spec = self.spec.feedback().map_or(0, Feedback::rounds);
         let rounds = of_spec.max(self.rounds_done.saturating_add(self.is_learning.into()));
@@ -53,7 +53,7 @@ impl WorkLeft<'_> {
         Some(TimeLeft { seconds, is_least })
     }
 
-    /// Number of remaining evaluations, if there are `rounds` in total.
+    /// Number of remaining evaluations, if the campaign has `rounds` rounds in total.
     fn evaluations(&self, rounds: u32) -> u64 {
         let search = self.spec.search();
         let further = self.spec.feedback().map_or(0, Feedback::generations);
@@ -80,7 +80,7 @@ impl TimeLeft {
         }
     }
 
-    /// As in `about 5 minutes` and `at least 2 hours`.
+    /// The time in words, such as `about 5 minutes` and `at least 2 hours`.
     pub fn in_words(self) -> String {
         let seconds = self.seconds;
         match self.is_least {
@@ -129,7 +129,7 @@ mod tests {
     #[test]
     fn a_search_without_rounds_is_known_and_one_with_rounds_takes_at_least_its_evaluations() {
         let (plain, rounds) = (spec(""), spec("[feedback]\nrounds = 2\ngenerations = 10"));
-        // 16 generations of 10, without the 5 that have arrived.
+        // 16 generations of 10 evaluations, without the 5 evaluations that have arrived.
         assert_eq!(left(&plain, Stage::Evolve).whole(), Some(TimeLeft::about(31.0)));
         let whole = left(&rounds, Stage::Evolve).whole().unwrap();
         assert_eq!((whole.seconds, whole.is_least), (71.0, true));

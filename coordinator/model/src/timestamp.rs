@@ -5,10 +5,11 @@ use time::{OffsetDateTime, format_description::well_known::Rfc3339};
 
 const NANOS_PER_MS: i128 = 1_000_000;
 
-/// The last millisecond of the year 9999, where RFC 3339 ends, since 1970-01-01 UTC.
+/// Milliseconds from 1970-01-01 UTC to the last millisecond of the year 9999, where RFC 3339 ends.
 const LAST_MS: u64 = 253_402_300_799_999;
 
-/// A point in time, to the millisecond: 1970-01-01 to 9999-12-31, UTC. Its text is RFC 3339, `2026-11-21T12:00:00.5Z`.
+/// A point in time, to the millisecond: 1970-01-01 to 9999-12-31, UTC. The text of a timestamp is in RFC 3339, such as
+/// `2026-11-21T12:00:00.5Z`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Timestamp {
     ms: u64,
@@ -20,7 +21,7 @@ pub struct Timestamp {
 pub struct NotATimestamp;
 
 impl Timestamp {
-    /// `ms` milliseconds since 1970-01-01 UTC. Times after the year 9999 become its last millisecond.
+    /// The time `ms` milliseconds after 1970-01-01 UTC. A time after the year 9999 becomes the last millisecond of that year.
     pub fn from_ms(ms: u64) -> Self {
         Self { ms: ms.min(LAST_MS) }
     }

@@ -52,7 +52,8 @@ pub struct TrainingPictures {
 }
 
 impl TrainingPictures {
-    /// The pictures of a campaign: its dataset, or the beginning of its archive if it began with a published checkpoint.
+    /// The pictures of a campaign: its dataset, or the beginning of its archive if the campaign began with a published
+    /// checkpoint.
     pub fn of(record: &CampaignRecord) -> Self {
         match record.spec.embedder() {
             Some(EmbedderSource::Trained { dataset, .. }) => Self {

@@ -3,8 +3,8 @@
 use murmuration_swarm::Invalid;
 use std::{fmt, str::FromStr};
 
-/// A campaign's share of the workers while others run too, in proportion to their weights: 1 to 10,000. It does not affect the
-/// results.
+/// The weight of a campaign, from 1 to 10,000. Campaigns that run at once share the workers in proportion to their weights.
+/// Weights do not affect the results.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Weight(u32);
 
@@ -16,13 +16,14 @@ impl Weight {
         self.0
     }
 
-    /// The campaign's charge for work of this cost, by which turns are compared; at least the cost.
+    /// The campaign's charge for work of this cost, at least the cost. The coordinator compares charges to choose whose turn is
+    /// next.
     pub const fn charge(self, cost: u64) -> u64 {
         cost.saturating_mul(Self::MOST as u64) / self.0 as u64
     }
 }
 
-/// 100, with room on both sides.
+/// The default weight is 100, so that other campaigns can have a smaller or a larger weight.
 impl Default for Weight {
     fn default() -> Self {
         Self(100)

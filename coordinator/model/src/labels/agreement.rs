@@ -3,18 +3,18 @@
 use super::{ClassName, ConfusionMatrix};
 use std::{cmp::Reverse, collections::BTreeMap};
 
-/// Two annotators compared.
+/// The comparison of two annotators.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Agreement {
     /// Individuals to which both gave a class.
     pub both: u64,
     /// Individuals to which both gave the same class.
     pub agreed: u64,
-    /// As [`ConfusionMatrix::kappa`].
+    /// Cohen's kappa, from [`ConfusionMatrix::kappa`].
     pub kappa: Option<f64>,
-    /// Pairs of classes that they confuse, the most frequent first.
+    /// Pairs of classes that the annotators confuse, the most frequent first.
     pub confusions: Vec<Confusion>,
-    /// The individuals to which they gave different classes.
+    /// The individuals to which the annotators gave different classes.
     pub disagreements: Vec<Disagreement>,
 }
 
@@ -23,7 +23,7 @@ pub struct Agreement {
 pub struct Confusion {
     /// The class from the first annotator.
     pub first: ClassName,
-    /// The class from the second.
+    /// The class from the second annotator.
     pub second: ClassName,
     /// Number of individuals with these two classes.
     pub individuals: u64,
@@ -35,7 +35,7 @@ pub struct Disagreement {
     pub index: u64,
     /// The class from the first annotator.
     pub first: ClassName,
-    /// The class from the second.
+    /// The class from the second annotator.
     pub second: ClassName,
 }
 

@@ -1,13 +1,13 @@
 //! Text in the cells of CSV files, written so that no spreadsheet takes it for a formula, and read back unchanged.
 //!
-//! Spreadsheets compute text that begins like a formula, and formulas can call programs and remote addresses. Annotators choose the
-//! names. So such text gets an apostrophe in front, which marks text in spreadsheets.
+//! Spreadsheets compute text that begins like a formula, and formulas can call programs and remote addresses. Annotators choose
+//! the names of classes. So text that begins like a formula gets an apostrophe in front, which marks text in spreadsheets.
 
 use std::borrow::Cow;
 
 const MARK: char = '\'';
-/// First characters of formulas, some also in their wide forms, and the mark itself, so that text that begins with the mark reads
-/// back unchanged.
+/// Text that begins with one of these characters gets the mark: the first characters of formulas, some also in their wide forms,
+/// and the mark itself. So text that begins with the mark reads back unchanged.
 const MARKED: [char; 11] = ['=', '+', '-', '@', '\t', '\r', '＝', '＋', '－', '＠', MARK];
 
 pub fn to_cell(text: &str) -> Cow<'_, str> {

@@ -1,6 +1,6 @@
 //! The classes of a campaign: names and colours that change, and merged classes.
 //!
-//! Changes of classes always succeed, because a replayed log may predate the current rules for telling names apart.
+//! Changes of known classes always succeed, because a replayed log can be older than the current rules that distinguish names.
 //! [`Labels::record`](super::Labels::record) refuses invalid changes first.
 
 use super::{ClassKey, ClassName, Colour, Refusal, Shortcut};
@@ -30,9 +30,9 @@ pub(super) struct Classes {
 struct Known {
     name: ClassName,
     colour: Colour,
-    /// Whether it was created explicitly, not by an answer.
+    /// Whether the class was created explicitly, not by an answer.
     made: bool,
-    /// The key that an annotator chose for it.
+    /// The key on the keyboard that an annotator chose for the class.
     shortcut: Option<Shortcut>,
     merged: Option<ClassNumber>,
     deleted: bool,
@@ -71,7 +71,7 @@ impl Classes {
         Err(Refusal::TooManyClasses(name.clone()))
     }
 
-    /// The class with this name, added with the next colour of the palette if there is none.
+    /// The class with this name, which is added with the next colour of the palette if it does not exist.
     pub(super) fn find_or_add(&mut self, name: &ClassName) -> ClassNumber {
         self.find(name).unwrap_or_else(|_| {
             let number = ClassNumber(self.all.len());
@@ -98,7 +98,7 @@ impl Classes {
         }
     }
 
-    /// Gives a class another name. A class that already has that name is merged into this one.
+    /// Gives a class another name. A class that already has the name `to` is merged into the renamed class.
     pub(super) fn rename(&mut self, class: &ClassName, to: &ClassName) -> Result<Replaced, Refusal> {
         let Some(number) = self.still(class)? else {
             return Ok(Replaced::Nothing);
@@ -131,7 +131,7 @@ impl Classes {
         })
     }
 
-    /// Gives a class a key, and takes it from any other class.
+    /// Gives a class a key on the keyboard, and takes the key from any other class.
     pub(super) fn shortcut(
         &mut self,
         class: &ClassName,
@@ -160,7 +160,7 @@ impl Classes {
         Ok(Replaced::Deleted(number))
     }
 
-    /// Restores what the newest change replaced.
+    /// Restores the state before the newest change of classes.
     pub(super) fn restore(&mut self, replaced: Replaced) {
         match replaced {
             Replaced::Nothing => {}
@@ -191,8 +191,8 @@ impl Classes {
         }
     }
 
-    /// Makes the name of a class mean this class. Another class with that name is merged into this one: an answer may have created
-    /// it while this class had another name.
+    /// Makes the name of `class` mean this class. Another class with the same name is merged into `class`: an answer can have
+    /// created the other class while `class` had another name.
     fn claim_name(&mut self, class: ClassNumber) {
         let key = self.all[class.0].name.key();
         self.ever.insert(key.clone());
@@ -203,8 +203,8 @@ impl Classes {
         }
     }
 
-    /// The remaining class with this name; `None` if there is none any more. In an old log, the name may belong to a class that has
-    /// since been merged, because names were then told apart differently.
+    /// The remaining class with this name; `None` if a class had this name but remains no more. In an old log, the name can
+    /// belong to a class that was merged before, because earlier versions distinguished names differently.
     fn still(&self, name: &ClassName) -> Result<Option<ClassNumber>, Refusal> {
         match self.find(name) {
             Ok(number) => Ok(Some(number)),
@@ -213,7 +213,7 @@ impl Classes {
         }
     }
 
-    /// The class into which this one was merged, or else itself.
+    /// The class into which `class` was merged, or else `class` itself.
     pub(super) fn today(&self, mut class: ClassNumber) -> ClassNumber {
         while let Some(into) = self.all[class.0].merged {
             class = into;
@@ -221,17 +221,17 @@ impl Classes {
         class
     }
 
-    /// Its current name.
+    /// The current name of a class.
     pub(super) fn name(&self, class: ClassNumber) -> &ClassName {
         &self.all[self.today(class).0].name
     }
 
-    /// Whether it was created explicitly.
+    /// Whether the class was created explicitly.
     pub(super) fn is_made(&self, class: ClassNumber) -> bool {
         self.all[class.0].made
     }
 
-    /// Whether the class, or the one into which it was merged, was deleted.
+    /// Whether the class, or the class into which it was merged, was deleted.
     pub(super) fn is_deleted(&self, class: ClassNumber) -> bool {
         self.all[self.today(class).0].deleted
     }
@@ -250,8 +250,8 @@ impl Known {
     }
 }
 
-/// The numbers of classes for trainers: [`LabelledPictures::RANDOM`] for [`Class::Random`] in any spelling, the others from 1 by
-/// name.
+/// The numbers of classes for trainers: [`LabelledPictures::RANDOM`] for [`Class::Random`] in any spelling, and numbers from 1
+/// for the other classes, in the order of their names.
 pub fn class_numbers<'a>(names: impl IntoIterator<Item = &'a str>) -> BTreeMap<&'a str, u32> {
     let (random, named): (BTreeSet<_>, BTreeSet<_>) = names
         .into_iter()

@@ -3,13 +3,13 @@
 use murmuration_proto::v1;
 use murmuration_swarm::{CapabilityModel, ImageFormat, Preset, World, to_differing_line};
 
-/// Column of the behaviour; for a campaign, the individual's index.
+/// Column that identifies the behaviour: for a campaign, by the individual's index.
 pub(super) const INDEX: &str = "index";
-/// The same column in the labelled sets: the file name of a picture.
+/// Column that identifies the behaviour in the labelled sets, by the file name of a picture.
 pub(super) const SET_INDEX: &str = "id";
-/// Column of the second sensor's angle. A file without it is of the single-sensor model, unless it has a column of robots.
+/// Column of the second sensor's angle. A file without this column and without a column of robots is of the single-sensor model.
 pub(super) const ANGLE: &str = "angle_2";
-/// The same column in the labelled sets.
+/// Column of the second sensor's angle in the labelled sets.
 pub(super) const SET_ANGLE: &str = "theta";
 /// The first gene's column in the labelled sets.
 pub(super) const SET_SPEED: &str = "v1";
@@ -17,7 +17,7 @@ pub(super) const SET_SPEED: &str = "v1";
 /// Every name of the first gene's column, for the paper's robots.
 pub(super) const FIRST_SPEEDS: [&str; 3] = ["left_0", "left_00", SET_SPEED];
 
-/// Columns of a two-sensor controller's genes in the labelled sets; the first four are those of a single-sensor controller.
+/// Columns of a two-sensor controller's genes in the labelled sets; a single-sensor controller has the first four columns.
 const SET_GENES: [&str; 9] = [SET_SPEED, "v2", "v3", "v4", "v5", "v6", "v7", "v8", SET_ANGLE];
 
 /// Columns of the genes of a model's controllers in the labelled sets; empty for robots other than the paper's.
@@ -31,7 +31,7 @@ pub(super) fn set_genes(model: &CapabilityModel) -> &'static [&'static str] {
 
 /// Column of the world, if it is not the paper's: a TOML table on one line, such as `{ horizon = 600 }`.
 pub(super) const WORLD: &str = "world";
-/// Column of the picture's format, if it is not the paper's: also a TOML table.
+/// Column of the picture's format, if it is not the paper's: a TOML table on one line.
 pub(super) const IMAGE: &str = "image";
 
 /// The columns for a world and a picture format that are not the paper's, with the fields that differ.

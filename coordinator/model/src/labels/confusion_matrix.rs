@@ -26,12 +26,12 @@ impl<A: Ord + Copy> ConfusionMatrix<A> {
         pairs.flat_map(|&(one, other)| [one, other]).collect()
     }
 
-    /// Number of pairs in which the first answered `one` and the second `other`.
+    /// Number of pairs in which the first annotator answered `one` and the second annotator `other`.
     pub fn count(&self, one: A, other: A) -> u64 {
         self.counts.get(&(one, other)).copied().unwrap_or(0)
     }
 
-    /// Number of pairs in which the first answered `one`.
+    /// Number of pairs in which the first annotator answered `one`.
     pub fn answered(&self, one: A) -> u64 {
         self.sum(|message, _| message == one)
     }
@@ -40,7 +40,7 @@ impl<A: Ord + Copy> ConfusionMatrix<A> {
         self.sum(|_, _| true)
     }
 
-    /// Number of pairs that are the same.
+    /// Number of pairs of equal answers.
     pub fn same(&self) -> u64 {
         self.sum(|one, other| one == other)
     }
@@ -51,8 +51,8 @@ impl<A: Ord + Copy> ConfusionMatrix<A> {
         pairs.map(|(&(one, other), &count)| (one, other, count))
     }
 
-    /// Cohen's kappa (1960), at most 1: the agreement beyond chance, as a share of the greatest possible. `None` if chance alone
-    /// gives full agreement (both gave one and the same answer throughout) or there is no pair.
+    /// Cohen's kappa (1960), at most 1: the agreement beyond chance, as a share of the greatest possible agreement beyond chance.
+    /// `None` if there are no pairs, or if both annotators always gave the same one answer.
     pub fn kappa(&self) -> Option<f64> {
         let mut margins: BTreeMap<A, [u64; 2]> = BTreeMap::new();
         for (&(one, other), count) in &self.counts {
@@ -61,7 +61,8 @@ impl<A: Ord + Copy> ConfusionMatrix<A> {
         }
         let by_chance: u64 = margins.into_values().map(|[one, other]| one * other).sum();
         let total = self.total();
-        // Both shares are multiplied by the square of the number of pairs, so that only the division rounds.
+        // Observed agreement and agreement by chance are multiplied by the square of the number of pairs, so that only the
+        // division rounds.
         let room = total * total - by_chance;
         (room > 0).then(|| ((self.same() * total) as f64 - by_chance as f64) / room as f64)
     }
@@ -79,7 +80,7 @@ impl<A: Ord + Copy> ConfusionMatrix<A> {
 mod tests {
     use super::*;
 
-    /// Two annotators, with the counts of their answers by row and column.
+    /// The matrix of two annotators: `counts` has a row for each answer of the first, and a column for each answer of the second.
     fn table<const N: usize>(counts: [[usize; N]; N]) -> ConfusionMatrix<usize> {
         let cells = (0..N).flat_map(|one| (0..N).map(move |other| (one, other)));
         cells
@@ -89,16 +90,16 @@ mod tests {
 
     #[test]
     fn kappa_by_hand() {
-        // Observed 35/50, by chance (25 * 30 + 25 * 20) / 2500 = 0.5.
+        // The observed agreement is 35/50, by chance (25 * 30 + 25 * 20) / 2500 = 0.5.
         let two = table([[20, 5], [10, 15]]);
         assert_eq!((two.same(), two.total(), two.answered(0)), (35, 50, 25));
         assert_eq!(two.kappa(), Some(0.4));
-        // Observed 13/20, by chance (8 * 7 + 6 * 6 + 6 * 7) / 400 = 134/400: (260 - 134) / (400 - 134).
+        // The observed agreement is 13/20, by chance (8 * 7 + 6 * 6 + 6 * 7) / 400 = 134/400: (260 - 134) / (400 - 134).
         assert_eq!(
             table([[5, 1, 2], [1, 4, 1], [1, 1, 4]]).kappa(),
             Some(126.0 / 266.0)
         );
-        // First as often right as by chance, then always wrong.
+        // In the first matrix the annotators agree as often as by chance, in the second never.
         assert_eq!(table([[1, 1], [1, 1]]).kappa(), Some(0.0));
         assert_eq!(table([[0, 3], [3, 0]]).kappa(), Some(-1.0));
     }

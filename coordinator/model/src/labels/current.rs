@@ -11,14 +11,14 @@ use class_changes::ClassChange;
 use rpds::{RedBlackTreeMapSync, RedBlackTreeSetSync};
 use std::{collections::BTreeMap, fmt, sync::Arc};
 
-/// Maximum number of classes that are compared for nearly equal names: comparing each with each takes seconds beyond it.
+/// Maximum number of classes that are compared for nearly equal names: with more classes, comparing all pairs takes seconds.
 const MOST_COMPARED: usize = 200;
 
 /// The labels of a campaign, computed from its log.
 ///
-/// An answer *stands* until a later entry of the log replaces, undoes or withdraws it, or deletes its class. Each annotator has at
-/// most one standing answer about an individual. Answers follow their class through renaming and merging. A class is present while
-/// a standing answer names it, or if it was created explicitly.
+/// An answer *stands* until a later entry of the log replaces, undoes or withdraws it, or deletes its class. Each annotator has
+/// at most one standing answer about an individual. Answers follow their class through renaming and merging. A class is present
+/// while a standing answer names it, or if it was created explicitly.
 ///
 /// A clone shares the unchanged parts, so that a reader hardly slows down labelling.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -27,7 +27,8 @@ pub struct Labels {
     classes: Arc<Classes>,
     /// Every answer of the log, by entry.
     given: RedBlackTreeMapSync<u64, Given>,
-    /// The entries of the standing answers, by individual and annotator. Individuals without one are left out.
+    /// The entries of the standing answers, by individual and annotator. Individuals without a standing answer are not in the
+    /// map.
     standing: RedBlackTreeMapSync<u64, RedBlackTreeMapSync<Annotator, u64>>,
     /// The entries of the standing answers, by annotator.
     own: RedBlackTreeMapSync<Annotator, RedBlackTreeSetSync<u64>>,
@@ -62,13 +63,13 @@ enum NumberedAnswer {
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Class {
-    /// Its name, as it was first spelled or last renamed.
+    /// The class's name, as it was first spelled or last renamed.
     pub name: ClassName,
-    /// The colour that an annotator gave it, or else its default.
+    /// The colour that an annotator gave the class, or else the default colour.
     pub colour: Colour,
-    /// The key that an annotator chose for it.
+    /// The key on the keyboard that an annotator chose for the class.
     pub shortcut: Option<Shortcut>,
-    /// Number of standing answers that name it.
+    /// Number of standing answers that name the class.
     pub labels: u64,
     /// Other classes with nearly the same name, perhaps a typing error.
     pub near: Vec<ClassName>,
@@ -88,7 +89,7 @@ impl Labels {
     /// Applies the entries of the log from [`Labels::entries`] on, in order.
     ///
     /// # Errors
-    /// [`BrokenLog`] at the first entry that cannot follow those before it. Do not use the labels after this error.
+    /// [`BrokenLog`] at the first entry that cannot follow the earlier entries. Do not use the labels after this error.
     pub fn follow(&mut self, log: Vec<Entry>) -> Result<(), BrokenLog> {
         for entry in log {
             match self.take_in(entry.change) {
@@ -99,7 +100,7 @@ impl Labels {
         Ok(())
     }
 
-    /// Whether an action has no effect and need not be logged: a class is renamed to the name that it has.
+    /// Whether an action has no effect and need not be logged: it renames a class to the class's present name.
     pub fn is_idle(&self, action: &Action) -> bool {
         match action.clone().spelled() {
             Action::Rename { class, to } => {
@@ -115,14 +116,14 @@ impl Labels {
     /// # Errors
     /// See [`Refusal`]; the labels are then unchanged.
     pub fn record(&mut self, change: Change) -> Result<Entry, Refusal> {
-        // Only new changes need this: the names in a log are spelled so already.
+        // Only new changes need this step: the names in a log are already in the paper's spelling.
         let action = change.action.spelled();
         let change = Change { action, ..change };
         self.check(&change.action)?;
         self.take_in(change)
     }
 
-    /// Refuses an action whose classes are not as it assumes.
+    /// Refuses an action that does not fit the present classes.
     fn check(&self, action: &Action) -> Result<(), Refusal> {
         let classes = &self.classes;
         // A class that is not present does not block its name.
@@ -277,7 +278,7 @@ impl Labels {
         self.own.get(annotator)?.last().copied()
     }
 
-    /// The standing answers, by individual, then annotator.
+    /// The standing answers, ordered by individual and then by annotator.
     pub fn standing(&self) -> impl Iterator<Item = Label> {
         self.standing_entries().filter_map(|entry| self.given(entry))
     }
@@ -307,7 +308,7 @@ impl Labels {
         })
     }
 
-    /// Annotators with a standing answer about an individual, by name, and whether the answer names a class.
+    /// Annotators with a standing answer about an individual, ordered by name, each with whether the answer names a class.
     pub fn answered(&self, index: u64) -> impl Iterator<Item = (&Annotator, bool)> {
         let about = self.standing.get(&index).into_iter().flatten();
         about.map(|(annotator, entry)| (annotator, self.names_class(*entry)))
@@ -383,13 +384,13 @@ impl Labels {
                 .is_some_and(|&labels| labels > 0)
     }
 
-    /// The class of each individual that has one. If annotators differ, the newest answer counts.
+    /// The class of each individual that has a class. If annotators differ, the newest answer decides.
     pub fn by_individual(&self) -> BTreeMap<u64, ClassName> {
         let given = self.given_classes().into_iter();
         given.map(|(index, given)| (index, given.class)).collect()
     }
 
-    /// As [`Labels::by_individual`], with whether a person gave the class.
+    /// The classes of [`Labels::by_individual`], each with whether a person gave the class.
     pub fn given_classes(&self) -> BTreeMap<u64, GivenClass> {
         given_classes(self.standing())
     }
@@ -406,7 +407,7 @@ impl Labels {
         self.standing.values().filter(alone).count()
     }
 
-    /// Individuals with a class, each with the [number](class_numbers) of its class: what an embedder can learn from.
+    /// Individuals with a class, each with the [number](class_numbers) of its class, so that an embedder can learn from them.
     pub fn numbered_classes(&self) -> Vec<(u64, u32)> {
         let by_individual = self.by_individual();
         let numbers = class_numbers(by_individual.values().map(ClassName::as_str));
@@ -416,7 +417,7 @@ impl Labels {
             .collect()
     }
 
-    /// The classes that one annotator gave.
+    /// The classes that one annotator gave, by individual.
     pub fn by(&self, annotator: &Annotator) -> BTreeMap<u64, ClassName> {
         let own = self.standing().filter(|label| label.annotator == *annotator);
         own.filter_map(|label| match label.answer {
@@ -426,7 +427,7 @@ impl Labels {
         .collect()
     }
 
-    /// The digest of [`Labels::by_individual`]. It does not depend on annotators, times or superseded answers.
+    /// The digest of [`Labels::by_individual`], which does not depend on annotators, times or superseded answers.
     pub fn digest(&self) -> LabelDigest {
         let mut hasher = blake3::Hasher::new_derive_key("murmuration labels v1");
         for (index, class) in self.by_individual() {

@@ -1,7 +1,7 @@
 //! Files of labels: CSV with a header. Columns may be in any order, and unknown columns are ignored.
 //!
-//! The one format that `labels` writes and that `label`, `lab accuracy` and `lab judge` read. docs/labels.md describes its columns.
-//! This module handles text, not files.
+//! The command `labels` writes this format, and `label`, `lab accuracy` and `lab judge` read it. docs/labels.md describes the
+//! columns. This module handles text, not files.
 
 use super::{
     Annotator, Answer, LabelFileError,
@@ -22,7 +22,7 @@ use std::{
     str::FromStr,
 };
 
-/// Column of robots that are not the paper's, as [`CapabilityModel::to_line`] writes them.
+/// Column of the robots, if they are not the paper's, as [`CapabilityModel::to_line`] writes them.
 pub(super) const ROBOTS: &str = "robots";
 
 /// A file of labels, split into cells; only its header has been interpreted.
@@ -61,10 +61,10 @@ impl LabelFile {
         }
     }
 
-    /// Parses the text of a file with these columns.
+    /// Parses the text of a file that must have the columns `needed`.
     ///
     /// # Errors
-    /// If the text is not CSV, or one of the columns is missing or repeated.
+    /// If the text is not CSV, or a needed column is missing or repeated.
     pub fn with_columns(needed: &[&str], path: &Path, text: Vec<u8>) -> Result<Self, LabelFileError> {
         let mut file = Self {
             path: path.to_owned(),
@@ -161,7 +161,7 @@ impl LabelFile {
         }
     }
 
-    /// The line of the row at `byte`, or after the empty lines there.
+    /// The line number of the row at `byte`, after any empty lines at `byte`.
     fn line(&self, byte: u64) -> usize {
         let (before, rest) = self.text.split_at((byte as usize).min(self.text.len()));
         let empty = rest.iter().take_while(|&&character| b"\r\n".contains(&character));
@@ -198,7 +198,7 @@ impl<'a> Row<'a> {
         }
     }
 
-    /// An error about one of its cells. `allowed` says what the cell must be.
+    /// An error about a cell of the row. `allowed` describes the allowed values.
     pub fn refuse(&self, column: &str, allowed: &str) -> LabelFileError {
         self.refused(match self.cell(column) {
             "" => Invalid::missing(column, allowed),
@@ -206,17 +206,17 @@ impl<'a> Row<'a> {
         })
     }
 
-    /// Identifies the row's behaviour, as written in the row; empty if it does not say.
+    /// The text that identifies the row's behaviour; empty if the row has none.
     pub fn behaviour(&self) -> &'a str {
         self.cell(self.file.behaviour_column())
     }
 
-    /// An error about the behaviour's identity. `allowed` says what it must be.
+    /// An error about the text that identifies the row's behaviour. `allowed` describes the allowed values.
     pub fn refuse_behaviour(&self, allowed: &str) -> LabelFileError {
         self.refuse(self.file.behaviour_column(), allowed)
     }
 
-    /// The answer; `None` if the class is empty.
+    /// The row's answer; `None` if the cell of the class is empty.
     ///
     /// # Errors
     /// If the class is not a valid name.
@@ -233,7 +233,7 @@ impl<'a> Row<'a> {
     /// The annotator of the row, or else `otherwise`.
     ///
     /// # Errors
-    /// If both are missing, or the name is invalid.
+    /// If the row has no annotator and `otherwise` is `None`, or the name is invalid.
     pub fn annotator(&self, otherwise: Option<&Annotator>) -> Result<Annotator, LabelFileError> {
         match (self.cell("annotator"), otherwise) {
             ("", Some(annotator)) => Ok(annotator.clone()),
@@ -247,10 +247,10 @@ impl<'a> Row<'a> {
         Annotator::is_synthetic(of_cell(self.cell("annotator")))
     }
 
-    /// The time of the answer, milliseconds since 1970-01-01 UTC; 0 if the row has none.
+    /// The time of the answer, milliseconds since 1970-01-01 UTC; 0 if the row has no time.
     ///
     /// # Errors
-    /// If it is not a time in RFC 3339.
+    /// If the cell is not a time in RFC 3339.
     pub fn time_ms(&self) -> Result<u64, LabelFileError> {
         let time = self.given("time", "a time such as 2026-11-21T12:00:00Z")?;
         Ok(time.map_or(0, Timestamp::ms))
@@ -259,15 +259,15 @@ impl<'a> Row<'a> {
     /// Index of the individual in its campaign's archive.
     ///
     /// # Errors
-    /// If it is not a whole number.
+    /// If the cell is not a whole number.
     pub fn index(&self) -> Result<u64, LabelFileError> {
         self.needed(self.file.behaviour_column(), "a whole number")
     }
 
-    /// The seed of its start.
+    /// The seed of the behaviour's start.
     ///
     /// # Errors
-    /// If the row has none.
+    /// If the row has no seed, or the seed is not a whole number.
     pub fn seed(&self) -> Result<u64, LabelFileError> {
         self.needed("seed", "a whole number")
     }
@@ -284,8 +284,8 @@ impl<'a> Row<'a> {
         model.map_err(|error| self.refused(error))
     }
 
-    /// The controller, from a column for each gene by its name. For the paper's robots, the columns may also be `v1` to `v4`, or
-    /// `v1` to `v8` and `theta`.
+    /// The row's controller. Each gene has a column with the gene's name. For the paper's robots, the columns can also be `v1` to
+    /// `v4`, or `v1` to `v8` and `theta`.
     ///
     /// # Errors
     /// If a column is missing, or a gene is not a number or out of range.
@@ -293,7 +293,7 @@ impl<'a> Row<'a> {
         self.controller_of(self.model()?)
     }
 
-    /// The controller, which is of the `campaign`'s model unless the file names its robots.
+    /// The row's controller, with the robots that the file names, or else with the `campaign`'s robots.
     pub(super) fn controller_in(&self, campaign: &CapabilityModel) -> Result<Controller, LabelFileError> {
         let names_robots = self.file.has(ROBOTS) || self.file.has(SET_SPEED);
         self.controller_of(match names_robots {
@@ -325,7 +325,7 @@ impl<'a> Row<'a> {
         Ok(features)
     }
 
-    /// A whole number.
+    /// The whole number in a column.
     ///
     /// # Errors
     /// If the column is missing, or its value is not a whole number.
@@ -333,7 +333,7 @@ impl<'a> Row<'a> {
         self.needed(column, "a whole number from 0 to 4294967295")
     }
 
-    /// A finite number.
+    /// The finite number in a column.
     ///
     /// # Errors
     /// If the column is missing, or its value is not a finite number.
@@ -351,7 +351,7 @@ impl<'a> Row<'a> {
     /// If a value is out of range.
     pub fn world(&self) -> Result<World, LabelFileError> {
         let mut world: v1::World = self.table(WORLD, "{ horizon = 600 }")?;
-        // The number and size of the robots default to those of the robots in the row.
+        // If the row has robots, the defaults of their number and size come from these robots.
         if !self.cell(ROBOTS).is_empty() {
             let robots = World::default().robots_of_line(ROBOTS, self.cell(ROBOTS));
             let robots = robots.map_err(|error| self.refused(error))?;

@@ -11,7 +11,7 @@ pub enum LabelFileError {
     Column {
         path: PathBuf,
         column: String,
-        /// `there is no` or `there is more than one`.
+        /// The text `there is no` or `there is more than one`.
         problem: &'static str,
         columns: String,
     },
@@ -20,7 +20,7 @@ pub enum LabelFileError {
         path: PathBuf,
         line: usize,
         cells: String,
-        /// Number of columns in the header.
+        /// Number of columns in the header, in words.
         columns: String,
     },
     #[error("{}, line 1: the columns are separated by {separator}; save the file with commas", path.display())]
@@ -31,7 +31,7 @@ pub enum LabelFileError {
     Cell {
         path: PathBuf,
         line: usize,
-        /// The column, its value, and what is allowed.
+        /// The column, its value, and the allowed values.
         error: Invalid,
     },
     #[error("{}: no row has a class", .0.display())]

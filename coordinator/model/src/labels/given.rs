@@ -3,7 +3,7 @@
 use super::{Annotator, Answer, ClassName, Label};
 use std::collections::BTreeMap;
 
-/// The class of an individual. If annotators differ, the newest answer counts.
+/// The class of an individual. If annotators differ, the newest answer decides.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GivenClass {
     pub class: ClassName,
@@ -11,7 +11,7 @@ pub struct GivenClass {
     pub by_machine: bool,
 }
 
-/// The class of each individual that has one in the standing answers, and whether a person gave it.
+/// The class of each individual that has a class in the standing answers, and whether a person gave the class.
 pub fn given_classes(standing: impl Iterator<Item = Label>) -> BTreeMap<u64, GivenClass> {
     let mut message: BTreeMap<u64, Vec<(u64, ClassName, bool)>> = BTreeMap::new();
     let synthetic = Annotator::synthetic();

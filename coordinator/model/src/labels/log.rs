@@ -6,7 +6,7 @@ use super::{Annotator, Answer, ClassName, Colour, Shortcut};
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Change {
     pub annotator: Annotator,
-    /// When, milliseconds since 1970-01-01 UTC.
+    /// Time of the change, milliseconds since 1970-01-01 UTC.
     pub time_ms: u64,
     pub action: Action,
 }
@@ -19,22 +19,22 @@ pub enum Action {
         index: u64,
         answer: Answer,
     },
-    /// Undoes the annotator's newest standing answer. The answer that it superseded stands again.
+    /// Undoes the annotator's newest standing answer. The answer that the undone answer superseded stands again.
     Undo,
-    /// Withdraws the annotator's answer about an individual. An answer that it superseded does not stand again. The coordinator
-    /// withdraws answers about individuals that have left the archive.
+    /// Withdraws the annotator's answer about an individual. An answer that the withdrawn answer superseded does not stand again.
+    /// The coordinator withdraws answers about individuals that have left the archive.
     Withdraw {
         /// Index that the individual had.
         index: u64,
     },
     /// Creates a class, which is present even while no answer names it.
     Create {
-        /// Its name, which no present class has.
+        /// Name of the new class, which no present class has.
         class: ClassName,
     },
     Rename {
         class: ClassName,
-        /// Its new name, which no other present class has.
+        /// New name of the class, which no other present class has.
         to: ClassName,
     },
     Merge {
@@ -51,15 +51,15 @@ pub enum Action {
     Delete {
         class: ClassName,
     },
-    /// Assigns a class a key on the keyboard, and takes it from any other class.
+    /// Assigns a class a key on the keyboard, and takes the key from any other class.
     Shortcut {
         class: ClassName,
-        /// Its new key; `None` for any free key.
+        /// The new key of the class; `None` for any free key.
         shortcut: Option<Shortcut>,
     },
     /// Reverts the newest change of classes that has not been reverted.
     Revert {
-        /// The entry of that change.
+        /// The entry of the change that is reverted.
         entry: u64,
     },
 }
@@ -93,8 +93,8 @@ pub struct Entry {
     /// Place in the log, from 0.
     pub number: u64,
     pub change: Change,
-    /// The answer that this entry makes no longer stand. For an answer: the same annotator's earlier answer about the same
-    /// individual, if any. For an undo or a withdrawal: the answer that was undone or withdrawn.
+    /// The entry of the answer that stands no more because of this entry. For an answer, it is the same annotator's earlier
+    /// answer about the same individual, if any. For an undo or a withdrawal, it is the answer that was undone or withdrawn.
     pub supersedes: Option<u64>,
 }
 
@@ -136,6 +136,6 @@ pub struct Label {
     pub annotator: Annotator,
     /// The answer, with the current name of its class.
     pub answer: Answer,
-    /// When, milliseconds since 1970-01-01 UTC.
+    /// Time of the answer, milliseconds since 1970-01-01 UTC.
     pub time_ms: u64,
 }

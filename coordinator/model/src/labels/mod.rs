@@ -1,7 +1,8 @@
 //! Labels: an append-only log of answers about behaviours, and its current state.
 //!
 //! [`Labels`] is a pure function of a campaign's log: the log's entries determine the classes, the standing answers, and the
-//! answers before them. This module does no I/O. The store keeps the log, and the queries choose what to ask next.
+//! answers that these superseded. This module does no I/O. The store keeps the log, and the query strategies choose the next
+//! behaviours for annotators.
 
 mod agreement;
 mod cells;

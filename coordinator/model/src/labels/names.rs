@@ -10,37 +10,37 @@ use std::{fmt, str::FromStr};
 const MAX_CHARS: usize = 64;
 
 /// The displayed name of a class: 1 to 64 visible characters, no space at either end, and neither of the words for
-/// [`Answer::NotSure`] and [`Answer::Skip`]. Its [`ClassKey`] identifies the class.
+/// [`Answer::NotSure`] and [`Answer::Skip`]. The name's [`ClassKey`] identifies the class.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClassName(String);
 
-/// Identifies a class: names that differ only in case, or in the separators of their words (spaces, hyphens, underscores), mean the
-/// same class.
+/// Identifies a class: names that differ only in case, or in the separators of their words (spaces, hyphens, underscores), mean
+/// the same class.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClassKey(String);
 
-/// The name of an annotator: 1 to 64 visible characters, no space at either end. A person may not have the name of the synthetic
+/// The name of an annotator: 1 to 64 visible characters, no space at either end. A person cannot have the name of the synthetic
 /// annotator, whose answers do not count as a person's.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Annotator(String);
 
-/// Id of a client's request, by which a repeated request is recognised: 1 to 64 visible characters, no space at either end. It must
-/// not begin like the coordinator's own ids: `synthetic-round-` and `withdrawal`.
+/// Id of a client's request, by which a repeated request is recognised: 1 to 64 visible characters, no space at either end. A
+/// client's id must not begin like the coordinator's own ids: `synthetic-round-` and `withdrawal`.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RequestId(String);
 
-/// An annotator's answer about the class of a behaviour. As text it is a class, `not sure` or `skip`; these two may be spelled in
-/// any way that has the same [`ClassKey`].
+/// An annotator's answer about the class of a behaviour. As text, an answer is a class, `not sure` or `skip`. The words
+/// `not sure` and `skip` can have any spelling with the same [`ClassKey`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Answer {
     Class(ClassName),
-    /// The annotator looked, and could not tell.
+    /// The annotator looked at the behaviour, and could not decide.
     NotSure,
     /// The annotator declined to answer.
     Skip,
 }
 
-/// A colour of a class: red, green and blue in sRGB. As text `#rrggbb`, hexadecimal.
+/// A colour of a class: red, green and blue in sRGB. As text, a colour is `#rrggbb`, hexadecimal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Colour([u8; 3]);
 
@@ -96,7 +96,8 @@ impl ClassName {
         paper.map_or(self, Self::from)
     }
 
-    /// The name in pages and reports: with spaces between its words. Files and commands show the name as spelled.
+    /// The name in pages and reports: with spaces in place of underscores. Files and commands show the name with its own
+    /// spelling.
     pub fn shown(&self) -> String {
         let words: Vec<&str> = self.0.split('_').filter(|word| !word.is_empty()).collect();
         match words.is_empty() {
@@ -121,7 +122,8 @@ impl Annotator {
         Self(Self::SYNTHETIC.to_owned())
     }
 
-    /// Whether a name is the synthetic annotator's or reads like it: only letters and digits count, and case does not matter.
+    /// Whether a name is the synthetic annotator's name, or reads like it. The comparison uses only letters and digits, and
+    /// ignores case.
     pub fn is_synthetic(name: &str) -> bool {
         let read = name.chars().filter(|letter| letter.is_alphanumeric());
         read.flat_map(char::to_lowercase).eq(Self::SYNTHETIC.chars())
@@ -153,7 +155,7 @@ impl RequestId {
         name("request_id", text, MAX_CHARS).map(Self)
     }
 
-    /// The request id of withdrawals of answers whose individuals were rolled back. No client requests these.
+    /// The request id of withdrawals of answers whose individuals were rolled back. No client makes a request with this id.
     pub fn of_withdrawal() -> Self {
         Self(Self::WITHDRAWAL.to_owned())
     }
@@ -202,7 +204,8 @@ impl FromStr for RequestId {
 
     fn from_str(text: &str) -> Result<Self, Invalid> {
         let id = name("request_id", text, MAX_CHARS)?;
-        // A client's request with such an id would be taken for the coordinator's own, and the coordinator could not make its own.
+        // If a client used one of the coordinator's ids, its request would pass for the coordinator's, and the coordinator could
+        // not use the id.
         match [Self::ROUND, Self::WITHDRAWAL]
             .iter()
             .find(|own| id.starts_with(**own))
@@ -319,7 +322,7 @@ mod tests {
             assert_eq!(error.field, "annotator");
             assert!(error.allowed.contains("a person's name"), "{error}");
             assert!(Annotator::is_synthetic(taken));
-            // Logs contain such names.
+            // Existing logs can contain names like the synthetic annotator's.
             assert!(Annotator::known(taken).is_ok());
         }
         for free in ["synthetic 2", "ana", "synthia"] {

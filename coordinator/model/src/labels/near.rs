@@ -3,8 +3,8 @@
 use super::ClassKey;
 
 impl ClassKey {
-    /// Whether the two keys may be meant to be the same: they differ by at most one letter in words of four to seven letters, or by
-    /// two in longer ones. Names that differ only in their numbers are not near.
+    /// Whether two keys are so similar that one can be a typing error. Similar keys differ by at most one letter if the shorter
+    /// key has four to seven letters, or by two letters if it is longer. Names that differ only in their numbers are not near.
     pub fn is_near(&self, other: &Self) -> bool {
         let (one, other) = (self.as_str(), other.as_str());
         let lengths = [one, other].map(|key| key.chars().count());
@@ -18,7 +18,7 @@ impl ClassKey {
                 .filter(|letter| !letter.is_numeric())
                 .collect::<String>()
         };
-        // The cheap test first.
+        // The cheap test comes first.
         lengths[0].abs_diff(lengths[1]) <= allowed
             && strsim::osa_distance(one, other) <= allowed
             && without_digits(one) != without_digits(other)

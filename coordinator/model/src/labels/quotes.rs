@@ -1,4 +1,4 @@
-//! Unclosed quotes in CSV. A CSV reader takes such a quote for part of a cell, and the following rows too.
+//! Finds unclosed quotes in CSV. A CSV reader takes an unclosed quote and the rows after it for part of a cell.
 
 /// The bytes with which some programs mark text as UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
@@ -11,7 +11,7 @@ enum Place {
     Closed,
 }
 
-/// The line, from 1, of the first cell that begins with a quote and does not end with one.
+/// The line, from 1, of the first cell that begins with a quote and does not end with a quote.
 pub(super) fn unclosed(text: &[u8]) -> Option<usize> {
     let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
     let (mut place, mut line, mut opened) = (Place::CellBegins, 1, 1);
@@ -50,7 +50,7 @@ mod tests {
         check("id,class\n1,ring\n2,\"clump\n3,ring\n", Some(3));
         check("id,class\n1,\"two\nlines\"\n2,\"clump\n", Some(4));
         check("id,class\n1,\"ring\"\"", Some(2));
-        // The quote that should open the next cell closes this one.
+        // The quote that should open the cell of line 3 closes the cell of line 2.
         check("id,class,note\n1,ring,\"so\n2,clump,\"so\"\n", Some(2));
         check("\u{feff}\"id", Some(1));
     }

@@ -1,10 +1,10 @@
-//! The keys on the keyboard for answers on the pages.
+//! The keys on the keyboard with which annotators answer on the pages.
 
 use murmuration_swarm::{Invalid, text::quoted};
 use std::{fmt, str::FromStr};
 
-/// A key of a class: a digit from 1 to 9, or a letter that the pages do not use themselves. As text, that character; capital
-/// letters mean the same key.
+/// A key of a class: a digit from 1 to 9, or a letter that the pages do not use themselves. The text of a key is its character; a
+/// capital letter means the same key as its small letter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Shortcut(char);
 

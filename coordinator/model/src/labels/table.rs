@@ -31,8 +31,8 @@ pub struct Labelled<'a> {
 }
 
 impl Table {
-    /// Reads the answers in the text of the file at `path`, without the rows that have no class. `annotator` is the annotator for
-    /// rows without one.
+    /// Reads the answers in the text of the file at `path`; rows without a class are skipped. `annotator` is the annotator for
+    /// rows that name no annotator.
     ///
     /// # Errors
     /// If the text is not CSV, a column or a value is missing or not allowed, or no row has a class.
@@ -55,10 +55,10 @@ impl Table {
         Ok(Self { file, answers })
     }
 
-    /// Checks that all answers are about individuals of an archive of `len`.
+    /// Checks that all answers are about individuals of an archive of `len` individuals.
     ///
     /// # Errors
-    /// Names the first answer that is not.
+    /// The error names the first answer whose index is beyond the archive.
     pub fn check_indices(&self, campaign: &str, len: u64) -> Result<(), LabelFileError> {
         let allowed = || {
             let individuals = counted(len, "individual");
@@ -78,11 +78,11 @@ impl Table {
         self.file.has_controllers() || genes.iter().any(|gene| self.file.has(gene))
     }
 
-    /// Checks that the robots, controllers and seeds in the file, as far as it has them, are those of the individuals in the
-    /// archive of `campaign`. The campaign is of `model`, and `individual` looks up its individuals.
+    /// Checks that the robots, controllers and seeds in the file, if the file has them, match the individuals in the archive of
+    /// `campaign`. The campaign is of `model`, and `individual` looks up the campaign's individuals.
     ///
     /// # Errors
-    /// Names the first individual that differs: the file then belongs to another archive.
+    /// The error names the first individual that differs: the file then belongs to another archive.
     pub fn check_individuals<'a>(
         &self,
         campaign: &str,
@@ -106,7 +106,7 @@ impl Table {
         })
     }
 
-    /// Refuses the first answer with an `objection`, which says what would be allowed in place of its index.
+    /// Refuses the first answer for which `objection` returns a text. The text of an objection describes the allowed indices.
     fn check(
         &self,
         objection: impl Fn(Row<'_>, &v1::Answer) -> Result<Option<String>, LabelFileError>,
@@ -127,15 +127,15 @@ impl Table {
     }
 }
 
-/// Whether a controller has these genes, and its robots are those of `model`. For a preset, the size of the bodies does not matter,
-/// because a file may omit it.
+/// Whether a controller has these genes, and its robots are those of `model`. For a preset, the size of the bodies does not
+/// matter, because a file can omit this size.
 fn is_of(controller: &Controller, model: &CapabilityModel, genes: &[f64]) -> bool {
     let own = controller.model();
     let same_robots = own == model || (model.preset().is_some() && own.preset() == model.preset());
     same_robots && controller.genes() == genes
 }
 
-/// A row of the columns that all tables of answers share.
+/// The cells of an answer for the columns [`ANSWER_COLUMNS`], which all tables of answers share.
 pub fn answer_row(index: u64, answer: &str, annotator: &str, time_ms: u64) -> [String; 4] {
     [
         index.to_string(),

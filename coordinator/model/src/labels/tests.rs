@@ -1,4 +1,4 @@
-//! The state of a log, as seen from outside.
+//! Tests of the public state of a label log.
 
 mod class_changes;
 
@@ -42,7 +42,7 @@ fn replay(log: &[Entry]) -> Result<Labels, BrokenLog> {
     labels.follow(log.to_vec()).map(|()| labels)
 }
 
-/// Checks the standing answers after changes, all of which must be accepted, and returns the state and the log.
+/// Applies changes, which must all be accepted, and checks the standing answers. Returns the state and the log.
 #[track_caller]
 fn check(changes: &[Change], standing: &[(u64, &str, &str)]) -> (Labels, Vec<Entry>) {
     let mut labels = Labels::default();
@@ -106,7 +106,7 @@ fn an_undo_restores_what_was_superseded_and_goes_back_step_by_step() {
     );
     let nothing = labels.clone().record(undo("ana"));
     assert_eq!(nothing, Err(Refusal::NothingToUndo("ana".parse().unwrap())));
-    // After an undo, an answer supersedes what was restored.
+    // After an undo, a new answer supersedes the restored answer.
     let mut again = message[..5].to_vec();
     again.push(answer("ana", 3, "wall"));
     let (_, log) = check(

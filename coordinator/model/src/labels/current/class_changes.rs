@@ -1,7 +1,7 @@
 //! Changes of classes, and their reversal.
 //!
-//! Changes are reverted one by one, the newest first. So a reversal finds the classes as its change left them, except for classes
-//! that later answers have created.
+//! Changes are reverted one by one, the newest first. So a reversal finds the classes as the reverted change left them, except
+//! for classes that later answers have created.
 
 use super::{super::classes::Replaced, Action, Annotator, Change, Label, Labels, NumberedAnswer, Refusal};
 use std::sync::Arc;
@@ -11,8 +11,8 @@ use std::sync::Arc;
 pub(super) struct ClassChange {
     change: Change,
     replaced: Replaced,
-    /// Entries of answers that are set aside until the reversal of this deletion: those that stood when it deleted their class, and
-    /// those that an undo would since have restored.
+    /// Entries of answers that are set aside until this deletion of a class is reverted: answers that stood at the deletion, and
+    /// answers that a later undo would have restored.
     set_aside: Vec<u64>,
 }
 
@@ -44,7 +44,7 @@ impl Labels {
         Ok(())
     }
 
-    /// Reverts the newest change, which must be that of `entry`.
+    /// Reverts the newest change of classes, which must be the change of `entry`.
     pub(super) fn revert(&mut self, entry: u64) -> Result<(), Refusal> {
         let changes = Arc::make_mut(&mut self.class_changes);
         let newest = changes.last_entry();
@@ -114,7 +114,8 @@ impl Labels {
         entries.filter_map(|entry| self.given(*entry))
     }
 
-    /// The changes of classes that were not reverted, each with its entry, the oldest first. Only the last can be reverted.
+    /// The changes of classes that were not reverted, each with its entry, the oldest first. Only the last change can be
+    /// reverted.
     pub fn class_changes(&self) -> impl DoubleEndedIterator<Item = (u64, &Change)> {
         self.class_changes
             .iter()

@@ -1,4 +1,4 @@
-//! Deleting classes, assigning keys, and reverting both.
+//! Tests of changes of classes: deletions, keys, and their reversal.
 
 use super::*;
 
@@ -37,7 +37,7 @@ fn a_deleted_class_takes_its_answers_along_and_a_reversal_brings_them_back() {
     assert_eq!(classes(&labels), [("clump".into(), 1)]);
     assert_eq!(labels.set_aside().count(), 3);
 
-    // A later answer takes precedence.
+    // A later answer takes precedence over an answer that a reversal restores.
     let since = [answer("ana", 3, "clump"), revert(4)];
     let (labels, _) = check(
         &[&message[..], &since].concat(),
@@ -120,7 +120,7 @@ fn an_undo_restores_an_answer_of_a_deleted_class_once_the_deletion_is_reverted()
     let (labels, _) = check(&message, &[]);
     assert_eq!(labels.set_aside().count(), 1);
     check(&[&message[..], &[revert(2)]].concat(), &[(1, "ana", "ring")]);
-    // A later answer of the same annotator takes precedence, and so does its withdrawal.
+    // A later answer or withdrawal by the same annotator takes precedence over the restored answer.
     let answered = [answer("ana", 1, "wall"), revert(2)];
     check(&[&message[..], &answered].concat(), &[(1, "ana", "wall")]);
     let withdrawn = [change("ana", Action::Withdraw { index: 1 }), revert(2)];
