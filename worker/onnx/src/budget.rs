@@ -19,7 +19,7 @@ impl Budget {
         }
     }
 
-    /// Pays for the product of `factors` in multiplications.
+    /// Subtracts the product of `factors` from the multiplications left.
     pub(super) fn pay(&mut self, factors: &[usize]) -> Result<(), String> {
         let products = product(factors);
         self.products = self.products.checked_sub(products).ok_or_else(|| {
@@ -28,7 +28,7 @@ impl Budget {
         Ok(())
     }
 
-    /// Pays for keeping a value of `elements` numbers per image.
+    /// Subtracts a value of `elements` numbers per image from the memory left.
     pub(super) fn keep(&mut self, elements: usize) -> Result<(), String> {
         if elements > MAX_VALUE_ELEMENTS {
             return Err(format!("it makes {elements} numbers for an image"));

@@ -13,15 +13,16 @@ use murmuration_swarm::PictureShape;
 use prost::Message as _;
 use std::{collections::BTreeMap, ops::RangeInclusive, sync::LazyLock};
 
-/// Oldest accepted version of ONNX's operators. It broadcasts as today's versions do.
+/// Oldest accepted version of ONNX's operators. The operators of this version broadcast as today's operators do.
 const OLDEST_OPSET: i64 = 9;
-/// The messages of a model file.
+/// The protobuf messages of a model file.
 static MODEL: LazyLock<MessageShapes> =
     LazyLock::new(|| MessageShapes::read(include_bytes!(concat!(env!("OUT_DIR"), "/descriptors.bin"))));
-/// Maximum number of messages, texts and lists in a model file: enough for 1024 nodes with 90 each.
+/// Maximum number of messages, texts and lists in a model file: enough for 1024 nodes with 90 parts each.
 const MAX_PARTS: usize = 100_000;
 
-/// An embedder as an ONNX model: B x C x H x W raw grey values (0 to 255, as floats) to B x N numbers, for any B. C is 1 to 4.
+/// An embedder as an ONNX model. The model turns B x C x H x W raw grey values (0 to 255, as floats) into B x N numbers, for any
+/// B. C is 1 to 4.
 ///
 /// Each image's embedding depends on that image alone: no allowed operator mixes the images of a batch.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -43,13 +44,13 @@ pub enum ModelError {
     /// The file is not an ONNX model.
     #[error("this is not an ONNX model: {0}")]
     NotOnnx(String),
-    /// The model's input is not a batch of images, or it has more inputs.
+    /// The model's input is not a batch of images, or the model has several inputs.
     #[error(
         "the model's input {0}: an embedder takes floats of shape batch x channels x height x width, batch open, 1 to 4 \
          channels"
     )]
     Input(String),
-    /// The model's output is not a batch of vectors, or it has more outputs.
+    /// The model's output is not a batch of vectors, or the model has several outputs.
     #[error("the model's output {0}: an embedder makes floats of shape batch x N, N from 1 to 1024")]
     Output(String),
     /// A constant that cannot be used.
@@ -72,8 +73,8 @@ impl EmbedderModel {
     /// Reads and checks a model file.
     ///
     /// # Errors
-    /// If the file is not ONNX, does anything else than embed images, or needs another file, an operator that is not allowed,
-    /// or too much memory or time per image ([`MAX_VALUE_ELEMENTS`](super::MAX_VALUE_ELEMENTS),
+    /// Fails if the file is not ONNX, does anything but embed images, needs another file, or has an operator that is not allowed.
+    /// Fails if the model needs too much memory or time per image ([`MAX_VALUE_ELEMENTS`](super::MAX_VALUE_ELEMENTS),
     /// [`MAX_ELEMENTS`](super::MAX_ELEMENTS), [`MAX_PRODUCTS`](super::MAX_PRODUCTS)).
     pub fn read(file: &[u8]) -> Result<Self, ModelError> {
         if file.len() > MAX_MODEL_BYTES {
@@ -99,7 +100,8 @@ impl EmbedderModel {
         })
     }
 
-    /// The model, without the other contents of its file. The checkpoint's digest is of the file, not of these bytes.
+    /// The encoded model, without the other contents of its file. The checkpoint's digest is the digest of the file, not of these
+    /// bytes.
     #[must_use]
     pub fn encoded(&self) -> &[u8] {
         &self.encoded
@@ -117,26 +119,26 @@ impl EmbedderModel {
         &self.output
     }
 
-    /// The shape of the images that it takes.
+    /// The shape of the images that the model takes.
     #[must_use]
     pub const fn images(&self) -> ImageShape {
         self.images
     }
 
-    /// Numbers in an embedding, 1 to 1024.
+    /// Number of dimensions of an embedding, 1 to 1024.
     #[must_use]
     pub const fn dimensions(&self) -> usize {
         self.dimensions
     }
 
-    /// Numbers in the largest intermediate value per image. The memory of a batch grows with it.
+    /// Number of elements of the largest value, constants included, per image. The memory of a batch grows with this number.
     #[must_use]
     pub const fn largest_value(&self) -> usize {
         self.largest_value
     }
 }
 
-/// The model's graph, if it is the only computation, and its version and size are allowed.
+/// The model's graph, if the model computes nothing else and its version and size are allowed.
 fn graph(model: &ModelProto) -> Result<&GraphProto, ModelError> {
     let Some(graph) = &model.graph else {
         return Err(ModelError::NotOnnx("it holds no graph".to_owned()));
@@ -254,7 +256,7 @@ fn image_shape(input: &ValueInfoProto) -> Result<ImageShape, ModelError> {
     }
 }
 
-/// A declared shape in words; `?` where a size is open.
+/// A declared shape as text, with `?` for an open size.
 fn shown(sizes: &[Option<i64>]) -> String {
     let sizes: Vec<String> = sizes
         .iter()
@@ -263,7 +265,7 @@ fn shown(sizes: &[Option<i64>]) -> String {
     format!("[{}]", sizes.join(", "))
 }
 
-/// The shape of every value of the graph by name, from the constants and the images through all nodes.
+/// The shape of every value of the graph by name: the constants, the images, and the outputs of all nodes.
 fn follow(
     graph: &GraphProto,
     constants: BTreeMap<String, Value>,

@@ -3,7 +3,7 @@
 use murmuration_swarm::PictureShape;
 use std::fmt;
 
-/// The shape of the images that a model takes: those of campaigns are square, others need not be.
+/// The shape of the images that a model takes. Campaigns have square pictures, but a model's images need not be square.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImageShape {
     /// Number of channels, 1 to 4.

@@ -1,4 +1,4 @@
-//! The messages of an ONNX model file, as far as an embedder needs them (`onnx.proto`).
+//! The protobuf messages of an ONNX model file that an embedder needs (`onnx.proto`).
 
 mod budget;
 mod embedder_model;
@@ -35,7 +35,7 @@ impl TensorProto {
         Self::raw(name.into(), DataType::Float, dims, bytes)
     }
 
-    /// A list of whole numbers under `name`.
+    /// A tensor that lists whole numbers, under `name`.
     #[must_use]
     pub fn integers(name: impl Into<String>, values: &[i64]) -> Self {
         let bytes = values.iter().flat_map(|value| value.to_le_bytes()).collect();
@@ -54,7 +54,7 @@ impl TensorProto {
 }
 
 impl AttributeProto {
-    /// A whole number.
+    /// An attribute with a whole number.
     #[must_use]
     pub fn integer(name: &str, value: i64) -> Self {
         Self {
@@ -63,7 +63,7 @@ impl AttributeProto {
         }
     }
 
-    /// A real number.
+    /// An attribute with a real number.
     #[must_use]
     pub fn float(name: &str, value: f32) -> Self {
         Self {
@@ -72,7 +72,7 @@ impl AttributeProto {
         }
     }
 
-    /// A list of whole numbers.
+    /// An attribute with a list of whole numbers.
     #[must_use]
     pub fn integers(name: &str, values: &[usize]) -> Self {
         Self {

@@ -11,12 +11,12 @@ use super::{
     tensor_proto::DataType,
 };
 
-/// Every operator that [`output`] knows, for error messages.
+/// Every operator that [`output`] accepts, for error messages.
 const ALLOWED: &str = "Abs, Add, AveragePool, BatchNormalization, Cast, Constant, Conv, Div, Elu, Flatten, Gemm, \
     GlobalAveragePool, GlobalMaxPool, GroupNormalization, Identity, InstanceNormalization, LeakyRelu, MatMul, MaxPool, \
     Mul, Neg, ReduceMean, Relu, Reshape, Sigmoid, Softplus, Sqrt, Sub, Tanh";
 
-/// The output of `node` for `inputs`; its cost is paid from `budget`.
+/// The output of `node` for `inputs`. Subtracts the node's cost from `budget`.
 pub(super) fn output(node: &NodeProto, inputs: &[&Value], budget: &mut Budget) -> Result<Value, String> {
     let attributes = Attributes(&node.attribute);
     match (node.op_type.as_str(), inputs) {
@@ -101,7 +101,7 @@ fn constant(attributes: &[AttributeProto]) -> Result<Value, String> {
     }
 }
 
-/// Channels, height and width.
+/// Channels, height and width of the images `x`.
 fn image(x: &Value) -> Result<[usize; 3], String> {
     let sizes = x.batched()?;
     <[usize; 3]>::try_from(sizes).map_err(|_| format!("it takes {sizes:?}, not channels x height x width"))
@@ -242,7 +242,7 @@ fn dense(
     }
 }
 
-/// Rows of `x` times a matrix of `weights`.
+/// Product of the rows of `x` and a matrix of `weights`.
 fn product_with(x: &[usize], weights: &[usize], budget: &mut Budget) -> Result<Value, String> {
     match (x, weights) {
         ([outer @ .., inner], [rows, columns]) if inner == rows => {
@@ -271,7 +271,7 @@ impl<'a> Attributes<'a> {
         }
     }
 
-    /// Empty if there are none.
+    /// The attribute `name` as a list of whole numbers; empty if the node has no such attribute.
     fn integers(self, name: &str) -> Result<&'a [i64], String> {
         match self.find(name) {
             None => Ok(&[]),
@@ -280,7 +280,7 @@ impl<'a> Attributes<'a> {
         }
     }
 
-    /// `N` sizes from `least` to 1000.
+    /// The attribute `name` as `N` sizes from `least` to 1000; `None` if the node has no such attribute.
     fn list<const N: usize>(self, name: &str, least: usize) -> Result<Option<[usize; N]>, String> {
         let Some(attribute) = self.find(name) else {
             return Ok(None);

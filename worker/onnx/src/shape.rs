@@ -1,14 +1,14 @@
 //! Shapes of the values in a model, and how operations combine them.
 
-/// A value of the graph: one per image of the batch, or one for all.
+/// A value of the graph: separate for each image of the batch, or constant for all images.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Value {
-    /// Floats that depend on the image. The first size, the batch's, is left out.
+    /// Sizes of floats that depend on the image, without the first size, which is the batch's.
     Batched(Vec<usize>),
     Constant {
-        /// Empty for a single number.
+        /// Sizes of the constant; empty for a single number.
         sizes: Vec<usize>,
-        /// Its values if they are integers, `None` for floats.
+        /// Values of the constant if they are integers; `None` if they are floats.
         integers: Option<Vec<i64>>,
     },
 }
@@ -20,7 +20,7 @@ impl Value {
         product(sizes)
     }
 
-    /// Its sizes if it depends on the image.
+    /// The value's sizes, if the value depends on the image.
     pub(super) fn batched(&self) -> Result<&[usize], String> {
         match self {
             Self::Batched(sizes) => Ok(sizes),
@@ -28,7 +28,7 @@ impl Value {
         }
     }
 
-    /// Its sizes if it is a constant of floats.
+    /// The value's sizes, if the value is a constant of floats.
     pub(super) fn floats(&self) -> Result<&[usize], String> {
         match self {
             Self::Constant {
@@ -39,7 +39,7 @@ impl Value {
         }
     }
 
-    /// Its values if it is a constant of integers.
+    /// The integers of the value, if the value is a constant of integers.
     pub(super) fn integers(&self) -> Result<&[i64], String> {
         match self {
             Self::Constant {
@@ -67,7 +67,7 @@ pub(super) fn broadcast(a: &Value, b: &Value) -> Result<Value, String> {
         (Value::Batched(_), Value::Batched(_)) => Err("it mixes the images of a batch".to_owned()),
         (Value::Batched(batched), constant) | (constant, Value::Batched(batched)) => {
             let sizes = match constant.floats()? {
-                // The constant has one size more than an image: the batch's.
+                // This constant has one size more than an image: the size of the batch.
                 [1, sizes @ ..] if sizes.len() == batched.len() => sizes,
                 sizes if sizes.len() <= batched.len() => sizes,
                 sizes => return Err(format!("a constant of shape {sizes:?} does not fit the images")),
@@ -97,9 +97,10 @@ fn broadcast_sizes(a: &[usize], b: &[usize]) -> Result<Vec<usize>, String> {
         .collect()
 }
 
-/// Sizes of images of `sizes` after a reshape to `target`, in which 0 keeps a size and one -1 takes the rest.
+/// Sizes of an image of `sizes` after a reshape to `target`. In `target`, 0 keeps a size, and a single -1 takes all remaining
+/// elements.
 ///
-/// The first entry is for the batch, which must stay whole.
+/// The first entry of `target` is for the batch, which must stay whole.
 pub(super) fn reshape(sizes: &[usize], target: &[i64]) -> Result<Vec<usize>, String> {
     let refused = || format!("it reshapes images of {sizes:?} to {target:?}, which does not keep the batch");
     let (&batch, rest) = target.split_first().ok_or_else(refused)?;
@@ -125,7 +126,7 @@ pub(super) fn reshape(sizes: &[usize], target: &[i64]) -> Result<Vec<usize>, Str
         .collect())
 }
 
-/// Sizes of images of `sizes` after a reduction over `axes`, each of which then has size 1, or is removed if not `kept`.
+/// Sizes of an image of `sizes` after a reduction over `axes`. A reduced axis has size 1 if `kept`, and is removed otherwise.
 ///
 /// Axis 0 is the batch, which must stay whole; negative axes count from the end.
 pub(super) fn reduce(sizes: &[usize], axes: &[i64], kept: bool) -> Result<Vec<usize>, String> {
@@ -139,7 +140,7 @@ pub(super) fn reduce(sizes: &[usize], axes: &[i64], kept: bool) -> Result<Vec<us
         let reduced = reduced.get_mut(place).filter(|reduced| !**reduced);
         *reduced.ok_or_else(refused)? = true;
     }
-    // Without axes, all axes would be reduced, including the batch's.
+    // Without `axes`, ONNX would reduce all axes, including the batch.
     if axes.is_empty() {
         return Err(refused());
     }
@@ -151,7 +152,7 @@ pub(super) fn reduce(sizes: &[usize], axes: &[i64], kept: bool) -> Result<Vec<us
     Ok(left.collect())
 }
 
-/// Size along one axis after a window of `kernel` has slid over it, if it fits.
+/// Size of an axis after a window has slid over it; `None` if the window does not fit.
 pub(super) fn slide(size: usize, window: &Window, round_up: bool) -> Option<usize> {
     let reach = (window.kernel.checked_sub(1)?)
         .checked_mul(window.dilation)?
@@ -165,12 +166,12 @@ pub(super) fn slide(size: usize, window: &Window, round_up: bool) -> Option<usiz
     } else {
         room / window.stride
     } + 1;
-    // A window that would begin in the padding after the image is dropped.
+    // ONNX drops a window that would begin in the padding after the image.
     let beyond = round_up && (places - 1) * window.stride >= size + window.before;
     Some(places - usize::from(beyond))
 }
 
-/// The window of a convolution or pooling along one axis. All numbers but the padding are at least 1; all are at most 1000.
+/// The window of a convolution or pooling along one axis. All numbers are at most 1000, and all except the padding are positive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Window {
     pub(super) kernel: usize,
@@ -281,7 +282,7 @@ mod tests {
         check(50, [3, 2, 1, 1, 1], [Some(25), Some(26)]);
         check(13, [3, 2, 1, 1, 1], [Some(7), Some(7)]);
         check(7, [3, 3, 1, 0, 0], [Some(2), Some(3)]);
-        // Rounded up, the third window would begin in the padding.
+        // If the size is rounded up, the third window would begin in the padding.
         check(4, [2, 3, 1, 0, 2], [Some(2), Some(2)]);
         check(5, [3, 1, 2, 0, 0], [Some(1), Some(1)]);
         check(5, [3, 1, 3, 0, 0], [None, None]);

@@ -1,4 +1,4 @@
-//! Constant tensors: floats or 64-bit integers, all of them in the message.
+//! Constant tensors of floats or 64-bit integers, with all numbers in the message.
 
 use super::{
     TensorProto,

@@ -1,4 +1,4 @@
-//! Messages of model files, written and read.
+//! Tests of writing and reading messages of model files.
 
 use super::*;
 use prost::Message as _;

@@ -1,4 +1,5 @@
-//! Models that are embedders, and models that are not. The model is `tests/models/small.onnx`, written by Python's onnx package.
+//! Tests of models that are embedders, and of models that are not. The small model is `tests/models/small.onnx`, written by
+//! Python's onnx package.
 
 use super::*;
 use crate::{
@@ -8,7 +9,8 @@ use crate::{
 };
 use proptest::prelude::*;
 
-/// 1 x 12 x 8 images to 3 numbers: Div, Conv, GroupNormalization, LeakyRelu, AveragePool, Flatten, Gemm, Relu, Gemm.
+/// A model that turns 1 x 12 x 8 images into 3 numbers: Div, Conv, GroupNormalization, LeakyRelu, AveragePool, Flatten, Gemm,
+/// Relu, Gemm.
 const SMALL: &[u8] = include_bytes!("../../../../tests/models/small.onnx");
 
 fn small() -> ModelProto {
@@ -52,7 +54,7 @@ fn shape(value: &mut ValueInfoProto) -> &mut Vec<Dimension> {
     &mut tensor.shape.as_mut().unwrap().dim
 }
 
-/// A node between the last one and the output.
+/// Adds a node between the last node and the output.
 fn append(graph: &mut GraphProto, op_type: &str, inputs: &[&str], attribute: Vec<AttributeProto>) {
     graph.node.push(NodeProto {
         op_type: op_type.to_owned(),
@@ -72,7 +74,7 @@ fn an_embedder_is_read() {
         ("12 x 8", 3)
     );
     assert_eq!((model.input(), model.output()), ("images", "embedding"));
-    // Includes the constants: 8 x 24 weights. The images have 96 values, the convolution makes 4 x 6 x 4.
+    // The largest value is a constant of 8 x 24 weights. The images have 96 values; the convolution makes 4 x 6 x 4 values.
     assert_eq!(model.largest_value(), 192);
 }
 
