@@ -112,7 +112,7 @@ mod tests {
                 "{help}"
             );
         }
-        // The only headings are those of the groups.
+        // The only headings are the names of the groups.
         assert!(help.contains("\nLabels     label "), "{help}");
     }
 }

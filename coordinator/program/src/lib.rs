@@ -1,7 +1,7 @@
-//! The program `murmuration`: one command line for the client's commands, the lab's, and those about the program itself.
+//! The program `murmuration`: one command line for the commands of the client, of the lab, and about the program itself.
 //!
-//! Exit codes: 0 done; 1 failed; 2 bad usage or input. A command whose output is closed early (`list
-//! head -1`) ends silently with 0.
+//! Exit codes: 0 done; 1 failed; 2 bad usage or input. A command whose output is closed early (`list | head -1`) ends silently
+//! with 0.
 
 mod help;
 mod manual;
@@ -53,7 +53,7 @@ enum Command {
     Help(Help),
 }
 
-/// The lab's commands stand behind one word.
+/// The lab's commands, as subcommands of one command.
 #[derive(Debug, Subcommand)]
 enum Lab {
     /// Measure and study: study, atlas, accuracy, judge, bench
@@ -110,7 +110,8 @@ pub fn main() -> ExitCode {
                 done
             });
             if is_server {
-                // A coordinator's acknowledged data is on disk, so it need not wait. Other commands finish writing their files.
+                // A coordinator's acknowledged data is on disk, so the program need not wait. Other commands finish writing their
+                // files.
                 runtime.shutdown_timeout(LEAVING);
             }
             done
