@@ -6,10 +6,10 @@ use protox::prost_reflect::{
 };
 use std::{error::Error, fs, path::PathBuf};
 
-/// The message of a campaign file. It and its inner messages can also be read from and written to TOML.
+/// The message of a campaign file. This message and the messages in it can also be read from TOML and written to TOML.
 const CAMPAIGN: &str = "murmuration.v1.CampaignSpec";
 
-/// Messages and enums that a campaign file writes as one value, with the module that reads and writes a field of them.
+/// Messages and enums that a campaign file writes as one value, each with the module that reads and writes such a value.
 const VALUES: [(&str, &str); 4] = [
     ("SensorAngle", "crate::toml_forms::angle"),
     ("Ratio", "crate::toml_forms::ratios"),
@@ -17,7 +17,7 @@ const VALUES: [(&str, &str); 4] = [
     ("Method", "crate::toml_forms::method"),
 ];
 
-/// Other fields whose form in a campaign file differs from their type.
+/// Other fields whose form in a campaign file differs from their type, each with its module.
 const FIELDS: [(&str, &str); 3] = [
     ("StartShape.poses", "crate::toml_forms::poses"),
     ("CampaignSpec.training", "crate::toml_forms::table"),
@@ -52,7 +52,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .ok_or("the contract has no enum Method")?;
     fs::write(out.join("methods.rs"), format!("&{:?}", names(&methods)))?;
 
-    // With its name, a message finds its descriptor.
+    // A message finds its descriptor by its name.
     let mut named = prost_build::Config::new();
     named.enable_type_names();
     let mut config = tonic_prost_build::configure()
@@ -76,7 +76,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The values of an enum from 1 on as files write them: `hand-crafted` of `METHOD_HAND_CRAFTED`.
+/// Names of the values of an enum from 1 on, as files write them: `hand-crafted` for `METHOD_HAND_CRAFTED`.
 fn names(of: &EnumDescriptor) -> Vec<String> {
     let prefix = format!("{}_", of.name().to_uppercase());
     let mut values: Vec<_> = of.values().filter(|value| value.number() > 0).collect();
@@ -85,7 +85,7 @@ fn names(of: &EnumDescriptor) -> Vec<String> {
     values.iter().map(|value| name(value).replace('_', "-")).collect()
 }
 
-/// The messages of a campaign file by the paths of their tables, each once.
+/// Each message of a campaign file once, with the path of its table.
 fn sections(campaign: MessageDescriptor) -> Vec<(String, MessageDescriptor)> {
     let mut sections = vec![(String::new(), campaign)];
     let mut place = 0;
