@@ -9,10 +9,12 @@ use tonic::{
 };
 use tonic_prost::{ProstCodec, ProstDecoder, ProstEncoder};
 
-/// Maximum number of messages, texts and lists in a request, however deep. 50,000 answers with their names have 150,000.
+/// Maximum number of messages, texts and lists in a request, at any depth. A request with 50,000 answers has 150,000 of these
+/// parts.
 pub const MAX_PARTS: usize = 1 << 18;
 
-/// Codec of Protobuf messages that writes `T` and reads `U`. It refuses a request of over [`MAX_PARTS`] parts before decoding it.
+/// Codec of Protobuf messages that writes `T` and reads `U`. The codec refuses requests of over [`MAX_PARTS`] parts before it
+/// decodes them.
 #[doc(hidden)]
 #[derive(Debug)]
 pub struct BoundedCodec<T, U>(PhantomData<(T, U)>);

@@ -1,6 +1,6 @@
-//! The contract: messages and services, generated, and how they travel.
+//! The contract: the generated messages and services, and how they are sent.
 //!
-//! Depends on no other crate of the workspace. The types that hold only valid values are in `murmuration-swarm`.
+//! This crate depends on no other crate of the workspace. The types that hold only valid values are in `murmuration-swarm`.
 
 pub mod codec;
 pub mod parts;
@@ -23,7 +23,7 @@ pub const FILE_DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/de
 
 /// Version of the function (controller, world, seed) -> evaluation.
 ///
-/// It changes whenever a bit of any evaluation changes. Coordinator and workers must have the same version.
+/// The version changes whenever a bit of any evaluation changes. Coordinator and workers must have the same version.
 pub const SIMULATOR_VERSION: &str = "1";
 
 /// Version of the messages between coordinator and workers: of what the contract's descriptors do not show, the forms of their
@@ -32,12 +32,12 @@ pub const PROTOCOL_VERSION: u32 = 1;
 
 /// Version of the function (pictures, training configuration) -> checkpoint.
 ///
-/// It changes whenever a bit of any checkpoint changes. Coordinator and trainers must have the same version.
+/// The version changes whenever a bit of any checkpoint changes. Coordinator and trainers must have the same version.
 pub const TRAINER_VERSION: &str = "7";
 
-/// The header with a request's id, in requests and answers, in gRPC and plain HTTP.
+/// Name of the header with a request's id, in requests and answers of gRPC and plain HTTP.
 ///
-/// The client may choose the id. A worker or trainer that makes a request for a lease uses the lease's id.
+/// The client can choose the id. A worker or trainer that makes a request for a lease uses the lease's id.
 pub const REQUEST_ID: &str = "x-request-id";
 
 /// `EPOCH-NUMBER`.

@@ -1,7 +1,7 @@
 //! Answers that may be longer than one message: a stream of parts.
 //!
-//! The parts are merged by protobuf's own rule for two messages, which every language's library implements: lists are joined
-//! in order, and the last value of any other field counts.
+//! The parts are merged by protobuf's own rule, which every language's library implements: lists are joined in order, and any
+//! other field gets its last value.
 
 use prost::Message;
 use tokio_stream::{Stream, StreamExt as _};
@@ -34,8 +34,8 @@ pub async fn whole<M: Message + Default>(
     Ok(whole)
 }
 
-/// Splits `items` into lists of about [`PART_BYTES`] each, and returns the message that `part` makes of each list. Without items there
-/// are no messages.
+/// Splits `items` into lists of about [`PART_BYTES`] each, and returns the message that `part` makes of each list. Without items,
+/// it returns no messages.
 pub fn parts<T: Message, M>(
     items: impl IntoIterator<Item = T>,
     part: impl Fn(Vec<T>) -> M,

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 /// A table of a campaign file.
 #[derive(Debug, Clone)]
 pub struct Section {
-    /// Its name, such as `world.start`; empty for the top of the file.
+    /// Name of the table, such as `world.start`; empty for the top of the file.
     pub path: &'static str,
     pub fields: Cow<'static, [Field]>,
 }
@@ -14,7 +14,7 @@ pub struct Section {
 #[derive(Debug, Clone, Copy)]
 pub struct Field {
     pub name: &'static str,
-    /// The comment in the contract; `None` for fields of trainings, which are not messages.
+    /// The field's comment in the contract; `None` for fields of trainings, which the contract does not define.
     pub explanation: Option<&'static str>,
 }
 

@@ -1,4 +1,4 @@
-//! Serde forms of the fields whose form in campaign files differs from the messages'.
+//! Serde forms of fields that campaign files write in another form than messages.
 
 /// `angle = 0.5` or `angle = "free"`.
 pub(crate) mod angle {
@@ -101,7 +101,7 @@ pub(crate) mod genes {
 pub(crate) mod method {
     use serde::{Deserialize as _, Deserializer, Serializer, de::Error as _};
 
-    /// The values of the contract's enum `Method`, without its prefix, in small letters and with hyphens.
+    /// Names of the values of the contract's enum `Method`, without the prefix, in small letters and with hyphens.
     const NAMES: &[&str] = include!(concat!(env!("OUT_DIR"), "/methods.rs"));
 
     pub(crate) fn serialize<S: Serializer>(number: &i32, serializer: S) -> Result<S::Ok, S::Error> {
@@ -117,7 +117,7 @@ pub(crate) mod method {
     }
 }
 
-/// A table of its own: TOML text in the message.
+/// A table in a campaign file, which a message holds as TOML text.
 pub(crate) mod table {
     use serde::{
         Deserialize as _, Deserializer, Serialize as _, Serializer, de::Error as _, ser::Error as _,

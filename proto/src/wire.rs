@@ -1,6 +1,6 @@
 //! Counts the parts of a message before it is decoded, because a small message must not become a large one in memory.
 //!
-//! An empty result takes two bytes on the wire and seventy in memory.
+//! An empty result takes two bytes in an encoded message and seventy in memory.
 
 use crate::FILE_DESCRIPTORS;
 use prost::{
@@ -18,11 +18,11 @@ use thiserror::Error;
 /// The messages of the contract.
 static CONTRACT: LazyLock<MessageShapes> = LazyLock::new(|| MessageShapes::read(FILE_DESCRIPTORS));
 
-/// Messages by full name, and which fields of each are messages.
+/// Messages by full name, each with its fields that are messages.
 #[derive(Debug, Default)]
 pub struct MessageShapes {
     messages: BTreeMap<String, MessageShape>,
-    /// Messages that a method takes.
+    /// Full names of the messages that are requests of a method.
     requests: BTreeSet<String>,
 }
 
@@ -65,10 +65,10 @@ impl MessageShapes {
         }
     }
 
-    /// Checks an encoded message of type `M`: it may have at most `limit` messages, texts and lists, however deep.
+    /// Checks an encoded message of type `M`: it can have at most `limit` messages, texts and lists, at any depth.
     ///
     /// # Errors
-    /// If it has more, or is not a message.
+    /// If the message has more parts, or the bytes are not a message.
     pub fn check<M: Name>(&self, message: &[u8], limit: usize) -> Result<(), Refused> {
         let mut left = limit;
         let shape = self.messages.get(&M::full_name());
@@ -110,7 +110,7 @@ impl MessageShapes {
     }
 }
 
-/// Whether a method of the contract takes such a message.
+/// Whether `M` is the request of a method of the contract.
 #[must_use]
 pub fn is_request<M: Name>() -> bool {
     CONTRACT.requests.contains(&M::full_name())
@@ -119,12 +119,12 @@ pub fn is_request<M: Name>() -> bool {
 /// Checks an encoded message of the contract.
 ///
 /// # Errors
-/// As [`MessageShapes::check`].
+/// The errors of [`MessageShapes::check`].
 pub fn check<M: Name>(message: &[u8], limit: usize) -> Result<(), Refused> {
     CONTRACT.check::<M>(message, limit)
 }
 
-/// The full name of a type; descriptors write it with a dot before it.
+/// Removes the dot that descriptors write before the full name of a type.
 fn without_dot(name: &str) -> String {
     name.trim_start_matches('.').to_owned()
 }
