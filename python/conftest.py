@@ -41,7 +41,7 @@ def campaign(client: mm.Client) -> mm.Campaign:
 def names(
     request: pytest.FixtureRequest, doctest_namespace: dict[str, Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """The names that docstring examples use, and a folder of their own."""
+    """Gives docstring examples the names that they use, and a folder of their own."""
     if isinstance(request.node, pytest.Function):
         return
     monkeypatch.chdir(tmp_path)

@@ -53,7 +53,7 @@ class Contract(BuildHookInterface[Any]):
 _LINUX_MACHINES = {62: "x86_64", 183: "aarch64"}
 _MACOS_MACHINES = {0x0100_0007: "x86_64", 0x0100_000C: "arm64"}
 _MACH_O = bytes.fromhex("cffaedfe")
-# Commands of a Mach-O file that name its systems, and the offset of the oldest version in each.
+# Commands of a Mach-O file that name its systems, and the offset of the oldest version in each command.
 _OLDEST_SYSTEM = {0x24: 8, 0x32: 12}
 
 

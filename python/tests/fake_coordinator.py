@@ -1,4 +1,4 @@
-"""A coordinator with answers chosen by a test, and the answers of an honest one."""
+"""A coordinator with answers chosen by a test, and the answers of an honest coordinator."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ EMBEDDING = [0.5, 1.5]
 IMAGE = bytes(range(SIDE * SIDE))
 DIGEST = "0123456789abcdef" * 4
 
-# The answer of each method, `SERVICE/METHOD`; a list if the answer is a stream. Bytes are an invalid message, and a
-# status is a refusal.
+# The answer of each method, `SERVICE/METHOD`; a list if the answer is a stream. Bytes stand for an invalid message, and
+# a status stands for a refusal.
 Told = dict[str, Any]
 
 
 class _Handler(grpc.GenericRpcHandler):
-    """Answers each method as told, whatever the request."""
+    """Answers each method with the test's answer, whatever the request."""
 
     def __init__(self, told: Told) -> None:
         self._told = told

@@ -155,7 +155,7 @@ def test_who_asks_for_too_much_at_once_is_told_so(client: mm.Client, told: Told)
 
 
 def test_one_picture_is_that_of_its_individual(client: mm.Client, told: Told) -> None:
-    # For a small archive, all pictures are requested.
+    # In a small archive, the library requests all pictures.
     told[CAMPAIGN].spec.search.population = 1_000
     assert client.campaign(ID).pictures([3]).shape == (1, SIDE, SIDE)
     with pytest.raises(mm.AnswerError, match="individual 3 came in the place of individual 9"):
@@ -216,7 +216,7 @@ def test_changed_bytes_are_an_answer_or_an_error_of_the_library(client: mm.Clien
             )
         try:
             with warnings.catch_warnings():
-                # A campaign may wait for something.
+                # A changed message may say that the campaign waits, which the library reports as a warning.
                 warnings.simplefilter("ignore", RuntimeWarning)
                 CALLS[call](client)
         except mm.MurmurationError as error:

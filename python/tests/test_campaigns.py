@@ -69,7 +69,7 @@ def test_pictures_are_as_a_replay_draws_them(campaign: mm.Campaign) -> None:
     assert (pictures[0][rows, columns] > 0).mean() > 0.9
     assert (pictures[0] > 0).mean() < 0.5
     assert campaign.pictures([]).shape[0] == 0
-    # Many pictures are not requested one by one.
+    # The library does not request many pictures one by one.
     many = np.arange(99, 49, -1)
     assert (campaign.pictures(many) == campaign.pictures()[many]).all()
     with pytest.raises(mm.NotFoundError):
@@ -280,7 +280,7 @@ def test_errors_have_field_value_and_limit(client: mm.Client, tmp_path: Path) ->
     assert "None" in str(refused({"seed": None}))
     with pytest.raises(FileNotFoundError):
         client.submit(tmp_path / "nothing.toml")
-    # Over gRPC.
+    # These errors come over gRPC, without a program.
     with pytest.raises(mm.InvalidError, match=r"^unknown field `modl`: did you mean `model`\?"):
         client.replay({"modl": "single-sensor"}, [0.0] * 4)
     with pytest.raises(mm.InvalidError) as raised:
@@ -315,7 +315,7 @@ def test_a_campaign_that_is_paused_or_cancelled_ends_the_wait(client: mm.Client)
 def test_progress_is_a_bar_for_each_stage(client: mm.Client, capfd: pytest.CaptureFixture[str]) -> None:
     campaign = client.run(SPEC, progress=True)
     assert "100/100" in capfd.readouterr().err
-    # No bar if stderr is a file.
+    # The library shows no bar if stderr is a file.
     campaign.wait()
     assert not capfd.readouterr().err
 
@@ -326,7 +326,7 @@ def test_a_stage_counts_what_its_coordinator_counts(client: mm.Client) -> None:
     campaign.stage = v1.CAMPAIGN_STAGE_FINE_TUNE
     campaign.progress.MergeFrom(v1.StageProgress(done=5, total=6, unit="epoch"))
     assert step_of(campaign) == ("fine-tune", 5, 6, "epochs")
-    # A trainer has not reported yet.
+    # Before a trainer has reported, the campaign has no progress.
     campaign.ClearField("progress")
     assert step_of(campaign) is None
 
@@ -345,7 +345,7 @@ def test_a_command_may_print_no_document_or_several(client: mm.Client, campaign:
     assert {campaign.id, another.id} <= {one["id"] for one in listed}
     with pytest.raises(mm.InvalidError, match=rf"`murmuration list` prints {len(listed)} documents: use `documents`"):
         client.command("list")
-    # A document over many lines.
+    # The program prints this document over many lines.
     assert client.documents("schema", "run")[0]["title"] == "Run"
     assert client.documents("show", campaign.id) == [client.command("show", campaign.id)]
     file = tmp_path / "labels.csv"

@@ -1,4 +1,4 @@
-"""A coordinator elsewhere, with TLS and tokens."""
+"""Tests of a coordinator in another process, with TLS and tokens."""
 
 import os
 import re
@@ -53,7 +53,7 @@ def test_a_campaign_runs_over_tls_with_a_token(elsewhere: Elsewhere, campaign: m
     with mm.connect(elsewhere.url, ca=elsewhere.ca, token=elsewhere.token) as client:
         there = client.run(SPEC)
         assert there.digest() == campaign.digest()
-        # Other tests label that campaign.
+        # Other tests label the campaign, so the classes may differ.
         assert there.archive().drop(["class"]).equals(campaign.archive().drop(["class"]))
         assert there.report(tmp_path / "report").is_file()
 
@@ -86,7 +86,7 @@ def test_what_takes_the_call_and_answers_nothing_is_no_coordinator(monkeypatch: 
     monkeypatch.setattr(_client, "_SECONDS_TO_ANSWER", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as silent, pytest.raises(mm.UnavailableError, match="no coordinator"):
         mm.connect(f"http://127.0.0.1:{silent.getsockname()[1]}")
-    # A successful call without a message, and one with a message too many.
+    # The coordinator ends the call successfully: first without a message, then after one message too many.
     for answers, error in (([], mm.AnswerError), ([v1.Campaign(id="told-1")] * 2, mm.MurmurationError)):
         with coordinator({"CampaignService/GetCampaign": answers}) as url, pytest.raises(error):
             mm.connect(url)

@@ -1,4 +1,4 @@
-"""A local cluster: it starts, and leaves nothing behind, however its Python process ends."""
+"""Tests that a local cluster starts, and leaves nothing behind, however its Python process ends."""
 
 import contextlib
 import os
@@ -15,7 +15,7 @@ import pytest
 
 import murmuration as mm
 
-# Starts a cluster, prints its folder, and runs `then`.
+# A script that starts a cluster, prints the cluster's folder, and runs `then`.
 SCRIPT = """
 import os, signal, sys, threading, time
 # Whatever started the tests may ignore it.
@@ -35,11 +35,11 @@ SECONDS_TO_END = 30
 
 
 def processes_of(session: int) -> list[int]:
-    """The living processes of a session: a guard and what it started."""
+    """The running processes of a session: a guard, and the processes that it started."""
     living = []
     for folder in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
-            # After the name, which is in brackets: state, parent, group, session.
+            # After the name, which is in brackets, the file has the state, parent, group and session.
             state, _, _, its_session = (folder / "stat").read_text().rpartition(")")[2].split()[:4]
             if int(its_session) == session and state != "Z":
                 living.append(int(folder.name))
@@ -121,7 +121,7 @@ def cluster_of_another_process(then: str) -> Iterator[tuple["subprocess.Popen[st
 def test_a_signal_that_ends_python_ends_its_cluster(how: signal.Signals, then: str, temporary: Path) -> None:
     with cluster_of_another_process(then) as (python, session):
         assert len(processes_of(session)) == 2
-        # By now the process is in the middle of `then`.
+        # By now, the process is in the middle of `then`.
         time.sleep(0.5)
         assert list(temporary.iterdir())
         python.send_signal(how)

@@ -1,4 +1,4 @@
-"""The notebooks run, and their outputs equal the stored ones.
+"""Runs the notebooks. Their outputs must equal the stored outputs.
 
 With MURMURATION_WRITE_NOTEBOOKS=1 in the environment, the outputs of this run are stored instead.
 """

@@ -1,4 +1,4 @@
-"""The Python blocks of pages run, each page as one script."""
+"""Runs the Python blocks of pages, each page as one script."""
 
 import re
 import sys

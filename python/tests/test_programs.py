@@ -1,4 +1,4 @@
-"""The places of programs and their library, and the systems of a wheel with programs."""
+"""Tests where the library finds programs and ONNX Runtime, and the systems that a wheel with programs is for."""
 
 import importlib
 import struct

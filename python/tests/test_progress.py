@@ -32,7 +32,7 @@ def shown(*campaigns: v1.Campaign, capfd: pytest.CaptureFixture[str]) -> list[st
 def test_a_stage_that_another_follows_is_done(capfd: pytest.CaptureFixture[str]) -> None:
     lasts = shown(
         told(v1.CAMPAIGN_STAGE_DATASET, 7),
-        # A training may end before its last epoch.
+        # A training can end before its last epoch.
         told(v1.CAMPAIGN_STAGE_PRETRAIN, 3),
         told(v1.CAMPAIGN_STAGE_EVOLVE, 3),
         told(v1.CAMPAIGN_STAGE_LABEL, 1),

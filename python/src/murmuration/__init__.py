@@ -1,6 +1,6 @@
 """Murmuration: search for the collective behaviours that a swarm of robots can show.
 
-A local cluster runs for as long as it is needed, and the library returns tables and arrays:
+A local cluster runs for as long as the program needs it, and the library returns tables and arrays:
 
     >>> with mm.local(workers=2) as client:
     ...     campaign = client.run(spec)
@@ -8,7 +8,8 @@ A local cluster runs for as long as it is needed, and the library returns tables
     >>> archive.num_rows
     100
 
-All results come from a coordinator, over the same contract that the programs use. Its messages are in `murmuration.v1`.
+All results come from a coordinator, over the same contract that the programs use. The contract's messages are in
+`murmuration.v1`.
 """
 
 from ._campaign import Campaign

@@ -16,13 +16,13 @@ import numpy.typing as npt
 from ._arguments import shown
 from ._errors import AnswerError
 
-# NAME-N. Commands take an id as an argument, so it must not look like an option.
+# The form of an id is NAME-N. Commands take an id as an argument, so the id must not look like an option.
 _ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}-[0-9]{1,20}")
 _DIGEST = re.compile(r"[0-9a-f]{64}")
-# Pixels along a side of a picture, and channels.
+# Most pixels along a side of a picture, and most channels of a picture.
 _LARGEST_SIDE = 1_000
 _MOST_CHANNELS = 4
-# The first millisecond of the year 10000. Python's dates end before it.
+# The first millisecond of the year 10000. Python's dates end before this millisecond.
 _END_OF_TIME_MS = 253_402_300_800_000
 
 

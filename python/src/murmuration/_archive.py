@@ -18,7 +18,7 @@ def status(rpc: Connection, campaign: str) -> v1.Campaign:
 
 
 def individuals(rpc: Connection, campaign: str, *, images: bool = False) -> Iterator[v1.Individual]:
-    """All individuals in order: at least as many as there were at the call."""
+    """All individuals in order: at least as many as the archive had at the call."""
     promised, number = _evaluated(rpc, campaign), 0
     request = v1.GetArchiveRequest(campaign=campaign, images=images)
     for chunk in rpc.stream("CampaignService/GetArchive", request, v1.ArchiveChunk):
@@ -26,7 +26,7 @@ def individuals(rpc: Connection, campaign: str, *, images: bool = False) -> Iter
             answers.same("individual", one.index, number)
             number += 1
             yield one
-    # The archive may have been rolled back meanwhile.
+    # The archive is shorter if it was rolled back meanwhile.
     if number < promised and number < _evaluated(rpc, campaign):
         raise answers.wrong(f"the archive of {campaign} ended after {number} of {promised} individuals")
 

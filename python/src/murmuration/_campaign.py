@@ -34,15 +34,15 @@ else:
 if TYPE_CHECKING:
     from ._client import Client
 
-# Pictures of a whole archive that arrive in the time of one call for a single picture.
+# Number of pictures of a whole archive that arrive in the time of one call for a single picture.
 _PICTURES_FOR_ONE_CALL = 20
 
 
 class Campaign:
     """A campaign: one search with its archive, labels and taxonomy.
 
-    Get one from `Client.run`, `Client.submit` or `Client.campaign`. In the examples, `campaign` is a completed campaign
-    of 5 generations of 20 individuals.
+    Get a campaign from `Client.run`, `Client.submit` or `Client.campaign`. In the examples, `campaign` is a completed
+    campaign of 5 generations of 20 individuals.
 
     Attributes:
         id: The campaign's id, `NAME-N`, unique in a coordinator's store.
@@ -158,8 +158,8 @@ class Campaign:
             A table with these columns, and with units in the metadata of its schema: `index`; `generation`; `genes`,
             lists of float64; `features`, lists of 5 float64 (`murmuration.FEATURES` names them); `embedding`, lists of
             float32, null in a campaign without embedder; `novelty` when evaluated, in units of the behaviour space;
-            `class`, the last one given if annotators differ, null if there is none; `seed` of the start. There
-            is a column `trials` (seed, features and embedding of each) if individuals have several.
+            `class`, the last class given if annotators differ, null without a class; `seed` of the start. There is a
+            column `trials` (seed, features and embedding of each trial) if individuals have several trials.
 
             If `flat`, columns named after `gene_names` and `FEATURES`, and `embedding_0` and so on, replace `genes`,
             `features` and `embedding`. There is no column `trials`, and a completed campaign has a column `cluster`:
@@ -269,7 +269,7 @@ class Campaign:
         """The motion of an individual, simulated again by a worker.
 
         Args:
-            index: Its place in the archive.
+            index: The individual's place in the archive.
             stride: Steps from one frame to the next, 1 or more; the last step always has a frame.
 
         Raises:
@@ -417,7 +417,7 @@ class Campaign:
     def refine(self) -> None:
         """Begins a round: the embedder is fine-tuned on the current labels, and the search continues in its space.
 
-        Follow it with `wait`.
+        Call `wait` to follow the round.
 
         Raises:
             RefusedError: If the campaign has no embedder, or its labels name fewer than two classes.

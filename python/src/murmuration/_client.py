@@ -32,7 +32,7 @@ _SECONDS_TO_ANSWER = 30
 class Client:
     """A connection to a coordinator. Get one from `local` or `connect`.
 
-    A `with` statement closes it at its end. In the examples, `client` is a connection.
+    At its end, a `with` statement closes the connection. In the examples, `client` is a `Client`.
 
     Attributes:
         url: The URL of the coordinator, for a browser and for `--coordinator` of commands.
@@ -68,7 +68,7 @@ class Client:
         return f'<a href="{url}" target="_blank">{url}</a>'
 
     def close(self) -> None:
-        """Closes the connection, and ends the cluster if `local` started it. Its running campaigns are interrupted."""
+        """Closes the connection. A cluster that `local` started ends, which interrupts its running campaigns."""
         self.rpc.close()
         if self._cluster is not None:
             self._cluster.close()
@@ -146,8 +146,9 @@ class Client:
                 (ending in `.toml`), for other robots, worlds, numbers of starts, or an embedding by a `checkpoint`. A
                 `Campaign` gives its robots, world, pictures and starts, and its embedder if it has one.
             controllers: Genes, (n, genes), within the ranges of their sensors and drives.
-            seeds: The seed of each controller's first start, or one for all, 0 to 2^64 - 1. By default each has its
-                own, which follows from its place, as in `murmuration evaluate`.
+            seeds: The seed of each controller's first start, or one seed for all controllers, 0 to 2^64 - 1. By
+                default, each controller has a seed of its own, which follows from its place, as in `murmuration
+                evaluate`.
             pictures: Whether to return pictures, too.
 
         Raises:
@@ -176,8 +177,8 @@ class Client:
         The same controller and seed move in the same way on every machine, and as an individual of a campaign.
 
         Args:
-            robot: As for `evaluate`: the name of a capability model, or a campaign that describes robots and world. If
-                its method embeds, it needs no `checkpoint` here.
+            robot: As for `evaluate`: the name of a capability model, or a campaign that describes robots and world. A
+                campaign whose method embeds needs no `checkpoint` here.
             controller: Genes, (genes,), within the ranges of their sensors and drives.
             seed: The seed of the start, 0 to 2^64 - 1, such as an individual's; by default 1.
             steps: Number of steps, 1 or more; by default the world's horizon.
@@ -204,7 +205,7 @@ class Client:
         """A campaign by its id; the newest by default.
 
         Raises:
-            NotFoundError: If there is none.
+            NotFoundError: If there is no such campaign.
 
         Example:
             >>> client.campaign("example-1")
@@ -231,7 +232,7 @@ class Client:
     def import_campaign(self, folder: str | os.PathLike[str]) -> Campaign:
         """Imports an exported campaign into the coordinator's store, with its id and the same digest.
 
-        Every file and every value is checked first. A campaign that was running is paused.
+        The import checks every file and every value first. A campaign that was running when it was exported is paused.
 
         Args:
             folder: A folder that `Campaign.export` or `murmuration export` wrote.
@@ -308,8 +309,8 @@ def local(
 ) -> Client:
     """Starts a cluster on this machine, and connects to it.
 
-    The cluster is one process (`murmuration serve`), which listens to this machine only. It ends when the client is
-    closed, and when this process ends, even if it is killed.
+    The cluster is one process (`murmuration serve`), which listens to this machine only. The cluster ends when the
+    client is closed, and when this process ends, even if this process is killed.
 
     Args:
         data: The data directory, created if it does not exist; by default a temporary one, which is removed at the
@@ -370,7 +371,7 @@ def connect(
     try:
         client._found("latest", _SECONDS_TO_ANSWER)
     except NotFoundError:
-        # The coordinator answers; it only has no campaigns.
+        # The coordinator has answered that it has no campaigns.
         pass
     except BaseException:
         client.close()
@@ -400,5 +401,5 @@ def _without_place(spec: object) -> Iterator[None]:
     except InvalidError as error:
         if not isinstance(spec, Mapping):
             raise
-        # The error follows the place, on its own line.
+        # The error follows the place in the file, on a line of its own.
         raise error.reworded(str(error).rsplit("\n", 1)[-1]) from None

@@ -22,7 +22,7 @@ _SECONDS_TO_START = 120
 _SECONDS_TO_LOOK_AGAIN = 0.01
 # Time limit for a guard to end after its coordinator.
 _SECONDS_TO_END = 0.5
-# Length of a message's quotation from the log.
+# Most bytes of the log that a message quotes.
 _QUOTED_BYTES = 2_000
 
 
@@ -47,7 +47,7 @@ class Cluster:
                 command += [option, str(count)]
         try:
             self._guard = _start_guard(command, own, self._log)
-            # Runs at the interpreter's end too, if the cluster was not closed.
+            # If the cluster was not closed, this function also runs at the interpreter's end.
             self._end = weakref.finalize(self, _end, self._guard, self._process, own, self._log)
             self.url, self.token = self._wait_for_address(data)
         except BaseException:
@@ -63,7 +63,7 @@ class Cluster:
         self._end()
 
     def why(self) -> str:
-        """The last lines of its log if it has ended, as the reason for missing answers; otherwise empty."""
+        """If the cluster has ended, the last lines of its log, as the reason for missing answers; otherwise empty."""
         if os.getpid() != self._process:
             # A fork cannot know whether the cluster has ended.
             return ""
@@ -115,11 +115,11 @@ def _start_guard(command: list[str], own: str, log: IO[bytes]) -> subprocess.Pop
 def _end(guard: subprocess.Popen[str], process: int, own: str, log: IO[bytes]) -> None:
     log.close()
     if os.getpid() != process:
-        # A fork of the process that started the cluster has a copy of everything.
+        # This process is a fork of the process that started the cluster, and must not end the cluster.
         return
     assert guard.stdin is not None and guard.stdout is not None  # noqa: S101
     try:
-        # Closing the pipe is not enough: a fork may hold it too.
+        # Closing the pipe is not enough, because a fork may have the pipe open too.
         guard.stdin.write("end\n")
         guard.stdin.close()
     except BrokenPipeError:
@@ -127,7 +127,7 @@ def _end(guard: subprocess.Popen[str], process: int, own: str, log: IO[bytes]) -
     guard.wait()
     guard.stdout.close()
     if own:
-        # The guard has removed it already, unless it was killed.
+        # The guard has already removed the folder, unless the guard was killed.
         shutil.rmtree(own, ignore_errors=True)
 
 
@@ -141,7 +141,7 @@ def _holder(data: Path) -> dict[str, object]:
 
 
 def _instead(data: Path) -> str:
-    """How to use the coordinator that holds the data directory; empty if none does."""
+    """How to use the coordinator that already uses the data directory; empty without such a coordinator."""
     holder = _holder(data)
     try:
         os.kill(int(str(holder.get("process"))), 0)

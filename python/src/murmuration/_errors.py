@@ -17,7 +17,8 @@ class InvalidError(MurmurationError, ValueError):
     Attributes:
         field: The field, as in a campaign file (`search.population`); None if the coordinator does not name one.
         value: The value, as text; None if it is missing or the coordinator does not repeat it.
-        limit: The allowed values, such as `a whole number from 1 to 100000`; None if the coordinator does not tell.
+        limit: The allowed values, such as `a whole number from 1 to 100000`; None if the coordinator does not name
+            them.
 
     Example:
         >>> try:
@@ -69,7 +70,7 @@ class BusyError(MurmurationError):
 class AnswerError(MurmurationError):
     """An impossible answer of the coordinator, such as a picture of a wrong size. The whole answer is discarded.
 
-    The coordinator is broken or of another version, or something on the way to it alters its answers.
+    The coordinator is broken or of another version, or something between it and this library alters the answers.
     """
 
 
@@ -77,7 +78,7 @@ class CampaignError(MurmurationError):
     """A campaign that stopped before it was completed.
 
     Attributes:
-        state: The campaign's state: `failed`, `paused` or `cancelled`; `unknown` if a newer coordinator has another.
+        state: The campaign's state: `failed`, `paused` or `cancelled`; `unknown` for a state of a newer coordinator.
     """
 
     def __init__(self, message: str, state: str) -> None:

@@ -23,7 +23,8 @@ _MOST_SEEDS = 1 << 64
 _SEED = 0
 # Kinds of numpy types that lose their meaning as real numbers: complex numbers, dates and durations.
 _NO_REAL_NUMBERS = "cMm"
-# Controllers per request: a few hundred milliseconds of one core, and with usual pictures less than a megabyte.
+# Controllers per request. They take one core a few hundred milliseconds, and their pictures are usually less than a
+# megabyte.
 _IN_A_REQUEST = 64
 
 
@@ -37,8 +38,9 @@ class Evaluations:
         pictures: uint8 (n, side, side), of the first start, rows from the top down; None unless requested.
             With a channel for each species (n, channels, side, side).
         seeds: uint64 (n,), the seed of each controller's first start.
-        failures: Reasons for failed evaluations, by the number of the controller: workers were lost during it. Its
-            features and embedding are NaN, and its picture is black. Usually empty.
+        failures: Reasons for failed evaluations, by the number of the controller; usually empty. An evaluation fails if
+            workers are lost during it. The features and the embedding of such a controller are NaN, and its picture is
+            black.
     """
 
     features: npt.NDArray[np.float64]
@@ -75,8 +77,8 @@ def evaluate(
 
 
 def _seeds(seeds: Iterable[Any] | int, controllers: int) -> list[int]:
-    """The seeds of the controllers: given for each, or one for all."""
-    # Not via a numpy array, in which numbers from 2^63 on may become floating-point numbers.
+    """The seeds of the controllers, from a seed for each controller or one seed for all."""
+    # The seeds are not put into a numpy array, which may turn numbers from 2^63 on into floating-point numbers.
     given = plain(seeds)
     if not isinstance(given, Iterable):
         given = [whole("seeds", given, 0, _MOST_SEEDS - 1)] * controllers
@@ -93,7 +95,7 @@ def _whole(answered: Iterable[v1.EvaluateResponse], controllers: int) -> tuple[l
     for answer in answered:
         results.extend(answer.results)
         sides.add(answer.side)
-        # A faulty answer may be endless.
+        # A faulty coordinator could send results without end.
         if len(results) > controllers:
             raise answers.wrong(f"more than {controllers} results came for {controllers} controllers")
     answers.count(f"results of {controllers} controllers", len(results), controllers)
@@ -153,7 +155,7 @@ def replay(
 
 
 def _motion(answered: Iterable[v1.Motion], steps: int | None) -> npt.NDArray[np.float64]:
-    """Joins the parts of a motion, (steps + 1, robots, 3). Without `steps`, any number of them is accepted."""
+    """Joins the parts of a motion, (steps + 1, robots, 3). Without `steps`, any number of steps is accepted."""
     parts = [(part.agents, tables.poses("a motion's parts", part.poses, part.agents)) for part in answered]
     if not parts:
         raise answers.wrong("a motion has no parts")

@@ -41,7 +41,7 @@ class Taxonomy:
         medoids: The individuals at the centres of the clusters, largest cluster first: `index`, `cluster_size`,
             `mean_distance`, `novelty`, `class`, `cluster_name` (the class, or the name from an earlier version),
             `genes`, `seed`.
-        pictures: Their pictures, as from `Campaign.pictures`.
+        pictures: The medoids' pictures, as from `Campaign.pictures`.
         clusters: For each individual of the archive its row of `medoids`, from 0; uint32 (individuals,). Reports, pages
             and files number behaviours from 1: row + 1.
         loss: Sum of the distances of all individuals to their nearest medoids, in units of the behaviour space.

@@ -1,10 +1,10 @@
-"""Runs a coordinator for as long as a Python process lives. A separate program, which imports nothing of the library.
+"""Runs a coordinator until a Python process ends.
 
-The Python process starts the guard, and the guard starts the coordinator. The guard ends the coordinator when the
-Python process asks for it, or ends in any way, SIGKILL included: the guard holds a descriptor of that process (if the
-system has such descriptors) and the end of a pipe. If the guard itself is killed, the system kills the coordinator
-(PR_SET_PDEATHSIG). The system does so when the thread that started the coordinator ends. The guard has only one
-thread, so it starts the coordinator.
+The guard is a separate program, which imports nothing of the library. The Python process starts the guard, and the
+guard starts the coordinator. The guard ends the coordinator when the Python process requests it or ends in any way,
+SIGKILL included. For this, the guard has a descriptor of that process (if the system has such descriptors) and the end
+of a pipe. If the guard itself is killed, the system kills the coordinator (PR_SET_PDEATHSIG): it does so when the
+thread that started the coordinator ends. The guard starts the coordinator because the guard has only one thread.
 
 Arguments: the process id of the Python process; a folder to remove at the end, or an empty text; the command.
 """
@@ -19,12 +19,12 @@ import sys
 from collections.abc import Callable
 
 PR_SET_PDEATHSIG = 1
-# A coordinator finishes running evaluations before it ends. Killing it loses nothing acknowledged.
+# A coordinator finishes running evaluations before it ends. Killing a coordinator loses no acknowledged change.
 SECONDS_TO_END = 10
 
 
 def dies_with_guard() -> Callable[[], None]:
-    """Returns a function that the new process runs first: it asks to be killed when the guard ends."""
+    """Returns a function that the new process runs first, so that the system kills this process when the guard ends."""
     prctl = getattr(ctypes.CDLL(None), "prctl", None)
     guard = os.getpid()
 
@@ -56,7 +56,7 @@ def main(parent: int, folder: str, command: list[str]) -> int:
     for descriptor in (sys.stdin.fileno(), told, lives):
         if descriptor is not None:
             watched.register(descriptor, select.POLLIN)
-    # The coordinator's end of this pipe is closed when it ends.
+    # The system closes the coordinator's end of this pipe when the coordinator ends.
     ended, held = os.pipe()
     watched.register(ended, select.POLLIN)
     coordinator = subprocess.Popen(

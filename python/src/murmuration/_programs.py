@@ -24,12 +24,13 @@ def find(folder: str | os.PathLike[str] | None) -> Path:
     """The program `murmuration`: in `folder`, or else beside this Python's scripts, or else in the PATH.
 
     Raises:
-        ProgramError: If there is none.
+        ProgramError: If none of these places has the program.
     """
     if folder is not None:
         places = [path("programs", folder)]
     else:
-        # A wheel puts programs of this library's version there; `--target` of pip has one folder for both.
+        # A wheel puts programs of this library's version beside Python's scripts. With pip's `--target`, the programs
+        # are in the folder `bin` beside the library.
         scripts = [sysconfig.get_path("scripts"), sysconfig.get_path("scripts", f"{os.name}_user")]
         scripts.append(os.fspath(Path(__file__).parents[1] / "bin"))
         places = [*scripts, *os.environ.get("PATH", os.defpath).split(os.pathsep)]
@@ -44,9 +45,9 @@ def find(folder: str | os.PathLike[str] | None) -> Path:
 def environment() -> dict[str, str]:
     """The environment of programs: this process's, without the variables for commands in a shell (`MURMURATION_*`).
 
-    Embedders run on ONNX Runtime. If ORT_DYLIB_PATH does not name a library, it is set to the one in the Python package
-    `onnxruntime`, if that is installed. From its version 1.29 on, ONNX Runtime reports the machine to its makers when
-    it is loaded, unless ORT_DISABLE_TELEMETRY is 1. This sets it to 1 unless it has a value.
+    Embedders run on ONNX Runtime. If ORT_DYLIB_PATH names no library, it is set to the library in the Python package
+    `onnxruntime`, if this package is installed. From version 1.29 on, ONNX Runtime reports the machine to its makers
+    when it is loaded, unless ORT_DISABLE_TELEMETRY is 1. If this variable has no value, it is set to 1.
     """
     kept = {name: value for name, value in os.environ.items() if not name.startswith("MURMURATION_")}
     if not kept.get("ORT_DYLIB_PATH") and (library := _onnxruntime()):
@@ -60,7 +61,7 @@ def _onnxruntime() -> Path | None:
     package = importlib.util.find_spec("onnxruntime")
     places = package.submodule_search_locations if package else None
     for place in places or ():
-        # The names on Linux and on macOS.
+        # The library's names on Linux and on macOS.
         for name in ("libonnxruntime.so*", "libonnxruntime.*dylib"):
             for library in sorted(Path(place, "capi").glob(name)):
                 return library
@@ -106,7 +107,7 @@ def run(program: Path, words: Sequence[str], variables: dict[str, str]) -> list[
 
 
 def _failed(command: str, code: int, message: str) -> MurmurationError:
-    # For wrong usage, the first line is the error; the others are help.
+    # For wrong usage, the first line is the error; the other lines are help.
     message = message.partition("\n\nFor more information")[0] or f"{command} failed with exit code {code}"
     if message.startswith("no coordinator answers "):
         return UnavailableError(message)

@@ -94,7 +94,8 @@ class Bar:
 class _Output:
     """An output of a notebook's cell that shows a bar's last line.
 
-    It is text, because a widget of a notebook that is saved or shown without its kernel becomes its initial, empty bar.
+    The output is text: in a notebook that is saved or shown without its kernel, a widget would become its initial,
+    empty bar.
     """
 
     # Lets tqdm draw with more than ASCII.

@@ -24,7 +24,7 @@ _OPTIONS = [
     # Detects a vanished coordinator while a campaign is watched.
     ("grpc.keepalive_time_ms", 20_000),
     ("grpc.keepalive_timeout_ms", 10_000),
-    # Like Murmuration's programs.
+    # Murmuration's programs use no proxy either.
     ("grpc.enable_http_proxy", 0),
 ]
 
@@ -102,7 +102,7 @@ class Connection:
         except grpc.RpcError as error:
             raise self.explained(of_status(error)) from None
         except ValueError as error:
-            # gRPC raises this for a channel that another thread has just closed.
+            # gRPC raises a ValueError for a channel that another thread has just closed.
             if isinstance(error, MurmurationError) or not self._is_closed:
                 raise
             raise UnavailableError("this client was closed during the call") from None
@@ -124,7 +124,7 @@ class Connection:
 
 
 def _reader(answer: type[Answer]) -> Callable[[bytes], Answer | AnswerError]:
-    """Returns a parser of messages. It returns errors, because gRPC would print a raised one and lose its kind."""
+    """Returns a parser of messages. The parser returns errors: gRPC would print a raised error and lose its kind."""
 
     def read(content: bytes) -> Answer | AnswerError:
         try:

@@ -33,7 +33,7 @@ def matrix(column: pa.ChunkedArray[Any] | pa.Array[Any] | Iterable[Any]) -> npt.
     """A column of lists of one length, such as genes, features or embeddings, as an array.
 
     Args:
-        column: A column of a table, without nulls, or one of a data frame of pandas or polars.
+        column: A column of a table or of a data frame of pandas or polars, without nulls.
 
     Returns:
         An array with the shape (rows, length of a list) and the column's kind of numbers.
@@ -206,7 +206,7 @@ def generations(summaries: Sequence[v1.GenerationSummary]) -> pa.Table:
 
 
 def classes_of(standing: Iterable[labels.Label]) -> dict[int, str]:
-    """The class of each individual that has one; the last one given if annotators differ."""
+    """The class of each individual that has a class; if annotators differ, the class given last."""
     given = (label for label in standing if label.answer.answer not in _NO_CLASS)
     return {label.answer.index: label.answer.answer for label in sorted(given, key=lambda label: label.entry)}
 
