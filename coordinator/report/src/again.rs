@@ -1,10 +1,10 @@
-//! How to reproduce the archive of a report: text for its page and the top of its `spec.toml`, and command lines to copy.
+//! How to reproduce the archive of a report: text for the report's page and for the top of its `spec.toml`, and commands to copy.
 
 use super::{Entry, Report};
 use murmuration_swarm::{CampaignSpec, EmbedderSource, World};
 use std::fmt::Write as _;
 
-/// The text of `spec.toml`: requirements besides the specification, as comments, then the specification.
+/// The text of `spec.toml`: as comments, what the reader needs besides the specification; then the specification.
 pub(super) fn specification(report: &Report) -> String {
     let mut text = String::new();
     for line in also_needed(report) {
@@ -14,7 +14,8 @@ pub(super) fn specification(report: &Report) -> String {
     text + &report.spec.to_toml()
 }
 
-/// Requirements besides the specification, in entries of one or two sentences; empty if the specification suffices.
+/// What the reader needs besides the specification to reproduce the archive, in entries of one or two sentences. Empty if the
+/// specification suffices.
 pub(super) fn also_needed(report: &Report) -> Vec<String> {
     let (campaign, repetition) = (&report.campaign, &report.repetition);
     let mut needed = Vec::new();
@@ -81,7 +82,7 @@ pub(super) fn write_labels(report: &Report) -> String {
 /// The command that shows one individual's whole run as a GIF.
 pub(super) fn simulate(spec: &CampaignSpec, entry: &Entry, gif: &str) -> String {
     let genes: Vec<String> = entry.controller.genes().iter().map(f64::to_string).collect();
-    // Brackets keep a negative first gene from being taken for an option.
+    // With brackets, the command line does not take a negative first gene for an option.
     format!(
         "{} --controller \"[{}]\" --seed {} --gif {gif}",
         simulator(spec),
@@ -90,7 +91,7 @@ pub(super) fn simulate(spec: &CampaignSpec, entry: &Entry, gif: &str) -> String 
     )
 }
 
-/// The start of a command that simulates any controller of a campaign; options for the controller follow.
+/// The beginning of a command that simulates any controller of a campaign; the caller appends the options for the controller.
 pub(super) fn simulator(spec: &CampaignSpec) -> String {
     match spec.model().preset() {
         Some(preset) if *spec.world() == World::default() => format!("murmuration simulate --model {preset}"),

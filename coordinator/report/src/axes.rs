@@ -3,12 +3,12 @@
 use crate::svg::{GRID, INK, MUTED, tenth};
 use maud::{Markup, html};
 
-/// A rectangle of a drawing with scales for values.
+/// A rectangle of a drawing, with a scale of values in each direction.
 #[derive(Debug, Clone, Copy)]
 pub struct Axes {
-    /// Its left and right edge, pixels.
+    /// Left and right edge of the rectangle, in pixels.
     pub across: [f64; 2],
-    /// Its upper and lower edge, pixels.
+    /// Upper and lower edge of the rectangle, in pixels.
     pub down: [f64; 2],
     /// The values at the left and right edge.
     pub x: [f64; 2],
@@ -16,19 +16,19 @@ pub struct Axes {
     pub y: [f64; 2],
 }
 
-/// The numbers along an axis, and their title.
+/// The numbers along an axis, and the title of the axis.
 #[derive(Debug, Clone)]
 pub struct Scale<'a> {
     /// Name of the quantity.
     pub title: &'a str,
-    /// Ascending, within the axis.
+    /// The numbers along the axis, ascending.
     pub ticks: Vec<f64>,
-    /// The unit behind each number.
+    /// The unit that follows each number.
     pub unit: &'a str,
 }
 
 impl Axes {
-    /// The pixel of a value.
+    /// The pixel of a point, x to the right and y down.
     pub fn at(&self, x: f64, y: f64) -> [f64; 2] {
         let place = |value: f64, [low, high]: [f64; 2], [from, to]: [f64; 2]| {
             tenth(from + (value - low) / (high - low) * (to - from))
@@ -37,7 +37,7 @@ impl Axes {
         [place(x, self.x, self.across), place(y, self.y, [bottom, top])]
     }
 
-    /// The points of a line, for the attribute of a `polyline`.
+    /// The points of a line, in the format of the attribute `points` of a `polyline`.
     pub fn line(&self, points: impl IntoIterator<Item = (f64, f64)>) -> String {
         let pixel = |(x, y)| {
             let [x, y] = self.at(x, y);
@@ -46,7 +46,7 @@ impl Axes {
         points.into_iter().map(pixel).collect::<Vec<_>>().join(" ")
     }
 
-    /// Draws the axes with their numbers and titles; `grid` adds a line at each number of the vertical axis.
+    /// Draws the axes with their numbers and titles. `grid` adds a horizontal line at each number of the vertical axis.
     pub fn draw(&self, [x, y]: [&Scale<'_>; 2], grid: bool) -> Markup {
         let ([left, right], [top, bottom]) = (self.across, self.down);
         let number = |tick: f64, [low, high]: [f64; 2], unit| axis_number(tick, high - low) + unit;
@@ -99,11 +99,11 @@ pub fn ticks([low, high]: [f64; 2], most: u32, least: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Ticks nearer to zero than this fraction of the axis are zero with a rounding error.
+/// A tick nearer to zero than this fraction of the axis is zero with a rounding error.
 const NEAR: f64 = 1e-9;
 
-/// The number at a tick of an axis that is `span` long: enough decimals to tell neighbours apart, no trailing zeros, and powers of
-/// ten instead of too many digits.
+/// The number at a tick of an axis that is `span` long. It has enough decimals to distinguish neighbouring ticks and no trailing
+/// zeros; very long and very short axes have powers of ten.
 fn axis_number(value: f64, span: f64) -> String {
     if value.abs() <= span * NEAR {
         return "0".to_owned();
@@ -115,12 +115,12 @@ fn axis_number(value: f64, span: f64) -> String {
             None => text,
         };
     }
-    // Four decimals, and more on an axis shorter than a tenth.
+    // Numbers have four decimals, and up to six on an axis shorter than 0.1.
     let decimals = (3.0 - span.log10().floor()).clamp(4.0, 6.0) as usize;
     without_noughts(&format!("{value:.decimals$}")).to_owned()
 }
 
-/// Without trailing zeros.
+/// Removes trailing zeros.
 fn without_noughts(digits: &str) -> &str {
     if digits.contains('.') {
         digits.trim_end_matches('0').trim_end_matches('.')

@@ -1,4 +1,4 @@
-//! A map of points in the colours of their classes with a legend, suitable for a paper, as SVG and as PNG.
+//! A map of points in the colours of their classes, with a legend, as SVG and as PNG; suitable for a paper.
 
 use crate::{
     figure::{Anchor, Figure, GRID, INK, MUTED, Shape, Words},
@@ -11,9 +11,9 @@ use murmuration_swarm::{Class, grouped};
 /// A point with its class.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClassPoint {
-    /// Its coordinates, right and up, in any unit; finite.
+    /// The point's coordinates, to the right and upwards, in any unit; finite.
     pub at: [f64; 2],
-    /// Its class.
+    /// The point's class.
     pub class: Class,
 }
 
@@ -25,7 +25,7 @@ const DOT: f64 = 4.0;
 /// PNG pixels per SVG pixel.
 const PNG_SCALE: f32 = 2.0;
 
-/// The map as SVG and as PNG, with the same scale across and up.
+/// The map as SVG and as PNG, with the same scale in both directions.
 pub fn draw(points: &[ClassPoint], title: &str) -> Result<(String, Vec<u8>), PictureError> {
     let figure = figure(points, title);
     Ok((figure.svg()?, figure.png(PNG_SCALE)?))
@@ -92,7 +92,7 @@ fn figure(points: &[ClassPoint], title: &str) -> Figure {
     }
 }
 
-/// Classes in the order of drawing: random behaviours lie below the others.
+/// Classes in the order of drawing: the points of random behaviours are drawn first, under the other points.
 fn in_order() -> impl Iterator<Item = Class> {
     let others = Class::ALL.into_iter().filter(|class| *class != Class::Random);
     [Class::Random].into_iter().chain(others)
@@ -132,14 +132,14 @@ mod tests {
         points.extend([points[1]; 2]);
         let (svg, _) = draw(&points, "A & B").unwrap();
         assert!(svg.contains("A &amp; B") && svg.contains("dispersal") && !svg.contains("aggregation"));
-        // The points, and the legend's dots of three classes.
+        // `h0` draws a dot: the map has five points, and the legend has a dot for each of three classes.
         assert_eq!(svg.matches("h0").count(), 5 + 3);
         let counts: Vec<&str> = svg
             .split("</text>")
             .filter(|text| text.contains("text-anchor=\"end\""))
             .filter_map(|text| text.rsplit('>').next())
             .collect();
-        // In the order of the classes: milling, dispersal, random.
+        // The legend's counts are in the order of the classes: milling, dispersal, random.
         assert_eq!(counts, ["1", "3", "1"]);
     }
 }

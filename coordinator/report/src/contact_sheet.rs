@@ -13,15 +13,15 @@ use std::fmt::Write as _;
 const SIDE: f64 = 240.0;
 /// Height of the caption under the square.
 const CAPTION: f64 = 30.0;
-/// Space between two behaviours, and around all.
+/// Space between two behaviours, and around the block of all behaviours.
 const GAP: f64 = 14.0;
-/// Most characters of a class's name in the caption, beside the number and the share.
+/// Maximum number of characters of a class's name in a caption, which also has a number and a share.
 const MOST_OF_NAME: usize = 22;
-/// Most behaviours in a row.
+/// Maximum number of behaviours in a row.
 const MOST_ABREAST: usize = 8;
 
-/// The sheet as SVG: the largest cluster first, row by row, each behaviour with its number, its name if it has one, and the share
-/// of the archive in its cluster.
+/// The sheet as SVG, row by row, the behaviour of the largest cluster first. Each behaviour has its number, its name if it has
+/// one, and its cluster's share of the archive.
 pub(super) fn svg(report: &Report) -> String {
     let columns = columns(report.medoids.len());
     let rows = report.medoids.len().div_ceil(columns);
@@ -40,16 +40,16 @@ pub(super) fn svg(report: &Report) -> String {
     sheet + "</svg>\n"
 }
 
-/// Largest sheet that is embedded in a page, bytes.
+/// Maximum size in bytes of a sheet that is embedded in a page.
 const MOST_IN_PAGE: usize = 2 << 20;
 
-/// The sheet as a data address for a download in a page; `None` if it is too large for a page.
+/// The sheet as a data address, for a download in a page; `None` if the sheet is too large for a page.
 pub(super) fn address(report: &Report) -> Option<String> {
     let sheet = svg(report);
     (sheet.len() <= MOST_IN_PAGE).then(|| {
         let mut address = "data:image/svg+xml,".to_owned();
         for byte in sheet.bytes() {
-            // The characters of paths, most of a sheet, need no escape.
+            // Most of a sheet consists of the characters of paths, which need no escape.
             if byte.is_ascii_alphanumeric() || b" .,:;/()='-_".contains(&byte) {
                 address.push(byte.into());
             } else {

@@ -1,23 +1,23 @@
-//! The frame of a one-file page: its head, and its content security policy.
+//! The frame of a page in one file: the page's head, and its content security policy.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-/// A page that is one HTML document. It sends nothing, embeds nothing of another site, and loads at most pictures that lie beside
-/// it.
+/// A page that is one HTML document. The page sends no data, embeds no content of other sites, and loads at most pictures from
+/// its own folder.
 #[derive(Debug, Clone, Copy)]
 pub struct Document<'a> {
-    /// Title, for the tab of a browser.
+    /// The title, which a browser shows in its tab.
     pub title: &'a str,
     /// The style sheet, for light and dark screens.
     pub style: &'a str,
-    /// Whether scripts in it run.
+    /// Whether scripts in the page run.
     pub scripts: bool,
-    /// Whether it shows picture files that lie beside it, in addition to embedded ones.
+    /// Whether the page shows picture files from its own folder, in addition to embedded pictures.
     pub pictures_beside: bool,
 }
 
 impl Document<'_> {
-    /// The whole document with this content of its `body`.
+    /// The whole document, with `body` as the content of its body.
     pub fn with(&self, body: &Markup) -> String {
         let page = html! {
             (DOCTYPE)
@@ -37,7 +37,7 @@ impl Document<'_> {
         page.into_string()
     }
 
-    /// Its content security policy: what a browser may load.
+    /// The page's content security policy: what a browser can load for the page.
     fn policy(&self) -> String {
         let scripts = if self.scripts {
             "script-src 'unsafe-inline'; "

@@ -1,5 +1,5 @@
-//! Drawings for papers, as SVG and as PNG. The PNG uses its own font and none of the system's, so that the same drawing gives the
-//! same bytes on every machine.
+//! Drawings for papers, as SVG and as PNG. The PNG uses an embedded font instead of the system's fonts, so that the same drawing
+//! gives the same bytes on every machine.
 
 use crate::{
     picture::{PictureError, encoded},
@@ -18,13 +18,14 @@ use tiny_skia::{
     Stroke, Transform,
 };
 
-/// Fonts as wide as Arial, for which the drawings leave room: regular and bold. Their licence is in `fonts/OFL.txt`.
+/// The regular and the bold font of the PNG. Their letters are as wide as those of Arial, and drawings leave room for letters of
+/// this width. `fonts/OFL.txt` has their licence.
 const FONTS: [&[u8]; 2] = [
     include_bytes!("../fonts/Arimo-Regular.ttf"),
     include_bytes!("../fonts/Arimo-Bold.ttf"),
 ];
 
-/// The colours of `svg`.
+/// The colours of the module `svg`, as red, green and blue.
 pub(crate) const INK: Rgb = [0x1d, 0x1d, 0x1b];
 pub(crate) const MUTED: Rgb = [0x5f, 0x5e, 0x58];
 pub(crate) const GRID: Rgb = [0xe4, 0xe1, 0xd8];
@@ -34,7 +35,7 @@ pub(crate) struct Figure {
     pub(crate) size: [f64; 2],
     pub(crate) title: String,
     pub(crate) paper: Rgb,
-    /// From bottom to top.
+    /// The shapes from bottom to top.
     pub(crate) shapes: Vec<Shape>,
 }
 
@@ -42,7 +43,7 @@ pub(crate) enum Shape {
     Words(Words),
     /// A line around a square, one unit wide.
     Frame {
-        /// Left and upper edge.
+        /// Position of the left edge and of the upper edge.
         at: [f64; 2],
         side: f64,
         colour: Rgb,
@@ -54,10 +55,10 @@ pub(crate) enum Shape {
     },
     /// A square picture whose pixels stay sharp at any size.
     Picture {
-        /// Left and upper edge.
+        /// Position of the left edge and of the upper edge.
         at: [f64; 2],
         side: f64,
-        /// Row by row.
+        /// The pixels, row by row.
         pixels: Vec<Rgb>,
     },
 }
@@ -70,7 +71,7 @@ pub(crate) struct Words {
     pub(crate) size: f64,
     pub(crate) colour: Rgb,
     pub(crate) bold: bool,
-    /// Whether it runs upwards.
+    /// Whether the text runs upwards.
     pub(crate) upwards: bool,
 }
 
@@ -101,7 +102,7 @@ impl Figure {
             .into_string())
     }
 
-    /// Draws it with `scale` pixels per unit.
+    /// Draws the figure with `scale` pixels per unit.
     pub(crate) fn png(&self, scale: f32) -> Result<Vec<u8>, PictureError> {
         let [width, height] = self.size.map(|side| (side as f32 * scale).round() as u32);
         let mut sheet = Pixmap::new(width, height).ok_or(PictureError::Size(width.max(height).into()))?;
@@ -110,7 +111,7 @@ impl Figure {
         for shape in &self.shapes {
             shape.draw(&mut sheet, Transform::from_scale(scale, scale));
         }
-        // Opacity is dropped, because every drawing has a background.
+        // The PNG has no opacity, because every drawing has a background.
         let opaque = sheet.data().chunks_exact(4).flat_map(|pixel| &pixel[..3]);
         let opaque: Vec<u8> = opaque.copied().collect();
         encoded(&opaque, [width as usize, height as usize], png::ColorType::Rgb)
@@ -246,7 +247,7 @@ impl Words {
         };
         for glyph in &glyphs {
             if let Some(outline) = font.outline_glyphs().get(*glyph) {
-                // An error would omit the letter, but the embedded font is complete.
+                // An error would omit the letter, but no letter of the embedded font gives an error.
                 let _ = outline.draw(DrawSettings::unhinted(size, location), &mut pen);
             }
             pen.along += width(glyph);
@@ -261,7 +262,7 @@ impl Words {
 /// Draws the outlines of letters, with y downwards.
 struct Pen {
     path: PathBuilder,
-    /// Start of the letter.
+    /// Position along the line at which the letter begins.
     along: f32,
 }
 
@@ -336,7 +337,7 @@ mod tests {
         })
     }
 
-    /// Darkness of each column.
+    /// Sum of the darkness of the pixels of each column.
     fn columns((width, _, pixels): (u32, u32, Vec<u8>)) -> Vec<u64> {
         let mut columns = vec![0; width as usize];
         for (place, pixel) in pixels.chunks(3).enumerate() {

@@ -8,33 +8,34 @@ use murmuration_swarm::{CampaignSpec, Class, Invalid, Verdict, counted, noun};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
-/// Size of the sample. It gives the share of random behaviours to within 7 percentage points.
+/// Size of the sample. A sample of this size gives the share of random behaviours to within 7 percentage points.
 const SAMPLE: usize = 200;
 
-/// Most robot steps to simulate for the sample, and for the medoids: those of 200 of the paper's swarms, which take half a second
-/// of one core. Coordinators also make reports, and have other work.
+/// Maximum number of robot steps to simulate for the sample, and the same for the medoids: those of 200 swarms of the paper,
+/// which take half a second of one core. The number is low because coordinators, which have other work, also make reports.
 const MOST_STEPS: u64 = 200 * 24 * 1200;
 
-/// Smallest sample that represents the archive.
+/// Minimum size of a sample that represents the archive.
 const LEAST: usize = 50;
 
-/// Fewest robots of a swarm that the judge can judge.
+/// Minimum number of robots of a swarm that the judge can judge.
 const FEWEST_ROBOTS: u32 = 3;
 
 /// The rule-based judge's verdicts on the medoids of an archive and on a sample of it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Judged {
-    /// Its verdict on each medoid, in the order of the taxonomy; empty if judging would take too long.
+    /// The verdict on each medoid, in the order of the taxonomy; empty if judging is impossible or would take too long.
     pub medoids: Vec<Verdict>,
-    /// Indices of individuals evenly spread over the archive, each with its verdict; empty if judging would take too long.
+    /// Indices of individuals evenly spread over the archive, each with its verdict; empty if judging is impossible or would take
+    /// too long.
     pub sample: Vec<(u64, Verdict)>,
 }
 
 impl Judged {
-    /// Simulates and judges the individuals `medoids` of an archive, and a sample of all.
+    /// Simulates and judges the individuals `medoids` of an archive, and a sample of the whole archive.
     ///
     /// # Errors
-    /// If one cannot be simulated.
+    /// If an individual cannot be simulated.
     pub fn of(spec: &CampaignSpec, archive: &[Entry], medoids: &[u64]) -> Result<Self, Invalid> {
         let world = spec.world();
         // The judge needs several robots and a full window of motion.
@@ -65,7 +66,7 @@ impl Judged {
         })
     }
 
-    /// The share of the sample without a class and without a pattern, 0 to 1; `None` without a sample.
+    /// The share of the sample that is of the class `random` without a pattern, 0 to 1; `None` if there is no sample.
     pub(crate) fn random_share(&self) -> Option<f64> {
         let random = self.sample.iter().filter(|(_, verdict)| *verdict == RANDOM);
         let random = random.count();
@@ -73,19 +74,19 @@ impl Judged {
     }
 }
 
-/// The name that a card counts under.
+/// The name of a card, by which cards are counted as distinct behaviours.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Shown {
     /// A behaviour that an annotator named.
     Named(String),
     /// A behaviour that only the rule-based judge names.
     Judged(String),
-    /// A behaviour without a name, or a random one.
+    /// A behaviour without a name, or a random behaviour.
     Random,
 }
 
 impl Shown {
-    /// From an annotator's name, if any, and the judge's verdict, if any.
+    /// The name of a card from an annotator's name for the behaviour, if any, and the judge's verdict, if any.
     pub fn of(name: Option<&ClassName>, verdict: Option<Verdict>) -> Self {
         let is_random = |name: &str| name.eq_ignore_ascii_case(Class::Random.name());
         match (name, verdict) {
@@ -96,7 +97,7 @@ impl Shown {
         }
     }
 
-    /// The class of its name, if it has a name.
+    /// The class of the card's name, if the card has a name.
     fn key(&self) -> Option<ClassKey> {
         match self {
             Self::Named(name) | Self::Judged(name) => Some(ClassKey::from(name.as_str())),
@@ -109,8 +110,8 @@ impl Shown {
     }
 }
 
-/// Positions of the cards that show a new behaviour, and positions of the others. If an annotator and the judge give the same name,
-/// the annotator's card is the one that counts as new.
+/// Positions of the cards that show a new behaviour, and positions of the other cards. If an annotator and the judge give the
+/// same name to different cards, the annotator's card is the new behaviour.
 pub(crate) fn distinct(shown: &[Shown]) -> (Vec<usize>, Vec<usize>) {
     let named = shown.iter().filter(|shown| shown.is_named());
     let named: BTreeSet<ClassKey> = named.filter_map(Shown::key).collect();
@@ -122,12 +123,12 @@ pub(crate) fn distinct(shown: &[Shown]) -> (Vec<usize>, Vec<usize>) {
     })
 }
 
-/// Summary in sentences: a lower bound on the number of distinct behaviours that annotators named, and how many more kinds the
-/// judge names. Names that are nearly the same count once. The judge makes mistakes, so the number of its names is not a lower
-/// bound.
+/// Summary in sentences: a lower bound on the number of distinct behaviours that annotators named, and the number of further
+/// kinds of behaviour that the judge names. Nearly equal names of annotators count as one name. The judge makes mistakes, so the
+/// number of its names is no lower bound.
 pub fn found(shown: &[Shown]) -> Vec<(String, String)> {
     let (places, _) = distinct(shown);
-    // Groups of names that are nearly the same.
+    // Groups of annotators' names that are nearly equal.
     let mut named: Vec<Vec<&str>> = Vec::new();
     let near = |named: &[Vec<&str>], name: &str| {
         let is_near = |other: &&str| ClassKey::from(*other).is_near(&ClassKey::from(name));
@@ -179,7 +180,7 @@ impl Report {
         (0..self.medoids.len()).map(shown).collect()
     }
 
-    /// How well a card represents its cluster; `None` if no other member has a known class.
+    /// How well a card represents its cluster; `None` if no other member of the cluster has a known class.
     pub(crate) fn purity(&self, place: usize) -> Option<Purity> {
         let index = self.medoids.get(place)?.index;
         let is_other = |other: u64| {
@@ -211,7 +212,7 @@ pub(crate) struct Purity {
 }
 
 impl Purity {
-    /// From one value per member: whether it is of the medoid's class. `None` without members.
+    /// The purity from one value for each member: whether the member is of the medoid's class. `None` if there are no members.
     fn of(alike: impl Iterator<Item = bool>, by_labels: bool) -> Option<Self> {
         let alike: Vec<bool> = alike.collect();
         (!alike.is_empty()).then(|| Self {
@@ -281,7 +282,7 @@ mod tests {
             ["The rule-based judge names 1 kind of behaviour: milling"]
         );
         assert!(message(&both[2..3]).is_empty());
-        // The judge and an annotator give the same name, and an annotator mistypes a name.
+        // The judge and an annotator give the name `milling`, and an annotator mistypes it as `miling`.
         let twice = [
             judged("milling"),
             named("milling"),
@@ -321,7 +322,7 @@ mod tests {
             (first[0], milling),
             (first[1], chain),
             (second[0], milling),
-            // The medoid itself does not count.
+            // The medoid itself does not count as a member.
             (report.medoids[0].index, milling),
         ];
         let of = |report: &Report, place| {

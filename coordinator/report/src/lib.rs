@@ -1,6 +1,7 @@
 //! The report of a campaign: one self-contained page with the taxonomy, and the files that papers are made from.
 //!
-//! The input is plain data ([`Report`]), the output a folder of files ([`write()`]). The caller simulates, projects and clusters.
+//! The input is plain data ([`Report`]), the output a folder of files ([`write()`]). The caller simulates, projects and clusters
+//! the behaviours.
 
 mod again;
 pub mod atlas;
@@ -41,18 +42,18 @@ use std::path::PathBuf;
 /// Everything that a report shows of one campaign.
 #[derive(Debug, Clone)]
 pub struct Report {
-    /// Id of the campaign.
+    /// The campaign's id.
     pub campaign: String,
     pub spec: CampaignSpec,
-    /// Digest of its archive, to compare with that of a repeated campaign.
+    /// Digest of the campaign's archive, to compare with that of a repeated campaign.
     pub digest: String,
-    /// Digest of the checkpoint whose embeddings the archive holds; empty if none.
+    /// Digest of the checkpoint whose embeddings the archive has; empty if the archive has no embeddings.
     pub checkpoint: String,
-    /// When it was created, milliseconds since 1970-01-01 UTC.
+    /// Time at which the campaign was created, in milliseconds since 1970-01-01 UTC.
     pub created_ms: u64,
-    /// Version of the simulator that evaluated it.
+    /// Version of the simulator that evaluated the campaign.
     pub simulator_version: String,
-    /// Its generations, in order.
+    /// The campaign's generations, in order.
     pub generations: Vec<GenerationSummary>,
     /// The archive, by index.
     pub individuals: Vec<Entry>,
@@ -60,23 +61,24 @@ pub struct Report {
     pub medoids: Vec<MedoidEntry>,
     /// Position in `medoids` of each individual's nearest medoid.
     pub clusters: Vec<u32>,
-    /// Individuals shown besides the medoids, each the farthest from the medoids and the ones before it.
+    /// Individuals shown besides the medoids. Each is the individual farthest from the medoids and from the further individuals
+    /// before it.
     pub further: Vec<FurtherEntry>,
     pub map: Map,
     /// Pictures of individuals, for the map.
     pub pictured: Pictured,
-    /// Sum over the archive of the distance to the nearest medoid, units of the behaviour space.
+    /// Sum of the distances of all individuals to their nearest medoids, in units of the behaviour space.
     pub loss: f64,
     /// The names of behaviours, and who gave them.
     pub names: Names,
     /// The rule-based judge's verdicts on the medoids, and on a sample of the archive.
     pub judged: Judged,
-    /// The inputs of the archive besides the specification.
+    /// What determined the archive besides the specification: labels, rounds and checkpoints.
     pub repetition: Repetition,
 }
 
 impl Report {
-    /// Numbers in an embedding; 0 without one.
+    /// Number of values in an embedding; 0 if the archive has no embeddings.
     fn embedding_dimensions(&self) -> usize {
         self.individuals.first().map_or(0, |entry| entry.embedding.len())
     }
@@ -93,73 +95,72 @@ impl Report {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GenerationSummary {
-    /// Its number, from 0.
+    /// Number of the generation, from 0.
     pub generation: u32,
-    /// Highest novelty among its individuals when it was evaluated, in the behaviour space of the report.
+    /// Highest novelty when evaluated among the generation's individuals, in the behaviour space of the report.
     pub best_novelty: f64,
     pub mean_novelty: f64,
-    /// Proposals that the heuristic filter rejected.
+    /// Number of proposals that the heuristic filter rejected.
     pub filtered: u64,
 }
 
 /// One evaluated controller.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Entry {
-    /// Generation that it belongs to, from 0.
+    /// Generation of the individual, from 0.
     pub generation: u32,
     pub controller: Controller,
-    /// Seed of its start, the first one if there are several.
+    /// Seed of the individual's start, or of the first start if there are several.
     pub seed: u64,
-    /// Its hand-crafted features: means over its trials.
+    /// The individual's hand-crafted features: means over its trials.
     pub features: Features,
-    /// The embedding of its picture by the report's checkpoint, the mean over its trials; empty if none.
+    /// The embedding of the individual's picture by the report's checkpoint, the mean over its trials; empty if there is none.
     pub embedding: Vec<f32>,
-    /// Its trials; empty if it has only one.
+    /// The individual's trials; empty if the individual has only one trial.
     pub trials: Vec<TrialEntry>,
-    /// Robustness, 0 to 1: the share of its trials whose nearest medoid is the individual's own; `None` if it has one trial.
+    /// The individual's robustness, 0 to 1; `None` if the individual has only one trial.
     pub robustness: Option<f64>,
-    /// Novelty when evaluated: mean distance to its nearest neighbours in the archive after its generation, in the behaviour space
-    /// of the report.
+    /// The individual's novelty when evaluated, in the behaviour space of the report.
     pub novelty_when_evaluated: f64,
 }
 
 impl Entry {
-    /// Features and embedding, which place it in the behaviour space.
+    /// Features and embedding, which place the individual in the behaviour space.
     #[must_use]
     pub fn measured(&self) -> (Features, Vec<f32>) {
         (self.features, self.embedding.clone())
     }
 }
 
-/// One simulation of an individual that has several.
+/// One trial of an individual that has several trials.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrialEntry {
-    /// Seed of its start.
+    /// Seed of the trial's start.
     pub seed: u64,
-    /// Its hand-crafted features.
+    /// The trial's hand-crafted features.
     pub features: Features,
-    /// The embedding of its picture; empty if none.
+    /// The embedding of the trial's picture; empty if there is none.
     pub embedding: Vec<f32>,
 }
 
 /// One behaviour of the taxonomy.
 #[derive(Debug, Clone)]
 pub struct MedoidEntry {
-    /// Index of the individual at the centre of the cluster.
+    /// Index of the medoid in the archive.
     pub index: u64,
     /// Its image, in the specification's format.
     pub image: Vec<u8>,
-    /// Individuals in the cluster, the medoid included.
+    /// Number of individuals in the cluster, the medoid included.
     pub cluster_size: u64,
-    /// Mean distance of the cluster's members to it, units of the behaviour space.
+    /// Mean distance of the cluster's members to the medoid, in units of the behaviour space.
     pub mean_distance: f64,
-    /// Mean distance to its nearest neighbours in the whole archive, units of the behaviour space.
+    /// Mean distance of the medoid to its nearest neighbours in the whole archive, in units of the behaviour space.
     pub novelty: f64,
     /// Its motion from the start to the horizon.
     pub replay: Replay,
-    /// Other members of its cluster, to show how alike they are; `None` if the medoid is the only member.
+    /// Other members of the cluster, which show how alike its members are; `None` if the medoid is the only member.
     pub spread: Option<Spread>,
-    /// Name of its cluster, if inherited from an earlier version of the taxonomy.
+    /// Name of the cluster, if it was inherited from an earlier version of the taxonomy.
     pub carried: Option<CarriedName>,
 }
 
@@ -177,7 +178,7 @@ pub struct FurtherEntry {
 pub struct Spread {
     /// The member that is nearest to the medoid.
     pub nearest: Member,
-    /// The member at the median distance; of an even number, the farther of the two in the middle.
+    /// The member at the median distance; of an even number of members, the farther of the two in the middle.
     pub median: Member,
     /// The member that is farthest from the medoid.
     pub farthest: Member,
@@ -199,7 +200,7 @@ impl Spread {
 pub struct Member {
     /// Index of the individual.
     pub index: u64,
-    /// Distance to the medoid, units of the behaviour space.
+    /// Distance to the medoid, in units of the behaviour space.
     pub distance: f64,
     /// Its image, in the specification's format.
     pub image: Vec<u8>,
@@ -208,7 +209,7 @@ pub struct Member {
 /// The behaviour space, projected to two dimensions.
 #[derive(Debug, Clone)]
 pub struct Map {
-    /// One point per individual, by index.
+    /// One point for each individual, by index.
     pub points: Vec<[f64; 2]>,
     /// The titles of the axes: across, then up.
     pub axis_titles: [String; 2],
@@ -218,7 +219,7 @@ pub struct Map {
 pub struct ReportFiles {
     /// The page to open.
     pub page: PathBuf,
-    /// The other files, in the order in which they were written.
+    /// The files besides the page, in the order in which they were written.
     pub others: Vec<PathBuf>,
 }
 
@@ -246,7 +247,7 @@ pub enum ReportError {
     },
     #[error("cannot draw {file}: {source}")]
     Drawing {
-        /// Name of its file or folder.
+        /// Name of the drawing's file or folder.
         file: &'static str,
         source: PictureError,
     },
@@ -254,15 +255,16 @@ pub enum ReportError {
     Folder(#[from] FolderError),
 }
 
-/// Writes a report into `folder`, replacing an earlier report.
+/// Writes a report into the folder `files`, where it replaces an earlier report.
 ///
-/// `report.html` needs no other file and no network. Beside it are `spec.toml`, `archive.csv`, `taxonomy.csv`, `trials.csv` (where
-/// individuals have several trials), `classes.csv`, `generations.csv`, `map.svg`, `novelty.svg`, `contact-sheet.svg` and
-/// `medoids/NN-image.png`, `medoids/NN-trajectory.png`, `medoids/NN-trajectory.svg` (NN is the position in the taxonomy, from 01).
+/// `report.html` needs no other file and no network. The other files are `spec.toml`, `archive.csv`, `taxonomy.csv`, `trials.csv`
+/// (if individuals have several trials), `classes.csv`, `generations.csv`, `map.svg`, `novelty.svg`, `contact-sheet.svg` and
+/// `medoids/NN-image.png`, `medoids/NN-trajectory.png`, `medoids/NN-trajectory.svg` (NN is the position in the taxonomy, from
+/// 01).
 ///
 /// # Errors
-/// [`ReportError::Inconsistent`], [`ReportError::Picture`] or [`ReportError::Drawing`] before anything is written;
-/// [`ReportError::Folder`] as [`Folder::finish`].
+/// [`ReportError::Inconsistent`], [`ReportError::Picture`] or [`ReportError::Drawing`] before any file is written;
+/// [`ReportError::Folder`] for the errors of [`Folder::finish`].
 pub fn write(report: &Report, mut files: Folder) -> Result<ReportFiles, ReportError> {
     check(report)?;
     let (pictures, further) = (draw_medoids(report)?, draw_further(report)?);
@@ -295,14 +297,15 @@ pub fn write(report: &Report, mut files: Folder) -> Result<ReportFiles, ReportEr
     Ok(ReportFiles::of(files.finish()?))
 }
 
-/// The page of a report without the other files. Only the page of [`write()`] refers to the files beside it.
+/// The page of a report without the other files of the report. The page of [`write()`] refers to those files; this page does not.
 pub fn page(report: &Report) -> Result<String, ReportError> {
     check(report)?;
     let (pictures, further) = (draw_medoids(report)?, draw_further(report)?);
     Ok(page::render(report, &pictures, &further, Files::Absent))
 }
 
-/// The contact sheet alone, as SVG: the paths of all behaviours in one figure. It needs no pictures of individuals.
+/// The contact sheet alone, as SVG: the paths of all behaviours in one figure. The `report` needs no pictures of individuals for
+/// it.
 pub fn contact_sheet(report: &Report) -> Result<String, ReportError> {
     check(report)?;
     Ok(contact_sheet::svg(report))
@@ -311,9 +314,9 @@ pub fn contact_sheet(report: &Report) -> Result<String, ReportError> {
 /// Whether the other files of a report are written with its page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Files {
-    /// They are in the same folder.
+    /// The other files are in the folder of the page.
     Beside,
-    /// There is only the page.
+    /// The page has no other files beside it.
     Absent,
 }
 
@@ -370,13 +373,13 @@ fn check(report: &Report) -> Result<(), ReportError> {
     Ok(())
 }
 
-/// The PNG files of one medoid: small or transparent ones for the page, large ones for the folder.
+/// The PNG files of one medoid: small or transparent files for the page, and large files for the folder of the report.
 struct MedoidPictures {
     image: Vec<u8>,
     image_large: Vec<u8>,
     trajectory: Vec<u8>,
     trajectory_large: Vec<u8>,
-    /// The members of its [`Spread`], in its order; empty without one.
+    /// The pictures of the members of the medoid's [`Spread`]; empty if the medoid has no spread.
     members: Vec<Vec<u8>>,
 }
 
@@ -423,7 +426,7 @@ fn draw_medoids(report: &Report) -> Result<Vec<MedoidPictures>, ReportError> {
     drawn.collect()
 }
 
-/// Size of the pictures of further behaviours, pixels.
+/// Size of the pictures of further behaviours, in pixels.
 const FURTHER_SIZE: u32 = 320;
 
 /// Draws the paths of each further behaviour as PNG.

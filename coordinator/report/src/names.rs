@@ -4,12 +4,12 @@ use super::Report;
 use murmuration_model::labels::{Class, ClassName, Colour, GivenClass};
 use std::collections::BTreeMap;
 
-/// The classes of a campaign, and the individuals of each.
+/// The classes of a campaign, and the individuals of each class.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Names {
     /// The classes of the current answers, in the order in which they were first named.
     pub classes: Vec<Class>,
-    /// The class of each individual that has one, by index. Where annotators differ, the last answer counts.
+    /// The class of each labelled individual, by index. If annotators disagree about an individual, only the last answer counts.
     pub by_individual: BTreeMap<u64, GivenClass>,
 }
 
@@ -19,11 +19,11 @@ pub struct CarriedName {
     pub class: ClassName,
     /// The earlier version, from 1.
     pub version: u32,
-    /// Index of the earlier cluster in that version, from 0.
+    /// Index of the earlier cluster in the earlier version, from 0.
     pub place: usize,
-    /// Members that both clusters share.
+    /// Number of members that the earlier cluster and this cluster share.
     pub shared: u64,
-    /// All members of the earlier cluster.
+    /// Number of members of the earlier cluster.
     pub of: u64,
 }
 
@@ -31,16 +31,16 @@ pub struct CarriedName {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ClusterName<'a> {
     pub(super) class: &'a ClassName,
-    /// The colour of its class; `None` if no current answer names the class.
+    /// The colour of the class; `None` if no current answer names the class.
     pub(super) colour: Option<Colour>,
-    /// Its origin, if the name was not given to the medoid.
+    /// The origin of a name that was not given to this medoid.
     pub(super) carried: Option<&'a CarriedName>,
-    /// Whether only the rule-based judge gave it.
+    /// Whether only the rule-based judge gave the name.
     pub(super) by_machine: bool,
 }
 
 impl ClusterName<'_> {
-    /// The name as the page shows it, with a remark on its origin unless a person gave it to the medoid.
+    /// The name as the page shows it, with a remark on its origin if no person gave it to this medoid.
     pub(super) fn in_words(&self) -> String {
         let shown = self.class.shown();
         match (self.carried, self.by_machine) {
@@ -52,7 +52,7 @@ impl ClusterName<'_> {
 }
 
 impl Report {
-    /// The name of a cluster: by its medoid, or by a cluster of an earlier version.
+    /// The name of a cluster: the inherited name, or else the class of the medoid.
     pub(super) fn name_of(&self, place: usize) -> Option<ClusterName<'_>> {
         let medoid = self.medoids.get(place)?;
         if let Some(carried) = &medoid.carried {
@@ -74,12 +74,12 @@ impl Report {
     }
 }
 
-/// Numbers of individuals that have a class, by who gave it.
+/// Numbers of individuals that have a class, by who gave the class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Named {
-    /// Named by a person.
+    /// Individuals that a person named.
     pub(super) people: u64,
-    /// Named only by the rule-based judge.
+    /// Individuals that only the rule-based judge named.
     pub(super) machine: u64,
 }
 

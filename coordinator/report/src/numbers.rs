@@ -1,8 +1,8 @@
-//! Numbers as people read them.
+//! Formats numbers for people.
 
 pub(super) use murmuration_swarm::{counted, grouped};
 
-/// About three significant digits: `0.0123`, `1.23`, `1,235`.
+/// A number with about three significant digits: `0.0123`, `1.23`, `1,235`.
 pub(super) fn short(number: f64) -> String {
     match number.abs() {
         size if size >= 1e15 || !size.is_finite() => format!("{number:.2e}"),

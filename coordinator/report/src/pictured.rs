@@ -1,48 +1,48 @@
-//! The pictures of an archive's individuals in a few files: sheets of tiles, from which a page cuts the picture of a point.
+//! The pictures of an archive's individuals, as tiles on a few sheets. A page cuts the picture of a point from a sheet.
 
 use crate::picture::{PictureError, rgb, thinned};
 use murmuration_swarm::PictureShape;
 
-/// Most individuals on the map of a page.
+/// Maximum number of individuals on the map of a page, besides medoids.
 pub(crate) const MOST_POINTS: usize = 100_000;
-/// Most individuals that have a picture, and most pixels of all pictures together.
+/// Maximum number of individuals that have a picture, and of the pixels of all pictures together.
 const MOST_PICTURES: usize = 10_000;
 const MOST_PIXELS: usize = 25_000_000;
-/// Tiles in a row of a sheet, and in a sheet.
+/// Number of tiles in a row of a sheet, and in a whole sheet.
 pub(crate) const COLUMNS: usize = 20;
 pub(crate) const TILES: usize = COLUMNS * COLUMNS;
 
 /// The pictures of some individuals, in the order of the archive; empty if a report has no pictures.
 #[derive(Debug, Clone, Default)]
 pub struct Pictured {
-    /// The individual of each tile, ascending.
+    /// The index of the individual of each tile, ascending.
     pub(crate) indices: Vec<u64>,
-    /// The sheets as PNG, each but the last with [`TILES`] tiles.
+    /// The sheets as PNG; every sheet except the last has [`TILES`] tiles.
     pub(crate) sheets: Vec<Vec<u8>>,
 }
 
 impl Pictured {
-    /// The tile of an individual.
+    /// The number of an individual's tile, if the individual has a picture.
     pub(crate) fn tile(&self, index: u64) -> Option<usize> {
         self.indices.binary_search(&index).ok()
     }
 }
 
-/// Chooses the pictures of sheets while an archive is read; the others are not kept.
+/// Chooses the pictures of the sheets while an archive is read. Pictures that are not chosen are not kept.
 #[derive(Debug)]
 pub struct PictureSheets {
     shape: PictureShape,
-    /// Individuals whose pictures are still to come, the next one last.
+    /// Individuals whose pictures have not been added yet, the next individual last.
     wanted: Vec<u64>,
-    /// The individuals with a picture, ascending.
+    /// The indices of the individuals whose pictures were added, ascending.
     indices: Vec<u64>,
-    /// Their pictures row by row: grey values, or red, green and blue of each pixel if there are several channels.
+    /// The added pictures, row by row: grey values, or red, green and blue of each pixel if there are several channels.
     tiles: Vec<Vec<u8>>,
 }
 
 impl PictureSheets {
-    /// Prepares for an archive of `individuals` with pictures of this shape: at most 10,000 pictures of evenly spaced individuals,
-    /// fewer if pictures have a side above 50 pixels.
+    /// Chooses individuals of an archive of `individuals` individuals with pictures of this shape. At most 10,000 evenly spaced
+    /// individuals are chosen, fewer if a side of a picture is longer than 50 pixels.
     pub fn of(individuals: usize, shape: PictureShape) -> Self {
         let most = MOST_PICTURES.min(MOST_PIXELS / shape.pixels().max(1));
         let shown = thinned(individuals, MOST_POINTS);
@@ -57,11 +57,11 @@ impl PictureSheets {
         }
     }
 
-    /// Adds the picture of an individual, if it is one of the chosen. Individuals must come in the order of the archive; one
-    /// without a picture is left out.
+    /// Adds the picture of an individual, if the individual was chosen. The caller adds individuals in the order of the archive
+    /// and skips individuals without a picture.
     ///
     /// # Errors
-    /// [`PictureError`] if the image is of another shape.
+    /// [`PictureError`] if the shape of the image differs.
     pub fn add(&mut self, index: u64, image: &[u8]) -> Result<(), PictureError> {
         while self.wanted.last().is_some_and(|&wanted| wanted < index) {
             self.wanted.pop();
@@ -73,7 +73,7 @@ impl PictureSheets {
         Ok(())
     }
 
-    /// Encodes the sheets. Blocks for up to a second or two.
+    /// Encodes the sheets. Encoding blocks the thread for up to two seconds.
     pub fn finish(self) -> Result<Pictured, PictureError> {
         let sheets = self.tiles.chunks(TILES).map(|tiles| sheet(tiles, self.shape));
         Ok(Pictured {
@@ -83,7 +83,7 @@ impl PictureSheets {
     }
 }
 
-/// The pixels of an image in screen order, row by row.
+/// The pixels of an image row by row, as on a screen.
 fn screen(image: &[u8], shape: PictureShape) -> Result<Vec<u8>, PictureError> {
     if shape.channels() > 1 || image.len() != shape.bytes() {
         return rgb(image, shape);
@@ -96,8 +96,8 @@ fn screen(image: &[u8], shape: PictureShape) -> Result<Vec<u8>, PictureError> {
     Ok(rows)
 }
 
-/// Encodes tiles as one PNG with the upper four bits of each value: at this size the difference is invisible, and the file is half
-/// as large.
+/// Encodes tiles as one PNG with the upper four bits of each value. At the size of a tile the difference is invisible, and the
+/// file is half as large.
 fn sheet(tiles: &[Vec<u8>], shape: PictureShape) -> Result<Vec<u8>, PictureError> {
     let side = shape.side();
     let (width, height) = (COLUMNS * side, tiles.len().div_ceil(COLUMNS) * side);
@@ -111,7 +111,7 @@ fn sheet(tiles: &[Vec<u8>], shape: PictureShape) -> Result<Vec<u8>, PictureError
         pixels.extend_from_slice(row);
     }
     if is_grey {
-        // The width is even, so no byte spans two rows.
+        // The width is even, so that no byte has pixels of two rows.
         let pairs = pixels.chunks_exact(2);
         pixels = pairs.map(|pair| pair[0] & 0xf0 | pair[1] >> 4).collect();
     } else {
@@ -140,7 +140,7 @@ mod tests {
         PictureShape::new(channels, side).unwrap()
     }
 
-    /// Width and pixels of a sheet, as bytes.
+    /// Width of a sheet, and its pixels as bytes.
     fn decoded(sheet: &[u8]) -> (usize, Vec<u8>) {
         let mut decoder = png::Decoder::new(std::io::Cursor::new(sheet));
         decoder.set_transformations(png::Transformations::EXPAND);
@@ -165,7 +165,7 @@ mod tests {
             let place = tile % TILES;
             let corner = place / COLUMNS * 2 * width + place % COLUMNS * 2;
             let grey = (index % 16 * 17) as u8;
-            // Axis 0 of an image is x, which points right here.
+            // Axis 0 of an image is x, which points to the right on a sheet.
             let rows = [corner, corner + 1, corner + width, corner + width + 1].map(|at| pixels[at]);
             assert_eq!(rows, [grey, 255, 0, grey], "{index}");
         }

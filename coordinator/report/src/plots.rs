@@ -1,4 +1,4 @@
-//! The plots as SVG: novelty and filtering over generations, and the map of the behaviour space.
+//! The plots of a report as SVG: novelty and filtering over generations, and the map of the behaviour space.
 
 use super::{GenerationSummary, Report};
 use crate::{
@@ -10,12 +10,12 @@ use maud::{Markup, html};
 use murmuration_model::colours;
 use serde::Serialize;
 
-/// Size in pixels for a wide page and for papers.
+/// Size of a plot in pixels, for a wide page and for papers.
 pub(super) const WIDE: [f64; 2] = [1180.0, 340.0];
-/// Size in pixels for a narrow page.
+/// Size of a plot in pixels, for a narrow page.
 pub(super) const NARROW: [f64; 2] = [360.0, 260.0];
 
-// The page's style sheet replaces these colours, and those of `svg`, by value in the dark.
+// On dark screens, the page's style sheet finds these colours and those of `svg` by their values, and replaces them.
 const BEST: &str = "#1f5f8b";
 const MEAN: &str = "#b0621c";
 
@@ -23,7 +23,7 @@ const MEAN: &str = "#b0621c";
 const MAP: [f64; 2] = [1080.0, 720.0];
 const MAP_FREE: [f64; 4] = [80.0, 16.0, 16.0, 60.0];
 
-/// Most points of a line, and most individuals of a map that are drawn one by one.
+/// Maximum number of points of a line, and of individuals that a map draws.
 const MOST_STEPS: usize = 1500;
 const MOST_POINTS: usize = 20_000;
 
@@ -65,7 +65,7 @@ pub(super) fn filtered(generations: &[GenerationSummary], size: [f64; 2]) -> Cur
     over_generations(size, vec![("", BEST, filtered)], "rejected")
 }
 
-/// Name, colour, and values by generation.
+/// A line of a plot: its name, its colour, and its values by generation.
 pub(super) type Line = (&'static str, &'static str, Vec<(u32, f64)>);
 
 fn over_generations(size: [f64; 2], lines: Vec<Line>, title: &str) -> Curves {
@@ -129,7 +129,7 @@ fn over_generations(size: [f64; 2], lines: Vec<Line>, title: &str) -> Curves {
     }
 }
 
-/// A plot without a title: its page has one, and a browser would show a title as a tooltip.
+/// An SVG without a title: the page already names the plot, and a browser would show a title as a tooltip.
 fn drawing([width, height]: [f64; 2], content: &Markup) -> String {
     let plot = html! {
         svg xmlns="http://www.w3.org/2000/svg" width=(width) height=(height) viewBox={ "0 0 " (width) " " (height) }
@@ -138,7 +138,7 @@ fn drawing([width, height]: [f64; 2], content: &Markup) -> String {
     plot.into_string()
 }
 
-/// All individuals in the colours of their clusters, and the medoids with their numbers.
+/// The map of at most 20,000 individuals in the colours of their clusters, and of the medoids with their numbers.
 pub(super) fn map(report: &Report) -> String {
     let points = &report.map.points;
     let axes = map_axes(points);
@@ -169,7 +169,7 @@ pub(super) fn map(report: &Report) -> String {
     drawing(MAP, &content)
 }
 
-/// The axes of the map, with room around the points and the same scale across and up.
+/// The axes of the map, with room around the points and the same scale in both directions.
 fn map_axes(points: &[[f64; 2]]) -> Axes {
     let [left, above, right, below] = MAP_FREE;
     let (across, down) = ([left, MAP[0] - right], [above, MAP[1] - below]);
@@ -195,8 +195,8 @@ fn map_axes(points: &[[f64; 2]]) -> Axes {
     }
 }
 
-/// At most 1,500 generations to draw a curve from. Neighbours are merged: the highest best, the mean of the means and the sum of
-/// the filtered.
+/// At most 1,500 points of a curve over generations. Neighbouring generations are merged: the result has their highest best
+/// novelty, the mean of their mean novelties, and the sum of their filtered proposals.
 pub fn condensed(generations: &[GenerationSummary]) -> Vec<GenerationSummary> {
     let together = generations.len().div_ceil(MOST_STEPS).max(1);
     let one = |group: &[GenerationSummary]| GenerationSummary {
@@ -254,7 +254,7 @@ mod tests {
                 *point = [place, -place];
             }
             let svg = map(&report);
-            // The numbers of the medoids are numbers too, but whole ones.
+            // `ticks` also has the numbers of the medoids, which are whole numbers.
             let ticks = numbers(&svg);
             assert!(ticks.contains(&nought), "{ticks:?}");
             let nearest = ticks.iter().map(|tick| tick.parse::<f64>().unwrap().abs());
@@ -277,7 +277,7 @@ mod tests {
                 let text = circle.split_once(axis).unwrap().1;
                 text.split('"').nth(1).unwrap().parse().unwrap()
             };
-            // The points of the individuals come first.
+            // The circles of the individuals come before those of the medoids.
             let circles: Vec<&str> = svg
                 .split("<circle")
                 .skip(1)
@@ -304,7 +304,7 @@ mod tests {
             let svg = novelty(&run(count), WIDE).svg;
             let ticks = numbers(&svg);
             let once: std::collections::BTreeSet<_> = ticks.iter().collect();
-            // Both axes begin at 0, and both may have a 1.
+            // Both axes begin at 0, and both can have a 1.
             assert!(ticks.len() <= once.len() + 2, "{count} generations: {ticks:?}");
         }
     }

@@ -1,12 +1,12 @@
-//! Coloured points, as pictures without text.
+//! Pictures of coloured points, without text.
 
 use crate::picture::{PictureError, encoded};
 use murmuration_model::colours::Rgb;
 
-/// Margin at each edge, as a share of a map's side.
+/// Margin at each edge of a map, as a share of its side.
 const FREE: f64 = 0.03;
 
-/// Positions of points on a square with this side, right and down, with the same scale across and up.
+/// Positions of points on a square with this side, to the right and down, with the same scale in both directions.
 pub fn places(points: &[[f64; 2]], side: f64) -> Vec<[f64; 2]> {
     let range = |axis: usize| {
         let values = points.iter().map(|point| point[axis]);
@@ -40,7 +40,7 @@ pub fn png(points: &[([f64; 2], Rgb)], side: usize, radius: i64) -> Result<Vec<u
     encoded(pixels.as_flattened(), [side; 2], png::ColorType::Rgba)
 }
 
-/// Calls `set` with each pixel of the points and its colour, row by row.
+/// Calls `set` with each pixel of each point, counted row by row, and with the point's colour.
 fn draw(points: &[([f64; 2], Rgb)], side: usize, radius: i64, mut set: impl FnMut(usize, Rgb)) {
     let at: Vec<[f64; 2]> = points.iter().map(|(at, _)| *at).collect();
     let inside = |value: i64| usize::try_from(value).ok().filter(|&value| value < side);

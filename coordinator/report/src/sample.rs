@@ -1,4 +1,5 @@
-//! A report of an invented campaign, for tests. Its robots drive without sensing, which makes no difference to a report.
+//! A report of an invented campaign, for tests. The robots of the campaign drive without sensing, which makes no difference to a
+//! report.
 
 use super::{
     Entry, FurtherEntry, GenerationSummary, Judged, Map, MedoidEntry, Member, Names, PictureSheets, Pictured,
@@ -13,7 +14,7 @@ use murmuration_swarm::{
 };
 use rand::RngExt as _;
 
-/// The size of a sample; the fields are those of a campaign.
+/// The specification and the size of a sample campaign.
 pub(super) struct Sample {
     pub(super) spec: &'static str,
     pub(super) individuals: usize,
@@ -32,7 +33,7 @@ pub(super) fn report(sample: &Sample) -> Report {
     let mut stream = RandomStream::derive(spec.seed(), Purpose::Propose, 0);
     let count = spec.medoids() as usize;
     let population = sample.individuals.div_ceil(20);
-    // Larger cluster numbers are rarer, and the medoid of cluster c is individual c.
+    // Clusters with larger numbers have fewer members. The medoid of cluster c is individual c.
     let clusters: Vec<u32> = (0..sample.individuals)
         .map(|i| {
             if i < count {
@@ -126,7 +127,7 @@ pub(super) fn report(sample: &Sample) -> Report {
     }
 }
 
-/// Individuals that look like their medoids.
+/// The pictures of the individuals: each individual has the picture of its medoid.
 fn pictured(medoids: &[MedoidEntry], clusters: &[u32], spec: &CampaignSpec) -> Pictured {
     let mut sheets = PictureSheets::of(clusters.len(), spec.image().shape());
     for (index, &cluster) in (0..).zip(clusters) {
@@ -135,7 +136,7 @@ fn pictured(medoids: &[MedoidEntry], clusters: &[u32], spec: &CampaignSpec) -> P
     sheets.finish().unwrap()
 }
 
-/// Two individuals that move as medoids do.
+/// Two further individuals that move as the first two medoids do.
 fn further(medoids: &[MedoidEntry]) -> Vec<FurtherEntry> {
     let like = medoids.iter().zip(20..22);
     like.map(|(medoid, index)| FurtherEntry {
@@ -145,7 +146,7 @@ fn further(medoids: &[MedoidEntry]) -> Vec<FurtherEntry> {
     .collect()
 }
 
-/// Members that look like the medoid, at distances unique to the cluster.
+/// Members of a cluster that look like its medoid, at distances that no other cluster has.
 fn spread(place: usize, image: &[u8]) -> Spread {
     let member = |index: usize, distance: f64| Member {
         index: index as u64,
@@ -159,7 +160,7 @@ fn spread(place: usize, image: &[u8]) -> Spread {
     }
 }
 
-/// Two classes. The first has the first medoid and two other individuals, one of them named by the judge alone.
+/// Two classes. The first class has the first medoid and two other individuals; the judge alone named one of these individuals.
 fn names() -> Names {
     let class = |name: &str, colour: &str, labels| Class {
         name: name.parse().unwrap(),
@@ -191,7 +192,7 @@ fn generation_of(generation: u32, stream: &mut RandomStream) -> GenerationSummar
     }
 }
 
-/// Robots that drive as if they saw no others, and stop at walls.
+/// The motion of robots that drive as if they saw no other robots, and stop at walls.
 fn swarm(entry: &Entry, world: &World, frames: u32) -> Replay {
     let mut stream = RandomStream::derive(entry.seed, Purpose::Start, 0);
     let margin = world.margin();

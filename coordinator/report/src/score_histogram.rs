@@ -1,24 +1,24 @@
-//! The histogram of heuristic scores, of random behaviours and of the others, with the cutoff of the filter, as SVG.
+//! The histogram of the heuristic scores of random and of other behaviours, with the cutoff of the filter, as SVG.
 
 use crate::svg::{Drawing, MUTED, WHITE, tenth};
 use maud::html;
 use murmuration_model::colours;
 use murmuration_swarm::Class;
 
-/// Size of the plot, and margins around the bars (left, top, right, bottom); pixels.
+/// Size of the plot, and margins around the bars (left, top, right, bottom), in pixels.
 const SIZE: [f64; 2] = [640.0, 340.0];
 const FREE: [f64; 4] = [56.0, 44.0, 14.0, 48.0];
-/// Width of a bar in scores; bars begin at multiples of it.
+/// Width of a bar in units of the score; bars begin at multiples of this width.
 const BAR: f64 = 1.0;
 /// Colours of the bars of behaviours that are not random, and of the line of the cutoff.
 const OTHER: &str = "#1f5f8b";
 const CUT: &str = "#be464d";
 
-/// Largest score, on either side of 0, in the histogram. No robot comes near it. It bounds the number of bars, of which there is
-/// one for each score between the lowest and the highest.
+/// Maximum distance of a score from 0 in the histogram; scores of robots are far below this limit. It bounds the number of bars,
+/// because the histogram has a bar for each whole score between the lowest and the highest.
 pub const MOST_SCORE: f64 = 1e4;
 
-/// A bar: scores from `low` on, and the numbers of random and of other controllers.
+/// A bar: the lowest score in the bar, and the numbers of random and of other controllers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Bar {
     low: f64,
@@ -26,8 +26,8 @@ struct Bar {
     other: usize,
 }
 
-/// The histogram of controllers' scores, with their classes; scores are within [`MOST_SCORE`] of 0. The filter rejects scores below
-/// `cutoff`.
+/// The histogram of controllers' scores by class. Scores farther than [`MOST_SCORE`] from 0 are moved to this limit. The filter
+/// rejects scores below `cutoff`.
 pub fn svg(scores: &[(f64, Class)], cutoff: f64, title: &str) -> String {
     let bars = bars(scores, cutoff);
     let most = bars
@@ -77,7 +77,8 @@ pub fn svg(scores: &[(f64, Class)], cutoff: f64, title: &str) -> String {
     drawing.with(&content).into_string()
 }
 
-/// The bars from the lowest score to the highest, empty ones included; they also cover the cutoff. No bars without scores.
+/// The bars from the lowest score to the highest, empty bars included. The bars also cover the cutoff. Without scores, there are
+/// no bars.
 fn bars(scores: &[(f64, Class)], cutoff: f64) -> Vec<Bar> {
     let place = |score: f64| (score.clamp(-MOST_SCORE, MOST_SCORE) / BAR).floor();
     let places = || {

@@ -1,11 +1,11 @@
 //! The scripts that draw motions and maps, for a report and for a coordinator's pages.
 //!
-//! Browsers load no modules for a page opened as a file, so a report's page contains the scripts themselves (`INLINE`). A
-//! coordinator serves the same scripts as modules ([`MODULES`]).
+//! Browsers load no modules for a page that is opened as a file, so that a report's page contains the scripts themselves
+//! (`INLINE`). A coordinator serves the same scripts as modules ([`MODULES`]).
 
 use maud::{Markup, html};
 
-/// The zoom buttons of a map; the script of points handles their clicks.
+/// The zoom buttons of a map; the script `plot.js` handles their clicks.
 pub fn zoom_buttons() -> Markup {
     html! {
         button type="button" data-zoom="in" aria-label="Zoom in" { "+" }
@@ -14,7 +14,7 @@ pub fn zoom_buttons() -> Markup {
     }
 }
 
-/// Every script, in the order of their dependencies, for one scope of a page.
+/// All scripts in the order of their dependencies, as one text for a `script` element of a page.
 pub(crate) const INLINE: &str = concat!(
     include_str!("scripts/words.js"),
     include_str!("scripts/drawing.js"),

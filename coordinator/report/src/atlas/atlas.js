@@ -1,18 +1,19 @@
-// Pictures of single controllers, for a map without tiles. Requests a few at a time.
+// Pictures of single controllers, for a map without tiles. The class requests a few pictures at a time.
 class Singles {
-  // Most requests at a time, and most pictures kept.
+  // Maximum number of requests at a time, and of pictures that are kept.
   static AT_ONCE = 8;
   static KEPT = 4000;
-  // Milliseconds that a part of the map stays in view before its pictures are requested: a moving map passes many parts.
+  // Milliseconds for which a part of the map stays in view before its pictures are requested. A moving map shows many parts for a
+  // shorter time.
   static SETTLED_MS = 120;
-  // Milliseconds to pause after a failed request, at first and at most: the coordinator may be away for a while.
+  // Milliseconds to pause after a failed request, at first and at most: the coordinator can be unreachable for a while.
   static PAUSE_MS = [500, 8000];
 
-  // `address(entry)` is the address of a picture; `arrived()` is called when more pictures have arrived.
+  // `address(entry)` returns the address of a picture. The class calls `arrived()` when more pictures have arrived.
   constructor(address, arrived) {
     this.address = address;
     this.arrived = arrived;
-    // Pictures by entry, the most recently used last.
+    // Pictures by entry, the most recently used picture last.
     this.kept = new Map();
     this.wanted = [];
     this.asked = new Set();
@@ -22,7 +23,7 @@ class Singles {
     this.isTold = true;
   }
 
-  // The picture of an entry; null if it has not arrived.
+  // The picture of an entry; null if the picture has not arrived.
   known(entry) {
     const image = this.kept.get(entry);
     if (!image) return null;
@@ -31,7 +32,7 @@ class Singles {
     return image;
   }
 
-  // Sets the entries in view, the most important first. Replaces the previous ones.
+  // Sets the entries whose pictures are wanted, the most important first. The new entries replace the previous entries.
   want(entries) {
     this.wanted = [...new Set(entries)].slice(0, Singles.KEPT).filter((entry) => !this.kept.has(entry) && !this.asked.has(entry));
     clearTimeout(this.timer);
@@ -50,7 +51,7 @@ class Singles {
     image.src = this.address(entry);
   }
 
-  // Requests a picture again after a failure: after the others, and after a pause.
+  // Requests a picture again after a failure: after a pause, and after the other wanted pictures.
   await(entry) {
     this.asked.delete(entry);
     this.wanted.push(entry);
@@ -69,7 +70,7 @@ class Singles {
     this.kept.set(entry, image);
     if (this.kept.size > Singles.KEPT) this.kept.delete(this.kept.keys().next().value);
     this.ask();
-    // At most one call per animation frame.
+    // `arrived()` is called at most once per animation frame.
     if (!this.isTold) return;
     this.isTold = false;
     requestAnimationFrame(() => {
@@ -80,10 +81,10 @@ class Singles {
 }
 
 // The map of an atlas, on the elements of its page: `map` is the canvas, `source` the picture with one pixel per controller,
-// `chosen` describes one controller, and `classes` lists the classes. On a page with a coordinator, `choose(at, genes)` is called
-// with the chosen controller or null, and `pictureOf(entry)` is the address of its picture; without `choose`, the pictures of
-// swarms are files beside the page. `seen` restores the view of another atlas of the same size, as `seen()` of the result returned
-// it: zoom, middle, and position of the chosen controller.
+// `chosen` describes one controller, and `classes` lists the classes. On a page with a coordinator, the map passes the chosen
+// controller or null to `choose(at, genes)`, and `pictureOf(entry)` returns the address of an entry's picture. Without
+// `pictureOf`, the pictures of swarms are files beside the page. `seen` restores a view of another atlas of the same size: zoom,
+// middle, and position of the chosen controller. The function `seen()` of the result returns such a view.
 function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) {
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
   const map = new Uint32Array(bytes(data.map));
@@ -95,11 +96,11 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
   const canvas = document.getElementById("map"), pen = canvas.getContext("2d");
   const source = document.getElementById("source");
   const chosen = document.getElementById("chosen");
-  // Screen pixels per controller, and position of the picture's corner on the screen.
+  // Screen pixels per controller, and position of the picture's upper left corner on the canvas.
   let scale = 1, left = 0, top = 0;
   // The scale that shows the whole map.
   let whole = 1;
-  // The chosen controller, and the described controller.
+  // The controller that a person has chosen, and the controller that the page describes.
   let pinned = null, told = null;
   let onlyClass = null, shown = source;
 
@@ -111,7 +112,7 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
   };
   const verdictsOf = (entry) =>
     [...judged.subarray(entry * data.starts, (entry + 1) * data.starts)].map((number) => data.verdicts[number - 1]);
-  // The most frequent class; of several, the one of the earliest trial.
+  // The most frequent class; if several are equally frequent, the class of the earliest trial.
   const classOf = (entry) => {
     const classes = verdictsOf(entry).map((verdict) => verdict.class);
     const count = (name) => classes.filter((other) => other === name).length;
@@ -122,7 +123,8 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     return places.map((place, gene) => data.speeds[gene][place]);
   };
 
-  // Of a pair of mirror images, the simulated one has the picture, in its own tile.
+  // Of two controllers that are mirror images, only the simulated controller has a picture. The picture is in the tile of that
+  // controller.
   const simulated = new Map();
   map.forEach((number, pixel) => {
     if (number < NOTHING) simulated.set(number, pixel);
@@ -143,7 +145,7 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     draw();
     if (told) drawChosen(told);
   });
-  // The image that contains the picture of an entry, and the position in it; null if it has not arrived.
+  // The image that contains the picture of an entry, and the picture's position in this image; null if the image has not arrived.
   const pictured = (entry) => {
     if (singles) {
       const image = singles.known(entry);
@@ -154,7 +156,7 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     const image = tile(Math.floor(column / n), Math.floor(row / n));
     return image && { image, x: (column % n) * data.side, y: (row % n) * data.side };
   };
-  // Draws the picture of a swarm. Returns whether it was available.
+  // Draws the picture of a swarm. Returns whether the picture was available.
   const drawSwarm = (pen, at, x, y, size) => {
     const picture = pictured(at.entry);
     if (!picture) return false;
@@ -169,7 +171,7 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     return true;
   };
 
-  // The map with all classes but one darkened.
+  // The map with all classes darkened except `onlyClass`.
   const onlyShown = () => {
     if (!onlyClass) return source;
     const copy = document.createElement("canvas");
@@ -208,7 +210,7 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     const seen = scale >= Math.max(28, 1.5 * whole) ? between(from, to) : [];
     const rim = 2;
     for (const at of seen) drawSwarm(pen, at, left + at.x * scale + rim, top + at.y * scale + rim, scale - 2 * rim);
-    // The chosen controller comes first.
+    // The picture of the chosen controller is requested first.
     singles?.want([...(pinned ? [pinned.entry] : []), ...seen.map(({ entry }) => entry)]);
     if (scale * n >= 24) {
       pen.strokeStyle = "#00000088";
@@ -263,7 +265,7 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     data.genes.forEach((gene, place) => row(gene, genes[place]));
     row("starts", verdictsOf(at.entry).map((verdict) => verdict.name.replaceAll("_", " ")).join(", "));
     if (choose) {
-      // The page shows its motion beside the map.
+      // A page with a coordinator shows the motion of the chosen controller beside the map.
     } else if (!at.mirrored) {
       data.features.forEach((feature, place) =>
         row(feature.replaceAll("_", " "), measured[at.entry * data.features.length + place].toPrecision(3)));
@@ -287,7 +289,8 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     };
     [left, top] = [into(left, x, canvas.clientWidth), into(top, y, canvas.clientHeight)];
   };
-  // Moves from the chosen controller to its neighbour, for keys; with `far`, to the same position in the neighbouring tile.
+  // Chooses, for a key, the neighbour of the chosen controller; with `far`, the controller at the same position in the
+  // neighbouring tile.
   const go = ([dx, dy], far) => {
     const steps = far ? n : 1;
     const next = entryAt(pinned.x + dx * steps, pinned.y + dy * steps);
@@ -379,7 +382,7 @@ function showAtlas(data, { choose = null, pictureOf = null, seen = null } = {}) 
     top = (canvas.clientHeight - side * scale) / 2;
     draw();
   };
-  // On a resize, a map in full view stays in full view, and a zoomed map keeps its position.
+  // When the canvas changes its size, a map in full view stays in full view, and a zoomed map keeps its position.
   new ResizeObserver(() => (scale === whole ? fit() : draw())).observe(canvas);
   const begin = () => {
     fit();

@@ -3,8 +3,8 @@
 use super::Atlas;
 use murmuration_swarm::{CampaignSpec, Controller, Enumeration, GeneSpace};
 
-/// The picture of all controllers of four speeds: the tiles by the first two, the pixels in each tile by the last two. The first
-/// speed of a pair increases to the right, the second upwards.
+/// The picture of all controllers of four speeds: the first two speeds choose the tile, the last two the pixel in the tile. The
+/// first speed of a pair increases to the right, the second upwards.
 #[derive(Debug, Clone)]
 pub struct Layout {
     /// The values of each of the four speeds, ascending.
@@ -14,16 +14,16 @@ pub struct Layout {
 /// The controller at a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Place {
-    /// Index among the atlas's entries, of the controller or of the simulated one whose mirror image it is.
+    /// Index of the controller among the atlas's entries; if `mirrored`, the index of its mirror image, which was simulated.
     pub(super) entry: u32,
     pub(super) mirrored: bool,
 }
 
 impl Layout {
-    /// Most values of a speed; the picture is then 4,096 pixels wide.
+    /// Maximum number of values of a speed: the picture is at most 4,096 pixels wide.
     const MOST_VALUES: usize = 64;
 
-    /// The layout of a campaign's atlas; `None` unless it evaluates all controllers of a space of four speeds.
+    /// The layout of a campaign's atlas; `None` unless the campaign evaluates all controllers of a space of four speeds.
     pub fn of(spec: &CampaignSpec) -> Option<Self> {
         let all = Enumeration::of(spec.controllers(), spec.world())?;
         if all.len() != spec.search().evaluations() {
@@ -45,12 +45,12 @@ impl Layout {
         (speeds[0].len() <= Self::MOST_VALUES).then_some(Self { speeds })
     }
 
-    /// Number of values of a speed; also of tiles in a row, and of pixels in a row of a tile.
+    /// Number of values of a speed, which is also the number of tiles in a row and of pixels in a row of a tile.
     pub fn values(&self) -> usize {
         self.speeds[0].len()
     }
 
-    /// Side of the picture, pixels.
+    /// Side of the picture in pixels.
     pub fn side(&self) -> usize {
         self.values() * self.values()
     }
@@ -60,7 +60,7 @@ impl Layout {
         &self.speeds
     }
 
-    /// The pixel of a controller, x to the right and y down; `None` if the controller is not in the space.
+    /// The pixel of a controller, x to the right and y down; `None` if the controller's speeds are not in the layout.
     pub fn pixel(&self, controller: &Controller) -> Option<[usize; 2]> {
         let genes = <&[f64; 4]>::try_from(controller.genes()).ok()?;
         let place = |gene: usize| self.speeds[gene].iter().position(|speed| *speed == genes[gene]);
@@ -69,7 +69,7 @@ impl Layout {
         Some([a * self.values() + c, (last - b) * self.values() + (last - d)])
     }
 
-    /// The controller at each pixel, row by row; `None` if none was evaluated.
+    /// The controller at each pixel, row by row; `None` for a controller that was not evaluated.
     pub(super) fn places(&self, atlas: &Atlas) -> Vec<Option<Place>> {
         let all = Enumeration::of(atlas.spec.controllers(), atlas.spec.world());
         let mut places = vec![None; self.side() * self.side()];

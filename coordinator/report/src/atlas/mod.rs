@@ -1,7 +1,7 @@
 //! The atlas of a controller space: the judge's verdicts on every controller, as a table, a picture and a page.
 //!
-//! The picture stacks four dimensions: one tile per pair of speeds while a robot sees nothing, and in each tile one pixel per pair
-//! of speeds while it sees something.
+//! The picture shows four dimensions. It has one tile for each pair of speeds while a robot sees nothing; each tile has one pixel
+//! for each pair of speeds while a robot sees something.
 
 mod layout;
 mod page;
@@ -28,26 +28,26 @@ use std::path::Path;
 /// The map of an exhaustive campaign.
 #[derive(Debug, Clone)]
 pub struct Atlas {
-    /// Id of the campaign.
+    /// The campaign's id.
     pub campaign: String,
-    /// Digest of its archive.
+    /// Digest of the campaign's archive.
     pub digest: String,
     pub spec: CampaignSpec,
-    /// Its archive, by index; at least one.
+    /// The controllers of the campaign's archive, by index; at least one.
     pub entries: Vec<AtlasEntry>,
 }
 
-/// A controller of an atlas. Its data hold for its mirror image too.
+/// A controller of an atlas. The data of a controller also apply to its mirror image.
 #[derive(Debug, Clone)]
 pub struct AtlasEntry {
     pub controller: Controller,
-    /// Seed of its first start, from which the others follow.
+    /// Seed of the controller's first start; the other starts follow from this seed.
     pub seed: u64,
     /// The judge's verdict on each trial; at least one.
     pub verdicts: Vec<Verdict>,
-    /// Means over its trials.
+    /// Means over the controller's trials.
     pub features: Features,
-    /// Its heuristic score.
+    /// The controller's heuristic score.
     pub score: f64,
 }
 
@@ -62,10 +62,10 @@ const FILES: [&str; 7] = [
     "atlas.html",
 ];
 
-/// Prepares the folder of an atlas, to replace an earlier atlas.
+/// Prepares the folder of an atlas; `replaces` says whether it can replace an earlier atlas.
 ///
 /// # Errors
-/// As [`Folder::finish`], before any work is done.
+/// The errors of [`Folder::finish`], reported before any work is done.
 pub fn folder(path: &Path, replaces: Replaces) -> Result<Folder, ReportError> {
     let folder = Folder::create(path, replaces)?;
     folder.check_names(FILES)?;
@@ -73,11 +73,12 @@ pub fn folder(path: &Path, replaces: Replaces) -> Result<Folder, ReportError> {
 }
 
 /// Writes `atlas.csv`, its `README.md` and `spec.toml`. If all controllers of four speeds were evaluated, it also writes
-/// `atlas.png`, `atlas-poster.svg`, `atlas-poster.png` and, last, `atlas.html`, which is then the page of the result; otherwise the
-/// page is the table. The page shows pictures of swarms if [`Tiles`] wrote them into the same folder.
+/// `atlas.png`, `atlas-poster.svg`, `atlas-poster.png` and, last, the page `atlas.html`. The page shows pictures of swarms if
+/// [`Tiles`] wrote these pictures into the same folder. The last file written is the main file of the result: the page, or else
+/// the table.
 ///
 /// # Errors
-/// As [`Folder::finish`], or [`ReportError::Drawing`].
+/// The errors of [`Folder::finish`], or [`ReportError::Drawing`].
 pub fn write(atlas: &Atlas, mut files: Folder) -> Result<ReportFiles, ReportError> {
     let tallies: Vec<Tally> = atlas
         .entries
@@ -108,8 +109,8 @@ pub fn write(atlas: &Atlas, mut files: Folder) -> Result<ReportFiles, ReportErro
     Ok(ReportFiles::of(files.finish()?))
 }
 
-/// Data for the script of an atlas's page, as JSON, and the picture as PNG, one pixel per controller, for a page that a coordinator
-/// serves.
+/// Data for a page of an atlas that a coordinator serves: JSON for the page's script, and the picture as PNG with one pixel per
+/// controller.
 pub fn for_page(atlas: &Atlas, layout: &Layout) -> Result<(String, Vec<u8>), ReportError> {
     let tallies: Vec<Tally> = atlas
         .entries
@@ -124,7 +125,7 @@ pub fn for_page(atlas: &Atlas, layout: &Layout) -> Result<(String, Vec<u8>), Rep
     Ok((page::data(atlas, layout, &places).to_string(), picture))
 }
 
-/// The picture as PNG, one pixel per controller.
+/// The picture as PNG, with one pixel per controller.
 fn png(pixels: &[Rgb], layout: &Layout) -> Result<Vec<u8>, PictureError> {
     encoded(pixels.as_flattened(), [layout.side(); 2], png::ColorType::Rgb)
 }

@@ -1,4 +1,4 @@
-//! The page: the picture to zoom into. It contains everything except the pictures of swarms.
+//! The page of an atlas: the picture to zoom into. The page contains all its data except the pictures of swarms.
 
 use super::{Atlas, Layout, layout::Place};
 use crate::{Document, picture::columns::column};
@@ -15,9 +15,9 @@ const SCRIPT: &str = concat!(
     "showAtlas(JSON.parse(document.getElementById(\"data\").textContent));\n}\n"
 );
 
-/// Bit of a map number that marks a mirror image.
+/// Bit of a pixel's number in the map that marks a mirror image.
 const MIRRORED: u32 = 1 << 31;
-/// Map number of a pixel without an evaluation.
+/// Number in the map of a pixel without an evaluated controller.
 const NOTHING: u32 = MIRRORED - 1;
 
 pub(super) fn render(atlas: &Atlas, layout: &Layout, places: &[Option<Place>], map: &[u8]) -> String {
@@ -41,7 +41,7 @@ pub(super) fn render(atlas: &Atlas, layout: &Layout, places: &[Option<Place>], m
                 section #chosen aria-live="polite" { p { "Point at a controller." } }
             }
         }
-        // The escape keeps the data from ending the element.
+        // Without the escape, the data could end the `script` element.
         script type="application/json" #data { (PreEscaped(data(atlas, layout, places).to_string().replace('<', "\\u003c"))) }
         script { (PreEscaped(SCRIPT)) }
     })
@@ -83,7 +83,7 @@ pub fn explained(spec: &CampaignSpec, layout: &Layout, simulated: u64) -> Markup
     }
 }
 
-/// The data that the script draws.
+/// The data of an atlas that the page's script draws.
 pub(super) fn data(atlas: &Atlas, layout: &Layout, places: &[Option<Place>]) -> Value {
     let entries = || atlas.entries.iter();
     let number = |place: &Option<Place>| {
@@ -111,7 +111,7 @@ pub(super) fn data(atlas: &Atlas, layout: &Layout, places: &[Option<Place>]) -> 
     })
 }
 
-/// The option with the robots for `murmuration simulate`; empty for its default robots.
+/// The option of `murmuration simulate` that names the robots; empty for the default robots of that command.
 fn robot(atlas: &Atlas) -> &'static str {
     let is_default = atlas.spec.model().preset().is_some() && *atlas.spec.world() == World::default();
     if is_default { "" } else { " --spec spec.toml" }

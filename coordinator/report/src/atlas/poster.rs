@@ -1,4 +1,4 @@
-//! The poster: the picture with axes and a legend.
+//! The poster of an atlas: the picture with axes and a legend.
 
 use super::{Atlas, Layout, Tally};
 use crate::figure::{Anchor, Figure, INK, MUTED, Shape, Words};
@@ -12,7 +12,7 @@ const TOP: f64 = 120.0;
 const LEGEND: f64 = 430.0;
 const BOTTOM: f64 = 90.0;
 
-/// PNG pixels per SVG unit of the poster: 3,726 pixels across, 319 dots per inch on A4 paper in landscape.
+/// PNG pixels per SVG unit of the poster. The poster is 3,726 pixels wide, which is 319 dots per inch on A4 paper in landscape.
 pub(super) const PNG_SCALE: f32 = 2.0;
 
 /// The poster of the picture with these pixels.
@@ -98,7 +98,7 @@ fn rounded(speed: f64) -> String {
     format!("{}", (speed * 100.0).round() / 100.0)
 }
 
-/// The classes with their colours, and the number of controllers for which each is the most frequent one.
+/// The classes with their colours, each with the number of controllers whose most frequent class it is.
 fn legend(atlas: &Atlas, layout: &Layout, tallies: &[Tally]) -> Vec<Shape> {
     let x = LEFT + SIDE + 34.0;
     let counts = counts(atlas, layout, tallies);
@@ -147,7 +147,7 @@ fn legend(atlas: &Atlas, layout: &Layout, tallies: &[Tally]) -> Vec<Shape> {
         .collect()
 }
 
-/// Number of controllers in the picture by their most frequent class, mirror images included; the largest first.
+/// Number of controllers in the picture by their most frequent class, mirror images included, in descending order.
 fn counts(atlas: &Atlas, layout: &Layout, tallies: &[Tally]) -> Vec<(Class, u64)> {
     let places = layout.places(atlas);
     let class = |class: Class| {

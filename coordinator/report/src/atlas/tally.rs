@@ -1,4 +1,4 @@
-//! The most frequent class over the trials of a controller, and its pixel.
+//! The most frequent class over the trials of a controller, and the colour of the controller's pixel.
 
 use super::layout::Place;
 use murmuration_model::colours::{self, Rgb, class_colour};
@@ -7,9 +7,9 @@ use murmuration_swarm::{Class, Verdict};
 /// The judge's verdicts on the trials of a controller, summed up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tally {
-    /// The most frequent class; of several, that of the earliest trial.
+    /// The most frequent class; if several are equally frequent, the class of the earliest trial.
     pub class: Class,
-    /// The share of trials of that class, above 0 to 1.
+    /// The share of trials of the most frequent class, above 0 to 1.
     pub share: f64,
 }
 
@@ -29,15 +29,15 @@ impl Tally {
         }
     }
 
-    /// Certainty of the class, above 0 to below 1: the share of trials of that class, times the probability that annotators agree
-    /// with the judge about the class.
+    /// Certainty of the class, above 0 to below 1: the share of trials of this class, times the probability that annotators agree
+    /// with the judge about this class.
     pub(crate) fn sureness(&self) -> f64 {
         self.share * precision(self.class)
     }
 }
 
-/// Number of motions for which the annotators agree with the judge's class, and number of motions to which the judge gives it, in
-/// the validation parts of all labelled sets (`docs/judge.md`).
+/// Number of motions for which the annotators agree with the judge about `class`, and number of motions to which the judge gives
+/// `class`, in the validation parts of all labelled sets (`docs/judge.md`).
 pub const fn agreed(class: Class) -> [u32; 2] {
     match class {
         Class::CyclicPursuit => [43, 44],
@@ -51,8 +51,8 @@ pub const fn agreed(class: Class) -> [u32; 2] {
     }
 }
 
-/// Probability that annotators agree when the judge gives this class, above 0 to below 1. By the rule of succession, since some
-/// classes are rare in the sets.
+/// Probability that annotators agree when the judge gives this class, above 0 to below 1. It follows the rule of succession,
+/// because some classes are rare in the labelled sets.
 pub fn precision(class: Class) -> f64 {
     let [agreed, all] = agreed(class);
     f64::from(agreed + 1) / f64::from(all + 2)
@@ -63,7 +63,7 @@ const DARK: Rgb = [0; 3];
 /// Colour of pixels without an evaluation.
 const NOTHING: Rgb = [0xff; 3];
 
-/// The colour of a controller: the colour of its class, the brighter the more certain.
+/// The colour of a controller: the colour of its class, which is brighter if the class is more certain.
 fn shade(tally: &Tally) -> Rgb {
     let part = (tally.sureness() * 255.0).round() as u8;
     colours::over(class_colour(tally.class), part, DARK)

@@ -1,4 +1,4 @@
-//! The files of an atlas agree with each other and with the judge's verdicts.
+//! Tests that the files of an atlas agree with each other and with the judge's verdicts.
 
 use super::*;
 use crate::picture::sample::decode_png;
@@ -9,7 +9,7 @@ use std::fs;
 
 const SPEC: &str = "model = \"single-sensor\"\nmethod = \"exhaustive\"\n[controllers]\nstep = 0.5\n[evaluation]\nstarts = 3\n";
 
-/// An atlas whose controllers are of all classes, some more surely than others.
+/// An atlas with controllers of all classes; some controllers have a more certain class than others.
 fn atlas() -> Atlas {
     let spec = CampaignSpec::from_toml(SPEC).unwrap();
     let all = Enumeration::of(spec.controllers(), spec.world()).unwrap();
@@ -43,7 +43,7 @@ fn written(atlas: &Atlas) -> (tempfile::TempDir, ReportFiles) {
     (place, files)
 }
 
-/// The rows of the table, each by column.
+/// The rows of the table `atlas.csv`; each row has its cells by the name of their column.
 fn rows(files: &ReportFiles) -> Vec<std::collections::BTreeMap<String, String>> {
     let path = files.page.with_file_name("atlas.csv");
     let mut table = csv::Reader::from_path(path).unwrap();
@@ -91,7 +91,7 @@ fn the_pixel_of_a_controller_and_of_its_mirror_image_is_of_the_class_in_its_row(
             painted += 1;
         }
     }
-    // The 25 controllers that are their own mirror images were counted twice.
+    // `painted` counts the 25 controllers that are their own mirror images twice.
     assert_eq!(painted, 625 + 25);
 }
 
@@ -144,7 +144,7 @@ fn a_tally_is_the_most_frequent_class_and_of_several_that_of_the_earliest_trial(
         (Class::Milling, 2.0 / 3.0)
     );
     assert_eq!(of(&[2, 1, 1, 2]).class, Class::Milling);
-    // Random behaviours with a pattern still count as random.
+    // A behaviour of the class `random` with a pattern still counts as random.
     assert_eq!(
         (of(&[9, 2, 10]).class, of(&[9, 2, 10]).share),
         (Class::Random, 2.0 / 3.0)
@@ -191,7 +191,7 @@ fn a_tile_has_the_pictures_of_its_controllers_where_the_map_has_their_pixels() {
     let mut files = folder(place.path(), Replaces::Unchanged).unwrap();
     let mut tiles = Tiles::new(layout.clone(), PictureShape::new(1, 2).unwrap());
     for (index, entry) in atlas.entries.iter().enumerate() {
-        // x = 0: index above 1; x = 1: 2 above 3.
+        // The four pixels of the picture: the index above 1 in the left column, and 2 above 3 in the right column.
         tiles
             .add(&mut files, &entry.controller, &[index as u8, 1, 2, 3])
             .unwrap();
@@ -252,7 +252,7 @@ fn the_poster_as_png_has_the_map_and_the_legend() {
         .iter()
         .any(|colour| colour == first_of_legend);
     assert!(is_class, "{first_of_legend:?}");
-    // The text beside it.
+    // The name of the class stands to the right of the dot in the legend.
     let words = (0..300).map(|x| at(110 + 1323 + 78 + x, 120 + 28));
     assert!(
         words
@@ -276,7 +276,7 @@ fn an_atlas_replaces_the_former_one_and_no_file_of_its_owner() {
     };
     write(&few, folder(&path, Replaces::Unchanged).unwrap()).unwrap();
     assert!(path.join("atlas.csv").is_file() && !path.join("atlas.html").exists());
-    // Files with these names in another folder do not belong to an atlas.
+    // In a folder without an atlas, a file with the name of an atlas's file belongs to the user.
     fs::write(place.path().join("README.md"), "mine").unwrap();
     let refused = folder(place.path(), Replaces::Changed).unwrap_err().to_string();
     assert!(refused.contains("did not write README.md"), "{refused}");

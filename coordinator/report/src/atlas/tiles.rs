@@ -8,15 +8,15 @@ use crate::{
 use murmuration_files::Folder;
 use murmuration_swarm::{Controller, PictureShape};
 
-/// The folder of the pictures in the folder of an atlas.
+/// Name of the folder of pictures inside the folder of an atlas.
 pub(super) const FOLDER: &str = "pictures";
 
-/// Draws the pictures of the controllers of an atlas, which come in the order of its archive.
+/// Draws the pictures of an atlas's controllers, which the caller adds in the order of the archive.
 #[derive(Debug)]
 pub struct Tiles {
     layout: Layout,
     shape: PictureShape,
-    /// Column and row of the current tile, and its pixels, row by row.
+    /// Column and row of the current tile, and the pixels of this tile, row by row.
     current: Option<([usize; 2], Vec<u8>)>,
 }
 
@@ -30,11 +30,11 @@ impl Tiles {
         }
     }
 
-    /// Adds the picture of a controller: the bytes of an image of one channel. The controllers of a tile come one after the other;
-    /// controllers outside the atlas's picture are left out. A full tile is written into the atlas's `folder`.
+    /// Adds the picture of a controller: the bytes of an image of one channel. The caller adds all controllers of a tile before
+    /// those of the next tile. Controllers outside the atlas's map are skipped. A full tile is written into the atlas's `folder`.
     ///
     /// # Errors
-    /// If a tile cannot be written, or the image is of another size.
+    /// If a tile cannot be written, or the size of the image differs from the specification's.
     pub fn add(
         &mut self,
         folder: &mut Folder,
@@ -67,7 +67,7 @@ impl Tiles {
     /// Writes the last tile.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the tile cannot be written.
     pub fn finish(mut self, folder: &mut Folder) -> Result<(), ReportError> {
         self.flush(folder)
     }

@@ -1,6 +1,7 @@
-// Plays the whole run of a behaviour on its card.
+// Plays the whole motion of a behaviour on its card.
 //
-// A card is "still" (the picture), "preview" (while pointed at or focused), "playing" or "paused" (both by its controls).
+// A card shows its picture ("still"), plays while it is pointed at or has the focus ("preview"), or was started or paused by its
+// controls ("playing", "paused").
 const { world, agentColours, runs, counted, Playback } = window.murmuration;
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 const playAll = document.getElementById("play-all");
@@ -10,7 +11,7 @@ class Card extends Playback {
     const number = Number(card.dataset.place) + 1;
     super(card, { speed: document.getElementById("speed"), name: `behaviour ${number}` });
     this.card = card;
-    // Out of view, a card plays on without drawing.
+    // A card that is not in view plays without drawing.
     this.visible = false;
     this.load({ run: runs[number - 1], world, colours: agentColours });
     this.show("still");

@@ -55,7 +55,7 @@ pub(super) fn behaviours(
             }
             @let shown = report.shown();
             @let (distinct, others) = distinct(&shown);
-            // The judge does not know species, so it cannot tell which of their behaviours are of one kind.
+            // The judge ignores species, so its names cannot show which behaviours of several species are of one kind.
             @if distinct.is_empty() || report.spec.model().species().len() > 1 {
                 @let all: Vec<usize> = (0..shown.len()).collect();
                 (cards(report, pictures, &all))
@@ -73,7 +73,7 @@ pub(super) fn behaviours(
     }
 }
 
-/// Individuals besides the medoids, folded.
+/// The section of individuals besides the medoids, folded at first.
 fn further_behaviours(report: &Report, pictures: &[Vec<u8>]) -> Markup {
     html! {
         details #further {
@@ -189,7 +189,7 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
     }
 }
 
-/// The nearest, the median and the farthest member of a cluster.
+/// The pictures of the nearest, the median and the farthest member of a cluster.
 fn others(number: usize, spread: &Spread, pictures: &[Vec<u8>]) -> Markup {
     html! {
         h4 { "Others in its cluster" }
@@ -219,7 +219,7 @@ fn alike(purity: Purity) -> String {
     }
 }
 
-/// As `3 of 4`: how many of its trials show an individual's own behaviour.
+/// The number of an individual's trials that show its own behaviour, for example `3 of 4`.
 fn of_starts(report: &Report, robustness: f64) -> String {
     let starts = report.spec.starts().get();
     format!("{:.0} of {starts}", robustness * starts as f64)

@@ -1,4 +1,4 @@
-// Copies a line, and confirms it on its button.
+// Copies a line, and confirms the copy on the line's button.
 for (const button of document.querySelectorAll("button.copy")) {
   const line = button.parentElement.querySelector(".line");
   button.addEventListener("click", async () => {
@@ -6,7 +6,7 @@ for (const button of document.querySelectorAll("button.copy")) {
       await navigator.clipboard.writeText(line.textContent);
       button.textContent = "Copied";
     } catch {
-      // Without a clipboard, selects the line instead.
+      // If the browser refuses the clipboard, the line is selected instead.
       getSelection().selectAllChildren(line);
       button.textContent = "Selected";
     }

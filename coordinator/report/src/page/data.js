@@ -1,4 +1,4 @@
-// Reads the block of data: columns of binary numbers, and the motion of every medoid.
+// Reads the page's block of data: columns of binary numbers, and the motion of every medoid.
 const content = JSON.parse(document.getElementById("data").textContent);
 
 const { archive } = content;

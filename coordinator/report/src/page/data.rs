@@ -1,5 +1,5 @@
-//! The numbers that the page's scripts draw: columns of little-endian binary in base64, so that 100,000 individuals and the motion
-//! of every medoid stay small and load at once.
+//! The numbers that the page's scripts draw. They are columns of little-endian binary in base64, so that the data of 100,000
+//! individuals and the motions of all medoids stay small and load quickly.
 
 use crate::{
     Entry, Report, again,
@@ -15,7 +15,7 @@ use maud::{Markup, PreEscaped, html};
 use murmuration_model::colours;
 use serde::Serialize;
 
-/// Bytes of all medoids' motions together, before base64.
+/// Maximum size of the motions of all medoids together, in bytes before base64.
 const MOTION_BYTES: usize = 6 << 20;
 
 /// Data that the report's script draws.
@@ -46,19 +46,19 @@ struct ArchiveView {
     /// Whether the rule-based judge gave the class.
     machine: String,
     generation: String,
-    /// When evaluated.
+    /// Novelty when evaluated.
     novelty: String,
-    /// In units of `gene_unit`.
+    /// Genes in units of `gene_unit`.
     genes: String,
     gene_unit: f64,
     tile: String,
-    /// Trials that show the individual's own behaviour; 255 if it has one trial.
+    /// Number of trials that show the individual's own behaviour; 255 if the individual has one trial.
     robust: String,
     trials: usize,
     medoids: Vec<usize>,
 }
 
-/// The sheets of pictures. For the individual of each tile also the exact genes and the seed, to simulate it again.
+/// The sheets of pictures. The individual of each tile also has its exact genes and its seed, to simulate the individual again.
 #[derive(Debug, Serialize)]
 struct PicturesView {
     sheets: Vec<String>,
@@ -69,9 +69,9 @@ struct PicturesView {
     seeds: String,
 }
 
-/// A block of JSON, which browsers do not run.
+/// The data of the page as a block of JSON, which browsers do not run.
 pub(super) fn block(report: &Report) -> Markup {
-    // `<` could end the block; its escape is the same JSON.
+    // A `<` could end the block. Its escape has the same meaning in JSON.
     let json = serde_json::json!(view(report))
         .to_string()
         .replace('<', "\\u003c");
@@ -142,7 +142,7 @@ const TILELESS: u16 = u16::MAX;
 /// Class number of an individual without a name.
 const NAMELESS: u16 = u16::MAX;
 
-/// Number of an individual's trials that show its own behaviour; 255 if it has one trial.
+/// Number of an individual's trials that show its own behaviour; 255 if the individual has one trial.
 fn robust_starts(report: &Report, entry: &Entry) -> u8 {
     let starts = report.spec.starts().get() as f64;
     entry
@@ -150,7 +150,7 @@ fn robust_starts(report: &Report, entry: &Entry) -> u8 {
         .map_or(u8::MAX, |robustness| (robustness * starts).round() as u8)
 }
 
-/// The individuals on the map. Genes are in ten-thousandths, or in a coarser unit if genes are large.
+/// The individuals on the map. The unit of genes is 0.0001, or more if genes are large.
 fn archive(report: &Report) -> ArchiveView {
     let shown = shown_points(report);
     let entries = || shown.iter().map(|&index| &report.individuals[index]);

@@ -1,4 +1,4 @@
-// Shows the values of a plot at a pointer, or at a position moved by the arrow keys.
+// Shows the values of a plot at the pointer, or at a position that the arrow keys move.
 const { grouped, short } = window.murmuration;
 
 class Curves {
@@ -11,7 +11,7 @@ class Curves {
     this.spoken.setAttribute("role", "status");
     this.told.after(this.spoken);
     this.at = -1;
-    // The plot handles the arrow keys itself; a screen reader passes them only to applications.
+    // A screen reader passes arrow keys only to applications, and the plot needs these keys.
     root.setAttribute("role", "application");
     root.setAttribute("aria-roledescription", "chart");
     root.setAttribute("aria-label", `${root.getAttribute("aria-label")}. Arrow keys tell single values.`);
@@ -21,7 +21,7 @@ class Curves {
     root.addEventListener("keydown", (event) => this.key(event));
   }
 
-  // One of the two sizes of the plot, with a line and dots over it.
+  // Adds a line and dots over the wide or the narrow picture of the plot.
   view(name) {
     const box = this.root.querySelector(`.${name}`);
     const mark = document.createElement("div");

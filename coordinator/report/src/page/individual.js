@@ -1,10 +1,11 @@
-// An individual of the map: its picture, its data, and a panel that shows both with the command that replays it.
+// An individual of the map: its picture, its data, and a panel that shows picture, data and the command that replays the
+// individual.
 const { archive, classes, grouped, pictures, simulator } = window.murmuration;
 const TILELESS = 65535;
 const panel = document.getElementById("chosen");
 const genesEach = archive.genes.length / Math.max(archive.x.length, 1);
 
-// Decoded sheets of pictures by number. A browser decodes a sheet when it is first needed.
+// Decoded sheets of pictures by number. A browser decodes a sheet when its first picture is needed.
 const sheets = new Map();
 function sheet(number) {
   if (!sheets.has(number)) {
@@ -19,7 +20,7 @@ const cardOf = (i) => document.getElementById(`behaviour-${archive.cluster[i] + 
 const isMedoid = (i) => archive.medoids[archive.cluster[i]] === i;
 const hasOwnPicture = (i) => archive.tile[i] !== TILELESS || isMedoid(i);
 
-// Draws the picture of an individual, or of its medoid if the individual has none of its own.
+// Draws the picture of an individual, or the picture of its medoid if the individual has no picture.
 async function drawPicture(canvas, i) {
   canvas.dataset.of = i;
   const tile = archive.tile[i];
@@ -27,14 +28,14 @@ async function drawPicture(canvas, i) {
   const image = tile === TILELESS ? cardOf(i).querySelector("img.grey") : sheet(Math.floor(tile / tiles));
   const place = tile === TILELESS ? 0 : tile % tiles;
   await image.decode();
-  // Another picture may have been requested meanwhile.
+  // Another picture can have been requested for this canvas meanwhile.
   if (canvas.dataset.of !== String(i)) return;
   canvas.width = canvas.height = side;
   const at = [(place % columns) * side, Math.floor(place / columns) * side];
   canvas.getContext("2d").drawImage(image, ...at, side, side, 0, 0, side, side);
 }
 
-// The name of a behaviour, if it has one, and whether only the judge gave it.
+// The name of an individual's behaviour, if it has a name, with a remark if only the judge gave the name.
 function named(i) {
   const name = classes[archive.class[i]];
   if (name === undefined) return "";
@@ -44,7 +45,7 @@ function named(i) {
 const titleOf = (i) => `Individual ${grouped(archive.index[i])}`;
 const whosePicture = (i) => (hasOwnPicture(i) ? "" : `It has no picture of its own here: this is that of its medoid, behaviour ${archive.cluster[i] + 1}.`);
 
-// Its genes as stored for the map, to four digits.
+// The genes of an individual as stored for the map, to four digits.
 const rounded = (i) =>
   Array.from(archive.genes.subarray(i * genesEach, (i + 1) * genesEach), (gene) => Number((gene * archive.geneUnit).toFixed(4)));
 
@@ -59,7 +60,7 @@ function facts(i) {
   return known.filter(([, value]) => value !== "");
 }
 
-// The exact genes and the command; null if the page does not have them.
+// The exact genes of an individual, and the command that replays it; null if the page does not have the exact genes.
 function replayOf(i) {
   const tile = archive.tile[i];
   if (tile !== TILELESS) {
@@ -78,7 +79,7 @@ const element = (name, text) => {
   return made;
 };
 
-// Shows an individual enlarged, on the other side of the map.
+// Shows an individual enlarged, on the side of the map opposite to its point.
 function openPanel(i, isLeft) {
   const replay = replayOf(i);
   panel.querySelector("h3").textContent = titleOf(i);

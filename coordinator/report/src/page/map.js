@@ -11,14 +11,14 @@ const print = matchMedia("print");
 const isDark = () => scheme.matches && !print.matches;
 const count = archive.x.length;
 const PIN = 46;
-// How far the number of a pin extends beyond it, with a margin.
+// How far the number of a pin extends beyond the pin, with a margin.
 const BADGE = 12;
 let chosen = -1;
 let hovered = -1;
 // The individual that the panel shows.
 let opened = -1;
 
-// Drawing order: by cluster, so that each colour is set once.
+// Individuals in the order in which they are drawn: by cluster, so that the drawing sets each colour once.
 const order = Uint32Array.from(archive.x.keys()).sort((a, b) => archive.cluster[a] - archive.cluster[b]);
 
 const starts = new Uint32Array(clusterColours.length + 1);
@@ -43,7 +43,7 @@ function paint() {
   }
 }
 
-// The clusters, with the highlighted one on top.
+// The groups of points to paint, one for each cluster; the highlighted cluster is on top.
 function groups() {
   const clusters = clusterColours.map((_, cluster) => cluster).sort((a, b) => (a === chosen) - (b === chosen));
   return clusters.map((cluster) => {
@@ -58,12 +58,12 @@ function groups() {
   });
 }
 
-// Pins: the grey image and the number of each medoid, beside its point.
+// The pins: the grey image and the number of each medoid, beside the medoid's point.
 const labels = archive.medoids.map((_, cluster) => {
   const link = document.createElement("a");
   link.href = `#behaviour-${cluster + 1}`;
   link.className = "pin";
-  // A press that starts on a pin moves the map.
+  // Pins cannot be dragged, because a drag that starts on a pin moves the map.
   link.draggable = false;
   link.dataset.place = cluster;
   link.style.setProperty("--cluster", clusterColours[cluster]);
@@ -97,7 +97,7 @@ function arrange() {
     const far = small ? 0 : PIN / Math.max(Math.hypot(dx, dy), 1);
     const at = (far) => [points[i][0] + dx * far + 0.01 * i, points[i][1] + dy * far];
     const [x, y] = at(far);
-    // At the edge of the map, where there is no room outside its point, a pin goes to the inside.
+    // A pin is outside its point, seen from the middle of the map. If the edge leaves no room there, the pin goes to the inside.
     const fits = x >= least && x <= width - least && y >= highest(x) && y <= height - least;
     [label.x, label.y] = at(fits ? far : -far);
   });
@@ -109,9 +109,9 @@ function arrange() {
       a.y = Math.min(Math.max(a.y, highest(a.x)), height - least);
     }
   }
-  // As fractions of the map, because printing lays the page out again without the script.
+  // Positions are fractions of the map, because printing changes the size of the map without running the script.
   labels.forEach(({ link, x, y }, cluster) => {
-    // A pin without its point would suggest that the point is here.
+    // Without its point in view, a pin would suggest that its point is here.
     link.hidden = !plot.isOn(...points[cluster]);
     link.style.left = `${(100 * x) / width}%`;
     link.style.top = `${(100 * y) / height}%`;
@@ -149,7 +149,7 @@ function paintLeaders() {
   });
 }
 
-// Small maps: the position of one cluster among all points.
+// Paints a small map: the position of one cluster among all points.
 function paintSmall(small, cluster) {
   fit(small);
   const brush = small.getContext("2d");
@@ -209,7 +209,7 @@ function describe(i) {
   drawPicture(tip.querySelector("canvas"), i);
 }
 
-// The left and right end of the part that the panel does not cover.
+// The left and the right end of the part of the map that the panel does not cover.
 function besidePanel() {
   const width = canvas.clientWidth;
   const isOver = !panel.hidden && panel.offsetTop < canvas.clientHeight;
@@ -217,7 +217,7 @@ function besidePanel() {
   return panel.classList.contains("left") ? [panel.offsetLeft + panel.offsetWidth, width] : [0, panel.offsetLeft];
 }
 
-// Describes the point under the pointer or reached by a key; none with -1.
+// Describes a point that the pointer or a key has reached; -1 stands for no point.
 function hover(i) {
   if (i === hovered) return;
   hovered = i;
@@ -237,7 +237,7 @@ function show(i) {
   if (i < 0) return;
   opened = i;
   openPanel(i, place(i)[0] < canvas.clientWidth / 2);
-  // The panel contains all that the tip shows.
+  // The tip is not needed, because the panel shows the same data.
   tip.hidden = true;
   schedule();
 }
@@ -254,7 +254,7 @@ function letGo() {
 canvas.addEventListener("pointermove", (event) => hover(plot.nearest(event.offsetX, event.offsetY)));
 canvas.addEventListener("pointerleave", () => hover(-1));
 canvas.addEventListener("blur", () => hover(-1));
-// A drag also ends with a click.
+// Browsers also send a click at the end of a drag, so that a click counts only near the place of the press.
 let pressed = [0, 0];
 canvas.addEventListener("pointerdown", ({ clientX, clientY }) => (pressed = [clientX, clientY]));
 canvas.addEventListener("click", ({ clientX, clientY, offsetX, offsetY }) => {
@@ -316,7 +316,7 @@ function moved() {
   isMoved = true;
   schedule();
 }
-// The wheel without a modifier key, and one finger, scroll the page.
+// The wheel without a modifier key scrolls the page, and so does one finger.
 steer(canvas, plot, {
   wheels: (event) => event.ctrlKey || event.metaKey,
   drags: (event) => event.pointerType !== "touch" && event.button === 0 && plot.zoom > 1,

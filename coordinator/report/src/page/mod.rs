@@ -1,7 +1,7 @@
-//! The page: one self-contained HTML document.
+//! The page of a report: one self-contained HTML document.
 //!
-//! `maud` makes the markup and escapes every text in it. The page holds its style sheet and scripts. Without scripts it still shows
-//! every picture, number and command.
+//! `maud` makes the markup and escapes every text in it. The page contains its style sheet and its scripts. Without scripts, the
+//! page still shows every picture, number and command.
 
 mod cards;
 mod data;
@@ -20,7 +20,7 @@ use murmuration_model::{Timestamp, generations_in_words};
 use murmuration_swarm::{BehaviourSpace, Method, Starts};
 
 const STYLE: &str = include_str!("style.css");
-/// Each script has its own scope, so that a failure does not stop the others. They run in this order.
+/// Each script has its own scope, so that a failure does not stop the others. The scripts run in this order.
 const SCRIPTS: [[&str; 2]; 5] = [
     [scripts::INLINE, include_str!("data.js")],
     ["", include_str!("cards.js")],
@@ -94,7 +94,7 @@ fn header(report: &Report) -> Markup {
     }
 }
 
-/// Summary of the findings in one line; empty if nothing has a name.
+/// Summary of the findings in one line; empty if no behaviour has a name.
 fn answer(report: &Report) -> Markup {
     let found = found(&report.shown());
     if found.is_empty() {
@@ -146,7 +146,7 @@ fn facts(report: &Report) -> Markup {
     }
 }
 
-/// The number of generations, and why it exceeds the specification's.
+/// The number of generations, and why it exceeds the number in the specification.
 fn generations(report: &Report) -> String {
     let (count, rounds) = (
         report.generations.len() as u32,
@@ -171,7 +171,7 @@ fn footer(report: &Report) -> Markup {
     }
 }
 
-/// As `24 single-sensor robots`, `24 robots with 3 sensors`, or `24 robots of the species a and b`.
+/// The robots in words: `24 single-sensor robots`, `24 robots with 3 sensors`, or `24 robots of the species a and b`.
 fn robots(report: &Report) -> String {
     let model = report.spec.model();
     let agents = report.spec.world().agents();
@@ -207,7 +207,7 @@ fn inline_png(file: &[u8]) -> String {
     format!("data:image/png;base64,{}", STANDARD.encode(file))
 }
 
-/// The page's name for the images: at the beginning of a sentence, and within one.
+/// What the page calls the images: at the beginning of a sentence, and within a sentence.
 fn image_names(report: &Report) -> [&'static str; 2] {
     match report.spec.image().shape().channels() {
         1 => ["Grey image", "grey image"],

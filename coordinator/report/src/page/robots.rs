@@ -1,10 +1,10 @@
-//! The robots of a behaviour: their look, and their action in each state of their sensors.
+//! The robots of a behaviour: a drawing of each kind of robot, and its action in each state of its sensors.
 
 use crate::{Report, picture};
 use maud::{Markup, html};
 use murmuration_swarm::{Controller, RobotController};
 
-/// The robots of each species, in a fold.
+/// The robots of each species, in a section that is folded at first.
 pub(super) fn robots(report: &Report, controller: &Controller) -> Markup {
     let species = report.spec.model().species();
     let counts = controller.counts(report.spec.world().agents());

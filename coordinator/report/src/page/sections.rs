@@ -69,7 +69,7 @@ pub(super) fn map(report: &Report, files: Files) -> Markup {
     }
 }
 
-/// Number of points with their own pictures, if not all have one.
+/// Says how many points have their own picture, unless all points have one.
 fn pictures(report: &Report, shown: usize) -> Markup {
     let pictured = report.pictured.indices.len();
     html! {
@@ -115,7 +115,7 @@ fn dimensions(report: &Report) -> usize {
         }
 }
 
-/// How behaviours are compared.
+/// Explains how behaviours are compared.
 fn space(report: &Report) -> Markup {
     let method = report.spec.method();
     let steps = FEATURE_STEPS.min(report.spec.world().horizon());
@@ -149,7 +149,7 @@ fn space(report: &Report) -> Markup {
     }
 }
 
-/// The names of behaviours; empty without names.
+/// The section of the names of behaviours; empty if no behaviour has a name.
 pub(super) fn names(report: &Report, files: Files) -> Markup {
     let names = &report.names;
     let named = names.named();
@@ -210,7 +210,7 @@ pub(super) fn novelty(report: &Report) -> Markup {
     }
 }
 
-/// How a change of the embedding affects values of novelty.
+/// Explains how a change of the embedding affects values of novelty.
 fn moved(report: &Report) -> Markup {
     html! {
         "The embedding changed during this campaign: "
@@ -248,8 +248,8 @@ pub(super) fn filtered(report: &Report) -> Markup {
     }
 }
 
-/// A plot for wide pages and one for narrow pages; the style sheet shows the one that fits. A script shows values at the pointer or
-/// by keys.
+/// A plot for wide pages and a plot for narrow pages; the style sheet shows the plot that fits. A script shows the values at the
+/// pointer or at the generation that people choose with keys.
 fn plot(name: &str, draw: impl Fn([f64; 2]) -> Curves) -> Markup {
     let (wide, narrow) = (draw(plots::WIDE), draw(plots::NARROW));
     html! {
@@ -261,7 +261,7 @@ fn plot(name: &str, draw: impl Fn([f64; 2]) -> Curves) -> Markup {
     }
 }
 
-/// Values of a plot for the script that shows them, and the frames of the two pictures.
+/// The values of a plot, for the script that shows values, and the frames of the wide and the narrow picture.
 #[derive(Debug, Serialize)]
 struct PlotView {
     x: Vec<u32>,
@@ -273,7 +273,7 @@ struct PlotView {
 #[derive(Debug, Serialize)]
 struct LineView {
     name: &'static str,
-    /// A value that is not a number is null.
+    /// The values of the line; a value that is not a number becomes `null` in JSON.
     values: Vec<f64>,
 }
 
@@ -293,12 +293,12 @@ impl PlotView {
     }
 }
 
-/// The command that writes the files missing from a page alone.
+/// The command that writes a report with all its files; a page without its files shows this command.
 fn files_by_command(report: &Report) -> Markup {
     html! { code { "murmuration report " (report.campaign) } }
 }
 
-/// The specification, and how to reproduce the archive.
+/// The section on the specification, and how to reproduce the archive.
 pub(super) fn specification(report: &Report, files: Files) -> Markup {
     let needed = again::also_needed(report);
     html! {
@@ -364,7 +364,7 @@ fn controller(report: &Report) -> Markup {
     }
 }
 
-/// Explains the words and pictures.
+/// The section that explains the words and pictures of the report.
 pub(super) fn reading(report: &Report) -> Markup {
     let entry = |word: &str, meaning: Markup| html! { div { dt { (word) } dd { (meaning) } } };
     html! {

@@ -1,9 +1,9 @@
-//! Describes how a world differs from the paper's.
+//! Describes how a world differs from the paper's world.
 
 use crate::numbers::counted;
 use murmuration_swarm::{Boundary, Noise, StartShape, World};
 
-/// The differences between a world and the paper's, one phrase each.
+/// The differences between a world and the paper's world, with one phrase for each difference.
 pub(super) fn differences(world: &World) -> Vec<String> {
     let paper = World::default();
     let mut phrases = Vec::new();

@@ -14,16 +14,16 @@ use murmuration_swarm::{Pose, Replay, World};
 pub struct Animation {
     /// Longer side of the picture in pixels, 16 to 4096.
     pub size: u32,
-    /// Pictures per second, 1 to 50. GIF counts in hundredths of a second, so 30 becomes 33.
+    /// Pictures per second, 1 to 50. GIF has delays in hundredths of a second, so that 30 becomes 33.
     pub fps: u32,
-    /// Most pictures. A longer replay is thinned out evenly and keeps its last frame.
+    /// Maximum number of pictures. A longer replay is thinned out evenly and keeps its last frame.
     pub frames: u32,
-    /// Steps that the trail behind each agent shows; 0 for none.
+    /// Number of steps that the trail behind each agent shows; 0 for no trail.
     pub trail: u32,
 }
 
 impl Default for Animation {
-    /// Twelve seconds of 480 pixels: a file of one to two megabytes for the paper's swarms.
+    /// Twelve seconds at 480 pixels: for the paper's swarms, a file of one to two megabytes.
     fn default() -> Self {
         Self {
             size: 480,
@@ -34,18 +34,18 @@ impl Default for Animation {
     }
 }
 
-/// Most poses in one animation (pictures times agents), to bound time and size for huge swarms.
+/// Maximum number of poses in one animation (pictures times agents). It bounds the time and the file for huge swarms.
 const MOST_POSES: usize = 400_000;
-/// Larger swarms have no trails, which would only cover each other.
+/// Maximum number of agents of a swarm with trails. In larger swarms, trails would only cover each other.
 const MOST_TRAILS: usize = 1000;
 /// Number of shades of a trail.
 const AGES: usize = 4;
-/// How long the end is shown before the animation repeats, hundredths of a second.
+/// Time for which the last picture is shown before the animation repeats, in hundredths of a second.
 const HOLD: u16 = 150;
 
 /// The whole run as a GIF that loops: agents coloured by `colouring`, with short trails, on a light background.
 ///
-/// Works from one agent to 10,000; large swarms get fewer than `animation.frames` pictures.
+/// Works for one agent to 10,000 agents; the animation of a large swarm has fewer than `animation.frames` pictures.
 ///
 /// # Errors
 /// [`PictureError::Size`] if the picture would be too small or too large.
@@ -78,11 +78,11 @@ pub fn animation_gif(
 /// The pictures of an animation, one after the other, for a video encoder.
 #[derive(Debug)]
 pub struct Film<I> {
-    /// Pixels of each row.
+    /// Number of pixels of each row.
     pub width: u32,
-    /// Rows of each picture.
+    /// Number of rows of each picture.
     pub height: u32,
-    /// The pictures: red, green and blue of each pixel, row by row.
+    /// The pictures, each with the red, green and blue of each pixel, row by row.
     pub pictures: I,
 }
 
@@ -112,7 +112,7 @@ pub fn animation_film<'a>(
     })
 }
 
-/// Draws one frame of a replay with these poses, with its trails.
+/// Draws the frame `frame` of a replay, with trails; `poses` has the poses of all frames of the replay.
 fn draw(
     sketch: &mut Sketch<'_>,
     world: &World,
@@ -136,7 +136,7 @@ fn most_frames(animation: &Animation, agents: usize) -> usize {
     (animation.frames as usize).min(MOST_POSES / agents.max(1)).max(2)
 }
 
-/// At most `most` places out of `count`, evenly spread, the first and the last among them.
+/// At most `most` of the places from 0 to `count`, evenly spread; the first and the last place are among them.
 pub(crate) fn thinned(count: usize, most: usize) -> Vec<usize> {
     if count <= most.max(2) {
         return (0..count).collect();
@@ -156,13 +156,14 @@ fn draw_trails(sketch: &mut Sketch, frames: &[&[Pose]]) {
     for age in 0..AGES.min(segments) {
         let ages = AGES.min(segments);
         let (first, last) = (age * segments / ages, (age + 1) * segments / ages);
-        // Multiples of a tenth, because the palette has these shades.
+        // The opacity is a multiple of a tenth, because the palette has these shades.
         let part = 255 * (age + 1 + AGES - ages) / 10;
         sketch.paths(&frames[first..=last], part as u8, 1.5);
     }
 }
 
-/// The smallest rectangle that turns `before` into `now`. Unchanged pixels in it are marked as such, which compresses well.
+/// The smallest rectangle whose pixels turn the picture `before` into `now`. Unchanged pixels in the rectangle have the index
+/// [`UNCHANGED`], which compresses well.
 fn changes(before: &[u8], now: &[u8], width: u16) -> Frame<'static> {
     let columns = usize::from(width);
     let changed = |i: usize| before.get(i) != Some(&now[i]);
@@ -196,10 +197,10 @@ mod tests {
     use crate::picture::sample::{ring, world};
     use murmuration_model::colours::AGENTS;
 
-    /// The delay, and the whole picture as indices into the palette.
+    /// A frame: its delay, and the whole picture as indices into the palette.
     type Shown = (u16, Vec<u8>);
 
-    /// Plays a GIF: its size, its frames and the palette.
+    /// Plays a GIF, and returns its size, its frames and its palette.
     fn play(file: &[u8]) -> ((u16, u16), Vec<Shown>, Vec<u8>) {
         let mut decoder = gif::DecodeOptions::new().read_info(file).unwrap();
         let palette = decoder.global_palette().unwrap().to_vec();

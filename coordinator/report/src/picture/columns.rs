@@ -1,11 +1,11 @@
-//! Numbers for scripts to draw: columns of little-endian binary in base64, small and quick to read.
+//! Numbers that scripts draw: columns of little-endian binary in base64, which are small and quick to read.
 
 use super::{Colouring, thinned};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use murmuration_swarm::{Boundary, Frames, Obstacle, Replay, World};
 use serde::Serialize;
 
-/// Most frames of a motion.
+/// Maximum number of frames of a motion.
 const MOST_FRAMES: usize = Frames::WATCHED as usize;
 const POSE_BYTES: usize = 5;
 
@@ -21,7 +21,7 @@ pub struct WorldView {
     obstacles: Vec<ObstacleView>,
 }
 
-/// An obstacle at its centre: a disc has a radius, a box a width and a height.
+/// An obstacle, with the position of its centre. A disc has a radius; a box has a width and a height.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 struct ObstacleView {
     x: f64,
@@ -66,19 +66,20 @@ impl From<&Obstacle> for ObstacleView {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MotionView {
     agents: usize,
-    /// Index of each agent's species, a column of bytes; only with several species.
+    /// Index of each agent's species, as a column of bytes; `None` if there is only one species.
     species: Option<String>,
     radii: Option<Vec<f64>>,
     /// The step of each frame.
     steps: Vec<u32>,
-    /// Columns with a value per frame and agent: 0 to 65535 over the world.
+    /// Columns of the positions x and y, with a value for each frame and agent: 0 to 65535 from one side of the world to the
+    /// other.
     x: String,
     y: String,
-    /// Likewise, 0 to 255 over a full turn.
+    /// Column of the headings, with a value for each frame and agent: 0 to 255 over a full turn.
     heading: String,
 }
 
-/// The motion, with frames left out to stay within `most_bytes` before base64.
+/// The motion of a replay. Frames are left out, so that the motion has at most `most_bytes` before base64.
 pub fn motion(replay: &Replay, world: &World, colouring: Colouring<'_>, most_bytes: usize) -> MotionView {
     let agents = replay.agents();
     let most = (most_bytes / (POSE_BYTES * agents)).min(MOST_FRAMES);
@@ -107,7 +108,8 @@ pub fn motion(replay: &Replay, world: &World, colouring: Colouring<'_>, most_byt
     }
 }
 
-/// Finite `values` scaled from their span to 0 to 65535; the middle if all are equal.
+/// A column of finite `values`, scaled so that the smallest is 0 and the largest 65535; if all values are equal, they are in the
+/// middle.
 pub fn spread(values: impl Iterator<Item = f64> + Clone) -> String {
     let low = values.clone().fold(f64::INFINITY, f64::min);
     let span = span(values.clone());
@@ -115,14 +117,14 @@ pub fn spread(values: impl Iterator<Item = f64> + Clone) -> String {
     column(values.map(|value| sixteen_bits(place(value)).to_le_bytes()))
 }
 
-/// Difference between the largest and the smallest of finite `values`; 0 without values.
+/// Difference between the largest and the smallest of finite `values`; 0 if there are no values.
 pub fn span(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let low = values.clone().fold(f64::INFINITY, f64::min);
     let high = values.fold(f64::NEG_INFINITY, f64::max);
     (high - low).max(0.0)
 }
 
-/// Encodes numbers, each given as its bytes.
+/// Encodes numbers, each given as its bytes, as base64.
 pub fn column<const N: usize>(values: impl Iterator<Item = [u8; N]>) -> String {
     STANDARD.encode(values.collect::<Vec<_>>().as_flattened())
 }

@@ -1,4 +1,4 @@
-//! The image of a behaviour, in screen orientation.
+//! The image of a behaviour, with x to the right and y down, as on a screen.
 
 use super::{PictureError, SIZES};
 use murmuration_model::colours;
@@ -7,20 +7,20 @@ use murmuration_swarm::PictureShape;
 /// Grey value of the gap between two pictures.
 const GAP: u8 = 255;
 
-/// The image of a behaviour as PNG, every pixel `scale` pixels wide, without smoothing. One channel is grey. Several channels have
-/// the colours of their species on black; where species overlap, their colours add up.
+/// The image of a behaviour as PNG: every pixel of the image is `scale` pixels wide, without smoothing. An image of one channel
+/// is grey. In an image of several channels, each species has its colour on black, and the colours of overlapping species add up.
 ///
-/// `image` has the bytes of a picture of this `shape`, as in an evaluation (axis 0 is x). The PNG has x to the right and y down, as
-/// on the screen.
+/// `image` has the bytes of a picture of this `shape`, as in an evaluation (axis 0 is x). The PNG has x to the right and y down,
+/// as on a screen.
 ///
 /// # Errors
-/// [`PictureError::Shape`] if the number of bytes differs, [`PictureError::Size`] if the picture would be smaller than 1 pixel or
-/// wider than 4096.
+/// [`PictureError::Shape`] if the number of bytes differs from the shape's, [`PictureError::Size`] if the picture would have no
+/// pixels or be wider than 4096 pixels.
 pub fn image_png(image: &[u8], shape: PictureShape, scale: u32) -> Result<Vec<u8>, PictureError> {
     image_row_png(&[image], shape, scale)
 }
 
-/// Images drawn as by [`image_png`], side by side, with a white line of `scale` pixels between neighbours.
+/// Several images side by side, drawn as [`image_png`] draws an image, with a white line of `scale` pixels between neighbours.
 pub fn image_row_png(images: &[&[u8]], shape: PictureShape, scale: u32) -> Result<Vec<u8>, PictureError> {
     images.iter().try_for_each(|image| check(image, shape))?;
     let columns = (shape.side() as u64 + 1) * images.len() as u64;
@@ -70,7 +70,7 @@ pub(crate) fn encoded(
     Ok(file)
 }
 
-/// The pixels of an image as [`image_png`] shows them: row by row, red, green and blue of each.
+/// The pixels of an image as [`image_png`] shows the image: red, green and blue of each pixel, row by row.
 ///
 /// # Errors
 /// [`PictureError::Shape`] if the number of bytes differs from the shape's.
@@ -119,7 +119,7 @@ mod tests {
 
     #[test]
     fn x_goes_right_and_y_goes_down() {
-        // x = 0: 10 above 20; x = 1: 30 above 40.
+        // The image has 10 above 20 in the left column (x = 0), and 30 above 40 in the right column (x = 1).
         let (width, height, pixels) = decode_png(&image_png(&[10, 20, 30, 40], shape(1), 1).unwrap());
         assert_eq!((width, height), (2, 2));
         assert_eq!(pixels, [10, 30, 20, 40]);
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn every_species_has_its_colour_and_colours_add_up() {
-        // Only the first species is at x = 0, y = 0; both are at x = 1, y = 1; none is elsewhere.
+        // The first species alone is at x = 0, y = 0. Both species are at x = 1, y = 1. The other two pixels are empty.
         let image = [255, 0, 0, 255, 0, 0, 0, 255];
         let (width, _, pixels) = decode_png(&image_png(&image, shape(2), 1).unwrap());
         let [first, second] = [colours::AGENTS[0], colours::AGENTS[1]];

@@ -4,22 +4,22 @@ use super::sketch::Sketch;
 use murmuration_model::colours::{AGENTS, LINE, PAPER, Rgb, over};
 use std::collections::HashMap;
 
-/// Index of the colour that means "as in the frame before".
+/// Index that marks a pixel as unchanged since the frame before.
 pub(super) const UNCHANGED: u8 = 0;
 /// Index of the background.
 const BACKGROUND: u8 = 1;
-/// Opacities of an agent's colour in the palette; the last is the body.
+/// Number of opacities of an agent's colour in the palette; the last opacity is that of the body.
 const SHADES: u8 = 10;
 
-/// The shared palette, with a cache of requested colours.
+/// The palette of all frames, with a cache of requested colours.
 pub(super) struct Palette {
     colours: Vec<Rgb>,
-    /// Its order does not matter, because it is never iterated.
+    /// The index of each requested colour. The order of this map does not matter, because no code iterates over it.
     places: HashMap<(Rgb, u8), u8>,
 }
 
 impl Palette {
-    /// Every agent's colour in ten shades on the background, and the walls.
+    /// A palette of every agent's colour in ten shades on the background, and of the colours of the walls.
     pub(super) fn new() -> Self {
         let part = |shade: u8| (u32::from(shade) * 255 / u32::from(SHADES)) as u8;
         let shades = |colour: Rgb| (1..=SHADES).map(move |shade| over(colour, part(shade), PAPER));
@@ -34,12 +34,12 @@ impl Palette {
         }
     }
 
-    /// Red, green, blue of every index, in the format of the file.
+    /// Red, green and blue of every index, in the format of a GIF.
     pub(super) fn bytes(&self) -> Vec<u8> {
         self.colours.as_flattened().to_vec()
     }
 
-    /// The sketch on the background, as palette indices, row by row.
+    /// The sketch on the background, as indices into the palette, row by row.
     pub(super) fn index(&mut self, sketch: &Sketch) -> Vec<u8> {
         sketch
             .pixels()
@@ -54,7 +54,7 @@ impl Palette {
     }
 }
 
-/// The index nearest to `wanted` by red, green and blue; the first of several.
+/// The index of the colour nearest to `wanted` by red, green and blue; the first index, if several colours are equally near.
 fn nearest(colours: &[Rgb], wanted: Rgb) -> u8 {
     let distance = |&colour: &Rgb| -> i32 {
         (0..3)

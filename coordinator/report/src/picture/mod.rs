@@ -1,7 +1,7 @@
 //! Pictures of a swarm: the image that the search sees, the paths in colour, and the motion as an animation.
 //!
-//! The functions turn plain data into the bytes of a PNG, GIF or SVG file, or into a film's pictures, without reading or writing
-//! files. The pictures are for people, and no result depends on them. The same input still gives the same bytes.
+//! The functions turn plain data into the bytes of a PNG, GIF or SVG file, or into the pictures of a film, without reading or
+//! writing files. The pictures are for people, and no result depends on a picture. The same input always gives the same bytes.
 
 mod animation;
 pub mod columns;
@@ -23,7 +23,7 @@ pub use vector::trajectory_svg;
 
 use murmuration_swarm::PictureShape;
 
-/// Allowed sides of a drawing, pixels; an image may be smaller.
+/// Allowed sides of a drawing in pixels; an image can be smaller.
 pub(crate) const SIZES: std::ops::RangeInclusive<u32> = 16..=4096;
 
 /// Why a picture cannot be made.
@@ -31,7 +31,7 @@ pub(crate) const SIZES: std::ops::RangeInclusive<u32> = 16..=4096;
 pub enum PictureError {
     #[error("a picture of {shape} pixels cannot be made of {bytes} bytes")]
     Shape {
-        /// Expected shape.
+        /// The expected shape.
         shape: PictureShape,
         /// Number of bytes of the image.
         bytes: usize,

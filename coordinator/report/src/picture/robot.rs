@@ -5,17 +5,17 @@ use murmuration_model::colours;
 use murmuration_swarm::{Robot, Seen, SeenRobots, Sensor};
 use std::f64::consts::PI;
 
-/// Half of a drawing's side, in its units.
+/// Half of a drawing's side, in units of the drawing.
 const HALF: f64 = 120.0;
-/// Length of a sensor without a limit, and of the longest sensor with one.
+/// Drawn length of a sensor with unlimited range, and of the longest sensor with a limited range.
 const LONGEST: f64 = 104.0;
-/// Smallest radius of a drawn body, so that it stays visible.
+/// Minimum radius of a drawn body, so that every body is visible.
 const SMALLEST_BODY: f64 = 7.0;
 
-/// A drawing (SVG) of a robot that heads to the right; positive angles turn clockwise, as on the pictures of swarms. Its sensors
-/// look at `angles`, one per sensor; `None` draws the possible directions of free sensors.
+/// A drawing (SVG) of a robot that heads to the right; positive angles turn clockwise, as in the pictures of swarms. `angles` has
+/// the direction of each sensor; with `None`, free sensors are drawn in their possible directions.
 ///
-/// Lengths are to scale, except for a very small body, and for sensors without a limit, which reach the edge.
+/// Lengths are to scale, with two exceptions: a very small body is enlarged, and a sensor with unlimited range reaches the edge.
 pub fn robot_svg(robot: &Robot, angles: Option<&[f64]>) -> Markup {
     let ranges = robot.sensors().iter().filter_map(sensor_reach);
     let longest = ranges.fold(10.0 * robot.radius(), f64::max);
@@ -34,7 +34,7 @@ pub fn robot_svg(robot: &Robot, angles: Option<&[f64]>) -> Markup {
     }
 }
 
-/// Largest distance at which a sensor sees anything, world units; `None` if there is no limit.
+/// Maximum distance at which a sensor sees robots, walls or obstacles, in world units; `None` if its range is unlimited.
 pub fn sensor_reach(sensor: &Sensor) -> Option<f64> {
     let robots = match sensor.robots() {
         SeenRobots::None if !sensor.sees_obstacles() => Some(0.0),
@@ -49,7 +49,7 @@ fn drawn_sensor(i: usize, sensor: &Sensor, chosen: Option<f64>, scale: f64) -> M
     let free = sensor.angle();
     let middles = match (free.value().or(chosen), free.range()) {
         (Some(angle), _) => vec![angle],
-        // Off the middle, where another sensor often is.
+        // A free sensor is drawn beside the middle of its range, because another sensor is often in the middle.
         (None, Some([low, high])) => vec![low + 0.75 * (high - low)],
         (None, None) => free.choices().to_vec(),
     };
@@ -71,7 +71,7 @@ fn drawn_sensor(i: usize, sensor: &Sensor, chosen: Option<f64>, scale: f64) -> M
     }
 }
 
-/// The outline of a cone, or a line.
+/// The outline of a cone, or a line if the cone has no width.
 fn cone(middle: f64, half: f64, length: f64) -> String {
     if half == 0.0 {
         let [x, y] = at(middle, length);
@@ -101,7 +101,7 @@ fn short(length: f64) -> f64 {
     (100.0 * length).round() / 100.0 + 0.0
 }
 
-/// A sensor in words, as `a cone 0.4 rad wide at 1.57 rad that sees walls up to 40`.
+/// A sensor in words, such as `a cone 0.4 rad wide at 1.57 rad that sees walls up to 40`.
 pub fn sensor_in_words(sensor: &Sensor, angle: Option<f64>) -> String {
     let shape = match sensor.half_angle() {
         0.0 => "a ray".to_owned(),

@@ -1,4 +1,4 @@
-//! Invented swarms for tests, and a decoder to check the pictures made of them.
+//! Invented swarms for tests, and a decoder with which tests check pictures.
 
 use murmuration_proto::v1;
 use murmuration_swarm::{Pose, Purpose, RandomStream, Replay, World};
@@ -10,7 +10,7 @@ pub fn world(lines: &str) -> World {
     World::try_from(message).unwrap()
 }
 
-/// Agents that circle around the middle, with random distances, phases and speeds.
+/// Agents that circle around the middle of the world, with random distances, phases and speeds.
 pub fn ring(world: &World, steps: u32, stride: u32) -> Replay {
     let mut stream = RandomStream::derive(7, Purpose::Start, 0);
     let (cx, cy) = (world.width() / 2.0, world.height() / 2.0);
@@ -40,7 +40,7 @@ pub fn ring(world: &World, steps: u32, stride: u32) -> Replay {
     Replay::new(shown, agents.len(), poses).unwrap()
 }
 
-/// Width, height and the bytes of the pixels.
+/// Width, height and bytes of the pixels of a PNG.
 pub(crate) fn decode_png(file: &[u8]) -> (u32, u32, Vec<u8>) {
     let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().unwrap();
     let mut pixels = vec![0; reader.output_buffer_size().unwrap()];

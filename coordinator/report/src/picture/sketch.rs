@@ -1,6 +1,6 @@
-//! Canvas of the coloured pictures: a transparent sheet in world coordinates.
+//! The canvas of coloured pictures: a transparent sheet that is drawn on in world coordinates.
 //!
-//! Agents of one colour are drawn together, so that the cost of a picture hardly grows with the swarm.
+//! All agents of one colour are drawn as one path, so that the cost of a picture hardly grows with the swarm.
 
 use super::{PictureError, side};
 use murmuration_model::colours::{self, Rgb};
@@ -14,20 +14,20 @@ use tiny_skia::{
 pub struct Bodies {
     /// The species of each agent, as an index.
     species: Vec<usize>,
-    /// The radius of each species, world units.
+    /// The radius of each species, in world units.
     radii: Vec<f64>,
 }
 
 /// The meaning of an agent's colour, and its size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Colouring<'a> {
-    /// By the agent's number; all agents have the radius of the world.
+    /// The colour depends on the agent's number; all agents have the radius that the world defines.
     Agents,
-    /// By species.
+    /// The colour and the radius depend on the agent's species.
     Species {
         /// The species of each agent, as an index.
         of_agents: &'a [usize],
-        /// The radius of each species, world units.
+        /// The radius of each species, in world units.
         radii: &'a [f64],
     },
 }
@@ -42,7 +42,7 @@ impl Bodies {
         }
     }
 
-    /// By species if there are several, else by agent.
+    /// Colours by species if there are several species, or else by agent.
     pub fn colouring(&self) -> Colouring<'_> {
         match self.radii.len() {
             0 | 1 => Colouring::Agents,
@@ -55,7 +55,7 @@ impl Bodies {
 }
 
 impl Colouring<'_> {
-    /// The agents that have the colour `place`, of a swarm of `agents`.
+    /// The agents of the colour with the index `place`, in a swarm of `agents` agents.
     pub(super) fn agents(self, place: usize, agents: usize) -> impl Iterator<Item = usize> {
         let count = colours::AGENTS.len();
         (0..agents).filter(move |&agent| match self {
@@ -69,12 +69,12 @@ impl Colouring<'_> {
 pub(super) struct Sketch<'a> {
     colouring: Colouring<'a>,
     pixels: Pixmap,
-    /// Pixels in a world unit.
+    /// Pixels per world unit.
     scale: f32,
-    /// Radius of the largest body, world units.
+    /// Radius of the largest body, in world units.
     radius: f64,
-    /// Largest distance along each axis between two points of a path, world units: on a torus, a larger distance is a jump to the
-    /// other side.
+    /// Maximum distance along each axis between two consecutive points of a path, in world units. On a torus, a larger distance
+    /// is a jump to the other side.
     longest: [f32; 2],
 }
 
@@ -133,7 +133,8 @@ impl<'a> Sketch<'a> {
             world.width() as f32 * self.scale,
             world.height() as f32 * self.scale,
         );
-        // A line is sharp at the middle of pixels; this also keeps it inside the picture if there is no padding.
+        // A line through the middle of pixels is sharp. The half pixel also keeps the line inside the picture if the world has no
+        // padding.
         let inset = near.floor() + 0.5;
         let Some(rect) = Rect::from_ltrb(inset, inset, width - inset, height - inset) else {
             return;
@@ -141,9 +142,9 @@ impl<'a> Sketch<'a> {
         self.stroke(&PathBuilder::from_rect(rect), colours::LINE, 140, 1.0);
     }
 
-    /// Draws paths through the agents' `frames`, oldest first, `width` pixels wide, with an opacity of `part` / 255.
+    /// Draws the agents' paths through `frames`, oldest first, `width` pixels wide, with an opacity of `part` / 255.
     ///
-    /// They replace the pixels under them, so that crossings do not grow darker and joints are invisible.
+    /// A path replaces the pixels under it, so that crossings do not grow darker and joints are invisible.
     pub(super) fn paths(&mut self, frames: &[&[Pose]], part: u8, width: f32) {
         let agents = frames.first().map_or(0, |frame| frame.len());
         for (place, &colour) in colours::AGENTS.iter().enumerate() {
@@ -164,7 +165,8 @@ impl<'a> Sketch<'a> {
         }
     }
 
-    /// Draws the bodies at `poses`: discs, each with a tick in the direction of its heading, set off from the paths under them.
+    /// Draws the bodies at `poses`. A body is a disc with a tick in the direction of its heading; a clear ring separates the disc
+    /// from the paths under it.
     pub(super) fn bodies(&mut self, poses: &[Pose]) {
         for (place, &colour) in colours::AGENTS.iter().enumerate() {
             let radius = self.radius(place);
@@ -194,7 +196,7 @@ impl<'a> Sketch<'a> {
         }
     }
 
-    /// The pixels, row by row: colour and opacity.
+    /// The colour and opacity of each pixel, row by row.
     pub(super) fn pixels(&self) -> impl ExactSizeIterator<Item = (Rgb, u8)> {
         self.pixels.pixels().iter().map(|pixel| {
             let plain = pixel.demultiply();
@@ -202,12 +204,12 @@ impl<'a> Sketch<'a> {
         })
     }
 
-    /// Whether an agent left on one side and entered on the other.
+    /// Whether an agent left the world on one side and came in on the other.
     fn jumps(&self, from: Pose, to: Pose) -> bool {
         (0..2).any(|axis| (to[axis] - from[axis]).abs() > self.longest[axis])
     }
 
-    /// Radius of the bodies that have the colour `place`, pixels; always large enough to see.
+    /// Radius in pixels of the bodies of the colour with the index `place`; always large enough to see.
     fn radius(&self, place: usize) -> f32 {
         let own = match self.colouring {
             Colouring::Agents => None,

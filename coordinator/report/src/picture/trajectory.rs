@@ -11,7 +11,7 @@ use murmuration_swarm::{Boundary, Pose, Replay, World};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Paper {
     Light,
-    /// Transparent: the picture takes on the colour of the page.
+    /// A transparent background, which shows the colour of the page.
     Clear,
 }
 
@@ -20,8 +20,8 @@ const AGES: u32 = 20;
 
 /// The paths of the last `window` steps as a PNG whose longer side is `size` pixels (16 to 4096).
 ///
-/// Agents are coloured by `colouring`, older parts are fainter. The bodies are at their last positions, each with a tick in the
-/// direction of its heading, and the walls are a thin line. x goes right and y down, as on the screen.
+/// `colouring` determines the agents' colours. Older parts of a path are fainter. The bodies are at their last positions, each
+/// with a tick in the direction of its heading, and the walls are a thin line. x goes right and y down, as on a screen.
 ///
 /// # Errors
 /// [`PictureError::Size`] if the picture would be too small or too large.
@@ -46,7 +46,7 @@ pub fn trajectory_png(
     encode(&sketch, paper)
 }
 
-/// Runs of frames of similar age, oldest first: first frame, last frame, opacity out of 255.
+/// Series of frames of similar age, oldest first. Each series has its first frame, its last frame, and an opacity out of 255.
 pub(super) fn ages(steps: &[u32], window: u32) -> Vec<(usize, usize, u8)> {
     let end = steps.last().copied().unwrap_or(0);
     let start = end.saturating_sub(window.max(1));
@@ -68,7 +68,7 @@ pub(super) fn ages(steps: &[u32], window: u32) -> Vec<(usize, usize, u8)> {
         .collect()
 }
 
-/// Whether an agent left on one side of a torus and entered on the other.
+/// Whether an agent left a torus on one side and came in on the other.
 pub(super) fn is_jump(world: &World, from: Pose, to: Pose) -> bool {
     let sides = [world.width(), world.height()].map(|side| side as f32 / 2.0);
     world.boundary() == Boundary::Torus && (0..2).any(|axis| (to[axis] - from[axis]).abs() > sides[axis])

@@ -1,4 +1,4 @@
-//! The paths of a swarm as SVG, for papers: what [`trajectory_png`](super::trajectory_png) draws, in world units.
+//! The paths of a swarm as SVG, for papers: the picture that [`trajectory_png`](super::trajectory_png) draws, in world units.
 
 use super::{
     sketch::Colouring,
@@ -8,9 +8,9 @@ use murmuration_model::colours;
 use murmuration_swarm::{Boundary, Obstacle, Pose, Replay, World};
 use std::fmt::Write as _;
 
-/// The paths of the last `window` steps. Agents are coloured by `colouring`, older parts are fainter. The bodies are at their last
-/// positions, each with a tick in the direction of its heading, and the walls are a thin line. x goes right and y down, as on the
-/// screen. A unit of the picture is a world unit, and the background is transparent.
+/// The paths of the last `window` steps. `colouring` determines the agents' colours. Older parts of a path are fainter. The
+/// bodies are at their last positions, each with a tick in the direction of its heading, and the walls are a thin line. x goes
+/// right and y down, as on a screen. A unit of the picture is a world unit, and the background is transparent.
 pub fn trajectory_svg(replay: &Replay, world: &World, colouring: Colouring<'_>, window: u32) -> String {
     let (width, height) = (world.width(), world.height());
     let mut svg = format!(
@@ -75,7 +75,7 @@ fn surroundings(svg: &mut String, world: &World) {
     }
 }
 
-/// Each colour with its agents, if it has any.
+/// Each colour that agents have, with these agents.
 fn coloured(colouring: Colouring<'_>, agents: usize) -> impl Iterator<Item = (String, Vec<usize>)> {
     colours::AGENTS
         .iter()

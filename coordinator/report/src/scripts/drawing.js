@@ -1,11 +1,11 @@
-// A swarm in motion on a canvas: its poses at any step, and how they are drawn.
+// Draws a swarm in motion on a canvas: the poses at any step, the trails and the arena.
 
 function column(text, Kind) {
   const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   return new Kind(bytes.buffer);
 }
 
-// Adapts a canvas to its size on the page. Returns whether that changed it.
+// Adapts a canvas to its size on the page. Returns whether the canvas changed.
 function fit(canvas) {
   const dense = Math.min(window.devicePixelRatio || 1, 2);
   const width = Math.round(canvas.clientWidth * dense);
@@ -16,11 +16,11 @@ function fit(canvas) {
   return true;
 }
 
-// Scales points, whose columns run from 0 to 65535 over `spans`, to a canvas: centred, and with the same scale across and up, so
-// that distances can be compared.
+// Scales points to a canvas: centred, and with the same scale in both directions, so that distances can be compared. The
+// coordinates of the points go from 0 to 65535 over `spans`.
 function equalScale(spans, width, height, room) {
   const fits = [(width - 2 * room) / spans[0], (height - 2 * room) / spans[1]].filter(Number.isFinite);
-  // There is no scale without a span, and none on a hidden canvas.
+  // The scale is 0 if all points are at one place, or if the canvas is hidden.
   const unit = fits.length ? Math.max(Math.min(...fits), 0) : 0;
   return {
     across: (x) => width / 2 + (x / 65535 - 0.5) * spans[0] * unit,
@@ -31,7 +31,7 @@ function equalScale(spans, width, height, room) {
 // Half of the world. On a torus, a larger distance between two frames is a jump to the other side.
 const JUMP = 32768;
 
-// A swarm's motion, with its poses at any step.
+// The motion of a swarm, with the poses of its agents at any step.
 class Run {
   constructor({ agents, species, radii, steps, x, y, heading }) {
     this.agents = agents;
@@ -45,7 +45,7 @@ class Run {
     this.poses = { x: new Float64Array(agents), y: new Float64Array(agents), heading: new Float64Array(agents) };
   }
 
-  // The index of an agent's colour: by species if there are several.
+  // The index of an agent's colour: the colour of its species if there are several species, or else a colour by number.
   colourOf(agent, colours) {
     return (this.species ? this.species[agent] : agent) % colours.length;
   }
@@ -62,7 +62,7 @@ class Run {
     return low;
   }
 
-  // Interpolates poses between two frames; the heading takes the shorter way round.
+  // Interpolates the poses between two frames; the heading turns the shorter way.
   posesAt(step, poses) {
     const frame = this.frameAt(step);
     const next = Math.min(frame + 1, this.steps.length - 1);
@@ -73,7 +73,7 @@ class Run {
     for (let i = 0; i < this.agents; i++) {
       const across = this.x[to + i] - this.x[from + i];
       const down = this.y[to + i] - this.y[from + i];
-      // An agent that leaves a torus on one side stays there until the frame in which it has entered on the other.
+      // An agent that leaves a torus on one side stays on this side until the frame in which it is on the other side.
       const still = this.wraps && (Math.abs(across) > JUMP || Math.abs(down) > JUMP);
       poses.x[i] = this.x[from + i] + (still ? 0 : part * across);
       poses.y[i] = this.y[from + i] + (still ? 0 : part * down);
@@ -88,7 +88,7 @@ const TRAIL_STEPS = 60;
 const TRAIL_AGES = 5;
 const MOST_TRAILS = 400;
 
-// Draws a run at a step: walls, trails, robots.
+// Draws one step of a motion: walls, trails and robots.
 function drawSwarm(canvas, run, step, world, colours) {
   fit(canvas);
   const pen = canvas.getContext("2d");
@@ -135,7 +135,7 @@ function drawTrails(pen, run, step, frame, colours, across, down) {
   }
 }
 
-// Walls and obstacles.
+// Draws walls and obstacles.
 function drawArena(pen, { padding, walls, obstacles }, scale) {
   pen.globalAlpha = 0.55;
   pen.strokeStyle = "#9c9a94";
@@ -177,7 +177,7 @@ function drawBodies(pen, run, colours, radiusOf, across, down) {
   });
 }
 
-// The pixels around the centre that a dot of a radius covers, and the covered part of each.
+// The pixels around the centre that a dot of this radius covers, each with its covered part.
 function dotOf(radius) {
   const reach = Math.ceil(radius);
   const cover = [];
@@ -190,7 +190,7 @@ function dotOf(radius) {
   return cover;
 }
 
-// Paints a dot into the pixels of an image. A hundred thousand take a few milliseconds; paths would take much longer.
+// Paints a dot into the pixels of an image. A hundred thousand dots take a few milliseconds; paths would take much longer.
 function stamp({ data, width, height }, dot, x, y, colour, strength) {
   for (let i = 0; i < dot.length; i++) {
     const pixel = dot[i];

@@ -3,7 +3,7 @@
 const STEPS_A_SECOND = 100;
 // Speed factor if the page has no menu of speeds.
 const USUAL_SPEED = 4;
-// How long the last step stays before the motion starts again.
+// Milliseconds for which the last step stays before the motion starts again.
 const HOLD_MS = 1000;
 
 class Playback {
@@ -38,7 +38,7 @@ class Playback {
   play() {
     if (this.playing) return;
     this.playing = true;
-    // A frame of the previous motion may still be scheduled.
+    // A frame of the previous motion can still be scheduled.
     cancelAnimationFrame(this.frame);
     let before = performance.now();
     const tick = (now) => {
