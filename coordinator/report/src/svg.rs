@@ -8,27 +8,27 @@ pub const INK: &str = "#1d1d1b";
 pub const MUTED: &str = "#5f5e58";
 /// The colour of grids and frames.
 pub const GRID: &str = "#e4e1d8";
-/// Background for papers.
+/// White background, for papers.
 pub const WHITE: &str = "#fff";
 
-/// The head of a drawing.
+/// The frame of a drawing: its size, its title and its background.
 #[derive(Debug, Clone, Copy)]
 pub struct Drawing<'a> {
-    /// Width and height, pixels.
+    /// Width and height, in pixels.
     pub size: [f64; 2],
-    /// Size of its text, pixels.
+    /// Size of the drawing's text, in pixels.
     pub font_size: u32,
-    /// Its title when shown alone.
+    /// The title that a browser shows if it shows the drawing alone.
     pub title: &'a str,
-    /// The description for people who cannot see it; `None` if text in the drawing describes it.
+    /// The description for people who cannot see the drawing; `None` if text in the drawing describes it.
     pub label: Option<&'a str>,
     pub paper: &'a str,
-    /// Whether it shrinks to the width of its page.
+    /// Whether the drawing shrinks to the width of its page.
     pub shrinks: bool,
 }
 
 impl Drawing<'_> {
-    /// The drawing with this content. It is self-contained, and prints at any size.
+    /// The drawing with this content. The drawing needs no other file, and can be printed at any size.
     pub fn with(&self, content: &Markup) -> Markup {
         let [width, height] = self.size;
         let role = self.label.map(|_| "img");
@@ -44,7 +44,8 @@ impl Drawing<'_> {
     }
 }
 
-/// Lines at 0, 25, 50, 75 and 100 percent from `left` to `right`, each with its number; `y` gives the height of a percentage.
+/// Horizontal lines at 0, 25, 50, 75 and 100 percent from `left` to `right`, each with its number. `y` returns the vertical
+/// position of a percentage.
 pub fn percent_grid([left, right]: [f64; 2], y: impl Fn(f64) -> f64) -> Markup {
     html! {
         @for percent in [0.0, 25.0, 50.0, 75.0, 100.0] {
@@ -54,7 +55,7 @@ pub fn percent_grid([left, right]: [f64; 2], y: impl Fn(f64) -> f64) -> Markup {
     }
 }
 
-/// Rounds pixels to a tenth, which nobody can see and which keeps files small.
+/// Rounds pixels to a tenth: nobody can see the difference, and the rounding keeps files small.
 pub fn tenth(pixels: f64) -> f64 {
     (10.0 * pixels).round() / 10.0
 }

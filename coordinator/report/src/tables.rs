@@ -1,5 +1,5 @@
-//! The archive, the taxonomy, the classes and the generations as CSV: a header, numbers that read back exactly, and names as
-//! [`to_cell`] writes them.
+//! The archive, the taxonomy, the classes and the generations as CSV. A table has a header, numbers that can be read again
+//! exactly, and names as [`to_cell`] writes names.
 
 use super::{Entry, Report};
 use csv::Writer;
@@ -10,7 +10,7 @@ use murmuration_model::{
 use murmuration_swarm::FEATURE_NAMES;
 use std::io::{self, Write};
 
-/// One row per individual, by index. Clusters count from 1, as on the cards.
+/// One row per individual, by index. The first cluster has the number 1, as on the cards.
 pub(super) fn archive(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     let own = ["index", "cluster", "map_x", "map_y"].map(str::to_owned);
@@ -32,8 +32,9 @@ pub(super) fn archive(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     table.flush()
 }
 
-/// One row per medoid, largest cluster first. Its novelty is measured in the whole archive. The name of its cluster is the class of
-/// the medoid, or inherited from an earlier version of the taxonomy, which the next column then names.
+/// One row per medoid, largest cluster first. A medoid's novelty is measured in the whole archive. The name of a cluster is the
+/// class of its medoid, or a name from an earlier version of the taxonomy. The column after an inherited name has the number of
+/// that version.
 pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     let own = [
@@ -87,7 +88,7 @@ pub(super) fn trials(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     table.flush()
 }
 
-/// One row per class, in the order in which they were first named, with the numbers of its individuals and of its answers.
+/// One row per class, in the order in which classes were first named, with the numbers of the class's individuals and answers.
 pub(super) fn classes(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     table.write_record(["class", "colour", "individuals", "labels"])?;
@@ -116,7 +117,7 @@ pub(super) fn generations(report: &Report, file: &mut dyn Write) -> io::Result<(
     table.flush()
 }
 
-/// The columns of a table of individuals: its own, then the data of an individual, then its class.
+/// The columns of a table of individuals: first `own`, then the data of an individual, then its class.
 fn columns(own: &[String], report: &Report) -> Vec<String> {
     let known = ["generation", "seed", "novelty_when_evaluated", "robustness"].map(str::to_owned);
     let genes = report.spec.model().gene_names();
@@ -128,7 +129,7 @@ fn or_empty(number: Option<f64>) -> String {
     number.map(|number| number.to_string()).unwrap_or_default()
 }
 
-/// A row of [`columns`].
+/// A row of a table with these [`columns`].
 fn row(own: &[String], entry: &Entry, report: &Report, index: u64) -> Vec<String> {
     let known = [
         entry.generation.to_string(),

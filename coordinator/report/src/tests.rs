@@ -1,4 +1,4 @@
-//! A written report, read back from its files.
+//! Tests that write a report and read its files.
 
 mod channels;
 mod learned;
@@ -248,7 +248,7 @@ fn a_page_names_what_behaviours_are_compared_by() {
 #[test]
 fn a_page_begins_with_what_was_found_and_folds_what_is_random_or_shown_already() {
     let mut report = sample::report(&SMALL);
-    // The first medoid has a label, which takes precedence over the judge.
+    // The first medoid has a label, which takes precedence over the judge's verdict.
     report.judged.medoids = [Class::Random, Class::Milling, Class::Random]
         .map(Verdict::Class)
         .into();
@@ -354,7 +354,7 @@ fn a_full_page_stays_small() {
     assert!(bytes < 6_000_000, "{bytes} bytes");
 }
 
-/// Writes samples for inspection into the folder that `SAMPLE_REPORT` names:
+/// Writes sample reports for inspection into the folder that `SAMPLE_REPORT` names:
 ///
 /// `SAMPLE_REPORT=samples cargo test --release -p murmuration-coordinator a_sample_to_look_at -- --ignored`
 #[test]

@@ -1,12 +1,12 @@
-// A hundred thousand points on a canvas: their positions, and the point nearest to a pointer.
+// A map of up to a hundred thousand points on a canvas: the points' positions, and the point nearest to a pointer.
 
-// Pixels between the points and the edge; less on a narrow canvas.
+// Pixels between the points and the edge of the canvas; a narrow canvas has fewer.
 const ROOM = 34;
-// Largest distance from a pointer to its point, pixels.
+// Maximum distance in pixels from a pointer to the point that it points at.
 const REACH = 16;
-// Largest zoom, relative to the whole map.
+// Maximum zoom, relative to the whole map.
 const MOST_ZOOM = 200;
-// Pixels that a wheel turns to zoom by a factor of e.
+// Pixels by which a wheel turns for a zoom by a factor of e.
 const WHEEL = 400;
 const LINE = 16;
 const PAPER = { light: [255, 255, 255], dark: [28, 29, 27] };
@@ -15,19 +15,20 @@ class Plot {
   constructor(canvas) {
     this.canvas = canvas;
     this.count = 0;
-    // 1 for each visible point, 0 for each hidden one; null if all are visible.
+    // 1 for each visible point, 0 for each hidden point; null if all points are visible.
     this.visible = null;
     this.whole();
   }
 
-  // Shows all of the map. This method and the next two take effect at the next layout: a wheel turns many times per frame.
+  // Shows the whole map. `whole`, `zoomAt` and `moveBy` take effect at the next layout, because a wheel turns many times per
+  // frame.
   whole() {
     this.zoom = 1;
-    // The middle of the canvas, as fractions of the whole map's width and height.
+    // The point of the map in the middle of the canvas, as fractions of the whole map's width and height.
     this.middle = [0.5, 0.5];
   }
 
-  // Zooms by the factor `times`; the point at (x, y) of the canvas stays there.
+  // Zooms by the factor `times`; the point of the map at (x, y) on the canvas keeps its place.
   zoomAt(x, y, times) {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     const zoom = Math.min(Math.max(this.zoom * times, 1), MOST_ZOOM);
@@ -37,7 +38,7 @@ class Plot {
     this.moveBy(0, 0);
   }
 
-  // Moves the map by so many pixels, up to its edges.
+  // Moves the map by `across` and `down` pixels, but not beyond its edges.
   moveBy(across, down) {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     const way = [across / width, down / height];
@@ -56,7 +57,7 @@ class Plot {
     return x >= 0 && y >= 0 && x <= this.width && y <= this.height;
   }
 
-  // Moves the map so that a point is in its middle, if it is not on the canvas. Returns whether the map moved.
+  // If a point is not on the canvas, moves the map so that the point is in the middle. Returns whether the map moved.
   reveal(i) {
     const [x, y] = [this.across[i], this.down[i]];
     if (this.isOn(x, y)) return false;
@@ -65,7 +66,7 @@ class Plot {
     return true;
   }
 
-  // Sets the positions of the points, 0 to 65535 along each axis, over spans that may differ.
+  // Sets the positions of the points: 0 to 65535 along each axis. `spans` has the real length of each axis.
   place(x, y, spans) {
     this.spans = spans;
     this.x = x;
@@ -76,7 +77,7 @@ class Plot {
     this.layOut();
   }
 
-  // Computes the positions of the points on the canvas, for its present size.
+  // Computes the positions of the points on the canvas, for the current size of the canvas.
   layOut() {
     fit(this.canvas);
     const { clientWidth: width, clientHeight: height } = this.canvas;
@@ -85,7 +86,7 @@ class Plot {
     const [left, top] = [width * (0.5 - this.middle[0] * this.zoom), height * (0.5 - this.middle[1] * this.zoom)];
     const across = (x) => left + this.zoom * scale.across(x);
     const down = (y) => top + this.zoom * scale.down(y);
-    // Position of a point at (0, 0), and the distance from it to a point at (65535, 65535).
+    // Canvas position of a point at (0, 0), and distance from there to a point at (65535, 65535).
     this.corner = [across(0), down(0)];
     this.reach = [across(65535) - this.corner[0], down(65535) - this.corner[1]];
     const { corner, reach } = this;
@@ -96,12 +97,12 @@ class Plot {
     this.sort();
   }
 
-  // Sorts the points on the canvas into squares, so that the search for the nearest one is short.
+  // Sorts the points on the canvas into squares, so that a search for the nearest point is quick.
   sort() {
     this.columns = Math.ceil(this.width / REACH) + 1;
     const rows = Math.ceil(this.height / REACH) + 1;
     this.squares = this.columns * rows;
-    // Hidden points go into a last square of their own, which no search visits.
+    // Hidden points go into an extra square, the last, which no search visits.
     const square = new Uint32Array(this.count);
     this.begins = new Uint32Array(this.squares + 2);
     for (let i = 0; i < this.count; i++) {
@@ -116,7 +117,7 @@ class Plot {
     for (let i = 0; i < this.count; i++) this.members[next[square[i]]++] = i;
   }
 
-  // The point nearest to a place on the canvas; -1 if none is within reach.
+  // The point nearest to a place on the canvas; -1 if no point is within reach.
   nearest(x, y) {
     let best = -1;
     let closest = REACH;
@@ -135,7 +136,7 @@ class Plot {
     return best;
   }
 
-  // The nearest point in a direction, for keys; without a current point, the one nearest to the middle.
+  // The nearest point in a direction, for keys; without a current point, the point nearest to the middle.
   towards(from, dx, dy) {
     if (from < 0) return this.nearestToMiddle();
     let best = from;
@@ -150,7 +151,7 @@ class Plot {
     return best;
   }
 
-  // The point nearest to the middle of the canvas; -1 if none is shown.
+  // The point nearest to the middle of the canvas; -1 if no point is shown.
   nearestToMiddle() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     let best = -1;
@@ -163,8 +164,8 @@ class Plot {
     return best;
   }
 
-  // Paints groups of points, one over the other. A group has `points`, `colourOf(i)` as a number 0xrrggbb, `strength` from 0
-  // (invisible) to 1 (opaque), and `size`, the radius relative to a usual point.
+  // Paints groups of points, each group over the groups before it. A group has `points`, `colourOf(i)` as a number 0xrrggbb,
+  // `strength` from 0 (invisible) to 1 (opaque), and `size`, the radius relative to a usual point.
   paint(isDark, groups) {
     const { canvas } = this;
     fit(canvas);
@@ -194,8 +195,8 @@ class Plot {
   }
 }
 
-// Zooms and moves a map: by the wheel if `wheels(event)`, by drags of pointers if `drags(event)`, and by two fingers. Calls
-// `changed`, which lays the map out.
+// Zooms and moves a map with two fingers, with the wheel if `wheels(event)` is true, and with drags of a pointer if
+// `drags(event)` is true. After each change it calls `changed`, which lays the map out.
 function steer(area, plot, { wheels, drags, changed }) {
   const held = new Map();
   const onCanvas = (x, y) => {
@@ -235,7 +236,7 @@ function steer(area, plot, { wheels, drags, changed }) {
   for (const end of ["pointerup", "pointercancel"]) area.addEventListener(end, ({ pointerId }) => held.delete(pointerId));
 }
 
-// The zoom buttons of a map: in, out, whole map.
+// Connects the zoom buttons of a map: in, out, and whole map.
 function zoomButtons(root, plot, changed) {
   const { canvas } = plot;
   const ways = {

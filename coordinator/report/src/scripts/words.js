@@ -1,4 +1,4 @@
-// Numbers, and counted nouns, as text.
+// Numbers, nouns with their number, and names as text.
 
 // A number with a comma between thousands: `12,345`.
 function grouped(number) {
@@ -15,7 +15,7 @@ function counted(count, noun) {
   return `${grouped(count)} ${noun}${count === 1 ? "" : "s"}`;
 }
 
-// The name of a class as pages show it: with spaces in place of the `_` in files and commands.
+// The name of a class as pages show it: with spaces instead of the `_` of files and commands.
 function shown(name) {
   return name.split("_").filter(Boolean).join(" ") || name;
 }

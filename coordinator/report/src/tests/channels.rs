@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Two species with a channel each.
+/// A sample campaign with two species, each with its own channel.
 const CHANNELS: Sample = Sample {
     spec: "name = \"sample\"\nmethod = \"latent\"\n[[species]]\nname = \"a\"\ncount = 2\nrobot.sensors = [{}]\n\
            [[species]]\nname = \"b\"\ncount = 4\nrobot.sensors = [{}]\n[image]\nchannels = \"species\"\n\

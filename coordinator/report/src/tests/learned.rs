@@ -10,7 +10,7 @@ pub(super) const LATENT: Sample = Sample {
     ..SMALL
 };
 
-/// A campaign with one round of labels from people.
+/// The report of a campaign with one round of labels from people.
 fn taught() -> Report {
     let mut report = sample::report(&LATENT);
     let checkpoint = CheckpointDigest::of(b"taught");
@@ -54,7 +54,7 @@ fn a_specification_promises_its_archive_only_where_it_leads_there() {
     assert!(page.contains("murmuration labels sample-1 --csv labels.csv"));
     assert_eq!(CampaignSpec::from_toml(&spec).unwrap(), taught.spec);
 
-    // No file holds the answers of the synthetic annotator.
+    // No label file can repeat the answers of the synthetic annotator.
     let mut named = self::taught();
     assert!(!again::is_by_commands(&named));
     named.names.by_individual.retain(|_, given| !given.by_machine);
