@@ -1,4 +1,4 @@
-//! Fixed work whose instructions `scripts/instruction-counts` counts: one item, a given number of times.
+//! Fixed work for `scripts/instruction-counts`, which counts instructions: one item of work, a given number of times.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 
 mod archive;
@@ -25,7 +25,7 @@ fn main() {
         [item, ..] => unreachable!("{item} is no item"),
         [] => 1,
     };
-    // One thread, because waiting threads execute instructions too.
+    // The work runs on one thread, because waiting threads execute instructions too.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| novelty(times));
 }

@@ -1,5 +1,5 @@
-//! Compares losses and times of the medoids of a whole archive, as a taxonomy needs them, by FasterPAM and by samples, in the
-//! same run.
+//! Compares FasterPAM and k-medoids by samples in the same run: the losses and times of medoids of a whole archive, as for a
+//! taxonomy.
 
 #![expect(
     clippy::print_stdout,
@@ -59,7 +59,7 @@ fn medoids(c: &mut Criterion) {
     }
 }
 
-/// Mean loss and seconds.
+/// Mean loss and mean time in seconds.
 fn measure(algorithm: Algorithm, behaviours: &Behaviours) -> (f64, f64) {
     let begun = Instant::now();
     let losses = (0..SEEDS).map(|seed| find(algorithm, behaviours, MEDOIDS, seed).loss);
@@ -67,7 +67,7 @@ fn measure(algorithm: Algorithm, behaviours: &Behaviours) -> (f64, f64) {
     (loss, begun.elapsed().as_secs_f64() / SEEDS as f64)
 }
 
-/// One run per seed, for what takes too long to be repeated by criterion.
+/// Compares one run per seed, for archives that take too long to be clustered repeatedly by criterion.
 fn compare() {
     println!("| points | shape | FasterPAM, s | sampled, s | time ratio | loss ratio |");
     println!("|--:|---|--:|--:|--:|--:|");
@@ -97,7 +97,7 @@ criterion_group!(benches, medoids);
 
 fn main() {
     benches();
-    // `cargo test --benches` only checks that it runs.
+    // `cargo test --benches` only checks that the benchmark runs.
     if std::env::args().any(|argument| argument == "--bench") {
         compare();
     }

@@ -37,7 +37,7 @@ fn by_brute_force(behaviours: &Behaviours, queries: Range<usize>) -> Vec<f64> {
     novelty.expect("not interrupted")
 }
 
-/// Novelty of one generation against archives of 10^3 to 10^6.
+/// Novelty of one generation against archives of 10^3 to 10^6 individuals.
 fn generation(c: &mut Criterion) {
     let mut group = c.benchmark_group("novelty of a generation");
     group
@@ -105,7 +105,7 @@ criterion_group!(benches, generation);
 
 fn main() {
     benches();
-    // `cargo test --benches` only checks that it runs.
+    // `cargo test --benches` only checks that the benchmark runs.
     if std::env::args().any(|argument| argument == "--bench") {
         growth();
     }

@@ -1,7 +1,7 @@
 //! Interrupts long computations.
 //!
-//! Pure functions that may take long receive an [`Interrupt`] and check it in their loops. The module knows nothing of threads
-//! and tasks, or of who raises an interrupt when.
+//! Pure functions that may take long receive an [`Interrupt`] and check it in their loops. The module does not depend on threads
+//! or tasks, or on the code that raises an interrupt.
 
 use std::sync::{
     Arc,
@@ -12,7 +12,7 @@ use std::sync::{
 #[derive(Debug, Clone, Default)]
 pub struct Interrupt {
     raised: Arc<AtomicBool>,
-    /// Ends the computations too when it is raised.
+    /// A parent flag that, when raised, also ends the computations.
     parent: Option<Arc<Self>>,
 }
 
@@ -22,7 +22,7 @@ pub struct Interrupt {
 pub struct Interrupted;
 
 impl Interrupt {
-    /// A separate flag that also counts as raised when this one is.
+    /// A separate flag that also counts as raised when this flag is raised.
     #[must_use]
     pub fn child(&self) -> Self {
         Self {

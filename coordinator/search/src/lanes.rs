@@ -1,7 +1,7 @@
 //! Points transposed in blocks of eight, so that vector instructions measure eight distances at once.
 //!
-//! A distance has the bits of the sum from the first dimension to the last, on every CPU. For wide vectors, callers run it
-//! through `pulp`.
+//! A distance is summed from the first dimension to the last, and so has the same bits on every CPU. Callers use `pulp` to run
+//! the code with wide vectors.
 
 /// Number of points in a block.
 pub(crate) const LANES: usize = 8;
@@ -10,7 +10,7 @@ pub(crate) const LANES: usize = 8;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Lanes {
     dims: usize,
-    /// Block after block, each with one row per dimension.
+    /// The rows of one block after another; each block has one row per dimension.
     rows: Vec<[f64; LANES]>,
     blocks: usize,
 }
@@ -65,8 +65,8 @@ impl Lanes {
     }
 }
 
-/// Calls a function that is generic over the number of dimensions, with the number as a constant if it is one of these, else
-/// with 0.
+/// Calls a function that is generic over the number of dimensions. The generic constant is the number of dimensions if the match
+/// has an arm for it, and else 0.
 macro_rules! with_dimensions {
     ($dims:expr, $dispatch:ident, $task:expr) => {
         match $dims {

@@ -1,7 +1,7 @@
 //! The map of the behaviour space: principal component analysis to two dimensions.
 //!
-//! For display only. The last bits of nalgebra's eigenvectors may differ between machines, so nothing that a digest covers may
-//! depend on them.
+//! The map is for display only. The last bits of nalgebra's eigenvectors can differ between machines, so nothing that a digest
+//! covers may depend on the map.
 
 use crate::{
     interrupt::{Interrupt, Interrupted},
@@ -17,12 +17,13 @@ pub struct Projection {
     pub points: Vec<[f64; 2]>,
     /// Share of the variance that each axis explains, 0 to 1, in descending order; both are 0 if all behaviours are equal.
     pub shares: [f64; 2],
-    /// The axes as unit vectors of the behaviour space (the loadings); the loading of the largest magnitude is positive. In a space
-    /// of one dimension the second axis is all zeros, in a space of none both are.
+    /// The axes as unit vectors of the behaviour space (the loadings); the loading of the largest magnitude is positive. In a
+    /// space of one dimension the second axis is all zeros; in a space without dimensions, both axes are empty.
     pub axes: [DVector<f64>; 2],
 }
 
-/// The projection of `behaviours` on their two principal axes. It is defined for equal behaviours and for none, too.
+/// The projection of `behaviours` on their two principal axes. The projection is also defined for equal behaviours, and without
+/// behaviours.
 ///
 /// # Errors
 /// [`Interrupted`] once `interrupt` is raised.
@@ -50,7 +51,7 @@ pub fn principal_axes(behaviours: &Behaviours, interrupt: &Interrupt) -> Result<
     Ok(Projection { points, shares, axes })
 }
 
-/// The mean behaviour, computed relative to the first one, so that the mean of equal behaviours is exact.
+/// The mean behaviour, computed relative to the first behaviour, so that the mean of equal behaviours is exact.
 fn mean(behaviours: &Behaviours) -> DVector<f64> {
     if behaviours.is_empty() {
         return DVector::zeros(behaviours.dims());
@@ -93,7 +94,7 @@ fn components(covariance: DMatrix<f64>) -> Vec<(f64, DVector<f64>)> {
     components
 }
 
-/// Orients the axis so that its loading of the largest magnitude (the first of equal ones) is positive.
+/// Orients the axis so that its loading of the largest magnitude (the first of equal loadings) is positive.
 fn with_fixed_sign(axis: DVector<f64>) -> DVector<f64> {
     if axis[axis.iamax()] < 0.0 { -axis } else { axis }
 }
@@ -122,7 +123,7 @@ mod tests {
 
     #[test]
     fn a_cross_lies_along_its_arms() {
-        // Long along (0, -3, 4) / 5, short along x.
+        // The cross is long along (0, -3, 4) / 5 and short along x.
         let points = [
             [5.0, 1.0, 1.0],
             [-5.0, 1.0, 1.0],

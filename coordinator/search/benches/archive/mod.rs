@@ -4,7 +4,7 @@ use murmuration_search::novelty::Behaviours;
 use murmuration_swarm::{Purpose, RandomStream};
 use rand::RngExt as _;
 
-/// Clumps of different widths, as in an archive.
+/// Behaviours in clumps of different widths, as in an archive.
 pub fn archive(points: usize) -> Behaviours {
     behaviours(points, 1, |i, stream| {
         let clump = (i % 12) as f64;
@@ -15,13 +15,13 @@ pub fn archive(points: usize) -> Behaviours {
     })
 }
 
-/// No clusters at all.
+/// Behaviours without any clusters.
 #[allow(dead_code, reason = "not every benchmark asks for it")]
 pub fn uniform(points: usize) -> Behaviours {
     behaviours(points, 2, |_, stream| stream.random())
 }
 
-/// A curved sheet with a dense core and a sparse tail.
+/// Behaviours on a curved sheet with a dense core and a sparse tail.
 #[allow(dead_code, reason = "not every benchmark asks for it")]
 pub fn skewed(points: usize) -> Behaviours {
     behaviours(points, 3, |_, stream| {

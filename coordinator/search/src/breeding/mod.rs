@@ -1,20 +1,20 @@
 //! Proposals: the controllers that a generation evaluates (paper, "Evolution and Clustering").
 //!
 //! The first generation, and every generation of [`Method::Random`], is sampled uniformly from the controller space. The first
-//! begins with the controllers that the specification names, if any; the filter does not apply to them. Every other generation
-//! is bred from the one before: parents win tournaments by novelty, and a child is crossed over and mutated. A controller that
-//! fails the filter is drawn or bred anew.
+//! generation begins with the controllers that the specification names, if any; the filter does not apply to these controllers.
+//! Every other generation is bred from the generation before: parents win tournaments by novelty, and a child is crossed over and
+//! mutated. A controller that fails the filter is drawn or bred anew.
 //!
 //! Generations of [`Method::Exhaustive`] are slices of the ordered list of all controllers. If there are more controllers than
-//! the campaign evaluates, they are slices of an evenly spread sequence (the module `spread`).
+//! the campaign evaluates, the generations are slices of an evenly spread sequence (the module `spread`).
 //!
-//! A generation is a pure function of the arguments of [`propose`]. All of its random numbers come from one stream, derived from
-//! the campaign's seed, [`Purpose::Propose`] and the generation, controller by controller; for each attempt at a controller
-//! either
+//! A generation is a pure function of the arguments of [`propose`]. All random numbers of a generation come from one stream,
+//! derived from the campaign's seed, [`Purpose::Propose`] and the generation. The stream serves the controllers one after the
+//! other. Each attempt at a controller draws either
 //!
-//! * its genes in order (a sample), or
-//! * the first tournament; whether to cross over; if so, the second tournament and the cut; then, gene by gene,
-//!   whether it mutates and, if so, how (a child).
+//! * for a sample: the genes in order, or
+//! * for a child: the first tournament; whether to cross over; if so, the second tournament and the cut; then, for each gene,
+//!   whether the gene mutates and, if so, how.
 
 mod spread;
 
@@ -26,22 +26,22 @@ use murmuration_swarm::{
 use rand::RngExt as _;
 use spread::Spread;
 
-/// Maximum number of attempts at one controller before the search is given up.
+/// Maximum number of attempts at one controller before the search fails.
 ///
 /// The filter discards about a fifth of the space, so samples need few attempts. Children can reach the maximum if hardly any
 /// gene mutates and every parent fails.
 pub const MOST_ATTEMPTS: u32 = 100_000;
 
-/// Maximum number of attempts at evaluating one individual; each after the first has another controller and start
+/// Maximum number of attempts at evaluating one individual. Each attempt after the first has another controller and start
 /// ([`substitute`]).
 pub const EVALUATION_ATTEMPTS: u64 = 5;
 
 /// The controllers of a generation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Proposal {
-    /// As many as the population, in the order of the individuals.
+    /// As many controllers as the population has individuals, in the order of the individuals.
     pub controllers: Vec<Controller>,
-    /// Number of controllers that the filter discarded; 0 without it.
+    /// Number of controllers that the filter discarded; 0 without a filter.
     pub filtered: u64,
 }
 
@@ -49,7 +49,7 @@ pub struct Proposal {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parent {
     pub controller: Controller,
-    /// Its novelty (paper, Eq. 1); higher is fitter.
+    /// The individual's novelty (paper, Eq. 1); an individual with more novelty is fitter.
     pub novelty: f64,
 }
 
@@ -65,7 +65,7 @@ pub enum ProposeError {
     /// A parent is of another capability model than the campaign.
     #[error("parent {parent} is a {given} controller in a campaign of the {expected} model")]
     ForeignParent {
-        /// Its index among the parents, from 0.
+        /// The parent's index among all parents, from 0.
         parent: usize,
         given: CapabilityModel,
         /// The campaign's model.
@@ -82,8 +82,8 @@ pub enum ProposeError {
     },
 }
 
-/// The controllers of `generation` (from 0), as many as the population. `parents` are the individuals of the previous
-/// generation, in order; they are used only for breeding.
+/// The controllers of `generation` (from 0), as many as the population. `parents` are the individuals of the previous generation,
+/// in order; only breeding uses them.
 ///
 /// # Errors
 /// [`ProposeError`] if a generation must be bred without parents or from parents of another model, or if the
@@ -135,7 +135,7 @@ fn slice(spec: &CampaignSpec, generation: u32) -> Proposal {
     }
 }
 
-/// A uniform sample of the space that passes the filter, if there is one.
+/// A uniform sample of the space; if `filter` is true, a sample that passes the filter.
 ///
 /// # Errors
 /// [`ProposeError::AllFiltered`] if the filter lets nothing through.
@@ -156,18 +156,19 @@ pub fn start_seed(spec: &CampaignSpec, index: u64) -> u64 {
     RandomStream::derive(spec.seed(), Purpose::Start, index).random()
 }
 
-/// Replaces an individual whose task is poisoned by another sample of the space and the seed of another start. `attempt` counts
-/// from 1.
+/// The replacement for an individual whose task is poisoned: another sample of the space, and the seed of another start.
+/// `attempt` counts from 1.
 ///
 /// # Errors
-/// As [`sample`].
+/// Fails as [`sample`] does.
 pub fn substitute(spec: &CampaignSpec, index: u64, attempt: u64) -> Result<(Controller, u64), ProposeError> {
     let mut stream = RandomStream::derive(spec.seed(), Purpose::Substitute, index << 8 | attempt);
     let controller = sample(spec.controllers(), spec.filter(), &mut stream)?;
     Ok((controller, stream.random()))
 }
 
-/// Whether `seed` can be the seed of an individual's first start: its own, or that of a substitute with the same controller.
+/// Whether `seed` can be the seed of an individual's first start: the individual's own seed, or the seed of a substitute with the
+/// same controller.
 #[must_use]
 pub fn is_start_of(spec: &CampaignSpec, index: u64, controller: &Controller, seed: u64) -> bool {
     let is_substitute = |attempt| {
@@ -177,7 +178,8 @@ pub fn is_start_of(spec: &CampaignSpec, index: u64, controller: &Controller, see
     seed == start_seed(spec, index) || (1..EVALUATION_ATTEMPTS).any(is_substitute)
 }
 
-/// Fills a population with `first`, then with results of `attempt` that pass the filter, if there is one.
+/// Fills a population with `first`, then with results of `attempt`. If the campaign has a filter, the results of `attempt` must
+/// pass it.
 fn fill(
     spec: &CampaignSpec,
     generation: u32,
@@ -221,8 +223,9 @@ fn breed(spec: &CampaignSpec, parents: &[Parent], stream: &mut RandomStream) -> 
 
 /// The winner of one tournament among `parents` (at least one).
 ///
-/// Candidates are drawn uniformly with replacement and ranked by descending novelty, equal ones by their index. The first wins
-/// with probability p, else the second with p, and so on; the last wins with the remaining probability.
+/// Candidates are drawn uniformly with replacement and ranked by descending novelty; candidates of equal novelty are ranked by
+/// their index. The first candidate wins with probability p, or else the second with probability p, and so on; the last candidate
+/// wins with the remaining probability.
 fn tournament<'p>(parents: &'p [Parent], search: &Search, stream: &mut RandomStream) -> &'p Parent {
     let mut candidates: Vec<usize> = (0..search.tournament())
         .map(|_| stream.below(parents.len() as u64) as usize)

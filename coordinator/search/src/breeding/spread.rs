@@ -1,21 +1,21 @@
 //! Evenly spread samples: the Halton sequence with one prime per gene. The campaign's seed determines a permutation of the
 //! digits and a shift.
 //!
-//! Any prefix of the sequence covers the space far more evenly than as many uniform samples. Without permutations, the columns
-//! of large primes follow diagonals for hundreds of points.
+//! Any prefix of the sequence covers the space far more evenly than as many uniform samples. Without permutations, two genes with
+//! large primes would follow a diagonal for hundreds of points.
 
 use murmuration_swarm::{Controller, ControllerSpace, Purpose, RandomStream};
 use rand::RngExt as _;
 
-/// An evenly spread sequence of the controllers of a space; some may repeat if genes have few values.
+/// An evenly spread sequence of the controllers of a space; controllers can repeat if genes have few values.
 pub(super) struct Spread<'a> {
     space: &'a ControllerSpace,
     genes: Vec<Digits>,
 }
 
-/// The sequence of one gene, in its base.
+/// The sequence of one gene, in the base of the gene's prime.
 struct Digits {
-    /// Maps digits to digits. 0 maps to itself, because every number has infinitely many zeros.
+    /// Maps each digit to another digit. The digit 0 maps to itself, because every number has infinitely many leading zeros.
     permuted: Vec<u64>,
     shift: f64,
 }
@@ -37,7 +37,7 @@ impl<'a> Spread<'a> {
         }
     }
 
-    /// The controller at `index`.
+    /// The controller at `index` of the sequence.
     pub(super) fn controller(&self, index: u64) -> Controller {
         let genes = self.space.genes().iter().zip(&self.genes);
         let genes: Vec<f64> = genes.map(|(gene, digits)| gene.at(digits.share(index))).collect();

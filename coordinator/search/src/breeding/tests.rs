@@ -56,7 +56,7 @@ fn check_share(count: usize, total: usize, expected: f64) {
     );
 }
 
-/// If these change, the digest of every campaign changes.
+/// If these proposals change, the digest of every campaign changes.
 #[test]
 fn the_proposals_are_the_same_for_ever() {
     let show = |proposal: Proposal| {
@@ -207,7 +207,7 @@ fn mutation_moves_within_its_step_and_flips_signs() {
         );
     };
     share(0.125, &|speed| speed < 0.0);
-    // With snapping, the ends of the grid get half a step, the other values a whole one.
+    // With rounding to the grid, each end of the grid gets half a step, and each other value a whole step.
     share(0.5 * 0.75 / 8.0, &|speed| speed == 0.3);
     share(0.5 * 0.75 / 4.0, &|speed| speed == 0.4);
     share(0.5 + 0.5 * 0.75 / 4.0, &|speed| speed == 0.5);
@@ -296,7 +296,7 @@ fn the_first_generation_begins_with_the_named_controllers_whatever_the_filter_sa
     let genes = [0.05, 0.0, 0.0, 0.0];
     assert!(!Score::of(&begun[0]).passes(), "the test would show nothing");
     assert!(begun[..2].iter().all(|controller| controller.genes() == genes));
-    // The rest is sampled as without named controllers.
+    // The other controllers are sampled as in a campaign without named controllers.
     assert_eq!(begun[2..], plain[..3]);
     let parents = parents("single-sensor", 5);
     assert_eq!(propose(&named, 1, &parents), propose(&with(""), 1, &parents));

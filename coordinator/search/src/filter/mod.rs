@@ -2,17 +2,17 @@
 //! Filtering").
 //!
 //! Five metrics of a controller's wheel speeds measure how slow, passive or neglectful its robots are. A metric under its
-//! threshold counts as a penalty of -5, the others count as their own value, and a controller passes if the sum is at least
-//! 4.0. For a two-sensor controller only the first four wheel speeds count: those while no sensor sees anything, and those while
-//! only the second one does.
+//! threshold counts as a penalty of -5, any other metric as its own value, and a controller passes if the sum is at least 4.0.
+//! For a two-sensor controller only the first four wheel speeds count: the speeds while no sensor sees anything, and the speeds
+//! while only the second sensor sees something.
 //!
 //! # Other robots
 //!
-//! The paper does not cover them. Here:
+//! The paper covers only its own robots. For other robots:
 //!
-//! * a, b are the speeds while no sensor sees anything, and c, d while only the last one does, however many there are; the
-//!   pairs of all other states are ignored, as are angles;
-//! * speeds are shares of their limits, so the thresholds are as strict for fast robots as for the paper's;
+//! * a, b are the speeds while no sensor sees anything, and c, d the speeds while only the last sensor sees something; the pairs
+//!   of all other states are ignored, as are angles;
+//! * speeds are shares of their limits, so the thresholds are as strict for fast robots as for the paper's robots;
 //! * a unicycle's pair (v, w) counts as the equivalent wheel speeds v + w and v - w, each clamped to -1 to 1;
 //! * "another robot" in the meanings of the last two metrics is whatever the last sensor sees: if it sees only walls, a
 //!   neglectful robot neglects walls;
@@ -20,8 +20,8 @@
 //!
 //! # Ties
 //!
-//! A metric equal to its threshold is not under it, and a total equal to the cutoff passes. But on a grid of tenths many
-//! metrics that equal a threshold on paper do not in floating point: 0.3 - 0.1 is slightly under 0.2. This module uses
+//! A metric equal to its threshold is not under it, and a total equal to the cutoff passes. But on a grid of tenths many metrics
+//! that equal a threshold on paper differ from it in floating point: 0.3 - 0.1 is slightly under 0.2. This module uses
 //! double-precision speeds and evaluates the formulas as written, without a tolerance:
 //!
 //! * max magnitude: the largest absolute value;
@@ -31,19 +31,19 @@
 //! * neglect distance: the square root of `(c - a)^2 + (d - b)^2`;
 //! * the total is summed in this order.
 //!
-//! Of the 21^4 = 194,481 single-sensor controllers of the paper's grid, this discards 43,065. Exact arithmetic would discard
-//! 42,057: rounding only ever puts a tie *under* its threshold, which is decisive for 1,008 controllers (496 by displacement,
-//! 400 by mirror distance, 112 by neglect distance; the other two metrics never round). The paper reports 43,251, which neither
-//! reproduces. Plain doubles come closer and need no agreed tolerance. The difference matters little: of the 967 labelled
-//! behaviours that were drawn through a filter with exact ties, three are discarded here.
+//! Of the 21^4 = 194,481 single-sensor controllers of the paper's grid, this module discards 43,065. Exact arithmetic would
+//! discard 42,057: rounding only ever puts a tie *under* its threshold, which is decisive for 1,008 controllers (496 by
+//! displacement, 400 by mirror distance, 112 by neglect distance; the other two metrics never round). The paper reports 43,251,
+//! which neither doubles nor exact arithmetic reproduce. Doubles come closer and need no agreed tolerance. The difference matters
+//! little: this module discards three of the 967 labelled behaviours that were drawn through a filter with exact ties.
 
 use murmuration_swarm::{Controller, DriveKind, RobotController};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Metric {
-    /// Its display name.
+    /// Display name of the metric.
     pub name: &'static str,
-    /// The psi of the paper: a value under it costs [`PENALTY`].
+    /// The paper's psi: a metric with a value under this threshold counts as [`PENALTY`].
     pub threshold: f64,
     /// Meaning of a value under the threshold for the robots.
     pub meaning: &'static str,
@@ -81,7 +81,7 @@ pub const METRICS: [Metric; 5] = [
 /// Contribution of a metric under its threshold to the total, instead of its value.
 pub const PENALTY: f64 = -5.0;
 
-/// The least total that passes.
+/// The least total with which a controller passes.
 pub const CUTOFF: f64 = 4.0;
 
 /// Score of a controller.
@@ -96,7 +96,7 @@ impl Score {
     pub fn of(controller: &Controller) -> Self {
         let scores = controller.robots().map(Self::of_robot);
         let highest = scores.reduce(|best, other| if other.total > best.total { other } else { best });
-        // Every swarm has a species.
+        // Every swarm has a species, and so a highest score.
         highest.unwrap_or(Self::of_metrics([0.0; 5]))
     }
 

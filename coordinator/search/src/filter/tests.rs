@@ -77,7 +77,7 @@ fn each_metric_is_the_papers() {
         [0.98, 2.6204_f64.sqrt(), 3.18, far(1.6, 1.58), far(0.2, 0.38)],
         true,
     );
-    // Spinning in place, undoing its own motion, and ignoring others.
+    // Three faults: a robot spins in place, undoes its own motion, or ignores other robots.
     check(
         [1.0, -1.0, -0.5, 0.5],
         [1.0, 2.5_f64.sqrt(), PENALTY, far(0.5, 0.5), far(1.5, 1.5)],
@@ -105,8 +105,8 @@ fn a_total_at_the_cutoff_passes() {
     assert_eq!(lowest, CUTOFF);
 }
 
-/// Labelled two-sensor behaviours nearest to the cutoff: the first four of their wheel speeds. Some were drawn through the
-/// filter; the others are uniform samples.
+/// The first four wheel speeds of the labelled two-sensor behaviours nearest to the cutoff. Some behaviours were drawn through
+/// the filter; the other behaviours are uniform samples.
 #[test]
 fn labelled_behaviours_drawn_through_the_filter_pass() {
     let drawn_through_it = [

@@ -18,10 +18,10 @@ const STRETCH: usize = 8;
 /// A point's two nearest medoids.
 #[derive(Debug, Clone, Copy)]
 struct Ranked {
-    /// Places of the two among the medoids.
+    /// Places of the two nearest medoids among all medoids.
     nearest: u32,
     second: u32,
-    /// Distances to the two; the second is infinite if there is only one medoid.
+    /// Distances to the two nearest medoids; the second distance is infinite if there is only one medoid.
     to_nearest: f64,
     to_second: f64,
 }
@@ -37,7 +37,7 @@ pub(super) struct Swap {
     pub(super) change: f64,
 }
 
-/// Medoids, and every point's two nearest among them.
+/// Medoids, and the two nearest medoids of every point.
 #[derive(Debug, Clone)]
 pub(super) struct Assignment<'p> {
     points: &'p Behaviours,
@@ -77,7 +77,7 @@ impl<'p> Assignment<'p> {
         medoids: Vec<usize>,
         ranked: Vec<Ranked>,
     ) -> Self {
-        // In the order of the points, so that the loss depends only on the set of medoids.
+        // The sum is in the order of the points, so that the loss depends only on the set of medoids.
         let loss = ranked.iter().fold(0.0, |sum, point| sum + point.to_nearest);
         let mut removal = vec![0.0; medoids.len()];
         for point in &ranked {
@@ -161,13 +161,14 @@ struct Weighing<'a, 'p> {
     assignment: &'a Assignment<'p>,
     /// The candidate's values.
     origin: &'a [f64],
-    /// For each medoid, the change of the loss if the candidate replaces it, without the gain. Initially the change as if the
-    /// candidate were nearer to no point.
+    /// For each medoid, the change of the loss, without the gain, if the candidate replaces that medoid. The initial change
+    /// assumes that the candidate is nearer to no point.
     changes: &'a mut [f64],
 }
 
 impl Weighing<'_, '_> {
-    /// The gain of all points that are nearer to the candidate, whichever medoid is dropped. Also completes `changes`.
+    /// The gain of all points that are nearer to the candidate than to their medoid, whichever medoid is dropped. Also completes
+    /// `changes`.
     fn gain(self) -> f64 {
         with_dimensions!(self.origin.len(), weigh, self)
     }
@@ -177,14 +178,14 @@ fn weigh<const D: usize>(weighing: Weighing<'_, '_>) -> f64 {
     Arch::new().dispatch(Weigh::<D>(weighing))
 }
 
-/// In `D` dimensions, or in any number if that is 0.
+/// The weighing in `D` dimensions, or in any number of dimensions if `D` is 0.
 struct Weigh<'a, 'p, const D: usize>(Weighing<'a, 'p>);
 
 impl<const D: usize> WithSimd for Weigh<'_, '_, D> {
     type Output = f64;
 
-    /// Skips points with two medoids that are nearer than the candidate (most points) by their squared distance alone. The others
-    /// are summed in their order.
+    /// Skips most points by their squared distance alone: each of these points has two medoids that are nearer than the
+    /// candidate. Sums the other points in their order.
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> f64 {
         let Weighing {
@@ -225,7 +226,7 @@ impl Ranked {
         to_second: f64::INFINITY,
     };
 
-    /// Takes the medoid at `place`, at `distance`, into account.
+    /// The rank with one more medoid, which is at `place` among the medoids and at `distance` from the point.
     fn with(self, place: u32, distance: f64) -> Self {
         if distance < self.to_nearest {
             Self {
@@ -252,8 +253,8 @@ fn rank(points: &Behaviours, medoids: &[usize], point: usize) -> Ranked {
     })
 }
 
-/// The rank of `point` after `swap`; `medoids` are those after it. All medoids are examined only if one of the two nearest was
-/// dropped.
+/// The rank of `point` after `swap`; `medoids` are the medoids after the swap. The function examines all medoids only if the swap
+/// dropped one of the point's two nearest medoids.
 fn rerank(points: &Behaviours, medoids: &[usize], point: usize, before: &Ranked, swap: &Swap) -> Ranked {
     let place = swap.place as u32;
     if before.nearest == place || before.second == place {

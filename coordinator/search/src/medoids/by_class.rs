@@ -1,10 +1,10 @@
 //! Medoids by class, so that the medoids represent every labelled class.
 //!
 //! k-medoids places medoids where points are many and far apart, so a class that fills little of the behaviour space shares a
-//! medoid with another. Here, each unlabelled point gets the majority class of the labelled points nearest to it. At least one
-//! medoid of a class is a labelled point, because a point in the middle of an assumed class need not belong to it. The other
-//! medoids go to classes one at a time, each to the class whose loss it lowers most. The number of a class's medoids is
-//! determined on a sample of the class, the medoids themselves on all of its points.
+//! medoid with another class. This module gives each unlabelled point the majority class of the labelled points nearest to it. At
+//! least one medoid of a class is a labelled point, because a point in the middle of an assumed class need not belong to that
+//! class. The other medoids go to classes one at a time, each to the class whose loss the medoid lowers most. A sample of a class
+//! determines the number of its medoids, and all points of the class determine the medoids themselves.
 
 use super::{Algorithm, Clustering, Progress, arrange, cluster_by, sampled::Sample, swaps};
 use crate::{
@@ -15,21 +15,21 @@ use murmuration_swarm::RandomStream;
 use rayon::prelude::*;
 use std::{cmp::Reverse, collections::BTreeMap};
 
-/// Number of nearest labelled points that vote on the class of a point. Changing it changes the outcome.
+/// Number of nearest labelled points that vote on the class of a point. Another number changes the outcome.
 const VOTERS: usize = 5;
 
-/// Size of the sample that determines the number of medoids of a class. Changing it changes the outcome.
+/// Size of the sample that determines the number of medoids of a class. Another size changes the outcome.
 const SAMPLE: usize = 1024;
 
 /// Clusters `points` like [`cluster`](super::cluster), but with medoids chosen class by class; `labelled` maps indices of points
 /// to classes.
 ///
-/// If there are more classes than medoids, the smallest classes have none. With fewer than two classes, this is
-/// [`cluster`](super::cluster). Labels of indices beyond the last point are ignored. As always, a cluster has the points that
-/// are nearest to its medoid, whatever their class.
+/// If there are more classes than medoids, the smallest classes have no medoid. With fewer than two classes, the outcome is that
+/// of [`cluster`](super::cluster). Labels of indices beyond the last point are ignored. A cluster always has the points that are
+/// nearest to its medoid, whatever the class of these points.
 ///
 /// # Errors
-/// As [`cluster`](super::cluster).
+/// Fails as [`cluster`](super::cluster) does.
 pub(super) fn cluster_by_class(
     points: &Behaviours,
     labelled: &BTreeMap<usize, u32>,
@@ -63,7 +63,8 @@ pub(super) fn cluster_by_class(
     arrange(points, medoids, interrupt)
 }
 
-/// Ensures that a medoid of a class is labelled: if none is, the labelled point nearest to a medoid replaces that medoid.
+/// Ensures that a medoid of a class is labelled: if no medoid is labelled, the labelled point nearest to a medoid replaces that
+/// medoid.
 fn vouch(points: &Behaviours, medoids: &mut [usize], is_labelled: impl Fn(usize) -> bool) {
     if medoids.iter().any(|&medoid| is_labelled(medoid)) {
         return;
@@ -112,17 +113,17 @@ fn members_by_class(
     Ok(members)
 }
 
-/// Majority class of the nearest voters; in a tie, the class of the nearest voter.
+/// Majority class of the nearest voters; in a tie, the tied class with the nearest voter.
 fn elected(voters: &Index, classes: &[u32], place: &[f64]) -> u32 {
     let nearest = voters.nearest(place, VOTERS);
     let votes: Vec<u32> = nearest.iter().map(|voter| classes[voter.index]).collect();
     let count = |class: u32| votes.iter().filter(|&&vote| vote == class).count();
-    // `max_by_key` takes the last of equals.
+    // `max_by_key` returns the last of several equal maxima, so `rev` puts the nearest voter last.
     let most = votes.iter().rev().max_by_key(|&&class| count(class));
     most.copied().unwrap_or_default()
 }
 
-/// Number of the `k` medoids that each class gets: at least one, and at most its number of points.
+/// Number of the `k` medoids that each class gets: at least one, and at most the number of points in the class.
 fn medoids_of_each(
     points: &Behaviours,
     classes: &[Vec<usize>],
@@ -135,7 +136,7 @@ fn medoids_of_each(
         shares.push(Share::new(points, members, stream, interrupt)?);
     }
     for _ in classes.len()..k {
-        // Chooses the first of equal ones.
+        // `max_by` returns the last of several equal maxima, so `rev` puts the first class last.
         let open = shares.iter_mut().rev().filter(|share| share.next.is_some());
         let Some(most) = open.max_by(|a, b| a.gain().total_cmp(&b.gain())) else {
             break;
@@ -154,7 +155,7 @@ struct Share {
     count: usize,
     /// Loss of the sample with `count` medoids.
     loss: f64,
-    /// Loss of the sample with one more; `None` if every point is a medoid already.
+    /// Loss of the sample with one more medoid; `None` if every point is a medoid already.
     next: Option<f64>,
 }
 
@@ -180,7 +181,7 @@ impl Share {
         Ok(share)
     }
 
-    /// By how much one more medoid lowers the loss of the class.
+    /// Amount by which one more medoid lowers the loss of the class.
     fn gain(&self) -> f64 {
         self.next.map_or(0.0, |next| (self.loss - next) * self.weight)
     }
@@ -194,7 +195,7 @@ impl Share {
         Ok(())
     }
 
-    /// The loss of the sample with `count` medoids; `None` if the class has fewer points.
+    /// The loss of the sample with `count` medoids; `None` if the class has fewer than `count` points.
     fn loss_of(
         &self,
         count: usize,
@@ -230,7 +231,7 @@ mod tests {
         behaviours
     }
 
-    /// A hundred points over a long range, and four near each other behind it.
+    /// A hundred points over a long range, and behind this range four points near each other.
     fn wide_and_narrow() -> Behaviours {
         line(
             (0..100)

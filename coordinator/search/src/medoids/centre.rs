@@ -1,10 +1,10 @@
 //! The exact medoid of one cluster, without measuring every pair.
 //!
-//! The sum of the distances from a place to all members is a convex function of the place. Once the sum and its gradient are
-//! known at a member, the tangent plane bounds the sum from below at every other member; a member whose bound is above the
-//! least sum so far need not be evaluated. Members are evaluated in the order of their distance from the geometric median, near
-//! which the best are. In five dimensions some tens of evaluations, each over all members, rule out all others, however many
-//! there are.
+//! The sum of the distances from a place to all members is a convex function of the place. The sum and its gradient at one member
+//! give a tangent plane, which bounds the sum from below at every other member. A member whose bound is above the least sum so
+//! far need not be evaluated. Members are evaluated in the order of their distance from the geometric median, because the best
+//! members are near it. In five dimensions, some tens of evaluations, each over all members, rule out the other members of a
+//! cluster of any size.
 
 use super::swaps::LEAST_GAIN;
 use crate::{
@@ -15,13 +15,13 @@ use crate::{
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-/// Maximum number of evaluated members: bounds the time in so many dimensions that planes rule out few members.
+/// Maximum number of evaluated members, which bounds the time in many dimensions, where planes rule out few members.
 const MOST_LOOKS: usize = 512;
 
 /// Steps of Weiszfeld's iteration towards the geometric median, which only determines an order and need not be exact.
 const WEISZFELD_STEPS: usize = 12;
 
-/// Number of blocks that are summed separately. The bits depend on it.
+/// Number of blocks that are summed separately. The bits of the sum depend on this number.
 const CHUNK: usize = 512;
 
 struct Members<'a> {
@@ -39,7 +39,8 @@ struct Sum {
     pull: f64,
 }
 
-/// The member of least total distance to all; `current`, a member, unless another saves more than a rounding error.
+/// The member with the least total distance to all members. If no member saves more than a rounding error against the member
+/// `current`, returns `current`.
 pub(super) fn medoid(
     points: &Behaviours,
     indices: &[usize],
@@ -84,7 +85,7 @@ impl Sum {
 }
 
 impl Members<'_> {
-    /// Sums in chunks, then over the chunks, so that the bits do not depend on the number of threads.
+    /// Sums the distances in each chunk, then over the chunks, so that the bits do not depend on the number of threads.
     fn sum(&self, place: &[f64]) -> Sum {
         let starts = (0..self.lanes.blocks()).step_by(CHUNK).collect::<Vec<_>>();
         let parts: Vec<Sum> = starts

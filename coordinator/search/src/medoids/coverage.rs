@@ -1,9 +1,9 @@
 //! Behaviours that cover a behaviour space.
 //!
-//! k-medoids places medoids where points are dense. Most behaviours of random controllers look alike, so most medoids do. Here
-//! each new point is the one farthest from those chosen before (Gonzalez, "Clustering to minimize the maximum intercluster
-//! distance", 1985). The points farthest from their neighbours are left out first: they are isolated outliers, and
-//! farthest-first would choose them all.
+//! k-medoids places medoids where points are dense. Most behaviours of random controllers look alike, so most of these medoids
+//! look alike. This module chooses each new point as the point farthest from all points chosen before (Gonzalez, "Clustering to
+//! minimize the maximum intercluster distance", 1985). The module first leaves out the points farthest from their neighbours:
+//! farthest-first would choose all of these isolated outliers.
 
 use super::{Clustering, arrange};
 use crate::{
@@ -13,17 +13,17 @@ use crate::{
 use murmuration_swarm::RandomStream;
 use std::{cmp::Reverse, collections::BTreeMap};
 
-/// One point in so many is left out. Changing it changes the outcome.
+/// One in this many points is left out. Another number changes the outcome.
 const LEFT_OUT: usize = 10;
 
-/// Number of nearest points of its class by which a labelled point is judged. Changing it changes the outcome.
+/// Number of nearest points of its class by which a labelled point is judged. Another number changes the outcome.
 const OF_ITS_CLASS: usize = 5;
 
-/// Clusters `points` about `k` of them that cover the space. A point's distance from its neighbours is its mean distance to the
-/// nearest `neighbours` points.
+/// Clusters `points` about `k` of these points, which cover the space. A point's distance from its neighbours is its mean
+/// distance to the nearest `neighbours` points.
 ///
-/// `labelled` maps indices of points to classes. One point of each class is chosen before all others, in descending order of
-/// labels per class. Indices beyond the last point are ignored.
+/// `labelled` maps indices of points to classes. One point of each class is chosen before all other points, in descending order
+/// of labels per class. Indices beyond the last point are ignored.
 ///
 /// # Errors
 /// [`Interrupted`] once `interrupt` is raised.
@@ -43,7 +43,7 @@ pub(super) fn cover(
 }
 
 /// All points except `shown`, in an order of coverage: first `count` points, chosen after `shown` as [`choose`](super::choose)
-/// does for coverage, then the others by descending distance from all of these.
+/// chooses for coverage. The other points follow by descending distance from `shown` and the chosen points.
 ///
 /// # Errors
 /// [`Interrupted`] once `interrupt` is raised.
@@ -66,9 +66,9 @@ pub fn order(
     Ok(chosen.split_off(before))
 }
 
-/// Extends `chosen` to `k` points, each the farthest from all before it (the lowest index of equally far ones), and returns
-/// them with the distances of all points to them. If `chosen` is empty, the first point is drawn. Points far from their
-/// neighbours are chosen only after all others.
+/// Extends `chosen` to `k` points. Each new point is the point farthest from all chosen before; of equally far points, the point
+/// with the lowest index. Returns the chosen points, and the distances of all points to the chosen points. If `chosen` is empty,
+/// the first point is drawn. Points far from their neighbours are chosen only after all other points.
 fn farthest_first(
     points: &Behaviours,
     mut chosen: Vec<usize>,
@@ -85,7 +85,7 @@ fn farthest_first(
     while chosen.len() < k {
         interrupt.check()?;
         let of = |point: &usize| distances.0[*point];
-        // The first of equals.
+        // `max_by` returns the last of several equal maxima, so `rev` puts the first point last.
         let farthest = open.iter().rev().filter(|point| of(point) >= 0.0);
         match farthest.max_by(|a, b| of(a).total_cmp(&of(b))) {
             Some(&farthest) => {
@@ -98,7 +98,7 @@ fn farthest_first(
     Ok((chosen, distances))
 }
 
-/// For each point its squared distance to the nearest chosen one; -1 for a chosen point.
+/// For each point, its squared distance to the nearest chosen point; -1 for a chosen point.
 struct Distances(Vec<f64>);
 
 impl Distances {
@@ -118,7 +118,7 @@ impl Distances {
     }
 }
 
-/// Ascending indices of the points without those that are farthest from their neighbours; at least `k` points.
+/// Ascending indices of all points except the points farthest from their neighbours; at least `k` indices.
 fn in_company(
     points: &Behaviours,
     k: usize,
@@ -133,7 +133,8 @@ fn in_company(
     Ok(kept)
 }
 
-/// For each class the labelled point that is nearest to the others of its class, in descending order of labels per class.
+/// For each class, the labelled point nearest to the other labelled points of the class. The classes are in descending order of
+/// labels per class.
 fn of_each_class(
     points: &Behaviours,
     labelled: &BTreeMap<usize, u32>,

@@ -1,15 +1,15 @@
 //! k-medoids: the behaviours that represent an archive (paper, "Evolution and Clustering").
 //!
-//! Up to [`MOST_EXACT`] points the algorithm is FasterPAM (Schubert and Rousseeuw, "Fast and eager k-medoids clustering",
-//! 2021): a point that is not a medoid is weighed against *all* medoids in one pass over the points, and a swap that
-//! lowers the loss is made at once. There are two differences. Distances are computed when they are needed, so memory grows
-//! with n and not with n^2. Candidates are weighed in parallel blocks: all candidates of a block against the same medoids, then
-//! the best swap of the block is made. The block size is fixed, so the outcome does not depend on the number of threads. The
-//! result is a local optimum: no single swap lowers the loss by more than a rounding error. Time grows with the square of the
-//! number of points.
+//! Up to [`MOST_EXACT`] points the algorithm is FasterPAM (Schubert and Rousseeuw, "Fast and eager k-medoids clustering", 2021):
+//! a point that is not a medoid is weighed against *all* medoids in one pass over the points, and a swap that lowers the loss is
+//! made at once. This module differs from FasterPAM in two points. Distances are computed when they are needed, so memory grows
+//! with the number of points, not with its square. Candidates are weighed in parallel blocks: all candidates of a block are
+//! weighed against the same medoids, then the best swap of the block is made. The block size is fixed, so the outcome does not
+//! depend on the number of threads. The result is a local optimum: no single swap lowers the loss by more than a rounding error.
+//! Time grows with the square of the number of points.
 //!
-//! For more points, FasterPAM finds medoids among samples, which are then moved among all points (`sampled`), in a time that
-//! grows with the number of points. `docs/performance.md` has the figures, `cargo bench --bench medoids` measures them.
+//! For more points, FasterPAM finds medoids among samples, and these medoids are then moved among all points (`sampled`). The
+//! time grows with the number of points. `docs/performance.md` has the times; `cargo bench --bench medoids` measures the times.
 
 mod assignment;
 mod by_class;
@@ -35,10 +35,10 @@ use std::{cmp::Reverse, collections::BTreeMap};
 /// Maximum number of points for FasterPAM on all points, which takes about a second of one core.
 pub const MOST_EXACT: usize = 16_384;
 
-/// Samples among which medoids of more than [`MOST_EXACT`] points are sought. The outcome depends on it.
+/// Samples among which medoids of more than [`MOST_EXACT`] points are sought. The outcome depends on these numbers.
 const SAMPLING: Sampling = Sampling { size: 8192, count: 4 };
 
-/// How medoids are found. The algorithms have different outcomes.
+/// Algorithm that finds medoids. The algorithms have different outcomes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Algorithm {
     /// FasterPAM on all points.
@@ -75,8 +75,8 @@ pub struct Progress {
 pub struct Clustering {
     /// Distinct indices of the medoids, in descending order of cluster size, then by index.
     pub medoids: Vec<usize>,
-    /// For each behaviour the place in `medoids` of the nearest one, or of the one with the lowest index of equally near ones. A
-    /// medoid is in its own cluster, even if others coincide with it.
+    /// For each behaviour, the place of its nearest medoid in `medoids`; of equally near medoids, the medoid with the lowest
+    /// index. A medoid is in its own cluster, even if other medoids coincide with it.
     pub clusters: Vec<u32>,
     /// Sum of the distances of all behaviours to their medoids.
     pub loss: f64,
@@ -86,7 +86,7 @@ pub struct Clustering {
 /// points to classes. `told` receives the progress.
 ///
 /// # Errors
-/// As [`cluster`].
+/// Fails as [`cluster`] does.
 pub fn choose(
     spec: &CampaignSpec,
     points: &Behaviours,
@@ -112,7 +112,8 @@ pub fn choose(
 /// Clusters `points` about `k` of them so that the sum of Euclidean distances to the nearest medoid is locally least. The
 /// stream determines the initial medoids and the samples.
 ///
-/// If `k` exceeds the number of points, every point is a medoid; if `k` is 0, there is one. Without points there are none.
+/// If `k` exceeds the number of points, every point is a medoid; if `k` is 0, there is one medoid. Without points there are no
+/// medoids.
 ///
 /// # Errors
 /// [`Interrupted`] once `interrupt` is raised.
@@ -126,10 +127,10 @@ pub fn cluster(
     cluster_by(algorithm, points, k, stream, interrupt, &|_| {})
 }
 
-/// Like [`cluster`], with a given algorithm; `told` receives the progress.
+/// Clusters as [`cluster`] does, with a given algorithm; `told` receives the progress.
 ///
 /// # Errors
-/// As [`cluster`].
+/// Fails as [`cluster`] does.
 pub fn cluster_by(
     algorithm: Algorithm,
     points: &Behaviours,

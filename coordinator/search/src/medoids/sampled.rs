@@ -1,12 +1,12 @@
 //! Medoids of more points than FasterPAM can handle at once.
 //!
-//! As in CLARA (Kaufman and Rousseeuw 1990), medoids are found among uniform samples, here by FasterPAM to a local optimum of
-//! the sample. Then they are moved among all points: each to the exact medoid of its cluster ([`centre`]), after which points
-//! are reassigned, and so on while that lowers the loss. The medoids of the sample with the least loss over all points are
-//! returned. The sample decides which clusters there are, for which few points suffice. The moves recover what CLARA loses
-//! because its medoids must be points of the sample.
+//! As in CLARA (Kaufman and Rousseeuw 1990), medoids are found among uniform samples; here, FasterPAM finds a local optimum of
+//! each sample. Then the medoids are moved among all points: each medoid moves to the exact medoid of its cluster ([`centre`]),
+//! then the points are assigned again, and so on while the loss decreases. The medoids of the sample with the least loss over all
+//! points are returned. The sample only decides which clusters exist, and few points suffice for this decision. The moves recover
+//! the accuracy that CLARA loses because its medoids must be points of the sample.
 //!
-//! The reported loss is over all points, and at most that of the medoids of any sample.
+//! The reported loss is over all points, and at most the loss of any sample's medoids before the moves.
 
 use super::{Clustering, Progress, arrange, centre, swaps};
 use crate::{
@@ -16,10 +16,10 @@ use crate::{
 use murmuration_swarm::RandomStream;
 use rayon::prelude::*;
 
-/// How much to sample.
+/// The size and the number of the samples.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sampling {
-    /// Points of a sample, unless [`LEAST_SHARE`] points for each medoid are more.
+    /// Number of points of a sample, or [`LEAST_SHARE`] for each medoid if that is more.
     pub(super) size: usize,
     pub(super) count: u32,
 }
@@ -27,13 +27,13 @@ pub(super) struct Sampling {
 /// Minimum number of points of a sample for each medoid.
 const LEAST_SHARE: usize = 16;
 
-/// Minimum share of the loss that a round must save for another round.
+/// Minimum share of the loss that a round must save, so that another round follows.
 const WORTHWHILE: f64 = 1e-5;
 
 /// Maximum number of rounds, to bound the time.
 const MOST_ROUNDS: u32 = 64;
 
-/// Clusters `points` about `k` of them; `k` is at most their number.
+/// Clusters `points` about `k` medoids; `k` is at most the number of points.
 pub(super) fn cluster(
     points: &Behaviours,
     k: usize,
@@ -112,15 +112,15 @@ fn centres(
     members.par_iter().zip(&clustering.medoids).map(of).collect()
 }
 
-/// Some of the points.
+/// A sample of the points.
 pub(super) struct Sample {
     pub(super) behaviours: Behaviours,
-    /// Their indices among all points, ascending.
+    /// Indices of the sample's points among all points, ascending.
     indices: Vec<usize>,
 }
 
 impl Sample {
-    /// Draws `size` of the points, or all if they are fewer; every set is equally likely (Knuth's algorithm S).
+    /// Draws `size` points, or all points if there are fewer; every set of points is equally likely (Knuth's algorithm S).
     pub(super) fn draw(points: &Behaviours, size: usize, stream: &mut RandomStream) -> Self {
         let size = size.min(points.len());
         let mut indices = Vec::with_capacity(size);

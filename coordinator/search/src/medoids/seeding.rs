@@ -7,10 +7,12 @@ use crate::{
 use murmuration_swarm::RandomStream;
 use rand::RngExt as _;
 
-/// Draws `k` different points (`k` is at most their number): the first uniformly, each of the others with a probability
-/// proportional to its distance from the nearest chosen one (k-means++ for a loss of distances that are not squared).
+/// Draws `k` different points (`k` is at most the number of points): the first point uniformly, each other point with a
+/// probability proportional to its distance from the nearest chosen point (k-means++ for a loss of distances that are not
+/// squared).
 ///
-/// Points that coincide with a chosen one are not drawn. If no others are left, the lowest free indices are taken.
+/// Points that coincide with a chosen point are not drawn. If no other points are left, the points with the lowest free indices
+/// are taken.
 pub(super) fn seed(
     points: &Behaviours,
     k: usize,

@@ -13,7 +13,7 @@ use murmuration_swarm::RandomStream;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Number of candidates that are weighed against the same medoids. Changing it changes the outcome.
+/// Number of candidates that are weighed against the same medoids. Another number changes the outcome.
 const BLOCK: usize = 128;
 
 /// Minimum share of the loss that a swap must save, well above rounding errors.
@@ -72,7 +72,8 @@ fn descend<'p>(
 
 /// The assignment after the best swap with a candidate of `block`, if the swap lowers the loss.
 ///
-/// The loss depends only on the set of medoids, and every swap lowers it. So no set repeats, and the descent ends.
+/// The loss depends only on the set of medoids, and every swap lowers the loss. No set of medoids therefore repeats, and the
+/// descent ends.
 fn improve<'p>(assignment: &Assignment<'p>, block: Range<usize>) -> Option<Assignment<'p>> {
     let swaps: Vec<Option<Swap>> = block
         .into_par_iter()

@@ -172,7 +172,7 @@ fn the_number_of_threads_changes_nothing() {
     }
 }
 
-/// If these change, the taxonomy of every campaign changes.
+/// If these medoids change, the taxonomy of every campaign changes.
 #[test]
 fn the_medoids_are_the_same_for_ever() {
     let mut random = RandomStream::derive(4, Purpose::Start, 0);
@@ -269,7 +269,8 @@ fn an_interrupted_clustering_has_no_result() {
         super::cluster(&points, 12, &mut stream(1), &interrupt),
         Err(Interrupted)
     );
-    // In another thread: uninterrupted, it would run for far longer than it takes to raise the interrupt.
+    // The clustering runs in another thread. Without the interrupt, it would run for far longer than the test takes to raise the
+    // interrupt.
     let interrupt = Interrupt::default();
     let clustered = std::thread::scope(|scope| {
         let clustering = scope.spawn(|| super::cluster(&points, 300, &mut stream(1), &interrupt));

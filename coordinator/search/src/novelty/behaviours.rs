@@ -1,19 +1,19 @@
-//! Behaviour vectors, all of one dimension.
+//! Behaviour vectors that all have the same number of values.
 
 use nalgebra::{DMatrixView, DVectorView};
 
-/// Largest magnitude of a coordinate. The sum of its squares over any number of points is still finite.
+/// Largest magnitude of a coordinate. The sum of the squares of such coordinates over any number of points is still finite.
 pub const MAX_COORDINATE: f64 = 1e100;
 
 /// Why a vector cannot be added.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Misfit {
-    /// The vector has another number of values than the others.
+    /// The vector has another number of values than the other vectors.
     #[error("a behaviour vector of {given} values among vectors of {expected}")]
     Dimensions {
         /// Number of values of the vector.
         given: usize,
-        /// Number of values of the others.
+        /// Number of values of the other vectors.
         expected: usize,
     },
     /// A value is not a number, or its magnitude is over [`MAX_COORDINATE`].
@@ -27,17 +27,18 @@ pub enum Misfit {
     },
 }
 
-/// The behaviour vectors of an archive, in the order of the individuals: all of one dimension, all finite.
+/// The behaviour vectors of an archive, in the order of the individuals. All vectors have the same number of values, and all
+/// values are finite.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Behaviours {
     dims: usize,
     len: usize,
-    /// Point after point; `dims * len` values.
+    /// The values of one point after another, `dims * len` in all.
     values: Vec<f64>,
 }
 
 impl Behaviours {
-    /// No behaviours yet; their vectors will have `dims` values.
+    /// An empty set of behaviours, whose vectors will have `dims` values.
     #[must_use]
     pub const fn new(dims: usize) -> Self {
         Self {
@@ -50,8 +51,8 @@ impl Behaviours {
     /// Adds a behaviour at the end. Negative zero becomes zero.
     ///
     /// # Errors
-    /// [`Misfit`] if the vector has not [`Behaviours::dims`] values, or if a value is NaN or above [`MAX_COORDINATE`] in magnitude;
-    /// then nothing is added.
+    /// [`Misfit`] if the vector does not have [`Behaviours::dims`] values, or if a value is NaN or above [`MAX_COORDINATE`] in
+    /// magnitude. After an error, nothing is added.
     pub fn push(&mut self, vector: &[f64]) -> Result<(), Misfit> {
         if vector.len() != self.dims {
             return Err(Misfit::Dimensions {
@@ -71,10 +72,10 @@ impl Behaviours {
         Ok(())
     }
 
-    /// The behaviours at `indices`, in their order.
+    /// The behaviours at `indices`, in the order of `indices`.
     ///
     /// # Panics
-    /// If an index is not below [`Behaviours::len`].
+    /// Panics if an index is not below [`Behaviours::len`].
     #[must_use]
     pub fn among(&self, indices: &[usize]) -> Self {
         Self {
@@ -107,7 +108,7 @@ impl Behaviours {
     /// Behaviour `index` as a column vector of [`Behaviours::dims`] rows.
     ///
     /// # Panics
-    /// If `index` is not below [`Behaviours::len`].
+    /// Panics if `index` is not below [`Behaviours::len`].
     #[must_use]
     pub fn point(&self, index: usize) -> DVectorView<'_, f64> {
         DVectorView::from_slice(self.values_of(index), self.dims)
@@ -127,7 +128,7 @@ impl Behaviours {
     /// Squared Euclidean distance between two behaviours, summed from the first dimension to the last.
     ///
     /// # Panics
-    /// If an index is not below [`Behaviours::len`].
+    /// Panics if an index is not below [`Behaviours::len`].
     #[must_use]
     pub fn squared_distance(&self, one: usize, other: usize) -> f64 {
         squared_distance(self.values_of(one), self.values_of(other))
@@ -136,7 +137,7 @@ impl Behaviours {
     /// Squared Euclidean distance from behaviour `index` to a vector of [`Behaviours::dims`] values.
     ///
     /// # Panics
-    /// If the index is not below [`Behaviours::len`].
+    /// Panics if the index is not below [`Behaviours::len`].
     #[must_use]
     pub fn squared_distance_to(&self, index: usize, vector: &[f64]) -> f64 {
         squared_distance(self.values_of(index), vector)
@@ -146,7 +147,7 @@ impl Behaviours {
     /// [`Behaviours::squared_distance`].
     ///
     /// # Panics
-    /// If `origin` is not below [`Behaviours::len`].
+    /// Panics if `origin` is not below [`Behaviours::len`].
     #[inline]
     pub(crate) fn each_squared_distance(&self, origin: usize, visit: impl FnMut(usize, f64)) {
         // A loop of constant length takes half the time.

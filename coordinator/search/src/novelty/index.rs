@@ -1,8 +1,8 @@
 //! An index of the archive: a few trees that grow with it.
 //!
-//! The logarithmic method of Bentley and Saxe: new behaviours, together with the last trees that are not much larger, become a
-//! new tree. Each tree is thus at least twice as large as the next, a query searches a logarithmic number of trees, and a point
-//! is sorted a logarithmic number of times over the life of the archive.
+//! This is the logarithmic method of Bentley and Saxe: new behaviours, together with the last trees that are not much larger,
+//! become a new tree. Each tree is thus at least twice as large as the next tree. A query therefore searches a logarithmic number
+//! of trees, and a point is sorted a logarithmic number of times while the archive grows.
 
 use super::{
     Behaviours,
@@ -47,7 +47,7 @@ impl Index {
         self.trees.is_empty()
     }
 
-    /// Adds the new ones of `behaviours`, which must begin with the behaviours that are in the index.
+    /// Adds the new behaviours in `behaviours`, which must begin with the behaviours that are already in the index.
     pub fn extend(&mut self, behaviours: &Behaviours) {
         let end = behaviours.len();
         let mut begin = self.len();
@@ -63,11 +63,13 @@ impl Index {
         self.trees.push(Tree::build(behaviours, begin..end));
     }
 
-    /// Novelty of the points `queries`, in their order: the mean Euclidean distance of each to the `k` nearest other points of
-    /// `behaviours` (paper, Eq. 1). `behaviours` must begin with those of earlier calls; new ones are added to the index.
+    /// Novelty of the points `queries`, in their order: the mean Euclidean distance of each query to the `k` nearest other points
+    /// of `behaviours` (paper, Eq. 1). `behaviours` must begin with the behaviours of earlier calls; new behaviours are added to
+    /// the index.
     ///
-    /// A point does not count itself, but counts others that coincide with it. With fewer than `k` others, the mean is over all
-    /// of them; it is 0 if there are none, or if `k` is 0. Indices beyond the last point are ignored.
+    /// A point does not count itself, but counts other points that coincide with it. With fewer than `k` other points, the mean
+    /// is over all other points. Without other points, or if `k` is 0, the novelty is 0. Indices beyond the last point are
+    /// ignored.
     ///
     /// # Errors
     /// [`Interrupted`] once `interrupt` is raised.
@@ -81,7 +83,7 @@ impl Index {
         interrupt.check()?;
         self.extend(behaviours);
         let queries = queries.start.min(behaviours.len())..queries.end.min(behaviours.len());
-        // One more than k, because a query finds itself, or a point that coincides with it.
+        // The search asks for one point more than `k`, because a query finds itself, or a point that coincides with it.
         let asked = k.saturating_add(1).min(behaviours.len());
         let novelty = |(nearest, path): &mut (Nearest, Path), query: usize| {
             interrupt.check()?;
@@ -94,8 +96,8 @@ impl Index {
             .collect()
     }
 
-    /// The `k` behaviours nearest to `place`, the nearest first; `place` has as many values as they. Which of several equally near
-    /// behaviours is the k-th is unspecified.
+    /// The `k` behaviours nearest to `place`, the nearest first; `place` has as many values as a behaviour. The order of equally
+    /// near behaviours is unspecified, also for the last place.
     #[must_use]
     pub fn nearest(&self, place: &[f64], k: usize) -> Vec<Neighbour> {
         let mut nearest = Nearest::new(k);

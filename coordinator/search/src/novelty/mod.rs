@@ -1,11 +1,11 @@
 //! Novelty: the mean distance of a behaviour from its nearest neighbours (paper, Eq. 1).
 //!
-//! The paper's sum runs over i = 0..k, the point itself (at distance 0) included, and is divided by k: it is
-//! the mean distance to the k nearest *others*.
+//! The paper's sum runs over i = 0..k, the point itself (at distance 0) included, and is divided by k: the result is the mean
+//! distance to the k nearest *other* points.
 //!
-//! Novelty has the same bits for every way of finding the neighbours and every number of threads: every distance comes from
-//! one function ([`Behaviours::squared_distance`]), only the k smallest values matter, not which of several points at equal
-//! distance they belong to, and they are summed in ascending order.
+//! Novelty has the same bits for every way of finding the neighbours and every number of threads. Every distance comes from one
+//! function ([`Behaviours::squared_distance`]). Only the k smallest distances matter, not the points they belong to, and these
+//! distances are summed in ascending order.
 
 mod behaviours;
 mod index;
@@ -19,13 +19,14 @@ use crate::interrupt::{Interrupt, Interrupted};
 use nearest::Nearest;
 use rayon::prelude::*;
 
-/// Like [`Index::novelty`], for these points in their order, by brute force: for a few points of an archive without an index.
+/// Computes the novelty of `points`, in their order, as [`Index::novelty`] does, but by brute force. This suits a few points of
+/// an archive without an index.
 ///
 /// # Errors
-/// As [`Index::novelty`].
+/// Fails as [`Index::novelty`] does.
 ///
 /// # Panics
-/// If a point is not below [`Behaviours::len`].
+/// Panics if a point is not below [`Behaviours::len`].
 pub fn novelty_of(
     behaviours: &Behaviours,
     points: &[usize],

@@ -9,10 +9,10 @@ pub(super) struct Offer {
     pub(super) index: u32,
 }
 
-/// Keeps the `k` smallest of the squared distances that it is offered, and their points.
+/// Keeps the `k` smallest of the offered squared distances, and their points.
 pub(super) struct Nearest {
     k: usize,
-    /// The farthest first.
+    /// The kept offers, the farthest first.
     kept: BinaryHeap<Offer>,
     limit: f64,
 }
@@ -58,14 +58,14 @@ impl Nearest {
         }
     }
 
-    /// Takes the kept offers, the nearest first, and resets.
+    /// Removes and returns the kept offers, the nearest first.
     pub(super) fn take(&mut self) -> Vec<Offer> {
         self.limit = Self::limit_of_none(self.k);
         std::mem::take(&mut self.kept).into_sorted_vec()
     }
 
-    /// Takes the mean of the kept distances except the `passed` smallest, summed in ascending order; 0 if there are none. Resets,
-    /// but keeps the allocation.
+    /// Returns the mean of the kept distances except the `passed` smallest, summed in ascending order; 0 without further
+    /// distances. Removes all offers, but keeps the allocation.
     pub(super) fn take_mean(&mut self, passed: usize) -> f64 {
         let mut kept = self.take();
         let counted = kept.get(passed..).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Compares novelty with its definition, and every way of computing it with the others.
+//! Compares novelty with its definition, and the ways of computing novelty with each other.
 
 use super::*;
 use proptest::prelude::*;
@@ -59,7 +59,7 @@ fn the_mean_is_over_the_nearest_others() {
     check(&[7.0], 3, &[0.0]);
     check(&[0.0, 1.0, 3.0, 10.0], 1, &[1.0, 1.0, 2.0, 7.0]);
     check(&[0.0, 1.0, 3.0, 10.0], 2, &[2.0, 1.5, 2.5, 8.0]);
-    // Fewer than k others; a point that coincides with others counts them.
+    // The first check has fewer than k other points. In the second check, a point counts the points that coincide with it.
     check(&[0.0, 4.0, 8.0], 15, &[6.0, 4.0, 6.0]);
     check(&[5.0, 5.0, 5.0, 8.0], 2, &[0.0, 0.0, 0.0, 3.0]);
     check(&[0.0, 1.0], 0, &[0.0, 0.0]);
@@ -95,7 +95,7 @@ fn a_vector_that_does_not_fit_is_refused() {
     assert_eq!(behaviours.matrix().shape(), (2, 1));
 }
 
-/// More coinciding points than a leaf of the tree holds (32), alone and among others.
+/// The test uses more coinciding points than a leaf of the tree has (32), alone and among other points.
 #[test]
 fn coinciding_points_are_no_trouble_to_the_tree() {
     for (coinciding, apart) in [(33, 0), (1000, 0), (1000, 40), (40, 1000)] {
@@ -151,7 +151,7 @@ fn points() -> impl Strategy<Value = (usize, Vec<Vec<f64>>)> {
     })
 }
 
-/// Includes dimensions with and without specialised code.
+/// The test includes numbers of dimensions with and without specialised code.
 #[test]
 fn larger_archives_have_the_bits_of_brute_force() {
     for dims in [1, 3, 5, 7, 12] {
@@ -180,7 +180,7 @@ proptest! {
         prop_assert_eq!(bits(&compared(&behaviours, 0..points.len(), k)), bits(&defined));
     }
 
-    /// However the archive grew, the index has the same answers as one built anew, and few trees.
+    /// However the archive grew, the index gives the same answers as a new index, and has few trees.
     #[test]
     fn an_index_that_grew_is_one_built_anew(
         (dims, points) in points(),

@@ -2,8 +2,8 @@
 //!
 //! Every node has the bounding box of its points. The distance to a box uses the same operations, in the same order, as a
 //! distance between points ([`Behaviours::squared_distance`]). Each operation is monotone, even with rounding, so no point is
-//! nearer than its box. Hence the search skips no point that brute force would count, without any tolerance. Ranges are halved
-//! by count, so coinciding points are no special case.
+//! nearer than its box. The search therefore skips no point that brute force would count, and needs no tolerance. Each range is
+//! halved by the number of its points, so coinciding points are no special case.
 //!
 //! The tree's shape follows from the number of points, so it has no pointers.
 
@@ -12,7 +12,7 @@ use crate::lanes::{LANES, Lanes, with_dimensions};
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
-/// Points of a leaf; the last leaf may have fewer.
+/// Points of a leaf; the last leaf can have fewer points.
 const LEAF: usize = 4 * LANES;
 
 /// Minimum number of points in the left half for building both halves in parallel.
@@ -23,7 +23,7 @@ const PARALLEL: usize = 8192;
 pub(super) struct Tree {
     dims: usize,
     range: Range<usize>,
-    /// Leaf after leaf.
+    /// The points of one leaf after another.
     lanes: Lanes,
     /// The index of each point.
     indices: Vec<u32>,
@@ -68,7 +68,7 @@ impl Tree {
         with_dimensions!(self.dims, look, (self, origin, nearest, path));
     }
 
-    /// Squared distance from `origin` to a node's box, at most that of any of its points.
+    /// Squared distance from `origin` to a node's box, at most the squared distance to any point of the node.
     #[inline(always)]
     fn distance_to_box<const D: usize>(&self, place: usize, origin: &[f64]) -> f64 {
         let dims = if D == 0 { self.dims } else { D };
@@ -76,7 +76,7 @@ impl Tree {
         let origin = &origin[..dims];
         let mut sum = 0.0;
         for d in 0..dims {
-            // One of the two is positive if `origin` lies outside.
+            // One of the two differences is positive if `origin` lies outside the box.
             let gap = (low[d] - origin[d]).max(origin[d] - high[d]).max(0.0);
             sum += gap * gap;
         }
@@ -120,7 +120,7 @@ fn halve(behaviours: &Behaviours, indices: &mut [u32], boxes: &mut [f64]) {
 }
 
 impl Node {
-    /// The two halves of a node that is no leaf.
+    /// The two halves of a node that is not a leaf.
     #[inline(always)]
     const fn halves(self) -> [Self; 2] {
         let left = Self {

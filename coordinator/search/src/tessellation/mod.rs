@@ -1,9 +1,9 @@
 //! A centroidal Voronoi tessellation, which divides a region of the behaviour space into cells of about equal size, as in
 //! CVT-MAP-Elites (Vassiliades, Chatzilygeroudis and Mouret 2018).
 //!
-//! The region is where the points lie, whatever their density: each occupied box of a fine grid counts once. Cells begin at
-//! boxes that are far from each other (Gonzalez 1985), and Lloyd's algorithm (1982) moves each to the mean of its boxes.
-//! Nothing is random, so equal points have equal cells. The module knows neither archives nor classes.
+//! The region is the part of the space where points lie, whatever their density: each occupied box of a fine grid counts once.
+//! Cells begin at boxes that are far from each other (Gonzalez 1985), and Lloyd's algorithm (1982) moves each cell to the mean of
+//! its boxes. Nothing is random, so equal points have equal cells. The module depends neither on archives nor on classes.
 
 #[cfg(test)]
 mod tests;
@@ -27,7 +27,7 @@ pub struct Tessellation {
 }
 
 impl Tessellation {
-    /// The cells of the region in which `points` lie: `cells`, or fewer if fewer boxes are occupied.
+    /// Divides the region in which `points` lie into `cells` cells, or into fewer cells if fewer boxes are occupied.
     ///
     /// # Errors
     /// [`Interrupted`] once `interrupt` is raised.
@@ -60,10 +60,11 @@ impl Tessellation {
         &self.centroids
     }
 
-    /// The cell of each point: the one with the nearest centroid, the first of equally near ones. All zeros if there are no cells.
+    /// The cell of each point: the cell with the nearest centroid, or the first of several cells with equally near centroids.
+    /// Without cells, every point has the cell 0.
     ///
     /// # Panics
-    /// If the points have other dimensions than the centroids.
+    /// Panics if the points have other dimensions than the centroids.
     #[must_use]
     pub fn cells_of(&self, points: &Behaviours) -> Vec<usize> {
         let nearest = |point: usize| {
@@ -80,7 +81,7 @@ impl Tessellation {
         (0..points.len()).into_par_iter().map(nearest).collect()
     }
 
-    /// Moves each centroid to the mean of its members; one without members stays.
+    /// Moves each centroid to the mean of its members; a centroid without members stays.
     fn move_to_means(&mut self, points: &Behaviours, cells: &[usize]) {
         let mut means = vec![(0_usize, vec![0.0; points.dims()]); self.centroids.len()];
         for (point, &cell) in cells.iter().enumerate() {
@@ -130,8 +131,8 @@ fn range(points: &Behaviours, axis: usize) -> [f64; 2] {
     })
 }
 
-/// At most `count` points far from each other: the first point, then repeatedly the one that is farthest from all before it.
-/// No two coincide.
+/// At most `count` points far from each other: the first point, then repeatedly the point that is farthest from all points before
+/// it. No two of these points coincide.
 fn far_apart(points: &Behaviours, count: usize, interrupt: &Interrupt) -> Result<Vec<usize>, Interrupted> {
     let mut distances = vec![f64::INFINITY; points.len()];
     let mut chosen = Vec::new();

@@ -1,4 +1,4 @@
-//! Compares medoids found among samples with those found among all points.
+//! Compares medoids found among samples with medoids found among all points.
 
 use super::*;
 use crate::medoids::{centre, sampled::Sampling};
@@ -98,7 +98,7 @@ fn up_to_a_size_all_points_are_candidates() {
     assert_eq!(full.unwrap(), cluster(&points, 6, &mut stream(1)));
 }
 
-/// If these change, the taxonomy of every large campaign changes.
+/// If these medoids change, the taxonomy of every large campaign changes.
 #[test]
 fn the_medoids_of_samples_are_the_same_for_ever() {
     let clustering = sampled(&overlapping(1000, 4), 4, 4);
