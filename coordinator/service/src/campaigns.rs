@@ -34,11 +34,11 @@ const DIGEST_BYTES: usize = 64;
 pub struct CampaignApi {
     pub campaigns: Campaigns,
     pub store: Store,
-    /// Simulates replays.
+    /// The dispatcher of the workers that simulate replays.
     pub dispatch: Dispatch,
     /// The source of the clusters of archives.
     pub queries: Queries,
-    /// Digests of archives, by their version and number of individuals.
+    /// Digests of archives, by the archive's version and number of individuals.
     pub digests: LatestAnswers<(ArchiveVersion, u64), ArchiveDigest>,
     /// The statuses of watched campaigns.
     pub watched: Recent<(v1::Campaign, bool)>,
@@ -112,7 +112,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         let watched = self.watched.follow(id.to_string());
         let (messages, stream) = mpsc::channel(1);
         tokio::spawn(async move {
-            // The first message is always new, even if others watch the same campaign.
+            // The first message is always new, even if other clients watch the same campaign.
             let mut age = Duration::ZERO;
             loop {
                 let look = async {

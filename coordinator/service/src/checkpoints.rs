@@ -16,7 +16,7 @@ use tonic::{Request, Response, Status, Streaming};
 pub struct CheckpointApi {
     /// The store of checkpoints.
     pub checkpoints: Checkpoints,
-    /// Leases trainings to the trainers that publish.
+    /// The dispatcher that leases trainings to the trainers that publish checkpoints.
     pub trainers: Trainers,
 }
 

@@ -39,13 +39,14 @@ const MAX_PICTURE_BYTES: usize = 64 << 20;
 const AT_ONCE: usize = 4;
 /// Time limit for the description on a new stream.
 const DESCRIPTION_LIMIT: Duration = Duration::from_secs(10);
-/// Time limit for a stream without a request, or without room for a result. A search that needs longer opens another stream.
+/// Time limit for a stream without a request from the client, or without room for a result. A search that needs longer opens
+/// another stream.
 const IDLE_LIMIT: Duration = Duration::from_secs(60 * 60);
 
 /// Implements `murmuration.v1.EvaluationService`.
 #[derive(Debug, Clone)]
 pub struct EvaluationApi {
-    /// Leases evaluations to workers.
+    /// The dispatcher that leases evaluations to workers.
     pub dispatch: Dispatch,
     /// The store of checkpoints.
     pub checkpoints: Checkpoints,
@@ -108,7 +109,7 @@ impl v1::evaluation_service_server::EvaluationService for EvaluationApi {
         let (late, text) = oneshot::channel();
         tokio::spawn(async move {
             if let Err(status) = forward(results, &sender, || taken.touch()).await {
-                // The client may have gone.
+                // The client may have disconnected.
                 let _ = late.send(status);
             }
         });
@@ -306,7 +307,7 @@ fn responses(
     }
 }
 
-/// The number of requests in evaluation, and the time since which the stream waits for its client.
+/// The number of requests that are being evaluated, and the time since which the stream waits for its client.
 #[derive(Debug)]
 struct AtWork(Mutex<(usize, Instant)>);
 
@@ -342,8 +343,8 @@ impl AtWork {
     }
 }
 
-/// The requests of a stream, up to the first that exceeds the time limit while nothing is evaluated. Otherwise an idle stream would
-/// hold its permit for ever.
+/// The requests of a stream. The stream fails if no request arrives within the time limit while nothing is evaluated: an idle
+/// stream must not hold its permit for ever.
 fn within_limit<T>(
     requests: impl Stream<Item = Result<T, Status>> + Unpin,
     at_work: Arc<AtWork>,
@@ -370,8 +371,8 @@ fn within_limit<T>(
     })
 }
 
-/// Sends the items of a stream while the client is connected, and calls `sent` after each. Fails if the client takes no item in
-/// time.
+/// Sends the items of a stream while the client is connected, and calls `sent` after each item. Fails if the client takes no item
+/// in time.
 async fn forward<T>(
     items: impl Stream<Item = T>,
     sender: &mpsc::Sender<T>,
@@ -436,7 +437,7 @@ mod tests {
         assert_eq!(refused.code(), Code::DeadlineExceeded, "{refused}");
         assert_eq!(*sent.lock().unwrap(), 1);
         assert_eq!(receiver.recv().await, Some(1));
-        // The end of the client ends the stream at once, even during an evaluation.
+        // A client that disconnects ends the stream at once, even during an evaluation.
         drop(receiver);
         forward(stream::pending::<i32>(), &sender, || {}).await.unwrap();
     }

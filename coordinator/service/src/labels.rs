@@ -28,9 +28,9 @@ use tonic::{Request, Response, Status};
 const MAX_ANSWERS: usize = 50_000;
 /// Number of entries in a part of the log: an entry with the longest names has some 500 bytes.
 const LISTED_AT_ONCE: u64 = 2_000;
-/// Maximum number of entries of a request that is short enough to need no rest.
+/// Maximum number of entries of a request that needs no rest.
 const FEW_ENTRIES: usize = 100;
-/// A request with many entries rests for this many times as long as it held the store, and at most for [`MOST_REST`].
+/// A request with many entries rests for `REST` times as long as it held the store, but at most for [`MOST_REST`].
 const REST: u32 = 3;
 const MOST_REST: Duration = Duration::from_secs(2);
 
@@ -39,7 +39,7 @@ const MOST_REST: Duration = Duration::from_secs(2);
 pub struct LabelApi {
     pub store: Store,
     pub queries: Queries,
-    /// Answers in place of a person.
+    /// The annotator that answers in place of a person.
     pub annotator: SyntheticAnnotator,
 }
 
@@ -57,8 +57,8 @@ impl LabelApi {
         .await
     }
 
-    /// Runs `add`, which adds entries to a campaign's log, if the budget of the request's token has `wanted` left; 0 is always
-    /// allowed. A repeated request adds nothing, and costs nothing.
+    /// Runs `add`, which adds entries to a campaign's log, if the budget of the request's token has `wanted` entries left; 0
+    /// entries are always allowed. A repeated request adds nothing, and costs nothing.
     async fn within_budget<T: Send + 'static>(
         &self,
         campaign: String,
@@ -368,8 +368,8 @@ fn unknown(annotator: &Annotator, labels: &Labels) -> Status {
     })
 }
 
-/// Applies a request to the store. If it has many entries (`count` of the outcome), it rests before it ends, so that an annotator
-/// with many such requests leaves most of the time to campaigns and to others.
+/// Applies a request to the store. A request with many entries (`count` of the outcome) rests before it ends. An annotator with
+/// many such requests thus leaves most of the time to campaigns and to other annotators.
 fn resting<T>(apply: impl FnOnce() -> T, count: impl FnOnce(&T) -> usize) -> T {
     let begun = Instant::now();
     let done = apply();

@@ -48,7 +48,7 @@ fn in_parts<T: Send + 'static>(
 }
 
 /// An answer that is read part by part while its client takes it. `read` gets the beginning of the next part, from 0, and returns
-/// the part and the beginning of the following one.
+/// the part and the beginning of the following part.
 fn as_taken<T, R>(mut read: impl FnMut(u64) -> R + Send + 'static) -> Response<Streamed<T>>
 where
     T: Send + 'static,
@@ -71,7 +71,7 @@ where
     Response::new(Box::pin(ReceiverStream::new(stream)))
 }
 
-/// The number of the lease in `field`, and the coordinator's epoch in which it was given.
+/// The number of the lease in `field`, and the coordinator's epoch in which the lease was granted.
 fn lease_id(lease: Option<v1::LeaseId>, field: &str) -> Result<(u64, LeaseNumber), Invalid> {
     let lease = lease.ok_or_else(|| Invalid::missing(field, "a lease id"))?;
     Ok((lease.epoch, LeaseNumber(lease.number)))

@@ -12,22 +12,22 @@ use murmuration_search::interrupt::Interrupt;
 use murmuration_swarm::{CheckpointDigest, Evaluation, FEATURE_NAMES, Features, Invalid, counted};
 use tonic::Status;
 
-/// Number of individuals in an answer if the request names none.
+/// Number of individuals in an answer if the request names no number.
 const USUAL_COUNT: u32 = 5;
 /// Maximum number of individuals in an answer.
 const MAX_COUNT: u32 = 100;
 
-/// A behaviour, of an archive or not.
+/// A behaviour from an archive or from elsewhere.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OtherBehaviour {
-    /// Its hand-crafted features.
+    /// The behaviour's hand-crafted features.
     pub features: Features,
-    /// The embedding of its picture, and the checkpoint that made it, if any.
+    /// The embedding of the behaviour's picture, and the checkpoint that made the embedding, if any.
     pub embedding: Option<(CheckpointDigest, Vec<f32>)>,
 }
 
 impl OtherBehaviour {
-    /// The behaviour of an evaluation, with its embedding if a checkpoint made one.
+    /// The behaviour of an evaluation, with its embedding if a checkpoint made an embedding.
     #[must_use]
     pub fn of(evaluation: &Evaluation, checkpoint: Option<CheckpointDigest>) -> Self {
         Self {
@@ -38,7 +38,7 @@ impl OtherBehaviour {
 }
 
 impl CampaignApi {
-    /// Up to `count` individuals of a campaign's archive, those nearest to `behaviour`.
+    /// The `count` individuals of a campaign's archive that are nearest to `behaviour` (all if there are fewer).
     ///
     /// # Errors
     /// If the archive is empty or cannot be read, or another checkpoint made its embeddings.

@@ -44,7 +44,7 @@ impl<T: Clone> Recent<T> {
 }
 
 impl<T: Clone> Followed<T> {
-    /// The latest value if it is younger than `age`, or else a new one from `make`.
+    /// The latest value if it is younger than `age`, or else a new value from `make`.
     ///
     /// # Errors
     /// The errors of `make`.

@@ -1,4 +1,4 @@
-//! Gathers the contents of a report through the campaign and label services, of this process or of another.
+//! Gathers the contents of a report through the campaign and label services, of this process or of another process.
 
 use crate::spread::{Place, spreads};
 use bytes::Bytes;
@@ -41,7 +41,7 @@ const FURTHER: usize = 12;
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportDataError {
-    /// The service refused, or cannot be reached.
+    /// The service refused the request, or cannot be reached.
     #[error("{}", .0.message())]
     Service(#[from] Status),
     /// The answer of the service contains an invalid value.
@@ -56,7 +56,7 @@ pub enum ReportDataError {
     /// A bug in the drawing of pictures.
     #[error(transparent)]
     Broken(#[from] Broken),
-    /// The client that requested the report has gone.
+    /// The client that requested the report has disconnected.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }
@@ -298,7 +298,8 @@ pub async fn archive<C: Transport>(
     read_archive(client, campaign, model, None).await
 }
 
-/// The archive. `sheets`, if given, get its pictures; the pictures of one part are dropped before the next part is read.
+/// The archive of a campaign. `sheets`, if given, get the archive's pictures; the pictures of one part are dropped before the
+/// next part is read.
 async fn read_archive<C: Transport>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
@@ -323,8 +324,8 @@ async fn read_archive<C: Transport>(
     Ok(entries)
 }
 
-/// Calls `count` with the judge's verdict on each trial of a completed campaign, individual by individual. The campaign must be one
-/// that the judge judges.
+/// Calls `count` with the judge's verdict on each trial of a completed campaign, individual by individual. The judge must judge
+/// the campaign's individuals.
 ///
 /// # Errors
 /// See [`ReportDataError`]; [`ReportDataError::Answer`] if a trial has no verdict.
@@ -347,10 +348,10 @@ pub async fn verdicts<C: Transport>(
     Ok(())
 }
 
-/// The judge's verdicts on the trials of an individual. Its campaign must be one that the judge judges.
+/// The judge's verdicts on the trials of an individual. The judge must judge the individuals of its campaign.
 ///
 /// # Errors
-/// If a trial has no verdict or an invalid one.
+/// If a trial has no verdict or an invalid verdict.
 pub fn verdicts_of(spec: &CampaignSpec, individual: &v1::Individual) -> Result<Vec<Verdict>, Invalid> {
     let verdicts = &individual.verdicts;
     if verdicts.len() != spec.starts().get() {
@@ -386,7 +387,7 @@ fn entry(individual: &v1::Individual, model: &CapabilityModel) -> Result<Entry, 
 /// The features of an individual or a trial.
 ///
 /// # Errors
-/// If the number of values is not that of the features.
+/// If the number of values is not the number of features.
 pub fn features(values: &[f64]) -> Result<Features, Invalid> {
     Features::try_from(values)
         .map_err(|_| Invalid::new("features", counted(values.len() as u64, "value"), "5 values"))

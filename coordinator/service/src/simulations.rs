@@ -1,4 +1,4 @@
-//! Motions of any controllers. The coordinator itself simulates them, without a worker.
+//! Motions of any controllers, which the coordinator itself simulates, without a worker.
 //!
 //! The number of poses is limited before any computation. A motion is simulated part by part, as its client takes the parts.
 
@@ -14,7 +14,7 @@ use std::iter;
 use tokio::sync::mpsc;
 use tonic::Status;
 
-/// Number of poses in a part, more than a swarm can have robots.
+/// Number of poses in a part of a motion: more than the number of robots of any swarm.
 const PART_POSES: usize = PART_BYTES / size_of::<Pose>();
 
 /// x, y (world units, y points down the screen) and heading (radians) of a robot.
@@ -83,7 +83,7 @@ pub(super) fn spec_of(campaign: Option<Campaign>) -> Result<CampaignSpec, Status
 /// Sends the motion of a swarm, or an error, while the client takes the parts.
 pub(super) async fn send_motion(simulation: Simulation, parts: &mpsc::Sender<Result<v1::Motion, Status>>) {
     if let Err(status) = simulated(simulation, parts).await {
-        // The client may have gone.
+        // The client may have disconnected.
         let _ = parts.send(Err(status)).await;
     }
 }
@@ -136,7 +136,7 @@ mod tests {
     use murmuration_sim::replay::poses;
     use tonic::Code;
 
-    /// The default world with this many robots, and one of the paper's controllers.
+    /// The default world with `robots` robots, and one of the paper's controllers.
     fn asked(robots: u32, steps: Option<u32>) -> v1::SimulateRequest {
         let toml = format!(
             "name = \"x\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\n[world]\nagents = {robots}\nhorizon = 5000\n"

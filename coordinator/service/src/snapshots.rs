@@ -1,4 +1,5 @@
-//! Snapshots of trainings from trainers. They arrive part by part. Parts are only kept for a training that the stream leases.
+//! Snapshots of trainings, which arrive from trainers part by part. Parts are only kept for a training that is leased to the
+//! stream's trainer.
 
 use super::lease_id;
 use murmuration_dispatch::{Dispatch, LeaseNumber, TrainingLease, WorkerId, WorkerReport};
@@ -13,10 +14,10 @@ pub(super) struct Snapshots {
     arriving: Option<Arriving>,
 }
 
-/// What a snapshot is of.
+/// The training and the epoch that a snapshot belongs to.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Moment {
-    /// The coordinator's epoch in which the lease was given.
+    /// The coordinator's epoch in which the lease was granted.
     epoch: u64,
     lease: LeaseNumber,
     /// Number of epochs trained.
@@ -26,7 +27,7 @@ struct Moment {
 /// A snapshot whose last part has not arrived yet.
 struct Arriving {
     of: Moment,
-    /// Maximum size in bytes of such a snapshot; `None` if the lease is over, so that it is not kept.
+    /// Maximum size in bytes of such a snapshot; `None` if the lease is over, so that the snapshot is not kept.
     room: Option<usize>,
     bytes: Vec<u8>,
 }
@@ -40,10 +41,10 @@ impl Snapshots {
         }
     }
 
-    /// Adds a part. Returns the complete snapshot after the last part, and a heartbeat before.
+    /// Adds a part of a snapshot. Returns the complete snapshot after its last part, and a heartbeat after each earlier part.
     ///
     /// # Errors
-    /// At the first part, if this stream never had the lease, or the training has no such epoch. At any part, if the snapshot
+    /// The first part fails if this stream never had the lease, or the training has no such epoch. Any part fails if the snapshot
     /// exceeds its maximum size.
     pub(super) async fn add(&mut self, part: v1::TrainingSnapshot) -> Result<WorkerReport, Invalid> {
         let (epoch, lease) = lease_id(part.lease, "snapshot.lease")?;

@@ -5,9 +5,9 @@ use murmuration_search::novelty::Behaviours;
 /// A member of a cluster: its index, and its distance to the medoid in units of the behaviour space.
 pub(crate) type Place = (usize, f64);
 
-/// The nearest, the median and the farthest member of each cluster, without its medoid. If their number is even, the median is the
-/// farther of the two in the middle. `None` if the medoid is the only member. `medoids` are indices of individuals; `clusters` has
-/// for each individual the place of its medoid.
+/// The nearest, the median and the farthest member of each cluster, without its medoid; `None` if the medoid is the only member.
+/// If the number of members is even, the median is the farther of the two members in the middle. `medoids` are indices of
+/// individuals; `clusters` has for each individual the place of its medoid.
 pub(crate) fn spreads(
     behaviours: &Behaviours,
     medoids: &[usize],

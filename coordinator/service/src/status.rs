@@ -1,4 +1,4 @@
-//! Converts errors of the other crates to gRPC statuses, and errors about unreadable messages.
+//! Converts errors of the other crates to gRPC statuses, and blames clients for unreadable messages.
 
 use axum::{extract::Request, middleware::Next, response::Response};
 use murmuration_dispatch::{JobError, JoinError};
@@ -17,7 +17,7 @@ pub trait OrStatus<T> {
     /// The result with its error converted to a status.
     ///
     /// # Errors
-    /// Those of `self`.
+    /// The error of `self`, as a status.
     fn or_status(self) -> Result<T, Status>;
 }
 

@@ -1,4 +1,4 @@
-//! Studies: their files, and the records of what was measured.
+//! Studies: their files, and the records of their measurements.
 
 use super::Streamed;
 use crate::status::OrStatus as _;
@@ -14,7 +14,7 @@ use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
 
-/// Most records of a request: five times the cells of the largest study.
+/// Maximum number of records of a request: five times the cells of the largest study.
 const MAX_RECORDS: usize = 10_000;
 
 /// Implements `murmuration.v1.StudyService`.
@@ -47,7 +47,7 @@ impl v1::study_service_server::StudyService for StudyApi {
         let api = self.clone();
         spawn(async move {
             if let Err(status) = api.send(study, file, &parts).await {
-                // The client may be gone.
+                // The client may have disconnected.
                 let _ = parts.send(Err(status)).await;
             }
         });
@@ -109,7 +109,7 @@ impl StudyApi {
                 if parts.send(Ok(part(present))).await.is_err() {
                     return Ok(());
                 }
-                // Read when the part before it was taken, so that slow clients hold no whole records.
+                // A part is read when the client has taken the previous part, so that slow clients hold no whole records.
                 let (name, of) = (study.clone(), entry.clone());
                 let read = move |store: &Store| store.study_content_part(&name, &of, from, PART_BYTES);
                 let content = self.store.run(read).await.or_status()?;
@@ -121,7 +121,7 @@ impl StudyApi {
     }
 }
 
-/// Adds a part to a study that is to be stored.
+/// Adds a part to a study that will be stored.
 fn add(arriving: &mut StudyParts, part: Option<Part>) -> Result<(), Invalid> {
     arriving.add(part)?;
     if arriving.records.len() > MAX_RECORDS {

@@ -22,7 +22,7 @@ use tonic::{Request, Response, Status, Streaming};
 /// Implements `murmuration.v1.TrainerService`.
 #[derive(Debug, Clone)]
 pub struct TrainerApi {
-    /// Leases trainings to trainers.
+    /// The dispatcher that leases trainings to trainers.
     pub trainers: Trainers,
     pub store: Store,
 }
@@ -57,7 +57,7 @@ impl v1::trainer_service_server::TrainerService for TrainerApi {
         let store = self.store.clone();
         spawn(async move {
             if let Err(status) = send(store, record, &parts).await {
-                // The trainer may have gone.
+                // The trainer may have disconnected.
                 let _ = parts.send(Err(status)).await;
             }
         });
@@ -85,8 +85,9 @@ fn check_trainer(hello: &v1::Hello) -> Result<(), Status> {
     }
 }
 
-/// Sends pictures, then their features if the recipe flattens, then labelled pictures, then the snapshot. Each part is read when the
-/// one before it was taken, so that a client that takes nothing holds no thread. Ends early when the client has gone.
+/// Sends pictures, then their features if the recipe flattens, then labelled pictures, then the snapshot. Each part is read when
+/// the client has taken the previous part, so that a client that takes nothing holds no thread. Sending ends early if the client
+/// has disconnected.
 async fn send(
     store: Store,
     record: CampaignRecord,
@@ -110,13 +111,13 @@ async fn send(
 
 /// The contents of a training, in the order in which they are sent.
 struct Contents {
-    /// Number of items of each kind, and of those of one part.
+    /// For each kind of item, the number of items in all and the number of items in one part.
     kinds: [(u64, u64); 4],
     round: RoundPictures,
     saved: Vec<u8>,
 }
 
-/// A part: its kind, and its first item.
+/// A part: the kind of its items, and its first item.
 type Place = (usize, u64);
 
 impl Contents {

@@ -36,13 +36,13 @@ pub struct TransferApi {
     pub checkpoints: Checkpoints,
     /// The data directory, in which databases of campaigns are assembled.
     pub data: Arc<Path>,
-    /// Exports at once. Each has a copy of its campaign on disk until its client has taken it.
+    /// Permits for exports. Each export has a copy of its campaign on disk until the client has taken the export.
     pub exports: Arc<Semaphore>,
 }
 
-/// Time that a client has to take an export, besides that of its bytes.
+/// Time that a client has to take an export, in addition to the time for the export's bytes.
 const EXPORT_TIME: Duration = Duration::from_secs(60);
-/// Slowest pace of a client that takes an export, bytes a second.
+/// Slowest pace of a client that takes an export, in bytes a second.
 const EXPORT_PACE: u64 = 1 << 20;
 
 #[tonic::async_trait]
@@ -60,7 +60,7 @@ impl v1::transfer_service_server::TransferService for TransferApi {
         let api = self.clone();
         spawn(async move {
             if let Err(status) = api.send(record.id, &parts).await {
-                // The client may have gone.
+                // The client may have disconnected.
                 let _ = parts.send(Err(status)).await;
             }
         });
@@ -86,7 +86,7 @@ impl v1::transfer_service_server::TransferService for TransferApi {
 }
 
 impl TransferApi {
-    /// Most exports at once.
+    /// Maximum number of exports at once.
     pub const MOST_EXPORTS: usize = 2;
 
     /// Sends the database of a campaign.

@@ -1,4 +1,4 @@
-//! The streams of workers and trainers. Each is validated and forwarded to a dispatcher.
+//! The streams of workers and trainers. Each stream is validated and forwarded to a dispatcher.
 
 use super::{lease_id, snapshots::Snapshots, status::blamed};
 use crate::status::OrStatus as _;
@@ -23,7 +23,7 @@ const MAX_CREDITS: u32 = 65_536;
 /// Implements `murmuration.v1.WorkerService`.
 #[derive(Debug, Clone)]
 pub struct WorkerApi {
-    /// Leases work to workers.
+    /// The dispatcher that leases work to workers.
     pub dispatch: Dispatch,
 }
 
@@ -39,7 +39,7 @@ impl v1::worker_service_server::WorkerService for WorkerApi {
     }
 }
 
-/// Peer of a stream.
+/// The client at the other end of a stream.
 #[derive(Debug)]
 pub(super) enum Peer {
     Worker,
@@ -76,12 +76,12 @@ pub(super) async fn serve(
     let stream_ends = async move {
         let passed_on = tokio::select! {
             passed_on = pass_on(&dispatch, worker, peer, &mut inbox) => passed_on,
-            // What the worker still sends must not stay in memory.
+            // Further messages of a dismissed worker must not stay in memory.
             _ = dismissed => return,
         };
         if let Err(status) = passed_on {
             tracing::debug!(?worker, %status, "worker stream broke");
-            // The worker may have gone.
+            // The worker may have disconnected.
             let _ = outbox.try_send(Err(status));
         }
         dispatch.report(worker, WorkerReport::Gone).await;
@@ -215,7 +215,7 @@ async fn published(
                 }
             }
         }
-        // The dispatcher rejects it.
+        // The dispatcher rejects an invalid digest.
         Err(_) => Outcome::Checkpoint(digest),
     };
     Ok(WorkerReport::Result {
@@ -225,7 +225,8 @@ async fn published(
     })
 }
 
-/// Whether a checkpoint can be the result of the training under a lease. If the lease is not held, the dispatcher rejects it.
+/// Whether a checkpoint can be the result of the training under a lease. If the lease is not held, the dispatcher rejects the
+/// result.
 fn is_of(lineage: &Lineage, lease: &TrainingLease) -> bool {
     let TrainingLease::Held(training) = lease else {
         return true;
@@ -275,7 +276,8 @@ fn cleaned(outcome: v1::batch_result::Outcome) -> v1::batch_result::Outcome {
     }
 }
 
-/// Removes impossible figures from progress, because it is displayed: a loss that is not finite, or a figure that no training has.
+/// Removes impossible figures from progress, because it is displayed: a loss that is not finite, or a figure that no training
+/// has.
 fn believable(progress: v1::TrainingProgress) -> v1::TrainingProgress {
     let within = |value: Option<f64>, most: f64| value.filter(|value| (0.0..=most).contains(value));
     let finite = |value: Option<f64>| value.filter(|value| value.is_finite());

@@ -6,7 +6,7 @@ use murmuration_store::{LabelError, Undone};
 use murmuration_swarm::Invalid;
 use std::collections::BTreeSet;
 
-/// The change for an answer; `now_ms` is its time unless the message has one.
+/// The change for an answer; `now_ms` is the time of the change if the message has no time.
 pub(super) fn change(message: v1::Answer, now_ms: u64) -> Result<Change, Invalid> {
     let time_ms = match message.time_ms {
         0 => now_ms,
