@@ -1,5 +1,5 @@
-//! Evaluations of the paper's world per second of CPU time, compared with the same loop in numba. The two take turns, so that other
-//! load on the machine disturbs both alike; each figure is the best of its rounds.
+//! Benchmark: evaluations of the paper's world per second of CPU time, compared with the same loop in numba. The two programs
+//! take turns, so that other load on the machine disturbs both programs equally. Each figure is the best of its rounds.
 //!
 //! `PYTHON` names a Python that has numba; without numba, the benchmark prints this library's rates only.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
@@ -25,9 +25,9 @@ use std::{
     process::{Child, ChildStdin, ChildStdout, Command, Stdio},
 };
 
-/// Swarms in a population: a vector of AVX-512.
+/// Number of swarms in a population: as many as an AVX-512 vector has lanes.
 const SWARMS: u64 = 8;
-/// Number of uniformly drawn populations, because their rates differ.
+/// Number of uniformly drawn populations: more than one, because the rates of populations differ.
 const DRAWS: u64 = 6;
 
 type Tasks = Vec<(Controller, Start)>;
@@ -61,7 +61,8 @@ fn main() {
     }
 }
 
-/// Seconds for the loop in numba, for swarms simulated one by one, and for all at once without and with a picture.
+/// Seconds for the loop in numba, for swarms simulated one by one, and for all swarms evaluated at once, without and with a
+/// picture.
 fn measured(tasks: &Tasks, rounds: u32) -> [f64; 4] {
     let world = World::default();
     let picture = |window| {
@@ -149,7 +150,7 @@ fn listed(kind: &str, name: &str, model: Preset) -> Vec<Tasks> {
     tasks.chunks(SWARMS as usize).map(<[_]>::to_vec).collect()
 }
 
-/// The same tasks in a Python process.
+/// A Python process that simulates the same tasks with numba.
 struct Numba {
     process: Child,
     to: ChildStdin,
@@ -157,7 +158,7 @@ struct Numba {
 }
 
 impl Numba {
-    /// `None` without numba.
+    /// Starts the Python process; `None` without numba.
     fn start(tasks: &Tasks, world: &World) -> Option<Self> {
         let python = env::var("PYTHON").unwrap_or_else(|_| "python3".to_owned());
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/numba_loop.py");

@@ -1,4 +1,4 @@
-//! Evaluations of the paper's world per second: scalar and dispatched, simulation alone and whole evaluations.
+//! Benchmark: simulations and whole evaluations of the paper's world per second, with scalar and with vector instructions.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};

@@ -1,4 +1,4 @@
-//! Fixed work for `scripts/instruction-counts`, which counts its instructions: runs one item a given number of times.
+//! Fixed work whose instructions `scripts/instruction-counts` counts. Runs one item a given number of times.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 
 use murmuration_sim::{
@@ -15,7 +15,7 @@ const TWO: (Preset, &[f64]) = (
     &[0.8, 0.5, 0.6, -0.5, -0.5, 0.0, -0.2, 0.5, -FRAC_PI_3],
 );
 
-/// Usage: `fixed_work ITEM TIMES`; without arguments, as `cargo bench` runs it, every item once.
+/// Usage: `fixed_work ITEM TIMES`. Without arguments, as in `cargo bench`, runs every item once.
 fn main() {
     let arguments: Vec<_> = env::args()
         .skip(1)
@@ -64,7 +64,7 @@ fn evaluate(of: (Preset, &[f64])) {
     black_box(evaluator.evaluate_all(&tasks).unwrap());
 }
 
-/// A hundred drawings of a swarm, and their average.
+/// Draws a swarm a hundred times, and computes the picture.
 fn picture() {
     let world = World::default();
     let mut rasteriser = Rasteriser::new(&world, &ImageFormat::default()).unwrap();

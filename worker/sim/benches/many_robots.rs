@@ -1,6 +1,6 @@
-//! CPU time of one robot's step in swarms of 24 to 10,000 robots: with all pairs, compared with the swarm's default lookup. The two
-//! take turns; each figure is the best of its rounds. Worlds grow with their swarms: each robot has the paper's area, up to the
-//! largest allowed world.
+//! Benchmark: CPU time of one robot's step in swarms of 24 to 10,000 robots. The benchmark compares checks of all pairs of robots
+//! with the swarm's default lookup. The two variants take turns; each figure is the best of its rounds. Worlds grow with their
+//! swarms: each robot has as much area as in the paper, up to the largest allowed world.
 //!
 //! `ROUNDS=20 cargo bench --workspace --bench many_robots` sets the number of rounds; the default is 5.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
@@ -15,13 +15,13 @@ use murmuration_swarm::{Controller, Preset, World};
 use std::{env, hint::black_box};
 
 const ROBOTS: [u32; 6] = [24, 100, 256, 512, 1_000, 10_000];
-/// The paper's milling controller, one that aggregates, and one that goes straight on.
+/// The paper's milling controller, a controller that aggregates, and a controller that goes straight on.
 const CONTROLLERS: [(&str, [f64; 4]); 3] = [
     ("milling", [0.6, 1.0, 0.4, 0.5]),
     ("aggregation", [-0.7, -1.0, 1.0, -1.0]),
     ("straight on", [1.0, 1.0, 1.0, 1.0]),
 ];
-/// Number of steps before the measured ones.
+/// Number of steps before the measured steps.
 const SETTLING: u32 = 400;
 
 fn main() {
@@ -42,7 +42,7 @@ fn main() {
     }
 }
 
-/// Nanoseconds per step of one robot: with all pairs, and with the default lookup.
+/// Nanoseconds per step of one robot: with checks of all pairs, and with the default lookup.
 fn measured(controller: &Controller, robots: u32, rounds: u32) -> [f64; 2] {
     let side = (500.0 * (f64::from(robots) / 24.0).sqrt()).min(10_000.0);
     let message = v1::World {

@@ -1,5 +1,5 @@
-//! CPU time of evaluations of described robots, a vector of swarms at once: 1 to 6 rays, or 1 to 6 cones, compared with the paper's
-//! two-sensor model. Items take turns; each figure is the best of its rounds.
+//! Benchmark: CPU time of evaluations of described robots, with vectors of swarms. Robots with 1 to 6 rays or cones are compared
+//! with the paper's two-sensor model. Items take turns; each figure is the best of its rounds.
 //!
 //! `ROUNDS=20 cargo bench --workspace --bench sensors` sets the number of rounds; the default is 7.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]

@@ -31,15 +31,15 @@ impl Evaluator {
     /// An evaluator that uses the fastest instructions of this CPU.
     ///
     /// # Errors
-    /// If the world is smaller than the picture.
+    /// Fails if the world is smaller than the picture.
     pub fn new(world: &World, format: &ImageFormat) -> Result<Self, Invalid> {
         Self::on(Arch::new(), world, format)
     }
 
-    /// Like [`Evaluator::new`], with the instructions of `arch`. The bits are the same.
+    /// Like [`Evaluator::new`], but with the instructions of `arch`. Evaluations have the same bits.
     ///
     /// # Errors
-    /// As [`Evaluator::new`].
+    /// The errors of [`Evaluator::new`].
     pub fn on(arch: Arch, world: &World, format: &ImageFormat) -> Result<Self, Invalid> {
         Ok(Self {
             world: world.clone(),
@@ -51,7 +51,7 @@ impl Evaluator {
         })
     }
 
-    /// Sets whether the evaluator also has the judge name the class of each motion.
+    /// Sets whether the judge also names the class of each motion.
     #[must_use]
     pub fn judging(self, judges: bool) -> Self {
         Self { judges, ..self }
@@ -60,11 +60,11 @@ impl Evaluator {
     /// Simulates `controller` from `start` over the world's horizon.
     ///
     /// The features are means over the last 100 steps. The picture shows all steps of the format's window except the first, which
-    /// clears the canvas. The verdict is the judge's, if this evaluator judges.
+    /// clears the canvas. The evaluation has the judge's verdict if this evaluator judges.
     ///
     /// # Errors
-    /// As [`Swarm::new`]; if the picture's channels are for another number of species; or if a feature is not finite (which does
-    /// not happen with robots of a sensible size).
+    /// The errors of [`Swarm::new`]. Fails if the picture's channels are for another number of species, or if a feature is not
+    /// finite. Features are finite for robots of a sensible size.
     pub fn evaluate(&mut self, controller: &Controller, start: &Start) -> Result<Evaluation, Invalid> {
         self.format
             .check_species(controller.model())
@@ -91,8 +91,8 @@ impl Evaluator {
         Ok(evaluation.judged(verdicts.and_then(|verdicts| verdicts.first().copied())))
     }
 
-    /// Evaluates each of `tasks`, with the same bits as [`Evaluator::evaluate`]. This is faster for swarms of one species with up
-    /// to 64 robots, whose sensors see robots only, in worlds without noise or obstacles that are not a torus.
+    /// Evaluates each of `tasks`, with the same bits as [`Evaluator::evaluate`]. Evaluating tasks together is faster for swarms
+    /// of one species with up to 64 robots whose sensors see only robots. Worlds with noise, obstacles or a torus gain nothing.
     ///
     /// # Errors
     /// The first error of [`Evaluator::evaluate`].
@@ -116,7 +116,7 @@ impl Evaluator {
         Ok(evaluations)
     }
 
-    /// `None` if the instructions have no vectors.
+    /// Evaluates the tasks as one batch; `None` if the instructions have no vectors.
     fn evaluate_batch(&mut self, tasks: &[(Controller, Start)]) -> Option<Result<Vec<Evaluation>, Invalid>> {
         let tasks = batch::Tasks {
             world: &self.world,
@@ -129,10 +129,10 @@ impl Evaluator {
     }
 }
 
-/// Evaluates one controller. Use [`Evaluator`] for many: it is faster.
+/// Evaluates one controller. For many controllers, an [`Evaluator`] is faster.
 ///
 /// # Errors
-/// As [`Evaluator::new`] and [`Evaluator::evaluate`].
+/// The errors of [`Evaluator::new`] and [`Evaluator::evaluate`].
 pub fn evaluate(
     controller: &Controller,
     world: &World,
@@ -175,7 +175,7 @@ impl<'a> Ending<'a> {
     }
 }
 
-/// The steps that features and picture are taken from.
+/// The steps from which features and picture are computed.
 #[derive(Debug, Clone, Copy)]
 struct Window {
     /// Features are computed after this number of steps.

@@ -1,7 +1,7 @@
 //! The five hand-crafted features of Brown et al. (paper, Table 1), averaged over the last steps.
 //!
-//! On a torus there is no unique centroid. The same formulas apply to coordinates in the world, so a swarm across an edge counts as
-//! spread out. Speeds are those of the motion, without jumps.
+//! On a torus, there is no unique centroid. The same formulas use the plain coordinates, so a swarm across an edge counts as
+//! spread out. Speeds do not include jumps across an edge.
 
 mod bounds;
 
@@ -17,7 +17,7 @@ use pulp::{Scalar, Simd};
 /// Number of steps that a feature is averaged over (fewer if the simulation is shorter).
 pub const FEATURE_STEPS: u32 = 100;
 
-/// Radial variance is multiplied by this in the authors' simulator, though not in the paper.
+/// Factor of the radial variance in the authors' simulator. The paper does not have this factor.
 const RADIAL_VARIANCE_SCALE: f64 = 20.0;
 
 /// Mean of the features over the observed steps.
@@ -25,7 +25,7 @@ const RADIAL_VARIANCE_SCALE: f64 = 20.0;
 pub struct FeatureMeans(LaneMeans<Scalar>);
 
 impl FeatureMeans {
-    /// Means for swarms in `world`, without any step yet.
+    /// Means for swarms in `world`, before the first observed step.
     #[must_use]
     pub fn new(world: &World) -> Self {
         Self(LaneMeans::new(Scalar::new(), world))
@@ -41,7 +41,7 @@ impl FeatureMeans {
         self.0.observe(Scalar::new(), agents);
     }
 
-    /// The means, in the order of [`murmuration_swarm::FEATURE_NAMES`]; NaN before the first step.
+    /// The mean features, in the order of [`murmuration_swarm::FEATURE_NAMES`]; NaN before the first observed step.
     #[must_use]
     pub fn means(&self) -> Features {
         self.0.means(0)
@@ -75,7 +75,7 @@ impl<S: Simd> LaneMeans<S> {
         self.steps += 1;
     }
 
-    /// The means of the swarm in one lane.
+    /// The mean features of the swarm in one lane.
     pub(crate) fn means(&self, lane: usize) -> Features {
         self.sums
             .map(|sum| lanes::<S>(&sum)[lane] / f64::from(self.steps))

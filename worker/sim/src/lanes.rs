@@ -1,7 +1,7 @@
 //! Vectors that hold one number for each of several swarms, one swarm per lane.
 //!
-//! No function here takes a closure or maps an array: those may not be inlined, and only inlined code is compiled for the CPU at
-//! hand.
+//! No function in this module takes a closure or maps an array, because closures are not always inlined. Only inlined code is
+//! compiled for this machine's CPU.
 
 use pulp::{Simd, bytemuck};
 use std::slice;
@@ -9,7 +9,7 @@ use std::slice;
 /// A point or a direction in the plane.
 pub(crate) type Planar<S> = [<S as Simd>::f64s; 2];
 
-/// A value aligned to a cache line, so that no vector in it straddles two.
+/// A value aligned to a cache line, so that no vector in it straddles two cache lines.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub(crate) struct Aligned<T>(pub(crate) T);
@@ -75,7 +75,7 @@ pub(crate) fn scaled<S: Simd>(simd: S, [x, y]: Planar<S>, factor: S::f64s) -> Pl
     [simd.mul_f64s(x, factor), simd.mul_f64s(y, factor)]
 }
 
-/// `vector` turned by an angle given as its (cos, sin).
+/// A vector rotated by an angle, which is given as (cos, sin).
 #[inline(always)]
 pub(crate) fn rotate<S: Simd>(simd: S, [x, y]: Planar<S>, [cos, sin]: Planar<S>) -> Planar<S> {
     [
@@ -84,7 +84,7 @@ pub(crate) fn rotate<S: Simd>(simd: S, [x, y]: Planar<S>, [cos, sin]: Planar<S>)
     ]
 }
 
-/// `a` in the lanes of `mask`, `b` in the others.
+/// `a` in the lanes of `mask`, `b` in the other lanes.
 #[inline(always)]
 pub(crate) fn select<S: Simd>(simd: S, mask: S::m64s, a: Planar<S>, b: Planar<S>) -> Planar<S> {
     [

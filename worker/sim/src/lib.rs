@@ -1,7 +1,7 @@
-//! Evaluation as pure functions: (controller, world, seed) -> evaluation. There is no I/O and no clock.
+//! Evaluation as pure functions: (controller, world, seed) -> evaluation. This crate does no I/O and reads no clock.
 //!
-//! The tests in `tests` step whole swarms. Unit tests beside the code do not, so that their build need not compile the kernels for
-//! every instruction set again.
+//! The tests in `tests` step whole swarms. Unit tests beside the code do not step whole swarms, so that their build need not
+//! compile the kernels for every instruction set again.
 
 pub mod case;
 pub mod evaluate;

@@ -10,7 +10,7 @@ pub const MAX_POSES: u64 = 20_000_000;
 /// Simulates `controller` from `start` over the world's horizon. Records the start, every `stride`-th step, and the end.
 ///
 /// # Errors
-/// If `start` does not fit the world, the replay would hold more than [`MAX_POSES`], or a pose is not finite.
+/// Fails if `start` does not fit the world, if the replay would have more than [`MAX_POSES`] poses, or if a pose is not finite.
 pub fn replay(
     controller: &Controller,
     world: &World,
@@ -32,7 +32,7 @@ pub fn replay(
 /// Simulates `controller` from `start` over the world's horizon, and records the given frames.
 ///
 /// # Errors
-/// If `start` does not fit the world, or a pose is not finite.
+/// Fails if `start` does not fit the world, or a pose is not finite.
 pub fn replay_frames(
     controller: &Controller,
     world: &World,
@@ -47,7 +47,7 @@ pub fn replay_frames(
 /// step and after every step, in full precision.
 ///
 /// # Errors
-/// If `start` does not fit the world, or there are more than [`MAX_POSES`].
+/// Fails if `start` does not fit the world, or if the motion has more than [`MAX_POSES`] poses.
 pub fn poses(controller: &Controller, world: &World, start: &Start) -> Result<Vec<Vec<[f64; 3]>>, Invalid> {
     let motion = motion(controller, world, start)?;
     let frames = u64::from(world.horizon()) + 1;
@@ -63,7 +63,7 @@ pub fn poses(controller: &Controller, world: &World, start: &Start) -> Result<Ve
 /// robot before the first step and after every step, in full precision.
 ///
 /// # Errors
-/// If `start` does not fit the world.
+/// Fails if `start` does not fit the world.
 pub fn motion(
     controller: &Controller,
     world: &World,

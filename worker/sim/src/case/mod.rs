@@ -2,10 +2,11 @@
 //!
 //! A case names a controller, a world and a start (`model`, `controller`, `initial`, `agents`, `agent_radius`, `wheel_radius`,
 //! `dt`, `world`, `padding`, `steps`, `jitter`) and the outcome of simulating them (`checkpoints`, `features`, `image`,
-//! `image_raw`, `jitter_events`, `reference`). Running a case replaces the outcome with this simulator's, and changes nothing else.
+//! `image_raw`, `jitter_events`, `reference`). Running a case replaces the outcome with this simulator's outcome, and changes
+//! nothing else.
 //!
 //! In a case of described robots, `species` replaces `model`, `controller`, `agent_radius` and `wheel_radius`. Each species has
-//! `name`, `count`, `radius`, `drive`, `sensors` and `controller`. `walls` is whether the world has walls.
+//! `name`, `count`, `radius`, `drive`, `sensors` and `controller`. `walls` is true if the world has walls.
 
 mod keys;
 mod outcome;
@@ -46,11 +47,11 @@ pub enum CaseError {
 impl Case {
     /// Reads a case.
     ///
-    /// `initial` is required, and either `controller` or `species`. The defaults of other keys are the paper's values. `initial`
-    /// determines the number of agents, and the number of genes determines the model.
+    /// A case must have `initial`, and either `controller` or `species`. The defaults of other keys are the paper's values.
+    /// `initial` determines the number of agents, and the number of genes determines the model.
     ///
     /// # Errors
-    /// The place where the text is not JSON, or the key whose value cannot be simulated.
+    /// The error names the place where the text is not JSON, or the key whose value cannot be simulated.
     pub fn from_json(text: &str) -> Result<Self, CaseError> {
         let document: Value = serde_json::from_str(text)?;
         Ok(read::case(document)?)
@@ -61,11 +62,11 @@ impl Case {
         self.checkpoints.iter().map(|&(_, step)| step)
     }
 
-    /// Simulates the case. Returns the same object with this simulator's values, keys in the same order, and keys that were missing
-    /// at the end.
+    /// Simulates the case. Returns the case's object with this simulator's values. The object's keys keep their order, and
+    /// missing keys are added at the end.
     ///
     /// # Errors
-    /// If a resulting number is not finite.
+    /// Fails if a resulting number is not finite.
     pub fn run(&self) -> Result<Value, CaseError> {
         Ok(outcome::of(self)?)
     }
@@ -83,7 +84,7 @@ impl Case {
     /// The motion of the case: its start, every `stride`-th step, and the end.
     ///
     /// # Errors
-    /// As [`replay`](crate::replay::replay()).
+    /// The errors of [`replay`](crate::replay::replay()).
     pub fn replay(&self, stride: NonZeroU32) -> Result<Replay, Invalid> {
         replay(&self.controller, &self.world, &self.start, stride)
     }
@@ -91,7 +92,7 @@ impl Case {
     /// The swarm at its start.
     ///
     /// # Errors
-    /// If the start does not fit the world.
+    /// Fails if the start does not fit the world.
     pub fn swarm(&self) -> Result<Swarm, Invalid> {
         Swarm::new(&self.controller, &self.world, &self.start)
     }

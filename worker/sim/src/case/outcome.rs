@@ -12,7 +12,7 @@ use murmuration_swarm::Invalid;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
-/// Name, in cases, of the rules of motion that this simulator implements.
+/// Name that cases use for the rules of motion of this simulator.
 const PHYSICS: &str = "feb2023";
 
 /// The case's object with this simulator's values.
@@ -57,14 +57,14 @@ pub(super) fn of(case: &Case) -> Result<Value, Invalid> {
     ] {
         document.insert(key.into(), value);
     }
-    // The numbers are of this simulator's physics, whatever the case named.
+    // The numbers come from this simulator's physics, whatever physics the case named.
     if let Some(physics) = document.get_mut("physics") {
         *physics = json!(PHYSICS);
     }
     Ok(Value::Object(document))
 }
 
-/// The agents as `[x, y, theta, sensor state, dx, dy]` each.
+/// The agents, each as `[x, y, theta, sensor state, dx, dy]`.
 fn agents(swarm: &Swarm) -> Result<Value, Invalid> {
     let agent = |(i, agent): (usize, Agent)| {
         let Agent {

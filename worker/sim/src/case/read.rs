@@ -12,7 +12,7 @@ use murmuration_swarm::{
 };
 use serde_json::Value;
 
-/// Steps to report if a case names none: those within its horizon, and its end.
+/// Steps to report if a case names no steps: of this list, the steps before the case's last step, and the last step.
 const USUAL_CHECKPOINTS: [u32; 11] = [1, 2, 5, 10, 20, 50, 100, 200, 400, 800, 1200];
 
 pub(super) fn case(document: Value) -> Result<Case, Invalid> {
@@ -48,7 +48,7 @@ pub(super) fn case(document: Value) -> Result<Case, Invalid> {
     })
 }
 
-/// The preset of a case without species: the named one, or the paper's model with this number of genes.
+/// The preset of a case without species: the named preset, or the paper's model with the controller's number of genes.
 fn model(keys: Keys<'_>) -> Result<Preset, Invalid> {
     let Some(value) = keys.get("model") else {
         let genes = array("controller", keys.required("controller")?)?.len();
@@ -156,7 +156,8 @@ fn jitter(keys: Keys<'_>) -> Result<Option<bool>, Invalid> {
     }
 }
 
-/// The picture's format: the paper's, unless `resolution` or `window` are given or the world is smaller.
+/// The picture's format: the paper's format, unless the case gives `resolution` or `window`, or the world is smaller than the
+/// picture.
 fn image(keys: Keys<'_>, world: &World, model: &CapabilityModel) -> Result<ImageFormat, Invalid> {
     let usual = ImageFormat::default().resolution();
     let smaller_side = world.width().min(world.height()) as u32;

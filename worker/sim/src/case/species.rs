@@ -52,7 +52,7 @@ fn one(described: &Value) -> Result<(Species, u32, Vec<f64>), Invalid> {
     Ok((Species::new(name, robot), count, genes))
 }
 
-/// The drive of a species. Its speeds have no bounds, because a case is only simulated.
+/// The drive of a species. The drive's speeds can be as large as [`Drive::MAX`], because a case is only simulated.
 fn drive(keys: Keys<'_>) -> Result<Drive, Invalid> {
     let described = keys.required("drive")?;
     let keys = Keys::of("drive", described)?;

@@ -1,4 +1,4 @@
-//! Evaluates several controllers at once, one swarm per lane.
+//! Evaluates several controllers at once, one swarm per lane of a vector.
 
 use super::{
     Window,
@@ -13,10 +13,11 @@ use crate::{
 use murmuration_swarm::{Controller, Evaluation, ImageFormat, Invalid, Sensor, World};
 use pulp::{Arch, Simd, WithSimd};
 
-/// Maximum number of pixels of a canvas when there is one per lane: larger ones do not fit the caches.
+/// Maximum number of pixels of a canvas if each lane has a canvas. Larger canvases do not fit the CPU's caches.
 const MOST_PIXELS: f64 = 1_048_576.0;
 
-/// Number of swarms of this world to simulate at once with the instructions of `arch`; 1 if a vector of swarms would be no faster.
+/// Number of swarms of this world to simulate at once with the instructions of `arch`; 1 if a vector of swarms would be no
+/// faster.
 pub(super) fn lanes(arch: Arch, world: &World) -> usize {
     if world.agents() <= MOST_AGENTS && world.width() * world.height() <= MOST_PIXELS {
         arch.dispatch(Lanes)
@@ -36,8 +37,8 @@ impl WithSimd for Lanes {
     }
 }
 
-/// Swarms to evaluate at once: at least one, at most one per lane. They differ in controllers and starts only, and their model
-/// suits a batch.
+/// Swarms to evaluate at once: at least one, at most one per lane. The swarms differ only in controllers and starts, and their
+/// model suits a batch.
 pub(super) struct Tasks<'a> {
     pub(super) world: &'a World,
     pub(super) format: &'a ImageFormat,
@@ -60,8 +61,8 @@ impl WithSimd for Tasks<'_> {
 }
 
 impl Tasks<'_> {
-    /// Evaluates the tasks on the vectors of `arch`; `None` if it has none. A batch of one lane is no faster than a single swarm,
-    /// and omitting it saves a third of this crate's compile time.
+    /// Evaluates the tasks on the vectors of `arch`; `None` if `arch` has no vectors. A batch of one lane is no faster than a
+    /// single swarm, and omitting such batches saves a third of this crate's compile time.
     pub(super) fn evaluate_on(self, arch: Arch) -> Option<Result<Vec<Evaluation>, Invalid>> {
         match arch {
             #[cfg(target_arch = "x86_64")]

@@ -11,15 +11,16 @@ use murmuration_swarm::{Controller, Evaluation, ImageFormat, Invalid, World, cou
 /// Features and picture of a recorded motion. `frames` has the pose (x, y, heading; world units and radians) of each robot before
 /// the first step and after every step, for at least one step. The number of frames, not `world`, determines the horizon.
 ///
-/// For a simulated swarm the result equals that of its evaluation, except for rounding in two cases. Headings are computed from
-/// angles here and by rotations in a simulation, which can move a pixel where a line ends between two. On a torus, displacements
-/// differ by rounding.
+/// For a simulated swarm, the result equals the swarm's evaluation, except for rounding in two cases. This function computes
+/// headings from angles, but a simulation rotates headings. The difference can move the last pixel of a line. On a torus,
+/// displacements differ by rounding.
 ///
-/// Uses only what the picture shows of the controller: the directions of sensors, and the number of robots of each species.
+/// Uses only the parts of the controller that the picture shows: the directions of sensors, and the number of robots of each
+/// species.
 ///
 /// # Errors
-/// If the swarm does not fit the world or the picture, the picture's channels are for another number of species, a frame has a
-/// wrong number of poses, or a pose is not finite or over [`World::MAX_SIDE`] away from the world.
+/// Fails if the swarm does not fit the world or the picture, or if the picture's channels are for another number of species.
+/// Fails if a frame has a wrong number of poses, or if a pose is not finite or is over [`World::MAX_SIDE`] away from the world.
 pub fn observe(
     controller: &Controller,
     world: &World,

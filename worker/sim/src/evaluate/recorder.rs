@@ -1,13 +1,13 @@
-//! Records the frames of motions that the judge needs, and has it judge them.
+//! Records the frames that the judge needs, and has the judge name the motions.
 
 use murmuration_judge as judge;
 use murmuration_swarm::{Invalid, Pose, Replay, Verdict, World};
 
-/// Frames for the judge, of swarms that are simulated together.
+/// Frames of swarms that are simulated together, for the judge.
 pub(super) struct Recorder {
     /// The steps with a frame, ascending from 0.
     steps: Vec<u32>,
-    /// Number of frames so far, and the poses in them, by swarm.
+    /// Number of frames so far, and the poses in these frames, by swarm.
     frames: usize,
     poses: Vec<Vec<Pose>>,
 }
@@ -29,7 +29,7 @@ impl Recorder {
         self.steps.get(self.frames).copied()
     }
 
-    /// Records a frame if `step` has one. `positions` returns the positions of the agents of a swarm.
+    /// Records a frame if the judge needs a frame of `step`. `positions` returns the positions of the agents of a swarm.
     #[inline(always)]
     pub(super) fn observe<Agents: Iterator<Item = [f64; 2]>>(
         &mut self,
@@ -49,7 +49,7 @@ impl Recorder {
     /// The judge's verdict on each swarm.
     ///
     /// # Errors
-    /// If a position is not finite.
+    /// Fails if a position is not finite.
     pub(super) fn verdicts(self, world: &World) -> Result<Vec<Verdict>, Invalid> {
         let agents = world.agents() as usize;
         let verdict = |poses| {
@@ -62,8 +62,8 @@ impl Recorder {
     }
 }
 
-/// Number of steps that can follow `step` before one that is observed, whether by features and picture, which begin after step
-/// `observed_after`, or by the recorder.
+/// Number of steps after `step` that nothing observes. Features and picture observe all steps after `observed_after`; the
+/// recorder observes the steps with a frame.
 pub(super) fn quiet(step: u32, observed_after: u32, recorder: Option<&Recorder>) -> u32 {
     let recorded = recorder
         .and_then(Recorder::next_step)

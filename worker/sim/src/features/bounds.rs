@@ -1,26 +1,28 @@
-//! Bounds of the features of a swarm in a given world: results outside them were not simulated.
+//! Bounds of the features of a swarm in a given world. A result outside the bounds does not come from a simulation.
 //!
 //! The bounds hold for every controller and start, and follow from what a step does to an agent (`simulate`):
 //!
-//! - It drives at most its drive's top speed times `dt` times the largest factor of the noise, and is clamped to the walls, if
-//!   there are any. Clamping is a projection: it moves the agent no further than the drive did, plus the agent's distance outside
-//!   the walls before the step.
-//! - Then it is pushed out of others, in a few passes. All agents that a pass pushes it out of are within a diameter of its
-//!   position at the beginning of the pass, and each push leaves it a diameter and a gap from one of them, plus or minus the
-//!   jitter. So a pass moves it at most two diameters plus gap and jitter; by the same argument all passes together move it at most
-//!   that far for each other agent. If two agents nearly coincide, the length of a push's direction is up to 1.42 instead of 1, for
-//!   which [`push`] has room.
+//! - The agent drives at most the top speed of its drive, times `dt`, times the largest factor of the noise. If the world has
+//!   walls, the agent is clamped to the walls. Clamping is a projection: it moves the agent no further than the drive did, plus
+//!   the agent's distance outside the walls before the step.
+//! - After its drive, the agent is pushed out of other agents, in a few passes. A pass pushes the agent out of agents within a
+//!   diameter of its position at the beginning of the pass. Each push leaves the agent a diameter and a gap from one of these
+//!   agents, plus or minus the jitter. So a pass moves the agent at most two diameters plus gap and jitter. By the same argument,
+//!   all passes together move the agent at most this distance for each other agent. If two agents nearly coincide, the direction
+//!   of a push has a length of up to 1.42 instead of 1; [`push`] allows for this length.
 //!
-//! Between drive and collisions, obstacles push it:
+//! Between drive and collisions, obstacles push the agent:
 //!
-//! - With walls, it ends within the walls or at the end of a way out, which is within the rectangle about the obstacles and a body
-//!   around them; without walls, it ends where it was or within that rectangle.
-//! - On a torus, obstacles push it the shorter way around, so at most half a diagonal; and so do other agents.
+//! - With walls, the agent ends within the walls or at the end of a way out of the obstacles. A way out ends within the rectangle
+//!   about the obstacles and a body around each obstacle. Without walls, the agent ends where it was or within the rectangle
+//!   about the obstacles.
+//! - On a torus, obstacles and other agents push the agent the shorter way around, so at most half a diagonal.
 //!
-//! So after its step every agent is within a push of the walls or that rectangle. Without walls, it is within as many drives and
-//! pushes of the world or that rectangle as there are steps. On a torus, it is in the world. Distances from the centroid have a
-//! mean square of at most a quarter of the squared diagonal of the region that agents can reach (Popoviciu); the other bounds
-//! follow from that and the speed. On a torus, features use plain coordinates, not images, for distances and centroid.
+//! So after a step, an agent is at most a push outside of the walls or of the rectangle about the obstacles. Without walls, an
+//! agent is at most a drive and a push per step away from the world or from that rectangle. On a torus, an agent is in the world.
+//! The mean square of the distances from the centroid is at most a quarter of the squared diagonal of the region that agents can
+//! reach (Popoviciu). The other bounds follow from this bound and the speed. On a torus, features use plain coordinates, not
+//! nearest images, for distances and centroid.
 
 use super::{FEATURE_STEPS, RADIAL_VARIANCE_SCALE};
 use crate::simulate::{GAP, JITTER, PASSES};
@@ -83,7 +85,7 @@ impl FeatureBounds {
     /// Checks that a swarm can have these features.
     ///
     /// # Errors
-    /// Names the first feature that is out of bounds.
+    /// The error names the first feature that is out of bounds.
     pub fn check(&self, features: &Features) -> Result<(), Invalid> {
         let allowed = self.least.iter().zip(self.most);
         for ((name, &value), (&least, most)) in FEATURE_NAMES.iter().zip(features).zip(allowed) {
@@ -103,7 +105,7 @@ impl FeatureBounds {
 /// Checks that agents of a swarm of this model in `world` can reach these positions, at the start or after any step.
 ///
 /// # Errors
-/// Names the first coordinate that is out of bounds.
+/// The error names the first coordinate that is out of bounds.
 pub fn check_positions(
     model: &CapabilityModel,
     world: &World,
@@ -112,7 +114,7 @@ pub fn check_positions(
     let reached = hull(region(model, world), whole(world));
     for position in positions {
         for ((axis, value), [low, high]) in ["x", "y"].into_iter().zip(position).zip(reached) {
-            // Poses may have single precision.
+            // Poses can have single precision.
             let room = (high - low) * ROUNDING.0 + ROUNDING.1;
             let (low, high) = (low - room, high + room);
             if !(low..=high).contains(&value) {
@@ -140,7 +142,7 @@ fn speed(model: &CapabilityModel, world: &World) -> f64 {
         }
         Boundary::Open => (drive + push + around_obstacles(world).map_or(0.0, size)).min(size(region)),
         Boundary::Walls => {
-            // A start may be anywhere in the world.
+            // An agent can start anywhere in the world.
             let (outside, crossed) = match world.horizon() <= FEATURE_STEPS {
                 true => (
                     push.max(SQRT_2 * world.margin()),
@@ -179,12 +181,12 @@ fn region(model: &CapabilityModel, world: &World) -> Rectangle {
     room.map(|[low, high]| [low - beyond, high + beyond])
 }
 
-/// The world.
+/// The whole world as a rectangle.
 fn whole(world: &World) -> Rectangle {
     [[0.0, world.width()], [0.0, world.height()]]
 }
 
-/// The rectangle about all obstacles, with a body and a gap around each.
+/// The rectangle about all obstacles, with a body and a gap around each obstacle.
 fn around_obstacles(world: &World) -> Option<Rectangle> {
     let around = |obstacle: &Obstacle| {
         let (centre, half) = (obstacle.centre(), obstacle.half_size());
@@ -196,7 +198,7 @@ fn around_obstacles(world: &World) -> Option<Rectangle> {
     world.obstacles().iter().map(around).reduce(hull)
 }
 
-/// The smallest rectangle that contains both.
+/// The smallest rectangle that contains both `a` and `b`.
 fn hull(a: Rectangle, b: Rectangle) -> Rectangle {
     [0, 1].map(|axis| [a[axis][0].min(b[axis][0]), a[axis][1].max(b[axis][1])])
 }

@@ -8,7 +8,8 @@ use pulp::Simd;
 const RAY_RADII: f64 = 3.0;
 /// Length of a drawn heading, in radii.
 const HEADING_RADII: f64 = 2.0;
-/// 1.5 * 2^52. Adding it to a number below 2^51 in magnitude rounds away the fraction, and leaves the whole number in the low bits.
+/// 1.5 * 2^52. Adding this constant to a number below 2^51 in magnitude rounds the number, and leaves the whole number in the low
+/// bits.
 const WHOLE: f64 = 6_755_399_441_055_744.0;
 
 /// Draws agents of one radius.
@@ -17,7 +18,7 @@ pub(super) struct Brush {
     radius: f64,
     outline: Vec<[i32; 2]>,
     rays: Stamps,
-    /// Outline and heading together.
+    /// Stamps of an outline and a heading together.
     bodies: Stamps,
 }
 
@@ -29,7 +30,7 @@ pub(super) struct Ends<S: Simd, const SENSORS: usize> {
     rays: [[S::u64s; 2]; SENSORS],
     /// Whether all centres are on the canvas, and all stamps exist.
     stamped: bool,
-    /// Places of the stamps in [`Stamps`]: of the body, and of each ray.
+    /// Places in [`Stamps`] of the body's stamp and of each ray's stamp.
     body_stamp: S::u64s,
     ray_stamps: [S::u64s; SENSORS],
 }
@@ -66,7 +67,7 @@ impl Brush {
         self.paint_body(canvas, ends, lane);
     }
 
-    /// The part of [`Brush::draw`] for one sensor. [`Brush::paint_body`] follows all sensors.
+    /// Erases the ray of one sensor, as a part of [`Brush::draw`]. Call [`Brush::paint_body`] after all sensors.
     #[inline(always)]
     pub(super) fn erase_ray<S: Simd, const SENSORS: usize>(
         &self,
@@ -85,7 +86,7 @@ impl Brush {
         }
     }
 
-    /// The last part of [`Brush::draw`].
+    /// Paints outline and heading, the last part of [`Brush::draw`].
     #[inline(always)]
     pub(super) fn paint_body<S: Simd, const SENSORS: usize>(
         &self,
@@ -152,7 +153,7 @@ impl<S: Simd, const SENSORS: usize> Ends<S, SENSORS> {
     }
 }
 
-/// The lanes whose point is at least 0 and below `size`.
+/// The lanes whose point has coordinates of at least 0 and below the size.
 #[inline(always)]
 fn within<S: Simd>(simd: S, [x, y]: Planar<S>, [width, height]: [f64; 2]) -> S::m64s {
     let zero = simd.splat_f64s(0.0);
@@ -180,7 +181,7 @@ fn pixel<S: Simd>(simd: S, [x, y]: Planar<S>) -> [S::u64s; 2] {
     [in_low_bits(simd, x), in_low_bits(simd, y)]
 }
 
-/// Whole numbers, moved into the low 32 bits.
+/// Moves whole numbers into the low 32 bits of words.
 #[inline(always)]
 fn in_low_bits<S: Simd>(simd: S, whole: S::f64s) -> S::u64s {
     simd.transmute_u64s_f64s(simd.add_f64s(whole, simd.splat_f64s(WHOLE)))
@@ -196,7 +197,7 @@ fn truncated<S: Simd>(simd: S, [x, y]: Planar<S>) -> Planar<S> {
 fn without_fraction<S: Simd>(simd: S, value: S::f64s) -> S::f64s {
     let (whole, zero, one) = (simd.splat_f64s(WHOLE), simd.splat_f64s(0.0), simd.splat_f64s(1.0));
     let nearest = simd.sub_f64s(simd.add_f64s(value, whole), whole);
-    // Rounding to the nearest may have gone away from zero.
+    // Rounding to the nearest whole number may have rounded away from zero.
     let above = simd.select_f64s(simd.greater_than_f64s(nearest, value), one, zero);
     let below = simd.select_f64s(simd.less_than_f64s(nearest, value), one, zero);
     let positive = simd.greater_than_or_equal_f64s(value, zero);

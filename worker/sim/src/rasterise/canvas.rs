@@ -2,16 +2,17 @@
 
 use super::stamps::{SIDE, Stamp};
 
-/// Number of rows in a band, which is that of a stamp.
+/// Number of rows in a band, the same as in a stamp.
 pub(super) const BAND: usize = u16::BITS as usize;
 /// Number of padding columns on either side, so that a stamp about a pixel of the canvas stays within the words. Padding is never
 /// read.
 const MARGIN: usize = SIDE;
 
-/// A bitmap: at the paper's 500 x 500 it fits the first-level cache, at 10,000 x 10,000 the memory.
+/// A bitmap. A bitmap of the paper's 500 x 500 pixels fits the first-level cache; a bitmap of 10,000 x 10,000 pixels fits the
+/// memory.
 ///
-/// A word holds 16 pixels of a column. The words of neighbouring columns follow each other and make a band, so a stamp covers half
-/// a cache line in each of two bands. One band above the canvas and one below are padding, and never read.
+/// A word holds 16 pixels of a column. The words of neighbouring columns follow each other and make a band, so a stamp covers
+/// half a cache line in each of two bands. One band above and one band below the canvas are padding, which is never read.
 #[derive(Debug, Clone)]
 pub(super) struct Canvas {
     width: u32,
@@ -37,12 +38,12 @@ impl Canvas {
         self.words.fill(0);
     }
 
-    /// Makes pixels white; those outside are dropped.
+    /// Makes pixels white, except pixels outside the canvas.
     pub(super) fn paint(&mut self, pixels: impl Iterator<Item = [i32; 2]>) {
         self.update(pixels, |word, bit| word | bit);
     }
 
-    /// Makes pixels black; those outside are dropped.
+    /// Makes pixels black, except pixels outside the canvas.
     pub(super) fn erase(&mut self, pixels: impl Iterator<Item = [i32; 2]>) {
         self.update(pixels, |word, bit| word & !bit);
     }
@@ -57,7 +58,7 @@ impl Canvas {
         }
     }
 
-    /// Width and height, pixels.
+    /// Width and height, in pixels.
     pub(super) const fn size(&self) -> [u32; 2] {
         [self.width, self.height]
     }
@@ -65,11 +66,11 @@ impl Canvas {
     /// Whether the canvas has this pixel.
     #[inline(always)]
     pub(super) const fn contains(&self, [x, y]: [i32; 2]) -> bool {
-        // Negative coordinates wrap to far outside.
+        // The cast makes negative coordinates larger than any canvas.
         (x as u32) < self.width && (y as u32) < self.height
     }
 
-    /// Makes the pixels of a stamp about `centre`, a pixel of the canvas, white.
+    /// Makes the pixels of a stamp about the pixel `centre` white. The canvas must have this pixel.
     #[inline(always)]
     pub(super) fn stamp_white(&mut self, stamp: &Stamp, centre: [i32; 2]) {
         self.stamp(
@@ -80,7 +81,7 @@ impl Canvas {
         );
     }
 
-    /// Makes the pixels of a stamp about `centre`, a pixel of the canvas, black.
+    /// Makes the pixels of a stamp about the pixel `centre` black. The canvas must have this pixel.
     #[inline(always)]
     pub(super) fn stamp_black(&mut self, stamp: &Stamp, centre: [i32; 2]) {
         self.stamp(
@@ -105,8 +106,8 @@ impl Canvas {
         else {
             return;
         };
-        // Updates both bands, though most stamps lie in one: a branch would be mispredicted. Works on copies, so that the compiler
-        // knows that they do not overlap.
+        // Update both bands, although most stamps lie in one band: the CPU would mispredict a branch. Work on copies, so that the
+        // compiler knows that the bands do not overlap.
         let (mut above, mut below) = (*upper, *lower);
         for ((above, below), bits) in above.iter_mut().zip(&mut below).zip(stamp.columns) {
             *above = change(*above, bits << shift);

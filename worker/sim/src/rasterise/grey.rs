@@ -5,16 +5,16 @@ use pulp::{Arch, Simd, WithSimd};
 
 /// Number of columns that one machine word holds.
 const ABREAST: usize = 4;
-/// The bit of the first row of each of those columns.
+/// Bits of the first row of all columns in a machine word.
 const FIRST_ROWS: u64 = 0x0001_0001_0001_0001;
 
 /// The cells of a picture: pixel p of a side of `size` pixels belongs to cell floor(p * resolution / size).
 #[derive(Debug, Clone)]
 pub(super) struct Cells {
     resolution: usize,
-    /// First x of each cell, and one for the end.
+    /// First x of each column of cells, and the x after the last column.
     columns: Vec<usize>,
-    /// For each band, its parts of the rows of cells.
+    /// For each band, the parts of rows of cells that the band contains.
     bands: Vec<Vec<Part>>,
     /// Number of pixels across each cell, by axis.
     extent: [Vec<u32>; 2],
@@ -24,12 +24,12 @@ pub(super) struct Cells {
 #[derive(Debug, Clone, Copy)]
 struct Part {
     row: usize,
-    /// Its rows, in each column of a machine word.
+    /// Mask of the part's rows of pixels, in each column of a machine word.
     mask: u64,
 }
 
 impl Cells {
-    /// Cells for a canvas of `size` pixels, at least `resolution` on each side.
+    /// Cells for a canvas of `size` pixels, which must be at least `resolution` on each side.
     pub(super) fn new(size: [usize; 2], resolution: usize) -> Self {
         let [column, row] = size.map(|size| {
             (0..size)
@@ -65,7 +65,7 @@ impl Cells {
     }
 }
 
-/// The parts of a band whose rows belong to these cells.
+/// The parts of a band. `rows` lists, for each row of pixels, its row of cells.
 fn parts(rows: &[u32]) -> Vec<Part> {
     let mut parts: Vec<Part> = Vec::new();
     for (bit, &row) in rows.iter().enumerate() {
@@ -81,8 +81,8 @@ fn parts(rows: &[u32]) -> Vec<Part> {
     parts
 }
 
-/// Counts the white pixels in each cell. A type, so that it is compiled for several kinds of CPU: not all count the bits of a word
-/// in one instruction.
+/// Counts the white pixels in each cell. As a type, this code is compiled for several kinds of CPU: not every CPU counts the bits
+/// of a word in one instruction.
 struct Count<'a> {
     cells: &'a Cells,
     canvas: &'a Canvas,
@@ -118,7 +118,7 @@ impl WithSimd for Count<'_> {
     }
 }
 
-/// round-half-to-even(255 * `white` / `area`), for `white <= area`, `area` over 0.
+/// round-half-to-even(255 * `white` / `area`). Requires `white <= area` and `area > 0`.
 fn share(white: u32, area: u32) -> u8 {
     // Most cells are black, and division is slow.
     if white == 0 {
@@ -130,9 +130,9 @@ fn share(white: u32, area: u32) -> u8 {
     (whole + u64::from(up)) as u8
 }
 
-/// Stretches the values to run from 0 to (nearly) 255; all 0 if all values are equal.
+/// Stretches the values to the range from 0 to (nearly) 255. If all values are equal, all results are 0.
 ///
-/// Matches how the authors' pictures were stretched when written to a file, rounding included.
+/// Stretches and rounds in the same way as the authors' code when it writes a picture to a file.
 pub(super) fn stretched(values: &[u8]) -> Vec<u8> {
     let low = values.iter().copied().min().unwrap_or(0);
     let high = values.iter().copied().max().unwrap_or(0);
@@ -148,7 +148,7 @@ fn stretch(value: u8, low: u8, high: u8) -> u8 {
         return 0;
     }
     let t = f64::from(value - low) / f64::from(high - low);
-    // Truncates as the authors' code does: for some levels 1/255 * 255 loses one.
+    // Truncate as the authors' code does: multiplying by 1/255 and then by 255 lowers some levels by one.
     let level = f64::from(((t * 256.0) as u32).min(255));
     (level * (1.0 / 255.0) * 255.0) as u8
 }
@@ -163,7 +163,7 @@ mod tests {
             let theirs = (255.0 * f64::from(white) / 100.0).round_ties_even();
             assert_eq!(f64::from(share(white, 100)), theirs, "{white} of 100");
         }
-        // Ties, as in the authors' pictures (2.55 * 50 in f64 would give 127).
+        // Ties are rounded as in the authors' pictures. (2.55 * 50 in f64 would give 127.)
         assert_eq!(
             [10, 30, 50, 70, 90].map(|white| share(white, 100)),
             [26, 76, 128, 178, 230]
@@ -189,7 +189,7 @@ mod tests {
     fn cells_of_unequal_size_are_shares_too() {
         let mut canvas = Canvas::new([5, 3]);
         canvas.paint((0..3).flat_map(|x| [[x, 0], [x, 2]]));
-        // Cells are 3 and 2 wide, 2 and 1 high.
+        // Cells are 3 and 2 pixels wide, and 2 and 1 pixels high.
         assert_eq!(
             Cells::new([5, 3], 2).average(Arch::Scalar, &canvas),
             [128, 255, 0, 0]

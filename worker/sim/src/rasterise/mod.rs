@@ -13,23 +13,24 @@ use grey::Cells;
 use murmuration_swarm::{ImageFormat, Invalid, Robot, World};
 use pulp::{Arch, Scalar, Simd, WithSimd};
 
-/// Draws swarms on a canvas of one pixel per world unit, and averages it down (paper, "Simulation and Data").
+/// Draws swarms on a canvas of one pixel per world unit, and averages the canvas to the picture's resolution (paper, "Simulation
+/// and Data").
 ///
 /// Draws each agent in turn: its sensor rays in black, which erase, then its outline and its heading in white.
 ///
-/// There is one canvas per channel of the picture. With several channels, agents are drawn on the canvas of their species, and each
-/// canvas is averaged and stretched separately. So a ray erases no other species, and a channel is the picture that its species
-/// would have alone.
+/// There is one canvas per channel of the picture. With several channels, agents are drawn on the canvas of their species, and
+/// each canvas is averaged and stretched separately. So a ray erases no agent of another species, and a channel is the picture
+/// that its species would have alone.
 #[derive(Debug)]
 pub struct Rasteriser {
     arch: Arch,
     size: [usize; 2],
     /// Number of canvases for one swarm.
     channels: usize,
-    /// For one swarm, the first `channels` are used, one per channel; for several swarms at once, one per lane.
+    /// A single swarm uses the first `channels` canvases, one per channel. Several swarms at once use one canvas per lane.
     canvases: Vec<Canvas>,
     cells: Cells,
-    /// One for each body size drawn so far; the first is for the world's radius, the largest.
+    /// A brush for each body size drawn so far. The first brush is for the world's radius, the largest size.
     brushes: Vec<Brush>,
 }
 
@@ -37,15 +38,15 @@ impl Rasteriser {
     /// A black canvas for swarms in `world`.
     ///
     /// # Errors
-    /// If the world is smaller than the picture.
+    /// Fails if the world is smaller than the picture.
     pub fn new(world: &World, format: &ImageFormat) -> Result<Self, Invalid> {
         Self::on(Arch::new(), world, format)
     }
 
-    /// Like [`Rasteriser::new`], with the instructions of `arch`. The pictures are the same.
+    /// Like [`Rasteriser::new`], but with the instructions of `arch`. The pictures are the same.
     ///
     /// # Errors
-    /// As [`Rasteriser::new`].
+    /// The errors of [`Rasteriser::new`].
     pub fn on(arch: Arch, world: &World, format: &ImageFormat) -> Result<Self, Invalid> {
         format.check_world(world).map_err(|error| error.within("image"))?;
         let channels = format.shape().channels();
@@ -106,7 +107,7 @@ impl Rasteriser {
             let brush = &self.brushes[0];
             let size = self.size.map(|side| side as u32);
             let ends = Ends::new(simd, brush, size, position, heading, rays);
-            // Alternates between lanes: a load that overlaps the store just before, at another address, would wait for it.
+            // Alternate between lanes, because a load must wait if it overlaps the previous store at another address.
             for sensor in 0..SENSORS {
                 for (lane, canvas) in self.canvases.iter_mut().take(lanes).enumerate() {
                     brush.erase_ray(canvas, &ends, lane, sensor);
@@ -118,9 +119,11 @@ impl Rasteriser {
         }
     }
 
-    /// The picture: of each channel, the share of white in each cell, stretched to the channel's own minimum and maximum.
+    /// The picture: the share of white in each cell of each channel, stretched from the channel's own minimum and maximum to the
+    /// full range.
     ///
-    /// Grey values channel by channel; a cell of a channel has index `x * resolution + y`. This is the network's input.
+    /// The grey values are ordered channel by channel; a cell of a channel has index `x * resolution + y`. The picture is the
+    /// network's input.
     #[must_use]
     pub fn image(&self) -> Vec<u8> {
         self.of_channels(|canvas| grey::stretched(&self.cells.average(self.arch, canvas)))
@@ -144,10 +147,10 @@ impl Rasteriser {
     }
 }
 
-/// Draws a swarm. A type, so that it is compiled for several kinds of CPU.
+/// Draws a swarm. As a type, this code is compiled for several kinds of CPU.
 struct Drawing<'a> {
     brushes: &'a [Brush],
-    /// One per channel.
+    /// One canvas per channel.
     canvases: &'a mut [Canvas],
     swarm: &'a Swarm,
 }
@@ -208,7 +211,8 @@ impl<'a> Drawing<'a> {
         }
     }
 
-    /// The canvas for agent `i`. `None` if its species has no channel; evaluations refuse such pictures before they draw.
+    /// The canvas for agent `i`. `None` if the agent's species has no channel; evaluations refuse such a picture before they
+    /// draw.
     #[inline(always)]
     fn canvas_for(&mut self, i: usize) -> Option<&mut Canvas> {
         match &mut *self.canvases {

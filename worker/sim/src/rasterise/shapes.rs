@@ -8,7 +8,7 @@ use std::cmp::Ordering;
 pub(super) fn circle(radius: i32) -> Vec<[i32; 2]> {
     let mut offsets = Vec::new();
     let (mut x, mut y) = (0, radius);
-    // Twice the circle's function at the midpoint between the two candidates, less its fraction.
+    // Twice the circle's function at the midpoint between the two candidate pixels, without its fraction.
     let mut decision = 1 - radius;
     while x < y {
         if decision >= 0 {
@@ -36,7 +36,7 @@ pub(super) fn line(from: [i32; 2], to: [i32; 2]) -> impl Iterator<Item = [i32; 2
     let mut next = from;
     (0..=dx.max(dy)).map(move |_| {
         let pixel = next;
-        // No branches: a line's turns would be mispredicted.
+        // This loop has no branches, because the CPU would mispredict a line's turns.
         let across = i32::from(error > -dx);
         let along = i32::from(error < dy);
         error += along * dx - across * dy;

@@ -10,20 +10,20 @@ pub(super) const SIDE: usize = 16;
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(align(64))]
 pub(super) struct Stamp {
-    /// Columns; the lowest bit is the first row.
+    /// Columns of the stamp; the lowest bit of a column is the first row.
     pub(super) columns: [u16; SIDE],
-    /// Distance of the first column and row before that pixel: less than [`SIDE`].
+    /// Numbers of columns and rows before the stamp's centre: both are less than [`SIDE`].
     pub(super) before: [u8; 2],
 }
 
-/// A stamp for each offset that a line may end at.
+/// A stamp for each offset at which a line can end.
 #[derive(Debug)]
 pub(super) struct Stamps {
     /// Largest component of an offset.
     reach: i32,
     /// Number of offsets along an axis; 0 if there are no stamps.
     side: u32,
-    /// Ordered by x, then y, from `-reach`; `None` if a drawing does not fit.
+    /// Stamps ordered by the offset's x, then y, from `-reach` on; `None` for a drawing that does not fit.
     stamps: Vec<Option<Stamp>>,
 }
 
@@ -49,7 +49,7 @@ impl Stamp {
 }
 
 impl Stamps {
-    /// Stamps of the drawings with lines up to `length` long; empty if those would not fit.
+    /// Stamps of the drawings with lines up to `length` long; empty if these drawings would not fit.
     pub(super) fn new(length: f64, drawing: impl Fn([i32; 2]) -> Vec<[i32; 2]>) -> Self {
         let fits = length < SIDE as f64;
         let (reach, side) = if fits {
@@ -67,7 +67,7 @@ impl Stamps {
         }
     }
 
-    /// For each lane, the place (for [`Stamps::at`]) of the stamp with a line to that offset, and whether the place exists. Offsets
+    /// For each lane, the place (for [`Stamps::at`]) of the stamp with a line to `offset`, and whether the place exists. Offsets
     /// and places are whole numbers.
     #[inline(always)]
     pub(super) fn places<S: Simd>(&self, simd: S, offset: Planar<S>) -> (S::f64s, S::m64s) {

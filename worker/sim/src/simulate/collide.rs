@@ -1,4 +1,4 @@
-//! Collisions: the agent that has just moved is pushed out of those it touches; the others stay.
+//! Collisions: the agent that has just moved is pushed out of the agents that it touches; the other agents stay.
 
 use super::{Start, gaze::Group, others::Others, sight::Reach};
 use murmuration_swarm::{Purpose, RandomStream, World};
@@ -10,26 +10,26 @@ pub(crate) const PASSES: usize = 10;
 pub(crate) const GAP: f64 = 0.001;
 /// Largest component of the authors' jitter.
 pub(crate) const JITTER: f64 = 0.001;
-/// The authors' simulator jitters if both components of the offset are below this.
+/// The authors' simulator adds jitter if both components of the offset between two agents are below this number.
 const JITTER_BELOW: f64 = 1e-4;
 
 /// The collision rule of one world, and its state.
 #[derive(Debug, Clone)]
 pub(super) struct Collisions {
-    /// All agents, by size, in index order.
+    /// Groups of all agents by size, in index order.
     groups: Vec<Group>,
-    /// Two radii of the largest body.
+    /// Diameter of the largest body.
     diameter: f64,
     reach: Reach,
     centre: [f64; 2],
     jitter: Option<RandomStream>,
     jitter_events: u64,
-    /// Buffer for the agents touched, kept to reuse its memory.
+    /// Buffer for the touched agents, kept to reuse its memory.
     touched: Vec<usize>,
 }
 
 impl Collisions {
-    /// The rule for all agents of a world; `groups` has them by size, in index order.
+    /// The collision rule for all agents of a world; `groups` are these agents by size, in index order.
     pub(super) fn new(world: &World, groups: Vec<Group>, start: &Start) -> Self {
         let radius = groups.iter().map(|group| group.radius).fold(0.0, f64::max);
         Self {
@@ -49,17 +49,17 @@ impl Collisions {
         self.reach
     }
 
-    /// All agents, by size, in index order.
+    /// Groups of all agents by size, in index order.
     pub(super) fn groups(&self) -> &[Group] {
         &self.groups
     }
 
-    /// Two radii of the largest body.
+    /// Diameter of the largest body.
     pub(super) const fn diameter(&self) -> f64 {
         self.diameter
     }
 
-    /// Whether a push may draw random numbers.
+    /// Whether a push can draw random numbers.
     pub(super) const fn jitters(&self) -> bool {
         self.jitter.is_some()
     }
@@ -68,7 +68,7 @@ impl Collisions {
         self.jitter_events
     }
 
-    /// Pushes agent `me` of radius `radius` at `at` out of all others, and returns its new position.
+    /// Pushes agent `me` of radius `radius` at `at` out of all other agents, and returns its new position.
     #[inline(always)]
     pub(super) fn push_out<S: Simd>(
         &mut self,
@@ -107,7 +107,7 @@ impl Collisions {
         at
     }
 
-    /// Pushes an agent at `at` out of one at `other`, if they touch, and returns its new position.
+    /// Pushes an agent at `at` out of an agent at `other`, if the two touch, and returns the new position of the first agent.
     #[inline(always)]
     pub(super) fn pushed(&mut self, at: [f64; 2], other: [f64; 2]) -> [f64; 2] {
         self.pushed_to(self.diameter, at, other)

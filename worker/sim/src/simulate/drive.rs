@@ -6,7 +6,7 @@ use murmuration_swarm::{DriveKind, Robot, RobotController};
 /// The motion of one step under one sensor state.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Gait {
-    /// Distance along the old heading.
+    /// Distance that the robot drives along its old heading.
     pub(super) ahead: f64,
     /// Change of heading, radians.
     pub(super) turn: f64,
@@ -22,9 +22,9 @@ pub(super) struct Drivetrain {
     dt: f64,
 }
 
-/// The gaits, in order of sensor states.
+/// The gaits of a controller, in the order of sensor states.
 ///
-/// The paper's equation has the two middle rows exchanged; its pictures follow this order.
+/// In the paper's equation, the two middle rows are exchanged; the paper's pictures follow the order of this function.
 pub(super) fn gaits(controller: RobotController<'_>, dt: f64) -> impl Iterator<Item = Gait> {
     let drive = Drivetrain::of(controller.robot(), dt);
     controller.pairs().iter().map(move |&pair| drive.gait(pair))
@@ -73,7 +73,7 @@ pub(super) fn direction(angle: f64) -> [f64; 2] {
     [libm::cos(angle), libm::sin(angle)]
 }
 
-/// `vector` turned by an angle given as its (cos, sin).
+/// A vector rotated by an angle, which is given as (cos, sin).
 #[inline(always)]
 pub(super) fn rotate([x, y]: [f64; 2], [cos, sin]: [f64; 2]) -> [f64; 2] {
     [x * cos - y * sin, x * sin + y * cos]

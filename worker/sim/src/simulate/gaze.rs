@@ -1,13 +1,15 @@
 //! The sensor of a described robot, and the rule of what it sees.
 //!
-//! Let e be the vector from the observer to another robot's centre, rho the other's radius, and c, l, r unit vectors along the
-//! middle and the two edges of the cone. The other is seen if its centre is within range (`e.e <= R^2`) and one of these holds:
+//! Let e be the vector from the observer to another robot's centre, and rho the other robot's radius. Let c, l, r be unit vectors
+//! along the middle and the two edges of the cone. The sensor sees the other robot if its centre is within range (`e.e <= R^2`)
+//! and one of these conditions holds:
 //!
-//! - an edge u meets its body: `e.u >= 0` and `rho^2 - e.e + (e.u)^2 >= 0`, the rule of the paper's rays;
-//! - its centre is inside a cone that is no ray: with A = `cross(r, e) >= 0` and B = `cross(l, e) <= 0`, A and B and `e.c >= 0` if
-//!   the half-angle is at most a right angle, else A or B.
+//! - an edge u meets the other robot's body: `e.u >= 0` and `rho^2 - e.e + (e.u)^2 >= 0`, the rule of the paper's rays;
+//! - the sensor is no ray, and the other robot's centre is inside the cone. Let A be `cross(r, e) >= 0`, and B `cross(l, e) <=
+//!   0`. If the half-angle is at most a right angle, the centre is inside if A, B and `e.c >= 0` hold. Otherwise, the centre is
+//!   inside if A or B holds.
 //!
-//! A ray is a cone whose edges coincide; its bits are those of [`sight`](super::sight).
+//! A ray is a cone whose edges coincide; its readings have the same bits as in [`sight`](super::sight).
 
 use super::{
     drive::{direction, rotate},
@@ -53,7 +55,7 @@ pub(super) struct Group {
     pub(super) first: usize,
     /// Index after the last robot.
     pub(super) end: usize,
-    /// Radius of their bodies.
+    /// Radius of the robots' bodies.
     pub(super) radius: f64,
 }
 
@@ -93,18 +95,18 @@ impl Eye {
         self.shape
     }
 
-    /// (cos, sin) of the angles of its edges.
+    /// (cos, sin) of the angles of the cone's edges.
     pub(super) const fn edges(&self) -> [[f64; 2]; 2] {
         self.edges
     }
 
-    /// (cos, sin) of its angle.
+    /// (cos, sin) of the sensor's angle.
     pub(super) const fn direction(&self) -> [f64; 2] {
         self.middle
     }
 
-    /// Whether the line from the origin along the unit vector `edge`, as long as the range, meets a box. `sides` are the box's low
-    /// and high coordinates by axis.
+    /// Whether the line from the origin along the unit vector `edge`, as long as the range, meets a box. `sides` are the box's
+    /// low and high coordinates by axis.
     fn meets_box(&self, edge: [f64; 2], sides: [[f64; 2]; 2]) -> bool {
         let mut within = [0.0, self.range.sqrt()];
         for (along, side) in edge.into_iter().zip(sides) {
@@ -135,12 +137,12 @@ impl Eye {
 }
 
 impl Gaze {
-    /// Largest distance of a centre that is seen.
+    /// Largest distance at which the sensor sees a centre.
     pub(super) fn range(&self) -> f64 {
         self.eye.range.sqrt()
     }
 
-    /// Its direction, if it is a ray.
+    /// The sensor's direction, if the sensor is a ray.
     pub(super) fn ray(&self) -> Option<[f64; 2]> {
         (self.eye.shape == Shape::Ray).then_some(self.eye.middle)
     }
@@ -157,8 +159,8 @@ impl Gaze {
         squared <= self.eye.range && (self.eye.edges.iter().any(meets) || self.holds(e))
     }
 
-    /// Whether a disc is seen from `at`: by the rule for bodies, except that its nearest point, not its centre, must be within
-    /// range.
+    /// Whether a disc is seen from `at`. The rule is the same as for bodies, except that the disc's nearest point, not its
+    /// centre, must be within range.
     pub(super) fn sees_disc(&self, centre: [f64; 2], radius: f64, at: [f64; 2]) -> bool {
         let e = [centre[0] - at[0], centre[1] - at[1]];
         let squared = e[0] * e[0] + e[1] * e[1];
@@ -172,8 +174,8 @@ impl Gaze {
 
     /// Whether the cone at `at`, cut at the range, meets a box.
     ///
-    /// The part of the box within range is connected. So if neither edge of the cone meets it, either all of it is between the
-    /// edges or none, and the nearest point decides.
+    /// The part of the box within range is connected. So if neither edge of the cone meets this part of the box, the whole part
+    /// is between the edges, or nothing of it. The nearest point of the box decides.
     pub(super) fn sees_box(&self, centre: [f64; 2], half: [f64; 2], at: [f64; 2]) -> bool {
         let e = [centre[0] - at[0], centre[1] - at[1]];
         let sides = [0, 1].map(|axis| [e[axis] - half[axis], e[axis] + half[axis]]);
@@ -199,7 +201,8 @@ impl Gaze {
         }
     }
 
-    /// Maximum extent along the unit vector `normal` of the cone with its apex at the origin, cut at distance 1.
+    /// Maximum extent of the cone along the unit vector `normal`, if the cone's apex is at the origin and the cone is cut at
+    /// distance 1.
     pub(super) fn reach(&self, normal: [f64; 2]) -> f64 {
         if self.holds(normal) {
             return 1.0;
@@ -293,7 +296,7 @@ impl<S: Simd> Vectors<S> {
         simd.less_than_or_equal_f64s(squared, self.range)
     }
 
-    /// Whether bodies within range are seen; `inside` is the square of the radius less e.e.
+    /// Whether bodies within range are seen; `inside` is the square of the radius minus e.e.
     #[inline(always)]
     pub(super) fn meet(&self, simd: S, e: Planar<S>, inside: S::f64s, shape: Shape) -> S::m64s {
         let [left, right] = self.edges;
@@ -315,7 +318,7 @@ impl<S: Simd> Vectors<S> {
     }
 }
 
-/// Whether the half-line along `edge` meets a body; `inside` is the square of its radius less e.e.
+/// Whether the half-line along `edge` meets a body; `inside` is the square of the body's radius minus e.e.
 #[inline(always)]
 fn meets<S: Simd>(simd: S, e: Planar<S>, edge: Planar<S>, inside: S::f64s) -> S::m64s {
     let zero = simd.splat_f64s(0.0);

@@ -8,23 +8,23 @@ use super::{
 };
 use murmuration_swarm::World;
 
-/// Minimum number of agents for which a grid is faster: `cargo bench -p murmuration-worker --bench many_robots`.
+/// Minimum number of agents for which a grid is faster, measured with `cargo bench -p murmuration-sim --bench many_robots`.
 pub(super) const WORTH: u32 = 512;
 /// Approximate number of cells per agent.
 const CELLS_AN_AGENT: f64 = 0.25;
-/// Room for rounding, relative to the largest coordinate c. The length of a ray is 1 up to 10^-12, and squares of distances, at
-/// most 8 c^2, have smaller relative errors. Roots of these errors are below 3 * 10^-6 c.
+/// Room for rounding, relative to the largest coordinate c. The length of a ray's vector differs from 1 by at most 10^-12.
+/// Squares of distances are at most 8 c^2 and have smaller relative errors. Roots of these errors are below 3 * 10^-6 c.
 const ROUNDING: f64 = 1e-5;
 
-/// The agents of a swarm by cells. Cells at the border include agents beyond it.
+/// The agents of a swarm by cells. Cells at the border include agents beyond the border.
 #[derive(Debug, Clone)]
 pub(super) struct Grid {
     /// Length of a cell's side, and its inverse, because division is slow.
     side: f64,
     inverse: f64,
-    /// Columns and rows.
+    /// Numbers of columns and rows.
     cells: [usize; 2],
-    /// By column, then row.
+    /// Agents of each cell, by column, then row.
     members: Vec<Vec<Member>>,
     positions: Vec<[f64; 2]>,
     /// Lower and upper bound of all coordinates so far, by axis.
@@ -39,16 +39,16 @@ struct Member {
     at: [f64; 2],
 }
 
-/// A ray as a function of its main axis, the one that it advances along faster.
+/// A ray as a function of its main axis: the axis along which the ray advances faster.
 #[derive(Debug, Clone, Copy)]
 struct Course {
     main: usize,
     from: [f64; 2],
     /// Whether the main coordinate grows.
     grows: bool,
-    /// Change across for each unit along the main axis.
+    /// Change of the other coordinate for each unit along the main axis.
     slope: f64,
-    /// Maximum distance from the ray, across, of a centre that the ray meets.
+    /// Maximum distance, along the other axis, between the ray and the centre of a body that it meets.
     breadth: f64,
 }
 
@@ -113,7 +113,7 @@ impl Grid {
         touching.map(|member| member.agent)
     }
 
-    /// All agents that are at most `distance` from `at`, and some others.
+    /// All agents that are at most `distance` from `at`, and some other agents.
     fn near(&self, at: [f64; 2], distance: f64) -> impl Iterator<Item = &Member> {
         let room = distance + self.slack();
         let [columns, rows] = [0, 1].map(|axis| self.span(axis, at[axis] - room, at[axis] + room));
@@ -123,14 +123,14 @@ impl Grid {
         })
     }
 
-    /// The sensor state of `observer`: 0 or 1; with two sensors 2 S1 + S2.
+    /// The sensor state of `observer`: a bit for each sensor, S1 the highest.
     pub(super) fn sense<const SENSORS: usize>(&self, observer: &Observer<SENSORS>, reach: Reach) -> u8 {
         let hit = |ray: &[f64; 2]| u8::from(self.meets(observer.index, observer.at, *ray, reach));
         observer.rays.iter().fold(0, |state, ray| 2 * state + hit(ray))
     }
 
-    /// Whether an agent of `group` other than `me` is seen from `at`. Checks the agents in range, or for a ray without limit those
-    /// along it.
+    /// Whether an agent of `group` other than `me` is seen from `at`. For a ray without limit, checks the agents along the ray;
+    /// otherwise, checks the agents in range.
     pub(super) fn sees(&self, gaze: &Gaze, group: &Group, me: usize, at: [f64; 2]) -> bool {
         let body = group.radius * group.radius;
         let seen =
@@ -148,7 +148,7 @@ impl Grid {
         })
     }
 
-    /// Whether any agent that the ray from `at` may meet is `wanted`.
+    /// Whether `wanted` accepts any agent that the ray from `at` can meet.
     fn any_along(&self, at: [f64; 2], ray: [f64; 2], wanted: impl Fn(&Member) -> bool) -> bool {
         let course = Course::new(at, ray, self.radius);
         let slack = self.slack();
@@ -178,7 +178,7 @@ impl Grid {
         }
     }
 
-    /// Upper bound of the rounding errors of everything computed from coordinates here.
+    /// Upper bound of the rounding errors of all numbers that the grid computes from coordinates.
     fn slack(&self) -> f64 {
         let [x, y] = self.range.map(|[low, high]| high.max(-low));
         ROUNDING * x.max(y)
@@ -232,12 +232,14 @@ impl Course {
             from,
             grows: ray[main] > 0.0,
             slope,
-            // Half the width, across, of a strip about the ray. The strip extends slightly more than the radius to either side.
+            // Half the width of a strip about the ray, measured along the other axis. The strip extends slightly more than the
+            // radius to either side.
             breadth: 1.000_001 * radius * (1.0 + slope * slope).sqrt(),
         }
     }
 
-    /// Smallest and largest coordinate, across, of centres that the ray meets, if their main coordinate is in `bounds`.
+    /// Smallest and largest coordinate, along the other axis, of centres that the ray meets, if their main coordinate is in
+    /// `bounds`.
     fn across(&self, bounds: [f64; 2], slack: f64) -> [f64; 2] {
         let at = |main: f64| self.from[1 - self.main] + self.slope * (main - self.from[self.main]);
         let ends = bounds.map(at);

@@ -29,20 +29,20 @@ pub(super) struct Kinds {
     obstacles: Obstacles,
 }
 
-/// One species.
+/// One species, prepared for stepping.
 #[derive(Debug, Clone)]
 struct Kind {
     radius: f64,
     walls: Walls,
-    /// By sensor state; the length is a power of two.
+    /// Gaits by sensor state; their number is a power of two.
     gaits: Vec<Gait>,
-    /// By sensor state: the pair of the controller's numbers that the gait comes from.
+    /// Pairs of the controller's numbers by sensor state, from which the gaits are computed.
     pairs: Vec<[f64; 2]>,
     drive: Drivetrain,
     sensors: Vec<Sensing>,
     /// Whether all sensors are the paper's and all robots of the swarm have the same size.
     plain: bool,
-    /// Directions of its sensors as unit vectors, for a robot that heads along x.
+    /// Directions of the sensors as unit vectors, for a robot that heads along x.
     directions: Vec<[f64; 2]>,
 }
 
@@ -117,7 +117,7 @@ impl Kinds {
         &self.kinds[usize::from(self.kind_of[i])]
     }
 
-    /// Sensor reading of a robot without moving.
+    /// Reads a robot's sensors without moving the robot.
     #[inline(always)]
     pub(super) fn sense<S: Simd>(&self, simd: S, others: &impl Others, robot: Driven) -> u8 {
         let mut state = 0;
@@ -160,13 +160,13 @@ impl Kinds {
         &self.obstacles
     }
 
-    /// The walls for the centre of robot `i`.
+    /// The bounds that the walls set for the centre of robot `i`.
     #[inline(always)]
     pub(super) fn walls(&self, i: usize) -> &Walls {
         &self.kind(i).walls
     }
 
-    /// [`Mind::settle`].
+    /// Implements [`Mind::settle`].
     #[inline(always)]
     pub(super) fn settle<S: Simd>(
         &self,
@@ -218,7 +218,7 @@ impl Mind for &Kinds {
     }
 }
 
-/// Checks that `world` has the model's number of robots, and the radius of its largest body.
+/// Checks that `world` has the model's number of robots, and the radius of the model's largest body.
 pub(super) fn check_fit(model: &CapabilityModel, world: &World) -> Result<(), Invalid> {
     if let Some(robots) = model.robots().filter(|&robots| robots != world.agents()) {
         let allowed = format!("{robots}: as many as all species have together");

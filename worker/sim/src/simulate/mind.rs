@@ -18,13 +18,14 @@ pub(super) trait Mind {
     /// Keeps robot `i`, which has driven from `before` to `driven`, inside the edges and outside of obstacles.
     fn bound(&self, i: usize, before: [f64; 2], driven: [f64; 2]) -> Bound;
 
-    /// Moves a robot, pushed by others to `at`, back into the world if the world wraps.
+    /// Moves a robot that others have pushed to `at` back into the world, if the world is a torus.
     #[inline(always)]
     fn home(&self, at: [f64; 2]) -> [f64; 2] {
         at
     }
 
-    /// Pushes a robot that has driven out of the others, and then has it look. Returns its position and its sensor state.
+    /// Pushes a robot out of the other robots after its drive, and then reads its sensors. Returns its position and its sensor
+    /// state.
     fn settle<S: Simd>(
         &mut self,
         simd: S,
@@ -34,15 +35,15 @@ pub(super) trait Mind {
     ) -> ([f64; 2], u8);
 }
 
-/// Position of a robot before it is pushed out of others.
+/// Position of a robot before it is pushed out of other robots.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bound {
     pub(super) at: [f64; 2],
-    /// Position before the step, in the frame of `at`; the displacement counts from there.
+    /// Position before the step, in the coordinates of `at`. The robot's displacement is measured from this position.
     pub(super) from: [f64; 2],
 }
 
-/// A robot that has driven and not yet looked.
+/// A robot that has driven in this step, and has not read its sensors yet.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Driven {
     pub(super) index: usize,
@@ -79,7 +80,7 @@ impl Paper {
         }
     }
 
-    /// Sensor reading of an agent without moving.
+    /// Reads an agent's sensors without moving the agent.
     pub(super) fn sense<S: Simd>(&self, simd: S, others: &impl Others, robot: Driven, reach: Reach) -> u8 {
         match self.second_sensor {
             None => others.sense(simd, robot.observer([robot.heading]), reach),
@@ -136,7 +137,7 @@ where
     }
 }
 
-/// [`Mind::settle`] of a robot among robots of its size, whose sensors are rays without limit.
+/// [`Mind::settle`] for a robot whose sensors are rays without limit, among robots of the same size.
 #[inline(always)]
 pub(super) fn settle_rays<S: Simd, const SENSORS: usize>(
     simd: S,

@@ -1,8 +1,8 @@
-//! The swarm: agents step one after the other, and each sees the others' current positions.
+//! The swarm: agents step one after the other, and each agent sees the current positions of the other agents.
 //!
-//! One step of one agent, in the order of the authors' simulator: drive with the wheel speeds of the last sensor state, clamp to
-//! the walls, be pushed out of obstacles, be pushed out of other agents, sense. A step longer than an obstacle's thickness can pass
-//! through the obstacle.
+//! In a step, an agent drives with the wheel speeds of its last sensor state, and is clamped to the walls. Next, the agent is
+//! pushed out of obstacles, and then out of other agents. Finally, the agent reads its sensors. The authors' simulator has the
+//! same order of a step. A step longer than an obstacle's thickness can pass through the obstacle.
 
 mod batch;
 mod collide;
@@ -44,7 +44,7 @@ const RENORMALISE_EVERY: u32 = 256;
 
 /// A swarm in its world.
 ///
-/// Its bits depend on controller, world and start only, not on the CPU or on how steps are grouped.
+/// The bits of a swarm depend only on controller, world and start, not on the CPU or on how steps are grouped.
 #[derive(Debug, Clone)]
 pub struct Swarm {
     arch: Arch,
@@ -72,7 +72,7 @@ struct Robots {
 /// Positions of all agents.
 #[derive(Debug, Clone)]
 enum Lookup {
-    /// Every agent checks every other.
+    /// Every agent checks every other agent.
     All(Positions),
     Near(Grid),
 }
@@ -80,20 +80,20 @@ enum Lookup {
 /// State of an agent between two steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Agent {
-    /// x and y, world units; y points down the screen.
+    /// x and y, in world units; y points down the screen.
     pub position: [f64; 2],
     /// Unit vector straight ahead.
     pub heading: [f64; 2],
     /// Heading in radians, not wrapped.
     pub theta: f64,
-    /// Displacement by the last step, walls, obstacles and collisions included; zero at the start. On a torus it excludes jumps to
-    /// the other side.
+    /// Displacement by the last step, walls, obstacles and collisions included; zero at the start. On a torus, the displacement
+    /// excludes jumps to the other side.
     pub displacement: [f64; 2],
     /// Last sensor state: a bit for each of the k sensors, S1 the highest. From 0 to 2^k - 1; 0 at the start.
     pub sensed: u8,
 }
 
-/// State of an agent besides its position.
+/// State of an agent between two steps, as the swarm stores it.
 #[derive(Debug, Clone, Copy)]
 struct Body {
     position: [f64; 2],
@@ -114,26 +114,27 @@ impl Swarm {
     /// A swarm at its start, which uses the fastest instructions of this CPU.
     ///
     /// # Errors
-    /// If the controller's number of robots or largest radius differs from the world's, or `start` does not have one pose per
-    /// agent.
+    /// Fails if the controller's number of robots or largest radius differs from the world's, or `start` does not have one pose
+    /// per agent.
     pub fn new(controller: &Controller, world: &World, start: &Start) -> Result<Self, Invalid> {
         Self::on(Arch::new(), controller, world, start)
     }
 
-    /// Like [`Swarm::new`], with the instructions of `arch`. The bits are the same.
+    /// Like [`Swarm::new`], but with the instructions of `arch`. The swarm has the same bits.
     ///
     /// # Errors
-    /// As [`Swarm::new`].
+    /// The errors of [`Swarm::new`].
     pub fn on(arch: Arch, controller: &Controller, world: &World, start: &Start) -> Result<Self, Invalid> {
         let swarm = Self::pairwise(arch, controller, world, start)?;
         let is_large = world.agents() >= grid::WORTH && world.boundary() != Boundary::Torus;
         Ok(if is_large { swarm.with_grid(world) } else { swarm })
     }
 
-    /// Like [`Swarm::on`], but never uses a grid: every agent checks every other. The bits are the same. For comparisons.
+    /// Like [`Swarm::on`], but never uses a grid: every agent checks every other agent. The swarm has the same bits. Use this
+    /// function for comparisons.
     ///
     /// # Errors
-    /// As [`Swarm::new`].
+    /// The errors of [`Swarm::new`].
     pub fn pairwise(
         arch: Arch,
         controller: &Controller,
@@ -162,7 +163,8 @@ impl Swarm {
         })
     }
 
-    /// Makes the swarm use a grid, as large swarms do. The bits are the same. Cells do not wrap, so the world must not be a torus.
+    /// Makes the swarm use a grid, as large swarms do. The swarm has the same bits. Cells do not wrap, so the world must not be a
+    /// torus.
     #[must_use]
     pub fn with_grid(mut self, world: &World) -> Self {
         let positions: Vec<_> = self.agents().map(|agent| agent.position).collect();
@@ -214,7 +216,7 @@ impl Swarm {
         first.into_iter().chain(others)
     }
 
-    /// Index of the species of agent `i` among those of its model.
+    /// Index of the species of agent `i` among the species of its model.
     #[must_use]
     pub fn species(&self, i: usize) -> usize {
         match &self.minds {
@@ -239,7 +241,8 @@ impl Swarm {
         self.robots.collisions.groups().iter().map(|group| group.radius)
     }
 
-    /// Current sensor states of all agents, without moving and without noise, in index order; format of [`Agent::sensed`].
+    /// Current sensor states of all agents in index order, read without moving the agents and without noise. The states have the
+    /// format of [`Agent::sensed`].
     #[must_use]
     pub fn readings(&self) -> Vec<u8> {
         let looking = |(index, body): (usize, &Body)| {
@@ -357,9 +360,9 @@ impl Robots {
     }
 }
 
-/// Some steps of a swarm. A type, so that it is compiled for several kinds of CPU.
+/// Some steps of a swarm. As a type, this code is compiled for several kinds of CPU.
 ///
-/// Everything that it calls must be inlined, because only inlined code is compiled for the CPU at hand.
+/// All functions that this code calls must be inlined, because only inlined code is compiled for this machine's CPU.
 struct Run<'a, O, M> {
     robots: &'a mut Robots,
     others: &'a mut O,
@@ -389,13 +392,13 @@ impl Body {
 }
 
 impl Walls {
-    /// No walls.
+    /// Bounds of a world without walls.
     const NONE: Self = Self {
         low: f64::NEG_INFINITY,
         high: [f64::INFINITY; 2],
     };
 
-    /// The walls for the centre of this robot.
+    /// The bounds that the walls set for the centre of this robot.
     fn of(robot: &Robot, world: &World) -> Self {
         match world.boundary() {
             Boundary::Walls => Self::within(world, robot.radius() + world.padding()),

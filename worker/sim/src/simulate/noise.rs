@@ -1,7 +1,7 @@
 //! Noise: drives that slip, sensors that misread, readings that arrive late.
 //!
-//! Each robot draws from its own streams, in the order of its steps, so its noise does not depend on other robots or on how the
-//! steps are computed.
+//! Each robot draws from its own streams, in the order of its steps. So the noise of a robot does not depend on other robots or
+//! on how the steps are computed.
 
 use super::{
     Start,
@@ -22,16 +22,16 @@ pub(super) struct Noise {
 #[derive(Debug, Clone)]
 struct Own {
     gains: [f64; 2],
-    /// Stream of its slip, if its drive slips.
+    /// Random stream of the robot's slip, if its drive slips.
     slip: Option<RandomStream>,
-    /// Stream of its misreadings, if its sensors misread.
+    /// Random stream of the robot's misreadings, if its sensors misread.
     misreading: Option<RandomStream>,
-    /// The delayed readings that it has not acted on yet, oldest first.
+    /// The delayed readings that the robot has not acted on yet, oldest first.
     late: VecDeque<u8>,
 }
 
 impl Noise {
-    /// The noise of a world; `None` if it is off.
+    /// The noise of a world; `None` if noise is off.
     pub(super) fn new(world: &World, start: &Start) -> Option<Self> {
         let asked = world.noise();
         let robots = (0..u64::from(world.agents())).map(|robot| Own::new(asked, start.seed(), robot));
@@ -64,7 +64,7 @@ impl Noise {
 
     /// Noisy reading of robot `i` with this number of `sensors`, in the sensor state `sensed`.
     ///
-    /// Draws one number per sensor, whether the sensor is on or off, so that the stream does not depend on what is seen.
+    /// Draws one number per sensor, whether the sensor is on or off, so that the stream does not depend on what the robot sees.
     pub(super) fn read(&mut self, i: usize, sensors: usize, sensed: u8) -> u8 {
         let Some(stream) = &mut self.robots[i].misreading else {
             return sensed;
@@ -100,16 +100,16 @@ impl Own {
     }
 }
 
-/// Two factors: 1 plus a normal number with this standard deviation.
+/// Two random factors, each 1 plus a normal number with this standard deviation.
 fn factors_about_one(stream: &mut RandomStream, deviation: f64) -> [f64; 2] {
     normals(stream).map(|normal| 1.0 + deviation * normal)
 }
 
-/// Two independent normal numbers with mean 0 and standard deviation 1, truncated at [`proto::Noise::MAX_DEVIATIONS`]: by Box and
-/// Muller's method, redrawn if one is beyond (one time in 8,000).
+/// Two independent normal numbers with mean 0 and standard deviation 1, by Box and Muller's method. The pair is redrawn if a
+/// number exceeds [`proto::Noise::MAX_DEVIATIONS`], which happens one time in 8,000.
 fn normals(stream: &mut RandomStream) -> [f64; 2] {
     loop {
-        // 1 - u is never 0, so the logarithm is finite.
+        // The random number is less than 1, so the logarithm is finite.
         let radius = (-2.0 * libm::log(1.0 - stream.random::<f64>())).sqrt();
         let angle = TAU * stream.random::<f64>();
         let pair = [radius * libm::cos(angle), radius * libm::sin(angle)];
@@ -158,6 +158,6 @@ mod tests {
         );
     }
 
-    /// If these change, every evaluation with noise changes.
+    /// If these bits change, every evaluation with noise changes.
     const FIRST_NORMALS: [u64; 2] = [4604181779928804211, 4601090845706885158];
 }

@@ -1,4 +1,4 @@
-//! Obstacles: pushes robots out of them, and tests whether sensors see them.
+//! Pushes robots out of obstacles, and tests whether sensors see obstacles.
 
 use super::{
     collide::{GAP, PASSES},
@@ -27,12 +27,12 @@ impl Obstacles {
         self.all.is_empty()
     }
 
-    /// Whether any obstacle, or on a torus any image near `at`, is `wanted`.
+    /// Whether `wanted` accepts any obstacle, or on a torus any image of an obstacle near `at`.
     fn any(&self, at: [f64; 2], wanted: impl FnMut(&Obstacle) -> bool) -> bool {
         self.find(at, wanted).is_some()
     }
 
-    /// The first obstacle of [`Obstacles::any`].
+    /// The first obstacle or image that `wanted` accepts, as in [`Obstacles::any`].
     fn find(&self, at: [f64; 2], mut wanted: impl FnMut(&Obstacle) -> bool) -> Option<Obstacle> {
         match &self.torus {
             None => self.all.iter().find(|obstacle| wanted(obstacle)).copied(),
@@ -44,14 +44,15 @@ impl Obstacles {
     }
 
     /// Pushes a robot of this radius, which moved from `before` to `at`, out of all obstacles, and returns its new position. `at`
-    /// is inside the edges; `home` moves a position back inside them.
+    /// is inside the edges; `home` moves a position back inside the edges.
     ///
-    /// The result is outside of all obstacles (unless obstacles fill a torus), by the first of these ways that succeeds:
+    /// The result is outside of all obstacles, unless obstacles fill a torus. The first of these ways that succeeds gives the
+    /// result:
     ///
-    /// 1. Push it out of one obstacle after the other, in their order, each time to the nearest place plus a small gap; then
-    ///    move it back inside the edges. Repeat for at most [`PASSES`] passes.
-    /// 2. Leave it at `before`.
-    /// 3. Move it out along an axis: the shortest way that ends inside the edges, or else the shortest.
+    /// 1. Push the robot out of one obstacle after the other, in their order, each time to the nearest place plus a small gap.
+    ///    Then move the robot back inside the edges. Repeat for at most [`PASSES`] passes.
+    /// 2. Leave the robot at `before`.
+    /// 3. Move the robot out along an axis: by the shortest way that ends inside the edges, or else by the shortest way.
     #[inline(never)]
     pub(super) fn push_out(
         &self,
@@ -93,8 +94,8 @@ impl Obstacles {
         !self.any(at, |obstacle| obstacle.distance(at) < radius)
     }
 
-    /// The position where a robot that moves along an axis in this direction gets out of all obstacles. It passes each obstacle at
-    /// most once, because on a torus the obstacles may have no end.
+    /// The position where a robot that moves along an axis in this direction gets out of all obstacles. The robot passes at most
+    /// as many obstacles as the world has, because obstacles on a torus can have no end.
     fn way_out(&self, radius: f64, mut at: [f64; 2], (axis, sign): (usize, f64)) -> [f64; 2] {
         for _ in 0..self.all.len() {
             let Some(inside) = self.find(at, |obstacle| obstacle.distance(at) < radius) else {
@@ -121,8 +122,8 @@ fn pushed(obstacle: &Obstacle, radius: f64, at: [f64; 2]) -> [f64; 2] {
     }
     let centre = obstacle.centre();
     let off = [at[0] - centre[0], at[1] - centre[1]];
-    // The robot must keep a distance from the disc's centre, or from the box's rectangle. `core` is the nearest point of either,
-    // `enough` the distance from it.
+    // The robot must keep a distance from the disc's centre, or from the box's rectangle. `core` is the nearest point of this
+    // centre or rectangle, and `enough` is the distance from `core`.
     let (core, enough) = match *obstacle {
         Obstacle::Disc { radius: own, .. } => ([0.0; 2], own + radius + GAP),
         Obstacle::Box { .. } => {
@@ -138,7 +139,7 @@ fn pushed(obstacle: &Obstacle, radius: f64, at: [f64; 2]) -> [f64; 2] {
     let distance = (away[0] * away[0] + away[1] * away[1]).sqrt();
     let direction = match distance > 0.0 {
         true => away.map(|value| value / distance),
-        // At the exact centre of a disc all directions are equally near.
+        // From the exact centre of a disc, the way out is equally long in all directions.
         false => [1.0, 0.0],
     };
     [0, 1].map(|axis| centre[axis] + core[axis] + enough * direction[axis])

@@ -1,4 +1,4 @@
-//! Access to the other agents for the one that moves: by all positions, or by a grid. The results are the same.
+//! Access to the other agents for the agent that moves: by all positions, or by a grid. The two ways give the same results.
 
 use super::{
     gaze::{Gaze, Group},

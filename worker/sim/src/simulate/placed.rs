@@ -1,11 +1,12 @@
-//! Swarms with given motion, such as a camera's tracks. Their features and pictures are computed like those of simulated swarms.
+//! Swarms with a given motion, such as a camera's tracks. The features and pictures of these swarms are computed as for simulated
+//! swarms.
 
 use super::{Lookup, Minds, Swarm, drive::direction};
 use pulp::Scalar;
 
 impl Swarm {
-    /// Takes a step that puts every agent at its pose (x, y, theta), world units and radians, regardless of its controller. On a
-    /// torus, agents move the shorter way around.
+    /// Takes a step that puts every agent at its pose (x, y, theta), in world units and radians, regardless of its controller. On
+    /// a torus, agents move the shorter way around.
     ///
     /// `poses` has one pose of finite numbers per agent.
     pub(crate) fn place(&mut self, poses: &[[f64; 3]]) {

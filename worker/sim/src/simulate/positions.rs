@@ -2,7 +2,7 @@
 
 use pulp::Simd;
 
-/// Agents in a block.
+/// Number of agents in a block.
 pub(super) const LANES: usize = 8;
 
 /// Positions in blocks of eight. NaN fills up the last block: comparisons with NaN are false, so empty lanes are never hit.
@@ -25,7 +25,7 @@ pub(super) struct Block {
 pub(super) struct Lanes<S: Simd> {
     pub(super) x: S::f64s,
     pub(super) y: S::f64s,
-    /// Lanes other than the one left out.
+    /// All lanes except the lane that is left out.
     pub(super) other: S::m64s,
 }
 
@@ -73,7 +73,7 @@ impl Positions {
     }
 
     /// Moves agent `i` by writing its whole block: vector loads that follow immediately can then be served from the store buffer.
-    /// After a store of a single lane they would stall.
+    /// After a store of a single lane, such loads would stall.
     #[inline(always)]
     pub(super) fn set<S: Simd>(&mut self, simd: S, i: usize, [x, y]: [f64; 2]) {
         let block = &mut self.blocks[i / LANES];
@@ -89,7 +89,7 @@ impl Positions {
 }
 
 impl Block {
-    /// The block as vectors, with lane `left_out` masked (no lane, if it is beyond the block).
+    /// The block as vectors, with lane `left_out` masked. If `left_out` is beyond the block, no lane is masked.
     #[inline(always)]
     pub(super) fn vectors<S: Simd>(&self, simd: S, left_out: usize) -> impl Iterator<Item = Lanes<S>> {
         let left_out = simd.splat_u64s(left_out as u64);

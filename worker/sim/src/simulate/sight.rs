@@ -3,8 +3,8 @@
 use super::positions::{Block, LANES, Positions};
 use pulp::Simd;
 
-/// Number of blocks to scan before checking whether to stop, because the check is a branch that is often mispredicted. The paper's
-/// 24 agents have far fewer blocks.
+/// Number of blocks to scan before checking whether to stop, because the check is a branch that is often mispredicted. The
+/// paper's 24 agents have far fewer blocks.
 const BLOCKS_BETWEEN_EXITS: usize = 32;
 
 /// Squares of the distances within which agents are seen and touch.
@@ -41,7 +41,8 @@ impl Reach {
         ex * ex + ey * ey < self.touch
     }
 
-    /// Whether the ray from `at` along the unit vector `ray` meets an agent at `other`. Same rule as [`Observer::look`].
+    /// Whether the ray from `at` along the unit vector `ray` meets an agent at `other`. The rule is the same as in
+    /// [`Observer::look`].
     #[inline(always)]
     pub(super) fn meets(&self, other: [f64; 2], at: [f64; 2], ray: [f64; 2]) -> bool {
         let (ex, ey) = (other[0] - at[0], other[1] - at[1]);
@@ -51,21 +52,21 @@ impl Reach {
     }
 }
 
-/// An agent that looks at all others.
+/// An agent that looks at all other agents.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Observer<const SENSORS: usize> {
     pub(super) index: usize,
     pub(super) at: [f64; 2],
-    /// Unit vectors along the rays of its sensors, which have no limit.
+    /// Unit vectors along the rays of the agent's sensors, which have no limit.
     pub(super) rays: [[f64; 2]; SENSORS],
 }
 
 impl<const SENSORS: usize> Observer<SENSORS> {
     const ALL_HIT: u8 = (1 << SENSORS) - 1;
 
-    /// The sensor state, or `None` if another agent touches this one.
+    /// The sensor state, or `None` if another agent touches this agent.
     ///
-    /// The state is 0 or 1; with two sensors it is 2 S1 + S2.
+    /// The state has a bit for each sensor, S1 the highest.
     #[inline(always)]
     pub(super) fn sense_unless_touched<S: Simd>(
         self,
@@ -101,8 +102,8 @@ impl<const SENSORS: usize> Observer<SENSORS> {
         sensed
     }
 
-    /// The blocks in groups, each with the observer's index relative to the group's start. The index is no lane of the group if the
-    /// observer is in another group.
+    /// The blocks in groups, each with the observer's index relative to the group's start. The index is no lane of the group if
+    /// the observer is in another group.
     #[inline(always)]
     fn groups(self, positions: &Positions) -> impl Iterator<Item = (Self, &[Block])> {
         let groups = positions.blocks().chunks(BLOCKS_BETWEEN_EXITS).enumerate();
@@ -125,8 +126,8 @@ impl<const SENSORS: usize> Observer<SENSORS> {
         }
     }
 
-    /// Looks at the agents of some blocks. With e the vector from here to another agent's centre, a ray u hits it if e.u >= 0 and
-    /// r^2 - e.e + (e.u)^2 >= 0.
+    /// Looks at the agents of some blocks. Let e be the vector from the observer to another agent's centre. A ray u hits this
+    /// agent if both e.u and r^2 - e.e + (e.u)^2 are at least 0.
     #[inline(always)]
     fn look<S: Simd>(self, simd: S, blocks: &[Block], reach: Reach) -> Seen {
         let splat = |[x, y]: [f64; 2]| [simd.splat_f64s(x), simd.splat_f64s(y)];
@@ -173,6 +174,6 @@ impl<const SENSORS: usize> Observer<SENSORS> {
 struct Seen {
     /// Whether the centre of another agent is nearer than two radii.
     touched: bool,
-    /// The sensors that hit, S1 the highest bit.
+    /// The sensors that hit an agent, as bits; S1 is the highest bit.
     hits: u8,
 }

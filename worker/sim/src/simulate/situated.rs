@@ -22,7 +22,7 @@ pub(super) struct Situated {
 }
 
 impl Situated {
-    /// These robots in their world.
+    /// Robots of these kinds in their world.
     pub(super) fn new(kinds: Kinds, world: &World, start: &Start) -> Self {
         Self {
             kinds,
@@ -35,12 +35,12 @@ impl Situated {
         &self.kinds
     }
 
-    /// The world's sides, if it is a torus.
+    /// The sides of the world, if the world is a torus.
     pub(super) const fn torus(&self) -> Option<Torus> {
         self.torus
     }
 
-    /// Sensor reading of a robot without moving and without noise.
+    /// Reads a robot's sensors without noise, and without moving the robot.
     pub(super) fn sense<S: Simd>(&self, simd: S, others: &impl Everyone, robot: Driven) -> u8 {
         match self.torus {
             None => self.kinds.sense(simd, others, robot),
@@ -48,7 +48,7 @@ impl Situated {
         }
     }
 
-    /// As [`Obstacles::push_out`](super::obstacles::Obstacles::push_out).
+    /// Pushes robot `i` out of obstacles; see [`Obstacles::push_out`](super::obstacles::Obstacles::push_out).
     fn out_of_obstacles(
         &self,
         i: usize,
@@ -63,14 +63,14 @@ impl Situated {
         }
     }
 
-    /// [`Mind::bound`] on a torus.
+    /// Implements [`Mind::bound`] on a torus.
     fn bound_on(&self, torus: Torus, i: usize, before: [f64; 2], driven: [f64; 2]) -> Bound {
         let home = torus.wrap(driven);
         let at = torus.wrap(self.out_of_obstacles(i, before, home, |at| torus.wrap(at)));
         if at == before {
             return Bound { at, from: before };
         }
-        // Obstacles push the shorter way around.
+        // Obstacles push a robot the shorter way around the torus.
         let pushed = torus.nearest(at, home);
         let from = [0, 1].map(|axis| at[axis] - (driven[axis] - before[axis]) - (pushed[axis] - home[axis]));
         Bound { at, from }
@@ -117,7 +117,7 @@ impl Mind for &mut Situated {
             Some(torus) => {
                 let others = Images { torus, others };
                 let (at, sensed) = self.kinds.settle(simd, &others, collisions, robot);
-                // Other robots push it the shorter way around, too.
+                // Other robots also push a robot the shorter way around the torus.
                 (torus.nearest(at, robot.at), sensed)
             }
         };

@@ -16,18 +16,18 @@ enum Kind {
 }
 
 impl Start {
-    /// A random start of the world's shape. By default, for each agent: x in \[0, width), y in \[0, height) and heading in \[0, 2
-    /// pi), uniform, in that order (paper, "Simulation and Data").
+    /// A random start of the world's shape. By default, each agent draws x from \[0, width), y from \[0, height) and its heading
+    /// from \[0, 2 pi), uniformly and in this order (paper, "Simulation and Data").
     #[must_use]
     pub const fn seeded(seed: u64) -> Self {
         Self(Kind::Seed(seed))
     }
 
-    /// A given start, regardless of the world's shape: (x, y, theta) for each agent, world units and radians. Jitter and noise have
-    /// the seed 0.
+    /// A given start, regardless of the world's shape: (x, y, theta) for each agent, in world units and radians. Jitter and noise
+    /// have the seed 0.
     ///
     /// # Errors
-    /// Names the first number that is not finite.
+    /// The error names the first number that is not finite.
     pub fn at(poses: Vec<[f64; 3]>) -> Result<Self, Invalid> {
         for (i, pose) in poses.iter().enumerate() {
             if let Some(value) = pose.iter().find(|value| !value.is_finite()) {
@@ -52,7 +52,7 @@ impl Start {
     /// The pose (x, y, heading in radians) of each agent of `world`.
     ///
     /// # Errors
-    /// If the start is given, and has another number of agents.
+    /// Fails if the start has given poses for another number of agents.
     pub fn poses_for(&self, world: &World) -> Result<Cow<'_, [[f64; 3]]>, Invalid> {
         let agents = world.agents() as usize;
         match &self.0 {
@@ -83,7 +83,7 @@ fn drawn(seed: u64, world: &World) -> Vec<[f64; 3]> {
         }
         StartShape::Disc { radius } => {
             let mut pose = || {
-                // The root makes positions uniform over the disc's area.
+                // The square root makes positions uniform over the disc's area.
                 let from_centre = radius * stream.random::<f64>().sqrt();
                 let [x, y] = direction(stream.between(0.0, TAU));
                 let heading = stream.between(0.0, TAU);

@@ -1,6 +1,7 @@
 //! A world without edges: a robot that leaves at one side enters at the other.
 //!
-//! A robot has nine images, in the world and around it. Only the image that is nearest along each axis touches others and is seen.
+//! A robot has nine images, in the world and around the world. Only the image that is nearest along each axis touches other
+//! robots and is seen.
 
 use super::{
     gaze::{Gaze, Group},
@@ -14,7 +15,7 @@ use pulp::Simd;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Torus([f64; 2]);
 
-/// The other robots as one robot perceives them on a torus: the nearest image of each.
+/// The other robots as one robot perceives them on a torus: the nearest image of each robot.
 ///
 /// Checks robots one by one: neither a grid with wrapping cells nor vectors are worth their code.
 pub(super) struct Images<'a, O> {
@@ -27,7 +28,7 @@ impl Torus {
         Self([world.width(), world.height()])
     }
 
-    /// Wraps a position into the world: each coordinate from 0 to below the side.
+    /// Wraps a position into the world: each coordinate is then at least 0 and below the world's side.
     pub(super) fn wrap(&self, at: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|axis| {
             let side = self.0[axis];
@@ -37,7 +38,7 @@ impl Torus {
         })
     }
 
-    /// The image of `other` that is nearest to `at` along each axis; both may be a few pushes outside of the world.
+    /// The image of `other` that is nearest to `at` along each axis. The two positions can be a few pushes outside of the world.
     pub(super) fn nearest(&self, mut other: [f64; 2], at: [f64; 2]) -> [f64; 2] {
         for axis in [0, 1] {
             let side = self.0[axis];
@@ -51,8 +52,8 @@ impl Torus {
         other
     }
 
-    /// The image of an obstacle whose centre is nearest to `at`, and the eight around it, because an obstacle may be wider than
-    /// half the world.
+    /// The image of an obstacle whose centre is nearest to `at`, and the eight images around it, because an obstacle can be wider
+    /// than half the world.
     pub(super) fn images(&self, obstacle: &Obstacle, at: [f64; 2]) -> impl Iterator<Item = Obstacle> {
         let nearest = self.nearest(obstacle.centre(), at);
         let obstacle = *obstacle;
@@ -66,7 +67,7 @@ impl Torus {
     }
 }
 
-/// Offsets from an image to itself and to those around it, in sides of the world.
+/// Offsets from an image to itself and to the images around it, in sides of the world.
 const SHIFTS: [[f64; 2]; 9] = [
     [0.0, 0.0],
     [-1.0, 0.0],

@@ -1,4 +1,4 @@
-//! Bounds of features: no swarm exceeds them.
+//! Tests that no swarm exceeds the bounds of features.
 
 use crate::simulate::sized;
 use murmuration_proto::v1;
@@ -21,7 +21,7 @@ fn features(controller: &Controller, world: &World, seed: u64) -> Features {
 }
 
 fn controllers() -> impl Strategy<Value = Controller> {
-    // Oversamples the fastest controllers, and those that stand or turn.
+    // Oversample the fastest controllers, and controllers that stand or turn.
     let speed = || prop_oneof![Just(1.0), Just(-1.0), Just(0.0), -1.0..=1.0];
     let single = prop::collection::vec(speed(), 4)
         .prop_map(|genes| Controller::new(Preset::SingleSensor, &genes).unwrap());
@@ -148,7 +148,7 @@ proptest! {
         let controller = sized(&controller, &world);
         let mut swarm = Swarm::new(&controller, &world, &Start::seeded(seed)).unwrap();
         for _ in 0..=world.horizon() {
-            // Single precision, in which motions are sent.
+            // Round to single precision, in which motions are sent.
             let positions = swarm.agents().map(|agent| agent.position.map(|value| f64::from(value as f32)));
             let checked = check_positions(controller.model(), &world, positions);
             prop_assert!(checked.is_ok(), "{checked:?} {world:?}");

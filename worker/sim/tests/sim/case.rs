@@ -1,4 +1,4 @@
-//! Cases that miss keys, and cases that cannot be simulated.
+//! Tests of cases that lack keys, and of cases that cannot be simulated.
 
 use murmuration_sim::case::{Case, CaseError};
 use serde_json::{Value, json};
@@ -184,7 +184,7 @@ fn robots_of_several_species_are_simulated() {
     let mut walled = of_species(json!({}));
     walled["walls"] = json!(true);
     let end = run(&walled).unwrap();
-    // Padding 15 and radius 3; it sees the wall.
+    // With the padding 15 and its radius 3, robot 1 stops 18 units before the edge. The robot sees the wall.
     assert_eq!(end["checkpoints"]["40"][1][0], json!(482.0));
     assert_eq!(end["checkpoints"]["40"][1][3].as_u64().unwrap() % 2, 1);
     let case = Case::from_json(&walled.to_string()).unwrap();

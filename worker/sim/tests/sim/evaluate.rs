@@ -1,4 +1,4 @@
-//! Evaluations: their bits do not depend on how they are computed; invalid ones are refused.
+//! Tests that the bits of evaluations do not depend on how they are computed, and that invalid evaluations are refused.
 
 use crate::simulate;
 use murmuration_proto::v1;
@@ -190,7 +190,7 @@ fn the_papers_swarms_have_the_same_bits_at_once_and_alone() {
     }
 }
 
-/// FNV-1a of all bits of 16 evaluations: the same on every machine, until the simulator's version changes.
+/// FNV-1a hash of all bits of 16 evaluations. The hash is the same on every machine, until the simulator's version changes.
 const BITS: u64 = 0xc3a4_ccb5_3942_e185;
 
 #[test]
@@ -230,7 +230,7 @@ fn what_is_wrong_with_one_of_many_is_an_error() {
 proptest! {
     #![proptest_config(crate::proptest_cases::at_most(48))]
 
-    /// A single evaluation uses entirely different code, which sees by the definition.
+    /// A single evaluation uses entirely different code, which reads sensors by the definition.
     #[test]
     fn described_swarms_together_have_the_bits_of_each_alone(
         model in simulate::described::alone(),

@@ -1,4 +1,4 @@
-//! Whole swarms: their bits on every instruction set, their features and pictures, and properties of their motion.
+//! Tests of whole swarms: their bits on every instruction set, their features and pictures, and properties of their motion.
 #![expect(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 mod bounds;

@@ -1,4 +1,4 @@
-//! Evaluations of recorded motions.
+//! Tests of evaluations of recorded motions.
 
 use murmuration_sim::{
     evaluate::{evaluate, observe},

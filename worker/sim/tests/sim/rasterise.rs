@@ -56,7 +56,7 @@ struct Drawn {
     alone: Vec<Rasteriser>,
 }
 
-/// Draws the same motion in all these ways.
+/// Draws one motion in all the ways of [`Drawn`].
 fn motion() -> Drawn {
     let robots = format!("{}{WORLD}", SPECIES.concat());
     let (model, world) = robots_of(&robots);
@@ -103,7 +103,8 @@ fn a_channel_is_the_picture_of_its_species_alone() {
     assert_eq!(apart.image(), images.concat());
     let raw: Vec<Vec<u8>> = alone.iter().map(Rasteriser::raw_image).collect();
     assert_eq!(apart.raw_image(), raw.concat());
-    // In one channel, the rays of a species erase the others too, so there is at most as much white as in all channels together.
+    // In a single channel, the rays of a species also erase other species. So the channel has at most as much white as all
+    // separate channels together.
     let mut erased = 0;
     for (pixel, &white) in together.raw_image().iter().enumerate() {
         let sum: u16 = raw.iter().map(|image| u16::from(image[pixel])).sum();

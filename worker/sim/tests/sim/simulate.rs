@@ -36,7 +36,7 @@ fn square(side: f64, agents: u32) -> World {
     })
 }
 
-/// The same preset with the bodies and wheels of `world`.
+/// The same controller, for robots with the bodies and wheels of `world`.
 pub(crate) fn sized(controller: &Controller, world: &World) -> Controller {
     let preset = controller.model().preset().unwrap();
     Controller::new(world.robots_of(preset).unwrap(), controller.genes()).unwrap()
@@ -67,7 +67,7 @@ pub(crate) fn controllers() -> impl Strategy<Value = Controller> {
     prop_oneof![single, two]
 }
 
-/// Worlds of all shapes, including crowded ones.
+/// Worlds of all shapes, including crowded worlds.
 pub(crate) fn worlds(agents: impl Strategy<Value = u32>) -> impl Strategy<Value = World> {
     (
         (10.0..400.0, 10.0..400.0, 0.01..5.0, 0.0..1.0),
@@ -124,7 +124,7 @@ proptest! {
         }
     }
 
-    /// Worlds of any density, up to so crowded that all agents touch; also starts beyond the walls.
+    /// Tests worlds of any density, up to worlds so crowded that all agents touch, and starts beyond the walls.
     #[test]
     fn a_grid_changes_no_bit(
         controller in controllers(),
@@ -179,8 +179,8 @@ proptest! {
         }
     }
 
-    /// For agents that touch no other: computes the step and the sensor state by the definition. The numbers of agents cross the
-    /// boundaries of groups of blocks.
+    /// Computes the sensor state of each agent, and the step of agents that touch no other agent, by the definition. The numbers
+    /// of agents lie on both sides of the limits of groups of blocks.
     #[test]
     fn a_step_is_what_the_definition_says(
         controller in controllers(),
@@ -219,7 +219,7 @@ proptest! {
             let agents: Vec<[f64; 2]> = swarm.agents().map(|agent| agent.position).collect();
             let [dx, dy] = [agents[0][0] - agents[1][0], agents[0][1] - agents[1][1]];
             prop_assert!(dx.hypot(dy) >= 10.0 - 1e-9, "{:?}", agents);
-            // At most one push out of one agent.
+            // A push by the other agent can move an agent beyond the walls, but only once.
             let walls = 6.0 - 10.001 - 1e-9..=54.0 + 10.001 + 1e-9;
             prop_assert!(agents.iter().flatten().all(|value| walls.contains(value)), "{:?}", agents);
         }
@@ -268,7 +268,7 @@ fn agents_at_the_very_same_place_part_towards_the_centre() {
     );
 }
 
-/// Such a pile occurs in a large swarm if several starts are clamped into one corner.
+/// A pile of agents occurs in a large swarm if several starts are clamped into one corner.
 #[test]
 fn a_pile_of_agents_comes_apart() {
     let world = square(200.0, 12);

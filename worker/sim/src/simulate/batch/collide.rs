@@ -12,7 +12,7 @@ use pulp::Simd;
 pub(super) struct Touched<S: Simd> {
     /// Number of agents touched.
     count: S::u64s,
-    /// Position of the first one; unspecified in a lane without any.
+    /// Position of the first touched agent; unspecified in a lane whose agent touches no other.
     first: Planar<S>,
 }
 
@@ -23,7 +23,7 @@ impl<S: Simd> Touched<S> {
         let one = simd.splat_u64s(1);
         let mut count = simd.splat_u64s(0);
         let mut first = at;
-        // From the last to the first, so that the first one remains.
+        // The loop runs from the last agent to the first, so that the first touched agent remains.
         for &Aligned(other) in positions.iter().rev() {
             let near = touches(simd, other, at, touch);
             count = simd.select_u64s(near, simd.add_u64s(count, one), count);
@@ -32,13 +32,13 @@ impl<S: Simd> Touched<S> {
         Self { count, first }
     }
 
-    /// The lanes whose agent touches another.
+    /// The lanes whose agent touches another agent.
     #[inline(always)]
     pub(super) fn lanes(self, simd: S) -> S::m64s {
         simd.greater_than_u64s(self.count, simd.splat_u64s(0))
     }
 
-    /// Whether the agent of any lane touches more than one.
+    /// Whether the agent of any lane touches more than one other agent.
     #[inline(always)]
     fn several(self, simd: S) -> bool {
         any(simd, simd.greater_than_u64s(self.count, simd.splat_u64s(1)))
@@ -69,7 +69,7 @@ fn touched_bits<S: Simd>(
     bits
 }
 
-/// Position of the first agent of each lane; of any agent in a lane without bits.
+/// Position of the first agent in the `bits` of each lane; of any agent in a lane without bits.
 #[inline(always)]
 fn first_of<S: Simd>(positions: &[Aligned<Planar<S>>], bits: S::u64s) -> Planar<S> {
     let mut place = positions[0].0;
@@ -82,8 +82,8 @@ fn first_of<S: Simd>(positions: &[Aligned<Planar<S>>], bits: S::u64s) -> Planar<
     place
 }
 
-/// One pass: pushes an agent at `at` out of all agents that it touches there, and returns its new position. `None` if it coincides
-/// with one of them, a rare case for [`pass_by_lane`].
+/// One pass: pushes an agent at `at` out of all agents that it touches there, and returns its new position. `None` if the agent
+/// coincides with an agent that it touches, a rare case for [`pass_by_lane`].
 ///
 /// Computes [`Collisions::pushed`] in all lanes at once, without jitter.
 #[inline(always)]
@@ -110,7 +110,8 @@ pub(super) fn pass<S: Simd>(
     Some(out)
 }
 
-/// Pushes an agent out of one at `other`, in the lanes that are `touching`, and returns its new position.
+/// Pushes the agent at `at` out of the agent at `other` in the `touching` lanes, and returns its new position. `None` if two such
+/// agents coincide.
 #[inline(always)]
 fn pushed<S: Simd>(
     simd: S,
@@ -132,7 +133,7 @@ fn pushed<S: Simd>(
     Some(select(simd, simd.and_m64s(touching, within), out, at))
 }
 
-/// Like [`pass`], lane by lane, because each lane draws its own jitter.
+/// Like [`pass`], but pushes lane by lane, because each lane draws its own jitter.
 pub(super) fn pass_by_lane<S: Simd>(
     simd: S,
     rules: &mut [Collisions],

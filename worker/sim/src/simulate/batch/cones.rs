@@ -1,19 +1,19 @@
-//! Sensor readings of one agent of each swarm with cones, and whether another agent touches it.
+//! Sensor readings of one agent of each swarm, whose sensors are cones, and whether another agent touches this agent.
 //!
 //! The rule and its results are those of [`gaze`](crate::simulate::gaze), but the computation is shorter. Let h be the half-angle
-//! and rho the radius of bodies. Another agent is seen if its centre is in the cone or less than rho beside it: in a moved cone of
-//! the same opening whose apex is k = rho / sin(h) further back. Let e be the vector from here to that centre, |e'| the centre's
-//! distance from the moved apex, and a' = e.c + k its distance from there along the middle c. The centre is inside the moved cone
-//! if
+//! and rho the radius of bodies. A sensor sees another agent if the agent's centre is in the cone or less than rho beside the
+//! cone. In other words, the centre is in a moved cone of the same opening, whose apex is k = rho / sin(h) further back. Let e be
+//! the vector from the viewer to that centre, and |e'| the centre's distance from the moved apex. Let a' = e.c + k be the
+//! centre's distance from the moved apex along the middle c. The centre is inside the moved cone if
 //!
 //! ```text
 //! C |e'|^2 - a' |a'| <= 0,   C = cos(h) |cos(h)|,   |e'|^2 = e.e + 2 k a' - k^2
 //! ```
 //!
-//! This holds for wide cones too, whose cosine is negative, and for rays with k = 0 and |e'|^2 - rho^2 for |e'|^2. Behind the
-//! robot, the moved cone has a tip that the rule does not have. If k is at most 2 rho, agents in the tip touch the robot. If k is
-//! more, agents in the tip touch the robot or are more than 1.5 rho behind it, and by the rule no agent more than rho / 2 behind is
-//! seen. If rounding could change the result, the definition decides.
+//! The formula also holds for wide cones, whose cosine is negative, and for rays if k is 0 and |e'|^2 - rho^2 replaces |e'|^2.
+//! Behind the robot, the moved cone has a tip that the rule does not have. If k is at most 2 rho, agents in the tip touch the
+//! robot. If k is larger, agents in the tip touch the robot or are more than 1.5 rho behind it. By the rule, a sensor sees no
+//! agent that is more than rho / 2 behind. If rounding could change the result, the definition decides.
 
 use super::look::{Seen, Viewer};
 use crate::{
@@ -27,15 +27,15 @@ use murmuration_swarm::{Robot, Sensor};
 use pulp::Simd;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Upper bound of relative errors of lengths, from rounding and from headings. The length of a heading is 1 up to 10^-12, its
-/// square up to twice that.
+/// Upper bound of relative errors of lengths, from rounding and from headings. The length of a heading differs from 1 by at most
+/// 10^-12, and its square by at most twice as much.
 const ROUNDING: f64 = 1e-10;
 /// Upper bound of relative errors of squares of lengths that do not depend on headings.
 const SQUARE_ROUNDING: f64 = 1e-13;
 /// The smallest sine of a half-angle for which the apex is moved back; for narrower cones the definition decides.
 const SMALLEST_SINE: f64 = 0.01;
 
-/// The sensors of all agents of a batch, if some of them are cones or have a range.
+/// The sensors of all agents of a batch, if some of these sensors are cones or have a range.
 #[derive(Debug, Clone)]
 pub(super) struct Cones<S: Simd, const SENSORS: usize> {
     cones: [Cone<S>; SENSORS],
@@ -52,17 +52,17 @@ struct Moved<const SENSORS: usize> {
     furthest: f64,
 }
 
-/// One sensor: its shape is the same in all lanes, its direction differs.
+/// One sensor. The shape of a sensor is the same in all lanes; its direction differs between lanes.
 #[derive(Debug, Clone, Copy)]
 struct Cone<S: Simd> {
     /// The sensor of one lane, for its shape and range, which all lanes share.
     eye: Eye,
     edges: [Planar<S>; 2],
-    /// Offset to e.e - rho^2 that makes it negative within range.
+    /// Number whose sum with e.e - rho^2 is negative within range.
     range: Option<f64>,
 }
 
-/// A moved cone: the coefficients of `C |e'|^2` for e.e - rho^2 and for a', and its constant.
+/// A moved cone as the terms of `C |e'|^2`: the coefficients of e.e - rho^2 and of a', and the constant.
 #[derive(Debug, Clone, Copy)]
 struct Opening {
     /// Distance that the apex is moved back: k.
@@ -70,7 +70,7 @@ struct Opening {
     outside: f64,
     along: f64,
     constant: f64,
-    /// Coefficient of a', and constant, of a number that is positive in the tip; `None` if all agents in the tip touch.
+    /// Coefficient of a' and constant of a number that is positive in the tip; `None` if all agents in the tip touch the robot.
     tip: Option<[f64; 2]>,
 }
 
@@ -88,7 +88,7 @@ impl Opening {
         if half_angle == 0.0 {
             return Some(without_apex(1.0, 0.0));
         }
-        // All around: -e.e - rho^2 - a |a| is negative everywhere.
+        // For a cone all around, -e.e - rho^2 - a |a| is negative everywhere.
         if half_angle >= PI {
             return Some(without_apex(-1.0, -2.0 * square));
         }
@@ -118,18 +118,18 @@ impl<const SENSORS: usize> Moved<SENSORS> {
     }
 }
 
-/// An agent of each swarm, about to look into its cones.
+/// An agent of each swarm, with the directions of its cones.
 #[derive(Clone, Copy)]
 pub(super) struct ConeViewer<S: Simd, const SENSORS: usize> {
     pub(super) at: Planar<S>,
     pub(super) heading: Planar<S>,
-    /// Unit vectors along the middles of its cones.
+    /// Unit vectors along the middles of the agent's cones.
     pub(super) middles: [Planar<S>; SENSORS],
     pub(super) reach: Reach,
 }
 
 impl<S: Simd, const SENSORS: usize> ConeViewer<S, SENSORS> {
-    /// An agent with this heading, and cones about its rays.
+    /// An agent with this heading, and with cones about the viewer's rays.
     #[inline(always)]
     pub(super) fn of(viewer: Viewer<S, SENSORS>, heading: Planar<S>) -> Self {
         Self {
@@ -163,7 +163,8 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         })
     }
 
-    /// Looks by the formulas above; `None` if rounding may change the result. Like [`Viewer::glance`](super::look::Viewer::glance).
+    /// Reads the sensors by this module's formulas; `None` if rounding can change the result. See
+    /// [`Viewer::glance`](super::look::Viewer::glance).
     #[inline(always)]
     pub(super) fn glance(
         &self,
@@ -179,7 +180,7 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         let mut nearest = simd.splat_f64s(f64::INFINITY);
         let mut deepest = [nearest; SENSORS];
         for other in others {
-            // The opposite vector, which has the same length.
+            // This vector is -e, which has the same length as e.
             let e = minus(simd, viewer.at, other.0);
             let outside = simd.mul_add_e_f64s(e[0], e[0], simd.mul_add_e_f64s(e[1], e[1], body));
             nearest = simd.min_f64s(nearest, outside);
@@ -206,12 +207,13 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         (!any(simd, simd.not_m64s(sure))).then_some(Seen { touched, hits })
     }
 
-    /// Margin below which a result of [`Cone::beyond`] is not certain, if no coordinate exceeds `far` and no apex is moved back by
-    /// more than `back`.
+    /// A result of [`Cone::beyond`] is not certain below this margin. Requires that no coordinate exceeds `far`, and that no apex
+    /// is moved back by more than `back`.
     ///
-    /// Rounding and headings change the distance from an edge of the cone by at most `ROUNDING (rho + far + far^2 / rho)`, because
-    /// the definition squares the distance. The result is that distance times the distance from the other edge, which is at most
-    /// |e'|, so at most 3 far + k; 4 times that leaves room. Rounding of the result itself is relative to the square of far + k.
+    /// Rounding and headings change the distance from an edge of the cone by at most `ROUNDING (rho + far + far^2 / rho)`,
+    /// because the definition squares the distance. The result is this distance times the distance from the other edge. The
+    /// distance from the other edge is at most |e'|, so at most 3 far + k; this function uses 4 times this bound. Rounding of the
+    /// result itself is relative to the square of far + k.
     #[inline(always)]
     fn margin(&self, simd: S, far: S::f64s, back: f64) -> S::f64s {
         let constant = simd.splat_f64s(ROUNDING * self.radius);
@@ -224,7 +226,7 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         simd.mul_add_e_f64s(beside, across, own)
     }
 
-    /// Whether each sensor hits, by the operations of the definition.
+    /// Whether each sensor hits an agent, by the operations of the definition.
     #[inline(always)]
     pub(super) fn by_definition(
         &self,
@@ -255,8 +257,8 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
 }
 
 impl<S: Simd> Cone<S> {
-    /// Negative if another agent that does not touch is seen; positive if it is not. `e` is the vector from its centre to here;
-    /// `outside` is e.e - rho^2.
+    /// Negative if the sensor sees another agent that does not touch the viewer; positive if the sensor does not see this agent.
+    /// `e` is the vector from the other agent's centre to the viewer; `outside` is e.e - rho^2.
     #[inline(always)]
     fn beyond(
         &self,
@@ -267,7 +269,7 @@ impl<S: Simd> Cone<S> {
         outside: S::f64s,
     ) -> S::f64s {
         let apex = simd.splat_f64s(-opening.back);
-        // -a', so that one operation subtracts its square.
+        // The variable is -a', so that one operation subtracts the square of a'.
         let behind = simd.mul_add_e_f64s(e[0], middle[0], simd.mul_add_e_f64s(e[1], middle[1], apex));
         let by_outside = simd.mul_add_e_f64s(
             outside,

@@ -1,4 +1,4 @@
-//! Sensor readings of one agent of each swarm with rays, and whether another agent touches it.
+//! Sensor readings of one agent of each swarm, whose sensors are rays, and whether another agent touches this agent.
 
 use crate::{
     lanes::{Aligned, Planar, any, dot, magnitude, minus},
@@ -6,36 +6,38 @@ use crate::{
 };
 use pulp::Simd;
 
-/// Largest sum of the rounding errors of [`Viewer::glance`] and of the definition, relative to the squares of the lengths at hand.
-/// Each computes a sum of a few products, which round by 2^-53 each; this is 64 times that.
+/// Largest sum of the rounding errors of [`Viewer::glance`] and of the definition, relative to the squares of the lengths. Glance
+/// and definition both compute a sum of a few products, and each product rounds by 2^-53. The bound is 64 times 2^-53.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
-/// Result of a look at all others.
+/// Result of a look at all other agents.
 #[derive(Clone, Copy)]
 pub(super) struct Seen<S: Simd, const SENSORS: usize> {
-    /// Whether another agent touches.
+    /// Whether another agent touches the viewer.
     pub(super) touched: S::m64s,
-    /// Whether each sensor hits; unless documented otherwise, unspecified where another agent touches.
+    /// Whether each sensor hits an agent; unspecified in lanes where another agent touches the viewer, unless documented
+    /// otherwise.
     pub(super) hits: [S::m64s; SENSORS],
 }
 
-/// An agent of each swarm, about to look.
+/// An agent of each swarm, which looks at the other agents.
 #[derive(Clone, Copy)]
 pub(super) struct Viewer<S: Simd, const SENSORS: usize> {
     pub(super) at: Planar<S>,
-    /// Unit vectors along the rays of its sensors.
+    /// Unit vectors along the rays of the agent's sensors.
     pub(super) rays: [Planar<S>; SENSORS],
     pub(super) reach: Reach,
 }
 
 impl<S: Simd, const SENSORS: usize> Viewer<S, SENSORS> {
-    /// Looks at `others` with fused multiply-add; `None` if rounding may change the result. No coordinate of the others or the
-    /// viewer may exceed `far` in magnitude. `hits` are correct only where no agent touches.
+    /// Looks at `others` with fused multiply-add; `None` if rounding can change the result. No coordinate of the others or the
+    /// viewer may exceed `far` in magnitude. `hits` are correct only in lanes where no agent touches the viewer.
     ///
-    /// With e the vector from here to another agent's centre, a ray u hits if e.u >= 0 and r^2 - e.e + (e.u)^2 >= 0. If no agent
-    /// touches, r^2 - e.e is negative. Then r^2 - e.e + (e.u)|e.u| is negative if e.u is, and the same number as above otherwise.
-    /// So its sign alone decides, and the maximum over all others decides for the ray. The code negates the number and takes the
-    /// minimum.
+    /// Let e be the vector from the viewer to another agent's centre. A ray u hits this agent if both e.u and r^2 - e.e + (e.u)^2
+    /// are at least 0. If no agent touches the viewer, r^2 - e.e is negative. In this case, the number r^2 - e.e + (e.u)|e.u| is
+    /// negative if e.u is negative, and equals r^2 - e.e + (e.u)^2 otherwise. So the sign of this number shows whether the ray
+    /// hits an agent, and the sign of its maximum over all other agents whether the ray hits any. The code negates the number and
+    /// takes the minimum.
     ///
     /// The result depends on whether e.e - r^2 is below 3 r^2, and e.e - r^2 - (e.u)|e.u| below 0. Two ways to compute these
     /// numbers differ by at most [`ROUNDING`] times the largest possible e.e.
@@ -51,7 +53,8 @@ impl<S: Simd, const SENSORS: usize> Viewer<S, SENSORS> {
         let mut nearest = simd.splat_f64s(f64::INFINITY);
         let mut deepest = [nearest; SENSORS];
         for other in others {
-            // The opposite vector, which has the same length, so that the subtraction can take the position from memory.
+            // This vector is -e, which has the same length as e. The subtraction for -e can take the other agent's position from
+            // memory.
             let e = minus(simd, self.at, other.0);
             let outside = simd.mul_add_e_f64s(e[0], e[0], simd.mul_add_e_f64s(e[1], e[1], body));
             nearest = simd.min_f64s(nearest, outside);
@@ -61,7 +64,7 @@ impl<S: Simd, const SENSORS: usize> Viewer<S, SENSORS> {
                 *deepest = simd.min_f64s(*deepest, depth);
             }
         }
-        // e is at most 2 far along each axis, and so e.e at most 8 far^2.
+        // e is at most 2 far along each axis, so e.e is at most 8 far^2.
         let margin = simd.mul_add_e_f64s(
             simd.mul_f64s(far, far),
             simd.splat_f64s(8.0 * ROUNDING),
@@ -78,7 +81,8 @@ impl<S: Simd, const SENSORS: usize> Viewer<S, SENSORS> {
         (!any(simd, simd.not_m64s(sure))).then_some(Seen { touched, hits })
     }
 
-    /// Whether each sensor hits, by the operations of the definition; correct also where others touch.
+    /// Whether each sensor hits an agent, by the operations of the definition. The result is also correct where other agents
+    /// touch the viewer.
     #[inline(always)]
     pub(super) fn look_among(self, simd: S, others: &[Aligned<Planar<S>>]) -> [S::m64s; SENSORS] {
         let zero = simd.splat_f64s(0.0);

@@ -1,8 +1,8 @@
-//! Steps swarms of one world together, one in each lane of a vector.
+//! Steps swarms of one world together, one swarm in each lane of a vector.
 //!
-//! The arithmetic is that of [`Swarm`](super::Swarm), in the same order, so the bits are the same. Vectors of agents of one swarm
-//! leave lanes empty, and work done once per agent (driving, clamping, choosing a gait) uses a single lane; here every lane works.
-//! Collisions cost more: a lane whose agent touches none waits for the lanes whose agents do.
+//! A batch does the same arithmetic as [`Swarm`](super::Swarm), in the same order, so the bits are the same. Vectors of agents of
+//! one swarm leave lanes empty, and work that is done once per agent (driving, clamping, choosing a gait) uses a single lane. In
+//! a batch, every lane works. Collisions cost more: lanes without a collision wait for lanes with a collision.
 
 mod collide;
 mod cones;
@@ -21,11 +21,11 @@ use look::{Seen, Viewer};
 use murmuration_swarm::{CapabilityModel, Controller, Invalid, RobotController, SeenRobots, Sensor, World};
 use pulp::Simd;
 
-/// Maximum number of agents per swarm of a batch: the agents that one touches are the bits of a word.
+/// Maximum number of agents per swarm of a batch. The bits of one word list the agents that an agent touches.
 pub(crate) const MOST_AGENTS: u32 = u64::BITS;
 
-/// One swarm per lane of a vector. Robots differ in their controllers only, and have `SENSORS` sensors: rays without limit, or
-/// `CONES`.
+/// One swarm per lane of a vector. Robots differ only in their controllers, and have `SENSORS` sensors. The sensors are rays
+/// without limit, or cones if `CONES`.
 pub(crate) struct Batch<S: Simd, const SENSORS: usize, const CONES: bool> {
     walls: Walls,
     reach: Reach,
@@ -37,14 +37,14 @@ pub(crate) struct Batch<S: Simd, const SENSORS: usize, const CONES: bool> {
     directions: [Planar<S>; SENSORS],
     /// Whether the first sensor looks straight ahead in all lanes.
     first_is_ahead: bool,
-    /// The sensors, if they are `CONES`.
+    /// The sensors, if they are cones.
     cones: Option<Cones<S, SENSORS>>,
-    /// Two radii.
+    /// Diameter of a body.
     diameter: f64,
     collisions: Vec<Collisions>,
-    /// Whether a push may draw random numbers.
+    /// Whether a push can draw random numbers.
     jitters: bool,
-    /// Positions of all agents, and then all of them again for [`Batch::others`].
+    /// Positions of all agents, twice in a row, for [`Batch::others`].
     positions: Vec<Aligned<Planar<S>>>,
     /// Positions of all agents at the last call of [`Batch::watch`].
     watched: Vec<Aligned<Planar<S>>>,
@@ -58,22 +58,22 @@ pub(crate) struct Batch<S: Simd, const SENSORS: usize, const CONES: bool> {
 #[derive(Debug, Clone, Copy)]
 struct Body<S: Simd, const SENSORS: usize> {
     heading: Planar<S>,
-    /// Whether each sensor hit.
+    /// Whether each sensor hit an agent.
     sensed: [S::m64s; SENSORS],
-    /// Whether the agent touched another in its last step, in any lane.
+    /// Whether the agent touched another agent in its last step, in any lane.
     crowded: bool,
 }
 
 /// The controller of one swarm, prepared for its steps.
 struct Brain {
-    /// By sensor state.
+    /// Gaits by sensor state.
     gaits: Vec<drive::Gait>,
     /// (cos, sin) of the sensors' angles.
     directions: Vec<[f64; 2]>,
 }
 
-/// Whether swarms of this model can be simulated in a batch: one species, few robots, sensors that see all robots and nothing
-/// else, nothing in the world but robots and walls.
+/// Whether swarms of this model can be simulated in a batch. The swarms of a batch have one species, few robots, and sensors that
+/// see all robots and nothing else. The world of a batch has only robots and walls.
 pub(crate) fn is_for(model: &CapabilityModel, world: &World) -> bool {
     let sees_robots = |sensor: &Sensor| *sensor.robots() != SeenRobots::None && sensor.wall_range().is_none();
     match model.species() {
@@ -83,14 +83,14 @@ pub(crate) fn is_for(model: &CapabilityModel, world: &World) -> bool {
     }
 }
 
-/// The task of each lane; lanes without a task repeat the last one.
+/// The task of each lane; lanes without a task repeat the last task.
 fn in_lanes<S: Simd, T>(tasks: &[T]) -> Vec<&T> {
     (0..S::F64_LANES)
         .map(|lane| &tasks[lane.min(tasks.len() - 1)])
         .collect()
 }
 
-/// The motion of one step: [`drive::Gait`] without the change of theta, which is not needed here.
+/// The motion of one step: [`drive::Gait`] without the change of theta, which a batch does not need.
 #[derive(Debug, Clone, Copy)]
 struct Gait<S: Simd> {
     ahead: S::f64s,
@@ -106,11 +106,11 @@ pub(crate) struct Agents<S: Simd> {
 }
 
 impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> {
-    /// Swarms at their starts, one for each of `tasks`: at least one, at most one per lane; further lanes repeat the last. Requires
-    /// [`is_for`] and robots with `SENSORS` sensors.
+    /// Swarms at their starts, one for each of `tasks`. `tasks` has at least one task, and at most one task per lane; further
+    /// lanes repeat the last task. Requires a model that [`is_for`] accepts, and robots with `SENSORS` sensors.
     ///
     /// # Errors
-    /// As [`Swarm::new`](super::Swarm::new).
+    /// The errors of [`Swarm::new`](super::Swarm::new).
     pub(crate) fn new(simd: S, world: &World, tasks: &[(Controller, Start)]) -> Result<Self, Invalid> {
         let lanes = in_lanes::<S, _>(tasks);
         let model = lanes[0].0.model();
@@ -223,14 +223,14 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         self.steps
     }
 
-    /// Begins to measure the displacements of [`Batch::agents`].
+    /// Begins to measure the displacements that [`Batch::agents`] returns.
     #[inline(always)]
     pub(crate) fn watch(&mut self) {
         let agents = self.bodies.len();
         self.watched.copy_from_slice(&self.positions[..agents]);
     }
 
-    /// The agents, in index order; displacements are since [`Batch::watch`].
+    /// The agents, in index order; displacements are measured since the last call of [`Batch::watch`].
     #[inline(always)]
     pub(crate) fn agents(&self, simd: S) -> impl ExactSizeIterator<Item = Agents<S>> + Clone {
         self.bodies.iter().zip(&self.positions).zip(&self.watched).map(
@@ -247,8 +247,8 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
     #[inline(always)]
     pub(crate) fn sensor_directions(&self, simd: S, heading: Planar<S>) -> [Planar<S>; SENSORS] {
         let mut directions = [heading; SENSORS];
-        // Skipping a rotation by 0 saves a hundredth of a step with one sensor. With more sensors the branch costs more than it
-        // saves.
+        // Skipping a rotation by 0 saves a hundredth of the time of a step with one sensor. With more sensors, the branch costs
+        // more than it saves.
         if SENSORS == 1 && self.first_is_ahead {
             return directions;
         }
@@ -297,7 +297,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         }
     }
 
-    /// Sensor reading of agent `i`, and whether another agent touches it; `None` if rounding may change the result.
+    /// Sensor reading of agent `i`, and whether another agent touches it; `None` if rounding can change the result.
     #[inline(always)]
     fn glance(&mut self, simd: S, i: usize, at: Planar<S>, heading: Planar<S>) -> Option<Seen<S, SENSORS>> {
         let viewer = self.viewer(simd, at, heading);
@@ -310,7 +310,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         }
     }
 
-    /// Extends `far` to an agent that is or will be at `at`.
+    /// Raises the bound `far` if an agent at `at` exceeds it.
     #[inline(always)]
     fn reach_to(&mut self, simd: S, at: Planar<S>) {
         let here = simd.max_f64s(magnitude(simd, at[0]), magnitude(simd, at[1]));
@@ -327,8 +327,8 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         }
     }
 
-    /// The positions of all agents except `i`, as a slice of the same length for each: the end of a loop of varying length is
-    /// mispredicted.
+    /// The positions of all agents except `i`. The slice has the same length for every agent, because the CPU mispredicts the end
+    /// of a loop of varying length.
     #[inline(always)]
     fn others(&self, i: usize) -> &[Aligned<Planar<S>>] {
         &self.positions[i + 1..i + self.bodies.len()]
@@ -362,7 +362,7 @@ fn chosen<S: Simd, const SENSORS: usize>(
     }
 }
 
-/// Like [`chosen`], for many gaits: choosing by halves would take as many selections as there are gaits.
+/// Like [`chosen`], but for many gaits, because [`chosen`] would need as many selections as there are gaits.
 #[inline(always)]
 fn chosen_by_lane<S: Simd, const SENSORS: usize>(
     simd: S,

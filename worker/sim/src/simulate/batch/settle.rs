@@ -1,4 +1,4 @@
-//! Pushes agents out of those that they touch, and then has them look.
+//! Pushes agents out of the agents that they touch, and then reads their sensors.
 
 use super::{
     Batch,
@@ -13,22 +13,23 @@ use crate::{
 use pulp::{Simd, WithSimd};
 
 impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> {
-    /// Pushes agent `i` out of all agents that it touches in any lane, and then has it look.
+    /// Pushes agent `i` out of all agents that it touches in any lane, and then reads its sensors.
     ///
-    /// A separate function, because its need for registers would slow down agents that touch no other.
+    /// This code is a separate function, because its need for registers would slow down steps of agents that touch no other
+    /// agent.
     #[inline(never)]
     pub(super) fn settle_apart(&mut self, simd: S, i: usize) {
         simd.vectorize(Settling::<_, SENSORS, CONES, false> { batch: self, simd, i });
     }
 
-    /// Like [`Batch::settle_apart`], lane by lane.
+    /// Like [`Batch::settle_apart`], but pushes lane by lane.
     #[inline(never)]
     fn settle_by_lane(&mut self, simd: S, i: usize) {
         simd.vectorize(Settling::<_, SENSORS, CONES, true> { batch: self, simd, i });
     }
 
-    /// Pushes lane by lane if `BY_LANE`. Otherwise pushes all lanes at once; if that is impossible, returns `false` and leaves the
-    /// agent where it was.
+    /// Pushes agent `i` lane by lane if `BY_LANE`, or in all lanes at once if not. If a push in all lanes at once is impossible,
+    /// returns `false`, and the agent stays where it was.
     #[inline(always)]
     fn settle<const BY_LANE: bool>(&mut self, simd: S, i: usize) -> bool {
         let agents = self.bodies.len();
@@ -39,7 +40,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         let touch = simd.splat_f64s(self.reach.touch);
         let mut passes = 0;
         let sensed = loop {
-            // One pass is usually enough. An agent that needs two probably needs all.
+            // One pass is usually enough. An agent that needs two passes probably needs all passes.
             if passes == 1
                 && let Some(Seen { touched, hits }) = self.glance(simd, i, at, heading)
                 && !any(simd, touched)
@@ -92,7 +93,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
     }
 }
 
-/// [`Batch::settle`] as a type, so that it is compiled for the instructions at hand without being inlined.
+/// [`Batch::settle`] as a type, so that the code is compiled for this CPU's instructions without being inlined.
 struct Settling<'a, S: Simd, const SENSORS: usize, const CONES: bool, const BY_LANE: bool> {
     batch: &'a mut Batch<S, SENSORS, CONES>,
     simd: S,

@@ -6,8 +6,8 @@ use murmuration_proto::v1;
 use murmuration_swarm::{Controller, Preset, World};
 use pulp::Scalar;
 
-/// The margin of a glance grows with the largest coordinate so far: an agent beyond that coordinate would be seen with too small a
-/// margin.
+/// The margin of a glance grows with the largest coordinate so far. An agent beyond this coordinate would be seen with too small
+/// a margin.
 #[test]
 fn nobody_is_farther_than_the_margins_of_a_glance_allow_for() {
     let agents = 40;
@@ -18,7 +18,8 @@ fn nobody_is_farther_than_the_margins_of_a_glance_allow_for() {
     });
     let world = world.unwrap();
     let controller = Controller::new(Preset::SingleSensor, &[0.0; 4]).unwrap();
-    // The agents are so close that ten passes separate few of them, in the corner where pushes lead to larger coordinates.
+    // The agents are so close together that ten passes separate only a few agents. All agents are in the corner where pushes lead
+    // to larger coordinates.
     let poses = (0..agents).map(|i| [499.0 + 0.01 * f64::from(i), 499.0 - 0.02 * f64::from(i % 7), 0.0]);
     let tasks = [(controller, Start::at(poses.collect()).unwrap())];
     let simd = Scalar::new();

@@ -1,4 +1,5 @@
-//! Swarms of described robots: they see by the definition, and equal the paper's swarms if their description does.
+//! Tests that described robots see by the definition, and that robots with the description of the paper's robots have the same
+//! bits.
 
 use super::*;
 use murmuration_swarm::{
@@ -12,7 +13,7 @@ fn name(name: &str) -> SpeciesName {
     SpeciesName::parse("name", name).unwrap()
 }
 
-/// The same robots as a species with a name and a number, so that they are no preset.
+/// The same robots as a species with a name and a count, so that the robots are no preset.
 fn described(controller: &Controller, world: &World) -> Controller {
     let robot = controller.model().species()[0].robot().clone();
     let model = CapabilityModel::new(vec![Species::new(name("a"), robot)], vec![vec![world.agents()]]);
@@ -84,7 +85,7 @@ pub(crate) fn boundaries() -> impl Strategy<Value = Boundary> {
     prop_oneof![Just(Boundary::Walls), Just(Boundary::Open)]
 }
 
-/// Two species, or three of which two have the same size, with genes.
+/// Controllers of swarms with two species, or with three species, two of the same size.
 pub(super) fn swarms(count: u32) -> impl Strategy<Value = Controller> {
     (robots(), robots(), any::<bool>(), any::<u64>()).prop_map(move |(a, b, thrice, seed)| {
         let species = |called, robot: &Robot| Species::new(name(called), robot.clone());
@@ -155,7 +156,7 @@ fn sensed_by_angles(controller: &Controller, robots: &[Agent], i: usize, world: 
                     me.position[1] + range * angle.sin(),
                 ]
             };
-            // A collision may have pushed the robot beyond a wall; then it sees the wall in any direction.
+            // If a collision has pushed the robot beyond a wall, the robot sees the wall in any direction.
             let is_seen = is_beyond(me.position) || on_arc.into_iter().map(end).any(is_beyond);
             world.boundary() == Boundary::Walls && is_seen
         });
@@ -184,8 +185,8 @@ proptest! {
         prop_assert_eq!(same.jitter_events(), paper.jitter_events());
     }
 
-    /// The paper's robots take the general path if a robot has another size. Here that robot is so far away, in a world without
-    /// walls, that others rarely see it.
+    /// The paper's robots take the general code path if another robot has another size. In this test, the other robot is so far
+    /// away, in a world without walls, that the paper's robots rarely see it.
     #[test]
     fn the_general_path_has_the_papers_bits_too(controller in controllers(), seed: u64) {
         let without = square(10_000.0, 39);
@@ -232,7 +233,8 @@ proptest! {
         prop_assert_eq!(&run(Arch::new(), true), &scalar);
     }
 
-    /// Angles round differently from vectors, so a few readings in ten thousand may differ, though ideally none does.
+    /// Angles round differently from vectors. A reading can differ if a body is exactly at a sensor's limit, which hardly ever
+    /// happens in random swarms.
     #[test]
     fn what_is_seen_is_what_the_definition_says(
         controller in swarms(6),

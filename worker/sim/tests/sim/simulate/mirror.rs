@@ -1,4 +1,5 @@
-//! Mirror images: a swarm that starts as another's mirror image, with wheels exchanged, moves as its mirror image.
+//! Tests mirror images. A swarm that starts as the mirror image of another swarm, with wheels exchanged, moves as the mirror
+//! image of the other swarm.
 //!
 //! The mirror lies on the diagonal of a square world: it exchanges x and y, which rounds nothing. (In an upright mirror the image
 //! of x is `width - x`, which rounds.)
@@ -34,7 +35,7 @@ fn starts(world: &World, stream: &mut RandomStream) -> [Start; 2] {
     [poses, mirrored].map(|poses| Start::at(poses).unwrap())
 }
 
-/// Positions and headings.
+/// Positions and headings of all agents, as bits.
 fn poses(swarm: &Swarm) -> Vec<[u64; 4]> {
     let pose = |agent: Agent| {
         let ([x, y], [hx, hy]) = (agent.position, agent.heading);

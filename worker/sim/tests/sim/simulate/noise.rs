@@ -1,4 +1,4 @@
-//! Noise: its effects, and that its bits depend on the seed alone.
+//! Tests the effects of noise, and that the bits of noise depend on the seed alone.
 
 use super::*;
 use murmuration_sim::evaluate::Evaluator;
@@ -82,7 +82,7 @@ proptest! {
         }
     }
 
-    /// If noise changes nothing, its code path has the same bits as the others.
+    /// If noise changes nothing, the code path for noise has the same bits as the code path without noise.
     #[test]
     fn slip_too_small_to_matter_changes_no_bit(controller in controllers(), seed: u64) {
         let start = Start::seeded(seed);
@@ -111,7 +111,7 @@ fn one_robot(noise: v1::Noise) -> World {
     noisy(&square(10_000.0, 1), noise)
 }
 
-/// Speed and turn, in each of `steps` steps, of a lone robot of [`before_walls`] in a world without walls.
+/// Speed and turn of a lone robot of [`before_walls`] in each of `steps` steps, in a world without walls.
 fn motions(noise: v1::Noise, pair: [f64; 2], seed: u64, steps: usize) -> Vec<[f64; 2]> {
     let open = v1::World {
         boundary: Some("open".to_owned()),
@@ -216,7 +216,7 @@ fn readings_are_missed_and_false_as_often_as_asked() {
 /// A robot drives to a wall and stops once it senses the wall, at a known step.
 #[test]
 fn a_delayed_robot_moves_by_what_it_read_so_many_steps_ago() {
-    // Padding 1: the sensor is on from x = 9979 on, which a robot at 9970 reaches with its 9th step.
+    // The padding is 1, so the sensor is on from x = 9979 on. A robot that starts at 9970 reaches 9979 with its 9th step.
     let controller = Controller::new(before_walls(), &[1.0, 0.0, 0.0, 0.0]).unwrap();
     let start = Start::at(vec![[9970.0, 5000.0, 0.0]]).unwrap();
     for delay in [0, 1, 2, 5] {

@@ -1,4 +1,4 @@
-//! Obstacles push robots out, and sensors see them.
+//! Tests that obstacles push robots out, and that sensors see obstacles.
 
 use super::*;
 use murmuration_swarm::{CapabilityModel, Drive, Robot, Seen, Sensor, SensorAngle, SensorDescription};
@@ -85,7 +85,7 @@ proptest! {
     }
 }
 
-/// Final position of a paper's robot that drives from `from` at heading `theta`, 2 units per step.
+/// Final position of a robot of the paper that starts at `from` with the heading `theta`, and drives 2 units per step.
 fn end(obstacles: Vec<v1::Obstacle>, from: [f64; 2], theta: f64, steps: u32) -> [f64; 2] {
     let world = with(obstacles, Boundary::Walls, square(200.0, 1));
     let start = Start::at(vec![[from[0], from[1], theta]]).unwrap();
@@ -108,9 +108,9 @@ fn a_robot_stops_before_what_it_drives_straight_into() {
     );
     let side = rectangle(150.0, 100.0, 40.0, 100.0);
     assert_near(end(vec![side], [100.0, 100.0], 0.0, 50), [124.999, 100.0]);
-    // It is not stopped before it reaches the side.
+    // The robot is not stopped before it reaches the side.
     assert_near(end(vec![side], [100.0, 100.0], 0.0, 12), [124.0, 100.0]);
-    // It slides along a side that it drives into at an angle.
+    // The robot slides along a side that it drives into at an angle.
     let slid = end(vec![side], [100.0, 100.0], 0.5, 40);
     assert_near(slid, [124.999, 100.0 + 40.0 * 2.0 * 0.5_f64.sin()]);
 }
@@ -146,7 +146,7 @@ fn a_robot_that_does_not_fit_through_stays_before() {
 
 #[test]
 fn a_robot_shut_in_by_the_wall_leaves_along_it() {
-    // The disc extends beyond the wall; pushes and walls would alternate for ever.
+    // The disc extends beyond the wall, so pushes by the disc and by the wall would alternate for ever.
     let start = end(vec![disc(5.0, 100.0, 40.0)], [6.0, 100.0], PI, 1);
     assert!(
         (start[0] - 5.0).hypot(start[1] - 100.0) >= 45.0 && start[0] >= 6.0,
@@ -181,11 +181,11 @@ fn sees(sensor: Sensor, obstacle: v1::Obstacle) -> bool {
 #[test]
 fn a_ray_sees_the_edges_and_corners_of_a_box_within_its_range() {
     let ray = |range, angle| ray_that_sees_obstacles(0.0, range, angle);
-    // A side at x = 130, from y = 90 to 110.
+    // This box has a side at x = 130, from y = 90 to 110.
     let side = rectangle(140.0, 100.0, 20.0, 20.0);
     assert!(sees(ray(None, 0.0), side) && !sees(ray(None, PI), side));
     assert!(sees(ray(Some(30.0), 0.0), side) && !sees(ray(Some(29.999), 0.0), side));
-    // Its corners lie at atan(10 / 30) above and below.
+    // The corners of this side lie atan(10 / 30) above and below the robot's heading.
     let corner = (10.0_f64 / 30.0).atan();
     for sign in [-1.0, 1.0] {
         assert!(sees(ray(None, sign * (corner - 1e-6)), side));
@@ -193,7 +193,7 @@ fn a_ray_sees_the_edges_and_corners_of_a_box_within_its_range() {
     }
     let far = 30.0_f64.hypot(10.0);
     assert!(sees(ray(Some(far), corner - 1e-6), side) && !sees(ray(Some(far - 0.01), corner - 1e-6), side));
-    // A corner seen along the diagonal, and a box that a ray along an axis passes by.
+    // A ray along the diagonal sees a corner of this box; a ray along an axis passes by the box.
     let diagonal = rectangle(140.0, 140.0, 20.0, 20.0);
     assert!(sees(ray(None, FRAC_PI_4), diagonal) && !sees(ray(None, 0.0), diagonal));
     assert!(!sees(
@@ -206,13 +206,13 @@ fn a_ray_sees_the_edges_and_corners_of_a_box_within_its_range() {
 fn a_cone_sees_what_lies_in_it_or_meets_its_edge() {
     let cone = |half, range| ray_that_sees_obstacles(half, range, 0.0);
     let side = rectangle(140.0, 140.0, 20.0, 20.0);
-    // The corner that is seen at the smallest angle is at (50, 30).
+    // The corner that is seen at the smallest angle is at (50, 30) from the robot.
     let least = (30.0_f64 / 50.0).atan();
     assert!(sees(cone(least + 1e-6, None), side) && !sees(cone(least - 1e-6, None), side));
-    // The whole box is between the edges: its nearest point, the corner at (30, 30), decides.
+    // The whole box is between the edges of the cone: its nearest point, the corner at (30, 30), decides.
     let corner = 30.0 * f64::sqrt(2.0);
     assert!(sees(cone(1.5, Some(corner + 0.01)), side) && !sees(cone(1.5, Some(corner - 0.01)), side));
-    // A box behind a wide cone, and a cone all around.
+    // A wide cone does not see a box behind the robot; a cone all around does.
     let behind = rectangle(60.0, 100.0, 20.0, 20.0);
     assert!(!sees(cone(2.0, None), behind) && sees(cone(PI, Some(30.0)), behind));
 }

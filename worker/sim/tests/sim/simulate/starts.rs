@@ -38,7 +38,7 @@ fn a_disc_is_filled_evenly_about_the_centre() {
     let share = |inside: &dyn Fn(&[f64; 3]) -> bool| {
         poses.iter().filter(|pose| inside(pose)).count() as f64 / poses.len() as f64
     };
-    // Within four standard errors.
+    // The shares are within four standard errors.
     assert!((share(&|pose| distance(pose) < 50.0) - 0.25).abs() < 0.018);
     assert!((share(&|pose| pose[0] < 250.0) - 0.5).abs() < 0.02);
     assert!((share(&|pose| pose[1] < 250.0) - 0.5).abs() < 0.02);
