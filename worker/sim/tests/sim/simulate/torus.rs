@@ -46,7 +46,7 @@ fn robots_collide_across_the_edge() {
     let world = torus(100.0, 2);
     let mut swarm = swarm([0.0; 4], &world, &[[2.0, 50.0, 0.0], [97.0, 50.0, 0.0]]);
     swarm.step();
-    // They are five apart across the edge; the first is pushed to the right.
+    // The robots are five units apart across the edge; the first robot is pushed to the right.
     let at = positions(&swarm);
     assert!((at[0][0] - 7.001).abs() < 1e-9 && at[0][1] == 50.0, "{at:?}");
     assert_eq!(at[1], [97.0, 50.0]);
@@ -61,7 +61,7 @@ fn robots_see_each_others_nearest_image_only() {
         let swarm = swarm([0.0; 4], &world, &[[90.0, 50.0, theta], [x, 50.0, 0.0]]);
         swarm.readings()[0]
     };
-    // The other is 20 to the left or right across the edge; it is not seen the longer way, through the world.
+    // The other robot is 20 units to the right across the edge, or 30 units to the left. No robot is seen the longer way around.
     assert_eq!((reading(10.0, 0.0), reading(10.0, PI)), (1, 0));
     assert_eq!((reading(60.0, 0.0), reading(60.0, PI)), (0, 1));
 }
@@ -127,12 +127,12 @@ proptest! {
         for arch in arches() {
             prop_assert_eq!(&run(arch, [0.0; 2]), &here, "{:?}", arch);
         }
-        // Holds for ranges beyond half the world too: sensors see only the nearest image of a robot, and nine images of an
-        // obstacle.
+        // Even with ranges beyond half the world, readings do not depend on the edges: sensors see only the nearest image of a
+        // robot, and nine images of an obstacle.
         prop_assert_eq!(run(Arch::Scalar, shift).0, here.0);
     }
 
-    /// Far from the edges a torus behaves like a plain.
+    /// Far from its edges, a torus behaves like a world with walls.
     #[test]
     fn far_from_the_edges_there_is_no_torus(controller in controllers(), seed: u64) {
         let plain = square(10_000.0, 20);
