@@ -1,9 +1,9 @@
-//! Fills a new data directory with a campaign of any number of individuals, whose behaviours and pictures are made up: the rest of
-//! the system can then be measured with a large archive, without evaluating one.
+//! Fills a new data directory with a campaign of any number of individuals, with made-up behaviours and pictures. So the rest of
+//! the system can be measured with a large archive, without evaluations.
 //!
-//! `fill DIR INDIVIDUALS [POPULATION]`. The last generation is left out and the campaign is running, so that a coordinator
-//! goes on with it. A picture shows 24 arcs, up to 384 pixels that are not black, and takes no fewer bytes than a real one.
-//! Holds one generation in memory at a time, and prints what was written.
+//! Usage: `fill DIR INDIVIDUALS [POPULATION]`. The campaign is running and lacks its last generation, so that a coordinator
+//! continues the campaign. A picture shows 24 arcs, up to 384 pixels that are not black, and takes no fewer bytes than a real
+//! picture. The program keeps one generation in memory at a time, and prints the amounts that it wrote.
 
 use murmuration_model::{MachineId, Maker, Weight};
 use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store, Trial};
@@ -25,7 +25,7 @@ fn picture(stream: &mut RandomStream) -> Vec<u8> {
         for step in 0..16 {
             let (sine, cosine) = (begin + f64::from(step) / radius).sin_cos();
             let place = (x + radius * cosine) as usize * SIDE + (y + radius * sine) as usize;
-            // Where a robot stays long it leaves more than where it passes.
+            // Grey values differ: a robot gives a pixel more grey where it stays than where it passes.
             image[place] = stream.random_range(3.0..60.0) as u8;
         }
     }
@@ -34,7 +34,7 @@ fn picture(stream: &mut RandomStream) -> Vec<u8> {
 
 fn individual(index: u64, generation: u32) -> Result<ArchivedIndividual, Box<dyn Error>> {
     let mut stream = RandomStream::derive(SEED, Purpose::Start, index);
-    // That of the campaign's specification, so that an export is imported.
+    // This is the seed that follows from the campaign's specification, so that an import accepts the campaign.
     let seed = stream.random();
     let genes = [(); 4].map(|()| f64::from(stream.random_range(-10..=10)) / 10.0);
     let features = stream.random::<[f64; 5]>();

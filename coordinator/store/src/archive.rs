@@ -18,13 +18,13 @@ use std::{collections::BTreeSet, ops::Range};
 /// A stored generation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GenerationRecord {
-    /// From 0.
+    /// Number of the generation, from 0.
     pub generation: u32,
-    /// Highest novelty among its individuals.
+    /// Highest novelty among the generation's individuals.
     pub best_novelty: f64,
-    /// Their mean novelty.
+    /// Mean novelty of the generation's individuals.
     pub mean_novelty: f64,
-    /// Proposals that the filter rejected while it was made.
+    /// Number of proposals that the filter rejected while the generation was made.
     pub filtered: u64,
 }
 
@@ -53,10 +53,10 @@ impl GenerationRecord {
 }
 
 impl Store {
-    /// Individuals in the archives of all campaigns.
+    /// Number of individuals in the archives of all campaigns.
     pub fn count_individuals(&self) -> Result<u64, StoreError> {
         self.read(|connection| {
-            // Places are numbered without gaps; to count them would read them all.
+            // The largest place gives the number, because places have no gaps. Counting would read every row.
             let individuals =
                 "SELECT coalesce(sum((SELECT max(place) + 1 FROM individuals WHERE campaign = number)), 0)
                 FROM campaigns WHERE state <> ?1";
@@ -65,8 +65,8 @@ impl Store {
         })
     }
 
-    /// Commits one complete generation: its record and its individuals, images, embeddings (by the campaign's checkpoint)
-    /// and provenance included, in one transaction.
+    /// Commits one complete generation in one transaction: its record, its provenance, and its individuals with their images and
+    /// their embeddings (by the campaign's checkpoint).
     ///
     /// # Errors
     /// If it cannot be written; then nothing was.
@@ -77,7 +77,7 @@ impl Store {
         individuals: &[ArchivedIndividual<I>],
         provenance: &Provenance,
     ) -> Result<(), StoreError> {
-        // Compressed before the connection is taken, so that nobody waits for it.
+        // The images are compressed before the connection is locked, so that no other write waits for the compression.
         let images = compressed(individuals)?;
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
@@ -88,7 +88,7 @@ impl Store {
         })
     }
 
-    /// Individuals whose index is in `range`, in order, as far as there are any.
+    /// The individuals whose index is in `range`, in order; fewer if the archive ends before.
     pub fn individuals(
         &self,
         campaign: &CampaignId,
@@ -120,7 +120,7 @@ impl Store {
         })
     }
 
-    /// The scale of an archive's behaviour space, from its first generation and the checkpoint that embeds it.
+    /// The scale of an archive's behaviour space, computed from the features and embeddings of the first generation.
     pub fn scale(&self, record: &CampaignRecord) -> Result<Scale, StoreError> {
         let spec = &record.spec;
         let len = match spec.space() {
@@ -135,7 +135,7 @@ impl Store {
         Ok(Scale::of(spec.space(), &first))
     }
 
-    /// The individuals with these indices, in order, as far as there are any; without images and embeddings.
+    /// The individuals with these indices, in order, without images and embeddings. Indices beyond the archive are skipped.
     pub fn measured_individuals(
         &self,
         campaign: &CampaignId,
@@ -162,7 +162,7 @@ impl Store {
     /// One individual with its image.
     ///
     /// # Errors
-    /// [`StoreError::NoIndividual`], or if it cannot be read.
+    /// [`StoreError::NoIndividual`], or if the individual cannot be read.
     pub fn individual(
         &self,
         campaign: &CampaignId,
@@ -227,13 +227,13 @@ impl Store {
         })
     }
 
-    /// The most novel individual of each of the `count` generations with the highest novelty when evaluated, with its generation
-    /// and novelty.
+    /// The most novel individuals of the `count` generations with the highest novelty when evaluated: one individual for each
+    /// generation, with its index, generation and novelty.
     pub fn most_novel(&self, campaign: &CampaignId, count: u32) -> Result<Vec<(u64, u32, f64)>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
             let mut statement = connection.prepare_cached(
-                // Chooses the generations first, so that only their individuals are sorted: there may be many generations.
+                // The query chooses the generations first, so that it sorts the individuals of only these generations.
                 "SELECT (SELECT place FROM individuals i WHERE i.campaign = ?1 AND i.place BETWEEN
                         g.generation * p.size AND (g.generation + 1) * p.size - 1 ORDER BY novelty DESC, place LIMIT 1),
                     g.generation, g.best_novelty

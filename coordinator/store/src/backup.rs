@@ -1,8 +1,9 @@
-//! Backups: copies of a data directory at one instant, even while a coordinator works on it, and their restoration.
+//! Backups: copies a data directory as of one instant, even while a coordinator works on it, and restores a data directory from
+//! its copy.
 //!
-//! A backup is a folder like a data directory, so that the doctor can examine it, plus a manifest. It gets its name once it is
-//! whole, checked and on disk. Limits: caches and reports are not copied, because they can be made again; checkpoints in a bucket are to be
-//! backed up there.
+//! A backup is a folder like a data directory, so that the doctor can examine it, with a manifest in addition. The folder gets
+//! its name only once the backup is whole, checked and on disk. Limits: a backup does not include caches and reports, because
+//! they can be made again. A backup does not include checkpoints in a bucket either: back up the bucket itself.
 
 use crate::{
     DataDirectory, Store, StoreError,
@@ -24,23 +25,23 @@ use std::{
     time::{SystemTime, UNIX_EPOCH},
 };
 
-/// Version of the manifest.
+/// Version of the manifest's format.
 const SCHEMA: u32 = 1;
 const MANIFEST: &str = "backup.json";
 
-/// Contents of a backup.
+/// Description of a backup's contents, stored in the backup.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
     pub schema: u32,
-    /// When it was made, milliseconds since 1970-01-01 UTC.
+    /// When the backup was made, milliseconds since 1970-01-01 UTC.
     pub created_ms: u64,
-    /// The version of Murmuration that made it.
+    /// The version of Murmuration that made the backup.
     pub murmuration: String,
     /// BLAKE3 of the database, in hexadecimal digits.
     pub database: String,
     /// Digests of the checkpoints that the database names.
     pub checkpoints: Vec<String>,
-    /// Where they are kept, if not in the backup.
+    /// Location of the checkpoints, if they are not in the backup.
     pub checkpoint_store: Option<String>,
 }
 
@@ -78,7 +79,7 @@ pub enum BackupError {
 /// Why a target folder cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum TargetError {
-    /// Something is there already.
+    /// The target folder is not empty.
     #[error("{0} is not empty: name a folder that does not exist yet")]
     NotEmpty(PathBuf),
     /// The backup lies within the data directory, and would be lost with it.
@@ -92,10 +93,10 @@ pub enum TargetError {
 }
 
 /// Copies the data directory `data`, as of one instant, into the new folder `target`. A coordinator may be working on `data`. The
-/// checkpoints are at `location`, or in `data` if it is `None`. Checks `interrupt` between files.
+/// checkpoints are at `location`, or in `data` if `location` is `None`. Checks `interrupt` between files.
 ///
 /// # Errors
-/// See [`BackupError`]; there is no `target` then.
+/// See [`BackupError`]. After an error, there is no backup at `target`.
 pub async fn backup(
     data: &Path,
     location: Option<&str>,
@@ -103,7 +104,7 @@ pub async fn backup(
     interrupt: &Interrupt,
 ) -> Result<Manifest, BackupError> {
     let target = &check_target(data, target)?;
-    // Checked before any folder is made.
+    // This check comes before any folder is made.
     let database = data.join(Store::FILE);
     if !find_database(&database)? {
         return Err(StoreError::NoDirectory(data.to_path_buf()).into());
@@ -129,7 +130,7 @@ pub async fn backup(
     check(folder, location, data).await?;
     write_manifest(folder, &manifest)?;
     interrupt.check()?;
-    // An empty folder may be replaced.
+    // If `target` is an empty folder, this replaces it.
     fs::rename(folder, target).map_err(failed("write", target))?;
     sync(parent)?;
     Ok(manifest)
@@ -138,7 +139,7 @@ pub async fn backup(
 /// Restores the backup `from` as the data directory `data`, which must be empty or not exist. Checks `interrupt` between files.
 ///
 /// # Errors
-/// See [`BackupError`]; there is no database in `data` then.
+/// See [`BackupError`]. After an error, there is no database in `data`.
 pub async fn restore(from: &Path, data: &Path, interrupt: &Interrupt) -> Result<Manifest, BackupError> {
     let manifest = read_manifest(from)?;
     check_empty(data)?;
@@ -149,17 +150,17 @@ pub async fn restore(from: &Path, data: &Path, interrupt: &Interrupt) -> Result<
     }
     let is_new = !is_there(data).map_err(failed("find", data))?;
     let held = DataDirectory::hold(data)?;
-    // This process holds the folder now, but another may have written there since the check: only the lock file may be there.
+    // Another process may have written into the folder before this process held it: only the lock file is allowed.
     if fs::read_dir(data).map_err(failed("look into", data))?.count() > 1 {
         return Err(TargetError::NotEmpty(data.to_path_buf()).into());
     }
     let mut placed = Vec::new();
     let restored = put_back(from, data, &manifest, interrupt, &mut placed).await;
     if restored.is_err() {
-        // Leftovers would block the next try, which reports those that cannot be removed here.
+        // Leftovers would block the next restore. The next restore reports leftovers that cannot be removed here.
         clear(data, &placed);
         if is_new {
-            // Does not remove a folder in which another process has put something.
+            // `remove_dir` does not remove a folder into which another process has put something.
             let _ = fs::remove_file(data.join(DataDirectory::LOCK));
             let _ = fs::remove_dir(data);
         }
@@ -168,10 +169,10 @@ pub async fn restore(from: &Path, data: &Path, interrupt: &Interrupt) -> Result<
     restored.map(|()| manifest)
 }
 
-/// Folder in a data directory to which a restore copies the files before it moves them.
+/// Folder in a data directory to which a restore copies the files before it moves them to their places.
 const RESTORING: &str = "restoring";
 
-/// Fills an empty folder from a whole backup. `placed` gets the names of the entries made.
+/// Fills the empty folder `data` from the backup `from`. `placed` gets the names of the entries that this makes in `data`.
 async fn put_back(
     from: &Path,
     data: &Path,
@@ -179,7 +180,7 @@ async fn put_back(
     interrupt: &Interrupt,
     placed: &mut Vec<&'static str>,
 ) -> Result<(), BackupError> {
-    // The database gets its name only when everything that it refers to is there.
+    // The database moves to its place last, when all checkpoints that it names are in their place.
     let arriving = data.join(RESTORING);
     fs::create_dir(&arriving).map_err(failed("make", &arriving))?;
     placed.push(RESTORING);
@@ -198,7 +199,7 @@ async fn put_back(
     sync(data)
 }
 
-/// Removes what a restore has made in a folder, and nothing else.
+/// Removes the entries that a restore has made in a folder, and nothing else.
 fn clear(folder: &Path, placed: &[&str]) {
     for name in placed {
         let path = folder.join(name);
@@ -209,15 +210,15 @@ fn clear(folder: &Path, placed: &[&str]) {
     }
 }
 
-/// Copies a database, then every checkpoint that the copy names. Returns the digests of the checkpoints.
-/// Checkpoints are never deleted, so all that the copy names are there.
+/// Copies a database, then every checkpoint that the copy names. Returns the digests of the checkpoints. Checkpoints are never
+/// deleted, so all checkpoints that the copy names still exist.
 async fn copy(
     data: &Path,
     location: Option<&str>,
     folder: &Path,
     interrupt: &Interrupt,
 ) -> Result<Vec<CheckpointDigest>, BackupError> {
-    // If no process holds the data directory, none may begin to during the copy.
+    // If no process holds the data directory now, this lock prevents any process from holding it during the copy.
     let alone = match DataDirectory::watch(data) {
         Ok(lock) => Some(lock),
         Err(StoreError::InUse { .. }) => None,
@@ -251,7 +252,7 @@ async fn copy(
     Ok(digests)
 }
 
-/// Checks that a copy is sound. If not, the error names the original, `of`.
+/// Checks that a copy is sound. If the copy is not sound, the error names its original, `of`.
 async fn check(folder: &Path, location: Option<&str>, of: &Path) -> Result<(), BackupError> {
     match doctor::examine(folder, location).await? {
         found if found.is_healthy() => Ok(()),
@@ -308,7 +309,7 @@ fn read_manifest(folder: &Path) -> Result<Manifest, BackupError> {
     }
 }
 
-/// Checks that `target` is empty and not in the data directory `data`, and returns it without links.
+/// Checks that `target` is empty and not in the data directory `data`, and returns its path without links.
 fn check_target(data: &Path, target: &Path) -> Result<PathBuf, TargetError> {
     check_empty(target)?;
     let whole = without_links(target).map_err(unknown(target))?;

@@ -1,4 +1,4 @@
-//! Runs work that computes or waits for the disk on threads where it does not hold up the network.
+//! Runs work that computes or waits for the disk on separate threads, so that it does not delay network tasks.
 
 mod turns;
 
@@ -13,13 +13,13 @@ use std::{
 use tokio::runtime::{Builder, Handle, Runtime};
 use turns::Turn;
 
-/// Threads of [`in_background`].
+/// Number of threads of [`in_background`].
 const BACKGROUND_THREADS: usize = 8;
-/// Their priority: one such thread gets a tenth of a core that campaigns also use. With more, a guest who opens hundreds of pages
-/// would slow campaigns by more than a fifth.
+/// Nice value of the threads of [`in_background`]: one such thread gets a tenth of a core that campaigns also use. With a larger
+/// share, a guest who opens hundreds of pages would slow campaigns by more than a fifth.
 const NICE: i32 = 10;
 
-/// A bug: the work panicked. The log says where.
+/// A bug: the work panicked. The log names the place of the panic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("a task stopped because of a bug, which the log describes; committed data is safe")]
 pub struct Broken;
@@ -28,7 +28,7 @@ pub struct Broken;
 #[derive(Debug, Clone)]
 pub enum Priority {
     Normal,
-    /// All its work runs on the threads of [`in_background`], as the turns allow, except for [`changing`] the store.
+    /// All work of the task runs as in [`in_background`], within the limits of the turns, except for [`changing`] the store.
     Low(Turns),
 }
 
@@ -36,13 +36,14 @@ tokio::task_local! {
     static TASK: (Arc<dyn Any + Send + Sync>, Priority);
 }
 
-/// Runs `task` with a priority. All work that it gives to [`blocking`] and [`in_background`] holds `held` until that work has
-/// ended, even if `task` is dropped before: a request's seat is not free while a thread still works for the request.
+/// Runs `task` with a priority. All work that `task` gives to [`blocking`] and [`in_background`] holds `held` until that work has
+/// ended, even if `task` is dropped before. So a request's seat is not free while a thread still works for the request.
 pub async fn holding<F: Future>(held: Arc<dyn Any + Send + Sync>, priority: Priority, task: F) -> F::Output {
     TASK.scope((held, priority), task).await
 }
 
-/// Spawns `task`, which makes a part of a response while the response is sent. It holds what this task holds, and has its priority.
+/// Spawns `task`, which makes a part of a response while the response is sent. `task` holds the same `held` as the current task
+/// (see [`holding`]), and has the same priority.
 pub fn spawn(task: impl Future<Output = ()> + Send + 'static) {
     let this = TASK.try_with(Clone::clone);
     match this {
@@ -51,11 +52,12 @@ pub fn spawn(task: impl Future<Output = ()> + Send + 'static) {
     }
 }
 
-/// Runs `work` on a thread that may block: work that a campaign or a decision waits for, or that takes only a moment. In a task of
-/// low priority, it gets a thread of low priority. Work that has not begun when the future is dropped never begins.
+/// Runs `work` on a thread that may block. `blocking` is for work that a campaign or a decision waits for, or that takes only a
+/// moment. In a task of low priority, `work` runs as in [`in_background`]. Work that has not begun when the future is dropped
+/// never begins.
 ///
 /// # Errors
-/// [`Broken`] if it panics.
+/// [`Broken`] if `work` panics.
 pub async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, Broken> {
     match turns() {
         Some(_) => in_background(|_| work()).await,
@@ -63,19 +65,21 @@ pub async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'stat
     }
 }
 
-/// As [`blocking`], with normal priority in every task: for changes of the store, whose lock others wait for.
+/// Runs `work` like [`blocking`], but with normal priority in every task. `changing` is for changes of the store, because other
+/// tasks wait for the store's lock.
 ///
 /// # Errors
-/// [`Broken`] if it panics.
+/// [`Broken`] if `work` panics.
 pub async fn changing<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, Broken> {
     run(Handle::current(), |_| work()).await
 }
 
-/// Runs `work` that a client waits for but no campaign, on one of a few threads of low priority, or with normal priority as far as
-/// the task's [`Turns`] allow. If the future is dropped, as when a request's client goes, the work is interrupted, or never begins.
+/// Runs `work` that a client waits for, but no campaign. The work runs on one of a few threads of low priority, or with normal
+/// priority as far as the task's [`Turns`] allow this. If the future is dropped, for example when a request's client disconnects,
+/// the work is interrupted, or never begins.
 ///
 /// # Errors
-/// [`Broken`] if it panics.
+/// [`Broken`] if `work` panics.
 pub async fn in_background<T: Send + 'static>(
     work: impl FnOnce(&Interrupt) -> T + Send + 'static,
 ) -> Result<T, Broken> {
@@ -135,12 +139,12 @@ impl Drop for Marked {
     }
 }
 
-/// Interrupts work when it is dropped.
+/// Interrupts the work when this value is dropped.
 struct Wanted(Interrupt);
 
 impl Wanted {
-    /// Wraps `work` for another thread: it returns `None` if it is no longer wanted when the thread begins. It keeps what the task
-    /// holds until it ends.
+    /// Wraps `work` for another thread: the wrapper returns `None` if the work is no longer wanted when the thread begins. Until
+    /// the work ends, the wrapper holds the `held` of this task (see [`holding`]).
     fn by_a_thread<T, W: FnOnce(&Interrupt) -> T>(&self, work: W) -> impl FnOnce() -> Option<T> + use<T, W> {
         let held = TASK.try_with(|(held, _)| Arc::clone(held)).ok();
         let interrupt = self.0.clone();
@@ -162,7 +166,7 @@ thread_local! {
     static IN_BACKGROUND: Cell<bool> = const { Cell::new(false) };
 }
 
-/// The process's threads of low priority; `None` if the system has no thread left.
+/// The process's threads of low priority; `None` if the system could not make them.
 static BACKGROUND: LazyLock<Option<Runtime>> = LazyLock::new(|| {
     let threads = Builder::new_current_thread()
         .max_blocking_threads(BACKGROUND_THREADS)
@@ -174,13 +178,13 @@ static BACKGROUND: LazyLock<Option<Runtime>> = LazyLock::new(|| {
         .ok()
 });
 
-/// The threads of low priority, or those of the current runtime if there are none.
+/// The threads of low priority, or else the threads of the current runtime.
 fn background() -> Handle {
     let threads = BACKGROUND.as_ref();
     threads.map_or_else(Handle::current, |threads| threads.handle().clone())
 }
 
-/// Only on Linux: elsewhere a priority applies to the whole process.
+/// Lowers the priority of this thread, on Linux only: on other systems a priority applies to the whole process.
 #[cfg(target_os = "linux")]
 fn lower_priority() {
     if let Err(error) = rustix::process::setpriority_process(None, NICE) {

@@ -16,11 +16,11 @@ use rusqlite::{Connection, OptionalExtension as _, Params, Row, params};
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Started {
     pub id: CampaignId,
-    /// Whether it was started now, and not when the same request came before.
+    /// Whether this request started the campaign; false if an earlier copy of the request did.
     pub is_new: bool,
 }
 
-/// The columns that [`record`] maps, by name.
+/// Query for the columns that [`record`] reads by their names.
 const SELECT: &str = "
     SELECT c.id, c.spec, c.state, c.error, c.created_ms, c.simulator_version, c.weight, c.rollbacks, c.decisions, c.rounds,
            c.label_cutoff, c.last_label_cutoff, c.study, c.ended_ms, l.best_novelty, l.mean_novelty,
@@ -33,7 +33,8 @@ const SELECT: &str = "
     FROM campaigns c LEFT JOIN generations l ON l.campaign = c.number
         AND l.generation = (SELECT max(generation) FROM generations g WHERE g.campaign = c.number)";
 
-/// The text of a specification begins with the fields that are in no TOML table.
+/// Query for the columns of a [`CampaignHead`]. The opening of a campaign is the part of its specification before the first TOML
+/// table.
 const HEADS: &str = "
     SELECT id, study, state, substr(spec, 1, instr(spec || char(10) || '[', char(10) || '[')) AS opening
     FROM campaigns WHERE state <> ?1 ORDER BY number";
@@ -42,7 +43,7 @@ impl Store {
     /// Stores a new, running campaign of no study.
     ///
     /// # Errors
-    /// As [`Store::start_campaign`].
+    /// The errors of [`Store::start_campaign`].
     pub fn create_campaign(
         &self,
         spec: &CampaignSpec,
@@ -56,12 +57,12 @@ impl Store {
         Ok(self.start_campaign(&new, created_ms)?.id)
     }
 
-    /// Stores a new, running campaign and names it `NAME-N`, or finds the one that its request started before. A campaign that
-    /// searches with a published checkpoint first moves to it.
+    /// Stores a new, running campaign with the id `NAME-N`, or finds the campaign that an earlier copy of the request started. A
+    /// campaign that searches with a published checkpoint first moves to that checkpoint.
     ///
     /// # Errors
-    /// [`StoreError::OtherRequest`] if its request started another campaign before, [`StoreError::NoCheckpoint`] if there is no
-    /// such checkpoint, or if it cannot be written.
+    /// [`StoreError::OtherRequest`] if an earlier request with the same id asked for another campaign;
+    /// [`StoreError::NoCheckpoint`] if the checkpoint is not stored; or if the campaign cannot be written.
     pub fn start_campaign(&self, new: &NewCampaign, created_ms: u64) -> Result<Started, StoreError> {
         let spec = &new.spec;
         let request = new.request.as_ref().map(ToString::to_string);
@@ -101,10 +102,10 @@ impl Store {
         })
     }
 
-    /// The campaign of that id; `latest` is the newest that was started for no study.
+    /// The campaign with this id. The id `latest` means the newest campaign that belongs to no study.
     ///
     /// # Errors
-    /// [`StoreError::NoCampaign`], or if it cannot be read.
+    /// [`StoreError::NoCampaign`], or if the campaign cannot be read.
     pub fn campaign(&self, id: &str) -> Result<CampaignRecord, StoreError> {
         self.read(|connection| campaign(connection, id))
     }
@@ -114,7 +115,7 @@ impl Store {
         self.read(|connection| records(connection, "TRUE ORDER BY c.number", []))
     }
 
-    /// The fields of every campaign by which lists are searched, oldest first.
+    /// For every campaign, oldest first: the fields that a search in the list of campaigns uses.
     pub fn campaign_heads(&self) -> Result<Vec<CampaignHead>, StoreError> {
         self.read(|connection| {
             let mut statement = connection.prepare_cached(HEADS)?;
@@ -132,7 +133,7 @@ impl Store {
         })
     }
 
-    /// The medoid of the largest cluster of a campaign's taxonomy; `None` without one.
+    /// The medoid of the largest cluster of a campaign's taxonomy; `None` without a taxonomy.
     pub fn first_medoid(&self, campaign: &CampaignId) -> Result<Option<u64>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
@@ -144,7 +145,7 @@ impl Store {
         })
     }
 
-    /// Moves a campaign to `state`, with the reason if it failed.
+    /// Sets the state of a campaign, with the reason if the campaign failed.
     pub fn set_state(&self, id: &CampaignId, state: CampaignState, error: &str) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, id)?;
@@ -157,7 +158,7 @@ impl Store {
     }
 }
 
-/// The campaign that the request started before; an error if it asked for something else then.
+/// The campaign that an earlier copy of the request started; an error if the earlier request asked for another campaign.
 fn started_by(
     connection: &Connection,
     request: &RequestId,
@@ -182,12 +183,12 @@ fn started_by(
     }
 }
 
-/// End time of a campaign that enters this state now; `None` if it runs.
+/// End time of a campaign that enters this state now; `None` if the campaign is running.
 pub(super) fn ended_ms(state: CampaignState) -> Option<i64> {
     (state != CampaignState::Running).then(now_ms)
 }
 
-/// The number of the next campaign: larger than that of any campaign, deleted ones included.
+/// The number of the next campaign: larger than the number of any existing or deleted campaign.
 pub(super) fn next_number(connection: &Connection) -> Result<i64, StoreError> {
     let next = "SELECT coalesce(max(number), 0) + 1 FROM
         (SELECT max(number) AS number FROM campaigns UNION SELECT max(number) FROM deleted)";
@@ -211,7 +212,7 @@ pub(super) fn number_of(connection: &Connection, id: &CampaignId) -> Result<i64,
         })
 }
 
-/// The campaign of that id; `latest` is the newest that was started for no study.
+/// The campaign with this id. The id `latest` means the newest campaign that belongs to no study.
 pub(super) fn campaign(connection: &Connection, id: &str) -> Result<CampaignRecord, StoreError> {
     let found = match id {
         "latest" => records(connection, "c.study = '' ORDER BY c.number DESC LIMIT 1", []),
@@ -223,7 +224,7 @@ pub(super) fn campaign(connection: &Connection, id: &str) -> Result<CampaignReco
     }
 }
 
-/// Longest id for which a similar one is looked for, in bytes: longer than any campaign's.
+/// Longest id, in bytes, for which a similar id is searched. Every campaign's id is shorter.
 const LONGEST_ID: usize = 128;
 
 fn unknown(connection: &Connection, id: &str) -> Result<UnknownCampaign, StoreError> {
@@ -242,7 +243,7 @@ fn unknown(connection: &Connection, id: &str) -> Result<UnknownCampaign, StoreEr
     })
 }
 
-/// The campaigns for which the condition `which` holds, except hidden ones.
+/// The campaigns for which the SQL condition `which` holds, except hidden campaigns.
 fn records(
     connection: &Connection,
     which: &str,
@@ -272,7 +273,7 @@ fn record(row: &Row<'_>) -> Result<CampaignRecord, StoreError> {
         weight: Weight::try_from(row.get::<_, u32>("weight")?).map_err(invalid)?,
         study: study_name(row.get("study")?).map_err(invalid)?,
         state: CampaignState::from_name(&state).ok_or_else(|| damaged(format!("state {state:?}")))?,
-        // The error may quote a machine.
+        // The error can contain text from another machine, so it is cleaned.
         error: Text::line(&row.get::<_, String>("error")?).into(),
         created_ms: count("created_ms")?,
         ended_ms: row.get::<_, Option<i64>>("ended_ms")?.map(i64::unsigned_abs),

@@ -1,4 +1,4 @@
-//! Rows of checkpoints: everything about them but their bytes.
+//! Rows of checkpoints: all data of a checkpoint except its bytes.
 
 use super::{Store, StoreError};
 use murmuration_proto::v1;
@@ -8,13 +8,13 @@ use std::collections::BTreeMap;
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckpointRecord {
-    /// BLAKE3 of its bytes.
+    /// BLAKE3 of the checkpoint's bytes.
     pub digest: CheckpointDigest,
-    /// Length of its bytes.
+    /// Number of the checkpoint's bytes.
     pub size: u64,
-    /// Where it came from, and its figures.
+    /// Origin and metrics of the checkpoint.
     pub lineage: Lineage,
-    /// When it was stored, milliseconds since 1970-01-01 UTC.
+    /// When the checkpoint was stored, milliseconds since 1970-01-01 UTC.
     pub created_ms: u64,
 }
 
@@ -22,7 +22,7 @@ const SELECT: &str = "
     SELECT digest, size, parent, data_digest, label_digest, configuration, metrics, created_ms, labelled FROM checkpoints";
 
 impl Store {
-    /// Records a checkpoint whose bytes are stored. One of the same digest is left as it was.
+    /// Records a checkpoint whose bytes are stored. An existing record of the same digest stays unchanged.
     pub(crate) fn add_checkpoint(&self, record: &CheckpointRecord) -> Result<(), StoreError> {
         let message = record
             .lineage
@@ -50,10 +50,10 @@ impl Store {
         })
     }
 
-    /// The checkpoint of that digest.
+    /// The record of the checkpoint with this digest.
     ///
     /// # Errors
-    /// [`StoreError::NoCheckpoint`], or if it cannot be read.
+    /// [`StoreError::NoCheckpoint`], or if the record cannot be read.
     pub fn checkpoint(&self, digest: CheckpointDigest) -> Result<CheckpointRecord, StoreError> {
         let digest = digest.to_string();
         self.read(|connection| {

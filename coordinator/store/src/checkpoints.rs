@@ -1,4 +1,4 @@
-//! Checkpoints: bytes on a blob store under their digest, descriptions in the database.
+//! Checkpoints: their bytes are in a blob store, under their digest; their descriptions are in the database.
 
 mod blob_store;
 
@@ -25,7 +25,7 @@ pub struct Checkpoints {
     fetched: Arc<Mutex<HashMap<CheckpointDigest, Fetched>>>,
 }
 
-/// The bytes of a checkpoint, while a caller holds them: concurrent callers share them.
+/// The bytes of a checkpoint while any caller holds them, so that concurrent callers share one copy.
 type Fetched = Arc<sync::Mutex<Weak<Shared>>>;
 
 #[derive(Debug)]
@@ -53,7 +53,7 @@ pub enum CheckpointError {
         location: String,
         reason: String,
     },
-    /// The database cannot be read or written, or has no such checkpoint.
+    /// The database cannot be read or written, or lacks the checkpoint.
     #[error(transparent)]
     Store(#[from] StoreError),
     #[error("checkpoint store: {0}")]
@@ -67,7 +67,7 @@ pub enum CheckpointError {
     )]
     Missing {
         digest: CheckpointDigest,
-        /// The file or object that should hold it.
+        /// The file or object that should have the checkpoint's bytes.
         place: String,
     },
     /// The bytes of a stored checkpoint have changed.
@@ -75,24 +75,24 @@ pub enum CheckpointError {
         "{place} is damaged (its bytes have digest {found}): `murmuration doctor` says what else is damaged"
     )]
     Damaged {
-        /// The file or object that should hold it.
+        /// The file or object that should have the checkpoint's bytes.
         place: String,
-        /// The digest of its bytes.
+        /// The digest of the bytes at `place`.
         found: CheckpointDigest,
     },
     /// The received bytes do not have the announced digest.
     #[error("checkpoint {wanted}: the bytes that came have digest {found}; publish or import it again")]
     Mismatch {
-        /// The digest announced.
+        /// The announced digest.
         wanted: CheckpointDigest,
-        /// The digest of the bytes.
+        /// The digest of the received bytes.
         found: CheckpointDigest,
     },
-    /// The embedder is for pictures of another size, or with other channels.
+    /// The embedder takes pictures of another size or with other channels than the campaign's pictures.
     #[error("checkpoint {checkpoint} embeds pictures of {embedded}, the campaign's are of {pictures}")]
     Pictures {
         checkpoint: CheckpointDigest,
-        /// The pictures that it takes.
+        /// The pictures that the embedder takes.
         embedded: ImageShape,
         /// The campaign's pictures.
         pictures: PictureShape,
@@ -109,7 +109,7 @@ impl Checkpoints {
     /// Keeps checkpoints on the [`BlobStore`] at `location`.
     ///
     /// # Errors
-    /// As [`BlobStore::open`].
+    /// The errors of [`BlobStore::open`].
     pub fn open(store: Store, data: &Path, location: Option<&str>) -> Result<Self, CheckpointError> {
         let blob_store = BlobStore::open(data, location)?;
         Ok(Self {
@@ -122,16 +122,16 @@ impl Checkpoints {
     /// Tests whether checkpoints can be kept at their location.
     ///
     /// # Errors
-    /// [`CheckpointError::Location`] where they cannot.
+    /// [`CheckpointError::Location`] if checkpoints cannot be kept at their location.
     pub async fn try_out(&self) -> Result<(), CheckpointError> {
         self.blob_store.try_out().await
     }
 
-    /// Checks every checkpoint in a folder against its digest; those in a bucket are checked when they are fetched. A missing one
-    /// is only logged: a campaign that needs it fails.
+    /// Checks every checkpoint in a folder against its digest; checkpoints in a bucket are checked when they are fetched. A
+    /// missing checkpoint is only logged: a campaign that needs it fails.
     ///
     /// # Errors
-    /// [`CheckpointError::Damaged`], or if they cannot be read.
+    /// [`CheckpointError::Damaged`], or if the checkpoints cannot be read.
     pub async fn verify(&self) -> Result<(), CheckpointError> {
         if !self.blob_store.is_folder() {
             return Ok(());
@@ -146,12 +146,12 @@ impl Checkpoints {
         Ok(())
     }
 
-    /// Stores a checkpoint; it is on disk when this returns. Publishing the same bytes again changes nothing. The labelled pictures
-    /// of its parent become its own too.
+    /// Stores a checkpoint, which is on disk when this returns. Publishing the same bytes again changes nothing. The checkpoint's
+    /// labelled pictures then include the labelled pictures of its parent.
     ///
     /// # Errors
-    /// [`CheckpointError::Model`] if the bytes are no embedder; [`StoreError::NoCheckpoint`] if its parent is not stored here;
-    /// others if it cannot be stored.
+    /// [`CheckpointError::Model`] if the bytes are no embedder; [`StoreError::NoCheckpoint`] if the parent is not stored here;
+    /// other errors if the checkpoint cannot be stored.
     pub async fn publish(
         &self,
         mut lineage: Lineage,
@@ -184,7 +184,7 @@ impl Checkpoints {
     /// Stores the bytes of a checkpoint that has no description yet; they are on disk when this returns.
     ///
     /// # Errors
-    /// If they cannot be stored.
+    /// If the bytes cannot be stored.
     pub(crate) async fn keep(&self, digest: CheckpointDigest, bytes: Bytes) -> Result<(), CheckpointError> {
         self.blob_store.put(digest, bytes).await
     }
@@ -192,7 +192,7 @@ impl Checkpoints {
     /// The description of a checkpoint.
     ///
     /// # Errors
-    /// [`StoreError::NoCheckpoint`] if there is none of that digest.
+    /// [`StoreError::NoCheckpoint`] if no checkpoint has this digest.
     pub async fn describe(&self, digest: CheckpointDigest) -> Result<CheckpointRecord, CheckpointError> {
         Ok(self.store.run(move |store| store.checkpoint(digest)).await?)
     }
@@ -208,7 +208,7 @@ impl Checkpoints {
     /// The ONNX bytes of a checkpoint, checked against its digest. Concurrent callers share one copy.
     ///
     /// # Errors
-    /// If there is none of that digest, or its bytes are gone or damaged.
+    /// If no checkpoint has this digest, or the checkpoint's bytes are missing or damaged.
     pub async fn fetch(&self, digest: CheckpointDigest) -> Result<Bytes, CheckpointError> {
         self.describe(digest).await?;
         let fetched = self.fetched(digest);
@@ -221,7 +221,7 @@ impl Checkpoints {
         Ok(Bytes::from_owner(Sharer(bytes)))
     }
 
-    /// The entry of a checkpoint. Drops the entries of those that no caller holds or waits for.
+    /// The entry of a checkpoint in `fetched`. Drops the entries of checkpoints that no caller holds or waits for.
     fn fetched(&self, digest: CheckpointDigest) -> Fetched {
         let mut all = self.fetched.lock().unwrap_or_else(PoisonError::into_inner);
         let is_idle = |fetched: &Fetched| fetched.try_lock().is_ok_and(|bytes| bytes.strong_count() == 0);
@@ -232,7 +232,7 @@ impl Checkpoints {
     /// A checkpoint as an embedder of pictures in `format`.
     ///
     /// # Errors
-    /// As [`Checkpoints::fetch`], and [`CheckpointError::Pictures`] where it takes other pictures.
+    /// The errors of [`Checkpoints::fetch`], and [`CheckpointError::Pictures`] if the checkpoint takes other pictures.
     pub async fn embedder(
         &self,
         checkpoint: CheckpointDigest,
@@ -328,7 +328,7 @@ mod tests {
         );
         let message = checkpoints.verify().await.unwrap_err().to_string();
         assert!(message.contains("murmuration doctor"), "{message}");
-        // A missing checkpoint does no harm until it is needed, and publishing the same bytes brings it back.
+        // A missing checkpoint does no harm until it is needed. Publishing the same bytes restores the checkpoint.
         std::fs::remove_file(folder.path().join(format!("checkpoints/{digest}.onnx"))).unwrap();
         checkpoints.verify().await.unwrap();
         let error = checkpoints.fetch(digest).await.unwrap_err();

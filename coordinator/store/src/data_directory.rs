@@ -1,4 +1,4 @@
-//! The data directory: held by one process at a time, which leaves its address there for others.
+//! The data directory: one process holds it at a time, and writes its address there for other processes.
 
 use super::{LockHolder, StoreError};
 use std::{
@@ -7,8 +7,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Removes the files that a process made in a new data directory, and the directory if it is empty then. Ignores failures, because
-/// leftovers do no harm.
+/// Removes the files that a process made in a new data directory, and the directory if it is empty then. Ignores failures,
+/// because leftovers do no harm.
 pub fn remove_new(data: &Path) {
     let database = super::Store::FILE;
     for name in [
@@ -25,10 +25,10 @@ pub fn remove_new(data: &Path) {
     let _ = fs::remove_dir(data);
 }
 
-/// Most bytes of a lock file that are read; ours have some 60.
+/// Maximum number of bytes that are read of a lock file; a lock file of Murmuration has about 60 bytes.
 const MAX_LOCK_BYTES: u64 = 4 << 10;
 
-/// A data directory that this process holds until the value is dropped (or the process dies).
+/// A data directory that this process holds until the value is dropped (or the process ends).
 #[derive(Debug)]
 pub struct DataDirectory {
     path: PathBuf,
@@ -39,10 +39,10 @@ impl DataDirectory {
     /// Name of the lock file.
     pub(crate) const LOCK: &str = "lock.json";
 
-    /// Holds `path`, creating the folder if it does not exist.
+    /// Holds the data directory at `path`; a missing folder is created.
     ///
     /// # Errors
-    /// [`StoreError::InUse`] if another process holds it; otherwise says which file cannot be used.
+    /// [`StoreError::InUse`] if another process holds the folder; any other error names the file that cannot be used.
     pub fn hold(path: &Path) -> Result<Self, StoreError> {
         let failed = |doing, path: &Path| {
             let path = path.to_path_buf();
@@ -52,7 +52,8 @@ impl DataDirectory {
         super::expect_folder(path)?;
         create_private(path).map_err(failed("create the data directory", path))?;
         let lock_path = path.join(Self::LOCK);
-        // In another user's folder, a link could lead to any file of this user, which would be overwritten.
+        // In another user's folder, the lock file could be a link to any file of this user, and this process would overwrite that
+        // file.
         if fs::symlink_metadata(&lock_path).is_ok_and(|about| about.is_symlink()) {
             let link = io::Error::other("it is a link to another place: remove it");
             return Err(failed("open the lock file", &lock_path)(link));
@@ -89,11 +90,11 @@ impl DataDirectory {
         }
     }
 
-    /// Keeps others from holding a folder while it is examined, and changes nothing there. Returns a file that is locked for as
-    /// long as it lives, or `None` if no coordinator has ever used the folder.
+    /// Prevents other processes from holding a folder while this process examines it, and changes nothing in the folder. Returns
+    /// the lock file, which stays locked until the value is dropped; `None` if no coordinator has ever used the folder.
     ///
     /// # Errors
-    /// [`StoreError::InUse`] if a process holds it; otherwise says which file cannot be used.
+    /// [`StoreError::InUse`] if a process holds the folder; any other error names the file that cannot be used.
     pub fn watch(path: &Path) -> Result<Option<fs::File>, StoreError> {
         super::expect_folder(path)?;
         let lock_path = path.join(Self::LOCK);
@@ -117,10 +118,10 @@ impl DataDirectory {
         }
     }
 
-    /// Like [`DataDirectory::hold`], but the folder must exist.
+    /// Like [`DataDirectory::hold`], but the folder must already have a database.
     ///
     /// # Errors
-    /// As `hold`, and [`StoreError::NoDirectory`].
+    /// The errors of `hold`, and [`StoreError::NoDirectory`] without a database.
     pub fn hold_existing(path: &Path) -> Result<Self, StoreError> {
         if super::find_database(&path.join(super::Store::FILE))? {
             Self::hold(path)
@@ -170,8 +171,8 @@ fn create_private(path: &Path) -> io::Result<()> {
     }
 }
 
-/// Refuses a file of the lock file's name that Murmuration did not make, in a folder that was no data directory so far. An empty
-/// file is accepted, because a lock file is made before it is written.
+/// Refuses a lock file that Murmuration did not make, in a folder without a database. An empty file is accepted, because a lock
+/// file is made before it is written.
 fn expect_ours(lock: &Path) -> io::Result<()> {
     let file = match fs::File::open(lock) {
         Ok(file) => file,

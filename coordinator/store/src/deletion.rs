@@ -15,9 +15,9 @@ use std::collections::BTreeSet;
 pub struct Deletion {
     pub individuals: u64,
     pub pictures: u64,
-    /// Individuals with a label.
+    /// Number of individuals with a label.
     pub labelled: u64,
-    /// Whether it has a taxonomy, or a former version of one.
+    /// Whether the campaign has a current or former taxonomy.
     pub taxonomy: bool,
 }
 
@@ -53,10 +53,10 @@ pub enum DeletionError {
 }
 
 impl Store {
-    /// Counts what is deleted with a campaign.
+    /// Counts the individuals, pictures and labels that a deletion of the campaign would remove.
     ///
     /// # Errors
-    /// [`StoreError::NoCampaign`], or if it cannot be read.
+    /// [`StoreError::NoCampaign`], or if the campaign cannot be read.
     pub fn deletion(&self, campaign: &CampaignId) -> Result<Deletion, StoreError> {
         let record = self.campaign(campaign.as_str())?;
         let labels = self.labels(campaign)?;
@@ -69,9 +69,10 @@ impl Store {
         })
     }
 
-    /// Deletes a campaign with everything that belongs to it alone; checkpoints stay. One short transaction hides it; many others
-    /// remove its rows, or the next start does if they fail. Its number, and so its id, is never used again. A campaign of a study
-    /// is only deleted if `study` names the study. `has_failed` means that its run failed and could not record that.
+    /// Deletes a campaign with everything that belongs to it alone; checkpoints stay. One short transaction hides the campaign,
+    /// and many short transactions remove its rows. Rows that cannot be removed are removed at the next start. The campaign's
+    /// number, and so its id, is never used again. A campaign of a study is only deleted if `study` names that study. With
+    /// `has_failed`, the campaign's run failed and could not record its failure.
     ///
     /// # Errors
     /// [`DeletionError`]; nothing was deleted then.

@@ -5,15 +5,15 @@ use murmuration_model::CampaignId;
 use murmuration_search::interrupt::Interrupt;
 use murmuration_swarm::CapabilityModel;
 
-/// Individuals hashed at a time.
+/// Number of individuals that are hashed at a time.
 const CHUNK: u64 = 1024;
 
-/// A digest and how many evaluations it covers.
+/// The digest of an archive, and the number of evaluations that it covers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ArchiveDigest {
     /// BLAKE3, 64 hexadecimal digits.
     pub digest: String,
-    /// Number of individuals, from index 0.
+    /// Number of individuals that the digest covers, from index 0.
     pub evaluations: u64,
 }
 
@@ -47,20 +47,20 @@ impl ArchiveHasher {
         }
     }
 
-    /// BLAKE3 of what was added, 64 hexadecimal digits.
+    /// BLAKE3 of the added individuals, 64 hexadecimal digits.
     #[must_use]
     pub fn digest(&self) -> String {
         self.0.finalize().to_hex().to_string()
     }
 }
 
-/// Digests the archive as far as it is complete: for each individual in index order its genes and the features (f64,
-/// little-endian), image, embedding (f32, little-endian; if it has one) and verdict (its number in messages, a byte; if it has one)
-/// of each of its trials. Names, times, seeds and novelty are left out: they follow from the specification, or do not matter to the
-/// outcome.
+/// Digests the individuals of an archive in index order. The digest covers each individual's genes (f64), and for each trial the
+/// features (f64), the image, the embedding (f32) if any, and the verdict (one byte, its number in messages) if any. Numbers are
+/// little-endian. The digest does not cover names, times, seeds and novelty: they follow from the specification, or do not matter
+/// to the outcome.
 ///
 /// # Errors
-/// If the archive cannot be read, or the digest is no longer wanted.
+/// If the archive cannot be read, or `interrupt` was raised.
 pub fn digest(
     store: &Store,
     campaign: &CampaignId,

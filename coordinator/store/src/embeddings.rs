@@ -12,7 +12,7 @@ use murmuration_model::{CampaignId, CampaignState};
 use murmuration_swarm::{CheckpointDigest, mean_embedding};
 use rusqlite::{Transaction, params};
 
-/// Changes of an archive that switches to the next checkpoint: everything that is measured in the new space.
+/// New values of an archive that switches to the next checkpoint, measured in the new behaviour space.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Switch {
     /// Novelty of every individual, by index.
@@ -22,11 +22,11 @@ pub struct Switch {
 }
 
 impl Store {
-    /// Moves a campaign to `checkpoint`: its pictures are to be embedded with it, and then the archive switches to it. The
-    /// campaign is running from now on.
+    /// Begins a campaign's move to `checkpoint`: the checkpoint will embed the archive's pictures, and then the archive switches
+    /// to it. The move sets the campaign running.
     ///
     /// # Errors
-    /// [`StoreError::NoCheckpoint`], or if it cannot be written.
+    /// [`StoreError::NoCheckpoint`], or if the change cannot be written.
     pub fn move_to(&self, campaign: &CampaignId, checkpoint: CheckpointDigest) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
@@ -34,10 +34,11 @@ impl Store {
         })
     }
 
-    /// Adds embeddings by the next checkpoint, one per trial, from individual `place` on, and their provenance, in one transaction.
+    /// In one transaction, adds embeddings by the next checkpoint and their provenance. `embeddings` has one embedding for each
+    /// trial, of the individuals from `place` on.
     ///
     /// # Errors
-    /// If they cannot be written; then none was.
+    /// If the embeddings cannot be written; none is written then.
     pub fn add_embeddings(
         &self,
         campaign: &CampaignId,
@@ -59,11 +60,11 @@ impl Store {
         })
     }
 
-    /// Switches a campaign's archive to the next checkpoint, in one transaction: its embeddings and everything that is measured
-    /// with them. The taxonomy, if there was one, stays as a former version.
+    /// In one transaction, switches a campaign's archive to the embeddings by the next checkpoint and to the values of `switch`.
+    /// The current taxonomy, if any, stays as a former version.
     ///
     /// # Errors
-    /// If it cannot be written; then nothing has changed.
+    /// If the switch cannot be written; nothing has changed then.
     pub fn switch(&self, campaign: &CampaignId, switch: &Switch) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
@@ -99,8 +100,8 @@ impl Store {
         })
     }
 
-    /// The embeddings by the next checkpoint, from individual 0 on, as far as there are any: means over trials, of `dimensions`
-    /// numbers each.
+    /// The embeddings by the next checkpoint that are on disk, from individual 0 on. Each embedding is the mean over an
+    /// individual's trials, of `dimensions` numbers.
     pub fn next_embeddings(
         &self,
         campaign: &CampaignId,
@@ -120,7 +121,7 @@ impl Store {
     }
 }
 
-/// Moves a campaign to `checkpoint`, and sets it running.
+/// Begins a campaign's move to `checkpoint`, and sets the campaign running.
 pub(super) fn begin_move(
     transaction: &Transaction<'_>,
     number: i64,
@@ -131,7 +132,7 @@ pub(super) fn begin_move(
         "UPDATE campaigns SET next_checkpoint = ?2, state = ?3, error = '', ended_ms = NULL WHERE number = ?1",
         params![number, next, CampaignState::Running.name()],
     )?;
-    // Deletes the embeddings of an unfinished move.
+    // Deletes the embeddings of an earlier, unfinished move.
     transaction.execute(
         "DELETE FROM embeddings WHERE campaign = ?1 AND checkpoint NOT IN
             (SELECT ?2 UNION SELECT checkpoint FROM campaigns WHERE number = ?1 AND checkpoint NOT NULL)",

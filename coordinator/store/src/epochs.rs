@@ -7,18 +7,19 @@ use rusqlite::params;
 /// An epoch of a training.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EpochRecord {
-    /// The round of feedback whose labels the training learned from, from 1; 0 for the first training.
+    /// Number, from 1, of the round of feedback whose labels the training learned from; 0 for the first training.
     pub round: u32,
-    /// From 1.
+    /// Number of the epoch, from 1.
     pub epoch: u64,
-    /// Mean loss of its steps.
+    /// Mean loss of the epoch's steps.
     pub loss: Option<f64>,
-    /// Share of held-out triplets that are told apart after it.
+    /// Accuracy on held-out triplets after the epoch, from 0 to 1.
     pub accuracy: Option<f64>,
 }
 
 impl Store {
-    /// Stores the measurements of an epoch. Deletes those of this and later epochs from before the training was restarted.
+    /// Stores the measurements of an epoch. Deletes former measurements of this and later epochs, which exist if the training was
+    /// restarted.
     pub fn add_epoch(&self, campaign: &CampaignId, epoch: &EpochRecord) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
@@ -36,7 +37,7 @@ impl Store {
         })
     }
 
-    /// Every epoch of a campaign's trainings, in order, each with the number of complete generations that there were then.
+    /// Every epoch of a campaign's trainings, in order, each with the number of complete generations when the epoch ended.
     pub fn epochs(&self, campaign: &CampaignId) -> Result<Vec<(EpochRecord, u32)>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
@@ -56,7 +57,7 @@ impl Store {
         })
     }
 
-    /// When the epochs of the training of a round ended, in order: milliseconds since 1970-01-01 UTC.
+    /// The end times of the epochs of a round's training, in order: milliseconds since 1970-01-01 UTC.
     pub fn epoch_times(&self, campaign: &CampaignId, round: u32) -> Result<Vec<u64>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;

@@ -1,6 +1,6 @@
 //! Errors of the store, worded for the owner of the data.
 //!
-//! [`StoreError::may_pass`] tells temporary refusals of the disk from permanent errors.
+//! [`StoreError::may_pass`] distinguishes temporary refusals of the disk from permanent errors.
 
 use crate::blocking::Broken;
 use murmuration_model::{CampaignId, labels::RequestId};
@@ -11,13 +11,13 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Holder of a data directory, from its lock file.
+/// The process that holds a data directory, as the lock file names it.
 #[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(default)]
 pub struct LockHolder {
-    /// Its process id; 0 if not written yet.
+    /// Process id of the holder; 0 if the lock file does not have it yet.
     pub process: u32,
-    /// Where its coordinator listens, `http://HOST:PORT`; empty if not written yet.
+    /// Address of the holder's coordinator, `http://HOST:PORT`; empty if the lock file does not have it yet.
     pub address: String,
 }
 
@@ -34,7 +34,7 @@ impl fmt::Display for LockHolder {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UnknownCampaign {
     pub id: String,
-    /// The campaign whose id is most similar, if one is similar enough to be meant.
+    /// The campaign whose id is most similar to `id`, if any id is so similar that `id` can be a typing error.
     pub nearest: Option<CampaignId>,
 }
 
@@ -48,17 +48,17 @@ impl fmt::Display for UnknownCampaign {
     }
 }
 
-/// Why an operation of the store failed; it changed nothing.
+/// Why an operation of the store failed. A failed operation changes nothing.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// Another process holds the data directory.
     #[error("data directory {path} is in use by {holder}")]
     InUse {
         path: PathBuf,
-        /// The holder, as far as the lock file names it.
+        /// The process that holds the data directory, as far as the lock file names it.
         holder: super::LockHolder,
     },
-    /// The data directory does not exist and was not to be created.
+    /// The data directory does not exist, and the operation does not create it.
     #[error(
         "there is no data directory at {0}: `murmuration run SPEC.toml` makes one, `--data DIR` names another"
     )]
@@ -80,15 +80,15 @@ pub enum StoreError {
     )]
     Newer {
         path: PathBuf,
-        /// Its schema version.
+        /// The database's schema version.
         found: u32,
-        /// The newest that is understood.
+        /// The newest schema version that this program can read.
         known: u32,
     },
     /// The file is no SQLite database, or it is damaged.
     #[error("{path} is damaged ({reason}): `murmuration doctor` says what is damaged")]
     Damaged {
-        /// The database, or a file that it names.
+        /// Path of the database, or of a file that the database names.
         path: PathBuf,
         reason: String,
     },
@@ -97,7 +97,7 @@ pub enum StoreError {
          done, and can be asked again"
     )]
     DiskFull {
-        /// The database, or the folder of checkpoints.
+        /// Path of the database, or of the folder of checkpoints.
         path: PathBuf,
     },
     /// The disk refuses a write, or does not confirm it.
@@ -106,32 +106,32 @@ pub enum StoreError {
          campaigns go on by themselves, and what was refused can be asked again"
     )]
     Unwritable {
-        /// The database, or the folder of checkpoints.
+        /// Path of the database, or of the folder of checkpoints.
         path: PathBuf,
-        /// Error of SQLite or the system.
+        /// Message of SQLite or the system.
         reason: String,
     },
-    /// The file may not be written.
+    /// The file, its folder or its disk is read-only.
     #[error(
         "{path} cannot be written (read-only file, folder or disk): make it writable or choose another --data"
     )]
     ReadOnly { path: PathBuf },
-    /// There is no campaign of that id.
+    /// No campaign has the requested id.
     #[error("{0}")]
     NoCampaign(UnknownCampaign),
     #[error("there is no study \"{0}\": `murmuration lab study list` shows those there are")]
     NoStudy(String),
     #[error("there is no checkpoint {0}: `murmuration checkpoints list` shows those there are")]
     NoCheckpoint(String),
-    /// An index beyond the archive.
+    /// The archive has no individual with this index.
     #[error("campaign {campaign} has no individual {index}: its archive holds {len}")]
     NoIndividual {
         campaign: String,
         index: u64,
-        /// Individuals in the archive.
+        /// Number of individuals in the archive.
         len: u64,
     },
-    /// An earlier request of the same id asked for another campaign.
+    /// An earlier request with this id asked for another campaign.
     #[error(
         "request \"{request}\" was made before, asked for something else and started campaign {campaign}: use another request id"
     )]
@@ -139,18 +139,18 @@ pub enum StoreError {
         request: RequestId,
         campaign: CampaignId,
     },
-    /// A run of a campaign is over, and may not change it any more.
+    /// The run of a campaign is over, and can no longer change the campaign.
     #[error("campaign {0} was paused, cancelled or told something else meanwhile: its former run ends")]
     Superseded(CampaignId),
-    /// The result is no longer wanted.
+    /// The operation was interrupted, because nobody waits for its result.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
     #[error(transparent)]
     Broken(#[from] Broken),
-    /// There is no memory to compress or decompress images with.
+    /// The memory does not suffice to compress or decompress images.
     #[error("pictures cannot be compressed: {0}")]
     Compression(io::Error),
-    /// Anything else that SQLite reports.
+    /// Any other error that SQLite reports.
     #[error("{path}: {source}")]
     Sqlite { path: PathBuf, source: rusqlite::Error },
 }
@@ -167,7 +167,7 @@ const NOT_WRITTEN: [i32; 8] = [
     ffi::SQLITE_IOERR_SHMMAP,
 ];
 
-/// Whether a stored value is one that this program never writes.
+/// Whether the error is about a stored value that this program never writes.
 const fn is_unreadable(error: &rusqlite::Error) -> bool {
     use rusqlite::Error::{FromSqlConversionFailure, IntegralValueOutOfRange, InvalidColumnType};
     matches!(
@@ -177,7 +177,7 @@ const fn is_unreadable(error: &rusqlite::Error) -> bool {
 }
 
 impl StoreError {
-    /// Whether the disk is the cause, so that the same change may succeed later.
+    /// Whether the disk caused the error, so that the same change can succeed later.
     #[must_use]
     pub const fn may_pass(&self) -> bool {
         matches!(
@@ -186,7 +186,8 @@ impl StoreError {
         )
     }
 
-    /// The cause alone, for messages that name the place and the remedy themselves.
+    /// The cause alone of [`StoreError::Damaged`], for messages that name the database and the remedy themselves. Any other error
+    /// gives its full message.
     pub fn reason(&self) -> String {
         match self {
             Self::Damaged { reason, .. } => reason.clone(),
@@ -203,7 +204,7 @@ impl StoreError {
         }
     }
 
-    /// The error, if its kind means that the disk cannot be written for now.
+    /// The store's error, if `kind` means that the disk cannot be written for now.
     pub fn refused(kind: io::ErrorKind, message: &dyn std::fmt::Display, path: &Path) -> Option<Self> {
         let path = path.to_path_buf();
         match kind {
@@ -242,7 +243,7 @@ impl StoreError {
         }
     }
 
-    /// A stored value that this version would never have written.
+    /// The error for a stored value that this program never writes.
     pub(super) fn damaged(what: impl Into<String>) -> Self {
         Self::Damaged {
             path: PathBuf::new(),
@@ -250,7 +251,7 @@ impl StoreError {
         }
     }
 
-    /// Fills in the path, for code that does not know it when it raises the error.
+    /// Adds the database's path to an error that was raised without this path.
     pub(super) fn at(self, path: &Path) -> Self {
         match self {
             Self::Sqlite { source, .. } => Self::from_sqlite(source, path),

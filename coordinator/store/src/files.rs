@@ -1,15 +1,15 @@
-//! Checks whether files and folders exist, with an error if that cannot be known.
+//! Checks whether files and folders exist; the result is an error if the system cannot determine this.
 
 use std::{
     fs, io,
     path::{self, Component, Path, PathBuf},
 };
 
-/// Whether there is something at `path`. False only if its folder (or one above) was read and has no such name.
+/// Whether anything exists at `path`. False only if the folder of `path`, or a folder above, was read and lacks the name.
 ///
 /// # Errors
-/// If that cannot be known: the system's error, or for a broken link its target. The target's volume may not be mounted, and a
-/// caller that took the path for free would make again what is on the volume.
+/// The system's error if the system cannot read a folder; for a broken link, an error that names the link's target. The target's
+/// volume may not be mounted: a caller that took the path for free would then make new data in place of the data on the volume.
 pub fn is_there(path: &Path) -> io::Result<bool> {
     match fs::symlink_metadata(path) {
         Ok(found) if found.is_symlink() => leads_somewhere(path).map(|()| true),
@@ -40,15 +40,15 @@ fn leads_somewhere(link: &Path) -> io::Result<()> {
 /// Whether a folder is empty or does not exist.
 ///
 /// # Errors
-/// If that cannot be known, or something else than a folder is there.
+/// If the system cannot read the path, or the path is not a folder.
 pub fn is_empty(folder: &Path) -> io::Result<bool> {
     Ok(!is_there(folder)? || fs::read_dir(folder)?.next().is_none())
 }
 
-/// The absolute path without links, as far as it exists; the missing parts follow unchanged.
+/// The absolute path with its links resolved. Parts of the path that do not exist follow unchanged.
 ///
 /// # Errors
-/// If it cannot be known how far the path exists.
+/// If the system cannot determine which parts of the path exist.
 pub fn without_links(path: &Path) -> io::Result<PathBuf> {
     let path = path::absolute(path)?;
     let mut missing = Vec::new();
@@ -71,7 +71,7 @@ pub fn without_links(path: &Path) -> io::Result<PathBuf> {
 /// Syncs the bytes of a file, or the entries of a folder, to the disk.
 ///
 /// # Errors
-/// If the system cannot.
+/// If the sync fails.
 pub(crate) fn sync(path: &Path) -> io::Result<()> {
     fs::File::open(path)?.sync_all()
 }
@@ -97,7 +97,7 @@ mod tests {
         ] {
             assert_eq!(is_there(&at(name)).unwrap(), found, "{name}");
         }
-        // Also for a path beyond the link.
+        // A path beyond the link gives the same error.
         for name in ["lost", "lost/further"] {
             let error = is_there(&at(name)).unwrap_err().to_string();
             assert!(error.contains("unmounted/file, which is not there"), "{error}");

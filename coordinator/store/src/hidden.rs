@@ -1,7 +1,7 @@
-//! Rows of hidden campaigns: those that are being taken over, and those that are being deleted.
+//! Rows of hidden campaigns: campaigns that are being imported or deleted.
 //!
-//! An archive is written and removed in many short transactions, between which others write. Meanwhile the campaign's own row
-//! has the state [`HIDDEN`], with which no query returns it, and an id that no campaign has.
+//! Many short transactions import or delete an archive, and other writes happen between them. Meanwhile the campaign's own row
+//! has the state [`HIDDEN`], which queries exclude, and an id that no visible campaign can have.
 
 use crate::{Store, StoreError};
 use rusqlite::params;
@@ -9,7 +9,7 @@ use rusqlite::params;
 /// The state of the row of a hidden campaign.
 pub(crate) const HIDDEN: &str = "hidden";
 
-/// The tables with rows of campaigns, each with its key beside the campaign.
+/// The tables with rows of campaigns, each with the columns that identify a row of one campaign.
 pub(crate) const TABLES: [(&str, &str); 11] = [
     ("generations", "generation"),
     ("individuals", "place"),
@@ -24,10 +24,10 @@ pub(crate) const TABLES: [(&str, &str); 11] = [
     ("labels", "entry"),
 ];
 
-/// Rows that one transaction removes.
+/// Maximum number of rows that one transaction removes.
 const ROWS: i64 = if cfg!(test) { 16 } else { 1024 };
 
-/// The id of a hidden campaign. No other id begins like this.
+/// The id of a hidden campaign. No visible campaign has an id that begins with a dot.
 pub(crate) fn hidden_id(number: i64) -> String {
     format!(".{HIDDEN}-{number}")
 }
@@ -45,14 +45,14 @@ impl Store {
             .try_for_each(|number| self.remove_hidden(number))
     }
 
-    /// Removes the rows of a hidden campaign; those that cannot be removed now are removed when the store is next opened.
+    /// Removes the rows of a hidden campaign. Rows that cannot be removed now are removed when the store is next opened.
     pub(crate) fn remove_hidden_or_later(&self, number: i64) {
         if let Err(error) = self.remove_hidden(number) {
             tracing::warn!(%error, "a campaign that nobody sees is not removed from the disk yet");
         }
     }
 
-    /// Removes the campaign's own row last, so that no row refers to a missing campaign.
+    /// Removes the rows of a hidden campaign. The campaign's own row is last, so that no row refers to a missing campaign.
     fn remove_hidden(&self, number: i64) -> Result<(), StoreError> {
         for (table, key) in TABLES {
             let some = format!(

@@ -1,4 +1,4 @@
-//! Individuals in rows: each column holds the measurements of all trials, one after the other, in one value.
+//! Individuals as rows. One value of a column has the measurements of all trials of an individual, one after the other.
 
 use super::{
     StoreError,
@@ -11,7 +11,7 @@ use murmuration_swarm::{
 };
 use rusqlite::Row;
 
-/// One evaluated controller, with its images if they were asked for. `I` is the type of the images, see [`StoredImage`].
+/// One evaluated controller, with its images if the caller asked for images.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArchivedIndividual<I = Vec<u8>> {
     /// Place in the archive, from 0.
@@ -19,7 +19,7 @@ pub struct ArchivedIndividual<I = Vec<u8>> {
     /// Generation, from 0.
     pub generation: u32,
     pub controller: Controller,
-    /// Seed of its first start, from which the others follow ([`Starts::seeds`]).
+    /// Seed of the individual's first start. The seeds of the other starts follow from this seed ([`Starts::seeds`]).
     pub seed: u64,
     /// One for each start; at least one.
     pub trials: Vec<Trial<I>>,
@@ -32,7 +32,7 @@ pub struct ArchivedIndividual<I = Vec<u8>> {
 pub struct Trial<I = Vec<u8>> {
     /// Hand-crafted features.
     pub features: Features,
-    /// Embedding of its picture by the campaign's checkpoint; empty if there is none.
+    /// Embedding of the picture by the campaign's checkpoint; empty without a checkpoint.
     pub embedding: Vec<f32>,
     /// Grey values, index x * resolution + y; absent if they were not asked for.
     pub image: Option<I>,
@@ -47,13 +47,13 @@ impl ArchivedIndividual {
         self.trials.first()?.image.as_deref()
     }
 
-    /// As [`ArchivedIndividual::image`], consuming the individual.
+    /// Consumes the individual, and returns its picture (see [`ArchivedIndividual::image`]).
     #[must_use]
     pub fn into_image(mut self) -> Option<Vec<u8>> {
         self.trials.first_mut()?.image.take()
     }
 
-    /// The pictures of its trials, if they were asked for.
+    /// The pictures of the individual's trials; empty if the individual was read without images.
     #[must_use]
     pub fn into_images(self) -> Vec<Vec<u8>> {
         self.trials.into_iter().filter_map(|trial| trial.image).collect()
@@ -72,14 +72,14 @@ impl ArchivedIndividual {
         }
     }
 
-    /// A swarm that never moved.
+    /// An individual whose swarm never moved.
     #[cfg(test)]
     pub(crate) fn still(index: u64, generation: u32) -> Self {
         let controller = Controller::new(murmuration_swarm::Preset::SingleSensor, &[0.0; 4]).unwrap();
         Self::unmeasured(index, generation, controller)
     }
 
-    /// A swarm that never moved, with this picture.
+    /// An individual whose swarm never moved, with `image` as its picture.
     #[cfg(test)]
     pub(crate) fn pictured(index: u64, generation: u32, image: Vec<u8>) -> Self {
         Self::still(index, generation).with_trial(Trial {
@@ -144,8 +144,8 @@ pub(super) fn compressed<I: StoredImage>(
     }))
 }
 
-/// The individual in a row (place, generation, controller, seed, features, novelty, image, embedding, verdicts), with its images if
-/// a decompressor is given.
+/// The individual in a row (place, generation, controller, seed, features, novelty, image, embedding, verdicts), with its images
+/// if a decompressor is given.
 pub(super) fn read(
     row: &Row<'_>,
     model: &CapabilityModel,
@@ -200,7 +200,7 @@ fn trials(features: &[f64], embeddings: &[f32], images: Option<&[u8]>) -> Result
     Ok(features.iter().enumerate().map(trial).collect())
 }
 
-/// Adds the verdicts in the value of a column to the trials.
+/// Adds the verdicts from a column's value to the trials.
 fn judged(trials: Vec<Trial>, verdicts: &[u8]) -> Result<Vec<Trial>, &'static str> {
     if verdicts.is_empty() {
         return Ok(trials);

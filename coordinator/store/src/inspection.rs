@@ -1,4 +1,4 @@
-//! Inspection of a database whose rows may be damaged: nothing here relies on one row to read another.
+//! Inspection of a database whose rows may be damaged: no query relies on one row to read another row.
 
 use super::{Store, StoreError, campaigns::number_of, hidden::HIDDEN, labels, open};
 use murmuration_model::{CampaignId, labels::Labels};
@@ -6,11 +6,11 @@ use murmuration_swarm::counted;
 use rusqlite::{Connection, OpenFlags, params};
 use std::path::Path;
 
-/// Most faults of one kind that are named.
+/// Maximum number of faults of one kind that are named.
 const MOST_NAMED: usize = 20;
 
 impl Store {
-    /// Faults that SQLite finds in the structure of the database, the first ones by name; none if it is sound.
+    /// The first faults that SQLite finds in the structure of the database; empty if the database is sound.
     ///
     /// # Errors
     /// If the search for faults fails.
@@ -51,10 +51,10 @@ impl Store {
         })
     }
 
-    /// The ids of the campaigns, oldest first, even if nothing else of them can be read.
+    /// The ids of the campaigns, oldest first, even if the rest of their rows cannot be read.
     ///
     /// # Errors
-    /// If not even that can be read.
+    /// If not even the ids can be read.
     pub(crate) fn campaign_ids(&self) -> Result<Vec<CampaignId>, StoreError> {
         self.read(|connection| {
             let mut statement =
@@ -64,10 +64,10 @@ impl Store {
         })
     }
 
-    /// How many entries of a campaign's log can be read and followed, from the first on.
+    /// Number of entries, from the beginning of a campaign's label log, that can be read and follow from each other.
     ///
     /// # Errors
-    /// If there is no such campaign.
+    /// If the campaign does not exist.
     pub(crate) fn readable_labels(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
@@ -87,11 +87,11 @@ impl Store {
         })
     }
 
-    /// Copies the database, as of one instant, into the file `path`, which is on disk when this returns. Safe while another process
-    /// writes it.
+    /// Copies the database, as of one instant, into the file `path`, which is on disk when this returns. Another process may
+    /// write the database meanwhile.
     ///
     /// # Errors
-    /// If it cannot be read, or the file cannot be written.
+    /// If the database cannot be read, or the file cannot be written.
     pub(crate) fn copy_to(&self, path: &Path) -> Result<(), StoreError> {
         let named = |source| StoreError::from_sqlite(source, path);
         let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE;

@@ -1,19 +1,19 @@
-//! A cache, bounded in bytes, of values of campaigns that take long to make.
+//! A cache of values that take long to compute, one value for each campaign, with a bound on their bytes.
 //!
-//! Every value can be made again from the store, with the same result. The cache knows sizes, not contents.
+//! Every value can be made again from the store, with the same result. The cache uses the sizes of values, not their contents.
 
 use hashlink::LruCache;
 use murmuration_model::CampaignId;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync;
 
-/// Bytes of an entry besides its value: its id, its place, its lock.
+/// Bytes of an entry besides its value: its campaign's id, its place in the cache, its lock.
 pub const ENTRY_BYTES: usize = 256;
 
 /// A value for each campaign, within a total bound of bytes. The least recently used values are dropped.
 ///
-/// Two kinds of values may exceed the bound: the newest, so that it is not made over and over, and values in use, because dropping
-/// them would free nothing.
+/// Two kinds of values stay even beyond the bound. The newest value stays so that it is not computed over and over, and values in
+/// use stay because dropping them would free nothing.
 #[derive(Debug)]
 pub struct Kept<V> {
     most_bytes: usize,
@@ -22,7 +22,7 @@ pub struct Kept<V> {
 
 #[derive(Debug)]
 struct Entries<V> {
-    /// Least recently used first.
+    /// The entries, least recently used first.
     by_campaign: LruCache<CampaignId, Entry<V>>,
     bytes: usize,
 }
@@ -53,8 +53,8 @@ impl<State: PartialEq, Answer: Clone> LatestAnswers<State, Answer> {
         Self(Arc::new(Kept::within(most_bytes)))
     }
 
-    /// The answer about a campaign in this state. The first caller makes it, and concurrent callers wait; if the first is
-    /// cancelled, the next makes it. `bytes` is the size of an answer.
+    /// The answer about a campaign in this state. The first caller makes the answer, and concurrent callers wait. If the first
+    /// caller is cancelled, the next caller makes the answer. `bytes` gives the size of an answer.
     ///
     /// # Errors
     /// The errors of `make`, for the caller that makes the answer.
@@ -93,7 +93,7 @@ impl<V: Default> Kept<V> {
         }
     }
 
-    /// The value of a campaign, or the default. It stays in the cache for as long as a caller holds it.
+    /// The value of a campaign, or the default value. A value stays in the cache while a caller holds it.
     pub fn of(&self, campaign: &CampaignId) -> Arc<V> {
         let mut entries = self.lock();
         if let Some(entry) = entries.by_campaign.get(campaign) {
@@ -110,7 +110,7 @@ impl<V: Default> Kept<V> {
         value
     }
 
-    /// Records that the value of a campaign has `bytes` now, and drops others if the bound requires it.
+    /// Records that the value of a campaign now takes `bytes`, and drops other values if the bound requires this.
     pub fn weigh(&self, campaign: &CampaignId, bytes: usize) {
         let mut entries = self.lock();
         let bytes = bytes.saturating_add(ENTRY_BYTES);
@@ -138,7 +138,7 @@ impl<V: Default> Kept<V> {
 }
 
 impl<V> Entries<V> {
-    /// Drops values that are not in use, but not `newest`, until all have at most `most_bytes`.
+    /// Drops values that are not in use until all entries together take at most `most_bytes`. Keeps the value of `newest`.
     fn forget(&mut self, most_bytes: usize, newest: &CampaignId) {
         let mut over = self.bytes.saturating_sub(most_bytes);
         let mut forgotten = Vec::new();
@@ -166,7 +166,7 @@ mod tests {
         CampaignId::from_store(format!("campaign-{number}"))
     }
 
-    /// Keeps a value of so many bytes.
+    /// Keeps a value of `bytes` bytes for the campaign with this number.
     fn keep(kept: &Kept<Mutex<usize>>, number: usize, bytes: usize) {
         let value = kept.of(&id(number));
         *value.lock().unwrap() = number;
@@ -197,7 +197,7 @@ mod tests {
         assert_eq!(*made.lock().unwrap(), 1);
         assert_eq!(ask(2).await, Ok(20));
         assert_eq!(*made.lock().unwrap(), 2);
-        // The task that makes it is cancelled.
+        // The task that makes the answer is cancelled.
         tokio::select! {
             biased;
             _ = ask(3) => unreachable!(),
@@ -248,7 +248,7 @@ mod tests {
             [1, 2, 3, 4].map(|number| has(&kept, number)),
             [true, false, true, true]
         );
-        // A value that grows displaces others.
+        // A value that grows displaces other values.
         kept.weigh(&id(3), 3400);
         assert_eq!([1, 3, 4].map(|number| has(&kept, number)), [false, true, true]);
     }

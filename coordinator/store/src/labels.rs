@@ -1,4 +1,4 @@
-//! The label log: append-only.
+//! The label log, which is append-only.
 
 mod budget;
 mod followed;
@@ -20,23 +20,23 @@ use murmuration_model::{
 };
 use rusqlite::{Connection, Transaction, params};
 
-/// Most entries of a log: ten answers about each of 20,000 individuals. A longer log takes only undos and withdrawals. All entries
-/// are kept in memory.
+/// Maximum number of entries of a log: ten answers about each of 20,000 individuals. A full log takes only undos and withdrawals.
+/// The maximum bounds memory, because all entries are kept in memory.
 const MAX_ENTRIES: u64 = if cfg!(test) { 1_000 } else { 200_000 };
 
 /// Why nothing was added to a log.
 #[derive(Debug, thiserror::Error)]
 pub enum LabelError {
-    /// The store could not be read or written, or there is no such campaign or individual.
+    /// The store could not be read or written, or the campaign or individual does not exist.
     #[error(transparent)]
     Store(#[from] StoreError),
     /// The request contradicts the log.
     #[error(transparent)]
     Refused(#[from] Refusal),
-    /// An earlier request of the same id had other contents.
+    /// An earlier request with the same id had other contents.
     #[error("request \"{0}\" was made before, and said something else")]
     OtherRequest(RequestId),
-    /// The token may not add as many entries now.
+    /// The token cannot add this many entries now.
     #[error(transparent)]
     OverBudget(#[from] OverBudget),
 }
@@ -48,7 +48,7 @@ pub struct Undone {
 }
 
 impl Store {
-    /// The whole log of a campaign, in order.
+    /// The whole label log of a campaign, in order.
     pub fn label_log(&self, campaign: &CampaignId) -> Result<Vec<Entry>, StoreError> {
         self.read(|connection| log(connection, number_of(connection, campaign)?, 0))
     }
@@ -73,10 +73,10 @@ impl Store {
         self.read(|connection| entries_of(connection, number_of(connection, campaign)?))
     }
 
-    /// The campaign of that id (or `latest`), and the number of entries of its label log at the same instant.
+    /// The campaign with this id (or `latest`), and the number of entries of its label log at the same instant.
     ///
     /// # Errors
-    /// [`StoreError::NoCampaign`], or if it cannot be read.
+    /// [`StoreError::NoCampaign`], or if the campaign cannot be read.
     pub(crate) fn campaign_and_label_entries(&self, id: &str) -> Result<(CampaignRecord, u64), StoreError> {
         self.read(|connection| {
             let record = campaign(connection, id)?;
@@ -88,7 +88,8 @@ impl Store {
     /// Number of entries of all campaigns' logs.
     pub fn count_labels(&self) -> Result<u64, StoreError> {
         self.read(|connection| {
-            // Entries are numbered without gaps; to count them would read them all.
+            // The largest number of an entry gives the count, because entries are numbered without gaps. Counting would read
+            // every row.
             let entries =
                 "SELECT coalesce(sum((SELECT max(entry) + 1 FROM labels WHERE campaign = number)), 0)
                 FROM campaigns WHERE state <> ?1";
@@ -97,7 +98,7 @@ impl Store {
         })
     }
 
-    /// Entries that a request added to a campaign's log; empty if it was not made.
+    /// Entries that a request added to a campaign's log; empty if the request was not made.
     pub fn request_entries(
         &self,
         campaign: &CampaignId,
@@ -106,12 +107,12 @@ impl Store {
         self.read(|connection| made(connection, number_of(connection, campaign)?, request))
     }
 
-    /// Adds the changes of a request to a campaign's log, all or none, in one transaction, and returns the new entries. Renaming a
-    /// class to its own name adds no entry. A repeated request adds nothing, and returns the entries that it added before.
+    /// Adds the changes of a request to a campaign's log, all or none, in one transaction, and returns the new entries. Renaming
+    /// a class to its own name adds no entry. A repeated request adds nothing, and returns the entries that it added before.
     ///
     /// # Errors
-    /// [`LabelError`]; [`StoreError::NoIndividual`] if an answer is about an individual that the archive does not hold. Nothing was
-    /// added then.
+    /// [`LabelError`]; [`StoreError::NoIndividual`] if an answer is about an individual that the archive does not hold. Nothing
+    /// was added then.
     pub fn add_labels(
         &self,
         campaign: &CampaignId,
@@ -120,7 +121,7 @@ impl Store {
     ) -> Result<Vec<Entry>, LabelError> {
         self.add_to_log(campaign, |transaction, number, labels| {
             let entries = labels.entries();
-            // Undos and withdrawals are always accepted: there are at most as many as standing answers.
+            // Undos and withdrawals are always accepted: their number cannot exceed the number of answers.
             let takes_back =
                 |change: &Change| matches!(change.action, Action::Undo | Action::Withdraw { .. });
             if entries.saturating_add(changes.len() as u64) > MAX_ENTRIES
@@ -139,12 +140,12 @@ impl Store {
         })
     }
 
-    /// Undoes an annotator's last request, in one transaction: all of their standing answers that came with the same request as
-    /// their newest one. Returns these answers, newest first. A repeated undo takes nothing back, and returns the answers that it
-    /// took back before. `time_ms` is the time of the undo, milliseconds since 1970-01-01 UTC.
+    /// In one transaction, undoes an annotator's last request: all answers of this annotator that came with the same request as
+    /// the annotator's newest standing answer. Returns the undone answers, newest first. A repeated undo changes nothing, and
+    /// returns the answers that it undid before. `time_ms` is the time of the undo, milliseconds since 1970-01-01 UTC.
     ///
     /// # Errors
-    /// [`LabelError`]; [`Refusal::NothingToUndo`] if they have no standing answers. Nothing has changed then.
+    /// [`LabelError`]; [`Refusal::NothingToUndo`] if the annotator has no standing answers. Nothing has changed then.
     pub fn undo_labels(
         &self,
         campaign: &CampaignId,
@@ -183,7 +184,7 @@ pub(super) fn entries_of(connection: &Connection, number: i64) -> Result<u64, St
     Ok(count.unsigned_abs())
 }
 
-/// Undo entries, one for each standing answer of the annotator's last request.
+/// The entries of an undo, one for each answer of the annotator's last request.
 fn undo_newest(
     transaction: &Transaction<'_>,
     number: i64,
@@ -211,7 +212,7 @@ fn undo_newest(
     Ok(entries)
 }
 
-/// A refused request writes nothing.
+/// Adds the changes of a request to the log. A refused request writes nothing.
 pub(super) fn add(
     transaction: &Transaction<'_>,
     campaign: &CampaignId,
@@ -246,12 +247,12 @@ pub(super) fn add(
 
 /// Entries that a request added.
 fn made(connection: &Connection, number: i64, request: &RequestId) -> Result<Vec<Entry>, StoreError> {
-    // Without the hint, SQLite reads the whole log because of the order.
+    // Without the hint `INDEXED BY`, SQLite reads the whole log, because the entries are ordered by number.
     let which = "INDEXED BY labels_by_request WHERE campaign = ?1 AND request = ?2";
     entries(connection, which, params![number, request.as_str()])
 }
 
-/// Ignores times: a repeated request may have a new one.
+/// Whether two changes are equal except for their times: a repeated request can have a new time.
 fn says_the_same(one: &Change, other: &Change) -> bool {
     (&one.annotator, &one.action) == (&other.annotator, &other.action)
 }

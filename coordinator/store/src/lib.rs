@@ -1,7 +1,7 @@
 //! The store: one SQLite database in a data directory, changed by whole transactions only.
 //!
-//! Limits: knows rows, not searches. Everything acknowledged to a client has been committed with `synchronous = FULL` first, so a
-//! `kill -9` at any instant loses nothing (invariant 4 of ARCHITECTURE.md).
+//! Limits: this crate reads and writes rows, and does not search. Every change is committed with `synchronous = FULL` before a
+//! client gets the acknowledgement, so a `kill -9` at any instant loses nothing acknowledged (invariant 4 of ARCHITECTURE.md).
 
 mod archive;
 pub mod backup;
@@ -72,17 +72,18 @@ use std::{
 /// The open store; clones share its connections.
 #[derive(Debug, Clone)]
 pub struct Store {
-    /// Reading connections, if there is a writing one; dropped before it, because the last connection to close empties the log.
+    /// Read-only connections, if the store can write. The read-only connections close before the writing connection, because the
+    /// last connection to close empties the log.
     readers: Option<Arc<Readers>>,
-    /// The writing connection (SQLite has one writer), or the only connection of a store that is only looked at.
+    /// The writing connection (SQLite has one writer), or the only connection of a store without `readers`.
     connection: Arc<Mutex<Connection>>,
     path: Arc<Path>,
-    /// Whether the disk failed during a change, so that it is unknown how much of it was written. Set and read while `connection`
-    /// is locked.
+    /// Whether the disk failed during a change, so that an unknown part of the change was written. Read and set this flag only
+    /// while `connection` is locked.
     sync_failed: Arc<AtomicBool>,
     /// Current labels of the campaigns.
     followed: Arc<labels::Followed>,
-    /// The run that this handle is for; only this run may write through it.
+    /// The run that writes through this handle, if any. Each write first checks that this run is still current.
     run: Option<Arc<RunId>>,
 }
 
@@ -90,11 +91,12 @@ impl Store {
     /// Name of the database in its data directory.
     pub const FILE: &str = "murmuration.sqlite";
 
-    /// Opens or creates the database in `directory`, which must be held (see [`DataDirectory::hold`]), brings it to the
-    /// newest schema, and checks its structure (of a database of more than a gigabyte `murmuration doctor` does that).
+    /// Opens or creates the database in `directory`, checks its structure, and migrates it to the newest schema. If the database
+    /// is larger than a gigabyte, only `murmuration doctor` checks its structure.
     ///
     /// # Errors
-    /// Says what is wrong with the file: not a database, damaged, read-only, of a newer version, on a full disk.
+    /// The error names the cause: the file is not a database, is damaged, is read-only or is of a newer version, or the disk is
+    /// full.
     pub fn open(directory: &DataDirectory) -> Result<Self, StoreError> {
         let path = directory.path().join(Self::FILE);
         if !find_database(&path)? {
@@ -110,11 +112,11 @@ impl Store {
         Ok(store)
     }
 
-    /// Opens the database in `folder` read-only and without checks, and returns the version of its schema. `alone` promises that no
-    /// process writes it meanwhile (see [`DataDirectory::watch`]).
+    /// Opens the database in `folder` read-only and without checks, and returns the version of its schema. With `alone`, the
+    /// caller guarantees that no process writes the database meanwhile (see [`DataDirectory::watch`]).
     ///
     /// # Errors
-    /// As [`Store::open`], and [`StoreError::NoDirectory`].
+    /// The errors of [`Store::open`], and [`StoreError::NoDirectory`] if `folder` has no database.
     pub fn look(folder: &Path, alone: bool) -> Result<(Self, u32), StoreError> {
         let path = folder.join(Self::FILE);
         if !find_database(&path)? {
@@ -138,7 +140,7 @@ impl Store {
     /// Runs `work` on this store, on a thread that may block (see [`blocking::blocking`]).
     ///
     /// # Errors
-    /// Those of `work`, and [`StoreError::Broken`] if it panics.
+    /// The errors of `work`, and [`StoreError::Broken`] if `work` panics.
     pub async fn run<T, E>(&self, work: impl FnOnce(&Self) -> Result<T, E> + Send + 'static) -> Result<T, E>
     where
         T: Send + 'static,
@@ -149,10 +151,10 @@ impl Store {
         done.map_err(StoreError::from)?
     }
 
-    /// As [`Store::run`], with normal priority in every task (see [`blocking::changing`]).
+    /// Runs `work` like [`Store::run`], but with normal priority in every task (see [`blocking::changing`]).
     ///
     /// # Errors
-    /// As [`Store::run`].
+    /// The errors of [`Store::run`].
     pub async fn change<T, E>(
         &self,
         work: impl FnOnce(&Self) -> Result<T, E> + Send + 'static,
@@ -169,7 +171,7 @@ impl Store {
     /// Checks that the database can be read.
     ///
     /// # Errors
-    /// Why it cannot.
+    /// The reason why the database cannot be read.
     pub fn answers(&self) -> Result<(), StoreError> {
         self.read(|connection| {
             let tables = "SELECT count(*) FROM sqlite_schema";
@@ -179,15 +181,15 @@ impl Store {
         })
     }
 
-    /// Runs `change` in a transaction that is committed, on disk, when this returns `Ok`. Through the handle of a run, it is
-    /// refused once the run is over.
+    /// Runs `change` in a transaction, which is committed and on disk when this function returns `Ok`. The handle of a run
+    /// refuses changes once that run is over.
     fn write<T>(
         &self,
         change: impl FnOnce(&Transaction<'_>) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
         let mut connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
         if self.sync_failed.load(Ordering::Relaxed) {
-            // A reader of the log keeps it from being emptied.
+            // An active reader would prevent SQLite from emptying the log.
             let _kept_away = self.readers.as_ref().map(|readers| readers.keep_away());
             open::settle(&connection, &self.path)?;
             self.sync_failed.store(false, Ordering::Relaxed);
@@ -202,7 +204,7 @@ impl Store {
         }
         if changed.is_ok() && open::has_long_log(&self.path) {
             let _kept_away = self.readers.as_ref().map(|readers| readers.keep_away());
-            // The change is on disk all the same.
+            // The change is on disk even if the log cannot be shortened.
             if let Err(error) = open::shorten_log(&connection) {
                 tracing::warn!(%error, "the log of the database could not be written into it");
                 self.sync_failed.store(true, Ordering::Relaxed);
@@ -215,8 +217,8 @@ impl Store {
         self.read_in(blocking::is_in_background(), query)
     }
 
-    /// Reads with a connection for threads of low priority if `background`, or with one for the others; the current thread does not
-    /// matter.
+    /// Reads with a connection for threads of low priority if `background` is true, or else with a connection for other threads.
+    /// The priority of the current thread does not matter.
     fn read_in<T>(
         &self,
         background: bool,
@@ -230,7 +232,7 @@ impl Store {
     }
 }
 
-/// Whether there is something at `path`; an error if that cannot be known.
+/// Whether anything exists at `path`; an error if the system cannot determine this.
 fn find(path: &Path) -> Result<bool, StoreError> {
     is_there(path).map_err(|error| StoreError::from_io(error, "find", path))
 }
@@ -246,7 +248,8 @@ pub fn expect_folder(path: &Path) -> Result<(), StoreError> {
     }
 }
 
-/// Whether there is a database at `path`; an error if that cannot be known, or if something else has its name.
+/// Whether a file exists at `path`, the path of a database; an error if the system cannot determine this, or if `path` is not a
+/// regular file.
 fn find_database(path: &Path) -> Result<bool, StoreError> {
     path.parent().map_or(Ok(()), expect_folder)?;
     let failed = |error| StoreError::from_io(error, "open the database", path);

@@ -1,8 +1,8 @@
-//! Numbers in columns.
+//! Conversions of numbers to and from the values of columns.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// SQLite's integers end at 2^63 - 1.
+/// The index as an integer of SQLite, which is at most 2^63 - 1.
 pub(super) fn clamped(index: u64) -> i64 {
     i64::try_from(index).unwrap_or(i64::MAX)
 }
@@ -31,7 +31,7 @@ pub(super) fn blob_to_numbers(blob: &[u8]) -> Vec<f32> {
         .collect()
 }
 
-/// The time, milliseconds since 1970-01-01 UTC.
+/// The current time, milliseconds since 1970-01-01 UTC.
 pub(super) fn now_ms() -> i64 {
     SystemTime::now()
         .duration_since(UNIX_EPOCH)

@@ -12,14 +12,15 @@ use std::{
 };
 use tempfile::TempPath;
 
-/// Largest database, in bytes, whose structure is checked at every opening. That takes half a second if it is in memory.
+/// Largest database, in bytes, whose structure is checked at every opening. The check takes half a second if the database is in
+/// memory.
 const CHECKED_BYTES: u64 = 1 << 30;
 
-/// Bytes beyond which a log is long. Overlapping readers can keep SQLite from restarting the log.
+/// Size of a log, in bytes, above which the store shortens the log. Overlapping readers can keep SQLite from restarting the log.
 pub(super) const LONG_LOG: u64 = if cfg!(test) { 1 << 20 } else { 64 << 20 };
 
-/// Makes an empty database of the newest schema in `folder`. It gets its name once it is on disk, so that an empty file of that
-/// name is never taken for a new database.
+/// Makes an empty database of the newest schema in `folder`. The database gets its name only once it is on disk, so that an empty
+/// file is never taken for a new database.
 pub(super) fn create(folder: &Path) -> Result<(), StoreError> {
     let path = folder.join(format!("{}.new", Store::FILE));
     for begun in [path.clone(), with_suffix(&path, "-journal")] {
@@ -36,7 +37,7 @@ pub(super) fn create(folder: &Path) -> Result<(), StoreError> {
     connection.close().map_err(|(_, source)| named(source))?;
     let placed = sync(&path)
         .and_then(|()| {
-            // Never replaces a database that has appeared since the check.
+            // This never replaces a database that appeared after the check.
             let placed = TempPath::try_from_path(&path)?.persist_noclobber(folder.join(Store::FILE));
             placed.map_err(|refused| refused.error)
         })
@@ -69,8 +70,8 @@ pub(super) fn to_read(path: &Path) -> Result<Connection, StoreError> {
     Connection::open_with_flags(path, flags).map_err(|source| StoreError::from_sqlite(source, path))
 }
 
-/// A connection through which nothing changes, and the version of the schema that was found. `alone` promises that no other process
-/// writes; if there is no log beside the database either, SQLite leaves no files behind.
+/// A connection that changes nothing on disk, and the schema version of the database on disk. With `alone`, the caller guarantees
+/// that no other process writes the database. If the database then has no log either, SQLite makes no files beside it.
 pub(super) fn to_look(path: &Path, alone: bool) -> Result<(Connection, u32), StoreError> {
     let named = |source| StoreError::from_sqlite(source, path);
     let log = with_suffix(path, "-wal");
@@ -93,7 +94,7 @@ pub(super) fn to_look(path: &Path, alone: bool) -> Result<(Connection, u32), Sto
     if version == schema::VERSION {
         return Ok((connection, version));
     }
-    // Of a database with an older schema, returns a migrated copy in memory.
+    // A database with an older schema is copied into memory, and the copy is migrated.
     let mut copy = Connection::open_in_memory().map_err(named)?;
     copy_whole(&connection, &mut copy).map_err(named)?;
     schema::migrate(&mut copy, version).map_err(named)?;
@@ -106,11 +107,11 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().unwrap_or(path)
 }
 
-/// Secures what is committed, after the disk failed during a change.
+/// Secures all committed changes after the disk failed during a change.
 ///
-/// The content of the log beyond the last commit is unknown then: the system may have dropped the failed write, and report success
-/// the next time. So everything committed is written into the database again, and the log is emptied, before anything else is
-/// acknowledged.
+/// After a failed write, the content of the log beyond the last commit is unknown: the system may drop the write, and still
+/// report success the next time. So this function writes all committed changes into the database, and empties the log, before the
+/// store acknowledges anything else.
 pub(super) fn settle(connection: &Connection, path: &Path) -> Result<(), StoreError> {
     let busy: i64 = connection
         .query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |row| row.get(0))
@@ -124,7 +125,7 @@ pub(super) fn settle(connection: &Connection, path: &Path) -> Result<(), StoreEr
     }
 }
 
-/// Whether the log beside the database is long.
+/// Whether the database's log is longer than [`LONG_LOG`].
 pub(super) fn has_long_log(path: &Path) -> bool {
     let log = with_suffix(path, "-wal");
     log.metadata().is_ok_and(|log| log.len() > LONG_LOG)
@@ -135,10 +136,10 @@ pub(super) fn shorten_log(connection: &Connection) -> rusqlite::Result<()> {
     connection.query_row("PRAGMA wal_checkpoint(PASSIVE)", [], |_| Ok(()))
 }
 
-/// Copies every page as of one instant, even while others write.
+/// Copies every page of a database as of one instant, even while other connections write.
 pub(super) fn copy_whole(from: &Connection, to: &mut Connection) -> rusqlite::Result<()> {
     let backup = Backup::new(from, to)?;
-    // In one step, so that it is one read transaction.
+    // One step copies all pages, so that the copy is one read transaction.
     match backup.step(-1)? {
         StepResult::Done => Ok(()),
         _ => Err(rusqlite::Error::SqliteFailure(
@@ -171,7 +172,7 @@ fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     name.into()
 }
 
-/// A path escaped for SQLite's URIs, in which these three characters have a meaning.
+/// A path for a URI of SQLite, with the characters `%`, `?` and `#` escaped.
 pub(super) fn uri_path(path: &Path) -> String {
     path.display()
         .to_string()

@@ -100,10 +100,11 @@ impl Store {
         })
     }
 
-    /// The features of a dataset's controllers in `range`, each in its first start, as far as there are any.
+    /// The features of a dataset's controllers in `range`, each from the controller's first start; fewer if the dataset ends
+    /// before.
     ///
     /// # Errors
-    /// If they cannot be read, or are damaged.
+    /// If the features cannot be read, or are damaged.
     pub fn dataset_features(
         &self,
         campaign: &CampaignId,
@@ -133,7 +134,7 @@ impl Store {
         })
     }
 
-    /// The images of a dataset whose places are in `range`, in order, one after the other, as far as there are any.
+    /// The images of a dataset at the places `range`, in order, one after the other; fewer if the dataset ends before.
     pub(crate) fn dataset_images(
         &self,
         campaign: &CampaignId,
@@ -160,7 +161,7 @@ impl Store {
         })
     }
 
-    /// Saves a training, in place of the one before.
+    /// Saves a campaign's training, which replaces the training saved before.
     pub fn save_training(&self, campaign: &CampaignId, training: &SavedTraining) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
@@ -173,7 +174,7 @@ impl Store {
         })
     }
 
-    /// The saved training, if there is one.
+    /// The saved training of a campaign, if any.
     pub fn saved_training(&self, campaign: &CampaignId) -> Result<Option<SavedTraining>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;

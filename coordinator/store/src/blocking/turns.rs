@@ -1,7 +1,8 @@
-//! Limits how much of the machine one client gets for work that no campaign waits for.
+//! Limits the processor time and the threads that one client gets for work that no campaign waits for.
 //!
-//! A person who opens a page now and then must not wait beside a busy campaign, and a guest who opens hundreds must not slow it. So
-//! each client has a small allowance of processor time with normal priority, which refills slowly; work beyond it has low priority.
+//! A person who opens a page now and then must not wait because of a busy campaign, and a guest who opens hundreds of pages must
+//! not slow that campaign. So each client has a small allowance of processor time with normal priority, which refills slowly;
+//! work beyond the allowance has low priority.
 
 use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
@@ -9,14 +10,14 @@ use std::{
 };
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-/// Pieces of work of one client that run at once.
+/// Maximum number of pieces of work of one client that run at once.
 pub(super) const AT_ONCE: usize = 2;
 /// Full allowance of a client: processor time with normal priority.
 const MOST: Duration = Duration::from_secs(1);
-/// Share of one core at which the allowance refills.
+/// Rate at which the allowance refills, as a share of one core.
 const SHARE: f64 = 0.02;
 
-/// Limits the background work of one client: two pieces of work run at once, the others queue. Cheap to clone.
+/// Limits the background work of one client: two pieces of work run at once, and further pieces wait. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Turns(Arc<Client>);
 
@@ -47,7 +48,7 @@ impl Default for Turns {
 }
 
 impl Turns {
-    /// Whether there is no other clone and the allowance is full, so that this can be replaced by a new value.
+    /// Whether this value has no other clone and its allowance is full, so that a new value can replace it.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         Arc::strong_count(&self.0) == 1 && self.0.allowance().is_full(Instant::now())
@@ -90,9 +91,9 @@ impl Client {
 
 #[derive(Debug)]
 struct Allowance {
-    /// Seconds of processor time; negative if work used more than was left when it began.
+    /// Seconds of processor time that are left; negative if work used more than was left when the work began.
     left: f64,
-    /// The time that `left` is of.
+    /// The time at which `left` was computed.
     at: Instant,
 }
 
@@ -126,7 +127,7 @@ fn used_by_this_thread() -> Duration {
     Duration::try_from(used).unwrap_or_default()
 }
 
-/// Elsewhere no thread has low priority, so nothing need be counted.
+/// On other systems no thread has low priority, so processor time is not counted.
 #[cfg(not(target_os = "linux"))]
 fn used_by_this_thread() -> Duration {
     Duration::ZERO

@@ -1,4 +1,5 @@
-//! The blob store: bytes under their digest, in a folder (of the data directory, or one named by a `file://` URL) or in a bucket.
+//! The blob store: keeps bytes under their digest in a folder of the data directory, in a folder that a `file://` URL names, or
+//! in a bucket.
 
 use super::CheckpointError;
 use crate::{
@@ -18,7 +19,7 @@ use std::{
     time::Duration,
 };
 
-/// How long a bucket may take to answer when it is tried out.
+/// Time limit for the trial of a blob store.
 const TRIAL_LIMIT: Duration = Duration::from_secs(30);
 
 /// Storage of the bytes of checkpoints; cheap to clone.
@@ -39,23 +40,23 @@ enum Place {
 /// Condition of the bytes of a checkpoint.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Condition {
-    /// They have the checkpoint's digest.
+    /// The bytes have the checkpoint's digest.
     Whole,
     Missing,
     Damaged,
-    /// They could not be read, for this reason.
+    /// The bytes could not be read, for this reason.
     Unread(String),
 }
 
 impl BlobStore {
-    /// The folder's name in a data directory.
+    /// Name of the checkpoints' folder in a data directory.
     pub const FOLDER: &str = "checkpoints";
 
-    /// The blob store at `location`: a URL such as `s3://BUCKET/PREFIX` (credentials as in the AWS tools' environment variables) or
-    /// `file:///FOLDER`, or, if it is `None`, a folder of the data directory. A missing folder is made.
+    /// The blob store at `location`, a URL such as `s3://BUCKET/PREFIX` or `file:///FOLDER`; if `location` is `None`, a folder of
+    /// the data directory. The credentials of a bucket are in the AWS tools' environment variables. A missing folder is made.
     ///
     /// # Errors
-    /// [`CheckpointError::Location`] if checkpoints cannot be kept there.
+    /// [`CheckpointError::Location`] if checkpoints cannot be kept at the location.
     pub fn open(data: &Path, location: Option<&str>) -> Result<Self, CheckpointError> {
         let Some(location) = location else {
             let folder = data.join(Self::FOLDER);
@@ -70,7 +71,7 @@ impl BlobStore {
     }
 
     fn bucket(location: &str) -> Result<Self, CheckpointError> {
-        // The client of a bucket uses the process's cryptography provider. An error means that one is installed already.
+        // The client of a bucket uses the process's cryptography provider. An error means that a provider is installed already.
         let _ = rustls::crypto::ring::default_provider().install_default();
         let url = location.parse().map_err(|error| refused(location, &error))?;
         let variables = std::env::vars().filter(|(name, _)| name.starts_with("AWS_"));
@@ -84,10 +85,10 @@ impl BlobStore {
         })
     }
 
-    /// As [`BlobStore::open`], but makes nothing: `None` if the folder is missing.
+    /// The blob store at `location`, as in [`BlobStore::open`], but without making a folder: `None` if the folder is missing.
     ///
     /// # Errors
-    /// As [`BlobStore::open`].
+    /// The errors of [`BlobStore::open`].
     pub fn look(data: &Path, location: Option<&str>) -> Result<Option<Self>, CheckpointError> {
         let folder = match location {
             None => Some(data.join(Self::FOLDER)),
@@ -111,10 +112,10 @@ impl BlobStore {
         })
     }
 
-    /// Tries the blob store out: puts an object there, reads it back, and removes it.
+    /// Tries the blob store out: writes an object, reads it again, and removes it.
     ///
     /// # Errors
-    /// [`CheckpointError::Location`] if that fails, or takes longer than 30 seconds.
+    /// [`CheckpointError::Location`] if the trial fails, or takes longer than 30 seconds.
     pub async fn try_out(&self) -> Result<(), CheckpointError> {
         let place = match &self.place {
             Place::Folder(folder) => folder.display().to_string(),
@@ -161,7 +162,7 @@ impl BlobStore {
     /// Keeps bytes under their digest; they are on disk when this returns.
     ///
     /// # Errors
-    /// If they cannot be kept; a full disk is a [`StoreError::DiskFull`].
+    /// If the bytes cannot be kept; a full disk gives a [`StoreError::DiskFull`].
     pub async fn put(&self, digest: CheckpointDigest, bytes: Bytes) -> Result<(), CheckpointError> {
         let put = self.objects.put(&self.object(digest), bytes.into()).await;
         put.map(drop).map_err(|error| self.not_put(error))
@@ -253,7 +254,7 @@ fn make_folder(folder: &Path) -> io::Result<()> {
     sync(above)
 }
 
-/// The system's error within an error, if there is one.
+/// The system's error among the causes of an error, if any.
 fn io_error<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a io::Error> {
     let mut next = Some(error);
     while let Some(error) = next {
@@ -269,7 +270,7 @@ fn refused(location: impl std::fmt::Display, reason: &dyn std::fmt::Display) -> 
     let location = location.to_string();
     let masked = masked_url(&location);
     CheckpointError::Location {
-        // The library's reasons quote the URL.
+        // The library's reasons quote the URL, which can contain a password.
         reason: reason.to_string().replace(&location, &masked),
         location: masked,
     }

@@ -1,4 +1,4 @@
-//! Campaigns that are deleted, and those that stay.
+//! Tests of the deletion of campaigns: which data goes, and which stays.
 
 use super::*;
 use crate::{ArchivedIndividual, DataDirectory, EpochRecord, GenerationRecord, Provenance, hidden::TABLES};
@@ -177,7 +177,7 @@ fn a_request_starts_one_campaign_however_often_it_comes() {
     let second = store.start_campaign(&asked("", Some("twice")), 8).unwrap();
     assert_ne!(second.id, first.id);
     assert_eq!(store.campaigns().unwrap().len(), 2);
-    // A request that asks for something else is another one.
+    // A request with the same id that asks for something else is refused.
     let once = asked("", Some("once"));
     let other = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
     for other in [

@@ -6,22 +6,22 @@ use murmuration_proto::SIMULATOR_VERSION;
 use murmuration_swarm::{CheckpointDigest, EmbedderSource};
 use std::ops::Range;
 
-/// Individuals or pictures read at a time.
+/// Number of individuals or pictures that are read at a time.
 const CHUNK: u64 = 512;
 
 #[derive(Debug)]
 pub struct CampaignFindings {
     pub id: CampaignId,
-    /// Its state, if that can be read.
+    /// The campaign's state, if the state can be read.
     pub state: Option<CampaignState>,
     /// Sentences that each name something damaged or missing.
     pub problems: Vec<String>,
-    /// Amounts that the database should hold.
+    /// Amounts that the database should have of the campaign.
     pub stored: Amounts,
-    /// How much of that is whole, counted from the beginning.
+    /// Amounts that are whole, counted from the beginning of the campaign.
     pub whole: Amounts,
     pub condition: CampaignCondition,
-    /// Why this version does not continue it, though it is whole.
+    /// Why this version of Murmuration does not continue the campaign, even if the campaign is whole.
     pub note: Option<String>,
 }
 
@@ -30,7 +30,7 @@ pub struct Amounts {
     pub pictures: u64,
     pub generations: u32,
     pub individuals: u64,
-    /// Entries of its label log.
+    /// Entries of the campaign's label log.
     pub labels: u64,
     /// Whether there is a current taxonomy.
     pub taxonomy: bool,
@@ -40,11 +40,11 @@ pub struct Amounts {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CampaignCondition {
     Whole,
-    /// It needs a checkpoint whose bytes are missing or damaged; with a copy of those it is whole.
+    /// The campaign needs a checkpoint whose bytes are missing or damaged; with a copy of these bytes the campaign is whole.
     LacksCheckpoint,
-    /// Some of its rows are damaged or missing.
+    /// Some rows of the campaign are damaged or missing.
     Damaged,
-    /// Its specification cannot be read.
+    /// The campaign's own row, with its specification, cannot be read.
     Unreadable,
 }
 
@@ -95,7 +95,7 @@ impl CampaignFindings {
     }
 }
 
-/// Amounts that should be there, and the whole ones among them.
+/// The amounts that the database should have of a campaign, and the amounts that are whole.
 fn archive(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -> (Amounts, Amounts) {
     let stored = Amounts {
         pictures: record.pictures_done,
@@ -127,7 +127,7 @@ fn archive(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -
     (stored, whole)
 }
 
-/// Generations whose records are there, from the first on.
+/// Number of generations, from the first on, whose records exist.
 fn generations(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -> u32 {
     let records = match store.generations(&record.id) {
         Ok(records) => records,
@@ -146,7 +146,7 @@ fn generations(store: &Store, record: &CampaignRecord, problems: &mut Vec<String
     whole
 }
 
-/// Individuals that are whole, from the first on.
+/// Number of individuals, from the first on, that are whole.
 fn individuals(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -> u64 {
     let population = u64::from(record.spec.search().population());
     let starts = record.spec.starts().get();
@@ -195,7 +195,7 @@ fn individuals(store: &Store, record: &CampaignRecord, problems: &mut Vec<String
     }
 }
 
-/// Pictures of the dataset that are whole, from the first on, all of each controller.
+/// Number of pictures of the dataset, from the first on, that are whole. A controller counts only if all its pictures are whole.
 fn pictures(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -> u64 {
     let Some(EmbedderSource::Trained { dataset, .. }) = record.spec.embedder() else {
         return record.pictures_done;
@@ -203,7 +203,7 @@ fn pictures(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) 
     let check = |range: Range<u64>| {
         let images = store.dataset_images(&record.id, range.clone())?;
         let whole = range.start + (images.len() / record.spec.image().bytes()) as u64;
-        // If a picture is missing, the later ones move up, so only the length of the range shows it.
+        // If a picture is missing, the later pictures move up, so that only the total length of the images shows the gap.
         Ok((whole < range.end).then(|| (range.start, "a picture after this is missing".to_owned())))
     };
     match first_fault(record.pictures_done, check) {
@@ -216,13 +216,13 @@ fn pictures(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) 
     }
 }
 
-/// A fault without `name`, with which the store's errors begin if an item cannot be read.
+/// The text of a fault without `name` at its beginning. The store's errors begin with the name of an item that cannot be read.
 fn without<'a>(name: &str, fault: &'a str) -> &'a str {
     let rest = fault.strip_prefix(name);
     rest.and_then(|rest| rest.strip_prefix(": ")).unwrap_or(fault)
 }
 
-/// Whether its taxonomy exists and is about its archive.
+/// Whether the campaign's taxonomy exists and is about the campaign's archive.
 fn taxonomy(store: &Store, record: &CampaignRecord, wanted: bool, problems: &mut Vec<String>) -> bool {
     let fault = match store.taxonomy(&record.id) {
         Ok(None) if wanted => "is missing".to_owned(),
@@ -247,7 +247,7 @@ fn taxonomy(store: &Store, record: &CampaignRecord, wanted: bool, problems: &mut
     false
 }
 
-/// Checks the former versions of its taxonomy.
+/// Checks the former versions of the campaign's taxonomy.
 fn former_taxonomies(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) {
     let versions = match store.taxonomy_versions(&record.id) {
         Ok(versions) => versions,
@@ -271,8 +271,8 @@ fn former_taxonomies(store: &Store, record: &CampaignRecord, problems: &mut Vec<
     }
 }
 
-/// The first faulty one of `len` items, and its fault. `check` finds it in a range, or fails if an item of the range cannot be read
-/// at all.
+/// The first faulty item of `len` items, and its fault. `check` finds the first faulty item in a range, or fails if an item of
+/// the range cannot be read at all.
 fn first_fault(
     len: u64,
     mut check: impl FnMut(Range<u64>) -> Result<Option<(u64, String)>, StoreError>,

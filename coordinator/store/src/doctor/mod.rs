@@ -1,4 +1,5 @@
-//! The doctor: which parts of a data directory are whole, and which are damaged. It reads everything and changes nothing.
+//! The doctor: finds which parts of a data directory are whole, and which parts are damaged. The doctor reads everything and
+//! changes nothing.
 
 mod campaign;
 
@@ -21,9 +22,9 @@ use std::{
 pub struct Findings {
     pub database: PathBuf,
     pub schema: u32,
-    /// Faults of the database as a whole; none if it is sound.
+    /// Faults of the database as a whole; empty if the database is sound.
     pub faults: Vec<String>,
-    /// Every checkpoint that it names, oldest first.
+    /// Every checkpoint that the database names, with its condition, oldest first.
     pub checkpoints: Vec<(CheckpointDigest, Condition)>,
     /// Every campaign, oldest first.
     pub campaigns: Vec<CampaignFindings>,
@@ -45,10 +46,12 @@ impl Findings {
     }
 }
 
-/// Examines the data directory (or backup) `data`, whose checkpoints are kept at `location`, or in it if there is none.
+/// Examines the data directory (or backup) `data`. The checkpoints of `data` are at `location`, or in `data` itself if `location`
+/// is `None`.
 ///
 /// # Errors
-/// [`StoreError::InUse`] while a coordinator holds it; if there is no database in it, or one that cannot be opened at all.
+/// [`StoreError::InUse`] while a coordinator holds `data`; other errors if `data` has no database, or the database cannot be
+/// opened at all.
 pub async fn examine(data: &Path, location: Option<&str>) -> Result<Findings, CheckpointError> {
     let folder = data.to_path_buf();
     let (watched, store, schema) = blocking(move || watch(&folder)).await??;
@@ -57,17 +60,17 @@ pub async fn examine(data: &Path, location: Option<&str>) -> Result<Findings, Ch
     findings
 }
 
-/// Keeps other processes from holding a data directory while it is examined.
+/// Prevents other processes from holding a data directory while the doctor examines it.
 struct Watched {
     _lock: Option<fs::File>,
-    /// SQLite's index of a log, to be removed if the examination has made it.
+    /// The file of SQLite's index of the log, which is removed after the examination; `None` if the file existed before.
     index: Option<PathBuf>,
 }
 
 impl Drop for Watched {
     fn drop(&mut self) {
         if let Some(index) = &self.index {
-            // It does no harm if it stays: the next coordinator makes it anew.
+            // An index that stays does no harm: the next coordinator makes it anew.
             let _ = fs::remove_file(index);
         }
     }

@@ -1,4 +1,4 @@
-//! Rows that are damaged one by one: the problems that are named, and how much is whole.
+//! Tests that damage rows one by one, and check the problems and the whole amounts that the doctor finds.
 
 use super::*;
 use crate::{ArchivedIndividual, ClusterMeasures, GenerationRecord, Picture, Provenance};
@@ -10,7 +10,7 @@ use murmuration_search::medoids::Clustering;
 use murmuration_swarm::CampaignSpec;
 use rusqlite::Connection;
 
-/// A data directory with a completed campaign of three generations of two, and three labels.
+/// A data directory with a completed campaign of three generations of two individuals, and three labels.
 fn data() -> (tempfile::TempDir, CampaignId) {
     let folder = tempfile::tempdir().unwrap();
     let held = DataDirectory::hold(folder.path()).unwrap();
@@ -52,7 +52,7 @@ fn data() -> (tempfile::TempDir, CampaignId) {
     (folder, id)
 }
 
-/// Findings after `damage`, SQL.
+/// The doctor's findings after the SQL statements `damage`.
 async fn examined(damage: &str) -> Findings {
     let (folder, _) = data();
     let connection = Connection::open(folder.path().join(Store::FILE)).unwrap();
@@ -263,7 +263,7 @@ async fn others_go_on_while_the_doctor_looks() {
     });
     assert!(examine(folder.path(), None).await.unwrap().is_healthy());
     others.abort();
-    // The runtime has one thread, so other tasks get turns only while the doctor does not hold it.
+    // The runtime has one thread, so other tasks run only while the doctor does not block that thread.
     let turns = turns.load(std::sync::atomic::Ordering::Relaxed);
     assert!(turns > 20, "{turns}");
 }

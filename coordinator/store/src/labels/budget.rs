@@ -1,16 +1,16 @@
-//! Limits how much one annotator may add to label logs, so that nobody fills up a log that others use.
+//! Limits how many entries one annotator can add to label logs, so that nobody fills up a log that other annotators use.
 
 use std::{
     sync::{Arc, Mutex, PoisonError},
     time::{Duration, Instant},
 };
 
-/// Entries that may be added at once after a pause: as many as one request may have.
+/// Maximum number of entries that a token can add at once after a pause: as many as one request can have.
 const AT_ONCE: f64 = 50_000.0;
-/// Entries a second in the long run: more than a person gives.
+/// Number of entries per second that a token can add in the long run: more than a person gives.
 const PER_SECOND: f64 = 1.0;
 
-/// The entries that the holder of a token may still add. Cheap to clone.
+/// The number of entries that the holder of a token can still add. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct LabelBudget {
     holder: u64,
@@ -19,13 +19,13 @@ pub struct LabelBudget {
 
 #[derive(Debug)]
 struct Left {
-    /// Negative if more was added than was left, as by an undo.
+    /// Number of entries that are left; negative if more entries were added than were left, for example by an undo.
     entries: f64,
-    /// The time that `entries` is of.
+    /// The time at which `entries` was computed.
     at: Instant,
 }
 
-/// More entries than the holder of a token may add now.
+/// The request has more entries than the holder of a token can add now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
     "this token has labelled much lately and may add {left} entries to label logs now, one more each second: wait, or ask an operator to \
@@ -53,13 +53,13 @@ impl LabelBudget {
         }
     }
 
-    /// The number of its token, the same for as long as the process lives.
+    /// The number of the budget's token, which stays the same while the process runs.
     #[must_use]
     pub const fn holder(&self) -> u64 {
         self.holder
     }
 
-    /// Runs `task`, whose requests are within this budget.
+    /// Runs `task`, whose requests use this budget.
     pub async fn scope<F: Future>(self, task: F) -> F::Output {
         BUDGET.scope(self, task).await
     }
@@ -70,7 +70,7 @@ impl LabelBudget {
         BUDGET.try_with(Clone::clone).ok()
     }
 
-    /// Reserves `wanted` of the entries left. Zero, as for an undo, is always allowed.
+    /// Reserves `wanted` of the entries that are left. Reserving zero entries, as for an undo, is always allowed.
     ///
     /// # Errors
     /// [`OverBudget`].
@@ -78,7 +78,7 @@ impl LabelBudget {
         self.reserve_at(wanted, Instant::now())
     }
 
-    /// Whether the budget is full and no request holds it, so that it can be replaced by a new one.
+    /// Whether the budget is full and no request holds it, so that a new budget can replace it.
     #[must_use]
     pub fn is_unused(&self) -> bool {
         Arc::strong_count(&self.left) == 1 && self.left(Instant::now(), |left| left.entries >= AT_ONCE)
@@ -110,7 +110,7 @@ impl LabelBudget {
     }
 }
 
-/// Entries that a request may add. They are given back when it is dropped.
+/// Entries that a request can add. Dropping this value returns the entries to the budget.
 #[derive(Debug)]
 pub struct Reserved {
     budget: LabelBudget,
@@ -118,7 +118,7 @@ pub struct Reserved {
 }
 
 impl Reserved {
-    /// Takes `added` entries for good instead of the reserved ones, even if more than are left.
+    /// Takes `added` entries from the budget for good instead of the reserved entries, even if fewer entries are left.
     pub fn settle(mut self, added: usize) {
         self.entries -= added as f64;
     }
@@ -149,7 +149,7 @@ mod tests {
         let later = now + Duration::from_secs(10);
         assert_eq!(over(12, later), 10);
         drop(budget.reserve_at(10, later).unwrap());
-        // Undoing is always allowed, and counts.
+        // Undoing is always allowed, and uses up the budget.
         budget.reserve_at(0, later).unwrap().settle(100);
         assert_eq!(over(1, later), 0);
         let much_later = now + Duration::from_secs(1_000_000);
@@ -159,12 +159,12 @@ mod tests {
     #[test]
     fn requests_at_once_share_what_is_left_and_keep_the_budget() {
         let budget = LabelBudget::of(1);
-        // A request that has begun and added nothing yet.
+        // The clone is a request that has begun and added nothing yet.
         let other = budget.clone();
         assert!(!budget.is_unused());
         let reserved = budget.reserve(45_000).unwrap();
         assert!(other.reserve(45_000).is_err());
-        // A request that fails costs nothing.
+        // A request that fails uses nothing of the budget.
         drop(reserved);
         assert!(other.reserve(45_000).is_ok());
     }

@@ -1,6 +1,6 @@
 //! The current labels of each log, cached so that a log is not read from its beginning each time.
 //!
-//! The labels returned always follow from all entries on disk. Only new entries are read, because entries are never changed
+//! The returned labels always follow from all entries on disk. Only new entries are read, because entries are never changed
 //! (invariant 10 of ARCHITECTURE.md) and are numbered without gaps. Limits: when the cache is full, it drops the labels that were
 //! not used lately, and reads their logs again when needed.
 
@@ -19,22 +19,22 @@ use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
-/// Most bytes of labels in the cache.
+/// Maximum number of bytes of the labels in the cache.
 const MOST_BYTES: usize = 128 << 20;
-/// Approximate bytes in memory of an entry: an answer is in three trees, and has a node to itself in the one by individual.
+/// Approximate bytes in memory of an entry: an answer is in three trees, and has a node of its own in the tree by individual.
 const BYTES_AN_ENTRY: usize = 640;
 
-/// Most new entries that are read while others wait for a campaign's labels.
+/// Maximum number of new entries that are read while other tasks wait for a campaign's labels.
 const SOON_READ: u64 = if cfg!(test) { 10 } else { 2_000 };
 
 /// The current labels of each campaign, as far as its log was read.
 ///
-/// Each campaign has one lock, so that cache and disk change together. A writer takes it after the writing connection, so that
-/// readers do not wait for a change of another campaign. A reader takes it before its connection.
+/// Each campaign has one lock, so that cache and disk change together. A writer takes this lock after the writing connection, so
+/// that readers do not wait for a change of another campaign. A reader takes this lock before its connection.
 #[derive(Debug)]
 pub(crate) struct Followed(kept::Kept<Mutex<Kept>>);
 
-/// Shared with callers, and copied if it must change while a caller still holds it.
+/// Labels that are shared with callers, and copied before a change while a caller still holds them.
 type Kept = Arc<Labels>;
 
 impl Followed {
@@ -72,7 +72,7 @@ impl Store {
         let kept = self.followed.of(campaign);
         let mut labels = {
             let mut kept = locked(&kept);
-            // Adding to the log waits for these labels, so their reading does not wait for reads of low priority.
+            // Writers of the log wait for these labels, so this read does not wait for reads of low priority.
             let is_current = self.read_in(false, |connection| {
                 let number = number_of(connection, campaign)?;
                 let new = entries_of(connection, number)?.saturating_sub(kept.entries());
@@ -102,25 +102,26 @@ impl Store {
     /// The current labels of the campaign with this id, or of `latest`.
     ///
     /// # Errors
-    /// [`StoreError::NoCampaign`], or if it cannot be read.
+    /// [`StoreError::NoCampaign`], or if the campaign or its log cannot be read.
     pub fn labels_of(&self, id: &str) -> Result<Arc<Labels>, StoreError> {
         self.labels(&self.campaign(id)?.id)
     }
 
-    /// Runs `change`, which may add to the log of a campaign, in a transaction, with the campaign's number and current labels.
-    /// `change` must refuse before it writes a row, because the transaction is committed even then.
+    /// Runs `change` in a transaction, with the number and current labels of a campaign. `change` can add entries to the
+    /// campaign's log. A refusal by `change` must come before it writes a row, because the transaction is committed even after a
+    /// refusal.
     ///
     /// # Errors
-    /// The errors of `change` and of writing; then nothing has changed.
+    /// The errors of `change`, or if the entries cannot be written; nothing has changed then.
     pub(crate) fn add_to_log<T>(
         &self,
         campaign: &CampaignId,
         change: impl FnOnce(&Transaction<'_>, i64, &mut Labels) -> Result<T, LabelError>,
     ) -> Result<T, LabelError> {
-        // Reads the log, if the cache lacks it, before taking the writing connection that others wait for.
+        // Reads the log, if the cache lacks it, before taking the writing connection that other writers wait for.
         self.with_labels(campaign, |_| ())?;
         let kept = self.followed.of(campaign);
-        // Held until the committed entries are in the cache too.
+        // This lock is held until the committed entries are also in the cache.
         let mut held = None;
         let mut labels = Kept::default();
         let mut before = None;
@@ -147,7 +148,7 @@ impl Store {
     }
 }
 
-/// Applies the log's new entries to `labels`. If one does not follow from the earlier ones, `labels` become empty.
+/// Applies the log's new entries to `labels`. If an entry does not follow from the earlier entries, `labels` becomes empty.
 fn catch_up(connection: &Connection, number: i64, labels: &mut Kept) -> Result<(), StoreError> {
     let new = log(connection, number, labels.entries())?;
     if new.is_empty() {

@@ -37,7 +37,7 @@ pub(crate) fn insert(
     Ok(())
 }
 
-/// The entries that `which`, a clause behind the table's name, selects, in order.
+/// The entries that `which` selects, in order. `which` is the SQL clause after the table's name.
 pub(crate) fn entries(
     connection: &Connection,
     which: &str,

@@ -142,7 +142,7 @@ fn an_act_is_undone_at_once_whatever_its_size() {
         annotator: "ben".parse().unwrap(),
         ..answer(0, "c")
     };
-    // One of them twice.
+    // Ana answers twice about individual 1.
     let sheet = vec![
         answer(0, "b"),
         bens,
@@ -233,7 +233,7 @@ fn what_is_refused_leaves_nothing_of_its_request() {
         "{message}"
     );
     assert_eq!(store.label_log(&id).unwrap(), []);
-    // The id is still free.
+    // The request's id is still free.
     store
         .add_labels(&id, &request("1"), vec![answer(0, "a")])
         .unwrap();

@@ -37,7 +37,7 @@ proptest! {
         let mut column = compressed(&image);
         let place = place.index(column.len());
         column[place] ^= 1_u8 << bit;
-        // A bit of the header that means nothing may change.
+        // Some bits of the header mean nothing, so a change of such a bit leaves the image the same.
         if let Ok(same) = decompressed(&column) {
             prop_assert_eq!(same, image);
         }
@@ -68,7 +68,7 @@ fn an_image_of_another_size_is_none() {
     }
     assert_eq!(decompressed(b""), size);
     assert_eq!(decompressed(&[0; PIXELS]), size);
-    // A frame that is cut off, and two frames one after the other, of which the first is sound.
+    // The first value is a frame that is cut off; the second value is two sound frames, one after the other.
     let whole = compressed(&[7; PIXELS]);
     assert_eq!(decompressed(&whole[..whole.len() - 1]), Err(NoImage::Damaged));
     assert_eq!(
@@ -80,7 +80,7 @@ fn an_image_of_another_size_is_none() {
 #[test]
 fn a_frame_that_holds_more_than_it_says_is_damaged() {
     let (small, large) = (compressed(&[0; PIXELS]), compressed(&[0; 60_000]));
-    // The size less 256 follows the 4 bytes that begin every frame and one byte of flags.
+    // A frame begins with 4 fixed bytes and one byte of flags. The next two bytes are the size of the image minus 256.
     assert_eq!(large[5..7], (60_000_u16 - 256).to_le_bytes());
     let lying = [&small[..7], &large[7..]].concat();
     assert_eq!(decompressed(&lying), Err(NoImage::Damaged));

@@ -1,4 +1,4 @@
-//! The cached labels equal those of the log, whatever happened to it.
+//! The cached labels equal the labels that follow from the log, after any changes and failures.
 
 use super::{
     super::tests::{answer, change, open, request},
@@ -17,9 +17,9 @@ fn replayed(store: &Store, id: &CampaignId) -> Labels {
 
 #[derive(Debug, Clone)]
 enum Step {
-    /// A request of this id with these changes; some are refused, some are repeated.
+    /// A request with this id and these changes; some requests are refused, some are repeated.
     Say(u8, Vec<Change>),
-    /// An undo request of this id.
+    /// An undo request with this id.
     Undo(u8),
     /// The disk fails after this change was applied.
     Fail(Change),
@@ -32,7 +32,7 @@ enum Step {
 fn anything() -> impl Strategy<Value = Change> {
     let class = prop::sample::select(vec!["a", "b", "c"]);
     prop_oneof![
-        // The archive holds three.
+        // The archive has three individuals, so index 3 is refused.
         6 => (0u64..4, class.clone()).prop_map(|(index, class)| answer(index, class)),
         2 => Just(change(8, Action::Undo)),
         1 => (class.clone(), class).prop_map(|(class, into)| {
@@ -53,7 +53,7 @@ fn step() -> impl Strategy<Value = Step> {
 }
 
 proptest! {
-    // Each step waits for the disk.
+    // There are few cases, because each step waits for the disk.
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]
     fn what_is_kept_equals_a_replay_of_the_log(steps in prop::collection::vec(step(), 0..24)) {
@@ -134,7 +134,7 @@ fn logs_that_were_forgotten_come_to_the_same_again() {
                 class: class.parse().unwrap(),
             },
         );
-        // Some are refused, because the class exists.
+        // Some requests are refused, because the class exists.
         drop(store.add_labels(id, &request(&turn.to_string()), vec![create]));
         assert_eq!(*store.labels(id).unwrap(), replayed(&store, id));
         assert!(store.followed.0.bytes() <= bound);
