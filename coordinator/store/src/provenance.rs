@@ -1,4 +1,4 @@
-//! Provenance of results: which machine made each, which machines are quarantined, and the notices of a campaign.
+//! Provenance of results: which machine made each result, which machines are quarantined, and the notices of a campaign.
 
 use super::{
     Store, StoreError,
@@ -10,31 +10,31 @@ use murmuration_swarm::{EmbeddingKind, Text};
 use rusqlite::{Connection, Transaction, params};
 use std::collections::BTreeMap;
 
-/// Most notices of a campaign that are returned; older ones stay in the store.
+/// Maximum number of notices of a campaign that are returned; older notices stay in the store.
 const MOST_NOTICES: u32 = 50;
 
-/// Stored in place of a machine when two machines found the same result.
+/// The number that is stored in place of a machine's number if two machines found the same result.
 const NOBODY: u64 = 0;
 
 /// Provenance of some results.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Provenance {
-    /// Maker of each. Empty if unknown.
+    /// Maker of each result; empty if the makers are unknown.
     pub makers: Vec<Maker>,
-    /// Notices about them, in sentences.
+    /// Notices about the results, as sentences.
     pub notices: Vec<String>,
 }
 
-/// An unusual event in a campaign, which continued.
+/// An unusual event in a campaign that continued after the event.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Notice {
-    /// Larger than that of every notice before it.
+    /// Number of the notice, larger than the numbers of all earlier notices.
     pub number: u64,
-    /// When, milliseconds since 1970-01-01 UTC.
+    /// Time of the event, milliseconds since 1970-01-01 UTC.
     pub time_ms: u64,
-    /// The event, for people.
+    /// Description of the event, for people.
     pub text: String,
-    /// How many complete generations there were then.
+    /// Number of the campaign's complete generations at the time of the event.
     pub generations: u32,
 }
 
@@ -63,18 +63,18 @@ impl ResultKind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Suspect {
     pub place: u64,
-    /// How the machine embeds; unknown if it does not.
+    /// Embedding kind of the machine; unknown if the machine does not embed.
     pub kind: EmbeddingKind,
 }
 
 /// Results of a campaign that only quarantined machines have computed, in the order of places.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Suspects {
-    /// Pictures of its dataset.
+    /// Pictures of the campaign's dataset.
     pub pictures: Vec<Suspect>,
-    /// Evaluations of its individuals.
+    /// Evaluations of the campaign's individuals.
     pub individuals: Vec<Suspect>,
-    /// Embeddings of its individuals by the checkpoint that the archive moved to.
+    /// Embeddings of the campaign's individuals by the checkpoint that the archive moved to.
     pub embeddings: Vec<Suspect>,
     pub machines: Vec<Quarantined>,
 }
@@ -104,7 +104,7 @@ impl Suspects {
 }
 
 impl Store {
-    /// Quarantines machines that were found wrong; those already quarantined stay as they are.
+    /// Quarantines machines whose results were found wrong. Machines that are already quarantined stay as they are.
     pub fn quarantine(&self, machines: &[Quarantined]) -> Result<(), StoreError> {
         self.write(|transaction| {
             let mut statement = transaction.prepare_cached(
@@ -117,21 +117,22 @@ impl Store {
         })
     }
 
-    /// Machines that were found wrong, oldest first. Includes machines whose quarantine was lifted, under a number that no machine
-    /// has: their earlier results stay suspect.
+    /// Machines whose results were found wrong, in the order of their quarantines. A machine whose quarantine was lifted stays in
+    /// this list, under a number that no machine has: its earlier results stay suspect.
     pub fn quarantined(&self) -> Result<Vec<Quarantined>, StoreError> {
         self.read(|connection| quarantined(connection, ""))
     }
 
-    /// Machines that are still quarantined, oldest first.
+    /// Machines that are still quarantined, in the order of their quarantines.
     pub fn still_quarantined(&self) -> Result<Vec<Quarantined>, StoreError> {
         self.read(|connection| quarantined(connection, "WHERE lifted_ms IS NULL"))
     }
 
-    /// Ends a quarantine; false if the machine was not quarantined. Its earlier results stay suspect.
+    /// Ends a machine's quarantine, but the machine's earlier results stay suspect. Returns false if the machine was not
+    /// quarantined.
     pub fn lift_quarantine(&self, machine: MachineId) -> Result<bool, StoreError> {
         self.write(|transaction| {
-            // An even number, which no machine has: machines have odd ones.
+            // The earlier results get an even number, which no machine has: the numbers of machines are odd.
             let random: i64 = transaction.query_row("SELECT random()", [], |row| row.get(0))?;
             let past = (random.cast_unsigned() & !1).max(2);
             let lifted = transaction.execute(
@@ -215,7 +216,8 @@ pub(super) fn suspects(connection: &Connection, number: i64) -> Result<Suspects,
             }
         }
     }
-    // Generations that were rolled back leave the provenance of their embeddings.
+    // A rollback of generations does not delete the provenance of their embeddings, so suspects beyond the archive are removed
+    // here.
     let individuals: i64 = connection.query_row(
         "SELECT coalesce(max(place) + 1, 0) FROM individuals WHERE campaign = ?1",
         [number],
@@ -228,7 +230,7 @@ pub(super) fn suspects(connection: &Connection, number: i64) -> Result<Suspects,
     Ok(suspects)
 }
 
-/// Consecutive results, and the machine that made each.
+/// Consecutive results, with the machine that made each result.
 struct Run {
     result: String,
     first: u64,
@@ -255,7 +257,7 @@ fn provenance(connection: &Connection, campaign: i64) -> Result<Vec<Run>, StoreE
     Ok(rows.collect::<Result<_, _>>()?)
 }
 
-/// Replaces each machine in the provenance of a campaign by `other` of it.
+/// Replaces each machine's number in the provenance of a campaign by `other` of that number.
 fn replace(
     transaction: &Transaction<'_>,
     campaign: i64,
@@ -272,7 +274,7 @@ fn replace(
     Ok(())
 }
 
-/// Machines that were found wrong, oldest first; `which` may be a clause of SQL.
+/// Machines whose results were found wrong, in the order of their quarantines. `which` is a WHERE clause of SQL, or empty.
 fn quarantined(connection: &Connection, which: &str) -> Result<Vec<Quarantined>, StoreError> {
     let select = format!("SELECT machine, name FROM quarantined {which} ORDER BY time_ms, machine");
     let mut statement = connection.prepare_cached(&select)?;
@@ -285,7 +287,7 @@ fn quarantined(connection: &Connection, which: &str) -> Result<Vec<Quarantined>,
     Ok(rows.collect::<Result<_, _>>()?)
 }
 
-/// Stores the provenance of results of a kind, from place `first` on, and its notices.
+/// Stores the makers of results of one kind, from place `first` on, and the notices about these results.
 pub(super) fn add_provenance(
     transaction: &Transaction<'_>,
     campaign: i64,

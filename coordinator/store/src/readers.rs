@@ -1,8 +1,8 @@
-//! Read-only connections beside the writing one, so that a read waits neither for a change nor for another read.
+//! Read-only connections beside the writing connection, so that a read waits neither for a change nor for another read.
 //!
 //! Each read sees the database as of one instant, without changes that are uncommitted or that the disk refused. Limits: at most
-//! [`MOST`] reads run at once, of which at most [`MOST_IN_BACKGROUND`] in the background, so that a decision finds a connection;
-//! the others wait. No read runs while the log is emptied.
+//! [`MOST`] reads run at once, and further reads wait. At most [`MOST_IN_BACKGROUND`] reads run in the background, so that a
+//! decision finds a free connection. No read runs while the log is emptied.
 
 use super::{StoreError, open};
 use rusqlite::Connection;
@@ -11,9 +11,9 @@ use std::{
     sync::{Condvar, Mutex, MutexGuard, PoisonError, TryLockError},
 };
 
-/// Number of connections: more would only compete for the disk.
+/// Number of connections: more connections would only compete for the disk.
 const MOST: usize = 4;
-/// Most connections that threads of low priority use.
+/// Maximum number of connections that threads of low priority use at once.
 const MOST_IN_BACKGROUND: usize = 2;
 
 /// Connections to one database.
@@ -22,14 +22,14 @@ pub(super) struct Readers {
     turns: Mutex<Turns>,
     /// Notified when a read ends, and when readers are no longer kept away.
     changed: Condvar,
-    /// [`MOST`] of them, each locked by its reader.
+    /// [`MOST`] connections, each locked by its reader.
     connections: Vec<Mutex<Connection>>,
 }
 
 #[derive(Debug, Default)]
 struct Turns {
     reading: usize,
-    /// Connections of `reading` that are in the background.
+    /// Number of the current reads that run in the background.
     in_background: usize,
     kept_away: bool,
 }
@@ -54,21 +54,21 @@ impl Readers {
         })
     }
 
-    /// Runs `query`, all of which sees the same instant. `query` must not call the store. With `in_background`, it uses a
-    /// connection for threads of low priority.
+    /// Runs `query`, which sees the database as of one instant. `query` must not call the store. With `in_background`, `query`
+    /// uses a connection for threads of low priority.
     pub(super) fn read<T>(
         &self,
         in_background: bool,
         query: impl FnOnce(&Connection) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
-        // Dropped after the connection.
+        // The turn must end after the connection is free, so it is declared first.
         let _turn = self.turn(in_background);
         let connection = self.free();
         let snapshot = connection.unchecked_transaction()?;
         query(&snapshot)
     }
 
-    /// Keeps new readers away, and waits until the current ones have ended.
+    /// Keeps new readers away, and waits until the current readers have ended.
     pub(super) fn keep_away(&self) -> KeptAway<'_> {
         let mut turns = lock(&self.turns);
         turns.kept_away = true;
@@ -94,7 +94,7 @@ impl Readers {
         }
     }
 
-    /// An unused connection: there is one for each turn.
+    /// An unused connection: there are as many connections as turns.
     fn free(&self) -> MutexGuard<'_, Connection> {
         let free = self.connections.iter().find_map(|one| match one.try_lock() {
             Ok(free) => Some(free),

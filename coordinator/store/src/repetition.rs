@@ -39,7 +39,7 @@ impl Store {
     }
 }
 
-/// Whether a campaign begins with that checkpoint.
+/// Whether a campaign of this specification begins with `checkpoint`.
 fn begins(spec: &CampaignSpec, checkpoint: CheckpointDigest, lineage: &Lineage) -> bool {
     match spec.embedder() {
         Some(EmbedderSource::Published(digest)) => *digest == checkpoint,
@@ -49,7 +49,7 @@ fn begins(spec: &CampaignSpec, checkpoint: CheckpointDigest, lineage: &Lineage) 
     }
 }
 
-/// Whether the rounds of a campaign learned from anything but the labels of its specification's synthetic annotator.
+/// Whether a campaign's rounds learned from any labels that its specification's synthetic annotator did not give.
 fn is_attended(store: &Store, record: &CampaignRecord) -> Result<bool, StoreError> {
     if record.rounds.done > record.spec.feedback().map_or(0, Feedback::rounds) {
         return Ok(true);

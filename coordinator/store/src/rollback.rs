@@ -1,5 +1,6 @@
-//! Rollbacks after workers were found wrong, so that other workers repeat the work. Each is one transaction, and states its reason.
-//! Datasets, archives and embeddings are deleted; the label log stays, and answers about deleted individuals are withdrawn in it.
+//! Rollbacks: delete results after workers were found wrong, so that other workers repeat the work. Each rollback is one
+//! transaction, and adds a notice with its reason. A rollback deletes parts of datasets and archives, or embeddings. A rollback
+//! keeps the label log, and adds entries that withdraw the answers about deleted individuals.
 
 use super::{
     LabelError, Store, StoreError,
@@ -16,10 +17,10 @@ use murmuration_model::{
 use rusqlite::{Transaction, params};
 
 impl Store {
-    /// Rolls back the generations from `generation` on, with everything that came with them.
+    /// Rolls back the generations from `generation` on, with everything that belongs to these generations.
     ///
     /// # Errors
-    /// If it cannot be written; then nothing was rolled back.
+    /// If the rollback cannot be written; nothing was rolled back then.
     pub fn roll_back_generations(
         &self,
         campaign: &CampaignId,
@@ -32,11 +33,11 @@ impl Store {
         })
     }
 
-    /// Rolls back the embeddings of an archive, including those of an unfinished move, and the generations after the first `kept`
-    /// individuals. The remaining individuals are embedded again.
+    /// Rolls back the embeddings of an archive, including embeddings of an unfinished move, and the generations after the first
+    /// `kept` individuals. The remaining individuals are embedded again.
     ///
     /// # Errors
-    /// If it cannot be written; then nothing was rolled back.
+    /// If the rollback cannot be written; nothing was rolled back then.
     pub fn roll_back_embeddings(
         &self,
         campaign: &CampaignId,
@@ -64,10 +65,11 @@ impl Store {
         })
     }
 
-    /// Rolls back everything but the first `pictures` of a campaign's dataset: the campaign begins again, its embedder too.
+    /// Rolls back everything except the first `pictures` pictures of a campaign's dataset: the campaign begins again, with a new
+    /// embedder.
     ///
     /// # Errors
-    /// If it cannot be written; then nothing was rolled back.
+    /// If the rollback cannot be written; nothing was rolled back then.
     pub fn roll_back_dataset(
         &self,
         campaign: &CampaignId,
@@ -93,7 +95,7 @@ impl Store {
         })
     }
 
-    /// Runs a rollback in one transaction, and counts it.
+    /// Runs a rollback in one transaction, and increases the campaign's number of rollbacks.
     fn roll_back(
         &self,
         campaign: &CampaignId,
@@ -113,8 +115,8 @@ impl Store {
         })
     }
 
-    /// Number of individuals that an archive had when it moved to the checkpoint that it is, or will be, embedded with; 0 if it
-    /// began with it.
+    /// Number of individuals that an archive had when it moved to its current or next checkpoint; 0 if the archive began with
+    /// this checkpoint.
     pub fn embedded_when_moved(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
         self.read(|connection| {
             let end: i64 = connection.query_row(
@@ -162,7 +164,7 @@ fn withdraw_answers(
     labels: &mut Labels,
     first: u64,
 ) -> Result<(), StoreError> {
-    // Answers of a deleted class would stand again if the deletion were reverted.
+    // Answers that a deleted class set aside are also withdrawn: they would stand again if the deletion were reverted.
     let answers = labels.standing().chain(labels.set_aside());
     let about: Vec<_> = answers.filter(|label| label.index >= first).collect();
     let withdrawn = about.into_iter().map(|label| {
@@ -178,7 +180,7 @@ fn withdraw_answers(
     insert(transaction, number, &RequestId::of_withdrawal(), &withdrawn)
 }
 
-/// Deletes the provenance of results from `first` on. A run of results that continues past `first` is cut there.
+/// Deletes the provenance of results from `first` on. A row of consecutive results that continues past `first` is cut at `first`.
 fn forget(
     transaction: &Transaction<'_>,
     number: i64,

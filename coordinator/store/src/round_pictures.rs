@@ -1,5 +1,5 @@
-//! Pictures that a round learns from: labelled individuals, and pictures of their controllers from further starts, which are in the
-//! dataset's table, after the dataset.
+//! Pictures that a round learns from: the pictures of labelled individuals, and pictures of their controllers from further
+//! starts. The pictures from further starts are in the dataset's table, after the dataset.
 
 use super::{
     ArchivedIndividual, Store, StoreError,
@@ -14,17 +14,17 @@ use std::collections::BTreeMap;
 /// A picture that a round learns from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RoundPicture {
-    /// The picture of a labelled individual.
+    /// The picture of the labelled individual with this index.
     Individual(u64),
-    /// A picture of its controller from another start, at this place of the dataset's table.
+    /// A picture of a labelled individual's controller from another start, at this place in the dataset's table.
     Further(u64),
 }
 
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RoundPictures {
-    /// Each with its class.
+    /// The pictures, each with the number of its class.
     pub pictures: Vec<(RoundPicture, u32)>,
-    /// Number of labels that they come from.
+    /// Number of labels that the pictures come from.
     pub labels: u32,
     /// Further starts that have no picture yet.
     pub missing: Vec<FurtherStart>,
@@ -40,7 +40,7 @@ pub struct FurtherStart {
 }
 
 impl Store {
-    /// The pictures that a campaign learns from by the first `cutoff` entries of its label log.
+    /// The pictures that a round with the label cutoff `cutoff` learns from.
     pub fn round_pictures(&self, record: &CampaignRecord, cutoff: u64) -> Result<RoundPictures, StoreError> {
         let labels = self.labels_until(&record.id, cutoff)?.numbered_classes();
         let mut round = RoundPictures {

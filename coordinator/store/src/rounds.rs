@@ -1,4 +1,4 @@
-//! Rounds of feedback: the labels that a fine-tuning learns from, and the move to the checkpoint that it made.
+//! Rounds of feedback: the labels that a fine-tuning learns from, and the move to the fine-tuned checkpoint.
 
 use super::{
     Store, StoreError,
@@ -15,8 +15,8 @@ use rusqlite::{Transaction, params};
 use std::{collections::BTreeMap, ops::Range};
 
 impl Store {
-    /// Begins a round: the campaign is to be fine-tuned on the first `cutoff` entries of its label log, from its first
-    /// epoch on, and runs.
+    /// Begins a round, and sets the campaign running: a fine-tuning will learn from the first `cutoff` entries of the label log,
+    /// from the first epoch on.
     #[cfg(test)]
     pub(crate) fn begin_round(&self, campaign: &CampaignId, cutoff: u64) -> Result<(), StoreError> {
         self.write(|transaction| begin(transaction, number_of(transaction, campaign)?, cutoff))
@@ -26,7 +26,7 @@ impl Store {
     /// all in one transaction.
     ///
     /// # Errors
-    /// As [`Store::add_labels`]; nothing has changed then.
+    /// The errors of [`Store::add_labels`]; nothing has changed then.
     pub fn answer_round(
         &self,
         campaign: &CampaignId,
@@ -39,7 +39,7 @@ impl Store {
         })
     }
 
-    /// The labels after the first `cutoff` entries of the log, from which a round learns.
+    /// The labels that follow from the first `cutoff` entries of a campaign's label log: a round learns from these labels.
     pub(crate) fn labels_until(&self, campaign: &CampaignId, cutoff: u64) -> Result<Labels, StoreError> {
         let mut log = self.label_log(campaign)?;
         log.truncate(usize::try_from(cutoff).unwrap_or(usize::MAX));
@@ -50,11 +50,12 @@ impl Store {
         Ok(labels)
     }
 
-    /// Labels that the campaign's embedder has learned from: the individuals that had a class when the last round began, and the
-    /// numbers of their classes, as in [`Labels::numbered_classes`]; none before the first round.
+    /// The individuals that had a class when the last completed round began, each with the number of its class
+    /// ([`Labels::numbered_classes`]). The campaign's embedder has learned from these labels; the result is empty before the
+    /// first round.
     ///
     /// # Errors
-    /// If they cannot be read.
+    /// If the labels cannot be read.
     pub fn learned_classes(&self, record: &CampaignRecord) -> Result<BTreeMap<usize, u32>, StoreError> {
         let learned = self.labels_until(&record.id, record.rounds.last_cutoff)?;
         Ok(learned
@@ -64,10 +65,10 @@ impl Store {
             .collect())
     }
 
-    /// Ends a round: the campaign moves to the checkpoint that was fine-tuned.
+    /// Ends a round, and begins the campaign's move to the fine-tuned `checkpoint`.
     ///
     /// # Errors
-    /// [`StoreError::NoCheckpoint`], or if it cannot be written.
+    /// [`StoreError::NoCheckpoint`], or if the change cannot be written.
     pub fn finish_round(
         &self,
         campaign: &CampaignId,
@@ -85,8 +86,8 @@ impl Store {
         })
     }
 
-    /// The images at the places `range` of a campaign's [`TrainingPictures`], in order, one after the other, as far as
-    /// there are any.
+    /// The images of a campaign's [`TrainingPictures`] at the places `range`, in order, one after the other; fewer if the
+    /// pictures end before.
     pub fn training_images(&self, record: &CampaignRecord, range: Range<u64>) -> Result<Vec<u8>, StoreError> {
         let pictures = TrainingPictures::of(record);
         let range = range.start..range.end.min(pictures.count());
@@ -110,7 +111,7 @@ pub(super) fn begin(transaction: &Transaction<'_>, number: i64, cutoff: u64) -> 
             CampaignState::Running.name()
         ],
     )?;
-    // Saved trainings learned from other labels.
+    // Deletes the saved training, because it learned from other labels.
     transaction.execute("DELETE FROM trainings WHERE campaign = ?1", [number])?;
     Ok(())
 }

@@ -1,9 +1,9 @@
 //! Decisions about campaigns, and the runs that they begin and end.
 //!
-//! A decision checks and changes the campaign's state in one transaction, which also counts it. A *run* lasts from one decision to
-//! the next, and only it may change the campaign. A run writes through [`Store::during`]: every transaction first checks that the
-//! campaign still runs, and that no decision has been made since. So a decision holds once it is acknowledged, even if an earlier
-//! run goes on computing.
+//! A decision checks and changes the campaign's state in one transaction, which also counts the decision. A *run* lasts from one
+//! decision to the next, and only the current run can change the campaign. A run writes through [`Store::during`]: every
+//! transaction first checks that the campaign still runs, and that no decision was made since the run began. So an acknowledged
+//! decision holds even if an earlier run goes on computing.
 
 use super::{
     Store, StoreError,
@@ -26,7 +26,7 @@ pub enum Decision {
     Cancel,
     /// The campaign moves to this checkpoint, and goes on.
     Adopt(CheckpointDigest),
-    /// The campaign learns from this many first entries of its label log, and goes on.
+    /// The campaign learns from its label log up to this label cutoff, and goes on.
     Refine(u64),
 }
 
@@ -36,7 +36,7 @@ pub enum DecisionError {
     /// The store could not be read or written.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The campaign's state does not allow it.
+    /// The campaign's state does not allow the decision.
     #[error(transparent)]
     NotAllowed(#[from] NotAllowed),
 }
@@ -55,8 +55,8 @@ impl Decision {
 }
 
 impl Store {
-    /// A handle of the store for a run. It makes changes only while the campaign runs and no decision was made since the run began;
-    /// otherwise they fail with [`StoreError::Superseded`].
+    /// A handle of the store for a run. Changes through this handle succeed only while the campaign runs and no decision was made
+    /// since the run began. Later changes fail with [`StoreError::Superseded`].
     #[must_use]
     pub fn during(&self, run: RunId) -> Self {
         Self {
@@ -65,12 +65,12 @@ impl Store {
         }
     }
 
-    /// Makes a decision about a campaign, and ends its run, if it has one. `has_failed` means that its run failed and could not
-    /// record that.
+    /// Makes a decision about a campaign, and ends the campaign's current run, if any. With `has_failed`, the run failed and
+    /// could not record its failure.
     ///
     /// # Errors
-    /// [`DecisionError::NotAllowed`] names the state that does not allow it; [`StoreError::NoCheckpoint`]. Nothing has changed
-    /// then.
+    /// [`DecisionError::NotAllowed`] if the campaign's state does not allow the decision; [`StoreError::NoCheckpoint`] if the
+    /// checkpoint is not stored. Nothing has changed then.
     pub fn decide(
         &self,
         campaign: &CampaignId,
@@ -104,7 +104,7 @@ impl Store {
         Ok(allowed?)
     }
 
-    /// Sets a completed campaign running again, to be checked; false if it was not completed.
+    /// Sets a completed campaign running again, so that its results are checked; returns false if the campaign was not completed.
     pub fn reopen(&self, campaign: &CampaignId) -> Result<bool, StoreError> {
         self.write(|transaction| {
             let reopened = transaction.execute(
@@ -120,7 +120,7 @@ impl Store {
         })
     }
 
-    /// Checks that the run of this handle, if it has one, may change its campaign.
+    /// Checks that the run of this handle, if any, can still change its campaign.
     pub(super) fn check_run(&self, transaction: &Transaction<'_>) -> Result<(), StoreError> {
         let Some(run) = &self.run else {
             return Ok(());

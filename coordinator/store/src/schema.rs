@@ -1,10 +1,10 @@
-//! The tables, and the migrations from the versions that were released.
+//! The tables of the database, and the migrations from released schema versions.
 
 use super::StoreError;
 use rusqlite::Connection;
 use std::path::Path;
 
-/// The tables of version 1. Never edited once released.
+/// The tables of schema version 1, which is released: this text must not change.
 const TABLES: &str = "
     CREATE TABLE checkpoints (
         number INTEGER PRIMARY KEY,
@@ -159,10 +159,11 @@ const TABLES: &str = "
     ) STRICT, WITHOUT ROWID;
 ";
 
-/// Each takes the tables to the next version, the first of them to version 2. Never edited once released.
+/// Each migration changes the tables to the next schema version; the first leads to version 2. A released migration must not
+/// change.
 const MIGRATIONS: &[&str] = &[
-    // Specifications name the behaviour space and the choice of medoids, which had other defaults. A table follows all fields of
-    // the file's top.
+    // Writes the former defaults of the behaviour space and the choice of medoids into specifications. The field `space` goes to
+    // the beginning, because fields outside of tables must precede all tables.
     r#"
     UPDATE campaigns SET spec = replace(
         'space = "' || iif(spec LIKE '%method = "latent"%' OR spec LIKE '%method = "untrained"%', 'embedding', 'features')
@@ -172,8 +173,9 @@ const MIGRATIONS: &[&str] = &[
             || iif(spec LIKE '%by_class = true%', 'by-class', 'medoids') || '"' || char(10)
     ) WHERE spec NOT LIKE '%space = "%';
     "#,
-    // Pictures to train on have features, by which the in-batch recipe shows rare behaviours more often. Earlier campaigns and
-    // checkpoints showed all equally often. A campaign's training and its checkpoint's must stay the same (`repetition`).
+    // Pictures of datasets get features, by which the in-batch recipe shows rare behaviours more often. Earlier campaigns and
+    // checkpoints get `flattening = 0`, because they showed all behaviours equally often. The training configurations of a
+    // campaign and of its checkpoint must stay equal (see `repetition`).
     "
     ALTER TABLE pictures ADD COLUMN features BLOB NOT NULL DEFAULT x'';
     UPDATE campaigns SET spec = replace(
@@ -187,7 +189,7 @@ const MIGRATIONS: &[&str] = &[
         '[recipe.in-batch]' || char(10) || 'flattening = 0' || char(10)
     ) WHERE configuration NOT LIKE '%flattening = %';
     ",
-    // Studies, which were files in folders (`studies::take_over`).
+    // Adds tables for studies. Earlier versions kept studies as files in folders (`studies::take_over`).
     "
     CREATE TABLE studies (
         name TEXT PRIMARY KEY,
@@ -210,16 +212,16 @@ const MIGRATIONS: &[&str] = &[
     ",
 ];
 
-/// The newest version.
+/// The newest schema version.
 pub(super) const VERSION: u32 = 1 + MIGRATIONS.len() as u32;
 
-/// The schema version of the database; an error if this murmuration does not know it. Changes nothing.
+/// The schema version of the database; an error if this program cannot read that version. Changes nothing.
 pub(super) fn version(connection: &Connection, path: &Path) -> Result<u32, StoreError> {
     let found = connection
         .pragma_query_value(None, "user_version", |row| row.get(0))
         .map_err(|source| StoreError::from_sqlite(source, path))?;
     match found {
-        // A database gets its name only once it has tables: this one was cut off, and must not pass for a new one.
+        // A database gets its name only once it has tables. So a database without tables was cut off, and is not a new database.
         0 => Err(StoreError::Damaged {
             path: path.to_path_buf(),
             reason: "it holds no tables".to_owned(),
@@ -239,7 +241,7 @@ pub(super) fn create(connection: &mut Connection) -> rusqlite::Result<()> {
     migrate(connection, 1)
 }
 
-/// Brings the database from version `from` to the newest, one committed step after the other.
+/// Migrates the database from schema version `from` to the newest version, with a commit after each step.
 pub(super) fn migrate(connection: &mut Connection, from: u32) -> rusqlite::Result<()> {
     migrate_by(MIGRATIONS, connection, from)
 }
@@ -301,7 +303,7 @@ mod tests {
         migrate_by(&further, &mut connection, 2).unwrap();
         assert_eq!(version_of(&connection), 3);
         assert_eq!(page(&connection), ("kept".to_owned(), "search".to_owned()));
-        // A specification of the newest version stays as it is.
+        // A database of the newest version stays as it is.
         migrate_by(&further, &mut connection, 3).unwrap();
     }
 

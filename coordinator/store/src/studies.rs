@@ -1,4 +1,4 @@
-//! Studies, each with its file and the records of what was measured.
+//! Studies: the file of each study, and the records of its measurements.
 
 mod folders;
 
@@ -12,19 +12,19 @@ use rusqlite::{Connection, OptionalExtension as _, Transaction, params};
 /// How often a study was changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StudyVersion {
-    /// Changes of its file and of what was measured.
+    /// Number of changes of the study's file and measurements.
     pub measured: i64,
-    /// Changes of the classes that people gave.
+    /// Number of changes of the classes that people gave.
     pub classes: i64,
 }
 
-/// A record without its content.
+/// A record of a study, without its content.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StudyEntry {
     pub kind: StudyRecordKind,
-    /// Which of its kind.
+    /// Key that distinguishes the record from other records of its kind.
     pub key: String,
-    /// Digest of how it was measured.
+    /// Digest of the settings of the measurement.
     pub measures: String,
 }
 
@@ -32,7 +32,7 @@ impl Store {
     /// The names of all studies, in alphabetical order.
     ///
     /// # Errors
-    /// If they cannot be read.
+    /// If the names cannot be read.
     pub fn studies(&self) -> Result<Vec<String>, StoreError> {
         self.read(|connection| {
             let mut statement = connection.prepare_cached("SELECT name FROM studies ORDER BY name")?;
@@ -41,10 +41,11 @@ impl Store {
         })
     }
 
-    /// Stores the file of a study, records of it, or both. Each replaces the one before it.
+    /// Stores the file of a study, records of the study, or both. A new file replaces the former file, and a record replaces the
+    /// former record with the same kind and key.
     ///
     /// # Errors
-    /// [`StoreError::NoStudy`] if there is no such study and no `file`; nothing has changed then.
+    /// [`StoreError::NoStudy`] if the study does not exist and `file` is `None`; nothing has changed then.
     pub fn keep_study(
         &self,
         name: &CampaignName,
@@ -55,7 +56,7 @@ impl Store {
     }
 
     /// # Errors
-    /// [`StoreError::NoStudy`], or if it cannot be read.
+    /// [`StoreError::NoStudy`], or if the study cannot be read.
     pub fn study_version(&self, name: &str) -> Result<StudyVersion, StoreError> {
         self.read(|connection| {
             let query = "SELECT measured, classes FROM studies WHERE name = ?1";
@@ -70,7 +71,7 @@ impl Store {
     }
 
     /// # Errors
-    /// [`StoreError::NoStudy`], or if it cannot be read.
+    /// [`StoreError::NoStudy`], or if the study cannot be read.
     pub fn study_file(&self, name: &str) -> Result<StudyFile, StoreError> {
         self.read(|connection| {
             let query = "SELECT toml, folder, quick, measures FROM studies WHERE name = ?1";
@@ -86,10 +87,10 @@ impl Store {
         })
     }
 
-    /// The records of a study without their contents, in the order of kinds and keys; none if there is no such study.
+    /// The records of a study without their contents, in the order of kinds and keys; empty if the study does not exist.
     ///
     /// # Errors
-    /// If they cannot be read.
+    /// If the records cannot be read.
     pub fn study_entries(&self, name: &str) -> Result<Vec<StudyEntry>, StoreError> {
         self.read(|connection| {
             let query = "SELECT kind, key, measures FROM study_records WHERE study = ?1 ORDER BY kind, key";
@@ -112,10 +113,10 @@ impl Store {
         })
     }
 
-    /// The content of a record; `None` if there is no such record.
+    /// The content of a record; `None` if the record does not exist.
     ///
     /// # Errors
-    /// If it cannot be read.
+    /// If the content cannot be read.
     pub fn study_content(
         &self,
         name: &str,
@@ -125,10 +126,11 @@ impl Store {
         self.read(|connection| content(connection, name, kind, key))
     }
 
-    /// At most `most` bytes of the content of a record, from byte `from` on; none beyond its end, or if there is no such record.
+    /// At most `most` bytes of the content of a record, from byte `from` on; empty beyond the end of the content, or if the
+    /// record does not exist.
     ///
     /// # Errors
-    /// If they cannot be read.
+    /// If the bytes cannot be read.
     pub fn study_content_part(
         &self,
         name: &str,
@@ -148,11 +150,11 @@ impl Store {
     /// Every record of a study with its content.
     ///
     /// # Errors
-    /// If one cannot be read.
+    /// If a record cannot be read.
     pub fn study_records(&self, name: &str) -> Result<Vec<StudyRecord>, StoreError> {
         let mut records = Vec::new();
         for StudyEntry { kind, key, measures } in self.study_entries(name)? {
-            // A record that was replaced meanwhile has its new content.
+            // If a record was replaced after its entry was read, this reads the new content.
             if let Some(content) = self.study_content(name, kind, &key)? {
                 records.push(StudyRecord {
                     kind,

@@ -1,4 +1,4 @@
-//! Rows of taxonomies. A campaign gets a new taxonomy each time it learns; the former ones stay as versions.
+//! Rows of taxonomies. A campaign gets a new taxonomy each time it learns from labels; former taxonomies stay as versions.
 
 use super::{
     Store, StoreError,
@@ -18,38 +18,38 @@ pub struct StoredTaxonomy {
     pub medoids: Vec<u64>,
     /// For each individual, the place of its nearest medoid in `medoids`.
     pub clusters: Vec<u32>,
-    /// Sum of the distances to the nearest medoids.
+    /// Sum of the individuals' distances to their nearest medoids.
     pub loss: f64,
-    /// Measures of each cluster, one for each medoid, from when the taxonomy was made.
+    /// Measures of the clusters at the time when the taxonomy was made, one entry for each medoid.
     pub measures: Vec<ClusterMeasures>,
-    /// For each individual, the number of its trials to which no other medoid is nearer than its own; empty if individuals
-    /// have one trial.
+    /// For each individual, the number of its trials to which no medoid is nearer than the individual's own medoid; empty if
+    /// individuals have one trial.
     pub robust_trials: Vec<u8>,
 }
 
-/// Measures of a cluster, in units of the behaviour space, from when its taxonomy was made.
+/// Measures of a cluster at the time when its taxonomy was made, in units of the behaviour space.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ClusterMeasures {
-    /// Mean distance of its members, the medoid included, to the medoid.
+    /// Mean distance of the cluster's members, the medoid included, to the medoid.
     pub mean_distance: f64,
     /// Mean distance of the medoid to its nearest neighbours in the whole archive.
     pub novelty: f64,
 }
 
-/// A version of a campaign's taxonomy: what it was made of, and when.
+/// A version of a campaign's taxonomy: the state of the archive that it was made from, and its time.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TaxonomyVersion {
-    /// From 1, in the order in which they were made.
+    /// Number of the version, from 1; later versions have larger numbers.
     pub version: u32,
-    /// Whether it is about the archive as it is embedded now; false for former versions.
+    /// Whether this is the current version, made from the archive's current embeddings.
     pub stands: bool,
-    /// When it was made, milliseconds since 1970-01-01 UTC; `None` for one that was imported.
+    /// When the taxonomy was made, milliseconds since 1970-01-01 UTC; `None` for an imported taxonomy.
     pub made_ms: Option<u64>,
-    /// The checkpoint whose embeddings were clustered, if there was one.
+    /// The checkpoint whose embeddings were clustered, if the archive had embeddings.
     pub checkpoint: Option<CheckpointDigest>,
-    /// Rounds of feedback before it.
+    /// Number of rounds of feedback before the taxonomy was made.
     pub rounds: u32,
-    /// Complete generations that were clustered.
+    /// Number of complete generations that were clustered.
     pub generations: u32,
     pub individuals: u64,
 }
@@ -67,7 +67,8 @@ impl StoredTaxonomy {
         sizes
     }
 
-    /// Whether every named cluster has a medoid, and every medoid has measures.
+    /// Whether every named cluster has a medoid, every medoid has measures, and `robust_trials` is empty or covers every
+    /// individual.
     fn is_whole(&self) -> bool {
         let medoids = self.medoids.len();
         let robust = self.robust_trials.len();
@@ -88,9 +89,9 @@ impl From<StoredTaxonomy> for Clustering {
 }
 
 impl Store {
-    /// Stores the taxonomy as a new version, with the measures of its clusters and individuals, and completes the campaign, in one
-    /// transaction. Changes nothing and returns false while the campaign has results that only quarantined machines computed.
-    /// `points` are the individuals' positions on the map, in units of the behaviour space; or empty.
+    /// Stores the taxonomy as a new version, with the measures of its clusters and individuals, and completes the campaign, in
+    /// one transaction. Changes nothing and returns false while the campaign has results that only quarantined machines computed.
+    /// `points` are the individuals' positions on the map, in units of the behaviour space; `points` can be empty.
     pub fn complete(
         &self,
         campaign: &CampaignId,
@@ -127,7 +128,7 @@ impl Store {
     /// The taxonomy of a completed campaign; `None` before completion.
     ///
     /// # Errors
-    /// If it cannot be read, or its parts do not fit each other.
+    /// If the taxonomy cannot be read, or its parts do not fit each other.
     pub fn taxonomy(&self, campaign: &CampaignId) -> Result<Option<StoredTaxonomy>, StoreError> {
         self.read(|connection| whole_taxonomy(connection, campaign, "stands"))
     }
@@ -135,7 +136,7 @@ impl Store {
     /// A version of a campaign's taxonomy, current or former; `None` if no version has that number.
     ///
     /// # Errors
-    /// As [`Store::taxonomy`].
+    /// The errors of [`Store::taxonomy`].
     pub fn taxonomy_of_version(
         &self,
         campaign: &CampaignId,
@@ -144,7 +145,7 @@ impl Store {
         self.read(|connection| whole_taxonomy(connection, campaign, &format!("version = {version}")))
     }
 
-    /// The versions of a campaign's taxonomy, oldest first; only the last can be current.
+    /// The versions of a campaign's taxonomy, oldest first; only the last version can be current.
     pub fn taxonomy_versions(&self, campaign: &CampaignId) -> Result<Vec<TaxonomyVersion>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
@@ -179,8 +180,8 @@ impl Store {
         })
     }
 
-    /// Position of each individual on the map of a version, by index: along the principal axes of the behaviour space, in its
-    /// units. Empty for an imported version.
+    /// Position of each individual on a version's map, by index: coordinates along the principal axes of the behaviour space, in
+    /// units of that space. Empty for an imported version.
     pub fn taxonomy_points(&self, campaign: &CampaignId, version: u32) -> Result<Vec<[f32; 2]>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
@@ -217,13 +218,14 @@ fn whole_taxonomy(
     }
 }
 
-/// Retires the current version, because the archive gets other embeddings.
+/// Makes the current version of a campaign's taxonomy a former version.
 pub(super) fn retire_taxonomy(transaction: &Transaction<'_>, campaign: i64) -> Result<(), StoreError> {
     transaction.execute("UPDATE taxonomies SET stands = 0 WHERE campaign = ?1", [campaign])?;
     Ok(())
 }
 
-/// Deletes the current version, which is wrong, and all versions with individuals that no longer exist.
+/// Deletes the current version of a campaign's taxonomy, because it is wrong, and all versions with individuals that no longer
+/// exist.
 pub(super) fn withdraw_taxonomies(transaction: &Transaction<'_>, campaign: i64) -> Result<(), StoreError> {
     transaction.execute(
         "DELETE FROM taxonomies WHERE campaign = ?1 AND (stands OR length(clusters) / 4 >
@@ -233,8 +235,8 @@ pub(super) fn withdraw_taxonomies(transaction: &Transaction<'_>, campaign: i64) 
     Ok(())
 }
 
-/// Stores a taxonomy as the current version, made at `made_ms` if that is known. It replaces a version of the same archive and
-/// checkpoint.
+/// Stores a taxonomy as the current version, made at `made_ms` if the time is known. The new version replaces a current version
+/// with the same number of individuals and the same checkpoint.
 pub(super) fn insert_taxonomy(
     transaction: &Transaction<'_>,
     campaign: i64,

@@ -1,4 +1,4 @@
-//! The store as its users see it: only committed data is there, and errors name bad files.
+//! Tests of the store as its users see it: it has only committed data, and its errors name bad files.
 
 mod size;
 mod switches;
@@ -60,7 +60,7 @@ fn commit(store: &Store, id: &CampaignId, generation: u32) -> Result<(), StoreEr
     )
 }
 
-/// A store with two checkpoints and a latent campaign of one generation that is embedded by the first.
+/// A store with two checkpoints and a latent campaign of one generation, which the first checkpoint embeds.
 fn embedded() -> (tempfile::TempDir, Store, CampaignId, [CheckpointDigest; 2]) {
     let (folder, store) = open();
     let digests = [b"one", b"two"].map(|bytes| CheckpointDigest::of(bytes));
@@ -148,7 +148,7 @@ fn the_most_novel_are_each_of_another_generation() {
     for generation in 0..3 {
         commit(&store, &id, generation).unwrap();
     }
-    // Of equal generations the earlier ones; in each the individual of the higher novelty.
+    // Equally novel generations are in their order, and each gives the more novel of its individuals.
     assert_eq!(store.most_novel(&id, 2).unwrap(), [(1, 0, 2.0), (3, 1, 2.0)]);
 }
 
@@ -321,7 +321,7 @@ fn a_database_that_cannot_be_found_out_about_is_not_made_anew() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(Store::FILE);
     let volume = folder.path().join("volume");
-    // A link to a volume that is not mounted, and one that the system cannot follow at all.
+    // The first link leads to a volume that is not mounted; the system cannot follow the second link at all.
     for (target, expected) in [
         (volume.join(Store::FILE), "is not there: mount its volume"),
         (path.clone(), "oo many"),
@@ -347,7 +347,7 @@ fn a_database_that_cannot_be_found_out_about_is_not_made_anew() {
 fn a_new_database_takes_the_place_of_no_other() {
     let (folder, store) = open();
     let id = store.create_campaign(&spec(), Weight::default(), 7).unwrap();
-    // As if the database had not been found.
+    // This creates a database as if the existing database had not been found.
     let error = open::create(folder.path()).unwrap_err().to_string();
     assert!(error.contains(Store::FILE), "{error}");
     drop(store);
@@ -438,7 +438,7 @@ fn a_dataset_and_its_training_read_back() {
     let images = [vec![1; 2500], vec![2; 2500]].concat();
     assert_eq!(store.dataset_images(&id, 1..9).unwrap(), images);
     assert_eq!(store.picture(&id, spec().model(), 1).unwrap(), picture(1));
-    // Of two starts each, the first one counts.
+    // Each controller has two starts, and its features come from the first.
     let features = store.dataset_features(&id, 2, 0..5).unwrap();
     assert_eq!(
         features,

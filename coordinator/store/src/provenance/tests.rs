@@ -3,10 +3,11 @@ use crate::{ArchivedIndividual, DataDirectory, GenerationRecord, Picture};
 use murmuration_model::Weight;
 use murmuration_swarm::{CampaignSpec, Controller, Preset};
 
-/// How the machines of the tests embed.
+/// Embedding kind of the machines in these tests.
 const KIND: u64 = 5;
 
-/// A campaign of four pictures and three generations of two: of each, machine 7 did the first and two machines the second.
+/// A campaign of four pictures and three generations of two individuals. In each pair of results, machine 7 made the first, and
+/// two machines made the second.
 pub(crate) fn open() -> (tempfile::TempDir, Store, CampaignId) {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
@@ -127,7 +128,7 @@ fn a_machine_whose_quarantine_is_lifted_is_sound_and_what_it_did_is_not() {
         (after.pictures, after.individuals),
         (suspects.pictures, suspects.individuals)
     );
-    // Its results from now on are told apart from its earlier ones.
+    // The machine's results from now on are distinguished from its earlier results.
     store.quarantine(&[wrong(7)]).unwrap();
     assert_eq!(store.still_quarantined().unwrap(), [wrong(7)]);
     assert_eq!(store.suspects(&id).unwrap().machines.len(), 1);

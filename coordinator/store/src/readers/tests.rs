@@ -14,10 +14,10 @@ use std::{
     time::Duration,
 };
 
-/// Far longer than anything here takes: a thread without an answer by then waits for good.
+/// Far longer than any step of these tests: a thread without an answer after this time waits for ever.
 const FOR_GOOD: Duration = Duration::from_secs(60);
 
-/// A store with a campaign of one generation of one.
+/// A store with a campaign of one generation of one individual.
 fn open(folder: &Path) -> (Store, CampaignId) {
     let store = Store::open(&DataDirectory::hold(folder).unwrap()).unwrap();
     let text = "model = \"single-sensor\"\nmethod = \"hand-crafted\"\n[search]\npopulation = 1";
@@ -39,7 +39,7 @@ fn meanwhile<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T 
     result.recv_timeout(FOR_GOOD).expect("it is held up")
 }
 
-/// Reads everything that lists, statuses and pages are made of.
+/// Reads all data that lists, statuses and pages show.
 fn look(store: &Store, id: &CampaignId) -> CampaignState {
     let record = store.campaign(id.as_str()).unwrap();
     assert_eq!(store.campaigns().unwrap(), std::slice::from_ref(&record));
@@ -73,7 +73,7 @@ fn who_looks_waits_for_no_change_and_sees_what_is_committed() {
         })
         .unwrap();
     assert_eq!(look(&store), CampaignState::Paused);
-    // Nor does it wait for a change of labels.
+    // A reader does not wait for a change of labels either.
     let labelled = store.add_to_log(&id, |transaction, _, _| {
         let (store, id) = (store.clone(), id.clone());
         let state = meanwhile(move || store.campaign(id.as_str()).unwrap().state);
@@ -94,7 +94,7 @@ fn labels_are_told_while_another_campaign_is_changed() {
     let (labelling, labelled) = mpsc::channel();
     store
         .write(|_| {
-            // Labelling waits for this.
+            // The labelling thread waits for this change.
             let (waiting, of) = (store.clone(), id.clone());
             thread::spawn(move || {
                 let added = waiting.add_to_log(&of, |_, _, _| Ok(()));
@@ -124,7 +124,7 @@ fn a_slow_reader_holds_up_neither_readers_nor_changes() {
                 look(&other, &id)
             };
             assert_eq!(meanwhile(changed), CampaignState::Paused);
-            // The read still sees the instant at which it began.
+            // The read still sees the database as of the instant at which the read began.
             assert_eq!(state()?, "running");
             Ok(())
         })
@@ -152,7 +152,7 @@ fn labels_wait_for_no_reader_of_low_priority() {
             })
             .collect();
         ends.iter().for_each(|_| reading.recv().unwrap());
-        // Nor if a thread of low priority reads.
+        // Labels do not wait either if a thread of low priority reads them.
         let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
         let (labels, id) = (store.clone(), id.clone());
         let asked = move || runtime.block_on(in_background(move |_| labels.labels(&id).unwrap().entries()));
@@ -191,7 +191,7 @@ fn the_log_is_emptied_after_the_disk_failed_once_nobody_reads() {
             store.read(|connection| {
                 connection.query_row("SELECT count(*) FROM campaigns", [], |_| Ok(()))?;
                 begun.send(()).unwrap();
-                // Waits until the change, which waits for this reader, keeps others away.
+                // Waits until the change keeps other readers away; the change waits for this reader.
                 while !store
                     .readers
                     .as_ref()
@@ -208,7 +208,7 @@ fn the_log_is_emptied_after_the_disk_failed_once_nobody_reads() {
         assert!(has_read.load(Ordering::SeqCst), "it did not wait for the reader");
     });
     assert!(!store.sync_failed.load(Ordering::Relaxed));
-    // What is left of the log is the one change since.
+    // The log was emptied, and now has only the change of the state.
     assert!(log.metadata().unwrap().len() < before);
     assert_eq!(look(&store, &id), CampaignState::Paused);
 }
@@ -220,7 +220,7 @@ fn readers_that_overlap_do_not_have_the_log_grow_without_end() {
     let log = folder.path().join(format!("{}-wal", Store::FILE));
     let ended = AtomicBool::new(false);
     let longest = thread::scope(|scope| {
-        // Each read begins before another ends, so that one is always running.
+        // Each read begins before another ends, so that a read is always running.
         for _ in 0..MOST - 1 {
             scope.spawn(|| {
                 while !ended.load(Ordering::Relaxed) {

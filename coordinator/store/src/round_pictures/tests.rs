@@ -1,4 +1,4 @@
-//! A round learns from individuals by their labels, and from further starts of their controllers.
+//! A round learns from labelled individuals, and from further starts of their controllers.
 
 use super::*;
 use crate::{DataDirectory, GenerationRecord, Picture, Provenance};
@@ -8,7 +8,8 @@ use murmuration_model::{
 };
 use murmuration_swarm::CampaignSpec;
 
-/// A campaign of 5 individuals, two of which are labelled, that learns from 3 starts of each; its dataset has 4 pictures.
+/// A campaign of 5 individuals, with a dataset of 4 pictures. Two individuals are labelled, and the campaign learns from 3 starts
+/// of each labelled individual.
 fn labelled() -> (tempfile::TempDir, Store, CampaignId) {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
@@ -45,7 +46,7 @@ fn start(seed: u64) -> FurtherStart {
     }
 }
 
-/// Adds a picture for each start, with its place as the grey value.
+/// Adds a picture for each start, with 100 plus the picture's place as the grey value.
 fn add(store: &Store, id: &CampaignId, first: u64, starts: &[FurtherStart]) {
     let pictures: Vec<_> = starts
         .iter()
@@ -78,7 +79,7 @@ fn what_a_labelled_controller_does_from_further_starts_has_its_class() {
     assert_eq!((before.labels, before.pictures), (2, individuals.to_vec()));
     assert_eq!(before.missing.len(), 4);
 
-    // One of each is there: the others are still missing.
+    // Each labelled individual has one further picture now; its second further picture is still missing.
     let [missing, second, third, _] = <[_; 4]>::try_from(before.missing).unwrap();
     let there = [second, third];
     add(&store, &id, 4, &there);

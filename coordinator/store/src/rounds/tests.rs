@@ -1,11 +1,11 @@
-//! Rounds on disk: they begin and end as a whole, and learn from the log as it was at their beginning.
+//! Rounds on disk: each round begins and ends in one transaction, and learns from the label log as it was when the round began.
 
 use super::*;
 use crate::{ArchivedIndividual, CheckpointRecord, DataDirectory, GenerationRecord, Provenance};
 use murmuration_model::{SavedTraining, Weight, labels::Action};
 use murmuration_swarm::{CampaignSpec, Lineage};
 
-/// A completed campaign of 5 individuals, begun with a checkpoint; and another checkpoint.
+/// A completed campaign of 5 individuals that began with a published checkpoint, and another checkpoint.
 fn open() -> (tempfile::TempDir, Store, CampaignId, CheckpointDigest) {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();

@@ -31,7 +31,7 @@ fn checkpoint(store: &Store) -> CheckpointDigest {
     digest
 }
 
-/// Every change that a stage makes.
+/// A change that a stage makes.
 type Commit = fn(&Store, &CampaignId) -> Result<(), StoreError>;
 
 const COMMITS: [(&str, Commit); 12] = [
@@ -114,7 +114,7 @@ fn no_stage_changes_a_campaign_about_which_something_was_decided() {
         ("cancelled", |store, id| {
             store.decide(id, Decision::Cancel, false).unwrap();
         }),
-        // Another run has begun.
+        // The campaign resumes, so another run has begun.
         ("resumed", |store, id| {
             store.decide(id, Decision::Pause, false).unwrap();
             store.decide(id, Decision::Resume, false).unwrap();
@@ -185,7 +185,7 @@ fn a_decision_goes_by_the_state_that_is() {
         clusters: Vec::new(),
         loss: 0.0,
     };
-    // It completes between the click and the decision.
+    // The campaign completes between a person's click and the decision.
     store.complete(&id, &none, &[], &[], &[]).unwrap();
     for decision in [Decision::Pause, Decision::Cancel, Decision::Resume] {
         let refused = store.decide(&id, decision, false).unwrap_err().to_string();
@@ -194,7 +194,7 @@ fn a_decision_goes_by_the_state_that_is() {
     assert_eq!(store.campaign(id.as_str()).unwrap().decisions, 0);
     assert!(store.reopen(&id).unwrap());
     assert!(!store.reopen(&id).unwrap());
-    // A failure that could not be recorded.
+    // The run failed, and its failure could not be recorded.
     let refused = store.decide(&id, Decision::Pause, true).unwrap_err().to_string();
     assert!(refused.ends_with("it is failed"), "{refused}");
     store.decide(&id, Decision::Resume, true).unwrap();

@@ -1,4 +1,4 @@
-//! Studies of earlier versions, which kept a folder for each in the data directory.
+//! Studies of earlier versions of Murmuration, which kept each study as a folder in the data directory.
 
 use super::keep;
 use crate::StoreError;
@@ -10,11 +10,11 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Stores the studies that the data directory `data` has in folders, unless the database has studies. The folders stay. Files that
-/// cannot be read are left out.
+/// If the database has no studies, stores the studies that the data directory `data` has in folders. The folders stay. Files that
+/// cannot be read are skipped.
 ///
 /// # Errors
-/// If the database cannot be written.
+/// If the database cannot be written, or the folder of all studies cannot be read.
 pub(crate) fn take_over(connection: &mut Connection, data: &Path) -> Result<(), StoreError> {
     let query = "SELECT count(*) FROM studies";
     if connection.query_row(query, [], |row| row.get::<_, i64>(0))? > 0 {
@@ -39,7 +39,7 @@ pub(crate) fn take_over(connection: &mut Connection, data: &Path) -> Result<(), 
     Ok(transaction.commit()?)
 }
 
-/// The name and the file of the study in a folder; `None` if it is no study's.
+/// The name and the file of the study in a folder; `None` if the folder does not belong to a study.
 fn study(folder: &Path) -> Option<(CampaignName, StudyFile)> {
     let name: CampaignName = folder.file_name()?.to_str()?.to_owned().try_into().ok()?;
     let toml = fs::read_to_string(folder.join("study.toml")).ok()?;
@@ -55,7 +55,8 @@ fn study(folder: &Path) -> Option<(CampaignName, StudyFile)> {
     Some((name, file))
 }
 
-/// What a study measured as `measures` says, and the classes that people gave.
+/// The measurements in a study's folder, and the classes that people gave. `measures` is the digest of the settings of the last
+/// measurements.
 fn records(folder: &Path, measures: &str) -> Vec<StudyRecord> {
     let mut records = Vec::new();
     let mut add = |kind, key: &str, measures: &str, content: Vec<u8>| {

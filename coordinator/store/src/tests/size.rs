@@ -6,7 +6,7 @@ use rand::{RngExt as _, seq::IndexedRandom as _};
 
 const INDIVIDUALS: u64 = 2000;
 
-/// 24 robots that pass twelve pixels each: as many as in the mean picture of a uniform controller, of any grey.
+/// A picture of 24 robots that pass twelve pixels each, of any grey: as many pixels as in the mean picture of random controllers.
 fn picture(index: u64) -> Vec<u8> {
     let mut stream = RandomStream::derive(1, Purpose::Start, index);
     let mut image = vec![0; 2500];
@@ -58,7 +58,7 @@ fn an_individual_of_a_latent_campaign_takes_at_most_1000_bytes_with_all_that_bel
     }
     let each = (pages() - before) as u64 * 4096 / INDIVIDUALS;
     assert!(each <= 1000, "{each} bytes");
-    // The pictures are no easier than real ones, of which the mean takes 459 bytes.
+    // These pictures are no easier to compress than real pictures, which take 459 bytes on average.
     let pictures: i64 = store
         .read(|c| Ok(c.query_row("SELECT sum(length(image)) FROM images", [], |row| row.get(0))?))
         .unwrap();

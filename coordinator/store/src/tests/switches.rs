@@ -32,7 +32,7 @@ fn an_archive_switches_to_another_checkpoint_at_once() {
     let switching = |from, to, embedded| ArchiveEmbedder::Switching { from, to, embedded };
     assert_eq!(record.embedder, switching(Some(first), second, 1));
     assert_eq!(record.state, CampaignState::Running);
-    // Until the switch everything is as it was.
+    // Until the switch, embeddings and taxonomy stay as they were.
     assert_eq!(embeddings(&store, &id), [[0.0, -0.5], [1.0, -0.5]]);
     assert!(store.taxonomy(&id).unwrap().is_some());
 

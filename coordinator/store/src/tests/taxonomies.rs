@@ -1,4 +1,4 @@
-//! Versions of taxonomies, from the search that made them to the one after the next.
+//! Tests of versions of taxonomies: which versions stay after a switch or a rollback.
 
 use super::*;
 
@@ -66,7 +66,7 @@ fn a_taxonomy_outlives_the_switch_and_the_next_one_stands_beside_it() {
     assert!(store.taxonomy_points(&id, 2).unwrap().is_empty());
     assert_eq!(store.first_medoid(&id).unwrap(), Some(0));
 
-    // A taxonomy made again from the same archive is the same version.
+    // A taxonomy made again from the same archive keeps the version's number.
     complete(&store, &id, 1, &[]);
     let numbers: Vec<u32> = store
         .taxonomy_versions(&id)

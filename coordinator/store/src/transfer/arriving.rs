@@ -1,4 +1,5 @@
-//! Import of a campaign: its database is kept in a temporary folder until it is complete and checked, and is taken over then.
+//! Import of a campaign: a temporary folder keeps the campaign's database until the database is complete and checked. The checked
+//! campaign is copied into the store.
 
 use super::{ReceivedCampaign, Unsound, new_folder};
 use crate::{
@@ -21,10 +22,10 @@ pub enum ImportError {
     /// The store cannot be read or written.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// Its checkpoints cannot be kept.
+    /// The campaign's checkpoints cannot be kept.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
-    /// There is a campaign of that id.
+    /// A campaign with this id exists already.
     #[error(
         "there is a campaign {0} already: import into another data directory (--data DIR), or compare the two with \
          `murmuration digest`"
@@ -71,7 +72,7 @@ impl Arriving {
     /// Adds the next bytes of the database.
     ///
     /// # Errors
-    /// If they cannot be written.
+    /// If the bytes cannot be written.
     pub async fn add(self, bytes: Vec<u8>) -> Result<Self, ImportError> {
         on_disk(move || {
             let written = (&self.file).write_all(&bytes);
@@ -81,11 +82,11 @@ impl Arriving {
         .await
     }
 
-    /// Checks the received database, and takes it over into the store and its `checkpoints`.
+    /// Checks the received database, and copies the campaign into the store and its checkpoints into `checkpoints`.
     ///
     /// # Errors
-    /// [`ImportError`]; the store has no such campaign. If the disk is full, or another campaign of that id came at the same time,
-    /// checkpoints may stay.
+    /// [`ImportError`]; the campaign is not imported then. Some of its checkpoints can stay if the disk is full, or if another
+    /// campaign with this id came at the same time.
     pub async fn finish(self, checkpoints: &Checkpoints) -> Result<CampaignId, ImportError> {
         let Self {
             store,
@@ -124,7 +125,7 @@ impl Arriving {
     }
 }
 
-/// Checks that there is no campaign of that id.
+/// Checks that no campaign has this id.
 fn check_new(store: &Store, id: &CampaignId) -> Result<(), ImportError> {
     match store.campaign(id.as_str()) {
         Ok(_) => Err(ImportError::Exists(id.clone())),

@@ -42,7 +42,7 @@ const ROWS: [&str; 7] = [
     "INSERT INTO labels SELECT * FROM source.labels WHERE campaign = ?1 ORDER BY entry",
 ];
 
-/// Copies the current taxonomy of a completed campaign, without its time and its map.
+/// Statement that copies the current taxonomy of a completed campaign, without its time and its map.
 const TAXONOMY: &str =
     "INSERT INTO taxonomies (campaign, version, stands, checkpoint, rounds, generations, medoids, clusters, loss, measures,
         robust_trials, points)
@@ -50,11 +50,11 @@ const TAXONOMY: &str =
      FROM source.taxonomies t JOIN source.campaigns c ON c.number = t.campaign
      WHERE t.campaign = ?1 AND t.stands AND c.state = ?2";
 
-/// Writes everything that is transferred of a campaign into a database, in a temporary folder of the data directory `data`, and
-/// returns the open file. The folder is removed before this returns.
+/// Exports a campaign into a database in a temporary folder of the data directory `data`, and returns the open file. The folder
+/// is removed before this returns.
 ///
 /// # Errors
-/// [`StoreError::NoCampaign`], or if the campaign cannot be read, or the file not written.
+/// [`StoreError::NoCampaign`], or if the campaign cannot be read, or the file cannot be written.
 pub async fn export(
     store: &Store,
     checkpoints: &Checkpoints,
@@ -70,16 +70,16 @@ pub async fn export(
     on_disk(move |interrupt| copy.finish(interrupt)).await
 }
 
-/// A database that is being written.
+/// A campaign's database that is being written.
 struct Copy {
     store: Store,
     campaign: CampaignId,
-    /// Dropped, and so removed, after the connection to the database in it.
+    /// The database's temporary folder, which is dropped, and so removed, after the database's connection.
     _folder: TempDir,
 }
 
 impl Copy {
-    /// Copies the rows of a campaign as of one instant. Also returns the checkpoints whose bytes are still to be added.
+    /// Copies the rows of a campaign as of one instant. Also returns the checkpoints whose bytes must still be added.
     fn of(
         source: &Store,
         data: &Path,
@@ -138,8 +138,8 @@ impl Copy {
     }
 }
 
-/// An empty database for a campaign, with the store at `source` attached to it. Writes do not wait for the disk, because leftovers
-/// of a crash are removed.
+/// An empty database for a campaign, with the store at `source` attached to it. Writes do not wait for the disk, because the next
+/// start removes the leftovers of a crash.
 fn create(path: &Path, source: &Path) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
         | OpenFlags::SQLITE_OPEN_CREATE

@@ -1,7 +1,8 @@
-//! Transfer of whole campaigns: from a store into a database of their own, and from such a database into another store.
+//! Transfer of whole campaigns: exports a campaign from a store into a database of its own, and imports such a database into
+//! another store.
 //!
 //! Limits: the pictures of a dataset, snapshots of trainings, epochs, notices, provenance and former taxonomies are not
-//! transferred. The pictures can be simulated again, and the others are about this store.
+//! transferred. The pictures can be simulated again, and the other data is about the exporting store only.
 
 mod arriving;
 mod exporting;
@@ -18,14 +19,14 @@ use crate::{Store, StoreError};
 use std::{fs, path::Path};
 use tempfile::TempDir;
 
-/// Prefix of the folders in a data directory in which a campaign's database is written.
+/// Prefix of the temporary folders in a data directory in which campaigns' databases are written.
 const PREFIX: &str = ".transfer-";
 
 /// SQLite's application id of a campaign's database: "Murm".
 const APPLICATION: i32 = 0x4d75_726d;
 
-/// The tables that a campaign's database has besides those of a store: the bytes of its checkpoints, and the digest of its archive,
-/// as `murmuration digest` prints it.
+/// The tables that a campaign's database has besides the tables of a store: one for the bytes of its checkpoints, one for the
+/// digest of its archive, as `murmuration digest` prints it.
 const FURTHER_TABLES: &str = "
     CREATE TABLE embedders (
         checkpoint INTEGER PRIMARY KEY REFERENCES checkpoints (number),
@@ -36,8 +37,8 @@ const FURTHER_TABLES: &str = "
     ) STRICT;
 ";
 
-/// Removes the folders and rows that unfinished exports, imports and deletions have left in a held data directory. Those that
-/// cannot be removed stay until the next time.
+/// Removes the folders and rows that unfinished exports, imports and deletions have left in a held data directory. Leftovers that
+/// cannot be removed stay until the store is next opened.
 pub(crate) fn remove_leftovers(store: &Store, data: &Path) {
     let folders = fs::read_dir(data).into_iter().flatten().flatten();
     for folder in folders.filter(|folder| folder.file_name().to_string_lossy().starts_with(PREFIX)) {

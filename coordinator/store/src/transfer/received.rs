@@ -1,7 +1,8 @@
 //! The database of a campaign from another store, checked row by row.
 //!
-//! Rows are read as a store reads its own, and then checked like network messages and workers' results. In memory are the current
-//! labels, the taxonomy, one checkpoint at a time, and some individuals of a generation at a time.
+//! This module reads rows as a store reads its own rows, and then checks them like network messages and workers' results. The
+//! module keeps in memory the current labels, the taxonomy, one checkpoint at a time, and some individuals of a generation at a
+//! time.
 
 use super::untrusted::{self, Unsound, expect_count, expect_none, foreign};
 use crate::{
@@ -19,11 +20,12 @@ use murmuration_sim::features::FeatureBounds;
 use murmuration_swarm::{CheckpointDigest, Invalid, Lineage, check_embedding, in_full};
 use std::{collections::HashSet, ops::Range, path::Path};
 
-/// Most checkpoints in a campaign's database: its own and those that they were fine-tuned from.
+/// Maximum number of checkpoints in a campaign's database: the campaign's checkpoints, and the checkpoints that these were
+/// fine-tuned from.
 const MAX_CHECKPOINTS: usize = 1000;
-/// Entries of a label log that are read at a time.
+/// Number of entries of a label log that are read at a time.
 const ENTRIES: usize = 1000;
-/// Assumed bytes of a trial's numbers, embedding included; decides how many individuals are read at a time.
+/// Assumed bytes of a trial's numbers, embedding included. The assumed size determines how many individuals are read at a time.
 const NUMBERS: usize = 4096;
 
 /// An individual, with its place in the taxonomy.
@@ -31,21 +33,21 @@ const NUMBERS: usize = 4096;
 pub struct Member {
     /// The individual, with its pictures.
     pub individual: ArchivedIndividual,
-    /// The place of its medoid, from 0, if the campaign is completed.
+    /// The place of the individual's medoid, from 0, if the campaign is completed.
     pub cluster: Option<u32>,
-    /// The number of its trials to which no other medoid is nearer than its own, if the campaign is completed and of several
-    /// starts.
+    /// The number of trials to which no medoid is nearer than the individual's own medoid, if the campaign is completed and has
+    /// several starts.
     pub robust_trials: Option<u8>,
 }
 
-/// A campaign in a database of its own. Everything was checked except the archive, which [`ReceivedCampaign::archive`] checks while
-/// reading.
+/// A campaign in a database of its own. Everything was checked except the archive, which [`ReceivedCampaign::archive`] checks
+/// while reading.
 #[derive(Debug)]
 pub struct ReceivedCampaign {
     store: Store,
     campaign: ExportedCampaign,
     checkpoints: Vec<CheckpointRecord>,
-    /// Length of the embeddings, if the archive has some.
+    /// Length of the embeddings, if the archive has embeddings.
     dimensions: Option<usize>,
     labels: Labels,
     generations: Vec<GenerationRecord>,
@@ -56,7 +58,7 @@ impl ReceivedCampaign {
     /// Opens the file at `path` and checks everything but the archive. The file must not change while it is open.
     ///
     /// # Errors
-    /// [`Unsound`] says what is wrong with it.
+    /// [`Unsound`] names what is wrong with the file.
     pub fn open(path: &Path) -> Result<Self, Unsound> {
         let store = untrusted::open(path)?;
         let id = store.campaign_ids()?.pop();
@@ -87,7 +89,7 @@ impl ReceivedCampaign {
         &self.campaign
     }
 
-    /// The campaign's checkpoint and the one that it moves to, with those that they were fine-tuned from; parents first.
+    /// The campaign's checkpoint, its next checkpoint, and the checkpoints that these were fine-tuned from; parents first.
     #[must_use]
     pub fn checkpoints(&self) -> &[CheckpointRecord] {
         &self.checkpoints
@@ -103,7 +105,7 @@ impl ReceivedCampaign {
         &self.generations
     }
 
-    /// The taxonomy, of a completed campaign.
+    /// The taxonomy; `None` if the campaign is not completed.
     #[must_use]
     pub const fn taxonomy(&self) -> Option<&StoredTaxonomy> {
         self.taxonomy.as_ref()
@@ -116,7 +118,7 @@ impl ReceivedCampaign {
     /// The bytes of a checkpoint.
     ///
     /// # Errors
-    /// [`Unsound`] if they are not those of the checkpoint.
+    /// [`Unsound`] if the bytes do not have the checkpoint's digest and size.
     pub fn model(&self, checkpoint: &CheckpointRecord) -> Result<Vec<u8>, Unsound> {
         let digest = checkpoint.digest;
         let model: Vec<u8> = self.store.read(|connection| {
@@ -214,8 +216,8 @@ impl ReceivedCampaign {
         Ok(())
     }
 
-    /// Checks the number of rows of tables and the lengths of values before reading them, and that rows which are copied as they
-    /// are contain nothing else.
+    /// Checks the number of rows of each table and the lengths of their values, before the rows are read. Also checks that rows
+    /// which are copied unchanged contain no other values than an export's rows.
     fn check_rows(&self) -> Result<(), Unsound> {
         let record = &self.campaign.record;
         let (individuals, starts) = (record.individuals(), record.spec.starts().get());
@@ -240,7 +242,7 @@ impl ReceivedCampaign {
                         OR octet_length(verdicts) <> {judged}"
                 ),
             ),
-            // zstd adds little to what it cannot compress.
+            // zstd adds only a few bytes to an image that it cannot compress.
             ("images", individuals, format!("octet_length(image) > {image} + {image} / 64 + 1024")),
             (
                 "embeddings",
@@ -345,7 +347,7 @@ impl ReceivedCampaign {
     }
 }
 
-/// Largest valid distance, novelty or sum of distances: well above any that valid features and embeddings can give.
+/// Largest valid distance, novelty or sum of distances: far larger than valid features and embeddings can give.
 const MAX_MEASURE: f64 = 1e30;
 
 /// Checks a number that cannot be negative, such as a distance.
@@ -429,7 +431,7 @@ fn check_summary(generation: &GenerationRecord, novelty: &[f64]) -> Result<(), U
     Ok(())
 }
 
-/// Checks that each medoid is a member of its own cluster, that larger clusters come first, and the measures.
+/// Checks the measures and the robustness, that each medoid is a member of its own cluster, and that larger clusters come first.
 fn check_taxonomy(taxonomy: &StoredTaxonomy, starts: usize) -> Result<(), Invalid> {
     measure("loss", taxonomy.loss)?;
     for (place, (&index, measures)) in taxonomy.medoids.iter().zip(&taxonomy.measures).enumerate() {

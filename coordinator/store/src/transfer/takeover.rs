@@ -1,6 +1,7 @@
 //! Copies the rows of a campaign from a checked database of its own into a store.
 //!
-//! They are copied in many short transactions, between which others write. The campaign is hidden until the last one.
+//! Many short transactions copy the rows, and other writes happen between them. The campaign is hidden until the last
+//! transaction.
 
 use crate::{
     Store, StoreError,
@@ -24,18 +25,18 @@ const TABLES: [&str; 6] = [
     "taxonomies",
 ];
 
-/// How far the number of an id may exceed all existing ones: no store has so many campaigns.
+/// Maximum difference between the number of an imported id and the store's next number: no store has so many campaigns.
 const FAR: i64 = 1_000_000_000;
 
-/// Bytes of rows that one transaction copies.
+/// Approximate number of bytes of rows that one transaction copies.
 const BYTES: usize = if cfg!(test) { 1 << 10 } else { 8 << 20 };
 
 impl Store {
-    /// Takes over a campaign and its checkpoints from a database of its own; false if there is a campaign of that id. The campaign
-    /// is hidden until all of it is there.
+    /// Copies a campaign and its checkpoints from a database of its own; returns false if a campaign with the same id exists. The
+    /// campaign is hidden until all its rows are copied.
     ///
     /// # Errors
-    /// If the campaign cannot be read or written. It is not in the store then, but some of its checkpoints may be.
+    /// If the campaign cannot be read or written. The store then lacks the campaign, but can have some of its checkpoints.
     pub(super) fn take_over(&self, from: &Self, campaign: &ExportedCampaign) -> Result<bool, StoreError> {
         let Some(number) = self.reserve(&campaign.record.id)? else {
             return Ok(false);
@@ -59,7 +60,8 @@ impl Store {
         taken
     }
 
-    /// Adds a hidden row for a campaign that is being taken over, and returns its number; `None` if there is a campaign of that id.
+    /// Adds a hidden row for a campaign that is being imported, and returns the row's number; `None` if a campaign with this id
+    /// exists.
     fn reserve(&self, campaign: &CampaignId) -> Result<Option<i64>, StoreError> {
         self.write(|transaction| {
             if is_there(transaction, campaign)? {
@@ -84,8 +86,8 @@ fn is_there(transaction: &Transaction<'_>, campaign: &CampaignId) -> Result<bool
     }
 }
 
-/// The number of a campaign that comes with its id. Ids of new campaigns end with their numbers, so the result is at least the id's
-/// number. An implausibly large one does not count: the numbers after it might be too high to be exported.
+/// The number of an imported campaign, which keeps its id. Ids of new campaigns end with their numbers, so the result is at least
+/// the id's number. An implausibly large number in the id is ignored: the numbers after it could be too high for an export.
 fn new_number(target: &Transaction<'_>, campaign: &CampaignId) -> Result<i64, StoreError> {
     let next = next_number(target)?;
     let named = campaign.number().and_then(|number| i64::try_from(number).ok());
@@ -93,7 +95,7 @@ fn new_number(target: &Transaction<'_>, campaign: &CampaignId) -> Result<i64, St
     Ok(near.map_or(next, |named| named.max(next)))
 }
 
-/// Takes over the checkpoints that the store lacks. Returns the new numbers of all checkpoints, by their old ones.
+/// Copies the checkpoints that the store lacks. Returns the new number of each checkpoint, by its old number.
 fn take_checkpoints(source: &Connection, target: &Transaction<'_>) -> Result<BTreeMap<i64, i64>, StoreError> {
     let columns =
         "digest, size, parent, data_digest, label_digest, configuration, metrics, created_ms, labelled";
@@ -123,7 +125,7 @@ struct Copied<'a> {
     source: &'a Connection,
     target: &'a Store,
     campaign: i64,
-    /// The new keys of checkpoints, by their old ones.
+    /// The new number of each checkpoint, by its old number.
     checkpoints: BTreeMap<i64, i64>,
 }
 
@@ -152,7 +154,8 @@ impl Copied<'_> {
         }
     }
 
-    /// Fills in the campaign's row, which makes the campaign visible; false if one of its id has appeared meanwhile.
+    /// Fills in the campaign's row, which makes the campaign visible; returns false if a campaign with the same id has appeared
+    /// meanwhile.
     fn show(&self, campaign: &ExportedCampaign) -> Result<bool, StoreError> {
         let record = &campaign.record;
         self.target.write(|target| {
@@ -189,7 +192,7 @@ impl Copied<'_> {
         })
     }
 
-    /// The value, with the target store's numbers of its campaign and checkpoints.
+    /// The value of a column, with the numbers of the campaign and its checkpoints replaced by the target store's numbers.
     fn renumbered(&self, column: &str, value: Value) -> Value {
         match (column, value) {
             ("campaign", Value::Integer(_)) => Value::Integer(self.campaign),

@@ -1,7 +1,7 @@
 //! Opens a file that claims to be the database of a campaign, so that nothing in it can do harm.
 //!
-//! SQLite reads the file as it is on disk, without a log beside it, and runs no code of its schema, which must equal ours to the
-//! letter. Limits: checks tables and lengths of values, not their meaning.
+//! SQLite reads the file as it is on disk, without a log beside it, and runs no code of the file's schema. That schema must equal
+//! an export's schema to the letter. Limits: this module checks tables and lengths of values, not the meaning of values.
 
 use super::{APPLICATION, FURTHER_TABLES};
 use crate::{Store, StoreError, open::uri_path, schema};
@@ -14,16 +14,17 @@ use std::{
     path::Path,
 };
 
-/// Most bytes of a value, and so of the memory that SQLite takes for one.
+/// Maximum number of bytes of a value, and so of the memory that SQLite takes for a value.
 const MAX_VALUE_BYTES: i32 = 128 << 20;
 
-/// Most bytes of a value while the schema is read.
+/// Maximum number of bytes of a value while the schema is read.
 const MAX_SCHEMA_BYTES: i32 = 64 << 10;
 
-/// Most steps of SQLite's virtual machine in one statement while the schema is read; ours takes a few hundred.
+/// Maximum number of steps of SQLite's virtual machine in one statement while the schema is read; an export's schema takes a few
+/// hundred.
 const MAX_SCHEMA_STEPS: i32 = 20_000;
 
-/// Tables that may have rows in the database of a campaign; all others must be empty.
+/// Tables that may have rows in the database of a campaign; all other tables must be empty.
 const FILLED: [&str; 10] = [
     "campaigns",
     "checkpoints",
@@ -43,20 +44,20 @@ pub enum Unsound {
     /// A value that no campaign can have.
     #[error(transparent)]
     Invalid(#[from] Invalid),
-    /// It cannot be read.
+    /// The database cannot be read.
     #[error("{}", Text::line(&.0.reason()))]
     Unreadable(#[from] StoreError),
-    /// It is not as `murmuration export` writes it.
+    /// The database differs from the databases that `murmuration export` writes.
     #[error("{0}")]
     Foreign(String),
-    /// The archive has another digest than it should have.
+    /// The archive does not have the digest that the file names.
     #[error(
         "its archive has digest {found}, and was exported with {wanted}: it was changed after the export"
     )]
     Digest {
         /// The digest that the file names.
         wanted: String,
-        /// The digest of the archive in it.
+        /// The digest of the archive in the file.
         found: String,
     },
 }
@@ -90,7 +91,7 @@ pub(super) fn open(path: &Path) -> Result<Store, Unsound> {
     check_length(&connection, path)?;
     check_schema(&connection)?;
     let store = Store::over(connection, path);
-    // This also checks that every value has the type of its column, and that indices match their tables.
+    // The search for faults also checks that every value has the type of its column, and that indices match their tables.
     let mut faults = store.faults()?;
     faults.extend(store.dangling()?);
     if let Some(first) = faults.first() {
@@ -100,8 +101,8 @@ pub(super) fn open(path: &Path) -> Result<Store, Unsound> {
     Ok(store)
 }
 
-/// Makes SQLite read the whole schema within limits, because that takes time quadratic in the number of entries. Then sets the
-/// limits for values.
+/// Makes SQLite read the whole schema within limits, because SQLite's time for this is quadratic in the number of entries.
+/// Afterwards, sets the limits for values.
 pub(super) fn read_schema(connection: &mut Connection) -> Result<(), Unsound> {
     connection.set_limit(Limit::SQLITE_LIMIT_LENGTH, MAX_SCHEMA_BYTES)?;
     connection.progress_handler(MAX_SCHEMA_STEPS, Some(|| true))?;
@@ -115,7 +116,7 @@ pub(super) fn read_schema(connection: &mut Connection) -> Result<(), Unsound> {
     Ok(())
 }
 
-/// Checks that it is a regular file that begins like SQLite's, without a log beside it.
+/// Checks that `path` is a regular file that begins like an SQLite database which does not use a write-ahead log.
 fn check_header(path: &Path) -> Result<(), Unsound> {
     let failed = |error| StoreError::from_io(error, "read", path);
     if !fs::symlink_metadata(path).map_err(failed)?.is_file() {
@@ -133,7 +134,7 @@ fn check_header(path: &Path) -> Result<(), Unsound> {
     }
 }
 
-/// Checks that the file ends where the database does.
+/// Checks that the file ends where its database ends.
 fn check_length(connection: &Connection, path: &Path) -> Result<(), Unsound> {
     let length = "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size";
     let length: i64 = connection.query_row(length, [], |row| row.get(0))?;
@@ -147,7 +148,7 @@ fn check_length(connection: &Connection, path: &Path) -> Result<(), Unsound> {
     }
 }
 
-/// Checks that its tables, indices and triggers are those of a campaign's database of this version, and nothing else.
+/// Checks that the database has exactly the tables, indices and triggers of a campaign's database of this version.
 fn check_schema(connection: &Connection) -> Result<(), Unsound> {
     let number = |pragma| connection.pragma_query_value(None, pragma, |row| row.get::<_, i64>(0));
     if number("application_id")? != i64::from(APPLICATION) {
@@ -180,7 +181,7 @@ fn declared(connection: &Connection) -> rusqlite::Result<Vec<Declared>> {
     rows.collect()
 }
 
-/// Checks which tables have rows, and the lengths of texts, before any of them is read.
+/// Checks which tables have rows, and the lengths and ranges of values, before these rows are read.
 fn check_rows(store: &Store) -> Result<(), Unsound> {
     let tables: Vec<String> = store.read(|connection| {
         let mut statement = connection.prepare("SELECT name FROM sqlite_schema WHERE type = 'table'")?;

@@ -1,4 +1,4 @@
-//! A campaign that is taken over into a store that has others already.
+//! Tests of the import of a campaign into a store that already has other campaigns.
 
 use super::*;
 use crate::DataDirectory;
@@ -39,7 +39,8 @@ fn created(store: &Store) -> CampaignId {
     store.create_campaign(&spec, Weight::default(), 7).unwrap()
 }
 
-/// A store with a campaign of many rows in every table, embedded by its second checkpoint, `b`, and moving to the third, `c`.
+/// A store with a campaign that has rows in every copied table. The second checkpoint, `b`, embeds the campaign, which is moving
+/// to the third checkpoint, `c`.
 fn source(folder: &Path) -> (Store, CampaignId) {
     let store = open(folder);
     let id = created(&store);
@@ -95,7 +96,7 @@ fn campaigns_and_checkpoints_have_other_numbers_beside_others() {
     let folder = tempfile::tempdir().unwrap();
     let (from, id) = source(&folder.path().join("from"));
     let to = open(&folder.path().join("to"));
-    // Here the checkpoints have other numbers, and one of them is there already.
+    // In this store the checkpoints have other numbers, and the checkpoint `c` exists already.
     for digest in ["d", "e", "c"] {
         add_checkpoint(&to, digest);
     }

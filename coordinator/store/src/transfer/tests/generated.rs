@@ -24,7 +24,7 @@ use proptest::prelude::*;
 use rusqlite::params;
 use std::{path::Path, sync::LazyLock};
 
-/// Untrained embedders of pictures of 50 x 50 in five numbers: each is the parent of the next.
+/// Untrained embedders that turn pictures of 50 x 50 pixels into five numbers. Each embedder is the parent of the next.
 static MODELS: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
     [1, 2, 3].map(|seed| {
         let architecture = Architecture::compact(PictureShape::PAPER, 5).unwrap();
@@ -32,7 +32,7 @@ static MODELS: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
     })
 });
 
-/// An untrained embedder of pictures of 16 x 16 in 256 numbers.
+/// An untrained embedder that turns pictures of 16 x 16 pixels into 256 numbers.
 static WIDE_MODEL: LazyLock<[Vec<u8>; 1]> = LazyLock::new(|| {
     let architecture = Architecture::compact(PictureShape::new(1, 16).unwrap(), 256).unwrap();
     [onnx::export(&Network::<f32>::initialise(architecture, 1))]
@@ -40,7 +40,7 @@ static WIDE_MODEL: LazyLock<[Vec<u8>; 1]> = LazyLock::new(|| {
 
 const SPECIES: &str = "[[species]]\nname = \"a\"\nshare = 0.5\nrobot.sensors = [{}]\n[[species]]\nname = \"b\"\nshare = 0.5\nrobot.sensors = [{}]\n";
 
-/// A campaign that is generated.
+/// A generated campaign.
 #[derive(Debug, Clone)]
 pub(super) struct GeneratedCampaign {
     pub(super) method: &'static str,
@@ -50,10 +50,10 @@ pub(super) struct GeneratedCampaign {
     pub(super) state: CampaignState,
     /// Random seed of everything in the archive.
     pub(super) seed: u64,
-    /// Whether its checkpoint has a parent. Unless the campaign is completed, the checkpoint then comes from a round of feedback,
-    /// and the campaign is moving to another.
+    /// Whether the campaign's checkpoint has a parent. In a campaign that is not completed, the checkpoint then comes from a
+    /// round of feedback, and the campaign is moving to another checkpoint.
     pub(super) is_refined: bool,
-    /// Whether pictures are small, embeddings long, and generations of 500 individuals.
+    /// Whether pictures are small, embeddings are long, and generations have 500 individuals.
     pub(super) is_wide: bool,
     pub(super) log: Vec<(u8, u64, u8)>,
 }
@@ -63,7 +63,7 @@ impl GeneratedCampaign {
         self.method != "random" && self.method != "hand-crafted"
     }
 
-    /// The checkpoints, parents first; the archive is embedded by the second, or by the only one.
+    /// The campaign's checkpoints, parents first. The second checkpoint embeds the archive, or the only checkpoint does.
     fn models(&self) -> &'static [Vec<u8>] {
         match (self.has_embedder(), self.is_wide, self.is_refined) {
             (false, ..) => &[],
@@ -74,7 +74,7 @@ impl GeneratedCampaign {
         }
     }
 
-    /// The checkpoint of the archive, and the one that it moves to.
+    /// The checkpoint of the archive, and the next checkpoint.
     fn embedder(&self) -> [Option<CheckpointDigest>; 2] {
         let digests: Vec<_> = self
             .models()
@@ -102,7 +102,7 @@ impl GeneratedCampaign {
         } else {
             "model = \"single-sensor\"\n"
         };
-        // An untrained network is made by its campaign.
+        // A campaign of the method `untrained` makes its own network.
         let checkpoint = match self.has_embedder() && self.method != "untrained" {
             true => format!("checkpoint = \"{}\"\n", CheckpointDigest::of(&self.models()[0])),
             false => String::new(),
@@ -125,7 +125,7 @@ impl GeneratedCampaign {
 
     /// Bits that follow from the seed, `index` and `place`.
     fn bits(&self, index: u64, place: u64) -> u64 {
-        // SplitMix64 of all three.
+        // This is SplitMix64 of the seed, `index` and `place`.
         let mut bits = self.seed;
         for number in [index, place] {
             bits = (bits ^ number).wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -136,7 +136,7 @@ impl GeneratedCampaign {
         bits
     }
 
-    /// A number from -1 to 1, now and then a special one.
+    /// A number from -1 to 1, sometimes a special number such as -0.0.
     fn number(&self, index: u64, place: u64) -> f64 {
         match self.bits(index, place) % 11 {
             0 => -0.0,
@@ -152,7 +152,7 @@ impl GeneratedCampaign {
         let trial = |start: u64| Trial {
             features: std::array::from_fn(|feature| {
                 let number = self.number(index, 200 + 10 * start + feature as u64);
-                // Only momentum and rotation have a direction.
+                // Only angular momentum and group rotation can be negative.
                 if matches!(feature, 1 | 4) {
                     number
                 } else {
@@ -231,7 +231,7 @@ impl GeneratedCampaign {
         log
     }
 
-    /// A store in `folder` with the campaign, and with what is not transferred with it: another campaign, another checkpoint, a
+    /// A store in `folder` with the campaign, and with data that an export leaves out: another campaign, another checkpoint, a
     /// notice, and a former taxonomy.
     pub(super) async fn store(&self, folder: &Path) -> Place {
         let place = Place::with_another(folder).await;
@@ -319,7 +319,7 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// A data directory with a campaign, and a checkpoint of no campaign.
+    /// A data directory with a campaign, and with a checkpoint that no campaign uses.
     pub(super) async fn with_another(folder: &Path) -> Self {
         let held = DataDirectory::hold(folder).unwrap();
         let store = Store::open(&held).unwrap();
@@ -342,7 +342,7 @@ impl Place {
     }
 }
 
-/// A completed campaign with everything that one can have.
+/// A completed campaign with everything that a campaign can have.
 pub(super) fn full() -> GeneratedCampaign {
     GeneratedCampaign {
         method: "latent",

@@ -17,7 +17,7 @@ static SOUND: LazyLock<Vec<u8>> = LazyLock::new(|| {
     })
 });
 
-/// Why a file is refused, when it is opened and by a store, which must stay unchanged.
+/// Why a file is refused. Opening the file and importing it must give the same reason, and the store must stay unchanged.
 fn refused(bytes: &[u8]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let (file, data) = (folder.path().join("file"), folder.path().join("data"));
@@ -128,11 +128,11 @@ fn what_is_no_regular_file_is_not_opened() {
     assert!(message.contains("cannot read"), "{message}");
 }
 
-/// A schema with longer text than is read.
+/// Statements that give a schema a longer text than an import reads.
 const LONG_SCHEMA: &str = "PRAGMA writable_schema = ON;
     UPDATE sqlite_schema SET sql = sql || printf('--%.100000c', 'x') WHERE name = 'images'";
 
-/// A schema with more entries than are read.
+/// Statements that give a schema more entries than an import reads.
 const MANY_VIEWS: &str = "PRAGMA writable_schema = ON;
     WITH RECURSIVE numbers (n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM numbers WHERE n < 50000)
     INSERT INTO sqlite_schema SELECT 'view', 'v' || n, 'v' || n, 0, 'CREATE VIEW v' || n || ' AS SELECT 1' FROM numbers";
@@ -327,7 +327,7 @@ fn values_that_no_campaign_has_are_named() {
             "individuals[5].features",
         ),
         (
-            // An average speed of -1e12, and one of 1000.
+            // These features have an average speed of -1e12, and the next features an average speed of 1000.
             "UPDATE individuals SET features = CAST(x'000000a2941a6dc2' || substr(features, 9) AS BLOB) WHERE place = 5",
             "individuals[5].features.average_speed = -1e12: must be from 0.000 to",
         ),

@@ -1,4 +1,4 @@
-//! An import equals its export, and refuses what no export can hold.
+//! Tests that an imported campaign equals the exported campaign, and that files which no export writes are refused.
 
 mod generated;
 mod hostile;
@@ -94,7 +94,7 @@ async fn there_and_back(one: &GeneratedCampaign) -> (Contents, Contents) {
     let place = one.store(&from).await;
     let file = exported(&place, &from, &folder.path().join("exported")).await;
     let mut there = contents(&file).unwrap();
-    // Here campaigns and checkpoints have other numbers.
+    // In this store campaigns and checkpoints have other numbers.
     let other = Place::with_another(&to).await;
     let handles = (&other.store, &other.checkpoints);
     assert_eq!(import(handles, &to, &file).await.unwrap().as_str(), "case-7");
