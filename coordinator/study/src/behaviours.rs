@@ -18,17 +18,18 @@ pub struct Individual {
     /// Generation of the individual, from 0.
     pub generation: u32,
     pub controller: Controller,
-    /// Seed of the start; of the first start if there are several.
+    /// Seed of the first start.
     pub seed: u64,
     /// Coordinates in the behaviour space.
     pub behaviour: Vec<f64>,
-    /// Number of the class by which the campaign's embedder learned from the individual, if it did.
+    /// Number of the individual's class in the training of the campaign's embedder; `None` if the embedder did not learn from the
+    /// individual.
     pub class: Option<u32>,
 }
 
 /// Judges the last taxonomies of an archive, which is in the order of its individuals. A generation's taxonomy is clustered from
-/// the archive after that generation, in the behaviour space of the whole archive; the last generation's is the campaign's.
-/// `interrupt` ends a clustering.
+/// the archive after that generation, in the behaviour space of the whole archive. The last generation's taxonomy is the
+/// campaign's. `interrupt` ends a clustering.
 pub fn measure_behaviours(
     spec: &CampaignSpec,
     archive: &[Individual],
@@ -174,7 +175,7 @@ mod tests {
         let generations: Vec<u32> = taxonomies.iter().map(|(generation, _)| *generation).collect();
         assert_eq!(generations, [2, 3]);
         assert!(taxonomies[0].1.iter().all(|&index| index < 12) && taxonomies[0].1.len() == 3);
-        // 225 is 56 from its nearest neighbour, so it is its own cluster as soon as the archive contains it.
+        // The last generation has the behaviours 144 to 225, far above all earlier ones: one of its individuals is a medoid.
         assert!(taxonomies[1].1.iter().any(|&index| index >= 12));
     }
 

@@ -11,7 +11,7 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// `None` unless the values fill rows of `columns`.
+    /// A grid with these values; `None` if the values do not fill rows of `columns` values.
     pub(crate) fn new(columns: usize, values: Vec<Option<f64>>) -> Option<Self> {
         let whole = columns > 0 && values.len().is_multiple_of(columns);
         whole.then_some(Self { columns, values })
@@ -26,7 +26,7 @@ impl Grid {
             .collect()
     }
 
-    /// The segments in the square between four neighbouring middles.
+    /// The segments in the square between the middles of four neighbouring cells.
     fn in_square(&self, [column, row]: [usize; 2], level: f64) -> Vec<[Point; 2]> {
         const CORNERS: [[usize; 2]; 4] = [[0, 0], [1, 0], [1, 1], [0, 1]];
         let value = |[right, down]: [usize; 2]| self.values[(row + down) * self.columns + column + right];
@@ -92,13 +92,13 @@ mod tests {
 
     #[test]
     fn a_saddle_is_one_region_or_two_by_its_middle() {
-        // The corners at (0, 0) and (1, 1) are above; the middle is 50.
+        // The corners at (0, 0) and (1, 1) have the value 100, and the middle has the value 50.
         let saddle = grid(2, &[100.0, 0.0, 0.0, 100.0]);
         let parted = |lines: Vec<[Point; 2]>, corner: Point| {
             let near = |point: &Point| (point[0] - corner[0]).abs() + (point[1] - corner[1]).abs() <= 1.0;
             lines.iter().any(|line| line.iter().all(near))
         };
-        // Under the middle's value the lines cut off the corners that are below.
+        // At a level under the middle's value, the lines cut off the corners that are below the level.
         assert!(parted(saddle.contour(25.0), [1.0, 0.0]) && parted(saddle.contour(25.0), [0.0, 1.0]));
         assert!(parted(saddle.contour(75.0), [0.0, 0.0]) && parted(saddle.contour(75.0), [1.0, 1.0]));
     }

@@ -1,4 +1,4 @@
-//! The classes that people give to behaviours instead of the judge.
+//! The classes that people give to behaviours, in place of the judge's classes.
 
 use crate::measured::Measured;
 use csv::{ReaderBuilder, StringRecord, Writer};
@@ -6,7 +6,7 @@ use murmuration_model::labels::{Annotator, of_cell, to_cell};
 use murmuration_swarm::{Class, Invalid};
 use std::collections::BTreeMap;
 
-/// Name of the annotator of a behaviour if the file names none.
+/// Name of the annotator of a behaviour if the file names no annotator.
 const SOMEBODY: &str = "a person";
 /// The value of column `by` in `medoids.csv` for classes that the judge gave.
 pub const JUDGE: &str = "judge";
@@ -16,7 +16,7 @@ const NAME_CHARS: usize = 64;
 /// Classes that people gave to individuals of cells.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Corrections {
-    /// By the digest of the cell and the index of the individual.
+    /// The classes, by the digest of the cell and the index of the individual.
     by_individual: BTreeMap<Place, Given>,
 }
 
@@ -30,11 +30,13 @@ pub struct CorrectionsError {
 }
 
 impl Corrections {
-    /// Reads a table (CSV) such as `medoids.csv` of a report: `cell`, `index`, `class`, and `by` for who gave the class. Rows by
-    /// the judge count only if their class differs from the judge's; see [`Corrections::of`].
+    /// Reads a table (CSV) such as the `medoids.csv` of a report. Its columns are `cell`, `index`, `class`, and `by` for the name
+    /// of the person who gave the class. Rows by the judge count only if their class differs from the judge's class; see
+    /// [`Corrections::of`].
     ///
     /// # Errors
-    /// Names the line with a missing column, an invalid value, or another class than an earlier line about the individual.
+    /// The error names the line with a missing column, an invalid value, or another class than an earlier line about the
+    /// individual.
     pub fn parse(text: &str) -> Result<Self, CorrectionsError> {
         let mut reader = ReaderBuilder::new().flexible(true).from_reader(text.as_bytes());
         let unreadable = |error: csv::Error| CorrectionsError {
@@ -78,10 +80,11 @@ impl Corrections {
         Ok(Self { by_individual })
     }
 
-    /// Sets the class that the person `by` gives to an individual of the cell with this digest; `None` restores the judge's class.
+    /// Sets the class that the person `by` gives to an individual of the cell with the digest `cell`; `None` restores the judge's
+    /// class.
     ///
     /// # Errors
-    /// If the name is empty, the judge's, or too long.
+    /// Fails if the name is empty, too long, or the judge's.
     pub fn set(&mut self, cell: &str, index: u64, class: Option<Class>, by: &str) -> Result<(), Invalid> {
         let name: Annotator = by.trim().parse()?;
         let name = name.as_str();
@@ -97,7 +100,7 @@ impl Corrections {
         Ok(())
     }
 
-    /// These corrections, plus those of `others` for individuals that have none here.
+    /// These corrections, and the corrections in `others` for further individuals.
     #[must_use]
     pub fn or(mut self, others: Self) -> Self {
         for (place, given) in others.by_individual {
@@ -118,7 +121,7 @@ impl Corrections {
         String::from_utf8_lossy(&bytes).into_owned()
     }
 
-    /// The class that a person gave to an individual of a cell, and the person; `None` if the judge's class holds.
+    /// The class that a person gave to an individual of a cell, and the person; `None` if the judge's class remains.
     pub fn of(&self, cell: &Measured, index: u64) -> Option<(Class, &str)> {
         let (class, by) = self.by_individual.get(&(cell.cell.clone(), index))?;
         let judged = cell
@@ -145,7 +148,8 @@ struct Columns {
 }
 
 impl Columns {
-    /// The individual of a row, its class and who gave it; `None` for a row without a class.
+    /// The individual of a row, its class, and the name of the person or judge who gave the class; `None` for a row without a
+    /// class.
     fn read(&self, row: &StringRecord) -> Result<Option<(Place, Given)>, String> {
         let cell = |place: usize| row.get(place).unwrap_or_default().trim();
         let name = cell(self.class);

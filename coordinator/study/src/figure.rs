@@ -6,19 +6,19 @@ use std::{borrow::Cow, fmt, str::FromStr};
 /// A measure of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Measure {
-    /// The classes of the behaviours in its last taxonomies.
+    /// The classes of the behaviours in the cell's last taxonomies.
     Behaviours,
-    /// The classes of all trials of its archive, as judged by its workers.
+    /// The classes of all trials of the cell's archive, as judged by the workers.
     Shares,
-    /// The accuracy of its embedding on labelled sets.
+    /// The accuracy of the cell's embedding on labelled sets.
     Accuracy,
-    /// How its search and its taxonomy ended.
+    /// The loss of the cell's taxonomy, and the novelty at the end of the search.
     Search,
-    /// The share of the atlas's niches and verdicts that its search finds.
+    /// The share of the atlas's niches and verdicts that the cell's search finds.
     Recall,
-    /// The number of behaviours, estimated from how often it met each.
+    /// The number of behaviours, estimated from how often the cell's search met each behaviour.
     Richness,
-    /// Maps of its controllers and behaviours; they are pictures, not figures.
+    /// Maps of the cell's controllers and behaviours; maps are pictures, not figures.
     Maps,
 }
 
@@ -65,7 +65,7 @@ impl Measure {
                 let distinct = [Figure::Distinct, Figure::DistinctBySecond, Figure::DistinctByBoth];
                 distinct.into_iter().chain(classes).collect()
             }
-            // Random first: the paper says most about it.
+            // The class `random` comes first, because the paper reports most about it.
             Self::Shares => {
                 let classes = Class::ALL.into_iter().filter(|class| *class != Class::Random);
                 let classes = [Class::Random].into_iter().chain(classes).map(Figure::Share);
@@ -119,9 +119,9 @@ pub enum Figure {
     Share(Class),
     /// Percentage of all trials that have a pattern. These trials are of the class `random` too.
     PatternShare(Pattern),
-    /// Percentage of correct triplets whose anchor is not `random`.
+    /// Correct triplets, in percent of the triplets whose anchor is not `random`.
     Accuracy,
-    /// Percentage of correct triplets.
+    /// Correct triplets, in percent of all triplets.
     AccuracyOfEveryAnchor,
     /// Sum over the archive of the distance to the nearest medoid, units of the behaviour space.
     Loss,

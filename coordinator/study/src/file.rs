@@ -1,4 +1,4 @@
-//! Study files.
+//! Reads and checks study files.
 
 mod message;
 mod numbers;
@@ -43,7 +43,7 @@ pub enum StudyError {
 }
 
 impl Study {
-    /// Reads a study file, with the changes of `[quick]` if `quick`. Label files are relative to `folder`.
+    /// Reads a study file; if `quick` is true, with the changes of `[quick]`. Paths of label files are relative to `folder`.
     pub fn from_toml(text: &str, folder: &Path, quick: bool) -> Result<Self, StudyError> {
         let message: StudyMessage = read_toml(text)?;
         let message = message.made(quick)?;
@@ -77,7 +77,7 @@ impl Study {
     }
 }
 
-/// Every combination of the values, in every replicate.
+/// Every combination of the axes' values, in every replicate.
 fn cells(study: &Study, message: &StudyMessage) -> Result<Vec<Cell>, StudyError> {
     let sizes = study.axes.iter().map(|axis| axis.values.len());
     let count = sizes.fold(study.seeds.len(), usize::saturating_mul);
@@ -200,7 +200,7 @@ fn axes(messages: &[AxisMessage]) -> Result<Vec<Axis>, Invalid> {
     Ok(axes)
 }
 
-/// The name of the axis if it sets the same field, a table that contains the field, or a field within it.
+/// The name of the axis if the axis sets `field`, a table that contains `field`, or a field within `field`.
 fn same_field<'a>(axis: &'a Axis, field: Option<&str>) -> Option<&'a str> {
     let (own, field) = (axis.field.as_deref()?, field?);
     let is_in = |inner: &str, outer: &str| {
@@ -371,7 +371,8 @@ fn published(message: &PublishedMessage, axes: &[Axis]) -> Result<Published, Inv
     })
 }
 
-/// Overrides the fields of `base` by those of `over`. A table in both is merged recursively; any other value is replaced.
+/// Overrides the fields of `base` by the fields of `over`. A table that is in `base` and in `over` is merged recursively; any
+/// other value is replaced.
 fn lay_over(base: &mut Table, over: &Table) {
     for (name, value) in over {
         match (base.get_mut(name), value) {

@@ -1,12 +1,12 @@
-//! Identifies cells by specification: campaigns with equal specifications are the same cell, whatever they and their studies are
-//! called.
+//! Identifies cells by specification: campaigns with equal specifications are the same cell, whatever the names of the campaigns
+//! and their studies.
 
 use crate::study::{Cell, Measures, RandomBatches, Study};
 use murmuration_proto::{SIMULATOR_VERSION, v1};
 use murmuration_swarm::{CampaignSpec, CheckpointDigest, EmbedderSource, Invalid, Method};
 use std::{collections::BTreeMap, fmt::Write as _};
 
-/// Version of the measures; it rises when the same campaign would get other figures.
+/// Version of the measures. The version rises when a new program would give the same campaign other figures.
 const MEASURES_VERSION: u32 = 3;
 
 /// The digest of a specification without its name: 64 hexadecimal digits.
@@ -17,7 +17,7 @@ pub fn cell_digest(spec: &CampaignSpec) -> String {
     blake3::hash(text.as_bytes()).to_hex().to_string()
 }
 
-/// The digest of how a cell is measured, including the `contents` of its label files: 64 hexadecimal digits.
+/// The digest of the measures of a cell, including the `contents` of the label files: 64 hexadecimal digits.
 pub fn measures_digest(measures: &Measures, contents: &[&[u8]]) -> String {
     let mut words = format!("{MEASURES_VERSION} {SIMULATOR_VERSION}");
     for measure in &measures.which {
@@ -45,10 +45,11 @@ pub fn measures_digest(measures: &Measures, contents: &[&[u8]]) -> String {
 }
 
 /// The campaign that trains the embedder of a cell with the embedder's seed: the cell's dataset and training, with the shortest
-/// possible search. `None` for a cell that shares no embedder: its method has none or an untrained one, or its checkpoint is given.
+/// possible search. `None` for a cell that shares no embedder: the cell's method has no embedder or an untrained one, or the
+/// cell's specification names a checkpoint.
 ///
 /// # Errors
-/// If the seed is out of range.
+/// Fails if the seed is out of range.
 pub fn embedder_spec(spec: &CampaignSpec, seed: u64) -> Result<Option<CampaignSpec>, Invalid> {
     let trains = matches!(spec.embedder(), Some(EmbedderSource::Trained { .. }));
     if !trains || spec.method() == Method::Untrained {
@@ -82,8 +83,8 @@ impl Study {
         }
     }
 
-    /// The campaign of a cell, with the checkpoint of the embedder that it shares. `embedders` has the checkpoints by the
-    /// [`cell_digest`] of the campaign that trains them. `None` if the cell's embedder is not among them yet.
+    /// The campaign of a cell, with the checkpoint of the embedder that the cell shares. `embedders` has each checkpoint by the
+    /// [`cell_digest`] of the campaign that trains the checkpoint. `None` if `embedders` does not have the cell's embedder yet.
     pub fn campaign_of(
         &self,
         cell: &Cell,
@@ -102,7 +103,7 @@ impl Study {
 /// The cell's specification with a published checkpoint instead of a training.
 ///
 /// # Errors
-/// If the cell's method takes no checkpoint.
+/// Fails if the cell's method takes no checkpoint.
 pub(crate) fn with_checkpoint(
     spec: &CampaignSpec,
     checkpoint: CheckpointDigest,
@@ -114,7 +115,7 @@ pub(crate) fn with_checkpoint(
     message.try_into()
 }
 
-/// `NAME-embedder`, cut to the longest allowed name.
+/// The name `NAME-embedder`, cut to the length that is allowed.
 fn short_name(spec: &CampaignSpec) -> String {
     let name: String = spec.name().as_str().chars().take(55).collect();
     format!("{name}-embedder")

@@ -1,9 +1,9 @@
 //! The judge's errors, carried into the figures by resampling.
 //!
 //! The judge and the annotators of the labelled sets differ about some behaviours ([`JudgeErrors`]). A resampling draws the
-//! labelled behaviours and the replicates. For each individual that the judge named, it draws one of the classes that annotators
-//! gave to behaviours with the same class by the judge. For shares, it also draws the trials. The spread of the figures over many
-//! resamplings shows how far judge, replicates and trials leave them open.
+//! labelled behaviours and the replicates. For each individual whose class the judge gave, the resampling draws one of the
+//! classes that annotators gave to behaviours with the same class by the judge. For shares, a resampling also draws the trials.
+//! The spread of the figures over many resamplings shows the uncertainty due to judge, replicates and trials.
 
 use crate::{figure::Figure, measured::JudgedBehaviours, shares::JudgedTrials};
 use murmuration_swarm::{CapabilityModel, Class, Preset, Purpose, RandomStream};
@@ -15,14 +15,14 @@ const CLASSES: usize = Class::ALL.len();
 /// Number of resamplings.
 const RESAMPLINGS: usize = 1000;
 
-/// Most trials that are drawn one by one. With more trials, chance moves a share by less than two points: the trials of a replicate
-/// are then not redrawn, and those of a class are divided in proportion to the drawn behaviours.
+/// Largest number of trials that are drawn one by one. With more trials, chance moves a share by less than two points: the trials
+/// of a replicate are then not redrawn, and the trials of a class are divided in proportion to the drawn behaviours.
 const MOST_DRAWN: u64 = 1000;
 
 /// Number of labelled behaviours of a class (row) to which the judge gives a class (column); both in the order of [`Class::ALL`].
 type Counts = [[u16; CLASSES]; CLASSES];
 
-/// `tests/labelled/single_sensor/validation.csv`.
+/// Counts of `tests/labelled/single_sensor/validation.csv`.
 const SINGLE_SENSOR: Counts = [
     [32, 0, 0, 0, 1, 1, 1, 0],
     [0, 7, 0, 0, 0, 0, 1, 1],
@@ -34,7 +34,7 @@ const SINGLE_SENSOR: Counts = [
     [0, 3, 0, 1, 0, 0, 0, 82],
 ];
 
-/// `tests/labelled/two_sensor/validation.csv` and `tests/labelled/rare/validation.csv`.
+/// Counts of `tests/labelled/two_sensor/validation.csv` and `tests/labelled/rare/validation.csv`.
 const TWO_SENSORS: Counts = [
     [11, 0, 0, 0, 1, 2, 2, 0],
     [0, 8, 0, 0, 0, 0, 0, 3],
@@ -46,10 +46,10 @@ const TWO_SENSORS: Counts = [
     [0, 3, 0, 3, 2, 0, 0, 123],
 ];
 
-/// How the judge's classes differ from those of the annotators, as measured on labelled behaviours.
+/// Differences between the judge's classes and the annotators' classes, as measured on labelled behaviours.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JudgeErrors {
-    /// The labelled behaviours: the annotators' class, and the judge's.
+    /// The annotators' class and the judge's class of each labelled behaviour.
     pairs: Vec<(Class, Class)>,
 }
 
@@ -73,7 +73,7 @@ impl JudgeErrors {
         }
     }
 
-    /// The labelled behaviours: the annotators' class, and the judge's.
+    /// The annotators' class and the judge's class of each labelled behaviour.
     pub fn pairs(&self) -> &[(Class, Class)] {
         &self.pairs
     }
@@ -108,7 +108,7 @@ impl JudgeErrors {
                 classes if by_judge && !classes.is_empty() => {
                     classes[stream.below(classes.len() as u64) as usize]
                 }
-                // A person's class, or a class of the judge without a known error rate.
+                // The class is from a person, or from the judge without a known error rate for this class.
                 _ => class,
             };
             let drawn: Vec<usize> = named.individuals.iter().map(draw).collect();
@@ -154,7 +154,8 @@ impl JudgeErrors {
         (0..RESAMPLINGS).map(|_| one()).collect()
     }
 
-    /// Draws as many labelled behaviours as there are, with replacement: the annotators' classes, by the judge's class.
+    /// Draws labelled behaviours with replacement, as many as the sets have. Returns the annotators' classes, by the judge's
+    /// class.
     fn drawn_labels(&self, stream: &mut RandomStream) -> [Vec<usize>; CLASSES] {
         let mut given: [Vec<usize>; CLASSES] = Default::default();
         for _ in &self.pairs {
@@ -165,7 +166,7 @@ impl JudgeErrors {
     }
 }
 
-/// Draws as many trials as were judged, with replacement: the number of trials of each class by the judge.
+/// Draws trials with replacement, as many as were judged. Returns the number of trials of each class by the judge.
 fn redrawn(judged: &[u64; CLASSES], stream: &mut RandomStream) -> [u64; CLASSES] {
     let trials = judged.iter().sum();
     if trials > MOST_DRAWN {
@@ -185,8 +186,8 @@ fn redrawn(judged: &[u64; CLASSES], stream: &mut RandomStream) -> [u64; CLASSES]
     drawn
 }
 
-/// Number of trials that annotators would give each class, from the number by the judge's class. Each trial gets the class of one
-/// of the behaviours in `given` with the same class by the judge.
+/// Number of trials to which annotators would give each class, from the number of trials of each class by the judge. Each trial
+/// gets an annotators' class from `given`, of a behaviour with the same class by the judge.
 fn renamed(
     judged: &[u64; CLASSES],
     given: &[Vec<usize>; CLASSES],
@@ -210,7 +211,7 @@ fn renamed(
 
 /// The individuals of a replicate, indexed for repeated counting.
 struct Named {
-    /// Place of the class in [`Class::ALL`], and whether the judge gave it.
+    /// For each individual, the place of its class in [`Class::ALL`], and whether the judge gave this class.
     individuals: Vec<(usize, bool)>,
     /// The individuals of each taxonomy, as places in `individuals`.
     taxonomies: Vec<Vec<usize>>,
@@ -252,7 +253,7 @@ mod tests {
     use crate::tables::Resampled;
     use murmuration_swarm::Verdict;
 
-    /// This many trials each of milling and of dispersal.
+    /// `count` trials of milling and `count` trials of dispersal.
     fn halves(count: usize) -> JudgedTrials {
         let both = [Class::Milling, Class::Dispersal].into_iter();
         both.flat_map(|class| std::iter::repeat_n(Verdict::Class(class), count))
@@ -272,7 +273,7 @@ mod tests {
     fn few_trials_of_one_replicate_spread_as_a_binomial_does() {
         let of = milling(&[&halves(8)]);
         assert!((of.mean - 50.0).abs() < 2.0, "{of:?}");
-        // 16 trials have a standard error of 12.5 points; 1.64 of these are 20.6 points.
+        // 16 trials have a standard error of 12.5 points; 1.645 standard errors are 20.6 points.
         let spread = (of.high - of.low) / 2.0;
         assert!((15.0..26.0).contains(&spread), "{of:?}");
     }

@@ -1,4 +1,4 @@
-//! A study as a coordinator keeps it: its file, and records of embedders, measurements, the atlas and people's classes.
+//! A study as a coordinator stores it: the study's file, and records of embedders, measurements, the atlas and people's classes.
 
 use crate::{
     corrections::{Corrections, CorrectionsError},
@@ -30,14 +30,14 @@ pub enum KeptError {
 #[derive(Debug, Clone)]
 pub struct KeptStudy {
     pub study: Study,
-    /// Digest of how its cells were measured ([`measures_digest`](crate::measures_digest)).
+    /// Digest of the measures of the study's cells ([`measures_digest`](crate::measures_digest)).
     pub measures: String,
     records: Vec<StudyRecord>,
 }
 
 impl KeptStudy {
     /// # Errors
-    /// If the file is not that of a study.
+    /// Fails if the file is not a study file.
     pub fn new(file: &StudyFile, records: Vec<StudyRecord>) -> Result<Self, KeptError> {
         let study = Study::from_toml(&file.toml, Path::new(&file.folder), file.quick)?;
         Ok(Self {
@@ -51,18 +51,18 @@ impl KeptStudy {
         self.records.iter().filter(move |record| record.kind == kind)
     }
 
-    /// The checkpoints that cells share, by the digest of the campaign that trains each.
+    /// The checkpoints that cells share, by the digest of the campaign that trains the checkpoint.
     ///
     /// # Errors
-    /// If a record is not a checkpoint's digest.
+    /// Fails if a record is not a checkpoint's digest.
     pub fn embedders(&self) -> Result<BTreeMap<String, CheckpointDigest>, Invalid> {
         self.of_kind(StudyRecordKind::Embedder)
             .map(shared_embedder)
             .collect()
     }
 
-    /// The atlas that recall is measured by; `None` if it was made for other measures, or if the record is damaged: it is made again
-    /// then.
+    /// The atlas by which recall is measured. `None` if the atlas was made for other measures, or if its record is damaged: the
+    /// atlas is then made again.
     #[must_use]
     pub fn reference(&self) -> Option<Reference> {
         let record = self.of_kind(StudyRecordKind::Reference).next()?;
@@ -73,7 +73,7 @@ impl KeptStudy {
     /// The classes that people gave on the page of the study.
     ///
     /// # Errors
-    /// Names the line that cannot be read.
+    /// The error names the line that cannot be read.
     pub fn classes(&self) -> Result<Corrections, KeptError> {
         match self.of_kind(StudyRecordKind::Classes).next() {
             Some(record) => Ok(kept_classes(&record.content)?),
@@ -81,8 +81,8 @@ impl KeptStudy {
         }
     }
 
-    /// Measurements of the cell with this digest; `None` if it was measured in another way, or if the record is damaged: it is
-    /// measured again then.
+    /// Measurements of the cell with this digest. `None` if the cell was measured in another way, or if its record is damaged:
+    /// the cell is then measured again.
     fn measured(&self, cell: &str) -> Option<Measured> {
         let mut cells = self.of_kind(StudyRecordKind::Cell);
         let record = cells.find(|record| record.key == cell && record.measures == self.measures)?;
@@ -95,7 +95,7 @@ impl KeptStudy {
     /// The measurements of each cell, in the order of the cells.
     ///
     /// # Errors
-    /// As [`embedders`](Self::embedders).
+    /// Fails as [`embedders`](Self::embedders) does.
     pub fn all_measured(&self) -> Result<Vec<Option<Measured>>, Invalid> {
         let embedders = self.embedders()?;
         let measured = |cell| {
@@ -105,10 +105,10 @@ impl KeptStudy {
         self.study.cells.iter().map(measured).collect()
     }
 
-    /// The study with its measurements, and with these classes instead of the judge's.
+    /// The study with its measurements, and with the classes in `corrections` instead of the judge's classes.
     ///
     /// # Errors
-    /// As [`embedders`](Self::embedders).
+    /// Fails as [`embedders`](Self::embedders) does.
     pub fn outcome(self, corrections: Corrections) -> Result<Outcome, Invalid> {
         let (measured, reference) = (self.all_measured()?, self.reference());
         Ok(Outcome::new(self.study, measured, corrections).with_reference(reference))
@@ -118,7 +118,7 @@ impl KeptStudy {
 /// A checkpoint that cells share, and the digest of the campaign that trains it.
 ///
 /// # Errors
-/// If the record is not a checkpoint's digest.
+/// Fails if the record is not a checkpoint's digest.
 pub fn shared_embedder(record: &StudyRecord) -> Result<(String, CheckpointDigest), Invalid> {
     let digest = String::from_utf8_lossy(&record.content);
     Ok((record.key.clone(), digest.parse()?))
@@ -127,7 +127,7 @@ pub fn shared_embedder(record: &StudyRecord) -> Result<(String, CheckpointDigest
 /// The classes in the content of a record.
 ///
 /// # Errors
-/// Names the line that cannot be read.
+/// The error names the line that cannot be read.
 pub fn kept_classes(content: &[u8]) -> Result<Corrections, CorrectionsError> {
     Corrections::parse(&String::from_utf8_lossy(content))
 }
@@ -181,7 +181,7 @@ fn record(kind: StudyRecordKind, key: &str, measures: &str, content: Vec<u8>) ->
 }
 
 fn json(value: &impl Serialize) -> Vec<u8> {
-    // Every key is a text or a number, and nothing else can fail.
+    // Every key is a text or a number, so that the conversion cannot fail.
     serde_json::to_vec(value).unwrap_or_default()
 }
 

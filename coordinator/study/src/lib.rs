@@ -1,10 +1,10 @@
-//! Studies: grids of campaigns with measurements of each, and the report.
+//! Studies: grids of campaigns with their measurements, and the report.
 //!
 //! A [`Study`] is read from a study file; its [`Cell`]s are whole specifications. The measurements of a completed cell are plain
 //! data ([`Measured`]), which a coordinator keeps ([`KeptStudy`]). [`Outcome`] combines study and measurements into tables, and
 //! [`write_report`] writes the report's page and files.
 //!
-//! The caller runs the campaigns. This crate knows neither the store nor the network.
+//! The caller runs the campaigns. This crate uses neither the store nor the network.
 
 mod behaviours;
 mod contours;

@@ -1,4 +1,4 @@
-//! The maps of a study as files and on its page: one set for each row, of its first replicate.
+//! The maps of a study as files and on the study's page: one set of maps for each row, from the row's first replicate with maps.
 
 use crate::{
     maps::{MappedIndividual, Maps},
@@ -15,7 +15,7 @@ use murmuration_search::filter::CUTOFF;
 use murmuration_swarm::Class;
 use std::io::{self, Write};
 
-/// The folder of the files.
+/// The folder of the pictures in the report.
 const FOLDER: &str = "maps";
 /// Most characters of a file's name that come from the names of a row.
 const NAME_CHARS: usize = 60;
@@ -24,13 +24,13 @@ const NAME_CHARS: usize = 60;
 pub(crate) struct RowMaps {
     /// The row in words.
     words: String,
-    /// The beginning of the names of its files.
+    /// The beginning of the names of the row's files.
     stem: String,
     behaviours: Picture,
     controllers: Picture,
-    /// SVG.
+    /// The histogram of heuristic scores, as SVG.
     scores: String,
-    /// Share of neighbours of the same class, on the map of behaviours and on that of controllers, percent.
+    /// Share of neighbours of the same class, on the map of behaviours and on the map of controllers, percent.
     alike: [Option<f64>; 2],
 }
 
@@ -112,7 +112,7 @@ pub(crate) fn write(outcome: &Outcome, rows: &[RowMaps], files: &mut Folder) -> 
     Ok(())
 }
 
-/// The columns of `maps.csv` after those of [`columns`].
+/// The columns of `maps.csv` that follow the columns of [`columns`].
 pub(crate) const COLUMNS: [&str; 7] = [
     "index",
     "class",
@@ -123,7 +123,7 @@ pub(crate) const COLUMNS: [&str; 7] = [
     "behaviour_y",
 ];
 
-/// One row for each individual of a map, of every measured cell.
+/// Writes `maps.csv`: one row for each mapped individual of every measured cell.
 pub(crate) fn csv(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     table.write_record(columns(outcome, COLUMNS))?;
@@ -139,7 +139,7 @@ pub(crate) fn csv(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()> {
     table.flush()
 }
 
-/// The pictures on the page.
+/// The pictures on the study's page.
 pub(crate) fn shown(rows: &[RowMaps]) -> Markup {
     html! {
         @for row in rows {

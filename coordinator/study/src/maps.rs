@@ -1,6 +1,6 @@
-//! Maps of controllers and of behaviours by t-SNE, as in the paper's appendix, with classes and heuristic scores. They show the
-//! first generation of a campaign, which is sampled uniformly. Campaigns with the same seed therefore map the same swarms, unless a
-//! filter or given controllers select others. Campaigns that list controllers in order have no maps.
+//! Maps of controllers and of behaviours by t-SNE, as in the paper's appendix, with classes and heuristic scores. The maps show
+//! the first generation of a campaign, which is sampled uniformly. Campaigns with the same seed therefore map the same swarms,
+//! unless a filter or given controllers select other swarms. Campaigns that list controllers in order have no maps.
 
 use crate::reference::Judged;
 use murmuration_report::{atlas::Tally, score_histogram::MOST_SCORE};
@@ -13,10 +13,10 @@ use murmuration_search::{
 use murmuration_swarm::{CampaignSpec, Class, Invalid};
 use serde::{Deserialize, Serialize};
 
-/// Most individuals of a map: more do not make it easier to read.
+/// Largest number of individuals on a map: more individuals do not make a map easier to read.
 const MOST: usize = 5000;
 
-/// Largest coordinate that t-SNE may give; maps of thousands are a few hundred across.
+/// Largest coordinate that t-SNE may give; maps of thousands of individuals are a few hundred units wide.
 const MOST_PLACE: f64 = 1e9;
 
 /// Why behaviours cannot be counted.
@@ -36,7 +36,7 @@ pub enum BehavioursError {
     Empty,
 }
 
-/// The first generation of an archive, mapped.
+/// Maps of the first generation of an archive.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Maps {
@@ -59,8 +59,8 @@ pub struct MappedIndividual {
 }
 
 impl Maps {
-    /// Whether the maps can be drawn: there are individuals, and every number is finite and in range. Maps from a damaged file may
-    /// not be.
+    /// Whether the maps can be drawn: there are individuals, and every number is finite and in range. Maps from a damaged file
+    /// may be unsound.
     pub fn is_sound(&self) -> bool {
         let is_sound = |individual: &MappedIndividual| {
             let places = [individual.controller, individual.behaviour];
@@ -70,8 +70,8 @@ impl Maps {
         !self.individuals.is_empty() && self.individuals.iter().all(is_sound)
     }
 
-    /// Share of individuals, without those of class `random`, whose nearest neighbour on a map has the same class, percent. `at`
-    /// returns the position on that map. `None` if all are random, or there is only one.
+    /// Share of the individuals not of the class `random` whose nearest neighbour on a map has the same class, percent. `at`
+    /// returns the position on that map. `None` if all individuals are random, or if there is only one individual.
     pub fn alike(&self, at: impl Fn(&MappedIndividual) -> [f64; 2]) -> Option<f64> {
         let places: Vec<([f64; 2], Class)> = self
             .individuals
@@ -95,7 +95,7 @@ impl Maps {
 }
 
 impl MappedIndividual {
-    /// Its class; `random` if a damaged file names none.
+    /// The class of the individual; `random` if a damaged file names no class.
     pub fn class(&self) -> Class {
         let named = Class::ALL.into_iter().find(|class| class.name() == self.class);
         named.unwrap_or(Class::Random)
@@ -196,7 +196,8 @@ mod tests {
 
     #[test]
     fn the_share_of_neighbours_of_a_class_leaves_random_out() {
-        // From left to right. Of the individuals that mill, only the second has a nearest neighbour of another class.
+        // The places are from left to right. Of the individuals that mill, only the second has a nearest neighbour of another
+        // class.
         let places = [
             (0.0, "milling"),
             (1.0, "milling"),

@@ -11,28 +11,28 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct Measured {
     /// Digest of the cell's specification ([`cell_digest`](crate::cell_digest)).
     pub cell: String,
-    /// How it was measured ([`measures_digest`](crate::measures_digest)).
+    /// Digest of the measures of the cell ([`measures_digest`](crate::measures_digest)).
     pub measures: String,
-    /// Id of its campaign.
+    /// Id of the cell's campaign.
     pub campaign: String,
     /// Digest of the archive.
     pub archive_digest: String,
-    /// Digest of the checkpoint of the archive's embeddings; empty if none.
+    /// Digest of the checkpoint of the archive's embeddings; empty without a checkpoint.
     pub checkpoint: String,
     /// Individuals of the archive.
     pub evaluations: u64,
-    /// The judged behaviours, if they were judged.
+    /// The judged behaviours of the cell, if behaviours were judged.
     pub behaviours: Option<JudgedBehaviours>,
-    /// The verdicts of its trials, if they were counted.
+    /// The verdicts of the cell's trials, if they were counted.
     pub shares: Option<JudgedTrials>,
-    /// The accuracy of the embedding; `None` if it was not measured or the cell has none.
+    /// The accuracy of the embedding; `None` if the accuracy was not measured or the cell has no embedding.
     pub accuracy: Option<AccuracyFigures>,
-    /// How the search ended, if measured.
+    /// Figures of the end of the search, if they were measured.
     pub search: Option<SearchFigures>,
-    /// The counts of its first individuals, if recall or richness was measured.
+    /// The counts of the cell's first individuals, if recall or richness was measured.
     #[serde(default)]
     pub recall: Option<RecallCounts>,
-    /// The maps of its first generation, if they were made.
+    /// The maps of the cell's first generation, if they were made.
     #[serde(default)]
     pub maps: Option<Maps>,
 }
@@ -41,7 +41,7 @@ pub struct Measured {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JudgedBehaviours {
-    /// The taxonomies, the last of the search last; at least one.
+    /// The taxonomies in the order of the search; at least one.
     pub taxonomies: Vec<MedoidsOf>,
     /// The individuals of the taxonomies, by index.
     pub individuals: BTreeMap<u64, JudgedIndividual>,
@@ -51,9 +51,9 @@ pub struct JudgedBehaviours {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MedoidsOf {
-    /// The last generation in it, from 0; for a batch, the number of the batch, from 0.
+    /// The last generation in the taxonomy, from 0; for a batch, the number of the batch, from 0.
     pub generation: u32,
-    /// The indices of the individuals, at least one; of medoids, that of the largest cluster first.
+    /// The indices of the individuals, at least one; of medoids, the medoid of the largest cluster first.
     pub medoids: Vec<u64>,
 }
 
@@ -61,15 +61,15 @@ pub struct MedoidsOf {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JudgedIndividual {
-    /// Seed of its start.
+    /// Seed of the individual's start.
     pub seed: u64,
-    /// The genes of its controller.
+    /// The genes of the individual's controller.
     pub controller: Vec<f64>,
-    /// Name of its class.
+    /// Name of the individual's class.
     pub class: String,
-    /// Name of its pattern; empty if none.
+    /// Name of the individual's pattern; empty without a pattern.
     pub pattern: String,
-    /// Name of its class by the second judge; empty if the second judge was not asked.
+    /// Name of the individual's class by the second judge; empty if the second judge was not asked.
     #[serde(default)]
     pub second_class: String,
 }
@@ -78,15 +78,15 @@ pub struct JudgedIndividual {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AccuracyFigures {
-    /// `features`, or the digest of the checkpoint. Cells with equal values count once.
+    /// `features`, or the digest of the checkpoint. Cells with the same embedding count as one replicate.
     pub embedding: String,
-    /// Correct triplets whose anchor is not `random`, percent.
+    /// Correct triplets, in percent of the triplets whose anchor is not `random`.
     pub anchor_not_random: f64,
-    /// Correct triplets, percent.
+    /// Correct triplets, in percent of all triplets.
     pub every_anchor: f64,
 }
 
-/// How a search ended.
+/// Figures of the end of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SearchFigures {
@@ -97,8 +97,8 @@ pub struct SearchFigures {
 }
 
 impl JudgedBehaviours {
-    /// The figures, with the classes that `class_of` returns for the indices of individuals. The second judge's classes count only
-    /// if every individual has one.
+    /// The figures, with the classes that `class_of` returns for the indices of individuals. The second judge's classes count
+    /// only if every individual has a class by the second judge.
     pub fn figures(&self, class_of: impl Fn(u64) -> Class) -> BTreeMap<Figure, f64> {
         let mut sums: BTreeMap<Figure, f64> = Class::ALL
             .map(|class| (Figure::Class(class), 0.0))

@@ -25,12 +25,12 @@ use std::{
 #[derive(Debug, Clone)]
 pub struct Outcome {
     study: Arc<Study>,
-    /// In the order of the study's cells.
+    /// The measurements, in the order of the study's cells.
     measured: Arc<[Option<Measured>]>,
     corrections: Corrections,
-    /// The content of the atlas, if recall or richness is measured and the atlas is there.
+    /// The content of the atlas, if recall or richness is measured and the atlas exists.
     reference: Option<Arc<Reference>>,
-    /// Computed once, because resampling takes seconds.
+    /// The tables, computed once, because resampling takes seconds.
     tables: OnceLock<Vec<Table>>,
 }
 
@@ -75,7 +75,7 @@ impl Outcome {
                 | Measure::Maps => table.clone(),
             };
             let tables: Vec<Table> = tables.iter().map(table).collect();
-            // Nothing else has set it.
+            // No other code has set these tables.
             let _ = corrected.tables.set(tables);
         }
         corrected
@@ -91,7 +91,7 @@ impl Outcome {
         }
     }
 
-    /// The content of the atlas; `None` if neither recall nor richness is measured, or the atlas is not there yet.
+    /// The content of the atlas; `None` if neither recall nor richness is measured, or the atlas does not exist yet.
     pub fn reference(&self) -> Option<&Reference> {
         self.reference.as_deref()
     }
@@ -122,7 +122,7 @@ impl Outcome {
         self.measured.iter().map(campaign).collect()
     }
 
-    /// The class of an individual of a cell, and who gave it.
+    /// The class of an individual of a cell, and the name of the person or judge who gave the class.
     pub fn class_of(&self, cell: &Measured, index: u64) -> (Class, &str) {
         self.corrections.of(cell, index).unwrap_or_else(|| {
             let judged = cell

@@ -1,4 +1,4 @@
-//! The page of a study's report: one HTML document that needs nothing else.
+//! The page of a study's report: one HTML document that needs no other files.
 
 use crate::{
     corrections::JUDGE,
@@ -26,7 +26,7 @@ pub const TABLES_STYLE: &str = include_str!("tables.css");
 
 /// The pictures of a report, besides its tables.
 pub(crate) struct Pictures {
-    /// The phase diagrams, if there are any.
+    /// The phase diagrams as SVG, if the study has any.
     pub(crate) phase: Option<String>,
     /// The pictures of each measured cell, in order.
     pub(crate) behaviours: Vec<MedoidPictures>,
@@ -34,7 +34,7 @@ pub(crate) struct Pictures {
     pub(crate) maps: Vec<RowMaps>,
 }
 
-/// The whole document; `files_beside` says whether the tables and pictures of the report are files beside it.
+/// The whole document; `files_beside` says whether the tables and pictures of the report are files beside the document.
 pub(crate) fn render(outcome: &Outcome, drawn: &Pictures, files_beside: bool) -> String {
     let study = outcome.study();
     let title = format!("Study {}", study.name.as_str());

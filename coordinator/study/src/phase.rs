@@ -17,8 +17,8 @@ pub struct PhaseDiagram<'a> {
     pub x: &'a Axis,
     /// The axis from bottom to top; `None` if the diagram has one axis.
     pub y: Option<&'a Axis>,
-    /// The cells from left to right, for each value of `y`: mean shares over the replicates, percent; empty for cells that are not
-    /// measured yet.
+    /// The cells from left to right, for each value of `y`. A cell has the mean share of each class over the replicates, percent,
+    /// and is empty before it is measured.
     cells: Vec<BTreeMap<Class, f64>>,
 }
 

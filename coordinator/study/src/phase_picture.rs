@@ -1,7 +1,7 @@
-//! The picture of phase diagrams: SVG that prints at any size and needs nothing else.
+//! The picture of phase diagrams: SVG that prints at any size and needs no other files.
 //!
-//! Over two axes, a map of the most frequent classes, then one for each class with contour lines of its share. Over one axis, a
-//! line for each class.
+//! A diagram over two axes has a map of the most frequent classes, then a map for each class with contour lines of the class's
+//! share. A diagram over one axis has a line for each class.
 
 use crate::{contours::Grid, phase::PhaseDiagram, study::Axis};
 use maud::{Markup, html};
@@ -21,14 +21,14 @@ const BOTTOM: f64 = 46.0;
 const LEGEND: f64 = 130.0;
 /// Height of the title of a diagram.
 const TITLE: f64 = 34.0;
-/// Panels side by side.
+/// Number of panels side by side.
 const PANELS: usize = 3;
 /// Smallest share with which a class gets a panel, percent.
 const LEAST: f64 = 10.0;
 /// Shares with a contour line, percent, and the width of the line.
 const LEVELS: [(f64, f64); 3] = [(25.0, 0.8), (50.0, 1.8), (75.0, 0.8)];
 
-/// The picture of all diagrams of a study, one below the other; `None` if there are none.
+/// The picture of all diagrams of a study, one below the other; `None` without diagrams.
 pub(crate) fn svg(title: &str, diagrams: &[PhaseDiagram<'_>]) -> Option<String> {
     let panels: Vec<Vec<Markup>> = diagrams.iter().map(panels).collect();
     let most = panels.iter().map(Vec::len).max()?;
@@ -91,10 +91,10 @@ fn panels(diagram: &PhaseDiagram<'_>) -> Vec<Markup> {
         .collect()
 }
 
-/// The most frequent class of each cell: the smaller its share, the paler its colour.
+/// The most frequent class of each cell: the smaller the class's share, the paler its colour.
 fn most_frequent(diagram: &PhaseDiagram<'_>, y: &Axis) -> Markup {
     let most = |cell: &BTreeMap<Class, f64>| {
-        // Of equally frequent classes, the first.
+        // `max_by` returns the last of several equal maxima, so `rev` puts the first class last.
         let most = cell
             .iter()
             .rev()
@@ -141,7 +141,7 @@ fn steps(diagram: &PhaseDiagram<'_>, y: &Axis) -> [f64; 2] {
     ]
 }
 
-/// A map: each cell has the colour of a class, as strong as its share, and shows the share.
+/// A map: each cell has the colour of a class, as strong as the share of the class, and shows that share.
 fn panel(
     name: &str,
     diagram: &PhaseDiagram<'_>,
@@ -221,7 +221,7 @@ fn frame() -> Markup {
     html! { rect width=(WIDTH) height=(HEIGHT) fill="none" stroke=(MUTED) stroke-width="0.8" {} }
 }
 
-/// The numbers of the axis from left to right, as many as fit, and its name.
+/// The numbers of the axis from left to right, as many as fit, and the name of the axis.
 fn ticks(axis: &Axis) -> Markup {
     let step = WIDTH / axis.values.len().max(1) as f64;
     let longest = axis.values.iter().map(|value| value.chars().count()).max();
@@ -248,7 +248,7 @@ mod tests {
     use murmuration_swarm::Verdict;
     use std::path::Path;
 
-    /// Six robots mill, twelve do nothing.
+    /// A study in which swarms of six robots mill, and swarms of twelve robots are of the class `random`.
     fn outcome(phase: &str) -> Outcome {
         let text = format!(
             "name = \"p\"\nmeasures = [\"shares\"]\nphase = {{ {phase} }}\n\
@@ -280,7 +280,7 @@ mod tests {
             assert_eq!(picture.matches(name).count(), 1, "{name}");
         }
         assert!(!picture.contains("dispersal"), "no cell shows it");
-        // A line at each level in each class's map, half of the way from the first column to the second.
+        // Each class's map has a line at each level, half of the way from the first column to the second.
         assert_eq!(picture.matches("<path").count(), 2 * LEVELS.len());
         let middle = format!("M{0} {1}L{0} {2}", WIDTH / 2.0, 0.75 * HEIGHT, 0.25 * HEIGHT);
         let upwards = format!("M{0} {2}L{0} {1}", WIDTH / 2.0, 0.75 * HEIGHT, 0.25 * HEIGHT);
@@ -297,7 +297,7 @@ mod tests {
         let picture = drawn("x = \"robots\"");
         assert_eq!(picture.matches("p: slip = ").count(), 2);
         assert_eq!(picture.matches("<path").count(), 2 * 2);
-        // The line falls from all trials at six robots to none at twelve.
+        // The line falls from all trials at six robots to no trials at twelve robots.
         let down = format!("M{} 0L{} {HEIGHT}", WIDTH / 4.0, WIDTH * 0.75);
         assert_eq!(picture.matches(&down).count(), 2);
     }

@@ -24,10 +24,10 @@ pub enum ReportError {
     },
 }
 
-/// PNG files of the medoids of a cell's last taxonomy, by index, the largest cluster first. Empty if the cell was not judged.
+/// PNG files of the medoids of a cell's last taxonomy, by index, the largest cluster first; no files if the cell was not judged.
 pub(crate) type MedoidPictures = Vec<(u64, Vec<u8>)>;
 
-/// Simulates and draws the medoids of a cell. The error is an index without a picture, and the reason.
+/// Simulates and draws the medoids of a cell. The error has the index of a medoid that cannot be drawn, and the reason.
 pub(crate) fn of_cell(cell: &MeasuredCell<'_>) -> Result<MedoidPictures, (u64, String)> {
     let Some(behaviours) = &cell.measured.behaviours else {
         return Ok(Vec::new());
@@ -45,7 +45,7 @@ pub(crate) fn of_cell(cell: &MeasuredCell<'_>) -> Result<MedoidPictures, (u64, S
     drawn.collect()
 }
 
-/// Why there is no picture.
+/// Why a medoid cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 enum Undrawn {
     #[error(transparent)]
@@ -54,7 +54,7 @@ enum Undrawn {
     Picture(#[from] PictureError),
 }
 
-/// The paths of the last steps of a swarm.
+/// Draws the paths of the last steps of a swarm.
 fn picture(spec: &CampaignSpec, genes: &[f64], seed: u64) -> Result<Vec<u8>, Undrawn> {
     let (world, window) = (spec.world(), spec.image().window());
     let controller = Controller::new(spec.model(), genes)?;

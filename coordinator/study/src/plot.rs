@@ -15,7 +15,7 @@ pub(crate) const AXIS: f64 = 46.0;
 /// Free pixels beside the smallest and the largest value.
 pub(crate) const MARGIN: f64 = 24.0;
 
-/// The plot of a figure; empty if no row has it. `name` returns the name of a row.
+/// The plot of a figure; empty if no row has the figure. `name` returns the name of a row.
 pub(crate) fn dots(rows: &[Row], figure: Figure, name: impl Fn(&Row) -> String) -> Markup {
     let shown: Vec<(&Row, &Entry)> = rows
         .iter()
@@ -65,7 +65,7 @@ struct Scale {
 }
 
 impl Scale {
-    /// The scale that shows these entries; `None` if there are none.
+    /// The scale that shows these entries; `None` without finite values.
     fn of<'a>(entries: impl Iterator<Item = &'a Entry>) -> Option<Self> {
         let values: Vec<f64> = entries
             .flat_map(values)
@@ -103,7 +103,8 @@ fn number(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// A table or plot that scrolls on narrow screens, also with keys; `name` distinguishes it from others of the page.
+/// A table or plot that scrolls on narrow screens, also with keys; `name` distinguishes it from the other tables and plots of the
+/// page.
 pub fn wide(name: &str, content: &Markup) -> Markup {
     html! { div.wide tabindex="0" role="region" aria-label=(name) { (content) } }
 }

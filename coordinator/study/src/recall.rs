@@ -12,11 +12,12 @@ use std::{collections::BTreeMap, num::NonZeroU32};
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecallPlan {
-    /// The campaign of the atlas, with a judge. Its robots and world are those of every cell.
+    /// The campaign of the atlas, whose trials are judged. Every cell has the robots and the world of this campaign.
     pub atlas: CampaignSpec,
-    /// Numbers of evaluations, ascending, at which recall is measured; 1 to 32 numbers, none above the evaluations of any cell.
+    /// Numbers of evaluations, ascending, at which recall is measured: 1 to 32 numbers, each at most the number of evaluations of
+    /// every cell.
     pub at: Vec<NonZeroU32>,
-    /// Most niches of the behaviour space, 2 to 5,000.
+    /// Largest number of niches of the behaviour space, 2 to 5,000.
     pub niches: NonZeroU32,
 }
 
@@ -24,10 +25,10 @@ pub struct RecallPlan {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecallCounts {
-    /// Whether the individuals were drawn independently of each other. The method `random` does so, unless the campaign begins with
-    /// given controllers.
+    /// Whether the individuals were drawn independently of each other. The method `random` draws independently, unless the
+    /// campaign begins with given controllers.
     pub is_independent: bool,
-    /// One for each number of evaluations, ascending; at least one.
+    /// The counts at each number of evaluations, ascending; at least one stage.
     pub stages: Vec<RecallStage>,
 }
 
@@ -37,9 +38,9 @@ pub struct RecallCounts {
 pub struct RecallStage {
     /// Number of individuals.
     pub evaluations: u32,
-    /// Number of their trials with each verdict, by its name.
+    /// Number of the individuals' trials with each verdict, by the verdict's name.
     pub verdicts: BTreeMap<String, u64>,
-    /// Number of individuals in each niche of the reference, in its order.
+    /// Number of individuals in each niche of the reference, in the order of the reference.
     pub niches: Vec<u64>,
 }
 
@@ -119,7 +120,7 @@ impl RecallStage {
         Richness::of(&self.niches)
     }
 
-    /// Both estimates as figures.
+    /// The estimates of verdicts and of niches, as figures.
     pub fn richness(&self) -> BTreeMap<Figure, f64> {
         let mut figures = BTreeMap::new();
         if let Some(of) = self.richness_of_verdicts() {
@@ -136,7 +137,7 @@ impl RecallStage {
     }
 }
 
-/// `None` if `all` is 0.
+/// `count` in percent of `all`; `None` if `all` is 0.
 fn percent(count: usize, all: usize) -> Option<f64> {
     (all > 0).then(|| 100.0 * count as f64 / all as f64)
 }
@@ -147,7 +148,7 @@ mod tests {
     use crate::reference::Niche;
     use murmuration_swarm::{Controller, Features, Pattern, Verdict};
 
-    /// Three niches along the first feature: at 0 and 10 of milling, at 20 of dispersal.
+    /// Three niches along the first feature: milling at 0 and at 10, dispersal at 20.
     fn reference() -> Reference {
         let niche = |at: f64, class: Class| Niche {
             centroid: along(at),

@@ -1,4 +1,4 @@
-//! Recall over evaluations: its rows at each number of evaluations, their plot, and their tables.
+//! Recall over evaluations: the rows of the study at each number of evaluations, with a plot and tables.
 
 use crate::{
     figure::{Figure, Measure},
@@ -25,7 +25,7 @@ const FREE: [f64; 4] = [34.0, 30.0, 12.0, 30.0];
 const LEGEND: f64 = 24.0;
 const LEGEND_COLUMNS: usize = 5;
 
-/// The dashes of rows, pixels: they distinguish rows without colours.
+/// The dashes of the rows' curves, pixels: dashes distinguish rows without colours.
 const DASHES: [&str; 6] = ["none", "7 3", "2 2", "9 3 2 3", "4 4", "12 3"];
 
 /// The rows of the grid after a number of evaluations.
@@ -34,7 +34,7 @@ pub(crate) struct Stage {
     pub(crate) rows: Vec<Row>,
 }
 
-/// Recall at each number of evaluations; empty if it is not measured.
+/// Recall at each number of evaluations; empty if recall is not measured.
 pub(crate) fn stages(outcome: &Outcome) -> Vec<Stage> {
     let study = outcome.study();
     let is_measured = study.measures.which.contains(&Measure::Recall) && outcome.reference().is_some();
@@ -220,7 +220,7 @@ fn colour(place: usize) -> String {
     colours::hex(colours::class(place))
 }
 
-/// One row for each measured cell and number of evaluations.
+/// Writes `recall.csv`: one row for each measured cell and number of evaluations.
 pub(crate) fn recall_csv(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     let figures = Measure::Recall.figures();
@@ -238,7 +238,7 @@ pub(crate) fn recall_csv(outcome: &Outcome, file: &mut dyn Write) -> io::Result<
     table.flush()
 }
 
-/// The columns of `richness.csv` after those of [`columns`].
+/// The columns of `richness.csv` that follow the columns of [`columns`].
 pub(crate) const RICHNESS: [&str; 9] = [
     "evaluations",
     "of",
@@ -251,7 +251,8 @@ pub(crate) const RICHNESS: [&str; 9] = [
     "in_atlas",
 ];
 
-/// One row for each cell of independent draws, number of evaluations, and kind of count: niches, or classes and patterns.
+/// Writes `richness.csv`: one row for each cell of independent draws, number of evaluations, and kind of count: niches, or
+/// classes and patterns.
 pub(crate) fn richness_csv(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     table.write_record(columns(outcome, RICHNESS))?;
@@ -291,7 +292,8 @@ pub(crate) fn richness_csv(outcome: &Outcome, file: &mut dyn Write) -> io::Resul
     table.flush()
 }
 
-/// One row for each niche: its class, how many controllers of the atlas lie in it, and its centroid.
+/// Writes `niches.csv`: one row for each niche, with its class, the number of the atlas's controllers in the niche, and its
+/// centroid.
 pub(crate) fn niches_csv(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     table.write_record(["index", "class", "members"].into_iter().chain(FEATURE_NAMES))?;
@@ -319,7 +321,8 @@ mod tests {
     use crate::{Corrections, Niche, RecallCounts, Reference, Study, sample};
     use std::{collections::BTreeMap, path::Path};
 
-    /// Two rows, each of one cell that reaches one niche of two after 10 evaluations; the second row reaches both after 100.
+    /// An outcome of two rows with one cell each. Both cells reach one of two niches after 10 evaluations; the second row's cell
+    /// reaches both niches after 100 evaluations.
     fn outcome() -> Outcome {
         let text = "name = \"r\"\nmeasures = [\"recall\", \"richness\"]\n\
             recall = { atlas = { model = \"single-sensor\", method = \"exhaustive\" }, at = [10, 100], niches = 2 }\n\
@@ -370,7 +373,7 @@ mod tests {
         let picture = plot(&outcome, &stages(&outcome)).into_string();
         assert!(picture.contains("role=\"img\""));
         assert!(picture.contains("aria-label=\"Recall over evaluations: "));
-        // Of all niches, both rows reach half at first, and the second row all in the end.
+        // Both rows reach half of all niches at first; in the end, the second row reaches all niches.
         let lines: Vec<&str> = picture.split("<polyline").skip(1).take(2).collect();
         let dashes = |line: &str| line.split("stroke-dasharray=\"").nth(1).unwrap().to_owned();
         assert!(dashes(lines[0]).starts_with("none\"") && dashes(lines[1]).starts_with("7 3\""));
@@ -401,7 +404,7 @@ mod tests {
         assert_eq!(richness[0]["in_atlas"], "1");
         let niches = rows(niches_csv);
         assert_eq!((niches.len(), niches[0]["members"].as_str()), (2, "7"));
-        // In the units of the features.
+        // Centroids are in the units of the features.
         assert_eq!(niches[0][FEATURE_NAMES[0]], "1");
     }
 }

@@ -24,7 +24,7 @@ pub struct Judged {
     pub features: Features,
     /// Coordinates in the behaviour space of the campaign.
     pub behaviour: Vec<f64>,
-    /// The verdict of each of its trials; at least one.
+    /// The verdict of each trial of the individual; at least one.
     pub verdicts: Vec<Verdict>,
 }
 
@@ -32,15 +32,15 @@ pub struct Judged {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reference {
-    /// How the cells of the study are measured ([`measures_digest`](crate::measures_digest)), which includes the atlas.
+    /// Digest of the study's measures ([`measures_digest`](crate::measures_digest)), which include the atlas.
     pub measures: String,
     /// Id of the campaign of the atlas.
     pub campaign: String,
-    /// Digest of its archive.
+    /// Digest of the archive of the atlas.
     pub archive_digest: String,
-    /// Trials of each verdict by its name, mirror images included; verdicts without trials are left out.
+    /// Number of trials of each verdict, by the verdict's name, mirror images included. Verdicts without trials have no entry.
     pub verdicts: BTreeMap<String, u64>,
-    /// The divisor of each feature: its standard deviation over the atlas, or 1 where that is 0.
+    /// The divisor of each feature: its standard deviation over the atlas, or 1 where the deviation is 0.
     pub scale: Features,
     /// The niches; at least one.
     pub niches: Vec<Niche>,
@@ -50,15 +50,15 @@ pub struct Reference {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Niche {
-    /// Its centroid, in features divided by their scale.
+    /// The niche's centroid, in features divided by their scale.
     pub centroid: Features,
-    /// Name of the class of most of its controllers.
+    /// Name of the class of most controllers in the niche.
     pub class: String,
-    /// Controllers of the atlas in it, mirror images included.
+    /// Number of the atlas's controllers in the niche, mirror images included.
     pub members: u64,
 }
 
-/// Why there is no reference.
+/// Why an atlas cannot be a reference.
 #[derive(Debug, thiserror::Error)]
 pub enum ReferenceError {
     #[error("the atlas is empty")]
@@ -125,7 +125,7 @@ impl Reference {
         Ok(Tessellation::about(centroids).cells_of(&points))
     }
 
-    /// Whether its numbers can be used for computation. Those of a damaged file may not.
+    /// Whether the numbers of the reference can be used for computation. The numbers of a damaged file may be unusable.
     pub(crate) fn is_sound(&self) -> bool {
         let fits = |value: &f64| value.abs() <= MAX_FEATURE;
         let scales = self.scale.iter().all(|scale| fits(scale) && *scale > 0.0);
@@ -133,8 +133,8 @@ impl Reference {
     }
 }
 
-/// The individuals, each with its features. Those whose mirror image the atlas leaves out come again with the features of the
-/// image. An atlas of sampled controllers leaves none out: it samples a controller and its image alike.
+/// The individuals, each with its features. An individual whose mirror image the atlas leaves out comes again, with the features
+/// of the image. An atlas of sampled controllers leaves out no mirror image: it samples a controller and its mirror image alike.
 fn members<'a>(spec: &CampaignSpec, archive: &'a [Judged]) -> Vec<(Features, &'a Judged)> {
     let is_listed = spec.method() == Method::Exhaustive;
     let listed = is_listed
@@ -158,7 +158,7 @@ fn members<'a>(spec: &CampaignSpec, archive: &'a [Judged]) -> Vec<(Features, &'a
     archive.iter().flat_map(with_image).collect()
 }
 
-/// The standard deviation of each feature, or 1 where that is 0; `None` without members.
+/// The standard deviation of each feature, or 1 where the deviation is 0; `None` without members.
 fn deviations(members: &[(Features, &Judged)]) -> Option<Features> {
     if members.is_empty() {
         return None;
@@ -177,7 +177,7 @@ fn scaled(features: &Features, scale: &Features) -> Features {
     std::array::from_fn(|place| features[place] / scale[place])
 }
 
-/// The most frequent class; of several, the first.
+/// The most frequent class; of equally frequent classes, the first.
 fn most_frequent(counts: &[u64; Class::ALL.len()]) -> Class {
     let counted = Class::ALL.into_iter().zip(counts);
     let most = counted.rev().max_by_key(|(_, count)| **count);

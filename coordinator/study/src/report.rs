@@ -13,12 +13,13 @@ use murmuration_files::Folder;
 use rayon::prelude::*;
 use std::path::PathBuf;
 
-/// Writes `report.html`, `cells.csv` and `medoids.csv` into a folder and replaces its former report. A study with phase diagrams
-/// also gets `phase.svg`; with recall, `recall.svg` and `recall.csv`; with richness, `richness.csv`; with either, `niches.csv`;
-/// with maps, `maps.csv` and the folder `maps`. Returns the path of the page.
+/// Writes `report.html`, `cells.csv` and `medoids.csv` into a folder, and replaces the folder's former report. A study with phase
+/// diagrams also gets `phase.svg`; a study with recall, `recall.svg` and `recall.csv`; a study with richness, `richness.csv`; a
+/// study with recall or richness, `niches.csv`; a study with maps, `maps.csv` and the folder `maps`. Returns the path of the
+/// page.
 ///
 /// # Errors
-/// If a picture cannot be drawn, or as [`Folder::finish`].
+/// Fails if a picture cannot be drawn, or as [`Folder::finish`] does.
 pub fn write_report(outcome: &Outcome, mut files: Folder) -> Result<PathBuf, ReportError> {
     let pictures = draw(outcome)?;
     let page = page::render(outcome, &pictures, true);

@@ -1,13 +1,14 @@
-//! Estimates the number of kinds from how often each was met: Chao1 and ACE.
+//! Estimates the number of kinds from how often each kind was met: Chao1 and ACE.
 //!
-//! Both assume independent draws from one distribution, and that kinds are told apart without error. The kinds that were met once
-//! or twice then show how many were not met. Chao1 is a lower bound on the number of kinds: kinds too rare to be met add nothing.
+//! Chao1 and ACE assume independent draws from one distribution, and that kinds are recognised without error. The kinds that were
+//! met once or twice then show how many kinds were not met. Chao1 is a lower bound on the number of kinds: kinds too rare to be
+//! met add nothing.
 
 use serde::{Deserialize, Serialize};
 
 /// ACE treats a kind that was met at most this often as rare (Chao, Hwang, Chen and Kuo 2000).
 const RARE: u64 = 10;
-/// Two-sided 95 % of the standard normal distribution.
+/// Two-sided 95 % point of the standard normal distribution.
 const NORMAL_95: f64 = 1.959_963_984_540_054;
 
 /// An estimate of the number of kinds.
@@ -15,22 +16,23 @@ const NORMAL_95: f64 = 1.959_963_984_540_054;
 pub struct Richness {
     /// Kinds that were met.
     pub seen: u64,
-    /// Chao1, bias-corrected: kinds, at least [`Richness::seen`].
+    /// Number of kinds by Chao1, bias-corrected; at least [`Richness::seen`].
     pub chao1: f64,
     /// The standard error of Chao1, kinds.
     pub standard_error: f64,
     /// The 95 % confidence interval of Chao1, kinds.
     pub interval: [f64; 2],
-    /// ACE: kinds; `None` if every rare kind was met once, because ACE is then undefined.
+    /// Number of kinds by ACE; `None` if every rare kind was met once, because ACE is then undefined.
     pub ace: Option<f64>,
 }
 
 impl Richness {
-    /// Estimates from how often each kind was met. Kinds with 0 are ignored. `None` if nothing was met.
+    /// Estimates the number of kinds from how often each kind was met. Kinds that were met 0 times are ignored. Returns `None` if
+    /// no kind was met.
     ///
-    /// Chao1 is S + f1 (f1 - 1) / (2 (f2 + 1)) for S kinds, f1 of them met once and f2 twice (Chao 1984; bias-corrected as in Chao
-    /// 2005). Its variance and its interval, which is log-normal and never below S, are those of Chao 1987 and of Colwell's
-    /// EstimateS 9, appendix B. ACE is that of Chao and Lee 1992 with the rare kinds apart (Chao and others 2000).
+    /// Chao1 is S + f1 (f1 - 1) / (2 (f2 + 1)) for S kinds, f1 of them met once and f2 twice (Chao 1984; bias-corrected as in
+    /// Chao 2005). Its variance and its interval, which is log-normal and never below S, are those of Chao 1987 and of Colwell's
+    /// EstimateS 9, appendix B. ACE is the estimate of Chao and Lee 1992, with the rare kinds apart (Chao and others 2000).
     pub fn of(abundances: &[u64]) -> Option<Self> {
         let met: Vec<u64> = abundances.iter().copied().filter(|&count| count > 0).collect();
         if met.is_empty() {
@@ -79,7 +81,7 @@ fn interval(seen: f64, chao1: f64, variance: f64, draws: f64) -> [f64; 2] {
     [(seen / met - spread).max(seen), seen / met + spread]
 }
 
-/// `None` if all rare kinds were met once.
+/// Number of kinds by ACE; `None` if all rare kinds were met once.
 fn ace(met: &[u64]) -> Option<f64> {
     let (rare, abundant): (Vec<u64>, Vec<u64>) = met.iter().partition(|&&count| count <= RARE);
     let abundant = abundant.len() as f64;
@@ -103,7 +105,7 @@ fn ace(met: &[u64]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Many rare kinds.
+    /// Counts of many rare kinds.
     const SKEWED: [u64; 39] = [
         752, 276, 194, 126, 121, 97, 95, 83, 72, 44, 39, 16, 15, 13, 9, 9, 9, 8, 7, 4, 3, 3, 2, 2, 2, 2, 2,
         2, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1,
@@ -147,7 +149,8 @@ mod tests {
 
     #[test]
     fn by_hand() {
-        // Five kinds, three met once and two twice: 5 + 3 * 2 / (2 * 3). Coverage 1 - 3 / 7, no variation beyond chance.
+        // Of five kinds, three were met once and two twice: Chao1 is 5 + 3 * 2 / (2 * 3). For ACE, the coverage is 1 - 3 / 7,
+        // without variation beyond chance.
         let of = Richness::of(&[1, 1, 2, 2, 1]).unwrap();
         assert_eq!((of.seen, of.chao1, of.ace), (5, 6.0, Some(8.75)));
         let variance = 1.0 + 3.0 * 25.0 / 36.0 + 9.0 * 2.0 * 4.0 / (4.0 * 81.0);

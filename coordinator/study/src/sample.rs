@@ -6,7 +6,7 @@ use crate::{
 };
 use std::path::Path;
 
-/// Two rows of two replicates.
+/// A study of two rows with two replicates each.
 pub(crate) fn study() -> Study {
     let text = "name = \"sample\"\nseeds = 2\nmeasures = [\"behaviours\", \"accuracy\", \"search\"]\n\
                 accuracy.single-sensor = [\"a.csv\"]\n\

@@ -1,8 +1,8 @@
 //! The second judge: classifies a behaviour by what it learned from labelled behaviours.
 //!
-//! It sees the same paths as the rule-based judge, but shares no code, measure or threshold with it or with an embedder. If both
-//! judges agree, they agree from different evidence. `scripts/second-judge` grows its decision trees; docs/judge.md documents how
-//! often it agrees with the annotators of the labelled sets.
+//! The second judge sees the same paths as the rule-based judge, but shares no code, measure or threshold with that judge or with
+//! an embedder. If both judges agree, they agree from different evidence. `scripts/second-judge` grows the second judge's
+//! decision trees; docs/judge.md documents how often the second judge agrees with the annotators of the labelled sets.
 
 mod canvas;
 mod forest;
@@ -13,10 +13,10 @@ mod statistics;
 use murmuration_swarm::{Class, Replay, World};
 use paths::Paths;
 
-/// The second judge's class of the last 160 steps of a motion in `world`. Every fourth step is enough.
+/// The second judge's class of the last 160 steps of a motion in `world`. Every fourth step of the motion is enough.
 ///
-/// Pure. 24 robots take about half a millisecond; the cost grows with the square of their number. Never returns a class that has no
-/// meaning in `world`.
+/// A pure function. A swarm of 24 robots takes about half a millisecond; the time grows with the square of the number of robots.
+/// The function never returns a class that has no meaning in `world`.
 #[must_use]
 pub fn second_judge(motion: &Replay, world: &World) -> Class {
     second_judge_by(&second_judge_measures(motion, world), world)
@@ -91,8 +91,8 @@ mod tests {
         assert_eq!(second_judge(&motion(24, path), &World::default()), class);
     }
 
-    /// Milling is left out: the second judge calls a disc that turns like a rigid wheel a concave path, because no labelled swarm
-    /// turns like that.
+    /// The test leaves milling out: the second judge calls a disc that turns like a rigid wheel a concave path, because no
+    /// labelled swarm turns like that.
     #[test]
     fn textbook_examples_are_known() {
         check(Class::CyclicPursuit, ring);

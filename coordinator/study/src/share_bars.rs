@@ -15,7 +15,7 @@ const RIGHT: f64 = 24.0;
 /// Height of a bar.
 const BAR: f64 = 20.0;
 
-/// The bars of the rows with shares; empty if there are none. `name` returns the name of a row.
+/// The bars of the rows with shares; empty without such rows. `name` returns the name of a row.
 pub(crate) fn bars(rows: &[Row], name: impl Fn(&Row) -> String) -> Markup {
     let shown: Vec<(&Row, Vec<Part>)> = rows
         .iter()
@@ -73,7 +73,7 @@ struct Part {
     to: f64,
 }
 
-/// The classes of a row in the order of the table: random first, where its published share is marked.
+/// The classes of a row in the order of the table. The class `random` comes first, where the plot marks its published share.
 fn parts(row: &Row) -> Vec<Part> {
     let mut from = 0.0;
     let mut parts = Vec::new();

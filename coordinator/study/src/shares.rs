@@ -18,18 +18,18 @@ impl JudgedTrials {
         *self.verdicts.entry(verdict.name().to_owned()).or_default() += 1;
     }
 
-    /// The trials of all classes.
+    /// Number of trials of all classes.
     pub fn trials(&self) -> u64 {
         Verdict::all().map(|verdict| self.of(verdict)).sum()
     }
 
-    /// The trials of a class, including those of its patterns.
+    /// Number of trials of a class, including the trials of its patterns.
     pub fn of_class(&self, class: Class) -> u64 {
         let verdicts = Verdict::all().filter(|verdict| verdict.class() == class);
         verdicts.map(|verdict| self.of(verdict)).sum()
     }
 
-    /// The shares of all trials, percent; empty without trials.
+    /// The share of each class and pattern among all trials, percent; empty without trials.
     pub fn figures(&self) -> BTreeMap<Figure, f64> {
         let trials = self.trials();
         if trials == 0 {

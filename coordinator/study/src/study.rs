@@ -10,18 +10,18 @@ use std::{collections::BTreeMap, num::NonZeroU32, path::PathBuf};
 /// A grid of campaigns: every combination of the axes' values, in several replicates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Study {
-    /// Its name; that of a quick study ends with `-quick`.
+    /// Name of the study; the name of a quick study ends with `-quick`.
     pub name: CampaignName,
-    /// Its axes, in the order of the file; may be empty.
+    /// Axes of the study, in the order of the file; can be empty.
     pub axes: Vec<Axis>,
     /// The seed of each replicate, all different.
     pub seeds: Vec<u64>,
-    /// How many embedders the replicates share; `None` if each campaign trains its own.
+    /// Number of embedders that the replicates share; `None` if each campaign trains its own embedder.
     pub embedders: Option<NonZeroU32>,
     pub measures: Measures,
-    /// The axes of its phase diagrams; `None` if it has none.
+    /// The axes of the phase diagrams; `None` for a study without phase diagrams.
     pub phase: Option<Phase>,
-    /// In the order of the rows: the values of the last axis vary fastest. The replicates of a row are together.
+    /// The cells, in the order of the rows: the values of the last axis vary fastest. The replicates of a row are together.
     pub cells: Vec<Cell>,
     pub(crate) published: Vec<Published>,
 }
@@ -29,9 +29,9 @@ pub struct Study {
 /// A difference between cells, besides the seed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// Its name: 1 to 32 lower-case letters, digits, `-` and `_`.
+    /// Name of the axis: 1 to 32 lower-case letters, digits, `-` and `_`.
     pub name: String,
-    /// The names of its values, 1 to 64, all different.
+    /// Names of the axis's values, 1 to 64, all different.
     pub values: Vec<String>,
     /// The path of the field that an axis of numbers sets, such as `world.agents`; `None` for other axes.
     pub field: Option<String>,
@@ -46,52 +46,52 @@ pub struct Cell {
     pub values: Vec<usize>,
     /// The replicate, from 0.
     pub replicate: usize,
-    /// Its specification, as in the study file.
+    /// Specification of the cell, as in the study file.
     pub spec: CampaignSpec,
 }
 
 /// The axes of a study's phase diagrams.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Phase {
-    /// The place of the axis from left to right; it has numbers.
+    /// The place of the axis of numbers from left to right.
     pub x: usize,
-    /// The place of the axis from bottom to top; it has numbers. `None` if there is only one axis.
+    /// The place of the axis of numbers from bottom to top; `None` if the diagrams have only one axis.
     pub y: Option<usize>,
 }
 
 /// The measures of each cell.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measures {
-    /// Which measures, each once, in the order of [`Measure::ALL`].
+    /// The measures, each once, in the order of [`Measure::ALL`].
     pub which: Vec<Measure>,
-    /// Taxonomies at the end of the search that are judged, 1 to 1,000.
+    /// Number of taxonomies at the end of the search that are judged, 1 to 1,000.
     pub generations: NonZeroU32,
-    /// What replaces the taxonomies of a random search.
+    /// The batches that replace the taxonomies of a random search.
     pub random: RandomBatches,
     /// The labelled sets for the accuracy, by the name of a capability model; files as named in the study file.
     pub labelled: BTreeMap<String, LabelledSets>,
-    /// How recall and richness are measured; `None` if they are not.
+    /// The plan for measuring recall and richness; `None` if the study measures neither.
     pub recall: Option<RecallPlan>,
 }
 
-/// The label files of a capability model; they are joined.
+/// The label files of a capability model, which are joined.
 pub type LabelledSets = Vec<PathBuf>;
 
-/// What replaces the taxonomies of a random search.
+/// The batches that replace the taxonomies of a random search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RandomBatches {
     /// Batches of as many samples as a taxonomy has medoids, as in the paper.
     Samples,
-    /// The medoids of its archive, as in the other methods.
+    /// The medoids of the search's archive, as in the other methods.
     Medoids,
 }
 
 /// Published figures of some rows of the grid.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Published {
-    /// The publication; may be empty.
+    /// The publication; can be empty.
     pub source: String,
-    /// The rows: the place of a value, by the place of its axis. Other axes may have any value.
+    /// The rows that the figures belong to: the place of a value, by the place of its axis. Other axes can have any value.
     pub rows: BTreeMap<usize, usize>,
     pub figures: BTreeMap<Figure, f64>,
 }
@@ -99,7 +99,7 @@ pub(crate) struct Published {
 impl Study {
     pub(crate) const MAX_CELLS: usize = 2000;
 
-    /// The ending that the names of quick studies have, and no other names.
+    /// The ending of the names of quick studies; no other study has a name with this ending.
     pub const QUICK: &str = "-quick";
 
     /// Whether `--quick` shortened the study.

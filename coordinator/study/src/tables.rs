@@ -6,16 +6,16 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     pub measure: Measure,
-    /// Its rows, in the order of the grid.
+    /// Rows of the table, in the order of the grid.
     pub rows: Vec<Row>,
 }
 
 /// A row: the cells that differ only in their seed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
-    /// For each axis, the place of its value.
+    /// For each axis, the place of the row's value.
     pub values: Vec<usize>,
-    /// Its figures; figures that no cell has yet are missing.
+    /// Figures of the row, without figures that no cell has yet.
     pub entries: BTreeMap<Figure, Entry>,
 }
 
@@ -35,7 +35,7 @@ pub struct Entry {
 /// A figure with the judge's errors and the spread of the replicates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Resampled {
-    /// Its mean over all resamplings.
+    /// Mean of the figure over all resamplings.
     pub mean: f64,
     /// The 5th percentile.
     pub low: f64,
@@ -44,7 +44,7 @@ pub struct Resampled {
 }
 
 impl Resampled {
-    /// Summary of resampled figures; `None` if there are none.
+    /// Summary of resampled figures; `None` without figures.
     pub(crate) fn of(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         let last = values.len().checked_sub(1)?;

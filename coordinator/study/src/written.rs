@@ -8,7 +8,7 @@ use csv::Writer;
 use murmuration_model::labels::to_cell;
 use std::io::{self, Write};
 
-/// The columns of these tables besides those for axes and figures.
+/// The columns of `cells.csv` and of `medoids.csv`, besides the columns for axes and figures.
 pub(crate) const CELL: [&str; 6] = [
     "cell",
     "campaign",
@@ -51,7 +51,7 @@ pub(crate) fn row(
     row
 }
 
-/// One row for each measured cell.
+/// Writes `cells.csv`: one row for each measured cell.
 pub(crate) fn cells(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     let measures = outcome.study().measures.which.iter();
@@ -88,7 +88,7 @@ pub(crate) fn cells(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()> {
     table.flush()
 }
 
-/// One row for each medoid of each judged taxonomy, in the order of the cells and taxonomies.
+/// Writes `medoids.csv`: one row for each medoid of each judged taxonomy, in the order of the cells and taxonomies.
 pub(crate) fn medoids(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     table.write_record(columns(outcome, MEDOID))?;

@@ -14,12 +14,12 @@ use toml::Table;
 #[serde(deny_unknown_fields)]
 pub(super) struct StudyMessage {
     pub(super) name: String,
-    /// The replicates. Default: one, with seed 1.
+    /// The replicates. The default is one replicate, with the seed 1.
     pub(super) seeds: Option<Seeds>,
-    /// How many embedders the replicates share.
+    /// Number of embedders that the replicates share.
     pub(super) embedders: Option<u32>,
     pub(super) measures: Option<Vec<String>>,
-    /// How behaviours are counted.
+    /// Settings of the count of behaviours.
     #[serde(default)]
     pub(super) behaviours: BehavioursMessage,
     /// The label files of each robot.
@@ -32,32 +32,32 @@ pub(super) struct StudyMessage {
     /// The differences between the campaigns.
     #[serde(default)]
     pub(super) axes: Vec<AxisMessage>,
-    /// The axes of its phase diagrams.
+    /// The axes of the phase diagrams.
     pub(super) phase: Option<PhaseMessage>,
     /// Figures to compare with.
     #[serde(default)]
     pub(super) published: Vec<PublishedMessage>,
-    /// The changes by `--quick`.
+    /// The changes that `--quick` makes.
     pub(super) quick: Option<QuickMessage>,
 }
 
-/// `seeds = 10` or `seeds = [3, 5]`.
+/// The replicates, as `seeds = 10` or `seeds = [3, 5]`.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(untagged, expecting = "a number of replicates or a list of seeds")]
 pub(super) enum Seeds {
-    /// Replicates with the seeds from 1.
+    /// Number of replicates, with the seeds from 1.
     Replicates(u64),
     /// One replicate for each seed.
     List(Vec<u64>),
 }
 
-/// How behaviours are counted.
+/// Settings of the count of behaviours.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct BehavioursMessage {
-    /// Taxonomies at the end of the search.
+    /// Number of generations at the end of the search whose taxonomies are judged.
     pub(super) generations: Option<u32>,
-    /// What replaces the taxonomies of a random search.
+    /// Name of the batches that replace the taxonomies of a random search.
     pub(super) random: Option<String>,
 }
 
@@ -69,7 +69,7 @@ pub(super) struct RecallMessage {
     pub(super) atlas: Table,
     /// Numbers of evaluations after which recall is measured.
     pub(super) at: Option<Vec<u32>>,
-    /// Niches of the behaviour space.
+    /// Number of niches of the behaviour space.
     pub(super) niches: Option<u32>,
 }
 
@@ -77,13 +77,13 @@ pub(super) struct RecallMessage {
 #[serde(deny_unknown_fields)]
 pub(super) struct AxisMessage {
     pub(super) name: String,
-    /// Its values; empty for an axis of numbers.
+    /// Values of the axis; empty for an axis of numbers.
     #[serde(default)]
     pub(super) values: Vec<ValueMessage>,
     /// The field that takes the numbers.
     pub(super) field: Option<String>,
     pub(super) numbers: Option<NumbersMessage>,
-    /// The numbers with `--quick`, if they differ.
+    /// The numbers with `--quick`, if they differ from `numbers`.
     pub(super) quick: Option<NumbersMessage>,
     /// The field and numbers of an axis of numbers; set once its values are generated.
     #[serde(skip)]
@@ -107,7 +107,7 @@ pub(super) struct ValueMessage {
     /// Fields of the campaigns that have this value.
     #[serde(default)]
     pub(super) campaign: Table,
-    /// The changes by `--quick`.
+    /// The changes that `--quick` makes.
     #[serde(default)]
     pub(super) quick: Table,
 }
@@ -119,18 +119,18 @@ pub(super) struct PublishedMessage {
     /// The publication.
     #[serde(default)]
     pub(super) source: String,
-    /// The rows: the name of a value by the name of its axis.
+    /// The rows that the figures belong to: the name of a value, by the name of its axis.
     #[serde(default, rename = "where")]
     pub(super) rows: BTreeMap<String, String>,
     pub(super) figures: BTreeMap<String, f64>,
 }
 
-/// The changes by `--quick`.
+/// The changes that `--quick` makes.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct QuickMessage {
     pub(super) seeds: Option<Seeds>,
-    /// How many embedders the replicates share.
+    /// Number of embedders that the replicates share.
     pub(super) embedders: Option<u32>,
     /// Fields of all campaigns.
     #[serde(default)]
@@ -140,7 +140,7 @@ pub(super) struct QuickMessage {
 }
 
 impl StudyMessage {
-    /// The study with the changes of `[quick]`, or without them.
+    /// The study; if `quick` is true, with the changes of `[quick]`.
     pub(super) fn made(mut self, quick: bool) -> Result<Self, Invalid> {
         for axis in &mut self.axes {
             (axis.values, axis.about) = axis.numbered(quick)?;
@@ -176,8 +176,8 @@ impl StudyMessage {
         Ok(self)
     }
 
-    /// The fields of the campaigns of a row: the shared fields, overridden by those of each value, then by the changes of `--quick`
-    /// in the same order.
+    /// The fields of the campaigns of a row: the shared fields, overridden by the fields of each value. With `--quick`, its
+    /// changes to the shared fields, then its changes to each value, override these fields.
     pub(super) fn campaign_of(&self, row: &[usize]) -> Table {
         let mut table = self.campaign.clone();
         let values = || {
@@ -194,8 +194,8 @@ impl StudyMessage {
 }
 
 impl AxisMessage {
-    /// The values of the axis, one for each number, and its field and numbers; with `quick`, the numbers for `--quick`. For an axis
-    /// whose values are written one by one: these values, and `None`.
+    /// The values of an axis of numbers, one for each number, and the field and the numbers of the axis. With `quick`, the
+    /// numbers for `--quick`. For an axis whose values are written one by one, returns these values and `None`.
     fn numbered(&self, quick: bool) -> Result<(Vec<ValueMessage>, Option<NumberAxis>), Invalid> {
         let path = |field| format!("axes.{field} of {}", self.name);
         let (field, numbers) = match (&self.field, &self.numbers) {

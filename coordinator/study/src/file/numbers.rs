@@ -10,12 +10,12 @@ const MOST_NUMBERS: usize = 64;
 const FIELD_CHARS: usize = 64;
 const FIELD_PARTS: usize = 4;
 
-/// `numbers = [6, 12, 24]` or `numbers = { from = 0, to = 0.5, count = 6 }`.
+/// The numbers of an axis, as `numbers = [6, 12, 24]` or `numbers = { from = 0, to = 0.5, count = 6 }`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(untagged, expecting = "a list of numbers, or a table with from, to and count")]
 pub(super) enum NumbersMessage {
     List(Vec<Number>),
-    /// This many numbers, evenly spread, both ends included.
+    /// `count` numbers, evenly spread, with both ends included.
     Spread(Spread),
 }
 
@@ -24,11 +24,11 @@ pub(super) enum NumbersMessage {
 pub(super) struct Spread {
     from: Number,
     to: Number,
-    /// How many numbers, at least two.
+    /// Count of the numbers, at least two.
     count: usize,
 }
 
-/// A number as written in TOML: a field for whole numbers takes no others.
+/// A number as written in TOML. A field for whole numbers accepts only whole numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(untagged, expecting = "a number")]
 pub(super) enum Number {

@@ -21,7 +21,7 @@ const NICHES: u32 = 500;
 /// Most niches of the behaviour space.
 const MOST_NICHES: u32 = 5000;
 
-/// How recall and richness are measured; `None` if they are not.
+/// The plan for measuring recall and richness; `None` if the study measures neither.
 pub(super) fn plan(message: &StudyMessage) -> Result<Option<RecallPlan>, StudyError> {
     let mut which = message.measures.iter().flatten();
     let measure = which.find(|name| is_of_recall(name));

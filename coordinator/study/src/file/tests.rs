@@ -1,4 +1,4 @@
-//! Study files, good and bad.
+//! Tests of valid and invalid study files.
 
 mod recall;
 

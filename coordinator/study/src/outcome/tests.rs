@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 const MILLING: &str = "milling";
 const RANDOM: &str = "random";
 
-/// The first row is complete; the second lacks a replicate.
+/// An outcome whose first row is complete, and whose second row lacks a replicate.
 fn outcome(corrections: Corrections) -> Outcome {
     let study = sample::study();
     let measured = vec![
@@ -42,7 +42,7 @@ fn figures_are_means_and_deviations_over_trials() {
     assert_eq!(distinct.published, Some(3.5));
     assert_eq!(entry(&outcome, 0, 0, Figure::DistinctBySecond).mean, 1.75);
     assert_eq!(entry(&outcome, 0, 0, Figure::DistinctByBoth).mean, 1.75);
-    // 1.5 milling medoids in the taxonomies of replicate 1, 0.5 in those of replicate 2.
+    // The taxonomies of replicate 1 have 1.5 milling medoids on average, the taxonomies of replicate 2 have 0.5.
     assert_eq!(entry(&outcome, 0, 0, Figure::Class(Class::Milling)).mean, 1.0);
     let alone = entry(&outcome, 0, 1, Figure::Distinct);
     assert_eq!(

@@ -1,4 +1,4 @@
-//! The paths drawn on a canvas, as an eye sees them: covered area, enclosed area, and outline.
+//! Draws the paths on a canvas, and measures the drawing: covered area, enclosed area, and outline.
 
 use super::{
     paths::{Paths, Point, centre, distance, length, minus},
@@ -8,16 +8,16 @@ use std::{collections::BTreeMap, f64::consts::TAU};
 
 /// Cells along a side of the canvas.
 const CELLS: usize = 54;
-/// Cells along a side of the arena; the others are a margin around it.
+/// Cells along a side of the arena; the other cells are a margin around the arena.
 const ARENA: f64 = 50.0;
 /// Directions in which an outline is measured.
 const RAYS: usize = 48;
 
-/// Which cells are covered.
+/// For each cell of the canvas, whether it is covered.
 #[derive(Debug, Clone)]
 struct Shape(Vec<bool>);
 
-/// The drawn shapes.
+/// The canvas with the drawn paths.
 #[derive(Debug)]
 pub(super) struct Canvas {
     covered: Shape,
@@ -63,7 +63,7 @@ impl Canvas {
         all
     }
 
-    /// How many robots share cells of their paths, and whether they move the same way there.
+    /// How many robots share cells of their paths, and whether they move the same way in these cells.
     fn visited(&self) -> [f64; 9] {
         let cells = self.visits.len() as f64;
         let by = |low: f64, high: f64| {
@@ -184,7 +184,7 @@ impl Shape {
         ]
     }
 
-    /// The largest part with the area it encloses, and that part alone.
+    /// The cells of the largest part with the area that it encloses, and the cells of that part alone.
     fn largest(&self) -> Option<(Vec<Point>, Vec<Point>)> {
         let mut parts = self.parts(true, around);
         let part = (!parts.is_empty()).then(|| parts.swap_remove(0))?;
@@ -200,7 +200,8 @@ impl Shape {
         Some((cells.map(cell).collect(), part.into_iter().map(cell).collect()))
     }
 
-    /// The outline of the largest part: how well it fills its hull and its circle, and how far it is from a circle.
+    /// The outline of the largest part: how well the part fills its hull and its circle, and how far its outline is from a
+    /// circle.
     fn outline(&self) -> [f64; 14] {
         let Some((filled, part)) = self.largest() else {
             return [0.0; 14];
@@ -289,7 +290,7 @@ fn at_edge(place: usize) -> bool {
     x == 0 || y == 0 || x == CELLS - 1 || y == CELLS - 1
 }
 
-/// The four cells beside one.
+/// The cells beside a cell, at most four.
 fn sides(place: usize) -> impl Iterator<Item = usize> {
     let (x, y) = (place / CELLS, place % CELLS);
     let inside = move |dx: isize, dy: isize| {
@@ -301,7 +302,7 @@ fn sides(place: usize) -> impl Iterator<Item = usize> {
         .flatten()
 }
 
-/// The eight cells around one.
+/// The cells around a cell, at most eight.
 fn around(place: usize) -> Vec<usize> {
     let mut all: Vec<usize> = sides(place).collect();
     let (x, y) = (place / CELLS, place % CELLS);

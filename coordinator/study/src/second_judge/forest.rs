@@ -1,15 +1,15 @@
 //! Classifies by measures: a forest of decision trees with one vote each.
 //!
-//! Trees only compare a measure with a threshold. A swarm unlike all training examples is still judged by which side of a threshold
-//! it is on, however far beyond it is.
+//! Trees only compare a measure with a threshold. For a swarm unlike all training examples, only the side of each threshold
+//! counts, however far the measure is from the threshold.
 
 use murmuration_swarm::{Class, World};
 
-/// A node of a tree, as written by `scripts/second-judge`. Its children follow it.
+/// A node of a tree, as written by `scripts/second-judge`. The children of a node follow the node.
 #[derive(Debug, Clone, Copy)]
 enum Node {
-    /// A split: number of a measure, a threshold, and place in the tree of the child for values above the threshold. The other
-    /// child is the next node.
+    /// A split: the number of a measure, a threshold, and the place of the child for values above the threshold. The other child
+    /// is the next node.
     S(u8, f64, u16),
     /// A leaf: the number of the class in [`Class::ALL`].
     L(u8),
@@ -20,8 +20,8 @@ use Node::{L, S};
 /// Each tree begins with its root.
 static FOREST: &[&[Node]] = &include!("forest.txt");
 
-/// The class with the most votes among those that have a meaning in `world`; of equals the last in [`Class::ALL`], which ends with
-/// `random`.
+/// The class with the most votes among those that have a meaning in `world`; of classes with equally many votes, the last in
+/// [`Class::ALL`], which ends with `random`.
 pub(super) fn class(measures: &[f64], world: &World) -> Class {
     let mut votes = [0_u32; Class::ALL.len()];
     for tree in FOREST {
@@ -53,7 +53,7 @@ fn vote(tree: &[Node], measures: &[f64]) -> Option<usize> {
 mod tests {
     use super::{super::measures::MEASURES, *};
 
-    /// Therefore every walk through a tree ends at a class.
+    /// Every walk through a tree ends at a class, because children come after their node.
     #[test]
     fn every_tree_leads_on_to_leaves() {
         assert_eq!(FOREST.len(), 50);

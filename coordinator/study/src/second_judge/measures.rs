@@ -1,5 +1,5 @@
-//! The second judge's measures of a motion. Reflections, quarter turns and the order of the robots do not change them, except for
-//! the rounding of the canvas.
+//! The second judge's measures of a motion. Reflections, quarter turns and the order of the robots do not change the measures,
+//! except for the rounding of the canvas.
 
 use super::{
     canvas::Canvas,
@@ -29,13 +29,13 @@ pub(super) fn measures(paths: &Paths) -> Vec<f64> {
     .concat()
 }
 
-/// Distances of the nearest and the third nearest neighbours at the end, and of the nearest between the middles of the paths; in
-/// spacings.
+/// Distances to the nearest and the third nearest neighbour at the end, and from the middle of a path to the nearest middle of
+/// another path; in spacings.
 fn neighbours(paths: &Paths) -> Vec<f64> {
     let of = |points: &[Point], place: usize| -> Vec<f64> {
         let one = |&here: &Point| {
             let mut all: Vec<f64> = points.iter().map(|&other| distance(here, other)).collect();
-            // The first is the robot itself.
+            // The least distance is that of the robot from itself.
             let place = place.min(all.len() - 1);
             let (_, &mut away, _) = all.select_nth_unstable_by(place, f64::total_cmp);
             away / paths.spacing
@@ -119,7 +119,7 @@ fn linked(points: &[Point], reach: f64) -> Vec<f64> {
     sizes
 }
 
-/// How the robots are arranged around the middle of the swarm, and how far they go round it.
+/// How the robots are arranged around the middle of the swarm, and how far the robots move around this middle.
 fn rings(paths: &Paths) -> Vec<f64> {
     let homes = paths.homes();
     let middle = centre(&homes);
@@ -277,14 +277,14 @@ fn walls(paths: &Paths) -> Vec<f64> {
         .collect()
 }
 
-/// The robot nearest to the one at `here`; `here` itself if it is alone.
+/// The place of the robot nearest to the robot at `here`; `here` itself without other robots.
 fn nearest(points: &[Point], here: usize) -> usize {
     let others = (0..points.len()).filter(|&other| other != here);
     let away = |&other: &usize| distance(points[here], points[other]);
     others.min_by(|a, b| away(a).total_cmp(&away(b))).unwrap_or(here)
 }
 
-/// How much longer than wide a swarm is: 0 if round, 1 if a line.
+/// How much longer than wide a swarm is: 0 for a round swarm, 1 for a line.
 fn elongation(points: &[Point]) -> f64 {
     let middle = centre(points);
     let moment = |a: usize, b: usize| {

@@ -1,4 +1,4 @@
-//! The paths that the second judge sees, and points.
+//! The paths that the second judge sees, and operations on points.
 
 use murmuration_swarm::{Boundary, Pose, Replay, World};
 use std::f64::consts::TAU;
@@ -29,7 +29,7 @@ pub(super) struct Paths {
 }
 
 impl Paths {
-    /// The paths at the end of a replay. On a torus they continue across the edges, near the middle of the swarm.
+    /// The paths at the end of a replay. On a torus, the paths continue across the edges, and lie near the middle of the swarm.
     pub(super) fn of(replay: &Replay, world: &World) -> Self {
         let frames: Vec<&[Pose]> = replay.frames().collect();
         let end = replay.steps().last().copied().unwrap_or(0);
@@ -82,7 +82,7 @@ impl Paths {
 fn join(paths: &mut [Vec<Point>], torus: &World) {
     let sides = [torus.width(), torus.height()];
     let ends = paths.iter().map(|path| path[path.len() - 1]);
-    // A circular mean: the edges of a torus are not special.
+    // The mean is circular, because the edges of a torus are not special.
     let sums = ends.fold([[0.0; 2]; 2], |sums, end| {
         [0, 1].map(|axis| {
             let (sine, cosine) = libm::sincos(end[axis] / sides[axis] * TAU);

@@ -95,7 +95,8 @@ fn recall_that_cannot_be_measured_is_refused() {
 
 #[test]
 fn estimates_of_richness_alone_need_single_starts() {
-    // Recall counts whether something was found, not how often; and a search has no estimates that several starts could bias.
+    // Recall counts whether a niche was found, not how often. A search that is not random has no estimates of richness that
+    // several starts could bias.
     let starts = RECALL.replace(
         ", evaluation.judge = true",
         ", evaluation = { judge = true, starts = 4 }",
