@@ -8,14 +8,14 @@ use std::fmt;
 pub enum BehaviourSpace {
     /// The five hand-crafted features, unscaled (Brown et al.).
     Features,
-    /// The embedding of the picture, unscaled (the paper's).
+    /// The embedding of the picture, unscaled, as in the paper.
     Embedding,
     /// The embedding followed by the features, each part scaled ([`Scale`]).
     Both,
 }
 
 impl BehaviourSpace {
-    /// Its name in files.
+    /// Name of the space in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -25,19 +25,19 @@ impl BehaviourSpace {
         }
     }
 
-    /// Whether the embedding is a part of it.
+    /// Whether the embedding is a part of the space.
     #[must_use]
     pub const fn embeds(self) -> bool {
         matches!(self, Self::Embedding | Self::Both)
     }
 
-    /// Whether the features are a part of it.
+    /// Whether the features are a part of the space.
     #[must_use]
     pub const fn has_features(self) -> bool {
         matches!(self, Self::Features | Self::Both)
     }
 
-    /// The spaces that a method can be measured in, its default first.
+    /// The spaces that a campaign of this method can use, the default first.
     const fn of_method(method: Method) -> &'static [Self] {
         match method {
             Method::Random => &[Self::Features, Self::Embedding, Self::Both],
@@ -74,8 +74,8 @@ impl fmt::Display for BehaviourSpace {
 /// A behaviour space with the factors of its values.
 ///
 /// In [`BehaviourSpace::Both`], each feature is divided by its standard deviation over the first generation and by the root of
-/// five, and the embedding by the root of its total variance there. So each part has a total variance of 1 in the first
-/// generation, and distances depend on both. In the other spaces every factor is 1.
+/// five. The embedding is divided by the root of its total variance over the first generation. Each part then has a total
+/// variance of 1 in the first generation, and distances depend on both parts. In the other spaces, every factor is 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale {
     space: BehaviourSpace,

@@ -64,7 +64,7 @@ impl CampaignSpec {
     /// Reads a campaign file (TOML; the fields are those of the message `CampaignSpec`).
     ///
     /// # Errors
-    /// Says where the text is not TOML, which field is unknown, or which value is not allowed.
+    /// The error names the place that is not TOML, the unknown field, or the value that is not allowed.
     pub fn from_toml(text: &str) -> Result<Self, SpecFileError> {
         Ok(toml_file::campaign(text)?.try_into()?)
     }
@@ -72,7 +72,7 @@ impl CampaignSpec {
     /// Reads a campaign file from a table in memory; the fields are those of [`CampaignSpec::from_toml`].
     ///
     /// # Errors
-    /// As [`CampaignSpec::from_toml`], without a line.
+    /// The errors of [`CampaignSpec::from_toml`], without a line.
     pub fn from_table(table: toml::Table) -> Result<Self, SpecFileError> {
         Ok(toml_file::campaign_of_table(&table)?.try_into()?)
     }
@@ -81,13 +81,13 @@ impl CampaignSpec {
     /// checked.
     ///
     /// # Errors
-    /// As [`CampaignSpec::from_toml`].
+    /// The errors of [`CampaignSpec::from_toml`].
     pub fn robots_from_toml(text: &str) -> Result<(CapabilityModel, World), SpecFileError> {
         Ok(swarm::swarm(&toml_file::campaign(text)?)?)
     }
 
-    /// Writes a campaign file with every field, except those of obstacles, start and noise if the world has the paper's.
-    /// [`CampaignSpec::from_toml`] reads the same specification back.
+    /// Writes a campaign file with every field, except some fields of the world and of the evaluation that have their defaults.
+    /// [`CampaignSpec::from_toml`] reads the same specification from the file.
     #[must_use]
     pub fn to_toml(&self) -> String {
         toml::to_string(&v1::CampaignSpec::from(self)).unwrap_or_default()
@@ -115,7 +115,7 @@ impl CampaignSpec {
         self.method
     }
 
-    /// Space of novelty, clusters, queries and maps.
+    /// Behaviour space, in which novelty, clusters, queries and maps are measured.
     #[must_use]
     pub const fn space(&self) -> BehaviourSpace {
         self.space
@@ -184,27 +184,29 @@ impl CampaignSpec {
         self.embedder.as_ref()
     }
 
-    /// How the campaign is taught; `None` if and only if the behaviour space has no embedding.
+    /// How the campaign learns from labels; `None` if and only if the behaviour space has no embedding.
     #[must_use]
     pub const fn feedback(&self) -> Option<&Feedback> {
         self.feedback.as_ref()
     }
 
-    /// Maximum number of bytes of a generation's pictures (4 GiB): a coordinator holds them all until the generation is on disk.
+    /// Maximum number of bytes of a generation's pictures (4 GiB): a coordinator holds all pictures in memory until the
+    /// generation is on disk.
     pub const MAX_GENERATION_BYTES: u64 = 4 << 30;
-    /// Maximum number of bytes of the pictures of an individual's trials: one result of a worker carries those of many
+    /// Maximum number of bytes of the pictures of an individual's trials: one result of a worker contains the pictures of many
     /// individuals.
     pub(crate) const MAX_INDIVIDUAL_BYTES: usize = 1_000_000;
-    /// Maximum number of bytes of the pictures and motions of a report's behaviours (1 GiB): a report holds them all.
+    /// Maximum number of bytes of the pictures and motions of a report's behaviours (1 GiB): a report holds all of these pictures
+    /// and motions.
     pub(crate) const MAX_TAXONOMY_BYTES: u64 = 1 << 30;
 
-    /// Bytes of the pictures of an individual, one per trial.
+    /// Number of bytes of an individual's pictures, one picture per trial.
     #[must_use]
     pub const fn individual_bytes(&self) -> usize {
         self.starts.get() * self.image.bytes()
     }
 
-    /// Number of evaluations if nobody intervenes, including those after unattended rounds.
+    /// Number of evaluations if nobody intervenes, including the evaluations after unattended rounds.
     #[must_use]
     pub fn evaluations(&self) -> u64 {
         let further = self.feedback.as_ref().map_or(0, |feedback| {
@@ -213,7 +215,7 @@ impl CampaignSpec {
         self.search.evaluations() + further * u64::from(self.search.population())
     }
 
-    /// A copy with another seed (0 to 2^63 - 1). The training gets the seed too, unless it has its own.
+    /// A copy with another seed (0 to 2^63 - 1). The training gets the seed too, unless the training has a seed of its own.
     ///
     /// # Errors
     /// If the seed is out of range.
@@ -346,7 +348,7 @@ impl From<&CampaignSpec> for v1::CampaignSpec {
 /// Error in a campaign file.
 #[derive(Debug, thiserror::Error)]
 pub enum SpecFileError {
-    /// Not TOML, an unknown field, or a value of the wrong type, with its place.
+    /// A text that is not TOML, an unknown field, or a value of the wrong type, with the place in the file.
     #[error(transparent)]
     Syntax(#[from] TomlError),
     #[error(transparent)]

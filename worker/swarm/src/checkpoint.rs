@@ -36,24 +36,25 @@ impl FromStr for CheckpointDigest {
 /// The description of a checkpoint: its lineage and its figures.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Lineage {
-    /// The checkpoint that training started from; `None` if from scratch.
+    /// The checkpoint that training started from; `None` if it started from scratch.
     pub parent: Option<CheckpointDigest>,
-    /// Digest of the images it was trained on, hexadecimal, at most 64 characters; empty if none.
+    /// Digest of the images that the embedder was trained on, hexadecimal, at most 64 characters; empty if there were none.
     pub data_digest: String,
-    /// Digest of the labels it was trained on, hexadecimal, at most 64 characters; empty if none.
+    /// Digest of the labels that the embedder was trained on, hexadecimal, at most 64 characters; empty if there were none.
     pub label_digest: String,
     /// The training configuration, TOML; at most 64 KiB, without invisible characters.
     pub configuration: String,
-    /// Figures measured on it, by name (1 to 64 visible characters), each at most [`Lineage::MAX_FIGURE`]; at most 100.
+    /// At most 100 figures measured on the checkpoint, by name (1 to 64 visible characters), each at most
+    /// [`Lineage::MAX_FIGURE`].
     pub metrics: BTreeMap<String, f64>,
-    /// The pictures whose classes it or its ancestors learned from.
+    /// The pictures whose classes the embedder or its ancestors learned from.
     pub labelled: SeenPictures,
 }
 
 impl Lineage {
     /// Largest magnitude of a figure: well above any loss, spread or count.
     pub const MAX_FIGURE: f64 = 1e15;
-    /// Maximum number of bytes of its configuration.
+    /// Maximum number of bytes of a configuration.
     const MAX_CONFIGURATION: usize = 64 << 10;
     /// Maximum number of characters of a digest, or of a figure's name.
     const MAX_NAME: usize = 64;

@@ -5,10 +5,10 @@ use crate::{BehaviourSpace, Invalid, text};
 /// How the behaviours that a taxonomy shows are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Choice {
-    /// Behaviours that cover the behaviour space: each is the farthest from those before it. If the embedder learned from
-    /// labels, a behaviour of each of their classes comes first.
+    /// Behaviours that cover the behaviour space: each is the farthest from all behaviours before it. If the embedder learned
+    /// from labels, a behaviour of each labelled class comes first.
     Coverage,
-    /// The medoids of all individuals, which lie where individuals are many (the paper's).
+    /// The k-medoids of all individuals, which lie where there are many individuals, as in the paper.
     Medoids,
     /// The medoids of each class, if the embedder learned from labels.
     ByClass,
@@ -17,7 +17,7 @@ pub enum Choice {
 impl Choice {
     const ALL: [Self; 3] = [Self::Coverage, Self::Medoids, Self::ByClass];
 
-    /// Its name in files.
+    /// Name of the choice in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -27,10 +27,10 @@ impl Choice {
         }
     }
 
-    /// The choice of this name; the default if there is none.
+    /// The choice of this name; without a name, the default.
     ///
     /// # Errors
-    /// If there is no such choice, or it needs an embedding that learns from labels and `space` has none.
+    /// If no choice has this name, or if the choice needs an embedding that learns from labels and `space` has none.
     pub(crate) fn from_field(name: Option<&str>, space: BehaviourSpace) -> Result<Self, Invalid> {
         let Some(name) = name else {
             return Ok(Self::Coverage);

@@ -9,7 +9,7 @@ record! {
     pub struct Dataset {
         /// Number of controllers, 4 to 1,000,000.
         controllers: u32,
-        /// Simulations of each controller, each from its own random start, 1 to 100.
+        /// Number of simulations of each controller, each from its own random start, 1 to 100.
         starts: u32,
         /// Whether the controllers must pass the heuristic filter.
         filter: bool,
@@ -17,7 +17,7 @@ record! {
 }
 
 impl Dataset {
-    /// Maximum number of bytes of a dataset's pictures: a trainer holds them all.
+    /// Maximum number of bytes of a dataset's pictures: a trainer holds all pictures in memory.
     pub const MAX_BYTES: u64 = 8 << 30;
 
     #[must_use]
@@ -28,7 +28,7 @@ impl Dataset {
     /// Validates a dataset. `default` fills absent fields; `bytes` is the size of a picture.
     ///
     /// # Errors
-    /// Names the field that is out of range.
+    /// The error names the field that is out of range.
     pub(crate) fn from_message(message: v1::Dataset, default: Self, bytes: usize) -> Result<Self, Invalid> {
         let controllers = message.controllers.unwrap_or(default.controllers);
         let starts = message.starts.unwrap_or(default.starts);
@@ -44,7 +44,7 @@ impl Dataset {
         Ok(dataset)
     }
 
-    /// The default of a campaign. An untrained network needs fewer controllers, which only scale it.
+    /// The default dataset of a campaign. An untrained network needs fewer controllers, because they only scale its embeddings.
     pub(crate) const fn default_for(untrained: bool, filter: bool) -> Self {
         let (controllers, starts) = if untrained { (1_000, 1) } else { (10_000, 2) };
         Self {

@@ -1,12 +1,12 @@
-//! The controllers of a finite space in a fixed order, mirror images once.
+//! The controllers of a finite space in a fixed order, with one controller for two mirror images.
 
 use crate::{Controller, ControllerSpace, DriveKind, GeneSpace, StartShape, World};
 use std::f64::consts::PI;
 
 /// All controllers of a finite space, in a fixed order.
 ///
-/// Two controllers are *mirror images* if the robots of one move like those of the other in a mirror. If both behave alike,
-/// only the first of the pair in the order of genes is listed. They behave alike in a swarm of one species whose sensors all
+/// Two controllers are *mirror images* if the robots of one move like those of the other in a mirror. If two mirror images behave
+/// alike, only the first in the order of genes is listed. Mirror images behave alike in a swarm of one species whose sensors all
 /// look straight ahead or straight back, in a world without obstacles, given poses or jitter.
 #[derive(Debug, Clone, Copy)]
 pub struct Enumeration<'a> {
@@ -15,7 +15,7 @@ pub struct Enumeration<'a> {
     mirror: Option<Mirror>,
 }
 
-/// How to mirror a controller: by the same change of each pair of speeds.
+/// How to mirror a controller: every pair of speeds changes in the same way.
 #[derive(Debug, Clone, Copy)]
 struct Mirror {
     values: u64,
@@ -65,7 +65,7 @@ impl<'a> Enumeration<'a> {
         self.space.controller(&genes)
     }
 
-    /// The place of each gene's value, the last gene changing fastest.
+    /// The place of each gene's value; the last gene changes fastest.
     fn places(&self, index: u64) -> Vec<u64> {
         let mut rest = index;
         let mut places: Vec<u64> = self
@@ -120,7 +120,8 @@ impl Mirror {
         Some(Self { values, pairs, kind })
     }
 
-    /// The places of the speeds at `index`, among controllers that do not come after their mirror image.
+    /// The places of the speeds of the controller at `index`, in a list of the controllers that do not come after their mirror
+    /// image.
     fn places(self, index: u64) -> Vec<u64> {
         let mut places = Vec::with_capacity(2 * self.pairs as usize);
         let mut rest = index;
@@ -139,8 +140,8 @@ impl Mirror {
         places
     }
 
-    /// The pair of speeds with `after` pairs after it, if all earlier pairs are their own mirror images. Subtracts from `rest`
-    /// the number of controllers with a lower pair here.
+    /// The pair of speeds that `after` pairs follow, if all earlier pairs are their own mirror images. The function subtracts
+    /// from `rest` the number of controllers with a lower pair in this place.
     fn first_pair(self, rest: &mut u64, after: u32, decided: &mut bool) -> u64 {
         let pairs = self.values * self.values;
         for pair in 0..pairs {
@@ -163,12 +164,12 @@ impl Mirror {
         pairs - 1
     }
 
-    /// Number of controllers of this many pairs.
+    /// Number of controllers with this many pairs.
     const fn all(self, pairs: u32) -> u64 {
         (self.values * self.values).pow(pairs)
     }
 
-    /// Number of controllers of this many pairs that are their own mirror images.
+    /// Number of controllers with this many pairs that are their own mirror images.
     const fn own_images(self, pairs: u32) -> u64 {
         self.values.pow(pairs)
     }
@@ -202,7 +203,7 @@ mod tests {
         assert_eq!(len(two, "[controllers]\nstep = 1"), Some(3_u64.pow(8)));
         let six = "[robot]\nsensors = [{}, {}, {}, {}, {}, {}]";
         assert_eq!(len(six, ""), None);
-        // The mirror image of such a world is another world.
+        // The mirror image of a world with jitter or an obstacle is another world.
         let uneven = "[world]\njitter = true\n[controllers]\nstep = 1";
         assert_eq!(len(SINGLE, uneven), Some(81));
         let obstacle = "[controllers]\nstep = 1\n[[world.obstacles]]\nx = 100\ny = 100\nradius = 20";

@@ -21,8 +21,8 @@ pub const FEATURE_NAMES: [&str; 5] = [
 /// enough to compute distances.
 pub const MAX_FEATURE: f64 = 1e12;
 
-/// Largest magnitude of a number of an embedding: well above those of a network that tells pictures apart, and small enough to
-/// compute distances.
+/// Largest magnitude of a number of an embedding: well above the numbers of a network that distinguishes pictures, and small
+/// enough to compute distances.
 pub const MAX_EMBEDDING: f32 = 1e12;
 
 /// Mean features of an individual's trials; zeros without trials. The mean of one trial has that trial's bits.
@@ -57,7 +57,7 @@ pub struct Evaluation<I = Vec<u8>> {
     image: I,
     /// Empty if not requested.
     embedding: Vec<f32>,
-    /// `None` if not requested.
+    /// `None` if the verdict was not requested.
     verdict: Option<Verdict>,
 }
 
@@ -74,7 +74,7 @@ impl Evaluation {
     /// An evaluation with its picture in `format`.
     ///
     /// # Errors
-    /// Names a feature that is not finite or over [`MAX_FEATURE`], or a picture of the wrong length.
+    /// The error names a feature that is not finite or over [`MAX_FEATURE`], or a picture of the wrong length.
     pub fn new(features: Features, image: Vec<u8>, format: &ImageFormat) -> Result<Self, Invalid> {
         check_features(&features)?;
         if image.len() != format.bytes() {
@@ -98,7 +98,7 @@ impl Evaluation {
     /// Adds the embedding of the picture, which must have `dimensions` numbers.
     ///
     /// # Errors
-    /// As [`check_embedding`].
+    /// The errors of [`check_embedding`].
     pub fn embedded(self, embedding: Vec<f32>, dimensions: usize) -> Result<Self, Invalid> {
         Ok(Self {
             embedding: check_embedding(&embedding, dimensions).map(|()| embedding)?,
@@ -295,7 +295,7 @@ impl EmbeddingKind {
     pub fn of(description: &str) -> Self {
         let hash = blake3::hash(description.as_bytes());
         let first = hash.as_bytes().first_chunk().copied().unwrap_or_default();
-        // 0 means unknown.
+        // Kind 0 means unknown.
         Self(u64::from_le_bytes(first) | 1)
     }
 
@@ -304,7 +304,7 @@ impl EmbeddingKind {
         self.0
     }
 
-    /// Whether the kind is known; a machine without a known kind does not embed.
+    /// Whether the kind is known. A machine without a known kind does not embed.
     #[must_use]
     pub const fn is_known(self) -> bool {
         self.0 != Self::UNKNOWN.0
@@ -317,12 +317,12 @@ impl From<u64> for EmbeddingKind {
     }
 }
 
-/// Largest difference between embeddings of one picture by machines of different kinds, relative to their size and absolute.
-/// Rounding a thousand sums in another order differs by a hundredth of this.
+/// Largest difference between embeddings of one picture by machines of different kinds, as a share of the largest value (or of
+/// 1). A thousand sums in another order differ by a hundredth of this.
 const NEAR: f32 = 1e-3;
 
 /// Whether two embeddings, each with the kind of its machine, can be of the same picture. Embeddings by machines of one known
-/// kind must have the same bits. Others may differ by a thousandth of the largest value, or of 1 if that is larger.
+/// kind must have the same bits. Other embeddings can differ by a thousandth of the largest value, or of 1 if 1 is larger.
 #[must_use]
 pub fn embeddings_agree(
     (one, kind): (&[f32], EmbeddingKind),

@@ -11,12 +11,12 @@ pub enum Strategy {
     Random,
     /// The medoids of the archive, then the members of their clusters that nearly belong to another cluster.
     Medoids,
-    /// The medoids of the archive, then the individuals that are farthest from all before them.
+    /// The medoids of the archive, then further individuals, each the farthest from all before it.
     Coverage,
 }
 
-/// How a campaign is taught. In each round individuals are labelled, the embedder is fine-tuned on all labels, the archive
-/// moves to the new embedder, and the search continues there.
+/// How a campaign learns from labels. In each round, annotators label individuals, a trainer fine-tunes the embedder on all
+/// labels, the archive moves to the new embedder, and the search continues.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Feedback {
     rounds: u32,
@@ -28,44 +28,44 @@ pub struct Feedback {
 }
 
 impl Feedback {
-    /// Unattended rounds, in which the synthetic annotator labels, 0 to 1,000. Other rounds begin on request.
+    /// Number of unattended rounds, in which the synthetic annotator labels, 0 to 1,000. Other rounds begin on request.
     #[must_use]
     pub const fn rounds(&self) -> u32 {
         self.rounds
     }
 
-    /// Individuals that the synthetic annotator labels per round, 2 to 50,000.
+    /// Number of individuals that the synthetic annotator labels per round, 2 to 50,000.
     #[must_use]
     pub const fn labels(&self) -> u32 {
         self.labels
     }
 
-    /// How the synthetic annotator's individuals are chosen.
+    /// How the individuals that the synthetic annotator labels are chosen.
     #[must_use]
     pub const fn strategy(&self) -> Strategy {
         self.strategy
     }
 
-    /// Generations that each round adds to the search, 0 to 100,000.
+    /// Number of generations that each round adds to the search, 0 to 100,000.
     #[must_use]
     pub const fn generations(&self) -> u32 {
         self.generations
     }
 
-    /// How the embedder is fine-tuned; [it learns from labels](Recipe::is_labelled).
+    /// How the embedder is fine-tuned: a recipe that [learns from labels](Recipe::is_labelled).
     #[must_use]
     pub const fn recipe(&self) -> &Recipe {
         &self.recipe
     }
 
-    /// Number of simulations of each labelled controller to learn from, 1 to 16: the labelled one, and others from random
-    /// starts.
+    /// Number of simulations of each labelled controller that training learns from, 1 to 16: the labelled simulation, and others
+    /// from random starts.
     #[must_use]
     pub const fn starts(&self) -> u32 {
         self.starts
     }
 
-    /// Seeds of the further starts of a labelled individual, under the seed of its campaign.
+    /// Seeds of the further starts of a labelled individual; `seed` is the campaign's.
     pub fn further_starts(&self, seed: u64, index: u64) -> impl Iterator<Item = u64> + use<> {
         let first = index * 16;
         let places = first + 1..first + u64::from(self.starts);
@@ -89,7 +89,7 @@ impl TryFrom<v1::Feedback> for Feedback {
     }
 }
 
-/// The recipe; `labelled` by default.
+/// Reads the recipe; the default is `labelled`.
 fn recipe(text: Option<&str>) -> Result<Recipe, Invalid> {
     let Some(text) = text else {
         return Recipe::named("labelled");
@@ -124,7 +124,7 @@ impl From<&Feedback> for v1::Feedback {
 impl Strategy {
     pub const ALL: [Self; 3] = [Self::Random, Self::Medoids, Self::Coverage];
 
-    /// Its name in files and on the command line.
+    /// Name of the strategy in files and on the command line.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

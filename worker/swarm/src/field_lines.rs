@@ -2,9 +2,9 @@
 
 use toml::de::{DeTable, DeValue};
 
-/// The line, from 1, on which a campaign file sets a field, such as `search.population` or `species[1].name`; `None` if it does
-/// not. For a field missing in a list, the line is that of the closest item or list. If the path is not in the file, as when
-/// the field is named without its tables, the line is that of the only field with the same last name.
+/// The line, from 1, on which a campaign file sets a field, such as `search.population` or `species[1].name`; `None` if the file
+/// does not set the field. For a field that is missing in a list, the line is that of the closest item or list. If the file has
+/// no such path, because `field` lacks the names of tables, the line is that of the only field with the same last name.
 #[must_use]
 pub fn line_of_field(text: &str, field: &str) -> Option<usize> {
     let table = DeTable::parse(text).ok()?;
@@ -91,7 +91,7 @@ mod tests {
             ("species[1].share", Some(9)),
             ("species[1].robot.sensors[0].sees", Some(12)),
             ("species[1].robot.sensors[1].sees", Some(13)),
-            // A missing field is on the line of the closest list or item.
+            // The line of a missing field is that of the closest list or item.
             ("species[0].count", Some(4)),
             ("species[1].robot.sensors[1].angle", Some(13)),
             ("species[7].name", Some(4)),

@@ -3,9 +3,9 @@
 use crate::{CapabilityModel, Invalid, PictureShape, World, invalid, text};
 use murmuration_proto::v1;
 
-/// The name in files of pictures with all species in one channel.
+/// Name in files for pictures with all species in one channel.
 const ONE: &str = "one";
-/// The name in files of pictures with a channel for each species.
+/// Name in files for pictures with a channel for each species.
 const SPECIES: &str = "species";
 
 /// The format of the picture of a behaviour: its shape, and the number of last steps that it shows.
@@ -22,19 +22,19 @@ impl ImageFormat {
         self.shape.side() as u32
     }
 
-    /// Steps at the end that are drawn, 2 to 10,000,000; the first of them clears the canvas.
+    /// Number of last steps that a picture shows, 2 to 10,000,000. The first of these steps clears the canvas.
     #[must_use]
     pub const fn window(&self) -> u32 {
         self.window
     }
 
-    /// The shape of its pictures. They have one channel, or one for each species of the swarm.
+    /// The shape of pictures: one channel, or one channel for each species of the swarm.
     #[must_use]
     pub const fn shape(&self) -> PictureShape {
         self.shape
     }
 
-    /// Bytes of a picture.
+    /// Number of bytes of a picture.
     #[must_use]
     pub const fn bytes(&self) -> usize {
         self.shape.bytes()
@@ -52,7 +52,7 @@ impl ImageFormat {
     /// Validates a format for simulations of swarms of `model` in `world`.
     ///
     /// # Errors
-    /// Names the field that is out of range, too large for the world, or not allowed for such swarms.
+    /// The error names the field that is out of range, too large for the world, or not allowed for swarms of `model`.
     pub fn for_swarm(
         message: v1::ImageFormat,
         world: &World,
@@ -67,7 +67,7 @@ impl ImageFormat {
         })
     }
 
-    /// Checks that simulations in `world` can have such pictures.
+    /// Checks that simulations in `world` can have pictures of this format.
     ///
     /// # Errors
     /// If the world is smaller than the picture.
@@ -75,7 +75,7 @@ impl ImageFormat {
         check_resolution(self.resolution(), world).map(drop)
     }
 
-    /// Checks that swarms of `model` can have such pictures.
+    /// Checks that swarms of `model` can have pictures of this format.
     ///
     /// # Errors
     /// If there are several channels, and their number is not the model's number of species.
@@ -98,7 +98,7 @@ fn check_resolution(resolution: u32, world: &World) -> Result<u32, Invalid> {
     invalid::whole("resolution", resolution, 1..=most)
 }
 
-/// The number of channels of pictures of such swarms.
+/// The number of channels of pictures of swarms of `model`.
 fn channels(name: Option<&str>, model: &CapabilityModel) -> Result<usize, Invalid> {
     let refused = |allowed: String| {
         let name = name.unwrap_or_default();

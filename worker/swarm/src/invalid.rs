@@ -3,7 +3,7 @@
 use crate::in_full;
 use std::{borrow::Cow, fmt::Display, ops::RangeInclusive};
 
-/// Maximum number of characters shown of a value: enough for several numbers in full.
+/// Maximum number of characters of a value that an error shows: enough for several numbers in full.
 const SHOWN_CHARS: usize = 240;
 
 /// A value from outside that is not allowed.

@@ -1,8 +1,7 @@
-//! What simulates and how it is searched, validated: robots, worlds, controllers, campaign specifications, trainings, random streams.
+//! Validated types: robots, worlds, controllers, campaign specifications, trainings, random streams.
 //!
-//! The messages of the contract ([`murmuration_proto::v1`]) may hold anything. The rest of the project works with the types here.
-//! They can be constructed only through `TryFrom<message>`, or a constructor with the same checks, so no invalid value exists
-//! behind the edge.
+//! Messages of the contract ([`murmuration_proto::v1`]) can hold invalid values; the types here cannot, and the rest of the
+//! project works with these types. Values are constructed only by `TryFrom<message>`, or by a constructor with the same checks.
 
 mod behaviour_space;
 mod campaign_spec;

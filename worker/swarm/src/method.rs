@@ -15,7 +15,7 @@ pub enum Method {
     Latent,
     /// Novelty search with the embedding by an untrained network, for comparison only.
     Untrained,
-    /// Every controller of a finite space, mirror images once, or an evenly spread sample; no novelty.
+    /// Every controller of a finite space, or an evenly spread sample; of two mirror images, only one. Novelty is not measured.
     Exhaustive,
 }
 
@@ -28,7 +28,7 @@ impl Method {
         Self::Exhaustive,
     ];
 
-    /// Its name in files and on the command line.
+    /// Name of the method in files and on the command line.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

@@ -5,7 +5,7 @@ use std::fmt;
 
 /// The shape of pictures: square channels of one side, a byte for each pixel of each channel.
 ///
-/// The bytes of a picture go channel by channel; within a channel, index `x * side + y`.
+/// A picture's bytes are in order of channels. Within a channel, pixel (x, y) has index `x * side + y`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct PictureShape {
     channels: usize,
@@ -16,7 +16,7 @@ impl PictureShape {
     pub const MAX_CHANNELS: usize = 4;
     /// Maximum number of pixels along a side.
     pub const MAX_SIDE: usize = 1000;
-    /// The paper's: one channel of 50 x 50 pixels.
+    /// The paper's shape: one channel of 50 x 50 pixels.
     pub const PAPER: Self = Self {
         channels: 1,
         side: 50,
@@ -25,7 +25,7 @@ impl PictureShape {
     /// Pictures of `channels` (1 to 4) with `side` x `side` pixels each (1 to 1,000 along a side).
     ///
     /// # Errors
-    /// Names the number that is out of range.
+    /// The error names the number that is out of range.
     pub fn new(channels: usize, side: usize) -> Result<Self, Invalid> {
         Ok(Self {
             channels: invalid::whole("channels", channels, 1..=Self::MAX_CHANNELS)?,
@@ -38,19 +38,19 @@ impl PictureShape {
         self.channels
     }
 
-    /// Pixels along a side of a channel.
+    /// Number of pixels along a side of a channel.
     #[must_use]
     pub const fn side(self) -> usize {
         self.side
     }
 
-    /// Pixels of one channel.
+    /// Number of pixels of one channel.
     #[must_use]
     pub const fn pixels(self) -> usize {
         self.side * self.side
     }
 
-    /// Bytes of a picture: the pixels of all channels.
+    /// Number of bytes of a picture: the pixels of all channels.
     #[must_use]
     pub const fn bytes(self) -> usize {
         self.channels * self.pixels()

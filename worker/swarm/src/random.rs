@@ -1,4 +1,4 @@
-//! Random streams that depend on nothing but (campaign seed, purpose, index).
+//! Random streams that depend only on a seed, a purpose and an index.
 
 use rand::{RngExt as _, SeedableRng as _, TryRng};
 use rand_chacha::ChaCha8Rng;
@@ -19,9 +19,9 @@ pub enum Purpose {
     Initialise,
     /// Assignment of images to an epoch's batches; the seed is the training's, the index the epoch's.
     Train,
-    /// Augmentation of one image; the seed is one of a batch, the index the image's place in it.
+    /// Augmentation of one image; the seed is one of a batch, the index the image's place in the batch.
     Augment,
-    /// Choice of the images held out of a training, and of the triplets made of them; the index is 0.
+    /// Choice of the images held out of a training, and of the triplets of these images; the index is 0.
     HeldOut,
     /// Sampling a controller of a dataset; the index is the controller's.
     Dataset,
@@ -29,11 +29,11 @@ pub enum Purpose {
     DatasetStart,
     /// Choice of the behaviours to ask annotators about; the index is 0.
     Query,
-    /// Substitute for an individual whose task is poisoned; the index is made of the individual's and the attempt's.
+    /// Substitute for an individual whose task is poisoned; the index combines the indices of individual and attempt.
     Substitute,
-    /// Substitute for a dataset's controller whose task is poisoned; the index is made of the controller's and the attempt's.
+    /// Substitute for a dataset's controller whose task is poisoned; the index combines the indices of controller and attempt.
     DatasetSubstitute,
-    /// Choice of the tasks to audit; the seed is the coordinator's epoch, the index 0. No result depends on it.
+    /// Choice of the tasks to audit; the seed is the coordinator's epoch, the index 0. No result depends on this stream.
     Audit,
     /// Seeds of the further starts of labelled controllers; the index is 16 times the individual's plus the start's.
     FurtherStart,
@@ -47,7 +47,7 @@ pub enum Purpose {
     /// Seeds of the further starts of an individual; the seed is that of the first start, the index the start's, from 1.
     FurtherTrial,
     /// Resampling of a study's trials and of the judge's errors; the seed is 0, the index that of a table's row. No campaign's
-    /// result depends on it.
+    /// result depends on this stream.
     Resample,
     /// Permutation of the digits of an evenly spread sample, and its shift; the index is the gene's.
     Spread,
@@ -70,7 +70,7 @@ impl Purpose {
             Self::Substitute => "substitute",
             Self::DatasetSubstitute => "dataset substitute",
             Self::Audit => "audit",
-            // The name of an earlier version: the digests of campaigns with feedback depend on it.
+            // The name is that of an earlier version, because the digests of campaigns with feedback depend on the name.
             Self::FurtherStart => "lesson start",
             Self::Slip => "slip",
             Self::Gain => "gain",
@@ -84,9 +84,10 @@ impl Purpose {
 
 /// A reproducible stream of random numbers (ChaCha with 8 rounds, keyed by BLAKE3 of seed, purpose and index).
 ///
-/// Implements [`rand`]'s generator, whose `random` returns uniform bits, or numbers from 0 to 1. Campaigns' digests depend on
-/// the bits of the methods here, so rand's own methods cannot replace them: rand draws the same distributions from other bits,
-/// and may change that in its next version. Where no stored result depends on the numbers, callers use rand's methods.
+/// Implements [`rand`]'s generator, whose `random` returns uniform bits, or numbers from 0 to 1. Campaigns' digests depend on the
+/// bits that the methods of this type return, so rand's own methods cannot replace these methods. rand draws the same
+/// distributions from other bits, and its next version can change how. Where no stored result depends on the numbers, callers use
+/// rand's methods.
 #[derive(Debug, Clone)]
 pub struct RandomStream(ChaCha8Rng);
 
@@ -169,7 +170,7 @@ mod tests {
         );
     }
 
-    /// Also beyond the blocks that the generator computes at once.
+    /// A stream is also the same beyond the blocks that the generator computes at once.
     #[test]
     fn long_streams_are_the_same_for_ever() {
         let mut stream = RandomStream::derive(1, Purpose::Start, 7);
@@ -192,7 +193,7 @@ mod tests {
         assert_eq!(stream.below((1 << 63) + 1), 6670947447661383948);
         let chances = [(); 8].map(|()| stream.chance(0.3));
         assert_eq!(chances, [false, true, false, false, false, true, false, false]);
-        // A certain outcome consumes a number too.
+        // A chance of 1 consumes a number too.
         assert!(stream.chance(1.0));
         let mut list = [0, 1, 2, 3, 4, 5, 6, 7];
         stream.shuffle(&mut list);

@@ -1,7 +1,7 @@
-//! A macro for validated records: private fields, one documented getter each.
+//! A macro for validated records, whose private fields have one documented getter each.
 
-/// Declares a struct whose fields can be read but not written from outside its module. Getters return copies. For fields under
-/// `by reference`, they return a reference to the type after `as`.
+/// Declares a struct whose fields can be read but not written from outside its module. Getters return copies, or, for fields
+/// under `by reference`, a reference to the type after `as`.
 macro_rules! record {
     (
         $(#[$outer:meta])*

@@ -15,8 +15,8 @@ pub struct Replay {
     poses: Vec<Pose>,
 }
 
-/// The frames of a motion to record: the start, one every `stride` steps from the step `first` on, and the end. Together they
-/// have at most [`Frames::MAX_POSES`] poses.
+/// The frames of a motion to record: the start, a frame every `stride` steps from step `first` on, and the end. All frames
+/// together have at most [`Frames::MAX_POSES`] poses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Frames {
     first: u32,
@@ -26,7 +26,7 @@ pub struct Frames {
 impl Frames {
     /// Maximum number of poses of a motion (48 MB): number of frames times number of agents.
     pub const MAX_POSES: u64 = 4_000_000;
-    /// Enough frames to watch a motion; a screen shows no more.
+    /// Number of frames that is enough to watch a motion; a screen shows no more frames.
     pub const WATCHED: u32 = 400;
 
     /// Frames of a motion in `world`: every `stride` steps from step `first` on.
@@ -88,7 +88,7 @@ impl Frames {
         self.first
     }
 
-    /// Steps between two frames.
+    /// Number of steps between two frames.
     #[must_use]
     pub const fn stride(&self) -> NonZeroU32 {
         self.stride
@@ -120,7 +120,8 @@ impl Replay {
     /// A replay of `agents` agents with one block of `agents` poses for each of `steps`.
     ///
     /// # Errors
-    /// Names the fault: no frame, no agent, steps out of order, poses too few, too many or not finite.
+    /// The error names the fault: no frame, no agent, steps out of order, too few or too many poses, or a pose that is not
+    /// finite.
     pub fn new(steps: Vec<u32>, agents: usize, poses: Vec<Pose>) -> Result<Self, Invalid> {
         if steps.first() != Some(&0) || !steps.is_sorted_by(|a, b| a < b) {
             return Err(Invalid::new(
@@ -143,7 +144,7 @@ impl Replay {
         Ok(Self { steps, agents, poses })
     }
 
-    /// Steps done at each frame, ascending from 0.
+    /// Number of steps done at each frame, ascending from 0.
     #[must_use]
     pub fn steps(&self) -> &[u32] {
         &self.steps

@@ -1,7 +1,7 @@
 //! Robots as data: what a robot senses, how it drives, and which numbers control it.
 //!
-//! A robot has k binary sensors and so 2^k sensor states. Its controller is a table with one pair of speeds for each state,
-//! and the angles of the sensors that are free to be chosen.
+//! A robot has k binary sensors and so 2^k sensor states. A robot's controller is a table with one pair of speeds for each state,
+//! and the free angles of the sensors.
 
 mod boundary;
 mod capability_model;
@@ -36,12 +36,13 @@ pub struct Robot {
 impl Robot {
     /// Largest number of sensors.
     pub const MAX_SENSORS: usize = 6;
-    /// Smallest radius of a body, world units. Turning rates, which are divided by it, stay far below what a number can hold.
+    /// Smallest radius of a body, world units. This limit keeps turning rates, which are divided by the radius, far below the
+    /// largest number.
     pub const MIN_RADIUS: f64 = 0.001;
     /// Largest radius of a body, world units.
     pub const MAX_RADIUS: f64 = 1000.0;
 
-    /// A robot with these sensors, S1 first; `radius` of its body in world units.
+    /// A robot with these `sensors`, S1 first, and a body of `radius` world units.
     ///
     /// # Errors
     /// If there are not 1 to 6 sensors, or the radius is not from [`Robot::MIN_RADIUS`] to [`Robot::MAX_RADIUS`].
@@ -61,49 +62,49 @@ impl Robot {
         })
     }
 
-    /// Its sensors, S1 first: 1 to 6.
+    /// The robot's 1 to 6 sensors, S1 first.
     #[must_use]
     pub fn sensors(&self) -> &[Sensor] {
         &self.sensors
     }
 
-    /// Radius of its body, world units, 0.001 to 1,000.
+    /// Radius of the robot's body, world units, 0.001 to 1,000.
     #[must_use]
     pub const fn radius(&self) -> f64 {
         self.radius
     }
 
-    /// How a pair of its controller moves it.
+    /// How a pair of speeds moves the robot.
     #[must_use]
     pub const fn drive(&self) -> &Drive {
         &self.drive
     }
 
-    /// Number of its sensor states: 2 to 64.
+    /// Number of the robot's sensor states: 2 to 64.
     #[must_use]
     pub fn states(&self) -> usize {
         1 << self.sensors.len()
     }
 
-    /// How many of its controller's genes are speeds: two for each sensor state, 4 to 128.
+    /// Number of a controller's genes that are speeds: two for each sensor state, 4 to 128.
     #[must_use]
     pub fn speeds(&self) -> usize {
         2 * self.states()
     }
 
-    /// The sensors whose angle is a gene, by their place in [`Robot::sensors`], in order.
+    /// The angles that are genes, each with the place of its sensor in [`Robot::sensors`], in order.
     pub fn free_angles(&self) -> impl Iterator<Item = (usize, &SensorAngle)> {
         let sensors = self.sensors.iter().map(Sensor::angle).enumerate();
         sensors.filter(|(_, angle)| angle.is_free())
     }
 
-    /// Number of genes of its controllers: 4 to 134.
+    /// Number of genes of the robot's controllers: 4 to 134.
     #[must_use]
     pub fn genes(&self) -> usize {
         self.speeds() + self.free_angles().count()
     }
 
-    /// Names of its controllers' genes, in order.
+    /// Names of the genes of the robot's controllers, in order.
     ///
     /// `left_01` is the left wheel's speed while S1 sees nothing and S2 sees something; a unicycle has `speed_01` and
     /// `turn_01` instead of `left_01` and `right_01`. `angle_2` is the angle of S2.

@@ -4,27 +4,28 @@ use crate::{Invalid, invalid, record::record};
 use murmuration_proto::v1;
 
 record! {
-    /// Population, archive and variation of the search. Population and generations default to the paper's; the paper does not
-    /// give the others, and their defaults are ours.
+    /// Population, novelty and variation of the search. The defaults of population and generations are the paper's, the other
+    /// defaults this project's.
     #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct Search {
         /// Controllers per generation, 1 to 100,000.
         population: u32,
-        /// Generations, including the sampled first one, 1 to 100,000.
+        /// Number of generations, including the sampled first generation, 1 to 100,000.
         generations: u32,
-        /// The k of the novelty metric (paper, Eq. 1), 1 to 100,000.
+        /// Number of nearest neighbours, the k of the novelty metric (paper, Eq. 1), 1 to 100,000.
         neighbours: u32,
-        /// Candidates in a tournament, 1 to 100,000.
+        /// Number of candidates in a tournament, 1 to 100,000.
         tournament: u32,
-        /// Probability p that the best candidate wins a tournament; otherwise the second wins with p, and so on; over 0 to 1.
+        /// Probability p that the best candidate of a tournament wins, over 0 to 1. Otherwise the second best wins with p, and so
+        /// on.
         tournament_pressure: f64,
         /// Probability of one-point crossover, 0 to 1.
         crossover: f64,
         /// Probability that a gene mutates, 0 to 1.
         mutation: f64,
-        /// Largest change of a mutated wheel speed, over 0 to 2.
+        /// Largest change of a mutated speed, as a share of the largest speed, over 0 to 2.
         mutation_step: f64,
-        /// Probability that a mutated wheel speed also changes its sign, 0 to 1.
+        /// Probability that a mutated speed also changes its sign, 0 to 1.
         sign_flip: f64,
     }
 }

@@ -1,9 +1,9 @@
-//! The pictures whose classes an embedder learned from, so that it is not judged by them.
+//! The pictures whose classes an embedder learned from, so that these pictures do not judge the embedder.
 
 use crate::Invalid;
 use std::collections::BTreeSet;
 
-/// Bytes of a fingerprint: among a million pictures, the chance that two share one is one in ten million.
+/// Bytes of a fingerprint: among a million pictures, the chance that two share a fingerprint is under one in ten million.
 const BYTES: usize = 8;
 
 /// The pictures whose classes an embedder or its ancestors learned from, as the first eight bytes of their BLAKE3 digests.
@@ -14,13 +14,13 @@ impl SeenPictures {
     /// Maximum number of pictures: their fingerprints take 2 MiB.
     pub const MOST: usize = 1 << 18;
 
-    /// These pictures, each as its grey values.
+    /// The set of these pictures, given by their grey values.
     #[must_use]
     pub fn of<'a>(pictures: impl Iterator<Item = &'a [u8]>) -> Self {
         Self(pictures.map(fingerprint).collect())
     }
 
-    /// Whether a picture is among them. A wrong yes has a chance of one in ten million.
+    /// Whether a picture is in the set. A wrong yes has a chance of under one in ten million.
     #[must_use]
     pub fn has(&self, picture: &[u8]) -> bool {
         self.0.contains(&fingerprint(picture))

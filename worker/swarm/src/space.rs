@@ -5,13 +5,14 @@ use murmuration_proto::v1;
 use std::f64::consts::PI;
 
 /// The controller space U(C): speeds on a grid (or continuous), and sets or ranges of sensor angles (paper, appendix "Informed
-/// Heuristic Filtering"). With several species, a controller has the genes of each in turn, and a ratio.
+/// Heuristic Filtering"). With several species, a controller has the genes of each species in turn, and then a ratio if there are
+/// several ratios.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ControllerSpace {
     model: CapabilityModel,
-    /// Grid steps from 0 to a largest speed; 0 for a continuous space.
+    /// Number of grid steps from 0 to the largest speed; 0 for a continuous space.
     steps: u32,
-    /// Choices for every free angle without a list of its own; empty: any in its range.
+    /// Angles to choose from for free angles without a list of their own; if empty, they can have any angle in their range.
     angles: Vec<f64>,
     genes: Vec<GeneSpace>,
     initial: Vec<Controller>,
@@ -21,9 +22,9 @@ pub struct ControllerSpace {
 #[derive(Debug, Clone, PartialEq)]
 pub enum GeneSpace {
     Speed {
-        /// Largest magnitude.
+        /// Largest magnitude of the speed.
         limit: f64,
-        /// Grid steps from 0 to `limit`; 0 for any value.
+        /// Number of grid steps from 0 to `limit`; 0 if any value is allowed.
         steps: u32,
     },
     /// One of these angles, radians.
@@ -50,8 +51,8 @@ impl ControllerSpace {
     /// Validates a space for `model`.
     ///
     /// # Errors
-    /// Names the invalid field: a step that does not divide 1 evenly, an angle out of a sensor's range, angles for a model that
-    /// has none to choose, a controller that the model does not have.
+    /// The error names the invalid field: a step that does not divide 1 evenly, an angle out of a sensor's range, angles for a
+    /// model without free ranges, or an initial controller that the model does not allow.
     pub fn for_model(message: v1::ControllerSpace, model: &CapabilityModel) -> Result<Self, Invalid> {
         let steps = steps(message.step.unwrap_or(0.1))?;
         let angles = match model.preset() {
@@ -79,8 +80,8 @@ impl ControllerSpace {
         &self.genes
     }
 
-    /// The controllers that the first generation begins with, at most [`ControllerSpace::MAX_INITIAL`]. They may lie between
-    /// the points of the grid.
+    /// The controllers that the first generation begins with, at most [`ControllerSpace::MAX_INITIAL`]. Initial controllers can
+    /// lie between the points of the grid.
     #[must_use]
     pub fn initial(&self) -> &[Controller] {
         &self.initial
@@ -198,7 +199,7 @@ fn genes(model: &CapabilityModel, steps: u32, angles: &[f64]) -> Vec<GeneSpace> 
     genes
 }
 
-/// Checks that there are sensors for these angles, and that each angle is in their ranges.
+/// Checks that some sensors are free in a range, and that each angle is in all of these ranges.
 fn check_angles(angles: &[f64], model: &CapabilityModel) -> Result<(), Invalid> {
     if angles.is_empty() {
         return Ok(());

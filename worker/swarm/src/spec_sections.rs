@@ -1,5 +1,4 @@
-//! The sections of a campaign file and their fields: those of the message `CampaignSpec` and of the messages in it, and those of
-//! trainings.
+//! The sections of a campaign file and their fields, from the message `CampaignSpec`, the messages in it, and trainings.
 
 use crate::{
     field_names::field_names,
@@ -25,7 +24,7 @@ pub fn sections() -> Vec<Section> {
     sections
 }
 
-/// Explanation of a field in the contract, such as `population` of the section `search`; `None` if it has none.
+/// The contract's explanation of a field, such as `population` of the section `search`; `None` if the contract has none.
 #[must_use]
 pub fn explanation(section: &str, field: &str) -> Option<&'static str> {
     let section = MESSAGES.iter().find(|known| known.path == section)?;

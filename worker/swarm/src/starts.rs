@@ -16,7 +16,7 @@ impl Starts {
     /// Validates a number of starts, in `field`.
     ///
     /// # Errors
-    /// Names the field if the number is out of range.
+    /// The error names `field` if the number is out of range.
     pub fn new(field: &str, starts: u32) -> Result<Self, Invalid> {
         invalid::whole(field, starts, 1..=Self::MAX).map(Self)
     }
@@ -26,7 +26,7 @@ impl Starts {
         self.0 as usize
     }
 
-    /// The seeds of the starts of an individual: `seed`, and those derived from it.
+    /// The seeds of the starts of an individual: `seed`, and the seeds derived from `seed`.
     pub fn seeds(self, seed: u64) -> impl Iterator<Item = u64> {
         let further = move |start| RandomStream::derive(seed, Purpose::FurtherTrial, start).random();
         std::iter::once(seed).chain((1..u64::from(self.0)).map(further))

@@ -1,5 +1,5 @@
-//! Errors about input as gRPC statuses, with `google.rpc` details for programs: `BadRequest` names the field and says what is
-//! allowed; `ErrorInfo` has the value.
+//! Errors about input as gRPC statuses, with `google.rpc` details for programs: `BadRequest` has the field and the allowed
+//! values; `ErrorInfo` has the value.
 
 use crate::{Invalid, SpecFileError, Text, TomlError};
 use std::collections::HashMap;
@@ -8,7 +8,7 @@ use tonic_types::{ErrorDetails, StatusExt as _};
 
 /// Domain of every `ErrorInfo`.
 const DOMAIN: &str = "murmuration.v1";
-/// Largest details that are sent: clients refuse an answer whose headers have more than 8 to 16 KiB.
+/// Maximum number of bytes of details: clients refuse an answer whose headers have more than 8 to 16 KiB.
 const MAX_DETAILS_BYTES: usize = 4 << 10;
 
 impl From<SpecFileError> for Status {

@@ -1,8 +1,8 @@
 //! Text from outside, made safe to store, log, and show on a terminal or a page.
 //!
-//! A stranger's text may have any length, move the cursor of a terminal (control characters), reverse the text around it
+//! A stranger's text can have any length, move the cursor of a terminal (control characters), reverse the text around it
 //! (bidirectional overrides) or be invisible (zero-width characters). Free text is cleaned and cut. A bad name is refused, so
-//! that its author chooses another.
+//! that its author chooses another name.
 
 pub use crate::invalid::beginning;
 
@@ -27,7 +27,7 @@ impl Text {
         Self::kept(spaced, Self::MAX_CHARS)
     }
 
-    /// `words` with their line ends and tabs.
+    /// `words` as several lines: line ends and tabs stay.
     #[must_use]
     pub fn lines(words: &str) -> Self {
         Self::kept(words.chars(), Self::MAX_CHARS_OF_LINES)
@@ -86,7 +86,7 @@ pub fn message(words: &str) -> String {
 /// `name` without surrounding spaces: 1 to `most` characters, at least one of them visible and none hidden.
 ///
 /// # Errors
-/// Names `field`, and the character that is not allowed.
+/// The error names `field`, and the character that is not allowed.
 pub fn name(field: &str, name: &str, most: usize) -> Result<String, Invalid> {
     let trimmed = name.trim();
     let refused = |allowed| Err(Invalid::new(field, quoted(name), allowed));
@@ -103,8 +103,8 @@ pub fn name(field: &str, name: &str, most: usize) -> Result<String, Invalid> {
     Ok(trimmed.to_owned())
 }
 
-/// The `known` word most similar to `word`, if one is similar enough. The measure is clap's for options, with a stricter
-/// limit because fields are short.
+/// The `known` word most similar to `word`; `None` if no word is similar enough. The measure is clap's for options, with a
+/// stricter limit because fields are short.
 #[must_use]
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let likeness = known.into_iter().map(|known| (strsim::jaro(word, known), known));
@@ -157,12 +157,12 @@ const fn is_space(c: char) -> bool {
     matches!(c, '\n' | '\r' | '\t' | '\u{85}' | '\u{2028}' | '\u{2029}')
 }
 
-/// Whether Unicode assigns no character to this code point, ever. XML, and so SVG, forbids some of them.
+/// Whether Unicode never assigns a character to this code point. XML, and therefore SVG, forbids some of these code points.
 const fn is_noncharacter(c: char) -> bool {
     matches!(c, '\u{fdd0}'..='\u{fdef}') || c as u32 & 0xfffe == 0xfffe
 }
 
-/// Whether the character joins others, or selects how the one before is drawn.
+/// Whether the character joins other characters, or selects how the character before it is drawn.
 const fn is_joiner(c: char) -> bool {
     matches!(c, '\u{200c}' | '\u{200d}' | '\u{fe0e}' | '\u{fe0f}')
 }
@@ -173,7 +173,7 @@ fn is_hidden(c: char, before: Option<char>) -> bool {
         return c.is_ascii_control();
     }
     if is_joiner(c) {
-        // Indic scripts, Persian and compound emoji need joiners; after Latin letters they only hide text.
+        // Indic scripts, Persian and compound emoji need joiners; after Latin letters, joiners only hide text.
         let joins = |before: char| {
             !before.is_ascii() && !before.is_whitespace() && before != c && !is_joiner_of_letters(before)
         };
@@ -190,7 +190,7 @@ const fn is_joiner_of_letters(c: char) -> bool {
     matches!(c, '\u{200c}' | '\u{200d}')
 }
 
-/// Whether a character that is not hidden is visible. The braille pattern without dots is not.
+/// Whether a character that is not hidden is visible. The braille pattern without dots is not visible.
 fn is_visible(c: char) -> bool {
     !c.is_whitespace() && c != '\u{2800}' && !is_joiner(c)
 }

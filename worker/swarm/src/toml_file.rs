@@ -1,4 +1,4 @@
-//! Reads the TOML files that people write. An error names the field and its line, and says what is allowed.
+//! Reads the TOML files that people write. An error names the field, its line, and the allowed values.
 
 mod deserializer;
 mod error;
@@ -16,7 +16,7 @@ use toml::{
 
 pub use error::TomlError;
 
-/// The tables that a campaign's message holds as text, without their places in the file.
+/// The tables that a campaign's message holds as text. Reading the tables from the file too gives their errors a line.
 #[derive(Deserialize)]
 struct TextTables {
     #[serde(rename = "training")]
@@ -40,7 +40,7 @@ pub(crate) fn campaign(text: &str) -> Result<v1::CampaignSpec, TomlError> {
     })
 }
 
-/// Reads a campaign file from a table in memory, so that errors have no line.
+/// Reads a campaign file from a table in memory. Errors have no line.
 pub(crate) fn campaign_of_table(table: &toml::Table) -> Result<v1::CampaignSpec, TomlError> {
     campaign(&table.to_string()).map_err(TomlError::without_place)
 }
@@ -48,17 +48,17 @@ pub(crate) fn campaign_of_table(table: &toml::Table) -> Result<v1::CampaignSpec,
 /// Reads a file that people write, whose fields are those of `T`. Ignores a byte order mark, and accepts any kind of line ends.
 ///
 /// # Errors
-/// Says where the text is not TOML, which field is unknown, or which value is of the wrong type.
+/// The error names the place that is not TOML, the unknown field, or the value of the wrong type.
 pub fn read_toml<T: DeserializeOwned>(text: &str) -> Result<T, TomlError> {
     read(text, "", |file| T::deserialize(file))
 }
 
-/// Reads the table `section` of a campaign file from a text of its own, as messages hold it, so that errors have no line.
+/// Reads the table `section` of a campaign file from a separate text, as messages hold the table. Errors have no line.
 pub(crate) fn read_section<T: DeserializeOwned>(section: &str, text: &str) -> Result<T, TomlError> {
     read(text, section, |file| T::deserialize(file)).map_err(TomlError::without_place)
 }
 
-/// Parses a text once; `fields` reads it, as the table `section` of a campaign file.
+/// Parses a text; `fields` reads the parsed text as the table `section` of a campaign file.
 fn read<T>(
     text: &str,
     section: &str,

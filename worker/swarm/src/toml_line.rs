@@ -4,7 +4,7 @@ use crate::{Invalid, text, toml_file};
 use serde::{Serialize, de::DeserializeOwned};
 
 /// The fields of a message that differ from those of `other`, as an inline table of TOML; `None` if none differs.
-/// [`of_toml_line`] reads it.
+/// [`of_toml_line`] reads the table.
 #[must_use]
 pub fn to_differing_line<T: Serialize>(message: &T, other: &T) -> Option<String> {
     let mut fields = toml::Table::try_from(message).unwrap_or_default();
@@ -16,7 +16,7 @@ pub fn to_differing_line<T: Serialize>(message: &T, other: &T) -> Option<String>
 /// Reads a table of a campaign file that is written on one line, such as `example`, into a message.
 ///
 /// # Errors
-/// Names `field` if the line is no such table, and says which field in it is wrong.
+/// The error names `field`, and the field of the table that is wrong.
 pub fn of_toml_line<T: DeserializeOwned>(field: &str, line: &str, example: &str) -> Result<T, Invalid> {
     let refused = |why: &str| {
         let allowed = format!("a table of a campaign file on one line, such as {example}{why}");

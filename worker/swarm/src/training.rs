@@ -1,5 +1,5 @@
 //! How an embedder is trained, as written in campaign files and checkpoints: the network's layers, the recipe and all its
-//! numbers. Only data; the `trainer` executes it.
+//! numbers. The types are only data; the `trainer` crate trains networks.
 
 mod architecture;
 mod configuration;

@@ -11,7 +11,7 @@ pub enum Class {
     CyclicPursuit,
     /// A swirl whose paths fill a band or a disc.
     Milling,
-    /// One tight clump, or two.
+    /// One or two tight clumps.
     Aggregation,
     /// An even spread in which each agent stays in its own place.
     Dispersal,
@@ -21,7 +21,7 @@ pub enum Class {
     NestedCycle,
     /// One closed loop in single file that is not convex.
     ConcavePath,
-    /// None of these.
+    /// A motion of no other class.
     Random,
 }
 
@@ -39,7 +39,7 @@ pub enum Pattern {
 /// The judge's verdict on a motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Verdict {
-    /// A class; if it is [`Class::Random`], without a pattern.
+    /// A class. [`Class::Random`] means a random motion without a pattern.
     Class(Class),
     /// A motion of [`Class::Random`] with this pattern.
     Pattern(Pattern),
@@ -57,7 +57,7 @@ impl Class {
         Self::Random,
     ];
 
-    /// Its name in labelled sets.
+    /// Name in labelled sets.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -72,7 +72,7 @@ impl Class {
         }
     }
 
-    /// Its name for people: `cyclic pursuit`.
+    /// Name for people: `cyclic pursuit`.
     #[must_use]
     pub fn words(self) -> String {
         in_words(self.name())
@@ -80,7 +80,7 @@ impl Class {
 }
 
 impl Class {
-    /// Reason why no motion in `world` can be of this class; `None` if one can.
+    /// Reason why no motion in `world` can be of this class; `None` if a motion can.
     #[must_use]
     pub fn without_meaning(self, world: &World) -> Option<&'static str> {
         match self {
@@ -99,7 +99,7 @@ impl Class {
 impl Pattern {
     pub const ALL: [Self; 3] = [Self::SmallClusters, Self::Chain, Self::MovingClumps];
 
-    /// Its name in labelled sets.
+    /// Name in labelled sets.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -109,7 +109,7 @@ impl Pattern {
         }
     }
 
-    /// Its name for people: `small clusters`.
+    /// Name for people: `small clusters`.
     #[must_use]
     pub fn words(self) -> String {
         in_words(self.name())
@@ -122,7 +122,7 @@ fn in_words(name: &str) -> String {
 }
 
 impl Verdict {
-    /// Its name for people: `cyclic pursuit`.
+    /// Name for people: `cyclic pursuit`.
     #[must_use]
     pub fn words(self) -> String {
         in_words(self.name())
@@ -142,7 +142,7 @@ impl Verdict {
         }
     }
 
-    /// The pattern, if it has one.
+    /// The pattern, if the verdict has a pattern.
     #[must_use]
     pub const fn pattern(self) -> Option<Pattern> {
         match self {
@@ -151,7 +151,7 @@ impl Verdict {
         }
     }
 
-    /// The name of the pattern or, without one, of the class, as in labelled sets.
+    /// The name of the pattern or, without a pattern, of the class, as in labelled sets.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -160,11 +160,11 @@ impl Verdict {
         }
     }
 
-    /// Its number in messages and on disk, 1 to 11.
+    /// Number of the verdict in messages and on disk, 1 to 11.
     #[must_use]
     pub fn number(self) -> u8 {
         let place = Self::all().position(|verdict| verdict == self);
-        // There are as many verdicts as the message has numbers.
+        // Every verdict has a number in messages.
         place.map_or(0, |place| place as u8 + 1)
     }
 }

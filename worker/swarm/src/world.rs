@@ -32,13 +32,13 @@ record! {
         agents: u32,
         /// Radius of the largest agent's body, 0.001 to 1,000.
         radius: f64,
-        /// Wheel radius of agents without one of their own, over 0.
+        /// Wheel radius of agents whose robots give none, over 0.
         wheel_radius: f64,
         /// Duration of one step, over 0.
         dt: f64,
         /// Number of steps, 1 to 10,000,000.
         horizon: u32,
-        /// Whether collisions add the authors' seeded jitter.
+        /// Whether collisions add the seeded jitter of the paper's authors.
         jitter: bool,
         boundary: Boundary,
         noise: Noise,
@@ -60,7 +60,7 @@ impl World {
     /// The paper's world, for robots of this model.
     ///
     /// # Errors
-    /// If they do not fit.
+    /// If the robots do not fit into the world.
     pub fn for_model(model: &CapabilityModel) -> Result<Self, Invalid> {
         Self::try_from(v1::World {
             agents: model.robots(),
@@ -80,7 +80,7 @@ impl World {
     /// Reads a line of [`CapabilityModel::to_line`]. Absent radii of bodies and wheels default to this world's.
     ///
     /// # Errors
-    /// Names `field` if the line is not a TOML table of robots, otherwise the field in it that is not allowed.
+    /// The error names `field` if the line is not a TOML table of robots, otherwise the field of the table that is not allowed.
     pub fn robots_of_line(&self, field: &str, line: &str) -> Result<CapabilityModel, Invalid> {
         CapabilityModel::of_line(field, line, &defaults(&self.clone().into()))
     }
@@ -104,7 +104,7 @@ impl World {
         })
     }
 
-    /// Distance between an agent's centre and an edge when it touches the wall.
+    /// Distance of the largest agent's centre from an edge of the world when the agent touches a wall.
     #[must_use]
     pub fn margin(&self) -> f64 {
         self.radius + self.padding

@@ -1,4 +1,4 @@
-//! The campaign that begins with one controller.
+//! Campaigns that begin with one controller.
 
 use super::CampaignSpec;
 use crate::{Controller, Invalid, World, robot};
@@ -6,8 +6,8 @@ use murmuration_proto::v1;
 
 /// Name of a campaign that begins with one controller.
 const NAME: &str = "play";
-/// Controllers per generation. With [`GENERATIONS`], half a minute with the paper's robots on two cores, as
-/// `examples/quick.toml`.
+/// Controllers per generation. With [`GENERATIONS`] generations, a campaign with the paper's robots takes half a minute on two
+/// cores, like `examples/quick.toml`.
 const POPULATION: u32 = 100;
 const GENERATIONS: u32 = 30;
 
@@ -15,8 +15,8 @@ impl CampaignSpec {
     /// Number of evaluations of a campaign of [`CampaignSpec::begun_with`].
     pub const BEGUN_EVALUATIONS: u32 = POPULATION * GENERATIONS;
 
-    /// A small search on hand-crafted features for the behaviours of a controller's robots in a world. Its first generation
-    /// begins with that controller; `seed` is that of the search.
+    /// A small campaign with hand-crafted features, for the robots of `controller` in `world`. The first generation begins with
+    /// `controller`; `seed` is the campaign's seed.
     ///
     /// # Errors
     /// If the robots do not fit the world, or the search does not fit in memory.

@@ -3,14 +3,15 @@
 use crate::{ControllerSpace, Enumeration, Invalid, Method, Search, Starts, World, counted, grouped};
 use murmuration_proto::v1;
 
-/// Largest population that is chosen if the file names none.
+/// Largest population that is chosen if the file gives no population.
 const POPULATION: u64 = 1000;
 
-/// The search. If the file gives no number of generations, it and an absent population follow from the number of controllers.
+/// Completes the search. If the file gives no number of generations, that number and an absent population follow from the number
+/// of controllers.
 ///
 /// # Errors
-/// Names the field to change: a population that does not divide the number of controllers, more evaluations than controllers,
-/// or absent generations if there are too many controllers for a campaign.
+/// The error names the field to change: a population that does not divide the number of controllers, more evaluations than
+/// controllers, or absent generations if there are too many controllers for a campaign.
 pub(super) fn search(
     search: v1::Search,
     method: Method,
@@ -87,7 +88,7 @@ fn too_many(all: Option<u64>, most: u64) -> Invalid {
 /// Refuses fields that an exhaustive campaign does not use.
 ///
 /// # Errors
-/// Names the field.
+/// The error names the field.
 pub(super) fn check_unused(
     method: Method,
     filter: bool,

@@ -1,4 +1,4 @@
-//! Limits of a campaign as a whole: memory at one time, and number of simulations.
+//! Limits of a whole campaign: the memory that it needs at one time, and its number of simulations.
 
 use super::CampaignSpec;
 use crate::{Frames, Invalid, Pose, Search, StartShape, Starts, counted};
@@ -7,7 +7,7 @@ impl CampaignSpec {
     /// Checks limits that depend on several fields.
     ///
     /// # Errors
-    /// Names the field to change.
+    /// The error names the field to change.
     pub(super) fn check_limits(&self) -> Result<(), Invalid> {
         self.check_memory()?;
         self.check_initial()?;
@@ -87,7 +87,7 @@ impl CampaignSpec {
         }
     }
 
-    /// The same with the number of starts, if there are several.
+    /// The picture's format in words, with the number of starts if there are several.
     fn format_in_words(&self) -> String {
         let picture = self.picture_in_words();
         match self.starts {
@@ -96,8 +96,8 @@ impl CampaignSpec {
         }
     }
 
-    /// Checks that no round of feedback has too many evaluations. Without planned rounds, one counts, because a person may
-    /// request it.
+    /// Checks that a campaign with its planned rounds does not have too many evaluations. A round that a person can request must
+    /// not have too many evaluations by itself.
     fn check_round(&self) -> Result<(), Invalid> {
         let round = self.feedback.as_ref().map_or(0, |feedback| {
             u64::from(feedback.generations()) * u64::from(self.search.population())

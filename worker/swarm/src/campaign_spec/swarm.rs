@@ -13,7 +13,7 @@ pub(super) fn default_name(model: &CapabilityModel) -> &'static str {
     }
 }
 
-/// The robots and their world. The world's agents are as many as the robots, and its radius is that of the largest robot.
+/// The robots of a campaign and their world. The world gets the number of robots and the radius of the largest robot.
 pub(super) fn swarm(message: &v1::CampaignSpec) -> Result<(CapabilityModel, World), Invalid> {
     let mut world_message = message.world.clone().unwrap_or_default();
     let angles = message
@@ -73,8 +73,8 @@ fn capability_model(
     })
 }
 
-/// The same robot, with the range of a whole turn for each free angle without a range or list: such angles are chosen from the
-/// controller space's angles.
+/// Returns the robot with the range of a whole turn for each free angle without a range or list, if the controller space has a
+/// list of angles.
 fn with_range(mut robot: v1::Robot, angles: &[f64]) -> v1::Robot {
     for sensor in &mut robot.sensors {
         let is_free = sensor.angle.is_some_and(|angle| angle.fixed.is_none());

@@ -6,13 +6,13 @@ use std::{fmt, str::FromStr};
 /// Effect of the edges of a world on a robot.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum Boundary {
-    /// A wall at the world's padding from each edge: a robot's body stays within, apart from pushes by other robots.
+    /// A wall at the world's padding from each edge. Robots' bodies stay between the walls, unless other robots push them.
     #[default]
     Walls,
-    /// Nothing: robots may leave the world, and no sensor sees a wall.
+    /// No effect: robots can leave the world, and no sensor sees a wall.
     Open,
-    /// No edges: robots that leave at one side come in at the other. Distances, collisions and sensors go by the nearest image
-    /// of a robot. A ray without limit sees that image only, not those farther on. No sensor sees a wall.
+    /// No edges: robots that leave on one side come in on the other. Distances, collisions and sensors use the nearest image of a
+    /// robot. A ray without limit sees only the nearest image of a robot. No sensor sees a wall.
     Torus,
 }
 

@@ -4,9 +4,10 @@ use super::{Preset, Robot, SeenRobots, Sensor, Species, SpeciesName};
 use crate::{Invalid, counted, text};
 use std::{fmt, sync::Arc};
 
-/// A capability model: the species of a swarm, and how many robots of each there can be (paper, "Robot Capability Models").
+/// A capability model: the species of a swarm, and the numbers of robots that each species can have (paper, "Robot Capability
+/// Models").
 ///
-/// Robots of the first species come first. Their index is the order in which they move, push and look. Clones share one
+/// Robots of the first species come first. Robots move, push and look in the order of their indices. Clones share one
 /// description.
 #[derive(Clone)]
 pub struct CapabilityModel(Arc<Described>);
@@ -31,7 +32,7 @@ impl CapabilityModel {
     /// A swarm of any number of robots of one kind.
     ///
     /// # Errors
-    /// If a sensor sees a species: this swarm has none.
+    /// If a sensor sees a named species: this swarm has no named species.
     pub fn of_one(robot: Robot) -> Result<Self, Invalid> {
         for (s, sensor) in robot.sensors().iter().enumerate() {
             if let SeenRobots::Species(seen) = sensor.robots() {
@@ -55,13 +56,13 @@ impl CapabilityModel {
         }))
     }
 
-    /// A swarm of these species. Each ratio is the number of robots of each species. If there are several ratios, a gene
-    /// chooses one.
+    /// A swarm of these species. Each ratio is the number of robots of each species. If there are several ratios, a gene chooses
+    /// the ratio.
     ///
     /// # Errors
-    /// If there are not 1 to [`CapabilityModel::MAX_SPECIES`] species, two have one name, or a sensor sees a species that is
-    /// not here. If there are not 1 to [`CapabilityModel::MAX_RATIOS`] ratios, two are equal, one lacks a species or has no
-    /// robot of it, or their totals differ or exceed [`CapabilityModel::MAX_ROBOTS`].
+    /// If there are not 1 to [`CapabilityModel::MAX_SPECIES`] species, two species have one name, or a sensor sees a species that
+    /// the swarm lacks. If there are not 1 to [`CapabilityModel::MAX_RATIOS`] ratios, two ratios are equal, a ratio has no robot
+    /// of some species, or the ratios' totals differ or exceed [`CapabilityModel::MAX_ROBOTS`].
     pub fn new(species: Vec<Species>, ratios: Vec<Vec<u32>>) -> Result<Self, Invalid> {
         check_species(&species)?;
         check_ratios(species.len(), &ratios)?;
@@ -116,21 +117,21 @@ impl CapabilityModel {
         speeds.fold(0.0, f64::max)
     }
 
-    /// The preset of all its robots, if it is one and any number is allowed. The paper's presets match whatever the radius of
-    /// their bodies and wheels.
+    /// The preset of all robots, if the robots are a preset and can have any number. The paper's presets match robots with bodies
+    /// and wheels of any radius.
     #[must_use]
     pub fn preset(&self) -> Option<Preset> {
         self.0.preset
     }
 
-    /// Number of genes of a controller: those of each species, and the ratio if there are several.
+    /// Number of genes of a controller: the genes of each species, and the ratio if there are several ratios.
     #[must_use]
     pub fn genes(&self) -> usize {
         self.0.genes
     }
 
-    /// Names of the genes, in order: [`Robot::gene_names`], with the species' name and a point before each if there are several
-    /// species (`b.left_01`), and [`CapabilityModel::RATIO_GENE`] last if there are several ratios.
+    /// Names of the genes, in order, as in [`Robot::gene_names`]. With several species, each name begins with the species' name
+    /// and a point (`b.left_01`). With several ratios, [`CapabilityModel::RATIO_GENE`] is last.
     #[must_use]
     pub fn gene_names(&self) -> Vec<String> {
         let mut names: Vec<_> = match self.species() {

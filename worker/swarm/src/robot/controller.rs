@@ -22,10 +22,10 @@ pub struct RobotController<'a> {
 
 impl Controller {
     /// A controller for `model` from its genes: for each species, a pair of speeds for each sensor state, then the free angles.
-    /// The ratio is last, if there are several.
+    /// The ratio is the last gene, if there are several ratios.
     ///
     /// # Errors
-    /// Names the gene that is out of range, or the expected number of genes.
+    /// The error names the gene that is out of range, or the expected number of genes.
     pub fn new(model: impl Into<CapabilityModel>, genes: &[f64]) -> Result<Self, Invalid> {
         let model = model.into();
         if genes.len() != model.genes() {
@@ -59,7 +59,7 @@ impl Controller {
         &self.genes
     }
 
-    /// The controller of the robots of each species, in their order.
+    /// The controller of each species' robots, in the order of species.
     pub fn robots(&self) -> impl Iterator<Item = RobotController<'_>> + Clone {
         let mut first = 0;
         self.model.species().iter().map(move |species| {
@@ -70,8 +70,8 @@ impl Controller {
         })
     }
 
-    /// Number of robots of each species in a swarm of `robots` robots, which must be [`CapabilityModel::robots`] unless that is
-    /// `None`.
+    /// Number of robots of each species in a swarm of `robots` robots. If [`CapabilityModel::robots`] is a number, `robots` must
+    /// equal it.
     #[must_use]
     pub fn counts(&self, robots: u32) -> Vec<u32> {
         match (self.model.ratios(), self.genes.last()) {
@@ -81,7 +81,7 @@ impl Controller {
         }
     }
 
-    /// The place of the species of each robot in a swarm of `robots`, in index order.
+    /// For each robot in a swarm of `robots` robots, in index order, the place of its species.
     #[must_use]
     pub fn species_of_robots(&self, robots: u32) -> Vec<usize> {
         let counts = self.counts(robots).into_iter().enumerate();
@@ -97,13 +97,13 @@ impl<'a> RobotController<'a> {
         self.robot
     }
 
-    /// Its genes: the pairs, then the free angles.
+    /// The robots' genes: the pairs, then the free angles.
     #[must_use]
     pub const fn genes(self) -> &'a [f64] {
         self.genes
     }
 
-    /// One pair of numbers per sensor state, in order: `[left, right]`, or `[speed, turn]` of a unicycle.
+    /// One pair of numbers per sensor state, in order: `[left, right]`, or `[speed, turn]` for a unicycle.
     ///
     /// A state is the number whose highest bit is S1: `sum S_j 2^(k - j)`.
     #[must_use]
@@ -136,7 +136,7 @@ impl fmt::Display for Controller {
     }
 }
 
-/// Appends the genes to `checked`, up to the first that is out of range.
+/// Appends the genes to `checked`, up to the first gene that is out of range.
 fn check_all(model: &CapabilityModel, genes: &[f64], checked: &mut Vec<f64>) -> Result<(), Invalid> {
     for species in model.species() {
         let own = &genes[checked.len()..][..species.robot().genes()];
@@ -148,7 +148,7 @@ fn check_all(model: &CapabilityModel, genes: &[f64], checked: &mut Vec<f64>) -> 
     Ok(())
 }
 
-/// Appends the genes of one robot to `checked`, after those of the robots before.
+/// Appends the genes of one robot to `checked`, after the genes of earlier robots.
 fn check_genes(robot: &Robot, genes: &[f64], checked: &mut Vec<f64>) -> Result<(), Invalid> {
     let (speeds, angles) = genes.split_at(robot.speeds());
     for (i, &speed) in speeds.iter().enumerate() {

@@ -9,13 +9,13 @@ pub struct Drive {
     limits: [f64; 2],
 }
 
-/// Motion by the two numbers of a pair (a, b) in one step of duration dt, with the heading before the step.
+/// How a pair of numbers (a, b) moves a robot in one step of duration dt, along the heading before the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DriveKind {
-    /// Two wheels: a is the speed of the left wheel, b that of the right. The robot moves ahead by `(wheel_radius / 2) (a + b)
-    /// dt` and turns by `(a - b) / (2 radius) dt` radians, where `radius` is the body's.
+    /// Two wheels: a is the speed of the left wheel, b the speed of the right wheel. The robot moves ahead by `(wheel_radius / 2)
+    /// (a + b) dt` and turns by `(a - b) / (2 radius) dt` radians, where `radius` is the body's.
     ///
-    /// The turn does not depend on the radius of the wheels, as in the simulator behind the paper.
+    /// The turn does not depend on the radius of the wheels, as in the paper's simulator.
     Differential {
         /// Radius of a wheel, world units, over 0.
         wheel_radius: f64,
@@ -25,13 +25,13 @@ pub enum DriveKind {
 }
 
 impl Drive {
-    /// Largest radius of a wheel, and largest limit of a speed.
+    /// Largest radius of a wheel, and largest limit of a speed or turning rate.
     pub const MAX: f64 = 1000.0;
 
     /// Two wheels of `wheel_radius` world units; the magnitude of a wheel's speed is at most `max_speed` (the paper's robots: 1).
     ///
     /// # Errors
-    /// If either is not over 0 and at most [`Drive::MAX`].
+    /// If a number is not over 0 and at most [`Drive::MAX`].
     pub fn differential(wheel_radius: f64, max_speed: f64) -> Result<Self, Invalid> {
         let wheel_radius = invalid::positive("wheel_radius", wheel_radius, Self::MAX)?;
         Ok(Self {
@@ -44,7 +44,7 @@ impl Drive {
     /// magnitude at most `max_turn`, radians per unit of time.
     ///
     /// # Errors
-    /// If either is not over 0 and at most [`Drive::MAX`].
+    /// If a number is not over 0 and at most [`Drive::MAX`].
     pub fn unicycle(max_speed: f64, max_turn: f64) -> Result<Self, Invalid> {
         Ok(Self {
             kind: DriveKind::Unicycle,
@@ -55,13 +55,13 @@ impl Drive {
         })
     }
 
-    /// Meaning of a pair.
+    /// Meaning of a pair of numbers.
     #[must_use]
     pub const fn kind(&self) -> DriveKind {
         self.kind
     }
 
-    /// Largest magnitude of the two numbers of a pair: of the left and right wheel's speed, or of speed and turning rate.
+    /// Largest magnitudes of the two numbers of a pair: the speeds of left and right wheel, or speed and turning rate.
     #[must_use]
     pub const fn limits(&self) -> [f64; 2] {
         self.limits

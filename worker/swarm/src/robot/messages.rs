@@ -89,7 +89,7 @@ impl Robot {
     /// The robot of a message; `default` fills absent fields.
     ///
     /// # Errors
-    /// Names the field that is not allowed.
+    /// The error names the field that is not allowed.
     pub(crate) fn of_message(message: v1::Robot, default: &Defaults) -> Result<Self, Invalid> {
         let mut sensors = Vec::with_capacity(message.sensors.len());
         for (i, sensor) in message.sensors.iter().enumerate().take(Self::MAX_SENSORS + 1) {
@@ -152,7 +152,7 @@ impl From<&Robot> for v1::Robot {
     }
 }
 
-/// The robot of a preset or of a description, of which exactly one must be given.
+/// The robot of a preset or of a description; exactly one of them must be given.
 fn robot(preset: Option<&str>, described: Option<v1::Robot>, default: &Defaults) -> Result<Robot, Invalid> {
     match (preset, described) {
         (Some(name), None) => name
@@ -174,10 +174,10 @@ fn robot(preset: Option<&str>, described: Option<v1::Robot>, default: &Defaults)
 }
 
 impl CapabilityModel {
-    /// The capability model that these messages describe. `default` fills absent fields, and shares are shares of its agents.
+    /// The capability model that these messages describe. `default` fills absent fields; shares are shares of `default.agents`.
     ///
     /// # Errors
-    /// Names the field that is not allowed.
+    /// The error names the field that is not allowed.
     pub(crate) fn of_messages(
         species: Vec<v1::Species>,
         ratios: Vec<v1::Ratio>,
@@ -223,7 +223,7 @@ fn count(species: &v1::Species, has_ratios: bool, agents: u32) -> Result<Option<
     }
 }
 
-/// Checks that no species has a share, or that all have one and the shares sum to 1.
+/// Checks that no species has a share, or that all species have shares that sum to 1.
 fn check_shares(shares: &[Option<f64>]) -> Result<(), Invalid> {
     let given: f64 = shares.iter().flatten().sum();
     let all = shares.iter().all(Option::is_some);
@@ -254,7 +254,7 @@ impl TryFrom<v1::CapabilityModel> for CapabilityModel {
     /// Reads a model whose species are described in full. A preset has the paper's body and wheels.
     fn try_from(message: v1::CapabilityModel) -> Result<Self, Invalid> {
         let within = |error: Invalid| error.within("model");
-        // Every field of a message is filled in.
+        // Only presets need defaults: described robots have every field.
         let default = Defaults {
             radius: Preset::PAPER_RADIUS,
             wheel_radius: Preset::PAPER_WHEEL_RADIUS,
@@ -297,7 +297,7 @@ impl Written {
     /// Reads a model; `default` fills absent fields.
     ///
     /// # Errors
-    /// Names the field that is not allowed.
+    /// The error names the field that is not allowed.
     pub(crate) fn read(self, default: &Defaults) -> Result<CapabilityModel, Invalid> {
         if self.species.is_empty() {
             if !self.ratios.is_empty() {
@@ -338,7 +338,7 @@ impl From<&CapabilityModel> for Written {
 
 impl CapabilityModel {
     /// The model as an inline table of TOML, with the fields of a campaign file: `{ model = "turbopi" }`.
-    /// [`World::robots_of_line`](crate::World::robots_of_line) reads it.
+    /// [`World::robots_of_line`](crate::World::robots_of_line) reads the line.
     #[must_use]
     pub fn to_line(&self) -> String {
         toml::Value::try_from(Written::from(self)).map_or_else(|_| String::new(), |value| value.to_string())

@@ -1,4 +1,4 @@
-//! Robots that have a name: the paper's two, and two real ones.
+//! Robots that have a name: the paper's two robots, and two real robots.
 
 use super::{Drive, DriveKind, Robot, Sensor, SensorAngle, SensorDescription};
 use crate::Invalid;
@@ -11,13 +11,13 @@ pub enum Preset {
     SingleSensor,
     /// The paper's robot with a second ray, whose angle is a gene.
     TwoSensor,
-    /// The Flockbot of George Mason University, as the authors' simulator describes it (`flockbots-icra-milling/flockbot.yaml`
-    /// of RobotSwarmSimulator): a camera 0.4 radians wide that sees robots 3.6 m away. Lengths are in centimetres, times in
-    /// seconds; that file steps by 0.13 s.
+    /// The Flockbot of George Mason University, as the authors' simulator describes it (`flockbots-icra-milling/flockbot.yaml` of
+    /// RobotSwarmSimulator): a camera 0.4 radians wide that sees robots 3.6 m away. Lengths are in centimetres, times in seconds;
+    /// a step in that file is 0.13 s.
     Flockbots,
     /// Hiwonder's TurboPi, as the authors' simulator describes it (`turbopi-milling/turbopi.yaml` of RobotSwarmSimulator): a
-    /// camera 0.9 radians wide that sees robots 1 m away. Lengths are in centimetres, times in seconds; that file steps by
-    /// 0.025 s. Its noise and delay are left out.
+    /// camera 0.9 radians wide that sees robots 1 m away. Lengths are in centimetres, times in seconds; a step in that file is
+    /// 0.025 s. The preset leaves out the noise and delay of that file.
     TurboPi,
 }
 
@@ -31,12 +31,12 @@ impl Preset {
 
     /// Radius of the paper's robots, world units.
     pub(crate) const PAPER_RADIUS: f64 = 5.0;
-    /// Radius of their wheels, world units.
+    /// Radius of the wheels of the paper's robots, world units.
     pub(crate) const PAPER_WHEEL_RADIUS: f64 = 2.0;
-    /// The paper's two.
+    /// The paper's two robots.
     pub const PAPER: [Self; 2] = [Self::SingleSensor, Self::TwoSensor];
 
-    /// Its name in files and on the command line.
+    /// Name of the preset in files and on the command line.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -47,7 +47,7 @@ impl Preset {
         }
     }
 
-    /// The robot. The paper's presets have the body and wheels of the paper's world.
+    /// The robot of the preset. The paper's presets have the body and wheels of the paper's world.
     #[must_use]
     #[expect(clippy::expect_used, reason = "a preset is a valid robot: a test makes each")]
     pub fn robot(self) -> Robot {
@@ -57,7 +57,7 @@ impl Preset {
 }
 
 impl Preset {
-    /// The preset that a robot is. The paper's presets match whatever the radius of their bodies and wheels.
+    /// The preset that equals a robot. The paper's presets match robots with bodies and wheels of any radius.
     pub(super) fn of(robot: &Robot) -> Option<Self> {
         let is = |preset: &Self| match (preset, robot.drive().kind()) {
             (Self::SingleSensor | Self::TwoSensor, DriveKind::Differential { wheel_radius }) => {
@@ -69,10 +69,11 @@ impl Preset {
         Self::ALL.into_iter().find(is)
     }
 
-    /// The robot. The paper's presets get a body and wheels of these radii (world units), which the other presets ignore.
+    /// The robot of the preset. The paper's presets get a body and wheels of these radii (world units); other presets ignore
+    /// them.
     ///
     /// # Errors
-    /// If a radius is not over 0 and at most [`Robot::MAX_RADIUS`] or [`Drive::MAX`].
+    /// If [`Robot::new`] or [`Drive::differential`] does not allow a radius.
     pub fn sized(self, radius: f64, wheel_radius: f64) -> Result<Robot, Invalid> {
         match self {
             Self::SingleSensor => paper(radius, wheel_radius, false),
@@ -97,7 +98,7 @@ fn paper(radius: f64, wheel_radius: f64, second: bool) -> Result<Robot, Invalid>
     Robot::new(sensors, radius, Drive::differential(wheel_radius, 1.0)?)
 }
 
-/// A unicycle with a camera that looks ahead; both real robots move by at most 0.2 m and 2 radians a second.
+/// A unicycle with a camera that looks ahead. Both real robots move by at most 0.2 m, and turn by at most 2 radians, a second.
 fn camera(half_angle: f64, range: f64, radius: f64) -> Result<Robot, Invalid> {
     let eye = Sensor::try_from(SensorDescription {
         half_angle,

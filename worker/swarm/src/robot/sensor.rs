@@ -10,9 +10,9 @@ use std::{
 
 /// A binary sensor: it is on while anything that it can see is in its cone.
 ///
-/// A robot is seen if its centre is within the range, and an edge of the cone meets its body or its centre lies in the cone. A
-/// disc is seen like a robot, except that its nearest point must be within the range. A box is seen if the cone, cut at the
-/// range, meets it. Obstacles hide nothing.
+/// A sensor sees a robot if the robot's centre is within the range, and its body meets an edge of the cone or its centre lies in
+/// the cone. A sensor sees a disc like a robot, except that the disc's nearest point must be within the range. A sensor sees a
+/// box if the cone, cut at the range, meets the box. Obstacles hide nothing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensor {
     angle: SensorAngle,
@@ -23,24 +23,26 @@ pub struct Sensor {
     obstacles: bool,
 }
 
-/// A sensor's description, not yet checked. [`Sensor::try_from`] checks it.
+/// A sensor's description, not yet checked. [`Sensor::try_from`] checks the description.
 ///
-/// The default looks straight ahead along a ray without limit, and sees all robots: the paper's sensor.
+/// The default is the paper's sensor, which looks straight ahead along a ray without limit and sees all robots.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SensorDescription {
     /// The direction of the cone's middle.
     pub angle: SensorAngle,
     /// Half of the cone's opening angle, radians, 0 (a ray) to pi.
     pub half_angle: f64,
-    /// Largest distance to a robot's centre, or to the nearest point of an obstacle, world units, over 0; `None`: no limit.
+    /// Largest distance at which the sensor sees a robot's centre, or the nearest point of an obstacle, world units, over 0;
+    /// `None`: no limit.
     pub range: Option<f64>,
-    /// Kinds of things that it sees, each once; either all robots or one species.
+    /// Kinds of things that the sensor sees, each once; not both all robots and a species.
     pub sees: Vec<Seen>,
-    /// Largest distance at which it sees walls, if that differs from `range`.
+    /// Largest distance at which the sensor sees walls, world units; `None`: `range`.
     pub wall_range: Option<f64>,
 }
 
-/// The angle from a robot's heading to the middle of a sensor's cone, radians; positive angles turn as headings grow.
+/// The angle from a robot's heading to the middle of a sensor's cone, radians; positive angles turn in the direction of growing
+/// headings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SensorAngle(Angle);
 
@@ -88,7 +90,7 @@ impl Sensor {
         self.half_angle
     }
 
-    /// Largest distance to the centre of a robot, or to the nearest point of an obstacle, that it sees, world units; `None`: no
+    /// Largest distance at which the sensor sees a robot's centre, or the nearest point of an obstacle, world units; `None`: no
     /// limit.
     #[must_use]
     pub const fn range(&self) -> Option<f64> {
@@ -100,7 +102,7 @@ impl Sensor {
         &self.robots
     }
 
-    /// Largest distance at which it sees walls, world units; `None` if it does not see them.
+    /// Largest distance at which the sensor sees walls, world units; `None` if it sees no walls.
     #[must_use]
     pub const fn wall_range(&self) -> Option<f64> {
         self.wall_range
@@ -111,7 +113,7 @@ impl Sensor {
         self.obstacles
     }
 
-    /// Whether it is the paper's kind: a ray without limit that sees all robots and nothing else.
+    /// Whether the sensor is of the paper's kind: a ray without limit that sees all robots and nothing else.
     #[must_use]
     pub fn is_plain_ray(&self) -> bool {
         let alone = self.wall_range.is_none() && !self.obstacles;
@@ -134,8 +136,8 @@ impl Default for SensorDescription {
 impl TryFrom<SensorDescription> for Sensor {
     type Error = Invalid;
 
-    /// Names the invalid field: a cone over pi, a range that is not over 0, walls without a range, or a kind of thing named
-    /// twice.
+    /// The error names the invalid field: a half angle over pi, a range that is not over 0, walls without a range, or a kind of
+    /// thing that is named twice.
     fn try_from(described: SensorDescription) -> Result<Self, Invalid> {
         let range = |field, range: Option<f64>| {
             let check = |range| invalid::positive(field, range, Self::MAX_RANGE);
@@ -197,22 +199,23 @@ fn seen_robots(sees: &[Seen]) -> Result<SeenRobots, Invalid> {
 impl SensorAngle {
     /// Maximum number of angles in a list.
     pub const MAX_CHOICES: usize = 1000;
-    /// Tolerance, radians: a controller's angle this near to an angle of the list counts as that angle.
+    /// Tolerance in radians: a controller's angle counts as an angle of the list if they differ by at most this.
     const NEAR: f64 = 1e-9;
 
     /// An angle that never changes, -2 pi to 2 pi.
     ///
     /// # Errors
-    /// If it is out of range.
+    /// If the angle is out of range.
     pub fn fixed(angle: f64) -> Result<Self, Invalid> {
         Ok(Self(Angle::Fixed(checked("angle", angle)?)))
     }
 
-    /// An angle that is a gene: any `within` a lowest and a highest angle, or one `among` a list. All are from -2 pi to 2 pi.
+    /// An angle that is a gene: any angle `within` a lowest and a highest angle, or an angle `among` a list. All angles are from
+    /// -2 pi to 2 pi.
     ///
     /// # Errors
-    /// If there is neither a range nor a list, or both; if the lowest is not below the highest; if the list has more than
-    /// [`SensorAngle::MAX_CHOICES`]; if an angle is out of range.
+    /// If range and list are both present or both absent; if the lowest angle is not below the highest; if the list has more than
+    /// [`SensorAngle::MAX_CHOICES`] angles; if an angle is out of range.
     pub fn free(within: Option<[f64; 2]>, among: &[f64]) -> Result<Self, Invalid> {
         let one_of_both =
             "free within a range of angles or among a list of angles, of which exactly one is given";
@@ -239,7 +242,7 @@ impl SensorAngle {
         }
     }
 
-    /// Whether it is a gene.
+    /// Whether the angle is a gene.
     #[must_use]
     pub const fn is_free(&self) -> bool {
         !matches!(self.0, Angle::Fixed(_))
@@ -254,7 +257,7 @@ impl SensorAngle {
         }
     }
 
-    /// Lowest and highest angle, if it is free within a range.
+    /// Lowest and highest angle, if the angle is free within a range.
     #[must_use]
     pub const fn range(&self) -> Option<[f64; 2]> {
         match self.0 {
@@ -263,7 +266,7 @@ impl SensorAngle {
         }
     }
 
-    /// The angles to choose from, if it is free in a list; empty otherwise.
+    /// The angles to choose from, if the angle is free among a list; otherwise empty.
     #[must_use]
     pub fn choices(&self) -> &[f64] {
         match &self.0 {
@@ -272,10 +275,10 @@ impl SensorAngle {
         }
     }
 
-    /// The sensor's angle if a controller asks for `angle`.
+    /// The sensor's angle if `angle` is its gene. A fixed angle ignores the gene.
     ///
     /// # Errors
-    /// Names `field` if the angle is not allowed.
+    /// The error names `field` if the angle is not allowed.
     pub(super) fn chosen(&self, field: &str, angle: f64) -> Result<f64, Invalid> {
         match &self.0 {
             Angle::Fixed(fixed) => Ok(*fixed),
@@ -297,7 +300,7 @@ fn checked(field: &str, angle: f64) -> Result<f64, Invalid> {
 impl FromStr for Seen {
     type Err = Invalid;
 
-    /// `robots`, `walls`, `obstacles`, or the name of a species.
+    /// Reads `robots`, `walls`, `obstacles`, or the name of a species.
     fn from_str(name: &str) -> Result<Self, Invalid> {
         match name {
             "robots" => Ok(Self::Robots),

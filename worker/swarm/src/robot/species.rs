@@ -12,7 +12,7 @@ pub struct Species {
 }
 
 impl Species {
-    /// Robots of one kind, under a name.
+    /// Robots of one kind, with a name.
     #[must_use]
     pub const fn new(name: SpeciesName, robot: Robot) -> Self {
         Self { name, robot }
@@ -28,15 +28,15 @@ impl Species {
         &self.robot
     }
 
-    /// Names of its genes among those of other species: `b.left_01`.
+    /// Names of the species' genes, each after the species' name: `b.left_01`.
     pub(super) fn qualified_gene_names(&self) -> impl Iterator<Item = String> {
         let names = self.robot.gene_names().into_iter();
         names.map(|gene| format!("{}.{gene}", self.name))
     }
 }
 
-/// The name of a species: 1 to 32 letters (of English), digits, `-` and `_`, the first a letter. `all`, `robots`, `walls` and
-/// `obstacles` are not allowed, because they name what a sensor sees.
+/// The name of a species: 1 to 32 letters (of English), digits, `-` and `_`, beginning with a letter. `all`, `robots`, `walls`
+/// and `obstacles` are not allowed, because they name what a sensor sees.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct SpeciesName(String);
 
@@ -52,7 +52,7 @@ impl SpeciesName {
     /// Checks a name.
     ///
     /// # Errors
-    /// Names `field` if the name is not allowed.
+    /// The error names `field` if the name is not allowed.
     pub fn parse(field: &str, name: &str) -> Result<Self, Invalid> {
         let inner = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
         let fits = name.starts_with(|c: char| c.is_ascii_alphabetic())

@@ -1,4 +1,4 @@
-//! Serde's view of a parsed TOML file, with typed errors that know their field.
+//! Serde's view of a parsed TOML file, with typed errors that name their field.
 
 use serde::{
     Deserializer,
@@ -11,12 +11,12 @@ use toml::{
     de::{DeTable, DeValue},
 };
 
-/// An error about a field: which one, where in the text, and what is wrong.
+/// An error about a field: its path, its place in the text, and what is wrong.
 #[derive(Debug)]
 pub(super) struct FieldError {
     /// The names of the tables around the field, then its own name; `sensors[1]` is an item of a list.
     pub(super) path: Vec<String>,
-    /// Byte range in the text; `None` until the error passes a value that has one.
+    /// Byte range in the text; `None` until the error passes a value with a byte range.
     pub(super) span: Option<Range<usize>>,
     pub(super) kind: ErrorKind,
 }
@@ -24,7 +24,7 @@ pub(super) struct FieldError {
 #[derive(Debug)]
 pub(super) enum ErrorKind {
     UnknownField {
-        /// The fields in it, if it is a table.
+        /// The fields in the unknown field, if it is a table.
         inner: Vec<String>,
         known: &'static [&'static str],
     },
@@ -59,7 +59,7 @@ impl FieldError {
         })
     }
 
-    /// The error, seen from the table or list that holds `name` at `span`.
+    /// Adds to the path the `name` of the field or item with the error; `span` is its place in the text.
     fn within(mut self, name: &str, span: Range<usize>) -> Self {
         match self.path.first_mut() {
             // `sensors` and `[1]` become `sensors[1]`.
@@ -148,7 +148,7 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// The value as a whole number; `None` if it is not one, or has more than 128 bits.
+    /// The value as a whole number; `None` if the value is not whole, or has more than 128 bits.
     fn integer(self) -> Option<i128> {
         let number = self.value().as_integer()?;
         i128::from_str_radix(number.as_str(), number.radix()).ok()
@@ -404,7 +404,7 @@ struct Variant<'a> {
 }
 
 impl Variant<'_> {
-    /// The error, seen from the table of the variant.
+    /// Adds the name of the variant to the path of an error.
     fn within(&self, error: FieldError) -> FieldError {
         error.within(self.name, self.place.0.span())
     }

@@ -30,7 +30,7 @@ struct WrongType {
 /// A place in a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Place {
-    /// From 1, like the column.
+    /// The line of the file, from 1, like the column.
     line: usize,
     column: usize,
     /// The line with marks below it; empty if the line is too long to read.
@@ -191,12 +191,12 @@ fn not_toml(message: &str) -> String {
     }
 }
 
-/// The message about an unknown field, with the field that may have been meant, judging by its name and contents, and the known
-/// fields.
+/// The message about an unknown field. The message names the known fields, and the field that its author probably meant, judging
+/// by name and contents.
 fn unknown_field(name: &str, inner: &[String], section: &str, known: &[&str]) -> String {
     let sections = sections();
-    // The path of a recipe's field contains the recipe's name, but the path of an error about it does not. A robot's sensors may
-    // be in a species.
+    // The path of a recipe's field contains the recipe's name, but the path of an error about the field does not. A robot's
+    // sensors may be in a species.
     let bare = without_places(section);
     let same = sections.iter().find(|Section { path, fields }| {
         let near = path.starts_with(&bare) || (!path.is_empty() && bare.ends_with(path));

@@ -3,11 +3,11 @@
 use crate::PictureShape;
 use serde::{Deserialize, Serialize};
 
-/// The values of one image between two layers: channels of square pictures (side 1 where flattened).
+/// The values of one image between two layers: channels of square pictures, with side 1 after flattening.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shape {
     pub channels: usize,
-    /// Pixels along a side of each channel.
+    /// Number of pixels along a side of each channel.
     pub side: usize,
 }
 
@@ -18,13 +18,13 @@ impl Shape {
         self.channels * self.pixels()
     }
 
-    /// Whether there are no values (never, in a checked architecture).
+    /// Whether there are no values, which never happens in a checked architecture.
     #[must_use]
     pub const fn is_empty(self) -> bool {
         self.len() == 0
     }
 
-    /// Pixels of one channel.
+    /// Number of pixels of one channel.
     #[must_use]
     pub const fn pixels(self) -> usize {
         self.side * self.side
@@ -50,7 +50,7 @@ impl From<PictureShape> for Shape {
 pub enum Layer {
     /// Square kernels over all channels, with a bias.
     Convolution {
-        /// Channels out, 1 to 1,024.
+        /// Number of output channels, 1 to 1,024.
         channels: usize,
         /// Side of the kernel, pixels, 1 or more.
         kernel: usize,
@@ -68,20 +68,20 @@ pub enum Layer {
     },
     /// x, or `slope` x where x is negative.
     LeakyRelu {
-        /// 0 to 1.
+        /// Slope for negative x, 0 to 1.
         slope: f64,
     },
     /// x, or 0 where x is negative.
     Relu,
     /// Means over a grid of equal windows. For a picture of side s, a window has side s - (grid - 1) (s / grid), with s / grid
-    /// rounded down. So windows overlap if grid does not divide s.
+    /// rounded down. Windows overlap if grid does not divide s.
     AveragePooling {
-        /// Windows along a side, 1 or more.
+        /// Number of windows along a side, 1 or more.
         grid: usize,
     },
     /// Connects every value to every unit, with a bias. The input is flattened.
     Dense {
-        /// Values out, 1 to 65,536.
+        /// Number of output values, 1 to 65,536.
         units: usize,
     },
 }
@@ -95,7 +95,7 @@ const fn one() -> usize {
 pub enum ArchitectureError {
     #[error("no network is called \"{0}\": there are \"compact\" and \"paper\", or give its layers")]
     UnknownName(String),
-    /// There is no layer, or the last one is not dense.
+    /// There is no layer, or the last layer is not dense with 1 to 256 units.
     #[error("the last layer must be dense: its units are the embedding's dimensions (1 to 256)")]
     NoEmbedding,
     /// There are more than a hundred layers.
@@ -104,7 +104,7 @@ pub enum ArchitectureError {
     #[error("layer {layer}: {field} = {value}: must be {allowed}")]
     OutOfRange {
         layer: usize,
-        /// The name of the number.
+        /// The name of the number that is out of range.
         field: &'static str,
         value: String,
         allowed: String,
@@ -127,7 +127,7 @@ pub enum ArchitectureError {
 
 /// Maximum number of values of one image between two layers.
 const MAX_VALUES: usize = 1 << 22;
-/// Maximum number of weights of a network: 64 MB of them.
+/// Maximum number of weights of a network, which take 64 MB.
 const MAX_PARAMETERS: usize = 1 << 24;
 
 /// A checked list of layers for pictures of one shape.
@@ -135,7 +135,7 @@ const MAX_PARAMETERS: usize = 1 << 24;
 pub struct Architecture {
     pictures: PictureShape,
     layers: Vec<Layer>,
-    /// The input shape of each layer, and the output shape of the last: one more than layers.
+    /// The input shape of each layer, and the output shape of the last layer.
     shapes: Vec<Shape>,
 }
 
@@ -143,7 +143,7 @@ impl Architecture {
     /// Layers for pictures of this shape.
     ///
     /// # Errors
-    /// Names the layer that cannot follow the one before it.
+    /// The error names the layer that cannot follow the layer before it.
     pub fn new(pictures: PictureShape, layers: Vec<Layer>) -> Result<Self, ArchitectureError> {
         if layers.len() > 100 {
             return Err(ArchitectureError::TooManyLayers(layers.len()));

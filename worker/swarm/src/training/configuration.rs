@@ -1,4 +1,4 @@
-//! Everything that determines the result of a training, apart from its pictures; validated.
+//! Validated settings, which together with the pictures determine the result of a training.
 
 use super::{Architecture, ArchitectureError, Layer, Recipe};
 use crate::{
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// The default network.
 const NETWORK: &str = "compact";
-/// Default length of the embedding: that of the hand-crafted features.
+/// Default length of the embedding: the number of hand-crafted features.
 const DIMENSIONS: usize = 5;
 
 /// A configuration as written, not yet checked. Absent fields take their defaults.
@@ -35,13 +35,13 @@ pub struct NetworkSettings {
     /// Length of the embedding of a named network, 1 to 256. Default 5, the number of hand-crafted features.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dimensions: Option<usize>,
-    /// Its layers, instead of a name and dimensions.
+    /// The network's layers, instead of a name and dimensions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub layers: Option<Vec<Layer>>,
 }
 
 impl NetworkSettings {
-    /// Writes out the defaults, because another version may have others.
+    /// Fills in the defaults, because another version may have other defaults.
     fn spell_out(&mut self) {
         if self.layers.is_none() {
             self.name.get_or_insert_with(|| NETWORK.to_owned());
@@ -61,7 +61,7 @@ impl Default for Settings {
     }
 }
 
-/// A checked configuration. With the same pictures it gives the same embedder, bit for bit, on one machine.
+/// A checked configuration. On one machine, the same configuration and pictures give the same embedder, bit for bit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Configuration {
     settings: Settings,
@@ -79,7 +79,7 @@ impl Default for Configuration {
 /// Error in a training configuration.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigurationError {
-    /// Not TOML, an unknown field, or a value of the wrong type, with its place.
+    /// A text that is not TOML, an unknown field, or a value of the wrong type, with the place in the text.
     #[error(transparent)]
     Syntax(#[from] toml::de::Error),
     #[error(transparent)]
@@ -90,7 +90,7 @@ impl Configuration {
     /// Reads a configuration (TOML; the fields are those of [`Settings`]).
     ///
     /// # Errors
-    /// Says where the text is not TOML, which field is unknown, or which value is not allowed.
+    /// The error names the place that is not TOML, the unknown field, or the value that is not allowed.
     pub fn from_toml(text: &str) -> Result<Self, ConfigurationError> {
         let settings: Settings = toml::from_str(text)?;
         Ok(settings.try_into()?)
@@ -120,8 +120,8 @@ impl Configuration {
         settings.try_into()
     }
 
-    /// Writes the configuration with every field, as in a checkpoint's `configuration`. [`Configuration::from_toml`] reads
-    /// the same back.
+    /// Writes the configuration with every field, as in a checkpoint's `configuration`. [`Configuration::from_toml`] reads the
+    /// same configuration from it.
     #[must_use]
     pub fn to_toml(&self) -> String {
         toml::to_string(&self.settings).unwrap_or_default()
@@ -183,8 +183,8 @@ impl Configuration {
 }
 
 impl Configuration {
-    /// Maximum number of bytes of a snapshot of this training on pictures of this shape: four numbers per weight (the weight,
-    /// the optimiser's two moments, the best weight so far), a loss per epoch, the configuration, and some figures.
+    /// Maximum number of bytes of a snapshot of this training on pictures of this shape. A snapshot has four numbers per weight
+    /// (the weight, the optimiser's two moments, the best weight so far), a loss per epoch, the configuration, and some figures.
     ///
     /// # Errors
     /// If the network does not fit such pictures.

@@ -17,32 +17,33 @@ use serde::{Deserialize, Serialize};
 pub struct Labelled {
     /// Distance by which a negative must be farther than the positive, over 0 to 1,000.
     pub margin: f64,
-    /// Pictures of each class in a step, 2 to 1,024. If a class has fewer, they are repeated under other symmetries.
+    /// Number of pictures of each class in a step, 2 to 1,024. If a class has fewer pictures, they are repeated, mirrored or
+    /// rotated.
     pub per_class: usize,
-    /// Maximum number of classes in a step, 2 to 1,024. If there are more, each step draws some.
+    /// Maximum number of classes in a step, 2 to 1,024. If there are more classes, each step draws some of them.
     pub classes: usize,
     /// Weight of a triplet whose anchor is of the class `random`, relative to other triplets, 0 to 1.
     pub random_anchors: f64,
-    /// Unlabelled anchors per step, each with a positive, 2 to 65,536 (fewer if there are fewer behaviours).
+    /// Number of unlabelled anchors per step, each with a positive, 2 to 65,536, or all behaviours if there are fewer.
     pub unlabelled: usize,
-    /// Weight of the loss of unlabelled triplets relative to that of labelled triplets, 0 to 1,000.
+    /// Weight of the loss of unlabelled triplets, relative to the loss of labelled triplets, 0 to 1,000.
     pub unlabelled_weight: f64,
-    /// Number of labels from which on `steps` and `unlabelled_weight` apply in full, 1 to 1,000,000. With a fraction of it, an
-    /// epoch has that fraction of the steps, and unlabelled triplets count more by the same factor, because a network soon
-    /// memorises few labels.
+    /// Number of labels, 1 to 1,000,000, from which on `steps` and `unlabelled_weight` apply unchanged. With fewer labels, which
+    /// a network soon memorises, an epoch has proportionally fewer steps, and unlabelled triplets have proportionally more
+    /// weight.
     pub enough_labels: usize,
     /// Steps per epoch, 1 to 100,000.
     pub steps: usize,
-    /// Epochs, 1 to 100,000.
+    /// Number of epochs, 1 to 100,000.
     pub epochs: u64,
-    /// Adam's first learning rate, over 0 to 1. It falls linearly to zero over all epochs.
+    /// Adam's first learning rate, over 0 to 1. The rate falls linearly to zero over all epochs.
     pub learning_rate: f64,
     /// Share of the weights that is added to the gradient, 0 to 1.
     pub weight_decay: f64,
     /// Smallest and largest share of width and height that a crop of a labelled picture keeps, over 0 to 2. Above 1, the
     /// picture shrinks on a black background.
     pub crop: [f64; 2],
-    /// The same for unlabelled pictures.
+    /// Smallest and largest share of width and height that a crop of an unlabelled picture keeps, over 0 to 2.
     pub unlabelled_crop: [f64; 2],
 }
 
@@ -67,7 +68,7 @@ impl Default for Labelled {
 }
 
 impl Labelled {
-    /// The recipe for this number of labels (zero counts as one).
+    /// The recipe for this number of labels; no label counts as one label.
     #[must_use]
     pub fn for_labels(&self, labels: usize) -> Self {
         let share = (labels.max(1) as f64 / self.enough_labels as f64).min(1.0);
@@ -100,9 +101,11 @@ impl Labelled {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PaperLabelled {
-    /// Share of the triplets whose positive is the augmented anchor, 0 to 1 (all, if the anchor is alone in its class).
+    /// Share of the triplets whose positive is the augmented anchor, 0 to 1. An anchor that is alone in its class always has this
+    /// positive.
     pub augmented: f64,
-    /// This and the following fields are as in [`RandomTriplets`].
+    /// Distance by which a negative must be farther than the positive. This and the following fields have the limits of
+    /// [`RandomTriplets`].
     pub margin: f64,
     /// Triplets per step.
     pub batch: usize,
@@ -112,15 +115,15 @@ pub struct PaperLabelled {
     pub learning_rate: f64,
     /// Share of the weights that is added to the gradient.
     pub weight_decay: f64,
-    /// Epochs without a lower loss before the learning rate falls.
+    /// The learning rate falls after more than this many consecutive epochs without a lower loss.
     pub plateau: u64,
-    /// The factor by which the learning rate then falls.
+    /// The factor by which the learning rate falls.
     pub plateau_factor: f64,
     /// Maximum number of epochs.
     pub epochs: u64,
     /// Mean loss under which training stops.
     pub enough: f64,
-    /// Number of epochs in the mean.
+    /// Number of epochs in the mean of `enough`.
     pub enough_over: usize,
     /// Smallest and largest share of width and height that a crop keeps.
     pub crop: [f64; 2],

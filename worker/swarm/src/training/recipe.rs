@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Recipe {
-    /// The paper's: random negatives, a large margin.
+    /// The paper's recipe, with random negatives and a large margin.
     Paper(RandomTriplets),
-    /// The default: every other picture of the batch is a negative.
+    /// The default recipe, in which every other picture of a batch is a negative.
     InBatch(InBatch),
     /// Trains a trained network further, on all labelled triplets of a batch and on unlabelled triplets.
     Labelled(Labelled),
@@ -54,13 +54,14 @@ impl Recipe {
         }
     }
 
-    /// Whether it trains a trained network further, on labels.
+    /// Whether the recipe trains a trained network further, on labels.
     #[must_use]
     pub const fn is_labelled(&self) -> bool {
         matches!(self, Self::Labelled(_) | Self::PaperLabelled(_))
     }
 
-    /// The in-batch recipe's flattening; 0 for other recipes. Unless it is 0, training needs the features of its behaviours.
+    /// The in-batch recipe's flattening; 0 for other recipes. If the flattening is not 0, training needs the features of the
+    /// behaviours.
     #[must_use]
     pub const fn flattening(&self) -> u32 {
         match self {
@@ -69,8 +70,8 @@ impl Recipe {
         }
     }
 
-    /// Smallest and largest share of width and height that a random crop of a picture without a class keeps. Above 1, the
-    /// picture shrinks on a black background. Embedders are judged on such crops, too.
+    /// Smallest and largest share of width and height that a random crop of a picture without a class keeps. Above 1, the picture
+    /// shrinks on a black background. Pictures that judge an embedder get such crops, too.
     #[must_use]
     pub fn unlabelled_crop(&self) -> [f64; 2] {
         match self {
@@ -82,8 +83,8 @@ impl Recipe {
         }
     }
 
-    /// Whether pictures are also reflected at random, and may stay unchanged. The paper's recipes always turn them, and never
-    /// reflect them.
+    /// Whether pictures are also mirrored at random, and can stay unchanged. The paper's recipes always rotate pictures, and
+    /// never mirror them.
     #[must_use]
     pub const fn reflects(&self) -> bool {
         match self {
@@ -92,7 +93,7 @@ impl Recipe {
         }
     }
 
-    /// Maximum number of epochs that it trains for.
+    /// Maximum number of epochs of the training.
     #[must_use]
     pub const fn epochs(&self) -> u64 {
         match self {

@@ -21,13 +21,13 @@ pub struct RandomTriplets {
     pub learning_rate: f64,
     /// Share of the weights that is added to the gradient, 0 to 1.
     pub weight_decay: f64,
-    /// Consecutive epochs that are tolerated without a lower loss, 1 to 100,000. One more lowers the learning rate.
+    /// The learning rate falls after more than this many consecutive epochs without a lower loss, 1 to 100,000.
     pub plateau: u64,
     /// The factor by which the learning rate falls, over 0 to 1.
     pub plateau_factor: f64,
     /// Maximum number of epochs, 1 to 100,000.
     pub epochs: u64,
-    /// Mean loss of the last `enough_over` epochs under which training stops, 0 or more.
+    /// Training stops when the mean loss of the last `enough_over` epochs is under this value, 0 or more.
     pub enough: f64,
     /// Number of epochs in the mean for `enough`, 1 to 10,000.
     pub enough_over: usize,
@@ -76,14 +76,14 @@ impl RandomTriplets {
 pub struct InBatch {
     /// Distance by which a negative must be farther than the positive, over 0 to 1,000.
     pub margin: f64,
-    /// Anchors per step, each with a positive, 2 to 65,536 (fewer if there are fewer behaviours).
+    /// Number of anchors per step, each with a positive, 2 to 65,536, or all behaviours if there are fewer.
     pub batch: usize,
-    /// Adam's first learning rate, over 0 to 1. It falls linearly to zero over all epochs.
+    /// Adam's first learning rate, over 0 to 1. The rate falls linearly to zero over all epochs.
     pub learning_rate: f64,
     /// Share of the weights that is added to the gradient, 0 to 1.
     pub weight_decay: f64,
-    /// Exponent by which rare behaviours are shown more often than common ones, 0 to 8: a behaviour is drawn with the distance
-    /// to its 15th neighbour in the features, to this power, as its weight. With 0, an epoch shows each behaviour once.
+    /// Exponent, 0 to 8, by which training shows rare behaviours more often than common behaviours. A behaviour's weight in the
+    /// draw is the distance to its 15th neighbour in the features, to this power. With 0, an epoch shows each behaviour once.
     pub flattening: u32,
     /// Maximum number of epochs, 1 to 100,000. An epoch shows as many behaviours as are not held out.
     pub epochs: u64,

@@ -1,30 +1,30 @@
-//! Noise of robots: wheels that slip, sensors that misread, readings that come late.
+//! Noise of robots: wheels that slip, sensors that misread, readings that are delayed.
 
 use crate::{Invalid, invalid, record::record};
 use murmuration_proto::v1;
 
 record! {
-    /// The noise of a world, off by default. The seed of the start determines everything random.
+    /// The noise of a world, off by default. The seed of the start determines all random numbers.
     #[derive(Debug, Clone, Copy, Default, PartialEq)]
     pub struct Noise {
-        /// Standard deviation of the factor 1 + N(0, slip^2) on each of the two numbers that drive a robot, 0 to 1: the speed
-        /// of each wheel, or the speed and turning rate of a unicycle. Drawn anew for each robot, number and step.
+        /// Standard deviation of the factor 1 + N(0, slip^2) on each of the two numbers that drive a robot, 0 to 1: the speed of
+        /// each wheel, or the speed and turning rate of a unicycle. The factor is drawn for each robot, number and step.
         slip: f64,
-        /// Standard deviation of a factor 1 + N(0, gain^2) on each of the two numbers, 0 to 1. Each robot has its own two
-        /// factors, which never change.
+        /// Standard deviation of a factor 1 + N(0, gain^2) on each of the two numbers that drive a robot, 0 to 1. Each robot has
+        /// two factors of its own, which never change.
         gain: f64,
-        /// Probability that a sensor that is on reads off, 0 to 1; drawn for each sensor and step.
+        /// Probability, for each sensor and step, that a sensor that is on reads off, 0 to 1.
         missed: f64,
-        /// Probability that a sensor that is off reads on, 0 to 1; drawn for each sensor and step.
+        /// Probability, for each sensor and step, that a sensor that is off reads on, 0 to 1.
         false_detection: f64,
-        /// Delay of the readings that a robot moves by, steps, 0 to 1,000. Before the first reading arrives, it moves as with
-        /// all sensors off.
+        /// Delay of sensor readings, steps, 0 to 1,000. Before the first reading arrives, a robot moves as if all sensors were
+        /// off.
         delay: u32,
     }
 }
 
 impl Noise {
-    /// Normal numbers are truncated at this many standard deviations, so that there is a limit to how fast a robot can be.
+    /// Normal numbers are truncated at this many standard deviations, so that the speed of robots has a limit.
     pub const MAX_DEVIATIONS: f64 = 4.0;
     /// Largest delay, in steps.
     pub(crate) const MAX_DELAY: u32 = 1000;
@@ -47,7 +47,7 @@ impl Noise {
         self.missed > 0.0 || self.false_detection > 0.0
     }
 
-    /// The largest factor of noise on a number that drives a robot.
+    /// The largest factor by which noise multiplies a number that drives a robot.
     #[must_use]
     pub fn largest_factor(&self) -> f64 {
         let largest = |deviation: f64| 1.0 + Self::MAX_DEVIATIONS * deviation;

@@ -3,32 +3,32 @@
 use crate::{Invalid, World, invalid};
 use murmuration_proto::v1;
 
-/// A body in the arena that never moves. Robots are pushed out of it, and sensors may see it.
+/// A body in the arena that never moves. An obstacle pushes robots out, and sensors can see an obstacle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Obstacle {
     Disc {
-        /// x and y of its centre, world units.
+        /// x and y of the obstacle's centre, world units.
         centre: [f64; 2],
-        /// Its radius, world units, over 0.
+        /// Radius of the disc, world units, over 0.
         radius: f64,
     },
     /// A box whose sides are parallel to those of the world.
     Box {
-        /// x and y of its centre, world units.
+        /// x and y of the obstacle's centre, world units.
         centre: [f64; 2],
-        /// Its width and height, world units, each over 0.
+        /// Width and height of the box, world units, each over 0.
         size: [f64; 2],
     },
 }
 
-/// Places along each side at which `leave_room` looks for room. An arena with only finer gaps counts as full.
+/// Number of places along each side at which `leave_room` looks for room. An arena with only finer gaps counts as full.
 const TRIED: u32 = 256;
 
 impl Obstacle {
     /// Maximum number of obstacles in a world.
     pub const MAX_COUNT: usize = 100;
 
-    /// x and y of its centre, world units.
+    /// x and y of the obstacle's centre, world units.
     #[must_use]
     pub const fn centre(&self) -> [f64; 2] {
         match *self {
@@ -36,7 +36,7 @@ impl Obstacle {
         }
     }
 
-    /// Distances from its centre to its right and lower ends, world units.
+    /// Distances from the obstacle's centre to its right and lower ends, world units.
     #[must_use]
     pub fn half_size(&self) -> [f64; 2] {
         match *self {
@@ -45,7 +45,7 @@ impl Obstacle {
         }
     }
 
-    /// Distance of a point from its body, world units; 0 inside.
+    /// Distance of a point from the obstacle, world units; 0 for a point inside.
     #[must_use]
     pub fn distance(&self, [x, y]: [f64; 2]) -> f64 {
         let centre = self.centre();
@@ -94,7 +94,7 @@ impl Obstacle {
         Ok(obstacle)
     }
 
-    /// Checks that it lies in the world at least in part, and does not fill it.
+    /// Checks that the obstacle lies in the world at least in part, and does not fill the world.
     fn check_place(&self, [width, height]: [f64; 2]) -> Result<(), Invalid> {
         let [x, y] = self.centre();
         let refused = |allowed: &str| {
@@ -136,8 +136,8 @@ pub(super) fn obstacles(messages: Vec<v1::Obstacle>, sides: [f64; 2]) -> Result<
     messages.into_iter().enumerate().map(read).collect()
 }
 
-/// Whether a body of this radius fits between obstacles somewhere, with its centre at least `margin` from the edges of a world
-/// of these sides. Tries a grid of [`TRIED`] by [`TRIED`] places.
+/// Whether a body of this radius fits somewhere between the obstacles, with its centre at least `margin` from the edges of the
+/// world. The function tries a grid of [`TRIED`] by [`TRIED`] places.
 pub(super) fn leave_room(obstacles: &[Obstacle], sides: [f64; 2], radius: f64, margin: f64) -> bool {
     let place = |axis: usize, k: u32| {
         let share = (f64::from(k) + 0.5) / f64::from(TRIED);

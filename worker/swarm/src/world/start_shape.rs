@@ -12,7 +12,7 @@ const POSES: &str = "poses";
 /// Where the robots of a world start. Headings are uniform in \[0, 2 pi), except those of poses.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub enum StartShape {
-    /// Uniform in the whole world (the paper's).
+    /// Uniform in the whole world, as in the paper.
     #[default]
     Uniform,
     /// Uniform in a disc about the centre of the world.
@@ -26,8 +26,8 @@ pub enum StartShape {
         /// Distance of the last robot from the first, world units, 0 to the width of the world.
         length: f64,
     },
-    /// (x, y, theta) of each robot, world units and radians: the same whatever the seed. x and y are in the world, theta is at
-    /// most [`StartShape::MAX_ANGLE`] in magnitude.
+    /// (x, y, theta) of each robot, world units and radians, the same for every seed. x and y are in the world; theta is at most
+    /// [`StartShape::MAX_ANGLE`] in magnitude.
     Poses(Arc<[[f64; 3]]>),
 }
 
@@ -35,7 +35,7 @@ impl StartShape {
     /// Largest magnitude of a heading, radians.
     pub const MAX_ANGLE: f64 = 1000.0;
 
-    /// The shape of a message, for this number of agents in a world of this width and height.
+    /// The start shape of a message, for this number of agents in a world of this width and height.
     pub(super) fn in_world(message: v1::StartShape, agents: u32, sides: [f64; 2]) -> Result<Self, Invalid> {
         let shape = message.shape.as_deref().unwrap_or(UNIFORM);
         let absent = |field: &str, is_given: bool, of: &str| match is_given && shape != of {
@@ -72,7 +72,7 @@ impl StartShape {
     }
 }
 
-/// The poses of this number of agents, from the numbers of all poses in one list.
+/// Reads the poses of `agents` agents from one list with the numbers of all poses.
 fn poses(numbers: &[f64], agents: u32, [width, height]: [f64; 2]) -> Result<Arc<[[f64; 3]]>, Invalid> {
     let (poses, rest) = numbers.as_chunks::<3>();
     if !rest.is_empty() || poses.len() != agents as usize {
