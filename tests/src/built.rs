@@ -1,4 +1,4 @@
-//! Finds the binaries, and builds them if necessary.
+//! Finds the binaries of the workspace, and builds the binaries if necessary.
 
 use std::{
     path::{Path, PathBuf},

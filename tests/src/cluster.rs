@@ -24,7 +24,8 @@ pub struct Cluster {
     pub client: CampaignServiceClient<Coordinator>,
 }
 
-/// A campaign small enough for tests: 5 generations of 20 controllers, 200 steps each; `more` is appended to the file.
+/// A campaign that is small enough for tests: 5 generations of 20 controllers, with 200 steps for each controller. `more` is
+/// appended to the campaign's file.
 #[must_use]
 pub fn small_spec(more: &str) -> CampaignSpec {
     let text = format!(
@@ -34,8 +35,8 @@ pub fn small_spec(more: &str) -> CampaignSpec {
     CampaignSpec::from_toml(&text).unwrap()
 }
 
-/// Writes the file of a campaign that takes some seconds, so that tests can interrupt it, to `folder`: 240 generations of 20
-/// controllers, 600 steps each.
+/// Writes the file of a campaign to `folder`. The campaign takes some seconds, so that tests can interrupt it: 240 generations of
+/// 20 controllers, with 600 steps for each controller.
 #[must_use]
 pub fn longer_spec(folder: &Path) -> String {
     let text = small_spec("seed = 5").to_toml();
@@ -47,7 +48,8 @@ pub fn longer_spec(folder: &Path) -> String {
     path.display().to_string()
 }
 
-/// A latent campaign as small as [`small_spec`], trained on the pictures of 100 controllers; `more` is appended to the file.
+/// A latent campaign as small as [`small_spec`], trained on the pictures of 100 controllers. `more` is appended to the campaign's
+/// file.
 #[must_use]
 pub fn small_latent_spec(more: &str) -> CampaignSpec {
     let text = format!(
@@ -58,7 +60,7 @@ pub fn small_latent_spec(more: &str) -> CampaignSpec {
     CampaignSpec::from_toml(&text).unwrap()
 }
 
-/// Dispatch options that notice a silent worker within a second.
+/// Options with which the coordinator notices a silent worker within a second.
 #[must_use]
 pub fn quick_dispatch() -> dispatch::Options {
     dispatch::Options {
@@ -69,22 +71,24 @@ pub fn quick_dispatch() -> dispatch::Options {
 }
 
 impl Cluster {
-    /// Starts a coordinator over `data` with `workers` workers and a trainer. Running campaigns of the directory continue.
+    /// Starts a coordinator over the data directory `data`, with `workers` workers and a trainer. Running campaigns of the
+    /// directory continue.
     pub async fn start(data: &Path, workers: usize) -> Self {
         Self::start_as(data, workers, ListenConfig::loopback(0), quick_dispatch()).await
     }
 
-    /// Like [`Cluster::start`], with another listener. The cluster's own client connects as a process of this machine.
+    /// Starts a cluster as [`Cluster::start`] does, with another listener. The cluster's own client connects as a process of this
+    /// machine.
     pub async fn start_at(data: &Path, workers: usize, listen: ListenConfig) -> Self {
         Self::start_as(data, workers, listen, quick_dispatch()).await
     }
 
-    /// Like [`Cluster::start`], with other options for workers.
+    /// Starts a cluster as [`Cluster::start`] does, with other options for workers.
     pub async fn start_with(data: &Path, workers: usize, dispatch: dispatch::Options) -> Self {
         Self::start_as(data, workers, ListenConfig::loopback(0), dispatch).await
     }
 
-    /// Like [`Cluster::start`], but without a trainer.
+    /// Starts a cluster as [`Cluster::start`] does, but without a trainer.
     pub async fn start_without_trainer(data: &Path, workers: usize) -> Self {
         let in_process = InProcess { workers, trainers: 0 };
         Self::start_in_process(data, in_process, ListenConfig::loopback(0), quick_dispatch()).await
@@ -162,7 +166,7 @@ impl Cluster {
         self.watch_until(campaign, |_| false).await
     }
 
-    /// Watches a campaign until it satisfies a condition or stops, and returns its status.
+    /// Watches a campaign until its status satisfies `wanted` or the campaign stops. Returns the last status.
     pub async fn watch_until(
         &mut self,
         campaign: &str,

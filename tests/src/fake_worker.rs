@@ -18,7 +18,7 @@ use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Status, Streaming, service::interceptor::InterceptedService, transport::Endpoint};
 
-/// A hand-made worker connection.
+/// A connection of a worker whose messages the test writes.
 #[derive(Debug)]
 pub struct FakeWorker {
     outbox: mpsc::Sender<v1::WorkerMessage>,
@@ -26,7 +26,7 @@ pub struct FakeWorker {
 }
 
 impl FakeWorker {
-    /// Connects from a machine of its own and sends `hello`, valid or not.
+    /// Connects from a machine of its own and sends `hello`, which need not be valid.
     ///
     /// # Errors
     /// The coordinator's refusal.
@@ -37,7 +37,7 @@ impl FakeWorker {
     }
 
     async fn say_hello_from(url: &str, address: Ipv4Addr, hello: Message) -> Result<Self, Status> {
-        // To Linux, every address of 127.0.0.0/8 is this machine; to the coordinator, each is another machine.
+        // To Linux, every address of 127.0.0.0/8 is this machine; to the coordinator, each of these addresses is another machine.
         let endpoint = Endpoint::from_shared(url.to_owned()).unwrap();
         let channel = endpoint
             .local_address(Some(address.into()))
@@ -86,7 +86,7 @@ impl FakeWorker {
         Self::say_hello_over(channel, hello_as(instance)).await
     }
 
-    /// The Hello of a worker with this simulator version.
+    /// The `Hello` message of a worker with this simulator version.
     #[must_use]
     pub fn hello(simulator_version: &str) -> Message {
         Message::Hello(v1::Hello {
@@ -95,7 +95,7 @@ impl FakeWorker {
             capacity: 1,
             trainer_version: String::new(),
             instance: 0,
-            // It claims that it can embed.
+            // The fake worker claims that it can embed.
             embedding_kind: 1,
             protocol_version: PROTOCOL_VERSION,
         })
@@ -105,7 +105,7 @@ impl FakeWorker {
         let message = v1::WorkerMessage {
             message: Some(message),
         };
-        // The coordinator may have ended the stream; the receiver then gets the reason.
+        // Sending fails if the coordinator has ended the stream; the receiver gets the reason.
         let _ = self.outbox.send(message).await;
     }
 
@@ -132,7 +132,7 @@ impl FakeWorker {
         }
     }
 
-    /// Asks for one batch of `evaluations` and waits for it.
+    /// Requests one batch of at most `evaluations` evaluations, and waits for the batch.
     pub async fn lease(&mut self, evaluations: u32) -> (v1::LeaseId, v1::EvaluationBatch) {
         self.send(Message::Credits(v1::Credits { evaluations })).await;
         match self.receive().await.unwrap() {

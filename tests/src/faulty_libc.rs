@@ -1,6 +1,6 @@
-//! A C library that fails on demand, for real processes: failing syncs and writes, and clocks that jump.
+//! A C library with faults that a test can switch on in real processes: syncs and writes that fail, and clocks that jump.
 //!
-//! Limits: Linux with a C compiler, and only calls of the C library; see `faulty_libc/faulty_libc.c`.
+//! Limits: the library needs Linux and a C compiler, and affects only calls of the C library; see `faulty_libc/faulty_libc.c`.
 
 use std::{
     cell::Cell,
@@ -15,7 +15,7 @@ use std::{
 const EIO: u32 = 5;
 const EROFS: u32 = 30;
 
-/// Injects faults into the processes that are started with its environment; no faults until requested.
+/// Injects faults into processes that are started with [`FaultyLibc::environment`]. Without a request, no fault occurs.
 #[derive(Debug)]
 pub struct FaultyLibc {
     control: PathBuf,
@@ -65,7 +65,7 @@ impl FaultyLibc {
         ]
     }
 
-    /// Replaces the file atomically, so that no process reads half of it.
+    /// Replaces the control file atomically, so that no process reads half of the file.
     fn apply(&self) {
         let errno = |fails: &Cell<bool>, errno| if fails.get() { errno } else { 0 };
         let (sync, write) = (errno(&self.sync, EIO), errno(&self.read_only, EROFS));
@@ -84,7 +84,7 @@ fn library() -> &'static Path {
     static LIBRARY: OnceLock<PathBuf> = OnceLock::new();
     LIBRARY.get_or_init(|| {
         let library = crate::binary("faulty_libc.so");
-        // Several tests may compile it at the same time.
+        // Several tests may compile the library at the same time.
         let own = library.with_extension(std::process::id().to_string());
         let compiled = Command::new("cc")
             .args(["-shared", "-fPIC", "-O2", "-Wall", "-Wextra", "-Werror", "-o"])

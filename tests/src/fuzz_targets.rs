@@ -1,7 +1,7 @@
-//! Every parser of outside input, as a function of bytes that must not panic. Fuzzers call these functions, and a short test calls
-//! them in every build.
+//! Every parser of outside input, as a function of bytes that must not panic. Fuzzers call these functions, and a short test of
+//! every build calls them too.
 //!
-//! Limits: a parser may refuse any input. An accepted input must be the same after it is written and read again.
+//! A parser may refuse any input. An accepted input must be the same after it is written and read again.
 
 use murmuration_model::{
     Weight,
@@ -37,7 +37,7 @@ use std::{
 #[derive(Debug, Clone, Copy)]
 pub struct Edge {
     pub name: &'static str,
-    /// Parses, and panics if there is a bug.
+    /// Parses the bytes, and panics if the parser has a bug.
     pub parse: fn(&[u8]),
     /// Valid inputs, from which fuzzing starts.
     pub seeds: fn() -> Vec<Vec<u8>>,
@@ -86,7 +86,7 @@ pub const EDGES: [Edge; 8] = [
     },
 ];
 
-/// A campaign file, and the configuration of a training, which checkpoints contain.
+/// Parses a campaign file, and the configuration of a training, which checkpoints contain.
 pub fn campaign_toml(bytes: &[u8]) {
     let Ok(text) = from_utf8(bytes) else { return };
     if let Ok(spec) = CampaignSpec::from_toml(text) {
@@ -103,7 +103,7 @@ pub fn campaign_toml(bytes: &[u8]) {
     }
 }
 
-/// Messages: the first byte selects the message, the rest is its encoding.
+/// Parses a message: the first byte selects the kind of message, and the other bytes encode the message.
 pub fn messages(bytes: &[u8]) {
     let Some((kind, bytes)) = bytes.split_first() else {
         return;
@@ -146,7 +146,7 @@ fn decoded<M: Message + Default>(bytes: &[u8]) -> Option<M> {
     M::decode(bytes).ok()
 }
 
-/// A reference case.
+/// Parses a reference case.
 pub fn case_json(bytes: &[u8]) {
     let Ok(text) = from_utf8(bytes) else { return };
     if let Ok(case) = Case::from_json(text) {
@@ -156,7 +156,7 @@ pub fn case_json(bytes: &[u8]) {
     }
 }
 
-/// A published or imported checkpoint.
+/// Parses a published or imported checkpoint.
 pub fn checkpoint(bytes: &[u8]) {
     if let Ok(model) = EmbedderModel::read(bytes) {
         let again = EmbedderModel::read(model.encoded()).unwrap();
@@ -165,7 +165,7 @@ pub fn checkpoint(bytes: &[u8]) {
     }
 }
 
-/// A label file.
+/// Parses a label file.
 pub fn labels_csv(bytes: &[u8]) {
     let parse = |bytes| Table::parse(Path::new("labels.csv"), bytes, None).map(Table::into_answers);
     if let Ok(answers) = parse(bytes.to_vec()) {
@@ -184,7 +184,7 @@ pub fn labels_csv(bytes: &[u8]) {
     }
 }
 
-/// A study file, and a table of the classes that people gave.
+/// Parses a study file, and a table of the classes that people gave.
 pub fn studies(bytes: &[u8]) {
     let Ok(text) = from_utf8(bytes) else { return };
     for quick in [false, true] {
@@ -196,7 +196,7 @@ pub fn studies(bytes: &[u8]) {
     let _ = Corrections::parse(text);
 }
 
-/// The database of a campaign that comes from elsewhere.
+/// Reads the database of a campaign that was exported by another coordinator.
 pub fn campaign_database(bytes: &[u8]) {
     let mut file = tempfile::NamedTempFile::new().unwrap();
     file.write_all(bytes).unwrap();
@@ -205,7 +205,7 @@ pub fn campaign_database(bytes: &[u8]) {
     }
 }
 
-/// Tracks of robots.
+/// Parses tracks of robots.
 pub fn tracks_csv(bytes: &[u8]) {
     const STEPS: u32 = 100;
     let parse = |bytes| Tracks::parse(Path::new("tracks.csv"), bytes);
@@ -214,7 +214,7 @@ pub fn tracks_csv(bytes: &[u8]) {
     let Ok(Ok(frames)) = parse(bytes.to_vec()).map(|tracks| tracks.ending(STEPS, &filmed)) else {
         return;
     };
-    // Coordinates may be so far apart that their difference is infinite; such frames are not compared.
+    // Coordinates can be so far apart that their difference is infinite; frames with such coordinates are not compared.
     let numbers = frames.iter().flatten().flatten();
     if numbers.copied().all(f64::is_finite) {
         let again = parse(murmuration_tracks::to_csv(&frames, &[]).into_bytes()).unwrap();
@@ -222,7 +222,7 @@ pub fn tracks_csv(bytes: &[u8]) {
     }
 }
 
-/// A mutation of an input, of the kinds that break parsers. The same stream gives the same mutation.
+/// Mutates an input in ways that often break parsers. The same random stream gives the same mutation.
 #[must_use]
 pub fn mutated(seed: &[u8], dice: &mut RandomStream) -> Vec<u8> {
     const TELLING: [&[u8]; 12] = [
@@ -335,13 +335,13 @@ fn individual(spec: &CampaignSpec, generation: u32, place: u64) -> ArchivedIndiv
     }
 }
 
-/// The studies, and a table of classes.
+/// The study files of the repository, and a table of classes.
 fn study_files() -> Vec<Vec<u8>> {
     let classes = b"cell,index,class,by\nc,1,milling,ana\nc,2,random,judge\n".to_vec();
     files("../studies", "toml").into_iter().chain([classes]).collect()
 }
 
-/// The examples, as written and with every field.
+/// The example files: with every field filled in, and as written.
 fn campaign_files() -> Vec<Vec<u8>> {
     let short = files("../examples", "toml");
     let whole = specs().into_iter().map(|spec| spec.to_toml().into_bytes());

@@ -1,9 +1,10 @@
-//! A test harness for targets whose tests need more than this repository: a browser, containers, Python packages, root.
+//! A test harness for targets whose tests need more than this repository: a browser, containers, Python packages or root's
+//! rights.
 //!
-//! If a machine lacks a requirement of a test, the test is ignored: a line gives the reason, and `scripts/skipped` prints it again.
-//! Under `CI=true` the test fails instead, unless the machine cannot meet the requirement. Such a target has `harness = false` in
-//! `Cargo.toml`, because Rust's own harness cannot ignore a test at run time, and lists its tests in `main`: `#[test]` does nothing
-//! there.
+//! If a machine lacks a requirement of a test, the test is ignored: a line gives the reason, and `scripts/skipped` prints this
+//! line again. Under `CI=true`, the test fails instead if the requirement could be installed. A target with this harness has
+//! `harness = false` in `Cargo.toml`, because Rust's own harness cannot ignore a test at run time. The target lists its tests in
+//! `main`; `#[test]` has no effect there.
 
 use crate::requirements::{Missing, Requirement};
 use libtest_mimic::{Arguments, Trial};
@@ -16,8 +17,8 @@ pub struct Test {
     needs: Vec<Requirement>,
 }
 
-/// A test from the path of its function: `test!(labelling::two_at_once)`, or `test!(async ...)` for an async function. Its name is
-/// the path from the target's root, as in Rust's own harness.
+/// A test from the path of its function: `test!(labelling::two_at_once)`, or `test!(async ...)` for an async function. The name
+/// of the test is the path from the target's root, as in Rust's own harness.
 #[macro_export]
 macro_rules! test {
     (async $path:path) => {
@@ -35,13 +36,13 @@ pub fn block_on<T>(future: impl Future<Output = T>) -> T {
     tokio::runtime::Runtime::new().unwrap().block_on(future)
 }
 
-/// What happens to a test on this machine.
+/// The decision whether this machine runs a test.
 #[derive(Debug, PartialEq, Eq)]
 enum Fate {
     Runs,
-    /// With the reason.
+    /// Ignored, for this reason.
     Ignored(String),
-    /// With the reason.
+    /// Fails, for this reason.
     Fails(String),
 }
 
@@ -66,7 +67,7 @@ impl Test {
         }
     }
 
-    /// A test named by the path of its function, which begins with the target's name.
+    /// A test whose name is the path of its function without the target's name, with which the path begins.
     #[must_use]
     pub fn of_function(path: &str, body: impl FnOnce() + Send + 'static) -> Self {
         Self::new(path.split_once("::").map_or(path, |(_target, name)| name), body)
@@ -86,7 +87,7 @@ pub fn run(tests: Vec<Test>) -> ExitCode {
     run_with(&Arguments::from_args(), tests)
 }
 
-/// Like [`run`], but one test after the other.
+/// Runs tests as [`run`] does, but one test after the other.
 #[must_use]
 pub fn run_one_by_one(tests: Vec<Test>) -> ExitCode {
     let mut arguments = Arguments::from_args();
@@ -96,7 +97,7 @@ pub fn run_one_by_one(tests: Vec<Test>) -> ExitCode {
 
 fn run_with(arguments: &Arguments, mut tests: Vec<Test>) -> ExitCode {
     let ci = std::env::var("CI").is_ok_and(|ci| ci == "true");
-    // A runner with one process per test passes the exact name: do not check the requirements of the other tests.
+    // A runner with one process per test passes the exact name of its test: the requirements of other tests need no check.
     let only = arguments.filter.clone().filter(|_| arguments.exact);
     if let Some(name) = &only {
         tests.retain(|test| test.name == *name);
@@ -111,7 +112,7 @@ fn run_with(arguments: &Arguments, mut tests: Vec<Test>) -> ExitCode {
             }),
             Fate::Ignored(reason) => {
                 ignored.entry(reason.clone()).or_default().push(name.clone());
-                // If ignored tests are requested, this one fails with the reason.
+                // If ignored tests are requested, the ignored test fails with the reason.
                 Trial::test(name, || Err(reason.into())).with_ignored_flag(true)
             }
             Fate::Fails(reason) => Trial::test(name, move || Err(format!("CI=true, and {reason}").into())),
@@ -180,7 +181,7 @@ mod tests {
         files
     }
 
-    /// A target without Rust's harness would compile away such a test, and never run it.
+    /// A target without Rust's harness would never run a function marked `#[test]`.
     #[test]
     fn no_target_with_this_harness_has_a_test_that_would_not_run() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));

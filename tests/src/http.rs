@@ -1,10 +1,10 @@
-//! Pages and metrics, as a program requests them.
+//! Requests pages and metrics of a coordinator over HTTP.
 
 use crate::block_on;
 
-/// Sets the cryptography of all HTTP clients in this process. Clients of other libraries need this too.
+/// Sets the cryptography of all HTTP clients in this process. Clients of other libraries need this setting too.
 pub fn choose_cryptography() {
-    // An error means that it is already set.
+    // An error means that the cryptography is already set.
     let _ = rustls::crypto::ring::default_provider().install_default();
 }
 
@@ -17,7 +17,7 @@ pub fn client() -> reqwest::ClientBuilder {
 /// Sends a GET request.
 ///
 /// # Errors
-/// As [`reqwest::RequestBuilder::send`].
+/// The errors of [`reqwest::RequestBuilder::send`].
 pub async fn get(url: impl reqwest::IntoUrl) -> reqwest::Result<reqwest::Response> {
     client().build()?.get(url).send().await
 }

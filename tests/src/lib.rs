@@ -1,5 +1,5 @@
 //! The test harness: a whole cluster in one process on ephemeral loopback ports, and the real binaries for tests that kill
-//! processes. Errors are panics.
+//! processes. Functions of the harness panic on errors.
 
 mod built;
 mod cluster;

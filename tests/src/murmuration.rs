@@ -1,4 +1,4 @@
-//! The command-line program over a data directory, and workers and trainers as programs.
+//! Runs the command-line program over a data directory, and worker and trainer programs.
 
 use crate::{FaultyLibc, Running, binary, small_spec};
 use serde_json::Value;
@@ -13,14 +13,14 @@ use std::{
 #[derive(Debug, Clone)]
 pub struct Murmuration {
     data: PathBuf,
-    /// Additional environment variables of its processes.
+    /// Additional environment variables of the command line's processes.
     environment: Vec<(&'static str, OsString)>,
 }
 
 /// A command that has ended.
 #[derive(Debug)]
 pub struct Finished {
-    /// Exit code; `None` if a signal ended it.
+    /// Exit code; `None` if a signal ended the command.
     pub code: Option<i32>,
     /// Data, on standard output.
     pub stdout: String,
@@ -29,7 +29,7 @@ pub struct Finished {
 }
 
 impl Finished {
-    /// Its output as JSON, one value per line. Panics unless the command succeeded.
+    /// The command's output as JSON, one value per line. Panics unless the command succeeded.
     #[must_use]
     #[track_caller]
     pub fn lines(&self) -> Vec<Value> {
@@ -67,8 +67,8 @@ impl Murmuration {
         murmuration
     }
 
-    /// Starts a coordinator at `listen`, an address whose port may be 0, with `more` arguments of `serve`. Returns its process and
-    /// URL.
+    /// Starts a coordinator at `listen`, an address whose port can be 0, with `more` arguments of `serve`. Returns the
+    /// coordinator's process and URL.
     #[must_use]
     pub fn serve(&self, listen: &str, more: &[&str]) -> (Running, String) {
         let mut coordinator = self.start(&[&["serve", "--listen", listen], more].concat());
@@ -77,7 +77,7 @@ impl Murmuration {
         (coordinator, url)
     }
 
-    /// The same commands, with faults injected.
+    /// Commands over the same data directory, with faults injected.
     #[must_use]
     pub fn under(mut self, faults: &FaultyLibc) -> Self {
         self.environment.extend(faults.environment());
@@ -103,7 +103,7 @@ impl Murmuration {
         let begun = Instant::now();
         loop {
             let shown = self.run(&["show", id, "--json"]);
-            // There may be no campaign until its coordinator listens.
+            // The campaign may not exist until its coordinator listens.
             let campaign = (shown.code == Some(0)).then(|| shown.last_line());
             if let Some(campaign) = campaign.as_ref().filter(|campaign| is(campaign)) {
                 return campaign.clone();
@@ -142,7 +142,7 @@ impl Murmuration {
         self.start_with(arguments, &[])
     }
 
-    /// Like [`Murmuration::start`], with additional environment variables.
+    /// Starts a command as [`Murmuration::start`] does, with additional environment variables.
     #[must_use]
     pub fn start_with(&self, arguments: &[&str], variables: &[(&str, &str)]) -> Running {
         let mut command = self.command(arguments);
@@ -171,7 +171,7 @@ fn finished(command: &mut Command) -> Finished {
     }
 }
 
-/// A whole number in a document, such as a seed. It is a string if a double cannot represent it exactly.
+/// A whole number in a document, such as a seed. A number that a double cannot represent exactly is a string in the document.
 #[must_use]
 pub fn whole_number(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
@@ -184,7 +184,7 @@ pub fn start_worker(url: &str) -> Running {
     start_worker_with(url, &[("MURMURATION_CACHE", &cache.display().to_string())])
 }
 
-/// Like [`start_worker`], with additional environment variables.
+/// Starts a worker as [`start_worker`] does, with additional environment variables.
 #[must_use]
 pub fn start_worker_with(url: &str, variables: &[(&str, &str)]) -> Running {
     let mut command = Command::new(binary("murmuration-worker"));

@@ -1,4 +1,4 @@
-//! One of the programs in its own process: its output, and how it ends.
+//! One of the programs in its own process: reads the program's output, and ends the program.
 
 use std::{
     fs,
@@ -11,8 +11,8 @@ use tempfile::NamedTempFile;
 /// Longer than any successful operation takes on a busy machine.
 pub const PATIENCE: Duration = Duration::from_secs(120);
 
-/// A running program. Its standard error goes into a file, so that it never waits for a reader. Dropping this kills it with
-/// SIGKILL.
+/// A running program. The program's standard error goes into a file, so that the program never waits for a reader. Dropping a
+/// `Running` kills its program with SIGKILL.
 #[derive(Debug)]
 pub struct Running {
     child: Child,
@@ -42,7 +42,7 @@ impl Running {
         self.child.id()
     }
 
-    /// Its standard error so far.
+    /// The program's standard error so far.
     #[must_use]
     pub fn output(&self) -> String {
         fs::read_to_string(self.log.path()).unwrap()
@@ -54,7 +54,7 @@ impl Running {
         self.wait_for_line(sign, |line| line.contains(sign))
     }
 
-    /// Waits until a coordinator has accepted this worker or trainer. An earlier fault would have no effect.
+    /// Waits until a coordinator has accepted this worker or trainer. A fault before that would have no effect.
     #[track_caller]
     pub fn wait_until_joined(&mut self) {
         let joined = |line: &str| line.contains("connected") && !line.contains("not connected");
@@ -65,7 +65,7 @@ impl Running {
     fn wait_for_line(&mut self, sign: &str, is: impl Fn(&str) -> bool) -> String {
         let begun = Instant::now();
         loop {
-            // Checked before the log is read, so that the last lines are read too.
+            // The program's end is checked before the log is read, so that the last lines are read too.
             let ended = self.child.try_wait().unwrap();
             let log = self.output();
             let mut heard = self.heard;
@@ -93,7 +93,8 @@ impl Running {
         assert!(sent.unwrap().success());
     }
 
-    /// Sends SIGKILL and waits for the end. Panics if the program had already ended: then the fault did not fire.
+    /// Sends SIGKILL and waits for the program's end. Panics if the program had already ended, because the fault then had no
+    /// effect.
     #[track_caller]
     pub fn kill(mut self) {
         let ended = self.child.try_wait().unwrap();
@@ -112,7 +113,7 @@ impl Running {
         self.terminate_and_hear().0
     }
 
-    /// Like [`Running::terminate`]; returns the standard error too.
+    /// Ends the program as [`Running::terminate`] does; returns the standard error too.
     pub fn terminate_and_hear(mut self) -> (Option<i32>, String) {
         self.signal("TERM");
         let code = self.child.wait().unwrap().code();
@@ -127,7 +128,8 @@ impl Running {
     #[must_use]
     pub fn cpu_time(&self) -> Duration {
         let stat = fs::read_to_string(format!("/proc/{}/stat", self.id())).unwrap();
-        // The name, in parentheses, may contain spaces; utime and stime are fields 14 and 15, in hundredths of a second.
+        // The program's name, in parentheses, may contain spaces. Fields 14 and 15 are utime and stime, in hundredths of a
+        // second.
         let (_, fields) = stat.rsplit_once(')').unwrap();
         let ticks = fields.split_whitespace().skip(11).take(2);
         let ticks: u64 = ticks.map(|ticks| ticks.parse::<u64>().unwrap()).sum();
@@ -137,7 +139,7 @@ impl Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // The program may have ended by itself.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

@@ -1,4 +1,4 @@
-//! A cluster of real processes: coordinator, workers and trainers can be killed, and restarted in the same place.
+//! A cluster of real processes. Tests can kill the coordinator, workers and trainers, and restart them in the same place.
 
 use crate::{PATIENCE, Running, binary, page};
 use murmuration_proto::{
@@ -19,14 +19,14 @@ use tonic::{
     transport::{Channel, Endpoint},
 };
 
-/// A client of a coordinator. It reconnects when the coordinator restarts.
+/// A client of a coordinator. The client reconnects when the coordinator restarts.
 pub type ProcessClient = CampaignServiceClient<Channel>;
 
 /// Additional environment variables of processes.
 pub type Environment = Vec<(&'static str, OsString)>;
 
-/// The beginning of the panic when a campaign completes before all its faults have struck. The machine was faster than the test
-/// expects: nothing is wrong, but nothing is tested.
+/// The beginning of the panic message of a campaign that completes before all its faults have struck. The machine was faster than
+/// the test expects: no error was found, but the faults were not tested.
 pub const OVER_TOO_EARLY: &str = "the campaign was over too early";
 
 fn check_state(status: &v1::Campaign) {
@@ -44,7 +44,7 @@ pub struct ProcessCluster {
     environment: Environment,
     address: String,
     coordinator: Option<Running>,
-    /// Workers that were added.
+    /// Workers that [`ProcessCluster::add_worker`] started.
     pub workers: Vec<Running>,
     started: u32,
     runtime: Runtime,
@@ -52,14 +52,14 @@ pub struct ProcessCluster {
 }
 
 impl ProcessCluster {
-    /// Starts a coordinator that repeats one evaluation in ten on another worker, and `workers` workers of one thread. Waits until
-    /// they have joined.
+    /// Starts a coordinator that repeats one evaluation in ten on another worker, and `workers` workers of one thread. Waits
+    /// until the workers have joined.
     pub fn start(workers: usize) -> Self {
         Self::start_in(tempfile::tempdir().unwrap(), workers, Vec::new())
     }
 
-    /// Like [`ProcessCluster::start`], in an existing folder, where the data directory is `data`, and with additional environment
-    /// variables for every process.
+    /// Starts a cluster as [`ProcessCluster::start`] does, in an existing folder, with additional environment variables for every
+    /// process. The data directory is `data` in this folder.
     pub fn start_in(folder: tempfile::TempDir, workers: usize, environment: Environment) -> Self {
         let mut coordinator = serve(folder.path(), "127.0.0.1:0", &environment);
         coordinator.wait_for("  pages:");
@@ -104,12 +104,12 @@ impl ProcessCluster {
         self.client.clone()
     }
 
-    /// The runtime of its clients.
+    /// The async runtime of the cluster's clients.
     pub fn runtime(&self) -> &Runtime {
         &self.runtime
     }
 
-    /// The coordinator's process. Panics if there is none.
+    /// The coordinator's process. Panics if the coordinator is not running.
     pub fn coordinator(&self) -> &Running {
         self.coordinator.as_ref().unwrap()
     }
@@ -137,14 +137,15 @@ impl ProcessCluster {
         self.coordinator = Some(coordinator);
     }
 
-    /// Adds a worker, which the coordinator takes for one on a machine of its own.
+    /// Adds a worker that, to the coordinator, runs on a machine of its own.
     pub fn add_worker(&mut self) {
         let cache = self.folder.path().join("cache");
         let worker = self.odd_worker(&cache, &[]);
         self.workers.push(worker);
     }
 
-    /// Starts such a worker with additional environment variables and its checkpoints in `cache`.
+    /// Starts a worker that, to the coordinator, runs on a machine of its own. The worker has additional environment variables,
+    /// and keeps its checkpoints in `cache`.
     pub fn odd_worker(&mut self, cache: &Path, variables: &[(&str, &str)]) -> Running {
         let mut command = Command::new(binary("murmuration-worker"));
         let [high, low] = (self.started as u16 + 1).to_be_bytes();
@@ -157,7 +158,7 @@ impl ProcessCluster {
         self.start_worker(command, &self.url(), "murmuration-worker")
     }
 
-    /// Starts a worker or trainer that connects to its coordinator at `url`, and waits until it has joined.
+    /// Starts a worker or trainer that connects to the coordinator at `url`, and waits until the process has joined.
     pub fn worker(&mut self, url: &str, name: &str) -> Running {
         let mut command = Command::new(binary(name));
         if name == "murmuration-worker" {
@@ -166,7 +167,7 @@ impl ProcessCluster {
         self.start_worker(command, url, name)
     }
 
-    /// Starts a worker in a network namespace, and waits until it has joined.
+    /// Starts a worker in a network namespace, and waits until the worker has joined.
     pub fn worker_in(&mut self, namespace: &str, url: &str) -> Running {
         let mut command = Command::new("ip");
         let name = "murmuration-worker";
@@ -238,7 +239,7 @@ impl ProcessCluster {
         self.runtime.block_on(whole(parts.into_inner()))
     }
 
-    /// Polls the campaign until `until` holds or the campaign has ended. Panics if it makes no progress.
+    /// Polls the campaign until `until` holds or the campaign has ended. Panics if the campaign makes no progress.
     pub fn wait_until(&mut self, campaign: &str, until: impl Fn(&v1::Campaign) -> bool) -> v1::Campaign {
         let mut begun = Instant::now();
         let mut seen = None;

@@ -1,4 +1,4 @@
-//! What tests require besides this repository, and whether a machine meets it.
+//! The requirements of tests besides this repository, and checks whether a machine meets them.
 
 use crate::SmallDisk;
 use std::{
@@ -19,23 +19,23 @@ pub enum Requirement {
     Python(&'static str),
     /// Permission to mount a file system in memory.
     Mount,
-    /// Permission to make a network namespace, and `ip` and `iptables` to drop its packets.
+    /// Permission to make a network namespace, and the programs `ip` and `iptables` to drop the namespace's packets.
     NetworkNamespace,
-    /// This limit of open files per process.
+    /// At least this many open files allowed per process.
     OpenFiles(u64),
 }
 
 /// An unmet requirement.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Missing {
-    /// What is missing, and how to get it.
+    /// A text: what is missing, and how to get it.
     pub reason: String,
-    /// Whether it could be installed here. If not, the machine does not allow it.
+    /// Whether the requirement could be installed here. False means that this machine does not allow it.
     pub can_be_had: bool,
 }
 
 impl Requirement {
-    /// Returns what this machine lacks for the requirement; checked once per process.
+    /// Returns what this machine lacks for the requirement. A process checks each requirement once.
     #[must_use]
     pub fn missing(self) -> Option<Missing> {
         static KNOWN: Mutex<Vec<(Requirement, Option<Missing>)>> = Mutex::new(Vec::new());
@@ -124,7 +124,7 @@ pub fn base_images() -> Option<(String, String)> {
     Some((build.to_owned(), runtime.trim().to_owned()))
 }
 
-/// `docker compose`, or else docker-compose.
+/// The command `docker compose` or, if the machine lacks it, `docker-compose`.
 #[must_use]
 pub fn compose() -> Option<Command> {
     if succeeds("docker", &["compose", "version"]) {

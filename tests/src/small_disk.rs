@@ -6,7 +6,7 @@ use std::{
     process::{Command, Stdio},
 };
 
-/// A mounted file system in memory. Dropping it unmounts it.
+/// A mounted file system in memory. Dropping a `SmallDisk` unmounts the file system.
 #[derive(Debug)]
 pub struct SmallDisk(PathBuf);
 
@@ -17,7 +17,7 @@ impl SmallDisk {
         Self::mount(at, size).expect("the harness asks first whether mounting is allowed")
     }
 
-    /// Like [`SmallDisk::new`]; `None` if mounting is not allowed.
+    /// Mounts a file system as [`SmallDisk::new`] does; `None` if mounting is not allowed.
     pub(crate) fn mount(at: &Path, size: &str) -> Option<Self> {
         fs::create_dir_all(at).unwrap();
         let mounted = Command::new("mount")
@@ -50,7 +50,7 @@ impl SmallDisk {
 
 impl Drop for SmallDisk {
     fn drop(&mut self) {
-        // Lazily: a killed process or a failed test may still hold it.
+        // Unmounts lazily, because a killed process or a failed test may still use the disk.
         let _ = Command::new("umount").arg("-l").arg(&self.0).status();
     }
 }

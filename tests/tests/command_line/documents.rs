@@ -1,4 +1,4 @@
-//! Runs the commands of each page. Each command that is not run has a reason.
+//! Runs the commands of each page of the documents. Each command that is not run has a reason.
 
 use crate::script::{
     Rule::{Before, NotRun, Stays},
@@ -26,14 +26,14 @@ const PAGES: [&str; 11] = [
 const LONG: &str = "it takes half an hour and more";
 const NO_TRAINING_LABELS: &str = "the labels for training are not in the repository";
 
-/// Writes a table of labels.
+/// A shell command that writes a table of labels.
 const ANSWERS: &str = "printf 'id,class\\n0,ring\\n1,ring\\n2,clump\\n3,clump\\n' >my.csv";
 
-/// Writes a table of controllers.
+/// A shell command that writes a table of controllers.
 pub const CONTROLLERS: &str =
     "printf 'left_0,right_0,left_1,right_1\\n-0.7,0.3,1,1\\n1,1,1,1\\n' >controllers.csv";
 
-/// A line that renders a film.
+/// The beginning of a command that renders a film.
 pub const FILM: &str = "murmuration simulate --controller=-0.7,0.3,1,1 --mp4";
 pub const NO_ENCODER: &str = "ffmpeg need not be there";
 
@@ -119,7 +119,7 @@ pub fn of_the_page_on_commands() {
             "murmuration label latest --csv",
             Before(ANSWERS),
         )
-        // The person's own file is unchanged.
+        // An earlier command must not have changed the person's own file.
         .rule(
             "murmuration lab judge",
             Before("test \"$(sed -n 2p my.csv)\" = 0,ring"),
@@ -164,7 +164,7 @@ pub fn of_the_page_on_security() {
         .rule("murmuration serve", Stays("pages:"))
         .rule(
             "murmuration-worker",
-            // The files that the page tells people to copy to the other machines.
+            // The files that people copy to the other machines, according to the page.
             Before(
                 "mkdir other && cp certs/ca.pem certs/alpha*.pem certs/beta*.pem certs/trainer*.pem other && cp small.toml other/spec.toml && cd other\n\
                  grep -o 'mur_[A-Za-z0-9_-]*' \"$DESK/output\" | head -n 1 >my-token",
@@ -222,7 +222,7 @@ pub fn of_the_page_on_results() {
         .run();
 }
 
-/// `make` takes minutes there; any other command of the page would run.
+/// The `make` commands of the page take minutes; the test would run any other command of the page.
 pub fn of_the_page_on_performance() {
     let measures = "it measures for minutes, in the release profile";
     Script::of("docs/performance.md")

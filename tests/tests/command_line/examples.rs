@@ -1,4 +1,4 @@
-//! The help of every command: its examples are run, and its text is checked.
+//! Runs the examples in the help of every command, and checks the text of the help.
 
 use crate::{
     documents::{CONTROLLERS, FILM, NO_ENCODER},
@@ -14,7 +14,7 @@ use murmuration_tests::Test;
 const LONG: &str = "it takes minutes and more";
 const TRANSCRIBED: &str = "transcripts/campaign.md has it with less work";
 
-/// Rules for examples that begin like this.
+/// Rules for examples, by the beginning of the example.
 const RULES: [(&str, Rule); 22] = [
     (
         "murmuration run examples/quick.toml",
@@ -87,7 +87,7 @@ pub fn all(mut command: Command) -> Vec<Command> {
     let mut open = vec![command];
     let mut all = Vec::new();
     while let Some(command) = open.pop() {
-        // Without clap's own `help`.
+        // Clap's own subcommand `help` is left out of the list.
         let within = command
             .get_subcommands()
             .filter(|command| command.get_name() != "help");
@@ -143,7 +143,7 @@ pub fn prose_flows_to_the_width_of_the_terminal() {
 
 pub fn what_every_command_has_stands_after_its_own_options() {
     let program = murmuration_program::command();
-    // The page without a command lists only the names of the options.
+    // The help of the program without a command lists only the names of the options.
     let pages = all(program.clone()).into_iter();
     for mut command in pages.filter(|command| command.get_name() != program.get_name()) {
         let help = command.render_help().to_string();
@@ -170,7 +170,7 @@ pub fn what_every_command_has_stands_after_its_own_options() {
     }
 }
 
-/// The examples of the overview and of each group of commands, by name; without groups that have none.
+/// The examples of the overview and of each group of commands, by name. Groups without examples are left out.
 fn groups_of_examples() -> Vec<(String, Vec<String>)> {
     let overview = murmuration_program::command()
         .get_after_help()
@@ -184,7 +184,7 @@ fn groups_of_examples() -> Vec<(String, Vec<String>)> {
     all.filter(|(_, examples)| !examples.is_empty()).collect()
 }
 
-/// A test for each group of examples: after a campaign, they run.
+/// A test for each group of examples. The test runs a campaign, then the examples.
 pub fn tests() -> Vec<Test> {
     let groups = groups_of_examples().into_iter();
     groups
@@ -218,7 +218,7 @@ fn run(group: &str, examples: Vec<String>) {
     script.run();
 }
 
-/// Every example is in a group, and every rule applies to an example.
+/// Checks that every example is in a group, and that every rule applies to an example.
 pub fn every_example_is_of_a_group() {
     let grouped: Vec<String> = groups_of_examples()
         .into_iter()

@@ -1,5 +1,5 @@
-//! The command line as the documents show it, word for word: every command of the README, of the pages in docs/ and of the help's
-//! examples runs, and `transcripts` checks the output of commands.
+//! Tests that the command line works as the documents show. Every command of the README, of the pages in docs/ and of the help's
+//! examples runs; `transcripts` checks the output of commands, word for word.
 //!
 //! Each page runs as a script in a folder of its own (`script.rs`).
 

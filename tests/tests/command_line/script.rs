@@ -1,4 +1,4 @@
-//! Runs commands as one script, in a folder with the repository's files; rules give reasons for commands that are not run.
+//! Runs commands as one script, in a folder with the repository's files. A command that is not run has a rule with the reason.
 
 use murmuration_tests::{
     binary,
@@ -18,12 +18,13 @@ use tempfile::TempDir;
 /// Rules for lines that begin in a certain way. Lines without a rule are run as they are.
 #[derive(Debug, Clone, Copy)]
 pub enum Rule {
-    /// Keeps running in the background. The script waits until it has printed this text, and stops it after the last line.
+    /// The command keeps running in the background. The script waits until the command has printed this text, and stops the
+    /// command after the script's last line.
     Stays(&'static str),
     /// A piece of script that runs before the line.
     Before(&'static str),
-    /// Not run, for this reason. Its arguments are checked all the same: the options of `murmuration`, make's targets, files for
-    /// `kubectl`.
+    /// The command is not run, for this reason. The test still checks its arguments: the options of `murmuration`, make's
+    /// targets, files for `kubectl`.
     NotRun(&'static str),
 }
 
@@ -45,7 +46,8 @@ pub struct Captured {
     pub code: Option<i32>,
 }
 
-/// Defines substitutes for programs that are not run, and functions that wait for background commands and stop them.
+/// Shell code that defines substitutes for programs that are not run, and functions that wait for background commands and stop
+/// them.
 const PRELUDE: &str = r#"
 set -euo pipefail
 stays=()
@@ -91,7 +93,7 @@ interrupted() {
 "#;
 
 impl Script {
-    /// The blocks of a page.
+    /// A script of the shell blocks of a page.
     pub fn of(name: &str) -> Self {
         let text = page(name);
         let blocks = blocks(&text).into_iter();
@@ -99,7 +101,7 @@ impl Script {
         Self::new(name, shell.flat_map(|(_, lines)| commands(&lines)).collect())
     }
 
-    /// A script of these commands, with this name.
+    /// A script of `commands`, with this name.
     pub fn new(name: &str, commands: Vec<String>) -> Self {
         Self {
             name: name.to_owned(),
@@ -111,13 +113,13 @@ impl Script {
         }
     }
 
-    /// Uses another campaign file as `small.toml`.
+    /// Uses `toml` as the campaign file `small.toml`.
     pub fn small_campaign(mut self, toml: String) -> Self {
         self.small_campaign = toml;
         self
     }
 
-    /// Adds a rule for lines that begin like this.
+    /// Adds a rule for lines that begin with `beginning`.
     pub fn rule(mut self, beginning: &'static str, rule: Rule) -> Self {
         self.rules.push((beginning, rule));
         self
@@ -178,7 +180,7 @@ impl Script {
         for (name, _) in std::env::vars().filter(|(name, _)| name.starts_with("MURMURATION_")) {
             bash.env_remove(name);
         }
-        // A document's `make` must not use the job server of the `make` that runs this test: it would wait for it.
+        // A document's `make` must not use the job server of the `make` that runs this test: the two would wait for each other.
         for name in ["MAKEFLAGS", "MFLAGS", "MAKELEVEL"] {
             bash.env_remove(name);
         }
@@ -207,7 +209,7 @@ impl Script {
                 })
                 .collect();
             let line = self.filled_in(command);
-            // The output has the seconds since the start.
+            // The output shows the seconds since the start of the script.
             writeln!(
                 script,
                 "echo \"[$SECONDS s]\" {} >&2",
@@ -287,7 +289,7 @@ fn quoted(text: &str) -> String {
     format!("'{}'", text.replace('\'', r"'\''"))
 }
 
-/// Checks that the command line accepts the commands that were not run.
+/// Checks that the program accepts the commands that were not run.
 fn check_understood(desk: &Path) {
     let recorded = fs::read_to_string(desk.join("understood")).unwrap();
     let commands = recorded.split_terminator("\u{1e}\0");

@@ -1,10 +1,10 @@
-//! The output of commands, word for word, in `transcripts/*.md`: commands over a small campaign, refused commands, their help, and
-//! the fields of their JSON.
+//! Checks the pages `transcripts/*.md`. The pages have, word for word, the output of commands over a small campaign, of refused
+//! commands, the help of commands, and the fields of their JSON.
 //!
-//! A page's `console` block is a script and its output: `$` begins a command, `>` continues it, `!` begins a line of stderr, and
-//! `[2]` is an exit code other than 0. A command's comment is the kind of the JSON documents that it prints, `figures` if it prints
-//! figures of this machine, or `stays` if it runs until the end. Paths, digests, ports, times and tokens are replaced by names in
-//! brackets. CONTRIBUTING.md explains how to accept a change.
+//! A page's `console` block is a script and its output: `$` begins a command, `>` continues a command, `!` begins a line of
+//! stderr, and `[2]` is an exit code other than 0. A command's comment is the kind of the JSON documents that the command prints.
+//! The comment is `figures` if the command prints figures of this machine, and `stays` if it runs until the end of the script.
+//! Paths, digests, ports, times and tokens are replaced by names in brackets. CONTRIBUTING.md explains how to accept a change.
 
 use crate::{
     examples::all,
@@ -40,18 +40,18 @@ const FILTERS: [(&str, &str); 14] = [
     (r"(?m)^.* done in .*\n", ""),
 ];
 
-/// Figures of this machine, of any length. They may have as many digits after the point as a digest.
+/// Patterns for figures of this machine, of any length. A figure can have as many digits after the point as a digest.
 const FIGURES: [(&str, &str); 3] = [
     FILTERS[0],
     (r"[0-9][0-9.,]*(e-?\d+)?", "[figure]"),
     (r" {2,}", "  "),
 ];
 
-/// If this variable is set, pages are rewritten with the current output.
+/// Environment variable. If it is set, the tests rewrite the pages with the current output.
 const WRITE: &str = "MURMURATION_WRITE_TRANSCRIPTS";
 
-/// Kinds of documents that no transcript prints: they need a machine that computed wrongly or take minutes, or contain the
-/// machine's name.
+/// Kinds of documents that no transcript prints. Such a document needs a machine that computed wrongly, takes minutes, or
+/// contains the machine's name.
 const NOT_PRINTED: [&str; 4] = ["lifted-quarantine", "bench-all", "bench-train", "bench-labels"];
 
 pub fn of_one_campaign() {
@@ -66,7 +66,7 @@ pub fn of_a_coordinator_that_stays() {
     check_console("served");
 }
 
-/// The overview, and the usage, purpose and options of each command.
+/// Checks the transcript of the overview, and of the usage, purpose and options of each command.
 pub fn of_help() {
     let overview = process::Command::new(binary("murmuration"))
         .arg("--help")
@@ -124,7 +124,7 @@ fn outline(mut command: Command, text: &mut String) {
     text.push('\n');
 }
 
-/// The fields of every kind of documents, with their types.
+/// Checks the transcript of the fields of every kind of documents, with their types.
 pub fn of_schemas() {
     let mut text = String::new();
     for kind in kinds() {
@@ -190,13 +190,13 @@ fn type_of(root: &Value, schema: &Value) -> String {
     }
 }
 
-/// Every command is in a transcript or in a list of exceptions; so is every kind of document.
+/// Checks that every command and every kind of document is in a transcript or in a list of exceptions.
 pub fn every_command_and_every_kind_of_document_has_one() {
     let steps: Vec<Step> = ["campaign", "errors", "served"]
         .into_iter()
         .flat_map(|page| steps(&text_of(page)))
         .collect();
-    // These print scripts for a shell or clap's own text, name the machine, last minutes, or run in other tests.
+    // These commands print scripts for a shell or clap's own text, print the machine's name, last minutes, or run in other tests.
     let without = [
         "murmuration completions",
         "murmuration man",
@@ -238,9 +238,9 @@ fn kinds() -> Vec<String> {
 
 /// A command of a transcript.
 struct Step {
-    /// As the shell reads it; may have several lines.
+    /// The command as the shell reads it; a command can have several lines.
     command: String,
-    /// The kind of the documents that it prints.
+    /// The kind of the documents that the command prints.
     kind: Option<String>,
     figures: bool,
     stays: bool,
@@ -347,7 +347,7 @@ fn text_of(page: &str) -> String {
     fs::read_to_string(path_of(page)).unwrap()
 }
 
-/// Checks that a page consists of its introduction, up to the second empty line, and `text`.
+/// Checks that a page consists of an introduction, which ends at the second empty line, and `text`.
 #[track_caller]
 fn check_page(page: &str, text: &str) {
     let kept = text_of(page);

@@ -1,4 +1,4 @@
-//! A cluster of containers; dropping it stops the containers.
+//! A cluster of containers. Dropping a [`ComposeCluster`] stops the containers.
 
 use murmuration_tests::{
     Finished, Murmuration,
@@ -15,7 +15,7 @@ use std::{
 };
 use tempfile::TempDir;
 
-/// Time limit for anything awaited: far longer than it takes.
+/// Time limit of every wait: far longer than anything takes.
 const LIMIT: Duration = Duration::from_secs(300);
 const PAUSE: Duration = Duration::from_millis(100);
 /// Files of the coordinator that its clients need too.
@@ -24,11 +24,11 @@ const TOKEN: &str = "operator.token";
 
 /// Containers of deploy/compose.yaml.
 pub struct ComposeCluster {
-    /// Images that the Dockerfile builds on: to build, and to run.
+    /// Base images of the Dockerfile: for building, and for running.
     bases: (String, String),
     project: String,
     port: u16,
-    /// The command line's token, and the certificate by which it recognises the coordinator.
+    /// The command line's token, and the certificate of the authority that the command line trusts.
     secrets: TempDir,
     /// The host's command line, without a data directory.
     murmuration: Murmuration,
@@ -84,7 +84,7 @@ impl ComposeCluster {
         }
     }
 
-    /// Waits until the newest campaign satisfies `described`, however often the coordinator restarts meanwhile.
+    /// Waits until the newest campaign satisfies `described`. The coordinator may restart meanwhile.
     pub fn wait_for(&self, what: &str, described: impl Fn(&Value) -> bool) {
         until(what, || {
             let shown = self.murmuration(&["show", "latest", "--json"]);
@@ -102,7 +102,7 @@ impl ComposeCluster {
         });
     }
 
-    /// Kills a container of a service with SIGKILL, checks that it died of it, and starts it again.
+    /// Kills a container of a service with SIGKILL, checks that SIGKILL ended the container, and starts the container again.
     pub fn kill_one(&self, service: &str) {
         let container = &self.containers(Some(service))[0];
         docker(&["kill", "--signal", "KILL", container]);
@@ -117,7 +117,7 @@ impl ComposeCluster {
         docker(&["start", container]);
     }
 
-    /// Checks that a service's containers have no privileges, and can write only where they must.
+    /// Checks that a service's containers have no privileges, and can write only to the folders that they need.
     pub fn check_confined(&self, service: &str) {
         let container = &self.containers(Some(service))[0];
         let user = docker(&["exec", container, "id", "-u"]);
@@ -172,7 +172,7 @@ impl Drop for ComposeCluster {
             let logs = self.try_compose(&["logs", "--no-color", "--tail", "40"]);
             eprintln!("{}", String::from_utf8_lossy(&logs.stdout));
         }
-        // If containers cannot be removed, the console shows why.
+        // Prints why containers cannot be removed.
         let down = self.try_compose(&["down", "--volumes", "--timeout", "2"]);
         if !down.status.success() {
             eprintln!("{}", String::from_utf8_lossy(&down.stderr));
@@ -180,7 +180,7 @@ impl Drop for ComposeCluster {
     }
 }
 
-/// Compose, for deploy/compose.yaml.
+/// The compose command for deploy/compose.yaml.
 pub fn compose_file() -> Command {
     let mut command = compose().expect("the harness asks first whether there is compose");
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../deploy/compose.yaml");

@@ -1,4 +1,4 @@
-//! The package source of the base images' Debian, from apt's sources in both of their formats.
+//! Tests how `debian-source` finds a mirror and a suite of Debian in apt's sources, in both formats of these files.
 
 use std::{fs, process::Command};
 

@@ -1,7 +1,7 @@
-//! The cluster of deploy/compose.yaml, built from deploy/Dockerfile: containers are killed, and the outcome equals that of
-//! `murmuration run` on this machine.
+//! Tests the cluster of deploy/compose.yaml, built from deploy/Dockerfile. The test kills containers; the outcome must equal the
+//! outcome of `murmuration run` on this machine.
 //!
-//! Needs a Docker engine, and base images from `tests/containers/base-images`, which `make test-containers` makes.
+//! The tests need a Docker engine, and base images from `tests/containers/base-images`, which `make test-containers` makes.
 
 mod compose;
 mod debian_source;
@@ -25,7 +25,7 @@ const SPEC: &str = "name = \"contained\"\nmodel = \"single-sensor\"\nmethod = \"
     [dataset]\ncontrollers = 4000\n[training.recipe.in-batch]\nepochs = 6\npatience = 6\n\
     [world]\nhorizon = 1600\n[search]\npopulation = 100\ngenerations = 120\n[taxonomy]\nmedoids = 8\n";
 
-/// Compose reads the file without an engine.
+/// Compose can read the file without a Docker engine.
 fn every_profile_is_valid_and_names_its_images() {
     let config = |arguments: &[&str]| {
         let output = compose_file()

@@ -8,8 +8,8 @@ use murmuration_tests::pages::root;
 use rings::rings;
 use std::{collections::BTreeMap, fs};
 
-/// The floor of each crate, by its folder. A crate depends only on crates of lower floors; this includes tests, benchmarks and
-/// build scripts.
+/// The floor of each crate, by its folder. A crate depends only on crates of lower floors; this rule includes tests, benchmarks
+/// and build scripts.
 pub const FLOORS: &[(&str, u8)] = &[
     ("proto", 0),
     ("worker/swarm", 1),

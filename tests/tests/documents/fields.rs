@@ -1,4 +1,4 @@
-//! Every field of a campaign file is documented.
+//! Checks that every field of a campaign file is documented.
 
 use murmuration_swarm::spec_sections::{Section, sections};
 use murmuration_tests::pages::{page, prose};
@@ -12,8 +12,8 @@ const IN_WORDS: [&str; 5] = [
     "world.noise",
 ];
 
-/// The tables that document the fields of a section. A recipe's fields are in the table of its section, or in the table of recipes
-/// with which it shares them.
+/// The tables that document the fields of a section. A recipe's fields are in the table of its section; fields of a feedback
+/// recipe can also be in the table of training recipes.
 fn tables_of(section: &str) -> Vec<String> {
     match section {
         "" => vec!["the file".to_owned()],

@@ -1,4 +1,5 @@
-//! The README and the pages of docs/: their links resolve, and their lists are complete. `command_line` runs their commands.
+//! Checks the README and the pages of docs/: links must resolve, and lists must be complete. The tests in `command_line` run the
+//! commands of these pages.
 
 mod arrows;
 mod fields;

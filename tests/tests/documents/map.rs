@@ -1,10 +1,10 @@
-//! The map in ARCHITECTURE.md.
+//! Checks the map of crates in ARCHITECTURE.md.
 
 use crate::arrows::FLOORS;
 use murmuration_tests::pages::{page, root};
 use std::fs;
 
-/// The map has exactly the existing crates, each on its floor, with its public modules.
+/// Checks that the map has exactly the existing crates, each on its floor, with its public modules.
 pub fn every_crate_is_on_the_map_with_its_floor_and_its_public_modules() {
     let text = page("ARCHITECTURE.md");
     let (_, table) = text.split_once("| floor | crate |").unwrap();

@@ -1,4 +1,4 @@
-//! Options as environment variables, and the seats of cost classes, as documented in docs/security.md.
+//! Checks that options have environment variables, and that docs/security.md documents the seats of cost classes.
 
 use clap::Command;
 use murmuration_access::CostClass;
@@ -19,7 +19,7 @@ fn without_variable(command: &Command) -> Vec<String> {
 
 pub fn what_starts_a_service_is_an_environment_variable_too() {
     let command = murmuration_program::command();
-    // The options of all commands. JSON must be requested explicitly.
+    // Among the options of all commands, only `--json` has no variable: JSON must be requested explicitly.
     assert_eq!(without_variable(&command), ["--json"]);
     let serve = command.find_subcommand("serve").unwrap();
     assert!(serve.get_arguments().count() > 8);
@@ -32,7 +32,7 @@ pub fn what_starts_a_service_is_an_environment_variable_too() {
             .unwrap();
         let help = String::from_utf8(help.stdout).unwrap();
         let (_, options) = help.split_once("Options:").unwrap();
-        // Each option begins with a line with its name.
+        // The help of each option begins with a line with the option's name.
         let mut shown: Vec<(&str, bool)> = Vec::new();
         for line in options.lines() {
             if let Some(name) = line

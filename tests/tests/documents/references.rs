@@ -1,4 +1,4 @@
-//! References of pages to other pages, files and commands.
+//! Checks the references of pages to other pages, files and commands.
 
 use clap::Command;
 use murmuration_tests::pages::{blocks, page, pages, prose, root};
@@ -77,13 +77,13 @@ pub fn links_and_paths_lead_somewhere() {
         }
     }
     assert!(followed > 15 && paths > 15, "{followed} links, {paths} paths");
-    // The check can fail.
+    // The check must be able to fail.
     assert!(!exists(&root, "docs/nothing.md") && !anchors(&page("README.md")).contains("nothing"));
 }
 
 fn exists(place: &Path, path: &str) -> bool {
     let file = place.join(path);
-    // A module may be a folder, or a file within it.
+    // A path of a module can name a folder, or a file without its ending.
     file.exists() || file.with_extension("").exists() || file.with_extension("rs").exists()
 }
 
@@ -131,7 +131,7 @@ pub fn commands_that_are_mentioned_exist() {
     assert!(mentioned > 10, "{mentioned}");
 }
 
-/// Only a block without the language `sh` could hide a command from the tests of `command_line`.
+/// Checks the language of every block: a command in a block that is not `sh` would be hidden from the tests of `command_line`.
 pub fn every_block_says_what_it_is() {
     for (name, text) in pages() {
         for (language, lines) in blocks(&text) {

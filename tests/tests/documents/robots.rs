@@ -1,10 +1,10 @@
-//! The drawings of the page on robots.
+//! Checks the drawings of the page on robots.
 
 use murmuration_tests::binary;
 use murmuration_tests::pages::{page, root};
 use std::{fs, process::Command};
 
-/// Each drawing is the output of `murmuration robot` for the file above it.
+/// Checks that each drawing is the output of `murmuration robot` for the file above the drawing.
 pub fn every_drawing_is_of_the_description_above_it() {
     let folder = tempfile::tempdir().unwrap();
     let text = page("docs/robots.md");

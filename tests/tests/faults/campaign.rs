@@ -5,7 +5,7 @@ use murmuration_swarm::CampaignSpec;
 use murmuration_tests::Murmuration;
 use std::{collections::BTreeMap, fs, sync::Mutex};
 
-/// A hand-crafted campaign of `generations` generations of ten.
+/// A campaign of the method `hand-crafted`, with `generations` generations of ten controllers.
 pub fn campaign(scale: &Scale, generations: u32, horizon: u32) -> CampaignSpec {
     let generations = scale.stretch * generations;
     let text = format!(

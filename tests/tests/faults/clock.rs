@@ -1,4 +1,4 @@
-//! The clock jumps forward and back while everything runs.
+//! The clock jumps forward and back while a campaign runs.
 
 use super::{
     Scale,
@@ -18,7 +18,7 @@ pub fn jumps(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let clock = FaultyLibc::new(folder.path());
     let mut cluster = ProcessCluster::start_in(folder, 2, clock.environment().to_vec());
     let id = cluster.submit(&spec);
-    // The fewest workers, observed while the campaign runs, after both have joined.
+    // The smallest number of connected workers, observed while the campaign runs, after both workers have joined.
     let fewest = Cell::new(2);
     let look = |status: &v1::Campaign| fewest.set(fewest.get().min(status.workers));
     for (generation, seconds) in (2..).step_by(15).zip(jumps) {

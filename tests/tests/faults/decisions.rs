@@ -1,5 +1,5 @@
 //! People's decisions at bad moments: while the coordinator starts, while a campaign is created, while an archive is clustered.
-//! Acknowledged decisions hold, and no decision waits for a computation.
+//! Acknowledged decisions must last, and no decision may wait for a computation.
 
 use super::{
     Scale,
@@ -23,23 +23,23 @@ use std::{
 };
 use tonic::Code;
 
-/// Campaigns for each kill of the coordinator: all but one are cancelled at the next start. They are many, so that the coordinator
-/// needs a while to read them.
+/// Number of campaigns for each kill of the coordinator. All but one of these campaigns are cancelled at the next start. The
+/// number is large, so that the coordinator needs a while to read the campaigns.
 const CAMPAIGNS_A_KILL: usize = 40;
-/// Campaigns that are cancelled while they are created.
+/// Number of campaigns that are cancelled while they are created.
 const CREATED: usize = 30;
-/// Clients that cancel the same campaign at once.
+/// Number of clients that cancel the same campaign at once.
 const CANCELLERS: usize = 4;
-/// Individuals of the archive that is clustered.
+/// Number of individuals in the archive that is clustered.
 const CLUSTERED: u32 = 60_000;
-/// Number of medoids: so many that clustering takes far longer than it takes a fault to strike.
+/// Number of medoids. With so many medoids, clustering lasts until all faults have struck.
 const MEDOIDS: u32 = 1_000;
-/// Processor time of the coordinator after which the archive has been read, and is being clustered.
+/// Processor time of the coordinator after which it has read the archive and is clustering it.
 const READ: Duration = Duration::from_secs(2);
 /// Longest permitted answer time while an archive is clustered.
 const LIMIT: Duration = Duration::from_secs(10);
 
-/// Cancels that the coordinator acknowledges while it starts, and while campaigns are created.
+/// Cancels campaigns while the coordinator starts, and while it creates the campaigns.
 pub fn cancels(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.coordinator_kills as usize;
     let spec = campaign(scale, 4, 100);
@@ -64,7 +64,7 @@ pub fn cancels(scale: &Scale, undisturbed: &Undisturbed) -> Row {
         for acknowledged in cancels {
             cluster.runtime().block_on(acknowledged).unwrap();
         }
-        // Running campaigns have been resumed by now.
+        // The coordinator has resumed all running campaigns by now.
         for id in part {
             assert!(!cluster.try_status(id).unwrap().active, "{id} goes on, cancelled");
         }
@@ -99,7 +99,7 @@ pub fn cancels(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-/// Creates campaigns, each of which clients try to cancel before it exists; returns their ids.
+/// Creates campaigns that clients try to cancel before the campaigns exist; returns the campaigns' ids.
 fn cancels_at_creation(cluster: &mut ProcessCluster, spec: &CampaignSpec) -> Vec<String> {
     let last = cluster.submit(spec);
     let number: usize = last.rsplit('-').next().unwrap().parse().unwrap();
@@ -115,12 +115,12 @@ fn cancels_at_creation(cluster: &mut ProcessCluster, spec: &CampaignSpec) -> Vec
         }
         created.push(id);
     }
-    // The first campaign, whose number predicted the ids of the others.
+    // Cancels the first campaign, whose number predicted the ids of the other campaigns.
     cluster.runtime().block_on(cancel(cluster.client(), last));
     created
 }
 
-/// Requests a cancel until the campaign is cancelled, by this client or by another.
+/// Requests a cancel until the campaign is cancelled, by this client or by another client.
 async fn cancel(mut client: ProcessClient, id: String) {
     let begun = Instant::now();
     loop {
@@ -138,7 +138,8 @@ async fn cancel(mut client: ProcessClient, id: String) {
     }
 }
 
-/// Pauses, resumes, cancels and shuts down while the coordinator clusters the whole archive of a campaign.
+/// Pauses, resumes and cancels a campaign, and shuts the coordinator down, while the coordinator clusters the campaign's whole
+/// archive.
 pub fn clustering(_: &Scale, _: &Undisturbed) -> Row {
     let folder = tempfile::tempdir().unwrap();
     let id = unclustered(&folder.path().join("data"));
@@ -217,7 +218,7 @@ fn unclustered(data: &Path) -> String {
     id.as_str().to_owned()
 }
 
-/// Waits until the archive is being clustered, after it was read.
+/// Waits until the coordinator has read the archive and is clustering it.
 fn clusters(cluster: &mut ProcessCluster, id: &str) {
     let status = cluster.wait_until(id, |status| status.active);
     assert_eq!(

@@ -65,7 +65,7 @@ fn refused(scale: &Scale, undisturbed: &Undisturbed, what: &str, set: impl Fn(&F
     }
 }
 
-/// Waits until the campaign waits for its disk; returns the number of its generations.
+/// Waits until the campaign waits for its disk; returns the number of generations that are done.
 fn waits(cluster: &mut ProcessCluster, id: &str, spec: &CampaignSpec) -> u32 {
     // The database may still have a little room in its own files.
     let mut before = cluster.try_status(id).unwrap().generations_done;

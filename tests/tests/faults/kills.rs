@@ -1,4 +1,4 @@
-//! SIGKILL at random moments of a campaign; each must strike while the campaign runs.
+//! Kills processes with SIGKILL at random moments of a campaign. Each kill must strike while the campaign runs.
 
 use super::{
     Scale,
@@ -20,7 +20,8 @@ fn pause(dice: &mut RandomStream, most_ms: u64) {
 
 pub fn workers(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.worker_kills;
-    // The search continues while a killed process is replaced: for some twenty generations, where starting is slow.
+    // The search continues while a killed process is replaced. On a machine where starting is slow, the search does some twenty
+    // generations in this time.
     let spec = campaign(scale, 20 * kills + 20, 1000);
     let mut cluster = ProcessCluster::start(3);
     let id = cluster.submit(&spec);
@@ -44,7 +45,7 @@ pub fn workers(scale: &Scale, undisturbed: &Undisturbed) -> Row {
 
 pub fn coordinator(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.coordinator_kills;
-    // The first worker to reconnect works alone until the other one reconnects.
+    // The first worker to reconnect works alone until the other worker reconnects.
     let spec = campaign(scale, 40 * kills + 20, 300);
     let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
@@ -53,7 +54,7 @@ pub fn coordinator(scale: &Scale, undisturbed: &Undisturbed) -> Row {
         cluster.wait_to_strike(&id, |status| {
             status.workers == 2 && status.generations_done > 4 * kill
         });
-        // A generation takes some ten milliseconds, half of them its commit.
+        // A generation takes some ten milliseconds, half of this time for its commit.
         pause(&mut dice, 20);
         cluster.restart_coordinator();
     }

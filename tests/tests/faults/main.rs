@@ -1,10 +1,10 @@
-//! Faults against the real processes. Each fault is seeded and certain to fire, and the outcome is compared with an undisturbed
-//! run.
+//! Injects faults into the real processes. Each fault follows a seed and is certain to fire. The test compares the outcome with
+//! an undisturbed run.
 //!
-//! Faults fire one after the other, and a table lists each fault and its outcome; `-- 'clock jumps'` fires one alone.
-//! `MURMURATION_SEED` determines when and whom they strike. `MURMURATION_SCALE=long` (`make faults`) has more of everything, and
-//! writes the table to `docs/reliability.md` if every fault was fired. `MURMURATION_BINARIES` names a folder of binaries, so that a
-//! build during the hour does not replace them.
+//! Faults fire one after the other, and a table lists each fault and its outcome; `-- 'clock jumps'` fires only this fault.
+//! `MURMURATION_SEED` determines which processes faults strike, and when. `MURMURATION_SCALE=long` (`make faults`) fires more
+//! faults of every kind, and writes the table to `docs/reliability.md` if every fault was fired. `MURMURATION_BINARIES` names a
+//! folder of binaries, so that a build during the hour does not replace the binaries of the test.
 
 mod campaign;
 mod clock;
@@ -32,7 +32,7 @@ use table::{Row, Table};
 /// Sizes of the scenarios.
 #[derive(Debug, Clone, Copy)]
 pub struct Scale {
-    /// Seed of when and whom faults strike.
+    /// Seed of the moments and targets of faults.
     pub seed: u64,
     /// Kills of workers.
     pub worker_kills: u32,
@@ -44,7 +44,7 @@ pub struct Scale {
     pub partitions: u32,
     /// Connections that send nothing.
     pub connections: usize,
-    /// Length of the soak, seconds.
+    /// Length of the soak test, seconds.
     pub soak_seconds: u64,
     /// Factor on the length of campaigns, for machines where campaigns end before the faults have struck.
     pub stretch: u32,
@@ -114,7 +114,7 @@ fn main() -> ExitCode {
         let fire = move || {
             let fire = |stretch| scenario(&Scale { stretch, ..scale }, &undisturbed);
             let fired = table.lock().unwrap().run(name, fire);
-            // The table contains the failure too.
+            // The table lists the failed fault too.
             fired.unwrap_or_else(|found| panic!("{found}"));
         };
         let test = Test::new(name, fire);

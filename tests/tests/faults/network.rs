@@ -30,7 +30,7 @@ pub fn partitions(scale: &Scale, undisturbed: &Undisturbed) -> Row {
         let begun = Instant::now();
         cluster.wait_to_strike(&id, |status| status.workers == 0);
         noticed.push(begun.elapsed());
-        // The workers have noticed too, and keep trying to reconnect through the cut connection.
+        // After this pause, the workers have noticed the cut too, and keep trying to reconnect.
         thread::sleep(Duration::from_secs(2));
         proxies.iter().for_each(|proxy| proxy.cut(false));
     }
@@ -67,14 +67,14 @@ pub fn latency(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-/// A separate network namespace, connected to this one by a pair of devices; removed when dropped.
+/// A separate network namespace, connected to the test's own namespace by a pair of devices. Dropping a `Namespace` removes it.
 struct Namespace {
     name: String,
     subnet: String,
 }
 
 impl Namespace {
-    /// Panics if that is not allowed.
+    /// Makes a namespace. Panics if this process is not allowed to make one.
     fn new() -> Self {
         let number = std::process::id() % 200 + 20;
         let namespace = Self {

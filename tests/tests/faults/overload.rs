@@ -21,7 +21,7 @@ use tonic::{Code, Status};
 
 pub fn connections(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = campaign(scale, 300, 1000);
-    // Without workers the campaign cannot end before the connections are open, however slowly they open.
+    // Without workers, the campaign cannot end before all connections are open.
     let mut cluster = ProcessCluster::start(0);
     let id = cluster.submit(&spec);
     let before = memory_mib(cluster.coordinator().id());
@@ -52,7 +52,7 @@ pub fn connections(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-/// Opens streams that no one reads; returns their number.
+/// Opens streams that no one reads; returns the number of streams.
 fn watch_unread(cluster: &ProcessCluster, id: &str) -> usize {
     let (url, campaign) = (cluster.url(), id.to_owned());
     cluster.runtime().block_on(async move {
@@ -65,7 +65,7 @@ fn watch_unread(cluster: &ProcessCluster, id: &str) -> usize {
             streams.push(client.watch_campaign(request).await.unwrap());
         }
         let count = streams.len();
-        // Runs as long as the runtime lives.
+        // This task keeps the streams open until the runtime ends.
         tokio::spawn(async move {
             std::future::pending::<()>().await;
             drop(streams);
@@ -74,7 +74,7 @@ fn watch_unread(cluster: &ProcessCluster, id: &str) -> usize {
     })
 }
 
-/// Source addresses of the connections, all of this machine.
+/// Number of source addresses of the connections. All are addresses of this machine.
 const PEERS: u8 = 5;
 
 /// Connections from each address: more than the limit for one address.
@@ -84,7 +84,8 @@ const WANTED: usize = PER_PEER * PEERS as usize;
 
 const _: () = assert!(WANTED > MAX_CONNECTIONS + 500);
 
-/// Open files needed at either end of the connections: both ends are processes of this machine, with the same limit.
+/// Number of open files that either end of the connections needs. Both ends are processes of this machine, with the same limit of
+/// open files.
 pub const FILES: u64 = WANTED as u64 + 500;
 
 /// Exceeds the limits of connections in total and from one address, and of a message's size.
@@ -113,7 +114,7 @@ pub fn limits(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-/// Opens all those connections; returns how many the coordinator keeps.
+/// Opens `WANTED` connections; returns how many of them the coordinator keeps open.
 fn kept_open(cluster: &ProcessCluster) -> usize {
     let mut open = Vec::new();
     for peer in 0..PEERS {
@@ -142,7 +143,7 @@ async fn connect(from: Ipv4Addr, to: &str) -> TcpStream {
     stream.into_std().unwrap()
 }
 
-/// Whether the other end has kept it open.
+/// Whether the other end has kept the connection open.
 fn is_open(stream: &mut TcpStream) -> bool {
     let silent = |error: std::io::Error| error.kind() == ErrorKind::WouldBlock;
     stream.read(&mut [0]).is_err_and(silent)

@@ -19,7 +19,7 @@ pub struct Proxy {
 }
 
 struct State {
-    /// Whether bytes are dropped; neither end is told.
+    /// Whether bytes are dropped, without a sign to either end.
     cut: AtomicBool,
     /// Delay in each direction, milliseconds.
     delay_ms: u64,
@@ -48,7 +48,7 @@ impl Proxy {
                 };
                 for (from, to) in [(&client, &server), (&server, &client)] {
                     let (from, to) = (from.try_clone().unwrap(), to.try_clone().unwrap());
-                    // Otherwise small messages would wait for one another, unlike on a real network.
+                    // With a delay by TCP, small messages would wait for one another, unlike on a real network.
                     to.set_nodelay(true).unwrap();
                     forward(from, to, shared.clone());
                 }
@@ -71,7 +71,7 @@ impl Proxy {
     }
 }
 
-/// One direction: a thread that reads, and one that writes after the delay.
+/// Forwards one direction of a connection: one thread reads, another thread writes after the delay.
 fn forward(mut from: TcpStream, mut to: TcpStream, state: Arc<State>) {
     let (sender, parcels) = mpsc::sync_channel::<(Instant, Vec<u8>)>(1024);
     let delay = Duration::from_millis(state.delay_ms);

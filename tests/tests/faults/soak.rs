@@ -1,4 +1,5 @@
-//! A soak test: campaign after campaign, while workers come and go. Memory and files must not grow.
+//! A soak test: campaign after campaign runs, while workers come and go. The coordinator's memory and open files must not grow,
+//! nor a worker's memory.
 
 use super::{
     Scale,
@@ -13,7 +14,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// The resources of a process.
+/// The memory and the open files of a process.
 #[derive(Debug, Clone, Copy)]
 struct Held {
     memory_mib: f64,

@@ -1,4 +1,4 @@
-//! The table of faults: what was done, and its outcome.
+//! The table of faults and their outcomes.
 
 use murmuration_tests::OVER_TOO_EARLY;
 use std::{
@@ -28,7 +28,7 @@ fn caught(scenario: impl FnOnce() -> Row) -> Result<Row, String> {
     })
 }
 
-/// The rows, with the time that each took.
+/// The rows, with the time that each scenario took.
 pub struct Table {
     seed: u64,
     rows: Vec<(&'static str, Result<Row, String>, Duration)>,
@@ -42,8 +42,8 @@ impl Table {
         }
     }
 
-    /// Runs a scenario. If its campaign ends before the faults have struck, tries again with longer campaigns. Any other panic
-    /// becomes the row's outcome and the error.
+    /// Runs a scenario. If the scenario's campaign ends before the faults have struck, runs the scenario again with longer
+    /// campaigns. Any other panic becomes the row's outcome and the error.
     pub fn run(&mut self, name: &'static str, scenario: impl Fn(u32) -> Row) -> Result<(), String> {
         let begun = Instant::now();
         let mut row = Err(String::new());

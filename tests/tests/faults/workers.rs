@@ -39,7 +39,7 @@ pub fn slow(scale: &Scale, undisturbed: &Undisturbed) -> Row {
         let ready = |status: &v1::Campaign| status.workers == 2 && status.generations_done > 30 * stop;
         let before = cluster.wait_to_strike(&id, ready);
         cluster.workers[0].signal("STOP");
-        // Shorter than the silence limit: the worker keeps its leases.
+        // The pause is shorter than the silence limit, so the worker keeps its leases.
         thread::sleep(Duration::from_secs(2));
         let during = cluster.try_status(&id).unwrap();
         cluster.workers[0].signal("CONT");
@@ -84,7 +84,7 @@ pub fn wrong_bits(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = campaign(scale, 300, 600);
     let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
-    // With a single other worker, it would be unknown which of the two is wrong.
+    // Two honest workers are needed: with only one, the coordinator could not find out which of the two answers is wrong.
     cluster.wait_to_strike(&id, |status| status.workers == 2 && status.generations_done > 0);
     let (answered, status) = answer_all(&cluster, &lie());
     assert!(status.message().contains("quarantined"), "{status}");
@@ -188,7 +188,7 @@ pub fn connections_of_a_liar(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let (spec, connections) = (campaign(scale, 300, 600), 4);
     let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
-    // With a single other worker, it would be unknown which of the two is wrong.
+    // Two honest workers are needed: with only one, the coordinator could not find out which of the two answers is wrong.
     cluster.wait_to_strike(&id, |status| status.workers == 2 && status.generations_done > 0);
     let (url, machine) = (cluster.url(), 3);
     let (told, again) = cluster.runtime().block_on(async {
@@ -237,7 +237,7 @@ pub fn unfit(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let _trainer = cluster.worker(&url, "murmuration-trainer");
     let nowhere = Path::new("/dev/null/cache");
     let _cannot_embed = cluster.odd_worker(nowhere, &[("ORT_DYLIB_PATH", "/dev/null/onnxruntime.so")]);
-    // The worker simulates the dataset; then the search needs embeddings.
+    // This worker can simulate the dataset, but the search after it needs embeddings.
     let waits_for = |expected: &'static str| move |status: &v1::Campaign| status.waiting.contains(expected);
     let status = cluster.wait_until(&id, waits_for("no connected worker can embed"));
     assert_eq!(status.state(), v1::CampaignState::Running, "{}", status.error);
@@ -261,7 +261,7 @@ pub fn foreign_leases(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = campaign(scale, 800, 600);
     let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
-    // Some leases have ended by now, and others are held.
+    // By now, some leases have ended, and other leases are open.
     cluster.wait_to_strike(&id, |status| status.workers == 2 && status.generations_done > 5);
     let url = cluster.url();
     let sent = cluster.runtime().block_on(async {
@@ -281,7 +281,8 @@ pub fn foreign_leases(scale: &Scale, undisturbed: &Undisturbed) -> Row {
                 .await;
             sent += 1;
         }
-        // The coordinator handles a worker's messages in order: another lease proves that it has handled all of these.
+        // The coordinator handles a worker's messages in order: another lease proves that the coordinator has handled all these
+        // answers.
         impostor.lease(1).await;
         sent
     });

@@ -1,5 +1,5 @@
-//! Tests that need more of the machine than this repository: a browser, Python packages, permission to mount a file system. If the
-//! machine lacks a requirement, the test is ignored, and a line gives the reason.
+//! Tests that need more than this repository: a browser, Python packages, permission to mount a file system. If the machine lacks
+//! a requirement of a test, the test is ignored, and a line gives the reason.
 
 mod browser;
 mod data_directory;

@@ -1,4 +1,4 @@
-//! Files that commands write to a path of the user's choice: on a full disk, in a read-only folder, over other files.
+//! Tests files that commands write to a path of the user's choice: on a full disk, in a read-only folder, over other files.
 
 use crate::data_directory::MODEL;
 use murmuration_tests::{Finished, Murmuration, Requirement, SmallDisk, Test, small_spec, test};
@@ -20,7 +20,7 @@ pub fn tests() -> Vec<Test> {
 }
 
 const CONTROLLER: &str = "--controller=0.2,0.7,-0.5,-0.1";
-/// The commands that write one file, without its name, and the file's extension.
+/// The commands that write one file, without the file's name, and the file's extension.
 const FILES: [(&[&str], &str); 10] = [
     (&["simulate", CONTROLLER, "--gif"], "gif"),
     (&["simulate", CONTROLLER, "--png"], "png"),
@@ -33,7 +33,7 @@ const FILES: [(&[&str], &str); 10] = [
     (&["checkpoints", "export", "CHECKPOINT"], "onnx"),
     (&["evaluate", "SPEC", "CONTROLLERS", "--out"], "csv"),
 ];
-/// The commands that write a folder, without its name, and one of its files.
+/// The commands that write a folder, without the folder's name, and one file of the folder.
 const FOLDERS: [(&[&str], &str); 3] = [
     (&["report", "latest", "--out"], "report.html"),
     (&["lab", "atlas", "ATLAS", "--out"], "atlas.csv"),
@@ -68,7 +68,7 @@ impl Given {
         }
     }
 
-    /// Like [`Given::run`], with permission to replace the file.
+    /// Runs a command as [`Given::run`] does, with permission to replace the file.
     fn replace(&self, command: &[&str], path: &Path) -> Finished {
         let [command @ .., option] = command else {
             panic!("a command has words");
@@ -151,7 +151,7 @@ fn a_file_that_exists_is_replaced_only_when_asked() {
         let replaced = given.replace(command, &path);
         assert_eq!(replaced.code, Some(0), "{command:?}: {}", replaced.stderr);
         assert_ne!(fs::read(&path).unwrap(), b"mine", "{command:?}");
-        // Even with permission, a coordinator's own files are not replaced.
+        // Even with permission, a command does not replace a coordinator's own files.
         let data = folder.path().join("data");
         let (own, before) = (data.join("own").with_extension(ending), contents(&data));
         let refused = given.replace(command, &own);
@@ -179,7 +179,7 @@ fn on_a_full_disk_a_folder_stays_as_it_was() {
         assert!(contents(&path).is_empty(), "{command:?} left files");
         drop(disk);
     }
-    // Certificates are small: this disk has room for only two of them.
+    // Certificates are small, so this disk has room for only two certificates.
     let _disk = SmallDisk::new(&at, "8k");
     let failed = given.run(&["certs"], &at);
     names_file(&failed, &["certs"], &at);
@@ -193,7 +193,7 @@ fn what_cannot_be_written_is_named() {
     let file = folder.path().join("file");
     fs::write(&file, "mine").unwrap();
     for (command, ending) in FILES {
-        // A folder in place of the file, and a file in place of the file's folder.
+        // The test puts a folder in place of the file, and a file in place of the file's folder.
         let taken = folder.path().join("taken").with_extension(ending);
         fs::create_dir_all(&taken).unwrap();
         names_file(&given.run(command, &taken), command, &taken);
@@ -227,7 +227,7 @@ fn a_folder_keeps_the_files_of_its_owner() {
         assert!(contents(&path) == before, "{command:?} changed the folder");
         fs::remove_dir_all(&path).unwrap();
     }
-    // A report that its owner changed is replaced only on request.
+    // A command replaces a report that its owner changed only on request.
     let path = folder.path().join("report");
     let report = |force: &[&str]| given.run(&[&["report", "latest"], force, &["--out"]].concat(), &path);
     assert_eq!(report(&[]).code, Some(0));
@@ -243,7 +243,7 @@ fn a_folder_keeps_the_files_of_its_owner() {
     assert_eq!(fs::read_to_string(path.join("report.html")).unwrap(), "notes");
     assert_eq!(report(&["--force"]).code, Some(0));
     assert_eq!(fs::read_to_string(path.join("recall.csv")).unwrap(), "mine");
-    // Another campaign's report replaces the first one completely.
+    // Another campaign's report replaces the first report completely.
     let spec = folder.path().join("trials.toml");
     fs::write(&spec, small_spec("[evaluation]\nstarts = 2").to_toml()).unwrap();
     assert_eq!(
@@ -284,7 +284,7 @@ fn what_is_read_is_not_written() {
             "{command:?} changed its input"
         );
     }
-    // The file of starts beside the labels is read without being named.
+    // The command reads the file of starts beside the labels, although no argument names this file.
     let labels = folder.path().join("labels.csv").display().to_string();
     let starts = folder.path().join("starts.csv");
     fs::write(&starts, "mine").unwrap();

@@ -1,14 +1,15 @@
-//! `murmuration lab accuracy` on the command line. These tests need ONNX Runtime (`make runtime`).
+//! Tests `murmuration lab accuracy` on the command line. These tests need ONNX Runtime (`make runtime`).
 
 use murmuration_tests::{Finished, Murmuration, binary};
 use serde_json::Value;
 use std::{fs, fs::File, path::PathBuf, process::Command};
 use tempfile::TempDir;
 
-/// The tests' small embedder of 12 x 8 images.
+/// The tests' small embedder of pictures of 12 x 8 pixels.
 const SMALL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.onnx");
 
-/// A labelled set of three images. The first two have the same class, and are closest to each other by the small embedder.
+/// A labelled set of three images. The first two images have the same class, and the small embedder puts them closest to each
+/// other.
 struct Set {
     folder: TempDir,
 }

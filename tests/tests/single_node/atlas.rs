@@ -1,4 +1,4 @@
-//! Exhaustive campaigns and their atlases: workers judge every controller once, despite interruptions.
+//! Tests exhaustive campaigns and their atlases: workers judge every controller once, despite interruptions.
 
 use murmuration_judge::{frames, judge};
 use murmuration_proto::v1;
@@ -116,7 +116,7 @@ fn an_atlas_that_is_killed_goes_on_to_the_same_digest_and_is_not_computed_again(
         assert!(one == other, "{name} differs");
     }
     assert!(folder.path().join("whole/pictures/tile-0-0.png").exists());
-    // The same command starts no second campaign.
+    // Running the same command again starts no second campaign.
     assert_eq!(atlas(&killed, "again"), {
         let mut again = resumed.clone();
         again["atlas"] = folder

@@ -1,4 +1,4 @@
-//! The modules of a crate, and the modules that each of them names.
+//! The modules of a crate, and the modules that each module names.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -10,24 +10,24 @@ use syn::{
     visit::{self, Visit},
 };
 
-/// A module's path: the names from the crate's root to it; empty for the root.
+/// A module's path: the names from the crate's root to the module; empty for the root.
 pub type Place = Vec<String>;
 
 /// The modules of a crate and their dependencies, without code that only tests compile.
 #[derive(Debug, Default)]
 pub struct Crate {
-    /// The modules, by place.
+    /// The modules, by path.
     pub modules: BTreeMap<Place, Module>,
 }
 
 /// A module.
 #[derive(Debug, Default)]
 pub struct Module {
-    /// Names imported by `use`, with their paths.
+    /// Names that the module imports by `use`, with their paths.
     imports: BTreeMap<String, Place>,
     /// Modules with glob imports (`use path::*`).
     globs: Vec<Place>,
-    /// Paths of several names, or of one name that may be imported. As written in the code.
+    /// Paths as written in the code: of several names, or of one name that may be imported.
     paths: BTreeSet<Place>,
 }
 
@@ -68,7 +68,7 @@ impl Crate {
                             } else {
                                 folder.join("mod.rs")
                             };
-                            // Build scripts generate files elsewhere.
+                            // A missing file is one that a build script generates elsewhere.
                             if file.exists() {
                                 self.read_file(&file, &folder, place);
                             }
@@ -81,7 +81,7 @@ impl Crate {
         self.modules.insert(place, module);
     }
 
-    /// The modules that the module at `place` refers to: where the names are defined, as far as this crate defines them.
+    /// The modules that the module at `place` refers to: the modules of this crate that define the names used.
     pub fn named_by(&self, place: &Place) -> BTreeSet<Place> {
         let module = &self.modules[place];
         let paths = module
@@ -128,7 +128,7 @@ impl Crate {
         }
     }
 
-    /// The module that defines what `path` leads to from the module `at`.
+    /// The module that defines the item at `path`, relative to the module `at`.
     fn descend(&self, at: Place, path: &[String], depth: usize) -> Option<Place> {
         let Some((first, rest)) = path.split_first() else {
             return Some(at);
@@ -143,7 +143,7 @@ impl Crate {
                 let whole: Place = import.iter().chain(rest).cloned().collect();
                 self.resolve(&at, &whole, depth + 1)
             }
-            // Defined here, or imported by a glob.
+            // The module at `at` defines the name, or imports it by a glob.
             None => Some(at),
         }
     }

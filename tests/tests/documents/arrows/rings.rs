@@ -5,13 +5,14 @@ use std::collections::{BTreeMap, BTreeSet};
 
 type Arrows = BTreeMap<String, BTreeSet<String>>;
 
-/// Each ring, with the module whose children form it (names joined by `::`; empty for the crate's root).
+/// Each ring (dependency cycle) of modules, with the module whose children form the ring: names joined by `::`, empty for the
+/// crate's root.
 pub fn rings(code: &Crate) -> Vec<(String, Vec<String>)> {
     let mut arrows: BTreeMap<Place, Arrows> = BTreeMap::new();
     for place in code.modules.keys() {
         for named in code.named_by(place) {
             let common = place.iter().zip(&named).take_while(|(a, b)| a == b).count();
-            // A parent and its child do not form a ring: they count as one module.
+            // A parent module and its child do not form a ring: the two count as one module.
             if let (Some(from), Some(to)) = (place.get(common), named.get(common)) {
                 let among = arrows.entry(place[..common].to_vec()).or_default();
                 among.entry(from.clone()).or_default().insert(to.clone());

@@ -1,9 +1,9 @@
-//! Accessibility barriers for people who use a keyboard, a screen reader or large type, as found by axe-core on a page.
+//! Finds, with axe-core, barriers of a page for people who use a keyboard, a screen reader or large type.
 
 use crate::browser::driver::Window;
 use serde_json::json;
 
-/// axe-core (`tests/axe/README.md`).
+/// The script of axe-core (`tests/axe/README.md`).
 const AXE: &str = include_str!("../../../axe/axe.min.js");
 
 /// The rules that the page violates, with the elements that violate them.
@@ -18,7 +18,7 @@ const TIMES: u32 = 5;
 /// Fails if axe-core finds a violation on the page.
 pub async fn check_barriers(window: &Window, page: &str) {
     let script = format!("{AXE}\nreturn {VIOLATIONS}");
-    // A page that reloads meanwhile gives no answer.
+    // A page that reloads during the check gives no answer.
     for _ in 0..TIMES {
         if let Ok(found) = window.driver.execute(script.clone(), vec![]).await {
             assert_eq!(*found.json(), json!([]), "{page} has barriers");

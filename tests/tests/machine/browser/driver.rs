@@ -24,7 +24,7 @@ use thirtyfour::{
 /// Longer than any successful operation takes on a busy machine.
 const DRIVER_TIMEOUT: Duration = Duration::from_secs(60);
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
-/// Time between two checks of the browser's log while waiting for something.
+/// Time between two checks of the browser's log during a wait.
 const LOOK_INTERVAL: Duration = Duration::from_secs(10);
 
 /// Records layout shifts on the window's pages that do not follow a key press, a click or typing.
@@ -42,8 +42,8 @@ const SHIFTS: &str = "new PerformanceObserver((list) => { \
     sessionStorage.setItem('shifts', JSON.stringify(noted)); \
 }).observe({ type: 'layout-shift', buffered: true })";
 
-/// Makes a page's script fail when it reads a field that the coordinator did not send, in the JSON of `fetch`, events and
-/// attributes. JSON that a page stored itself may lack fields, because another version may have written it.
+/// Makes a page's script fail when it reads a field that the coordinator did not send. The check covers the JSON of `fetch`,
+/// events and attributes. JSON that a page stored itself may lack fields, because another version may have written it.
 const UNSENT: &str = "(() => { \
     const strict = (value) => (typeof value !== 'object' || value === null) ? value : new Proxy(value, { \
         get(target, name, self) { \
@@ -65,14 +65,14 @@ const UNSENT: &str = "(() => { \
     Response.prototype.json = async function () { return strict(await json.call(this)); }; \
 })()";
 
-/// chromedriver; dropping this ends it.
+/// A chromedriver process. Dropping a `Driver` ends the process.
 pub struct Driver {
     process: Child,
     url: String,
     binary: String,
 }
 
-/// A chromedriver process and its port; `None` if it ended before it listened.
+/// Starts chromedriver; returns its process and port, or `None` if it ended before it listened.
 fn listening(driver: &str) -> Option<(Child, u16)> {
     let mut process = Command::new(driver)
         .arg("--port=0")
@@ -99,7 +99,7 @@ pub struct Window {
 impl Driver {
     pub fn start() -> Self {
         let (binary, driver) = chromium().expect("the harness asks first whether there is a browser");
-        // chromedriver takes a free port of IPv6, and ends if that port of IPv4 is in use, for example by a chromedriver of another
+        // chromedriver takes a free IPv6 port, and ends if the same IPv4 port is in use, for example by a chromedriver of another
         // test.
         let (process, port) = (0..10)
             .find_map(|_| listening(&driver))
@@ -139,7 +139,7 @@ impl Driver {
 
 impl Drop for Driver {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // chromedriver may have ended by itself.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
@@ -157,8 +157,8 @@ impl Window {
         element.text().await.unwrap()
     }
 
-    /// Waits until a script returns true; panics with the page's content if it never does. While one page replaces another,
-    /// elements are missing and the script may fail: this counts as not true yet.
+    /// Waits until a script returns true; panics with the page's content if the script never does. While one page replaces
+    /// another, elements are missing and the script may fail: a failed script counts as not true yet.
     ///
     /// Containers that start beside the tests change the machine's networks, and Chromium then aborts loading. Such a page is
     /// loaded again.
@@ -184,7 +184,7 @@ impl Window {
         }
     }
 
-    /// Presses keys, one after the other, with the focus where it is.
+    /// Presses keys, one after the other, without moving the focus.
     pub async fn press(&self, keys: &str) {
         let chain = self
             .driver
@@ -192,11 +192,11 @@ impl Window {
         chain.send_keys(keys).perform().await.unwrap();
     }
 
-    /// Clicks the first element of a selector, once it exists, is shown and enabled, and is not covered.
+    /// Clicks the first element that matches a selector, as soon as the element exists, is shown and enabled, and is not covered.
     pub async fn click(&self, selector: &str) {
         let begun = Instant::now();
         loop {
-            // After one of these errors the driver has not clicked: the page is still changing.
+            // After one of these errors, the driver has not clicked, because the page is still changing.
             let why = match self.try_click(selector).await.map_err(WebDriverError::into_inner) {
                 Ok(true) => return,
                 Ok(false) => "it is hidden or disabled".to_owned(),
@@ -233,7 +233,7 @@ impl Window {
         self.driver.execute(script, vec![]).await.unwrap();
     }
 
-    /// Draws a line with the pointer through points of an element, relative to its top left corner.
+    /// Draws a line with the pointer through points of an element. Coordinates are relative to the element's top left corner.
     pub async fn draw(&self, selector: &str, line: &[(f64, f64)]) {
         let place = self
             .value(&format!(
@@ -260,7 +260,7 @@ impl Window {
         self.before_pages(SHIFTS).await;
     }
 
-    /// Runs a script before those of the page, on all following pages.
+    /// Runs a script before the page's own scripts, on all following pages.
     pub async fn before_pages(&self, script: &str) {
         let script = json!({ "source": script });
         let cdp = self.driver.cdp();
@@ -269,7 +269,7 @@ impl Window {
             .unwrap();
     }
 
-    /// The recorded layout shifts: each element, from where to where.
+    /// The recorded layout shifts: each element with its places before and after the shift.
     pub async fn shifts(&self) -> Value {
         self.value("JSON.parse(sessionStorage.getItem('shifts') ?? '[]')")
             .await
@@ -280,8 +280,8 @@ impl Window {
         self.zoom((width, height), 1, dark).await;
     }
 
-    /// Emulates a zoomed screen of this size in pixels. The driver cannot press the browser's zoom keys. Their effect on a page is
-    /// the same: fewer pixels in each direction, each of them more pixels on the screen.
+    /// Emulates a zoomed screen of this size in pixels. The driver cannot press the browser's zoom keys, which have the same
+    /// effect on a page: fewer pixels in each direction, each drawn with more pixels of the screen.
     pub async fn zoom(&self, (width, height): (u32, u32), times: u32, dark: bool) {
         let cdp = self.driver.cdp();
         let (width, height) = (width / times, height / times);
@@ -304,7 +304,7 @@ impl Window {
         self.click(selector).await;
         let begun = Instant::now();
         loop {
-            // The file gets this name only when it is complete.
+            // The browser gives the file this name only when the file is complete.
             if let Ok(text) = fs::read_to_string(folder.path().join(file)) {
                 return text;
             }
@@ -313,7 +313,7 @@ impl Window {
         }
     }
 
-    /// Switches between paper and screen.
+    /// Switches the page between paper and screen.
     pub async fn print(&self, prints: bool) {
         let media = json!({ "media": if prints { "print" } else { "" } });
         let cdp = self.driver.cdp();

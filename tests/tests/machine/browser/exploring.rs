@@ -1,4 +1,4 @@
-//! The map: filters that are remembered, going back to earlier views, and paths over the pictures of behaviours.
+//! Tests the map: filters that the page remembers, going back to earlier views, and paths over the pictures of behaviours.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -34,13 +34,13 @@ pub async fn what_the_map_shows_is_remembered_until_all_is_shown() {
     window
         .until("document.querySelector('#of-class [value=\"=ring\"]') && document.querySelector('#legend button')")
         .await;
-    // By class while the colours show clusters, and combined with an annotator.
+    // The map filters by class while the colours show clusters, and combines this filter with an annotator.
     pick(&window, "colouring", "cluster").await;
     pick(&window, "of-class", "=ring").await;
     shows(&window, 14).await;
     pick(&window, "answered-by", "Ben").await;
     shows(&window, 13).await;
-    // The last of these is of generation 4.
+    // The last of these individuals is of generation 4.
     pick(&window, "to", "3").await;
     shows(&window, 12).await;
     window.driver.refresh().await.unwrap();
@@ -80,7 +80,7 @@ pub async fn the_map_goes_back_shows_paths_and_asks_before_one_answer_is_replace
             .as_bool(),
         Some(true)
     );
-    // Keys select the individual in the middle: its paths are drawn over its picture.
+    // Keys select the individual in the middle of the map; the page draws the individual's paths over its picture.
     window.focus("#over").await;
     window.press("\u{e014}").await;
     window.until(&colours("#tip .paths")).await;
@@ -125,7 +125,7 @@ pub async fn the_map_goes_back_shows_paths_and_asks_before_one_answer_is_replace
     saved(&window).await;
     assert_eq!(scene.labels.standing().await[&index], "clump");
 
-    // Zooms in twice, then goes back twice: once by key, once by button.
+    // The test zooms in twice, and goes back twice: once by key, once by button.
     let all = lasso_all(&window).await;
     window.click("[data-zoom=in]").await;
     window.click("[data-zoom=in]").await;
@@ -182,7 +182,7 @@ pub async fn what_was_looked_at_shows_its_paths() {
     scene.cluster.stop().await;
 }
 
-/// Checks the page wide and narrow, light and dark.
+/// Checks the page on a wide and a narrow screen, with light and dark colours.
 async fn look(window: &Window, name: &str) {
     for (width, height) in SIZES {
         for dark in [false, true] {

@@ -1,5 +1,5 @@
-//! A researcher's first hour, from an empty list of campaigns to a comparison of two. Nothing on a page moves by itself, and no
-//! page has accessibility barriers.
+//! A researcher's first hour, from an empty list of campaigns to a comparison of two campaigns. Nothing on a page may move by
+//! itself, and no page may have accessibility barriers.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -13,8 +13,8 @@ use tempfile::TempDir;
 
 const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
 
-/// Scrolls to the top, and waits until the page no longer scrolls. A picture of the whole page is taken from its top, and on a
-/// scrolled page everything would shift twice. The page may still scroll for some frames after typing.
+/// Scrolls to the top, and waits until the page no longer scrolls. The browser takes a picture of the whole page from the page's
+/// top, and on a scrolled page everything would shift twice. The page may still scroll for some frames after typing.
 const TO_THE_TOP: &str = "(async () => { \
     for (let still = 0; still < 3; still = scrollY === 0 ? still + 1 : 0) { \
         scrollTo({ top: 0, behavior: 'instant' }); \
@@ -25,7 +25,7 @@ struct Researcher {
     window: Window,
     screen: &'static str,
     cluster: Cluster,
-    /// Keeps the data directory.
+    /// The folder of the data directory; dropping this field removes the folder.
     _folder: TempDir,
     _driver: Driver,
 }
@@ -81,7 +81,7 @@ async fn hour(screen: &'static str, size: (u32, u32), zoom: u32, dark: bool) {
 }
 
 impl Researcher {
-    /// Checks that the page has no accessibility barriers; takes a picture.
+    /// Checks that the page has no accessibility barriers; stores a screenshot.
     async fn look(&self, page: &str) {
         self.window.value(TO_THE_TOP).await;
         self.window.picture(&format!("hour-{page}-{}", self.screen)).await;
@@ -172,7 +172,7 @@ impl Researcher {
         window.until(&format!("{pictured} === {count}")).await;
         self.look("map-selected").await;
         name_selected(window, "edge").await;
-        // The thirty labelled individuals may include some of these.
+        // Some of the selected individuals may be among the thirty labelled individuals.
         let asked = "document.getElementById('overwrite').open";
         window
             .until(&format!(
@@ -200,8 +200,8 @@ impl Researcher {
         window.until("document.querySelector('dialog.ask').open").await;
         self.look("map-learn").await;
         window.click("dialog.ask [value=yes]").await;
-        // One more generation of 20, in the behaviour space of the fine-tuned embedder. The page shows the progress, which may last
-        // only a moment.
+        // The campaign evaluates one more generation of 20, in the behaviour space of the fine-tuned embedder. The page shows the
+        // progress, possibly only for a moment.
         let in_cluster = "Number(/\\((\\d+)\\)/.exec(option.textContent)?.[1] ?? 0)";
         let all = format!(
             "[...document.querySelectorAll('#of-cluster option')].reduce((sum, option) => sum + {in_cluster}, 0)"
@@ -218,7 +218,7 @@ impl Researcher {
         let window = &self.window;
         self.follow("nav a[href$='/taxonomy']", "/campaigns/small-1/taxonomy")
             .await;
-        // The taxonomies before and after learning.
+        // The page links to the taxonomies before and after learning.
         window
             .until("document.querySelectorAll('.versions a').length === 2")
             .await;
@@ -228,7 +228,7 @@ impl Researcher {
             "/campaigns/small-1/taxonomy/changes",
         )
         .await;
-        // Both maps, with a ring for each of four medoids.
+        // The page shows both maps, each with a ring for each of four medoids.
         window
             .until("document.querySelectorAll('.version-map circle').length === 8")
             .await;
@@ -246,7 +246,7 @@ impl Researcher {
             .until("document.querySelectorAll('.medoid').length === 4")
             .await;
         window.click(".medoid form input").await;
-        // The field may contain a name from before.
+        // The field may already contain a name.
         window
             .driver
             .execute("document.activeElement.select()", vec![])

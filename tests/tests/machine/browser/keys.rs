@@ -1,4 +1,4 @@
-//! Which keys the page handles while a control has the focus.
+//! Tests which keys the page handles while a control has the focus.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -45,7 +45,7 @@ pub async fn answers_are_given_from_any_menu_and_box_and_these_keep_their_own_ke
     let chosen = "[document.querySelector('.speed').value, document.querySelector('#goal').value]";
     assert_eq!(window.value(chosen).await, json!(["4", "200"]));
 
-    // If a control handles a key itself, it does so once, and the page ignores the key.
+    // A control that handles a key handles it once, and the page ignores the key.
     window.focus("#agreement").await;
     window.press(" ").await;
     window.until("document.querySelector('#agreement').checked").await;
@@ -65,7 +65,7 @@ pub async fn answers_are_given_from_any_menu_and_box_and_these_keep_their_own_ke
     window.press(" ").await;
     window.until(&format!("!{plays}")).await;
 
-    // A click leaves no focus behind. There is nothing to agree on, because Ana is the only annotator.
+    // A clicked control does not keep the focus. Ana is the only annotator, so there is no answer to agree with.
     window.click("#agreement").await;
     window
         .until("document.getElementById('which').textContent === 'No questions left'")
@@ -88,7 +88,7 @@ pub async fn a_class_keeps_its_key_when_another_goes() {
     name(&window, "wall").await;
     let keys = "[...document.querySelectorAll('.class')].map((one) => one.textContent).join(' ')";
     window.until(&format!("{keys} === '1ring1 2wall1'")).await;
-    // Without answers, the first class is gone.
+    // A class without answers disappears from the palette.
     scene.labels.undo("Ben").await;
     window.until(&format!("{keys} === '2wall1'")).await;
     let wall = answer(&window, "2").await;
@@ -167,7 +167,7 @@ pub async fn keys_of_actions_are_chosen_and_a_clash_is_said() {
     let window = scene.visit(&driver, "/label", "Ana").await;
     let undo = "document.querySelector('[data-do=undo] kbd').textContent";
 
-    // Keys of another action or a class are refused, and so are keys that browsers need.
+    // The page refuses keys of another action or of a class, and keys that browsers need.
     change(&window, "undo").await;
     window.press("s").await;
     expect_message(&window, "s is taken: skip the behaviour").await;
@@ -186,7 +186,8 @@ pub async fn keys_of_actions_are_chosen_and_a_clash_is_said() {
     change(&window, "undo").await;
     window.press(",").await;
     expect_message(&window, ",: undo your last answer").await;
-    // While a key is chosen, controls ignore it. A freed key can be given to another action.
+    // While a person chooses a key, controls ignore key presses. A key that no action has any more can be given to another
+    // action.
     change(&window, "skip").await;
     window.press("u").await;
     expect_message(&window, "u: skip the behaviour").await;
@@ -224,7 +225,7 @@ pub async fn keys_of_actions_are_chosen_and_a_clash_is_said() {
     window.press("p").await;
     window.until(&format!("!{plays}")).await;
 
-    // The keys hold on every page, and after a reload. No class gets a chosen key automatically.
+    // The chosen keys work on every page, and after a reload. No class gets a chosen key automatically.
     scene
         .labels
         .say("Cem", (10..40).map(|index| (index, format!("class {index}"))))
@@ -237,7 +238,7 @@ pub async fn keys_of_actions_are_chosen_and_a_clash_is_said() {
     let class_with_p = "[...document.querySelectorAll('.class kbd')].some((key) => key.textContent === 'p')";
     assert_eq!(window.value(class_with_p).await, json!(false));
 
-    // A class takes the key if a person gives it to the class, and the list shows so.
+    // A class takes an action's key if a person gives the key to the class. The list of keys shows this.
     window.driver.goto(scene.url("/classes")).await.unwrap();
     window
         .until("document.querySelector('[data-act=\"shortcut ring\"]')")
@@ -260,7 +261,7 @@ pub async fn keys_of_actions_are_chosen_and_a_clash_is_said() {
     saved(&window).await;
     assert_eq!(scene.labels.standing().await[&index], "ring");
 
-    // The default key can be restored, unless another action has it now.
+    // The default key of an action can be restored, unless another action has this key.
     change(&window, "undo").await;
     window.press("\u{e00c}").await;
     window.click("[data-of=undo] [data-do=reset]").await;

@@ -1,4 +1,4 @@
-//! Labelling one behaviour at a time, with the keyboard.
+//! Tests labelling one behaviour at a time, with the keyboard.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -9,7 +9,7 @@ use murmuration_tests::Murmuration;
 use serde_json::json;
 use std::collections::BTreeSet;
 
-/// A world that is not square: a page that took its shape from a motion would shift when the motion arrives.
+/// A campaign whose world is not square: a page that took its shape from a motion would shift when the motion arrives.
 const WIDE: &str = "name = \"small\"\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\n\
                     [world]\nhorizon = 200\nwidth = 800.0\nheight = 400.0\n\
                     [search]\npopulation = 20\ngenerations = 5\n[taxonomy]\nmedoids = 4\n";
@@ -41,7 +41,7 @@ pub async fn thirty_are_labelled_two_undone_and_a_refresh_loses_nothing() {
     assert!(seen.iter().all(|index| standing.contains_key(index)));
     assert_eq!(standing[&seen[1]], "wall");
 
-    // Undone answers are asked again, the last one first.
+    // The page asks undone questions again, the last question first.
     for &index in seen[28..].iter().rev() {
         window.press("u").await;
         window
@@ -97,7 +97,7 @@ pub async fn a_killed_coordinator_loses_no_answer() {
     }
     saved(&window).await;
     coordinator.kill();
-    // The next questions have been fetched already.
+    // The page has already fetched the next questions.
     for _ in 0..2 {
         seen.push(answer(&window, "1").await);
     }
@@ -135,7 +135,7 @@ pub async fn a_window_without_its_coordinator_says_so_where_it_is_seen() {
         true
     );
     coordinator.kill();
-    // Until the window has no more questions.
+    // Answers until the window has no more questions.
     let mut answers = 0;
     while window
         .value("/^Individual/.test(document.getElementById('which').textContent)")
@@ -179,7 +179,7 @@ pub async fn a_window_without_its_coordinator_says_so_where_it_is_seen() {
     assert_eq!(coordinator.terminate(), Some(0));
 }
 
-/// Cuts off the reply to the first answer that a page sends, as when a person leaves the page meanwhile.
+/// Cuts off the reply to the first answer that a page sends, as if a person left the page before the reply.
 const CUT_OFF: &str = "{ \
     const fetched = fetch; \
     let cut = false; \
@@ -279,7 +279,7 @@ pub async fn a_name_that_was_typed_wrongly_is_exchanged_with_a_button() {
         1
     );
 
-    // A person may also insist on the name.
+    // A person can also keep a name that is close to an existing name.
     name(&window, "mixing").await;
     name(&window, "mixings").await;
     window.until("!document.querySelector('.near').hidden").await;
@@ -299,7 +299,7 @@ pub async fn a_motion_in_an_oblong_world_moves_nothing_when_it_arrives() {
     let window = scene.visit(&driver, "/label", "Ana").await;
     window.note_shifts().await;
     for (width, height) in [(1280, 900), (390, 844)] {
-        // From an empty page, so that shifts because of the new screen size are not recorded.
+        // The test starts from an empty page, so that shifts because of the new screen size are not recorded.
         window.driver.goto("about:blank").await.unwrap();
         window.resize(width, height, false).await;
         window.driver.goto(scene.url("/label")).await.unwrap();
@@ -326,11 +326,11 @@ pub async fn a_name_that_is_given_on_another_page_holds_here() {
     let scene = Scene::set().await;
     let window = driver.open(&scene.url("/label")).await;
     window.until("!document.getElementById('who').hidden").await;
-    // A name given on another page needs no question here.
+    // If the annotator's name was given on another page, this page does not ask for it.
     rename_elsewhere(&window, "Ana").await;
     window.until("document.getElementById('who').hidden").await;
     name(&window, "milling").await;
-    // After the name changes there, this page answers under the new name.
+    // After the name changes on another page, this page answers under the new name.
     rename_elsewhere(&window, "Ben").await;
     window
         .until("document.getElementById('annotator').value === 'Ben'")

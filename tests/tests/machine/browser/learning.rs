@@ -1,4 +1,4 @@
-//! Fine-tuning on labels changes the map while a page is open.
+//! Tests that fine-tuning on labels changes the map while a page is open.
 
 use crate::browser::{
     driver::Driver,
@@ -25,12 +25,12 @@ pub async fn what_was_said_is_learned_and_the_map_changes() {
         )
         .await;
     window.click(".learn button").await;
-    // The dialog explains learning. Before the first round it cannot report how long the last one took.
+    // The dialog explains learning. Before the first round, the dialog cannot report how long a round took.
     window.until("document.querySelector('dialog.ask').open").await;
     let asked = window.text("#asked").await;
     assert!(asked.contains("from seconds to some minutes"), "{asked}");
     window.click("dialog.ask [value=yes]").await;
-    // One more generation of 20, in the behaviour space of the fine-tuned embedder.
+    // The campaign evaluates one more generation of 20, in the behaviour space of the fine-tuned embedder.
     window
         .until("document.getElementById('legend')?.textContent.includes('unnamed · 108')")
         .await;
@@ -39,7 +39,7 @@ pub async fn what_was_said_is_learned_and_the_map_changes() {
         .await;
     assert_ne!(scene.cluster.status("latest").await.checkpoint, before);
     window.picture("map-learned").await;
-    // After a round, the page reports its duration before the next one.
+    // After a round, the page reports the round's duration before the next round begins.
     window.driver.refresh().await.unwrap();
     let message = window.value("document.querySelector('.learn').dataset.ask").await;
     let message = message.as_str().unwrap();

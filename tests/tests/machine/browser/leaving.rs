@@ -1,4 +1,4 @@
-//! Log-in and log-out, and leaving pages.
+//! Tests logging in and out, and leaving pages.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -10,7 +10,7 @@ use std::fs;
 
 const LABEL: &str = "/campaigns/small-1/label";
 
-/// Waits until the page has this path.
+/// Waits until the browser shows the page at `path`.
 async fn arrived(window: &Window, path: &str) {
     window
         .until(&format!(
@@ -19,7 +19,7 @@ async fn arrived(window: &Window, path: &str) {
         .await;
 }
 
-/// Logs in, and waits for the page that was requested.
+/// Logs in with `token`, and waits for the page that was requested.
 async fn log_in(window: &Window, token: &str) {
     arrived(window, "/login").await;
     window.click("input[name=token]").await;
@@ -28,7 +28,7 @@ async fn log_in(window: &Window, token: &str) {
     arrived(window, LABEL).await;
 }
 
-/// Individuals with an answer.
+/// The individuals that have an answer.
 fn labelled(murmuration: &Murmuration) -> Vec<u64> {
     let labels = murmuration.run(&["labels", "latest", "--json"]).lines();
     labels
@@ -68,12 +68,12 @@ pub async fn who_logs_in_labels_and_who_logs_out_is_out() {
     let mut seen = vec![name(&window, "milling").await];
     window.picture("label-logged-in").await;
 
-    // The session ends while a person answers. The answer is kept, and the page's first request redirects to the log-in.
+    // The session ends while a person answers. The browser keeps the answer, and the page's first request leads to the log-in.
     coordinator.kill();
     seen.push(answer(&window, "1").await);
     window.driver.delete_all_cookies().await.unwrap();
     let (coordinator, _) = serve(url.trim_start_matches("http://"));
-    // A person without permission to answer does not lose the answer.
+    // A log-in without permission to answer does not lose the stored answer.
     log_in(&window, viewers).await;
     window
         .until("document.querySelector('.stale-note').textContent.includes('1 answer is stored in this browser')")
@@ -90,7 +90,7 @@ pub async fn who_logs_in_labels_and_who_logs_out_is_out() {
         window.driver.goto(format!("{url}{path}")).await.unwrap();
         assert_eq!(window.text(".account button").await, "Log out", "{path}");
     }
-    // Pages without answers redirect too.
+    // A page without unsent answers leads to the log-in too.
     window
         .driver
         .goto(format!("{url}/campaigns/small-1"))

@@ -1,4 +1,4 @@
-//! Appearance of pages: screenshots, and automatic checks.
+//! Tests the appearance of pages: screenshots, and automatic checks.
 
 use crate::browser::{
     axe::check_barriers,
@@ -7,7 +7,7 @@ use crate::browser::{
 };
 use serde_json::json;
 
-/// Texts whose contrast with their background is below WCAG AA (4.5, or 3 for large texts).
+/// Finds texts whose contrast with their background is below WCAG AA (4.5, or 3 for large texts).
 const FAINT: &str = include_str!("contrast.js");
 
 pub const SIZES: [(u32, u32); 2] = [(1280, 900), (390, 844)];
@@ -46,7 +46,7 @@ pub async fn every_page_is_readable_wide_and_narrow_light_and_dark() {
     scene.cluster.stop().await;
 }
 
-/// 1280 pixels at 200 %, and at 400 %.
+/// Sizes of a page on a screen of 1280 pixels at 200 %, and at 400 %.
 const ZOOMED: [(u32, u32); 2] = [(640, 450), (320, 225)];
 
 pub async fn long_names_many_classes_and_large_type_stay_within_the_page() {
@@ -73,7 +73,7 @@ pub async fn long_names_many_classes_and_large_type_stay_within_the_page() {
             window.picture(&format!("{name}-{width}-crowded")).await;
             check(&window, name).await;
             assert_eq!(window.value(OUTSIDE).await, json!([]), "{name} at {width}");
-            // Every key that is shown works.
+            // The page shows only keys that work.
             let keys = "[...document.querySelectorAll('.class kbd')].map((key) => key.textContent).join('')";
             let shown = window.value(keys).await;
             let teaches = ["label", "sheet", "map", "answers"].contains(&name);
@@ -84,7 +84,7 @@ pub async fn long_names_many_classes_and_large_type_stay_within_the_page() {
     scene.cluster.stop().await;
 }
 
-/// Words of class names that are broken across lines, although the palette is wide enough.
+/// Finds words of class names that are broken across lines although the palette is wide enough.
 const BROKEN: &str = "[...document.querySelectorAll('.class .name')].flatMap((name) => { \
     const text = name.firstChild; \
     return [...text.data.matchAll(/[^ -]+/g)].filter(({ 0: word, index }) => { \
@@ -121,7 +121,7 @@ pub async fn a_word_of_a_class_is_not_broken() {
     scene.cluster.stop().await;
 }
 
-/// Controls of a player that extend beyond it.
+/// Finds controls that extend beyond their player.
 const OUTSIDE: &str = "[...document.querySelectorAll('.transport > *')].filter((part) => { \
     const [own, player] = [part, part.closest('.player')].map((one) => one.getBoundingClientRect()); \
     return part.checkVisibility() && (own.left < player.left - 1 || own.right > player.right + 1); }).map((part) => part.outerHTML)";

@@ -1,7 +1,7 @@
-//! The pages in a real browser: interactions with keys and pointer, and the resulting display.
+//! Tests the pages in a real browser: keys, the pointer, and the resulting display.
 //!
-//! The tests need Chromium and its driver (`scripts/browser` installs them); without them they are ignored. They store screenshots
-//! of every page in `target/screenshots`.
+//! The tests need Chromium and its driver, which `scripts/browser` installs; on a machine without them, the tests are ignored.
+//! The tests store screenshots of every page in `target/screenshots`.
 
 mod axe;
 mod driver;

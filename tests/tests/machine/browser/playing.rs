@@ -1,4 +1,4 @@
-//! The page Play.
+//! Tests the page Play.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -9,7 +9,7 @@ use murmuration_tests::{Cluster, small_spec};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-/// A coordinator, and a browser at the page.
+/// A coordinator, and a browser at the page Play.
 struct Playground {
     _folder: TempDir,
     _driver: Driver,
@@ -57,7 +57,7 @@ impl Playground {
 const STEP: &str = "Number(document.querySelector('output.step').textContent.replace(/\\D/g, ''))";
 const QUERY: &str = "Object.fromEntries(new URLSearchParams(location.search))";
 const PLAYS: &str = "document.querySelector('.toggle').classList.contains('playing')";
-/// A hash of the drawn swarm.
+/// Script: a hash of the drawn swarm.
 const DRAWN: &str = "(() => { const c = document.querySelector('canvas'); \
     const { data } = c.getContext('2d').getImageData(0, 0, c.width, c.height); \
     return data.reduce((sum, value) => (31 * sum + value) % 1000003, 0); })()";
@@ -71,10 +71,10 @@ async fn slide(window: &Window, gene: u32, value: &str) {
     window.driver.execute(script, vec![]).await.unwrap();
 }
 
-/// Whether the motion of the current controller has arrived.
+/// Script: whether the motion of the current controller has arrived.
 const IS_THERE: &str = "document.querySelector('.stage').getAttribute('aria-busy') === 'false'";
 
-/// The drawing at the first step, once the motion has arrived.
+/// A hash of the swarm at the first step, after the motion has arrived.
 async fn drawn_at_start(window: &Window) -> Value {
     window.until(IS_THERE).await;
     if window.value(PLAYS).await == json!(true) {
@@ -144,7 +144,7 @@ pub async fn a_controller_is_changed_and_its_address_shows_the_same_again() {
 pub async fn a_swarm_goes_on_pauses_and_grows() {
     let playground = Playground::open().await;
     let window = &playground.window;
-    // A piece has 600 steps.
+    // The page loads a motion in pieces of 600 steps.
     for _ in 0..2 {
         window.press("+").await;
     }
@@ -250,7 +250,7 @@ pub async fn the_page_fits_every_screen_and_rests_where_motion_is_not_wanted() {
     playground.close().await;
 }
 
-/// Number of similar individuals on the page.
+/// Script: the number of similar individuals on the page.
 const LIKE: &str = "document.querySelectorAll('#likes li').length";
 
 pub async fn what_a_swarm_is_like_is_shown_with_ways_to_see_it() {
@@ -276,7 +276,7 @@ pub async fn what_a_swarm_is_like_is_shown_with_ways_to_see_it() {
         "[...document.querySelectorAll('#likes .reason')].map((it) => parseFloat(it.textContent))";
     let distances: Vec<f64> = serde_json::from_value(window.value(distances).await).unwrap();
     assert!(distances.len() == 5 && distances.is_sorted(), "{distances:?}");
-    // Another controller has no result yet.
+    // For another controller, the page shows no similar individuals until a person asks.
     slide(window, 0, "0.9").await;
     window
         .until(&format!("{LIKE} === 0 && {QUERY}.genes === '0.9,1,0.4,0.5'"))
@@ -321,7 +321,7 @@ pub async fn where_nothing_can_be_compared_the_page_says_so() {
     window.press("l").await;
     assert_eq!(window.value(LIKE).await, json!(0));
     playground.close().await;
-    // A campaign without a worker that could simulate.
+    // Tests a completed campaign without a worker that could simulate.
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 1).await;
     cluster.run(&small_spec("")).await;

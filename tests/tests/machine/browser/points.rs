@@ -1,4 +1,4 @@
-//! Drawing the points of the map: by a graphics card if there is one, otherwise by the script.
+//! Tests how the map draws its points: with a graphics card if the machine has one, otherwise with the script.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -12,7 +12,7 @@ const CARD: &str = "const ask = WebGL2RenderingContext.prototype.getExtension; \
         return name === 'WEBGL_debug_renderer_info' ? { UNMASKED_RENDERER_WEBGL: this.VERSION } : ask.call(this, name); \
     };";
 
-/// Number of pixels of the map that points cover, at least in part.
+/// Script: the number of pixels of the map that points cover, at least in part.
 const COVERED: &str = "(() => { \
     document.querySelector('[data-zoom=whole]').click(); \
     return new Promise((resolve) => requestAnimationFrame(() => { \
@@ -24,7 +24,7 @@ const COVERED: &str = "(() => { \
         resolve(pixels.filter((pixel) => pixel !== pixels[0]).length); \
     })); })()";
 
-/// Number of covered pixels of the map. Checks that it is drawn by the given method.
+/// Number of covered pixels of the map. Checks that the map is drawn by the method `drawn`.
 async fn covered(window: &Window, drawn: &str) -> f64 {
     window.until("document.querySelector('#legend button')").await;
     let way = window

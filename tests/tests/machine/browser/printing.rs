@@ -1,9 +1,10 @@
-//! The report on paper.
+//! Tests the report on paper.
 
 use crate::browser::{driver::Driver, scene::Scene};
 use serde_json::{Value, json};
 
-/// Positions of the pins as fractions of the map, and the map's distortion from the shape in which it was drawn.
+/// Script: the positions of the pins as fractions of the map, and how far the map is distorted from the shape in which it was
+/// drawn.
 const PINS: &str = "(() => { \
     const space = document.getElementById('space'); \
     const map = space.getBoundingClientRect(); \
@@ -27,7 +28,7 @@ pub async fn pins_stay_with_their_medoids_when_the_report_is_laid_out_for_paper(
         .until("document.querySelectorAll('.pin').length === 4")
         .await;
     window.print(true).await;
-    // Lays out for printing, then narrows to the width of a sheet: scripts do not get an event for that.
+    // A browser lays the page out for printing, and then narrows it to the width of a sheet, without an event for scripts.
     let drawn = "(() => { const space = document.getElementById('space'); \
                  return space.width === Math.round(space.clientWidth * devicePixelRatio); })()";
     window.until(drawn).await;

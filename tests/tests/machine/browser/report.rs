@@ -1,4 +1,4 @@
-//! The report as a file, without a coordinator.
+//! Tests the report as a file, without a coordinator.
 
 use crate::browser::{
     axe::check_barriers,
@@ -7,7 +7,7 @@ use crate::browser::{
 };
 use serde_json::json;
 
-/// The first card: its mode, the label of its button, and the step.
+/// Scripts that read the mode of the first card, the label of its button, and its step.
 const MODE: &str = "document.querySelector('.card').dataset.mode";
 const BUTTON: &str = "document.querySelector('.card .toggle').ariaLabel";
 const STEP: &str = "Number(document.querySelector('.card .scrub').value)";
@@ -73,7 +73,7 @@ pub async fn a_card_plays_pauses_and_rests_by_keyboard_in_a_file() {
     window.close().await;
 }
 
-/// Whether a canvas contains the picture of a swarm.
+/// A script that returns whether a canvas contains the picture of a swarm.
 fn drawn(canvas: &str) -> String {
     format!(
         "(() => {{ const canvas = document.querySelector('{canvas}'); const {{ width, height }} = canvas; \
@@ -82,12 +82,12 @@ fn drawn(canvas: &str) -> String {
     )
 }
 
-/// The commands that replay behaviour 1 and the opened individual, without their files.
+/// Script: the commands that replay behaviour 1 and the opened individual, without the names of files.
 const COMMANDS: &str = "['behaviour-1', 'chosen'].map((id) => \
     [...document.getElementById(id).querySelectorAll('.copyable .line')].map((line) => line.textContent) \
     .find((line) => line.startsWith('murmuration simulate')).split(' --gif ')[0])";
 
-/// The map's own keys: zoom, and moving from point to point.
+/// Tests the keys of the map: zoom, and moving from point to point.
 async fn keys_of_the_map(window: &Window) {
     let pins = "[...document.querySelectorAll('.pin')].map(({ style }) => style.left + style.top).join()";
     let before = window.value(pins).await;
@@ -184,7 +184,7 @@ pub async fn a_pointer_on_the_map_tells_what_is_there() {
     let expected = format!("Individual {} · behaviour 1", found[2]);
     assert!(told.starts_with(&expected), "{told} is not of {expected}");
     window.until(&drawn("#tip canvas")).await;
-    // Pins of other clusters are faded.
+    // The map fades the pins of other clusters.
     let faded = "document.querySelectorAll('.pin.faded').length";
     assert_eq!(window.value(faded).await, json!(3));
     window.draw("#space", &[(x, y)]).await;

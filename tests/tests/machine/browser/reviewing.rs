@@ -1,4 +1,4 @@
-//! Classes and their keys, and the review of answers.
+//! Tests classes and their keys, and the review of answers.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -7,13 +7,13 @@ use crate::browser::{
 };
 use serde_json::json;
 
-/// Sum of the layout shifts that do not follow an interaction, as browsers compute it.
+/// Script: the sum of the layout shifts that do not follow an interaction, as browsers compute this sum.
 const SHIFTED: &str = "new Promise((told) => { let sum = 0; \
     new PerformanceObserver((list) => { for (const one of list.getEntries()) if (!one.hadRecentInput) sum += one.value; }) \
         .observe({ type: 'layout-shift', buffered: true }); \
     setTimeout(() => told(sum), 400); })";
 
-/// Number of pixels of a canvas with a strong colour.
+/// Script: the number of pixels of a canvas that have a strong colour.
 const COLOURFUL: &str = "(() => { const { width, height } = document.getElementById('paths'); \
     const { data } = document.getElementById('paths').getContext('2d').getImageData(0, 0, width, height); \
     let count = 0; \
@@ -59,7 +59,7 @@ pub async fn the_papers_classes_are_offered_and_keys_can_be_chosen() {
     window.click("[data-do=own]").await;
     window.until("!document.querySelector('.offer')").await;
 
-    // A custom key.
+    // A person chooses another key for a class.
     window.driver.goto(scene.url("/classes")).await.unwrap();
     choose(&window, "shortcut milling", "w").await;
     window.click("#agree").await;
@@ -105,7 +105,7 @@ pub async fn every_page_with_keys_lists_them() {
         window.until("document.getElementById('keys').open").await;
         let listed = window.text("#keys").await;
         assert!(listed.contains("show these keys"), "{page}: {listed}");
-        // Keys pressed there are not answers.
+        // Keys pressed while the list of keys is open are not answers.
         window.press("1").await;
         if page == "/label" {
             window.picture("keys").await;
@@ -154,7 +154,7 @@ pub async fn answers_are_looked_through_changed_and_withdrawn() {
         .until("document.querySelectorAll('.answer').length === 6")
         .await;
 
-    // Several own answers change after a confirmation.
+    // A person changes several of their own answers, after a confirmation.
     window.click("#all").await;
     window.until("document.getElementById('selected').textContent.startsWith('6 answers selected, 6 of them yours')").await;
     let key = "[...document.querySelectorAll('.class')].find((one) => one.dataset.answer === 'clump').querySelector('kbd').textContent";
@@ -178,7 +178,7 @@ pub async fn answers_are_looked_through_changed_and_withdrawn() {
         .until("document.querySelectorAll('.answer').length === 0")
         .await;
 
-    // An own answer is withdrawn at once; another person's answer cannot be withdrawn.
+    // A person withdraws their own answer at once, and cannot withdraw another person's answer.
     window.driver.execute(&menu("given", ""), vec![]).await.unwrap();
     window.driver.execute(&menu("by", ""), vec![]).await.unwrap();
     window
@@ -262,7 +262,7 @@ pub async fn classes_are_changed_after_it_was_said_what_that_does() {
     window.until("!document.querySelector('.class-row')").await;
     assert_eq!(scene.labels.standing().await.len(), 0);
 
-    // The changes are undone one after the other.
+    // A person undoes the changes one after the other.
     window.click("#revert").await;
     window
         .until("document.querySelectorAll('.class-row').length === 1")
@@ -279,7 +279,7 @@ pub async fn classes_are_changed_after_it_was_said_what_that_does() {
         (standing.len(), &*standing[&7], &*standing[&0]),
         (7, "clump", "wheel")
     );
-    // None of the ten later entries changed.
+    // The log has 7 answers, 4 changes of classes, and 2 undone changes.
     assert_eq!(scene.labels.entries().await, 7 + 4 + 2);
     window.close().await;
     scene.cluster.stop().await;

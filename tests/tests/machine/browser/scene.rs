@@ -50,7 +50,7 @@ impl Scene {
         format!("{}/campaigns/small-1{page}", self.cluster.url())
     }
 
-    /// Opens a page as the annotator `name`.
+    /// Opens a page in a browser whose annotator is `name`.
     pub async fn visit(&self, driver: &Driver, page: &str, name: &str) -> Window {
         let window = driver.open(&self.url("/label")).await;
         introduce(&window, name).await;
@@ -69,7 +69,7 @@ impl Scene {
         let page = self.folder.path().join("report.html");
         std::fs::write(&page, text).unwrap();
         let window = driver.open(&format!("file://{}", page.display())).await;
-        // Without smooth scrolling: the pointer aims at an element's position before the scroll.
+        // Smooth scrolling is switched off, because the pointer aims at an element's position before the scroll.
         let at_once = "document.documentElement.style.scrollBehavior = 'auto'";
         window.driver.execute(at_once, vec![]).await.unwrap();
         window
@@ -92,7 +92,7 @@ impl LabelClient {
         answers.map(|answer| (answer.index, answer.answer)).collect()
     }
 
-    /// Answers about individuals as `annotator`.
+    /// Sends answers about individuals as `annotator`.
     pub async fn say(&mut self, annotator: &str, message: impl IntoIterator<Item = (u64, String)>) {
         let answer = |(index, answer)| v1::Answer {
             index,
@@ -149,7 +149,7 @@ impl LabelClient {
 pub async fn introduce(window: &Window, name: &str) {
     introduce_here(window, name).await;
     asked(window).await;
-    // Hides the paper's classes, which would get the first keys.
+    // Hides the paper's classes, because they would get the first keys.
     window
         .until("document.querySelector('.palette').classList.contains('ready')")
         .await;
@@ -158,7 +158,7 @@ pub async fn introduce(window: &Window, name: &str) {
     window.driver.execute(own, vec![]).await.unwrap();
 }
 
-/// Enters the annotator's name on a page that asks no questions.
+/// Enters the annotator's name on a page that asks about no behaviour.
 pub async fn introduce_here(window: &Window, name: &str) {
     window.until("!document.getElementById('who').hidden").await;
     window.press(name).await;
@@ -177,7 +177,7 @@ pub async fn introduce_to_offers(window: &Window, name: &str) {
     asked(window).await;
 }
 
-/// Waits for a question; returns the individual.
+/// Waits for a question; returns the individual that it is about.
 pub async fn asked(window: &Window) -> u64 {
     window
         .until("/^Individual [\\d,]+$/.test(document.getElementById('which')?.textContent)")
@@ -190,7 +190,7 @@ pub async fn asked(window: &Window) -> u64 {
         .unwrap()
 }
 
-/// Answers with a key, and waits for the next question. Returns the individual.
+/// Answers the question by pressing `key`, and waits for the next question. Returns the answered individual.
 pub async fn answer(window: &Window, key: &str) -> u64 {
     let index = asked(window).await;
     window.press(key).await;
@@ -202,7 +202,7 @@ pub async fn answer(window: &Window, key: &str) -> u64 {
     index
 }
 
-/// Answers with the name of a class. Returns the individual.
+/// Answers the question with the name of a class. Returns the answered individual.
 pub async fn name(window: &Window, class: &str) -> u64 {
     let index = asked(window).await;
     window.press("n").await;

@@ -1,9 +1,9 @@
-//! Pages without JavaScript.
+//! Tests pages without JavaScript.
 
 use crate::browser::{driver::Driver, scene::Scene};
 use serde_json::json;
 
-/// Visible controls that do nothing without scripts.
+/// Script: visible controls that do nothing without scripts.
 const DEAD: &str = "[...document.querySelectorAll('button, input:not([type=hidden]), select, textarea')] \
      .filter((control) => control.checkVisibility() && !['post', 'get'].includes(control.form?.getAttribute('method'))) \
      .map((control) => control.outerHTML.slice(0, 120))";
@@ -29,7 +29,7 @@ pub async fn a_page_without_scripts_says_what_it_needs_and_shows_what_it_has() {
             .unwrap()
             .to_owned();
         assert!(shown.contains(says), "{page}: {shown}");
-        // No text promises an effect of a script.
+        // No text of the page may promise an effect of a script.
         for waits in ["…", "Click", "Point at", "Simulating"] {
             assert!(!shown.contains(waits), "{page}: {waits} in {shown}");
         }

@@ -1,4 +1,4 @@
-//! Labelling many behaviours at once: with a lasso on the map, on the contact sheet, and by naming medoids.
+//! Tests labelling many behaviours at once: with a lasso on the map, on the contact sheet, and by naming medoids.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -8,7 +8,7 @@ use murmuration_proto::v1;
 use murmuration_swarm::CampaignSpec;
 use murmuration_tests::small_spec;
 
-/// Horizontal positions of the points on the canvas, computed by the test from the columns that the page fetches.
+/// Script: horizontal positions of the points on the canvas, computed from the columns that the page fetches.
 const ACROSS: &str = "(async () => { \
     const { x, spans } = await (await fetch('points/axes')).json(); \
     const bytes = Uint8Array.from(atob(x), (c) => c.charCodeAt(0)); \
@@ -18,7 +18,8 @@ const ACROSS: &str = "(async () => { \
     return [clientWidth, clientHeight, Array.from(new Uint16Array(bytes.buffer), \
         (x) => clientWidth / 2 + (x / 65535 - 0.5) * spans[0] * unit)]; })()";
 
-/// Draws a lasso around ten points of the map, or a few more if points are too close together. Returns their number.
+/// Draws a lasso around ten points of the map, or around a few more if points are too close together. Returns the number of
+/// selected points.
 pub async fn lasso_ten(window: &Window) -> usize {
     let shown = window.value(ACROSS).await;
     let (width, height) = (shown[0].as_f64().unwrap(), shown[1].as_f64().unwrap());
@@ -34,7 +35,7 @@ pub async fn lasso_ten(window: &Window) -> usize {
         .find(|(count, _)| across[*count] - across[count - 1] > 3.0)
         .expect("some points are apart");
     assert!(edge < width - 2.0);
-    // Inside the round corners.
+    // The lasso stays inside the round corners of the map.
     let line = [
         (8.0, 8.0),
         (edge, 8.0),
@@ -89,14 +90,14 @@ pub async fn ten_are_lassoed_on_the_map_and_named() {
     scene.cluster.stop().await;
 }
 
-/// Gives a class to the selection.
+/// Names the class of all selected individuals.
 pub async fn name_selected(window: &Window, class: &str) {
     window.press("n").await;
     window.press(class).await;
     window.press("\u{e007}").await;
 }
 
-/// Draws a lasso around the visible map; returns the number of selected individuals.
+/// Draws a lasso around the visible part of the map; returns the number of selected individuals.
 pub async fn lasso_all(window: &Window) -> usize {
     let size = "[document.getElementById('over').clientWidth, document.getElementById('over').clientHeight]";
     let size = window.value(size).await;
@@ -217,7 +218,7 @@ pub async fn what_is_hidden_stays_so_when_another_class_goes() {
         .await;
     hide(&window, "second").await;
 
-    // The focus stays on its picture of the selection when the pictures are rendered again.
+    // A picture of the selection keeps the focus when the page renders the pictures again.
     assert_eq!(lasso_all(&window).await, few);
     window.focus("#gallery .card:nth-child(3)").await;
     let told_again = "document.getElementById('from').dispatchEvent(new Event('change'))";
@@ -225,7 +226,7 @@ pub async fn what_is_hidden_stays_so_when_another_class_goes() {
     let focused = "document.activeElement === document.querySelector('#gallery .card:nth-child(3)')";
     assert_eq!(window.value(focused).await.as_bool(), Some(true));
 
-    // "first" has no individuals any more, and another class takes its place among the classes.
+    // The class "first" has no individuals any more, and another class takes its place among the classes.
     name_selected(&window, "third").await;
     window.until("document.getElementById('overwrite').open").await;
     window.click("#overwrite [value=all]").await;
@@ -279,7 +280,7 @@ pub async fn a_cluster_is_named_but_for_those_that_differ() {
 
 pub async fn clusters_are_looked_at_while_the_archive_grows() {
     let driver = Driver::start();
-    // So many generations that the campaign is still running at the end of the test.
+    // With so many generations, the campaign is still running at the end of the test.
     let text = small_spec("")
         .to_toml()
         .replace("generations = 5", "generations = 100000");
@@ -326,7 +327,7 @@ pub async fn medoids_are_named_and_the_report_is_taken_away() {
     window
         .until("document.querySelectorAll('.medoid').length === 4")
         .await;
-    // A visitor who only reads gets no question.
+    // The page does not ask for the name of a visitor who only reads.
     window
         .until("document.querySelector('.medoid input').checkVisibility() && !document.querySelector('dialog[open]')")
         .await;

@@ -1,4 +1,4 @@
-//! The list of campaigns, a new campaign, and campaigns side by side.
+//! Tests the list of campaigns, a new campaign, and campaigns side by side.
 
 use crate::browser::{
     driver::Driver,
@@ -39,7 +39,7 @@ pub async fn campaigns_are_found_compared_and_deleted_after_a_question() {
     window.press("second").await;
     window.until(&format!("{shown} === 1")).await;
     assert_eq!(window.text("#shown").await, "1 of 3 shown. Show all");
-    // The selection persists, also of lines that are hidden now.
+    // A selected campaign stays selected, even if its line is hidden.
     window.click("[value='second-2']").await;
     window
         .driver
@@ -82,7 +82,7 @@ pub async fn campaigns_are_found_compared_and_deleted_after_a_question() {
     );
     let rows = "[...document.querySelectorAll('.taxonomies tbody th')].map((row) => row.textContent)";
     let rows = window.value(rows).await;
-    // Each of the eight behaviours is in one row, with a behaviour of the other campaign or alone.
+    // Each of the eight behaviours is in one row, either with a behaviour of the other campaign or alone.
     let behaviours = |row: &serde_json::Value| match row.as_str().unwrap() {
         "all 2" => 2,
         row if row.starts_with("only in ") => 1,
@@ -108,7 +108,7 @@ pub async fn campaigns_are_found_compared_and_deleted_after_a_question() {
         }
     }
 
-    // Deleting shows what will be deleted, and asks for confirmation.
+    // Before a person deletes a campaign, the page shows what will be deleted and asks for confirmation.
     window.driver.goto(scene.url("")).await.unwrap();
     let campaign = window.value("location.pathname").await;
     window.click("#delete").await;
@@ -153,7 +153,7 @@ pub async fn a_campaign_is_described_checked_and_started_once() {
     window.resize(1280, 900, false).await;
     window.picture("new-every-field-1280").await;
     check(&window, "new").await;
-    // The costs follow the fields.
+    // The page updates the costs when a field changes.
     window.click("[name='search.population']").await;
     window.press("7").await;
     window
@@ -164,7 +164,7 @@ pub async fn a_campaign_is_described_checked_and_started_once() {
     window
         .until("document.querySelector('[aria-invalid]')?.name === 'search.generations'")
         .await;
-    // An error in a file gives the line, and selects it.
+    // For an error in a campaign file, the page gives the line and selects it.
     window.driver.goto(format!("{page}?as=file")).await.unwrap();
     let text = "const text = document.getElementById('text'); text.value = 'model = \"single-sensor\"\\nmethod = \"random\"\\nseeed = 1\\n'";
     window.driver.execute(text, vec![]).await.unwrap();
@@ -178,7 +178,7 @@ pub async fn a_campaign_is_described_checked_and_started_once() {
         "{told}"
     );
     assert_eq!(scene.cluster.campaigns().await.len(), 1);
-    // A copy starts once, even if its button is pressed twice.
+    // A copy of a campaign starts only once, even if a person presses the button twice.
     window.driver.goto(format!("{page}?from=small-1")).await.unwrap();
     window.click("[name=name]").await;
     window.press("-again").await;

@@ -1,4 +1,4 @@
-//! The page Progress: watching and ending a campaign.
+//! Tests the page Progress: watching and ending a campaign.
 
 use crate::browser::{
     driver::Driver,
@@ -12,7 +12,7 @@ use serde_json::json;
 
 pub async fn novelty_is_drawn_as_it_grows_and_cancelling_asks_first() {
     let driver = Driver::start();
-    // So many generations that the campaign is still running at the end of the test.
+    // With so many generations, the campaign is still running at the end of the test.
     let text = small_spec("")
         .to_toml()
         .replace("generations = 5", "generations = 100000");
@@ -24,7 +24,7 @@ pub async fn novelty_is_drawn_as_it_grows_and_cancelling_asks_first() {
     let last = "Number(/generation ([0-9,]+):/.exec(document.querySelector('#novelty p').textContent)[1].replace(',', ''))";
     let before = window.value(last).await.as_u64().unwrap();
     window.until(&format!("{last} > {before}")).await;
-    // Keys select a generation, and a screen reader speaks its values, but not values that arrive by themselves.
+    // Keys select a generation. A screen reader reads the selected generation's values, but not values that arrive by themselves.
     assert_eq!(window.text("#novelty [role=status]").await, "");
     window.focus("#novelty svg").await;
     window.press("\u{e012}").await;
@@ -39,7 +39,7 @@ pub async fn novelty_is_drawn_as_it_grows_and_cancelling_asks_first() {
         .await;
     assert!(spoken.as_str().unwrap().contains("best "), "{spoken}");
 
-    // The page lists the machines, and plays the individuals that were found.
+    // The page lists the machines, and plays individuals that the search found.
     let machines = window.text(".machines").await;
     assert!(
         machines.contains("worker") && machines.contains("At once"),
@@ -90,7 +90,7 @@ pub async fn the_training_and_its_rounds_are_drawn_after_a_reload() {
         assert_eq!(event, "round 1 begins");
         let told = window.text("#accuracy p").await;
         assert!(told.contains("of round 1: accuracy"), "{told}");
-        // A generation selected in one curve shows its values in both.
+        // When a person selects an epoch in one curve, both curves show the values of this epoch.
         window.focus("#loss svg").await;
         window.press("\u{e012}").await;
         window.press("\u{e012}").await;
@@ -118,7 +118,7 @@ pub async fn the_training_and_its_rounds_are_drawn_after_a_reload() {
             marks,
             json!(["first checkpoint", "new checkpoint, after round 1"])
         );
-        // The table contains the round, with its taxonomy; the row before it has none.
+        // The table contains the round with its taxonomy; the row before the round has no taxonomy.
         let rows = window
             .value("[...document.querySelectorAll('.history tbody tr')].map((row) => row.textContent)")
             .await;
@@ -156,7 +156,7 @@ pub async fn the_training_and_its_rounds_are_drawn_after_a_reload() {
 
 pub async fn a_button_never_becomes_another_and_what_was_agreed_to_is_done() {
     let driver = Driver::start();
-    // So many generations that the campaign is still running at the end of the test.
+    // With so many generations, the campaign is still running at the end of the test.
     let text = small_spec("")
         .to_toml()
         .replace("generations = 5", "generations = 100000");
@@ -173,7 +173,7 @@ pub async fn a_button_never_becomes_another_and_what_was_agreed_to_is_done() {
         serde_json::json!(["pause", false, "pause"])
     );
 
-    // If the form is gone, the page reports so.
+    // If the button's form is gone, the page reports that the action is no longer possible.
     window.click("#cancel").await;
     let gone = "document.querySelector('.actions').replaceChildren()";
     window.driver.execute(gone, vec![]).await.unwrap();
@@ -185,7 +185,7 @@ pub async fn a_button_never_becomes_another_and_what_was_agreed_to_is_done() {
     let paused = scene.cluster.status("latest").await;
     assert_eq!(paused.state(), v1::CampaignState::Paused);
 
-    // If a new form replaces it, the new one is sent.
+    // If a new form has replaced the button's form, the page sends the new form.
     window.driver.refresh().await.unwrap();
     window.click("#cancel").await;
     let renewed =

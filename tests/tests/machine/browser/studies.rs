@@ -1,4 +1,4 @@
-//! The pages of studies, and the atlas of a campaign.
+//! Tests the pages of studies, and the atlas of a campaign.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -17,7 +17,7 @@ const STUDY: &str = "name = \"pair\"\nseeds = 2\nmeasures = [\"behaviours\", \"s
     [campaign]\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\nevaluation.judge = true\n\
     world = { horizon = 200, agents = 6 }\nsearch = { population = 20, generations = 3 }\ntaxonomy.medoids = 4\n";
 
-/// Runs the study on the coordinator of the data directory.
+/// Runs the study `text` on the coordinator of the data directory.
 async fn run(data: &Path, text: &str) {
     let file = data.join("pair.toml");
     std::fs::write(&file, text).unwrap();
@@ -40,7 +40,8 @@ pub async fn a_study_is_watched_while_it_runs_and_its_medoids_are_judged_again()
     let cluster = Cluster::start(folder.path(), 2).await;
     let window = driver.open(&format!("{}/studies", cluster.url())).await;
     assert!(window.text("main").await.contains("There are no studies"));
-    // With one seed first: this creates the study's page. The cells of the second seed arrive while the page is open.
+    // The study first runs with one seed, which creates the study's page. The cells of the second seed arrive while the page is
+    // open.
     run(folder.path(), &STUDY.replace("seeds = 2", "seeds = 1")).await;
     window.driver.refresh().await.unwrap();
     window.click(".campaigns a").await;
@@ -65,14 +66,14 @@ pub async fn a_study_is_watched_while_it_runs_and_its_medoids_are_judged_again()
     let campaign = "document.querySelector('.cells a').getAttribute('href')";
     assert_eq!(window.value(campaign).await, "/campaigns/pair-1");
 
-    // A person names the medoids that the judge named.
+    // A person gives classes to the medoids that the judge has named.
     window.driver.refresh().await.unwrap();
     window.click("#judging summary").await;
     window
         .until("document.querySelectorAll('.rejudged li').length === 4")
         .await;
     window.click(".rejudged .stage").await;
-    // Its player is in view.
+    // The medoid's player is in view.
     let seen = "(({ top, bottom }) => top >= 0 && bottom <= innerHeight)(document.querySelector('#judging .player').getBoundingClientRect())";
     window.until(seen).await;
     window
@@ -115,7 +116,7 @@ pub async fn a_study_is_watched_while_it_runs_and_its_medoids_are_judged_again()
             check(&window, "study").await;
         }
     }
-    // Restores the judge's class.
+    // The test restores the judge's class.
     window.click(".rejudged [data-class='']").await;
     window
         .until("document.querySelector('.rejudged .by').textContent === 'judge'")
@@ -130,7 +131,8 @@ pub async fn a_study_is_watched_while_it_runs_and_its_medoids_are_judged_again()
     cluster.stop().await;
 }
 
-/// With an atlas of more robots, a slider switches there and back, and keeps the zoom and the controller.
+/// When the atlas of a swarm with more robots exists, a slider switches between the atlases. The slider keeps the zoom and the
+/// chosen controller.
 async fn another_atlas(scene: &mut Scene, window: &Window, spec: &str) {
     assert_eq!(
         window.value("document.querySelectorAll('.others').length").await,
@@ -176,9 +178,9 @@ pub async fn a_controller_of_an_atlas_is_chosen_and_its_motion_plays() {
     window
         .until("document.querySelectorAll('#classes li').length > 1")
         .await;
-    // Resizing before a controller is chosen sends no request.
+    // Resizing the page before a controller is chosen sends no request.
     window.value("dispatchEvent(new Event('resize'))").await;
-    // By keys alone: the controller in the middle, and the one to its right.
+    // Keys alone choose the controller in the middle of the map, and the controller to its right.
     window.focus("#map").await;
     window.press("\u{e007}").await;
     let playing = "document.querySelector('.player .stage').ariaBusy === 'false' && \
@@ -204,7 +206,7 @@ pub async fn a_controller_of_an_atlas_is_chosen_and_its_motion_plays() {
     let pictures = "performance.getEntriesByType('resource').filter(({ name }) => /individuals\\/\\d+\\?created=/.test(name)).length";
     let few = window.value(pictures).await.as_u64();
     assert!(few.is_some_and(|few| (1..=2).contains(&few)), "{few:?}");
-    // Close up, it loads the pictures of all visible controllers.
+    // After zooming in, the page loads the pictures of all visible controllers.
     window.press("++").await;
     window.until(&format!("{pictures} > 20")).await;
     window.picture("atlas-close-up").await;
@@ -216,7 +218,7 @@ pub async fn a_controller_of_an_atlas_is_chosen_and_its_motion_plays() {
         .await;
     window.press("\u{e00c}").await;
     another_atlas(&mut scene, &window, spec).await;
-    // By pointer: the upper left corner, with the smallest first speed and the largest second speed.
+    // The pointer chooses the upper left corner, which has the smallest first speed and the largest second speed.
     let corner = "(() => { const { clientWidth: w, clientHeight: h } = document.getElementById('map'); \
                   const side = Math.min(w, h); return [(w - side) / 2 + side / 50, (h - side) / 2 + side / 50]; })()";
     let corner = window.value(corner).await;

@@ -1,4 +1,5 @@
-//! The page Taxonomy: merging and separating behaviours, trying them from further starts, and comparing before and after learning.
+//! Tests the page Taxonomy: merging and separating behaviours, simulating them from further starts, and comparing taxonomies
+//! before and after learning.
 
 use crate::browser::{
     driver::{Driver, Window},
@@ -11,7 +12,7 @@ use serde_json::json;
 
 const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
 
-/// So many clusters that some are adjacent.
+/// A campaign with so many clusters that some clusters are adjacent.
 fn spec() -> CampaignSpec {
     let text = small_latent_spec(FEEDBACK).to_toml();
     let text = text.replace("medoids = 4", "medoids = 20");
@@ -19,7 +20,7 @@ fn spec() -> CampaignSpec {
     CampaignSpec::from_toml(&text.replace("population = 20", "population = 100")).unwrap()
 }
 
-/// Checks the page wide and narrow, light and dark.
+/// Checks the page on a wide and a narrow screen, with light and dark colours.
 async fn look(window: &Window, name: &str) {
     for (width, height) in SIZES {
         for dark in [false, true] {
@@ -63,7 +64,7 @@ pub async fn behaviours_are_merged_tried_learned_from_and_compared() {
         as_label(word.as_str().unwrap())
     );
 
-    // Two adjacent clusters become one behaviour with one name, until this is undone.
+    // Two adjacent clusters become one behaviour with one name, until a person undoes the merge.
     let pairs = window.value("document.querySelectorAll('.merge').length").await;
     assert!(pairs.as_u64().unwrap() > 0, "no clusters touch");
     look(&window, "taxonomy-alike").await;
@@ -109,7 +110,7 @@ pub async fn behaviours_are_merged_tried_learned_from_and_compared() {
         .until("!document.querySelector('dialog[open]') && document.activeElement.matches('.further')")
         .await;
 
-    // Twelve further behaviours, none of them shown already.
+    // The page shows twelve further behaviours, which it did not show before.
     window.click("#more a.button").await;
     window
         .until("document.querySelectorAll('#more .medoid').length === 12 && location.search === '?more=12'")
@@ -119,7 +120,7 @@ pub async fn behaviours_are_merged_tried_learned_from_and_compared() {
     assert_eq!(window.value(shown).await, json!(true));
     look(&window, "taxonomy-more").await;
 
-    // Five clusters get names, the campaign learns, and the page shows what became of them.
+    // Five clusters get names, the campaign learns, and the page shows what became of these clusters.
     for place in 1..=5 {
         let card = format!(".medoids > li:nth-child({place}) input");
         let empty = format!("document.querySelector({card:?}).value = ''");

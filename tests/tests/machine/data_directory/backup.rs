@@ -1,4 +1,4 @@
-//! Backups of a running coordinator, and restoring them.
+//! Tests backups of a running coordinator, and restoring them.
 
 use crate::data_directory::{generations, undisturbed};
 use murmuration_model::study_records::StudyRecordKind;
@@ -6,7 +6,7 @@ use murmuration_store::Store;
 use murmuration_tests::Murmuration;
 use std::{fs, os::unix::fs::symlink, path::Path};
 
-/// An embedder's file.
+/// An embedder's ONNX file.
 pub const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.onnx");
 
 pub fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
@@ -14,14 +14,15 @@ pub fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
     let (spec, digest) = undisturbed(folder.path());
     let at_work = Murmuration::over(&folder.path().join("at-work"));
     assert_eq!(at_work.run(&["checkpoints", "import", MODEL]).code, Some(0));
-    // Classes that people gave on the page of a study are stored nowhere else. The folder is that of an earlier version.
+    // Only this file stores the classes that people gave on the page of a study. An earlier version of the program made such a
+    // folder.
     let study = folder.path().join("at-work/studies/small");
     let classes = "cell,index,class,by\nabc,3,milling,ann\n";
     fs::create_dir_all(&study).unwrap();
     fs::write(study.join("study.toml"), "name = \"small\"").unwrap();
     fs::write(study.join("classes.csv"), classes).unwrap();
     let mut run = at_work.start(&["run", &spec, "--workers", "1"]);
-    // Until the run holds the data directory, another command could take it.
+    // Before the run owns the data directory, another command could take the directory.
     run.wait_for("generation");
     at_work.latest_when(|latest| generations(latest) > 2);
     let path = folder.path().join("backup");

@@ -16,7 +16,7 @@ pub struct Bucket {
 }
 
 impl Bucket {
-    /// A bucket that accepts objects, or refuses each of them.
+    /// A bucket that accepts all objects if `takes` is true, and refuses all objects otherwise.
     pub fn new(takes: bool) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let bucket = Self {
@@ -34,7 +34,7 @@ impl Bucket {
         bucket
     }
 
-    /// The environment variables by which a process finds the bucket.
+    /// The environment variables with which a process finds the bucket.
     pub fn environment(&self) -> [(&str, &str); 5] {
         [
             ("AWS_ENDPOINT", &self.endpoint),
@@ -45,13 +45,13 @@ impl Bucket {
         ]
     }
 
-    /// Number of puts so far, and number of objects now.
+    /// Number of objects that were put so far, and number of objects in the bucket now.
     pub fn seen(&self) -> (u32, usize) {
         (*self.puts.lock().unwrap(), self.objects.lock().unwrap().len())
     }
 }
 
-/// Answers one request; returns whether another may follow.
+/// Answers one request; returns whether another request can follow.
 fn answer(
     mut stream: &TcpStream,
     objects: &Mutex<BTreeMap<String, Vec<u8>>>,
@@ -93,7 +93,7 @@ fn answer(
             Some(object) => ("200 OK", object.clone()),
             None => ("404 Not Found", Vec::new()),
         },
-        // One request may remove several objects: their keys are in the body.
+        // One request can remove several objects; its body has the keys of the objects.
         "POST" => {
             let (bucket, _) = path.split_once('?').unwrap();
             let wanted = String::from_utf8(body).unwrap();

@@ -1,4 +1,5 @@
-//! Checkpoints stored elsewhere: the location is checked at the start, and acknowledged checkpoints are there.
+//! Tests checkpoints that are stored outside the data directory. The program checks the location at its start, and the location
+//! has every acknowledged checkpoint.
 
 use crate::data_directory::bucket::Bucket;
 use murmuration_tests::{FaultyLibc, Murmuration, small_spec};
@@ -60,7 +61,7 @@ pub fn a_checkpoint_in_a_folder_elsewhere_is_acknowledged_once_it_is_on_disk() {
     faults.fail_syncs(true);
     let refused = failing.run(&import);
     assert_eq!(refused.code, Some(1), "{}", refused.stderr);
-    // A file under the final name would pass for a whole checkpoint.
+    // A file with the final name would look like a whole checkpoint.
     assert_eq!(fs::read_dir(&elsewhere).unwrap().count(), 0);
 
     faults.fail_syncs(false);

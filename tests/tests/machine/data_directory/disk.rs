@@ -1,4 +1,4 @@
-//! Disks that are full, read-only or failing: campaigns wait, and nothing acknowledged is lost.
+//! Tests disks that are full, read-only or failing: campaigns must wait, and no acknowledged change may be lost.
 
 use crate::data_directory::{backup::MODEL, generations, undisturbed, waits_for};
 use murmuration_tests::{FaultyLibc, Murmuration, SmallDisk, longer_spec};
@@ -33,8 +33,8 @@ pub fn on_a_full_disk_a_campaign_waits_for_room() {
     );
     assert!(generations(&waiting) < 240);
     assert!(murmuration.run(&["list"]).stdout.contains("waiting"));
-    // The part of the log that is already on the disk may have room for some labels. Acknowledged labels are stored, and refused
-    // ones are not.
+    // The part of the log that is already on the disk may have room for some labels. Acknowledged labels must be stored; refused
+    // labels must not.
     let mut acknowledged = Vec::new();
     let refused = (0..100).find_map(|class| {
         let class = format!("class {class}");
@@ -69,7 +69,7 @@ pub fn what_a_failing_disk_has_not_confirmed_is_not_acknowledged() {
     let refused = murmuration.run(&["label", "latest", "--csv", &file]);
     assert_eq!(refused.code, Some(1));
     assert!(refused.stderr.contains("cannot be written"), "{}", refused.stderr);
-    // The campaign has made no progress.
+    // The campaign has made no progress while syncs fail.
     let still = murmuration.latest();
     assert_eq!(generations(&still), generations(&waiting));
 

@@ -1,4 +1,4 @@
-//! Damaged data directories: detected at the start, and examined.
+//! Tests damaged data directories: commands must detect the damage, and the doctor must examine it.
 
 use crate::data_directory::{generations, undisturbed};
 use murmuration_tests::{Murmuration, small_spec};
@@ -40,7 +40,7 @@ pub fn a_damaged_archive_is_named_and_left_as_it_is() {
     let database = folder.path().join("data/murmuration.sqlite");
     let sound = fs::read(&database).unwrap();
     let mut generations_whole = Vec::new();
-    // Damages pages after those of the schema: without a schema, nothing can be read.
+    // The test damages pages that come after the pages of the schema, because nothing can be read without a schema.
     for part in [4, 5, 7, 9] {
         let mut torn = sound.clone();
         let from = sound.len() * part / 10 / 4096 * 4096;
@@ -56,7 +56,7 @@ pub fn a_damaged_archive_is_named_and_left_as_it_is() {
         );
         assert_eq!(fs::read(&database).unwrap(), torn, "examining changed something");
         let examined: Value = serde_json::from_str(&examined.stdout).unwrap();
-        // A campaign with a damaged row is not listed.
+        // The doctor cannot list a campaign whose own row is damaged.
         let whole = &examined["campaigns"][0]["whole"]["generations"];
         generations_whole.push(whole.as_u64().unwrap_or(0));
     }

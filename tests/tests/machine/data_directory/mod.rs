@@ -1,4 +1,4 @@
-//! The data directory on disks that are full, failing or damaged; backups, the doctor, restoring.
+//! Tests of the data directory: disks that are full, failing or damaged, backups, the doctor, and restoring.
 
 mod backup;
 mod bucket;
@@ -35,7 +35,7 @@ pub fn tests() -> Vec<Test> {
     ]
 }
 
-/// The file of a campaign of some seconds, and the digest of its archive.
+/// The file of a campaign that takes some seconds, and the digest of the campaign's archive.
 fn undisturbed(folder: &Path) -> (String, String) {
     let spec = longer_spec(folder);
     let murmuration = Murmuration::over(&folder.join("undisturbed"));

@@ -1,4 +1,4 @@
-//! A database on a volume that is not mounted: no command treats it as absent.
+//! Tests a database on a volume that is not mounted: no command may treat the database as absent.
 
 use murmuration_tests::Murmuration;
 use std::{fs, os::unix::fs::symlink};

@@ -1,4 +1,4 @@
-//! Checkpoints run on Python's ONNX Runtime.
+//! Runs checkpoints on Python's ONNX Runtime.
 
 use murmuration_swarm::{
     PictureShape, Purpose, RandomStream,
@@ -10,7 +10,7 @@ use std::{fs, path::Path, process::Command};
 
 const PICTURES: usize = 300;
 
-/// Random bytes: half of the pictures fully random, the other half mostly black.
+/// Pictures of random bytes: half of the pictures are fully random, the other half mostly black.
 fn pictures(shape: PictureShape) -> Vec<u8> {
     let mut stream = RandomStream::derive(1, Purpose::Augment, 0);
     let mut grey = |picture: usize| {

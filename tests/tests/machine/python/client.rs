@@ -7,7 +7,7 @@ use std::{
     process::{Command, Output},
 };
 
-/// Gets the log-in page over HTTP/1.1, without ALPN, as simple programs do.
+/// A Python program that gets the log-in page over HTTP/1.1, without ALPN, as simple programs do.
 const GET: &str = "\
 import http.client, ssl, sys
 context = ssl.create_default_context(cafile=sys.argv[2])
@@ -95,7 +95,7 @@ pub fn python_submits_and_watches_a_campaign_over_tls_with_a_token() {
         .to_string();
     let output = python(&[&example, &address, &ca], &stubs, &token);
     let printed = String::from_utf8(output.stdout).unwrap();
-    // The same campaign, with the project's own client.
+    // The project's own client runs the same campaign.
     let spec = folder.path().join("small.toml");
     fs::write(&spec, small_spec("").to_toml()).unwrap();
     for command in [["submit", spec.to_str().unwrap()], ["watch", "small-2"]] {

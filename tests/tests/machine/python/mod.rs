@@ -1,5 +1,5 @@
-//! Programs in Python: one runs checkpoints, one is a coordinator's client. `make test` fetches the packages that they need;
-//! without them the tests are ignored.
+//! Tests with Python programs: one program runs checkpoints, the other is a coordinator's client. `make test` fetches the
+//! packages that these programs need; without the packages, the tests are ignored.
 
 mod checkpoints;
 mod client;
