@@ -1,4 +1,5 @@
-//! Tests a trainer with a fake coordinator: publication, and disturbed trainings. Needs ONNX Runtime (`make runtime`).
+//! Tests how a trainer with a fake coordinator publishes checkpoints, and how its trainings survive disturbances. The tests need
+//! ONNX Runtime (`make runtime`).
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod coordinator;
@@ -15,12 +16,12 @@ const SIDE: usize = 9;
 const VIEWS: usize = 2;
 const BEHAVIOURS: usize = 40;
 const SHORT: &str = "[recipe.in-batch]\nbatch = 12\nepochs = 6\n";
-/// Shows every behaviour equally often, which needs no features.
+/// A recipe that shows every behaviour equally often, and so needs no features.
 const EQUALLY: &str = "[recipe.in-batch]\nbatch = 12\nepochs = 6\nflattening = 0\n";
 /// A training that outlasts any test.
 const LONG: &str = "[recipe.in-batch]\nbatch = 12\nepochs = 100000\npatience = 100000\n";
 
-/// Bars: each behaviour has one width and brightness, and two places.
+/// Pictures of bars: each behaviour has one width, one brightness, and two places.
 fn bars() -> Vec<u8> {
     let bar = |behaviour: usize, view: usize| {
         let columns = 3 * view..3 * view + 1 + behaviour % 5;
@@ -57,7 +58,7 @@ fn task(configuration: &str) -> v1::TrainingTask {
     }
 }
 
-/// The result of the training without a network or an interruption.
+/// The checkpoint of the same training, run in this process without interruption.
 fn expected(configuration: &str) -> CheckpointDigest {
     let configuration = Configuration::from_toml(configuration).unwrap();
     let mut training = Training::new(&configuration, pictures()).unwrap();
@@ -171,7 +172,7 @@ async fn a_training_that_is_withdrawn_stops_and_makes_room() {
     session.withdraw(7).await;
     session.withdraw(1).await;
     while !matches!(session.hear().await, Message::Credits(_)) {}
-    // An outcome of the first lease would fail the checks on the second.
+    // If the trainer sent an outcome of the first lease, the checks of the second lease would fail.
     session.lease_for_credit(2, task(SHORT)).await;
     assert_eq!(session.report(2).await.epoch, 0);
     assert_eq!(session.result(2).await.0, checkpoint(expected(SHORT)));

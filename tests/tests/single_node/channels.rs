@@ -1,4 +1,4 @@
-//! Campaigns of two species, whose pictures have one channel for each.
+//! Tests campaigns of two species, whose pictures have one channel for each species.
 
 use murmuration_proto::v1;
 use murmuration_sim::{evaluate::evaluate, simulate::Start};
@@ -11,7 +11,8 @@ const ROBOTS: &str = "ratios = [[3, 5], [1, 7]]\n\
     [[species]]\nname = \"a\"\nrobot.sensors = [{ sees = [\"b\"] }]\n\
     [[species]]\nname = \"b\"\nrobot.sensors = [{}, { angle = 1.57 }]\n";
 
-/// A campaign that trains, labels by itself and learns from its labels; `image` is the content of the table `[image]`.
+/// A campaign that trains an embedder, gets labels from the synthetic annotator and learns from these labels. `image` is the
+/// content of the table `[image]`.
 fn spec(image: &str) -> CampaignSpec {
     let text = format!(
         "name = \"swarm\"\nmethod = \"latent\"\n{ROBOTS}\
@@ -104,7 +105,7 @@ async fn a_checkpoint_of_other_channels_is_refused() {
     cluster.stop().await;
 }
 
-/// A label file of three behaviours with these `channels`.
+/// A label file of three behaviours, with this value of the field `channels`.
 fn label_file(channels: &str) -> String {
     let model = spec("").model().clone();
     let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));

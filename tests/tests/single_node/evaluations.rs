@@ -1,4 +1,5 @@
-//! Controllers of searches that run elsewhere: evaluated like those of a campaign, but not stored.
+//! Tests evaluations for searches that run outside the coordinator. A worker evaluates such controllers as in a campaign, but the
+//! coordinator does not store the results.
 
 use murmuration_proto::{
     parts::whole,
@@ -52,7 +53,7 @@ async fn the_controllers_of_an_archive_have_the_same_features_and_pictures_again
     let campaign = cluster.create(&spec).await;
     cluster.finish(&campaign).await;
     let archive = cluster.archive(&campaign).await;
-    // Requests of different lengths, more of them than are handled at once.
+    // The requests have different lengths, and there are more requests than the coordinator handles at once.
     let tasks: Vec<_> = archive.iter().map(task).collect();
     let mut parts = vec![described(Some(Campaign::Spec((&spec).into())))];
     let (mut rest, mut length) = (&tasks[..], 1);
@@ -215,7 +216,7 @@ async fn the_motion_of_a_controller_is_that_of_the_individual_in_full_precision(
     assert_eq!(rounded, replay.poses);
     // The values have double precision, unlike those of a replay.
     assert!(motion.poses.iter().any(|&value| f64::from(value as f32) != value));
-    // Fewer steps give the beginning of the motion, and the text of a file gives the same campaign.
+    // A request for fewer steps returns the beginning of the motion. The text of a campaign file describes the same campaign.
     let shorter = v1::SimulateRequest {
         steps: Some(10),
         ..to_simulate(Campaign::Toml(spec.to_toml()), &individual)
@@ -234,7 +235,7 @@ async fn motions_need_no_worker_and_what_has_none_is_refused() {
         controller: vec![0.1, 0.2, 0.3, 0.4],
         ..v1::Individual::default()
     };
-    // The campaign learns an embedder, which a motion does not need.
+    // The campaign learns an embedder, but simulating a motion needs no embedder.
     let latent = small_latent_spec("");
     let good = to_simulate(Campaign::Toml(latent.to_toml()), &individual);
     let motion = simulate(&cluster, good.clone()).await.unwrap();

@@ -1,4 +1,4 @@
-//! Feedback: labels, an embedder fine-tuned on them, and the search that continues with it.
+//! Tests feedback: labels, an embedder fine-tuned on these labels, and a search that continues with this embedder.
 
 use murmuration_proto::{
     parts::whole,
@@ -42,7 +42,7 @@ async fn completed(cluster: &mut Cluster, campaign: &str) -> v1::Campaign {
     last
 }
 
-/// Labels individuals from 0 on as `ana`. How they look does not matter here.
+/// Labels the first individuals as the annotator `ana`. These tests do not depend on the individuals' behaviours.
 async fn label(cluster: &Cluster, request_id: &str, classes: &[&str]) {
     let answers = classes.iter().zip(0..).map(|(class, index)| v1::Answer {
         index,
@@ -58,7 +58,7 @@ async fn label(cluster: &Cluster, request_id: &str, classes: &[&str]) {
     labels(cluster).await.append_labels(request).await.unwrap();
 }
 
-/// The information needed to reproduce the archive of a campaign.
+/// The coordinator's description of how to reproduce the archive of a campaign.
 async fn repetition(cluster: &mut Cluster, campaign: &str) -> v1::GetDigestResponse {
     let request = v1::GetDigestRequest {
         campaign: campaign.to_owned(),
@@ -83,7 +83,7 @@ async fn an_unattended_campaign_labels_learns_and_searches_on_whatever_the_clust
         let labels = whole(labels.into_inner()).await.unwrap();
         assert_eq!(labels.labels.len(), 80);
 
-        // The second round fine-tunes the checkpoint of the first, and the first round the pretrained one.
+        // The second round fine-tunes the checkpoint of the first round; the first round fine-tunes the pretrained checkpoint.
         let second = checkpoint(&cluster, &last.checkpoint).await;
         let first = checkpoint(&cluster, &second.parent).await;
         let pretrained = checkpoint(&cluster, &first.parent).await;
@@ -180,7 +180,7 @@ async fn people_teach_as_often_as_they_like() {
         taught.checkpoint
     );
 
-    // Back to a space other than those of the specification and of the last round.
+    // The campaign goes back to a behaviour space that is neither the specification's nor the last round's.
     let request = v1::AdoptCheckpointRequest {
         campaign: id.clone(),
         checkpoint: taught.checkpoint,
@@ -191,7 +191,8 @@ async fn people_teach_as_often_as_they_like() {
     cluster.stop().await;
 }
 
-/// The most frequent class among the five nearest labelled individuals; if two are equally frequent, that of the nearest.
+/// The most frequent class among the five nearest labelled individuals. If two classes are equally frequent, the class of the
+/// nearer individual.
 fn elected(archive: &[v1::Individual], classes: &[&str], place: usize) -> String {
     if let Some(own) = classes.get(place) {
         return (*own).to_owned();
@@ -221,7 +222,7 @@ async fn each_class_that_was_learned_has_a_medoid_where_the_specification_says_s
     let spec = CampaignSpec::from_toml(&toml::to_string(&table).unwrap()).unwrap();
     let id = cluster.create(&spec).await;
     completed(&mut cluster, &id).await;
-    // The last three classes have only one individual each, whatever they look like.
+    // Each of the last three classes has only one individual.
     let mut classes = vec!["ring"; 17];
     classes.extend(["wall", "clump", "gap"]);
     label(&cluster, "all", &classes).await;
@@ -296,10 +297,10 @@ async fn the_judge_labels_when_asked_and_once_for_a_request() {
     assert_eq!(first.len(), 60);
     assert!(first.iter().all(|entry| entry.annotator == "synthetic"));
     assert_eq!(ask("a", 60).await.unwrap(), first);
-    // Labelled individuals are not asked about again: 40 of the 100 are left.
+    // The coordinator does not ask about labelled individuals again: 40 of the 100 individuals are left.
     assert_eq!(ask("b", 60).await.unwrap().len(), 40);
     assert!(ask("c", 60).await.unwrap().is_empty());
-    // A request with another person's request id is refused.
+    // The coordinator refuses a request with another person's request id.
     let request = v1::AppendLabelsRequest {
         campaign: id.clone(),
         request_id: "ana's".to_owned(),

@@ -1,4 +1,4 @@
-//! No parser of outside input panics: the targets of `make fuzz`, on valid inputs and on mutations of them.
+//! Runs the targets of `make fuzz` on valid inputs and on mutations of these inputs. No parser of outside input may panic.
 
 use murmuration_tests::fuzz_targets::{EDGES, dice, mutated};
 use rand::RngExt as _;

@@ -39,7 +39,7 @@ pub(crate) fn run(case: &Value) -> Value {
     Case::from_json(&case.to_string()).unwrap().run().unwrap()
 }
 
-/// Asserts that all numbers of two equally shaped values are within `tolerance`.
+/// Asserts that no two corresponding numbers of two equally shaped values differ by more than `tolerance`.
 pub(crate) fn close(ours: &Value, theirs: &Value, tolerance: f64, place: &str) {
     match (ours, theirs) {
         (Value::Array(ours), Value::Array(theirs)) => {
@@ -105,11 +105,12 @@ fn numbers(cells: &[String]) -> Vec<f64> {
     cells.iter().map(|cell| cell.parse().unwrap()).collect()
 }
 
-/// Images of labelled swarms, byte for byte (as digests).
+/// Checks the images of labelled swarms, byte for byte (as digests).
 ///
-/// The swarms are the first forty of each set, by id, that this simulator reproduces: 1,664 of all 2,064. The others are chaotic: a
-/// difference in the last bit of a heading grows until robots are elsewhere. With the authors' sines and norms in place of ours,
-/// all but four are reproduced. In those four, robots start in the same corner, and this simulator separates them.
+/// This simulator reproduces 1,664 of all 2,064 labelled swarms; the test uses the first forty of these in each set, by id. The
+/// motions of the other swarms are chaotic: a difference in the last bit of a heading grows until robots are elsewhere. With the
+/// authors' sines and norms in place of ours, this simulator reproduces all swarms but four. In these four swarms, robots start
+/// in the same corner, and this simulator separates the robots.
 fn check_labelled(set: &str, model: Preset) {
     let mut starts = BTreeMap::<String, Vec<[f64; 3]>>::new();
     for row in rows(&format!("labelled/{set}_starts.csv")) {

@@ -1,4 +1,5 @@
-//! Compares swarms of described robots with trajectories from the authors' simulator, and their sensors with truth tables.
+//! Compares swarms of described robots with trajectories from the authors' simulator, and the sensors of these robots with truth
+//! tables.
 #![expect(
     clippy::unwrap_used,
     reason = "a test that cannot read its vectors should fail"
@@ -14,7 +15,7 @@ use murmuration_swarm::{
 use serde_json::Value;
 use std::fs;
 
-/// The vectors with this ending, and their names.
+/// The reference files whose names have this ending, with their names.
 fn vectors(ending: &str) -> Vec<(String, Value)> {
     let mut found: Vec<_> = fs::read_dir(folder().join("robots"))
         .unwrap()
@@ -32,7 +33,8 @@ fn vectors(ending: &str) -> Vec<(String, Value)> {
     found
 }
 
-/// Asserts that a case is reproduced up to a step, with exact sensor states. Returns the number of compared checkpoints.
+/// Asserts that this simulator reproduces a case up to a step, with exact sensor states. Returns the number of compared
+/// checkpoints.
 fn check(name: &str, case: &Value, until: u64) -> usize {
     let ours = run(case);
     let mut compared = 0;
@@ -64,8 +66,8 @@ fn swarms_of_two_species_are_reproduced_as_far_as_they_are_comparable() {
     assert_eq!((vectors.len(), compared.sum::<usize>()), (19, 195));
 }
 
-/// Before two robots touch, the authors' later physics gives the same motion. Files without an equal checkpoint are still read and
-/// simulated. Files with a goal, which this simulator lacks, are left out.
+/// Before two robots touch, the authors' later physics gives the same motion. The test also reads and simulates files without an
+/// equal checkpoint. The reference files leave out cases with a goal, because this simulator has no goals.
 #[test]
 fn later_physics_is_reproduced_as_far_as_it_is_the_same() {
     let vectors = vectors(".head.json");
@@ -78,14 +80,14 @@ fn later_physics_is_reproduced_as_far_as_it_is_the_same() {
 struct Table<'a>(&'a Value);
 
 impl Table<'_> {
-    /// The readings of the agents, in the order of the table.
+    /// The sensor readings of the agents, in the order of the table.
     fn readings(&self) -> Vec<u64> {
         let count = self.0["agents"].as_array().unwrap().len();
         let kinds: Vec<_> = (0..count).map(|i| self.kind(i)).collect();
         let mut names: Vec<_> = kinds.clone();
         names.sort();
         names.dedup();
-        // Robots of a species must be consecutive: sort by species.
+        // Robots of a species must be consecutive, so the agents are sorted by species.
         let mut order: Vec<usize> = (0..count).collect();
         order.sort_by_key(|&i| &kinds[i]);
         let members = |name: &String| (0..count).filter(|&i| kinds[i] == *name).collect::<Vec<_>>();
@@ -116,7 +118,7 @@ impl Table<'_> {
         own.unwrap_or(5.0)
     }
 
-    /// The name of an agent's species: from the table, or one for each radius.
+    /// The name of an agent's species: from the table or, if the table has none, from the agent's radius.
     fn kind(&self, i: usize) -> String {
         let named = self.0["species"][i].as_str();
         named.map_or_else(|| format!("r{}", self.radius(i)), str::to_owned)
@@ -156,8 +158,8 @@ impl Table<'_> {
     }
 }
 
-/// If rounding decides a reading, it must decide as in the table: cosines of right angles and of 0 are computed as in the
-/// definition.
+/// If rounding decides a sensor's reading, the reading must be the table's. Cosines of right angles and of 0 are therefore
+/// computed as in the definition.
 #[test]
 fn sensors_see_what_the_tables_say() {
     let (_, tables) = vectors("sensors.json").pop().unwrap();

@@ -1,4 +1,4 @@
-//! `kill -9` at any moment: a resumed campaign ends with the digest of an undisturbed one.
+//! Tests `kill -9` at random moments: a resumed campaign ends with the digest of an undisturbed campaign.
 
 use murmuration_swarm::{Purpose, RandomStream};
 use murmuration_tests::{Murmuration, longer_spec};
@@ -6,7 +6,7 @@ use rand::RngExt as _;
 use serde_json::Value;
 use std::{fs, path::Path, thread, time::Duration};
 
-/// The file of a campaign of 400 generations: long enough to be killed five times.
+/// The file of a campaign of 400 generations, which is long enough to kill its process five times.
 fn longest_spec(folder: &Path) -> String {
     let spec = longer_spec(folder);
     let text = fs::read_to_string(&spec).unwrap();
@@ -32,7 +32,7 @@ fn killed_again_and_again_it_ends_the_same() {
     for _ in 0..5 {
         let mut process = killed.start(&command);
         process.wait_for("generation");
-        // Each run gets further than the one before, and is killed at a random moment after that.
+        // Each run gets further than the run before, and is killed at a random moment after that.
         killed.latest_when(|latest| generations(latest) > done);
         thread::sleep(Duration::from_millis(dice.random_range(0..150)));
         process.kill();

@@ -1,4 +1,4 @@
-//! Agreement of the judges with labels, on swarms that were not used to tune them.
+//! Tests how often the judges agree with labels, on swarms that were not used to tune the judges.
 
 use murmuration_accuracy::{LabelledSet, Swarm};
 use murmuration_judge::{Measures, frames, judge};
@@ -51,8 +51,8 @@ const SECOND: Judge = Judge {
     class_of: second_judge,
 };
 
-/// A column of a judge's table in docs/judge.md: agreement as `[same, all]` for each class (`None` without swarms), for all swarms,
-/// for those where both annotators were sure, and for those where one was not. Also kappa.
+/// A column of a judge's table in docs/judge.md: agreement as `[same, all]`, and kappa. The rows are each class (`None` without
+/// swarms), all swarms, swarms where both annotators were sure, and swarms where one annotator was not sure.
 fn documented(heading: &str, column: usize) -> (Vec<Option<[u32; 2]>>, String) {
     let page = include_str!("../../../docs/judge.md");
     let (_, section) = page.split_once(&format!("\n{heading}\n")).unwrap();
@@ -67,10 +67,10 @@ fn documented(heading: &str, column: usize) -> (Vec<Option<[u32; 2]>>, String) {
     (cells.iter().map(|cell| counts(cell)).collect(), kappa)
 }
 
-/// A count with a lower probability at the documented rate is not due to chance.
+/// The test does not ascribe a count to chance if its probability at the documented rate is lower than this.
 const IMPROBABLE: f64 = 0.001;
 
-/// The probability of at most `count` successes in `all` trials, given the rate of success.
+/// The probability of at most `count` successes in `all` trials, if each trial succeeds with probability `rate`.
 fn at_most(count: u32, all: u32, rate: f64) -> f64 {
     let term = |successes: u32| {
         let ways = (1..=successes).map(|k| f64::from(all - successes + k) / f64::from(k));
@@ -87,8 +87,8 @@ fn counts(words: &str) -> Option<[u32; 2]> {
     Some([same.parse().ok()?, all.parse().ok()?])
 }
 
-/// Checks that a judge agrees with the labels of a set as often as docs/judge.md states, up to chance. Chaotic motions may get
-/// another class after another rounding, but the judge must not become worse.
+/// Checks that a judge agrees with the labels of a set as often as docs/judge.md states, up to chance. A chaotic motion can get
+/// another class if numbers are rounded differently, but the judge must not become worse.
 #[track_caller]
 fn check(by: Judge, set: &str, column: usize) {
     let labels = LabelledSet::read(file(set, "validation.csv")).unwrap();
@@ -123,7 +123,7 @@ fn check(by: Judge, set: &str, column: usize) {
         };
         println!("{set}: {same} of {all}, docs/judge.md says {expected} of {of}");
         assert_eq!(all, of, "{set}");
-        // The rule of succession: a class without errors on a few swarms may still have some.
+        // The rate follows the rule of succession: a class without errors on a few swarms can still have errors on other swarms.
         let rate = f64::from(expected + 1) / f64::from(of + 2);
         let probability = at_most(same, all, rate);
         assert!(
@@ -134,7 +134,7 @@ fn check(by: Judge, set: &str, column: usize) {
     let matrix: ConfusionMatrix<&str> = pairs.iter().copied().collect();
     let measured = matrix.kappa().unwrap();
     println!("{set}: kappa {measured:.3}, docs/judge.md says {kappa}");
-    // "Substantial" agreement, as Landis and Koch (1977) call it.
+    // Landis and Koch (1977) call a kappa over 0.6 "substantial" agreement.
     assert!(measured > 0.6, "{set}: {measured}");
 }
 
@@ -167,8 +167,8 @@ const EXAMPLES: [(Class, Preset, &[f64]); 8] = [
     ),
 ];
 
-/// The judge's thresholds were not tuned on these examples. A published example shows its behaviour more often than any other, and
-/// the judge must see that.
+/// The judge's thresholds were not tuned on these examples. A published example shows its behaviour more often than any other
+/// behaviour, and the judge must find this.
 #[test]
 fn it_sees_the_behaviour_of_the_papers_examples_from_most_starts() {
     check_examples(RULES);
@@ -201,7 +201,7 @@ fn the_probability_of_a_count_is_that_of_the_binomial_distribution() {
     assert!((at_most(0, 4, 0.5) - 1.0 / 16.0).abs() < 1e-12);
     assert!((at_most(2, 4, 0.5) - 11.0 / 16.0).abs() < 1e-12);
     assert!((at_most(200, 200, 0.93) - 1.0).abs() < 1e-9);
-    // The check would detect the loss of a fourteenth of the rules' agreement with one sensor.
+    // The check would detect if the rules agreed with a fourteenth fewer of the swarms with one sensor.
     let rate = 187.0 / 202.0;
     assert!(at_most(186, 200, rate) > IMPROBABLE && at_most(172, 200, rate) < IMPROBABLE);
 }
@@ -346,7 +346,7 @@ fn the_command_names_a_file_of_starts_that_is_not_there() {
     );
 }
 
-/// The judge's errors in the tables of studies equal those on the labelled sets.
+/// Checks that the judge's errors in the tables of studies equal the judge's errors on the labelled sets.
 #[test]
 fn studies_know_how_often_it_errs() {
     let measured = |sets: &[&str]| -> Vec<(Class, Class)> {

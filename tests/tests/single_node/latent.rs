@@ -1,4 +1,4 @@
-//! Latent campaigns: the same outcome on every cluster, and never two behaviour spaces in one archive.
+//! Tests latent campaigns: the outcome is the same on every cluster, and an archive never has two behaviour spaces.
 
 use murmuration_proto::v1;
 use murmuration_swarm::CampaignSpec;
@@ -50,7 +50,7 @@ async fn every_individual_is_embedded_and_novelty_is_measured_there() {
                 .iter()
                 .all(|individual| individual.embedding.len() == 5)
         );
-        // The novelty of the last generation can be computed from the archive.
+        // The test can compute the novelty of the last generation from the archive.
         let parts = |individual: &v1::Individual| {
             let features = individual.features.as_slice().try_into().unwrap();
             (features, individual.embedding.clone())
@@ -79,7 +79,7 @@ async fn every_individual_is_embedded_and_novelty_is_measured_there() {
     cluster.stop().await;
 }
 
-/// The same specification without training.
+/// The campaign `spec` with the method `untrained`.
 fn untrained(spec: &str) -> CampaignSpec {
     let mut table: toml::Table = spec.parse().unwrap();
     table.insert("method".into(), "untrained".into());

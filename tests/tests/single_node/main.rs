@@ -1,5 +1,5 @@
-//! Tests of a whole cluster on this machine, in one process or as the real programs. They need only this repository and ONNX
-//! Runtime (`make runtime`).
+//! Tests of a whole cluster on this machine, in one process or as the real programs. These tests need only this repository and
+//! ONNX Runtime (`make runtime`).
 
 mod accuracy;
 mod atlas;

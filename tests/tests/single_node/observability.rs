@@ -1,4 +1,4 @@
-//! Health, metrics, request ids and traces of a coordinator.
+//! Tests the health, metrics, request ids and traces of a coordinator.
 
 use murmuration_proto::{REQUEST_ID, v1};
 use murmuration_tests::{Cluster, Murmuration, small_latent_spec, small_spec, start_worker_with};
@@ -57,7 +57,8 @@ async fn metrics_say_what_a_campaign_came_to() {
     }
     cluster.run(&small_latent_spec("")).await;
     let after = metrics(&cluster.url()).await;
-    // 200 pictures of the dataset and 100 individuals of the archive. Audits and late evaluations count twice.
+    // The evaluations are 200 pictures of the dataset and 100 individuals of the archive. Audited and late evaluations count
+    // twice.
     let evaluations = after["murmuration_tasks_done_total{work=\"evaluation\"}"];
     let audits = after["murmuration_audits_total"];
     assert!(
@@ -147,7 +148,7 @@ async fn a_request_goes_by_the_name_it_came_with_or_gets_one() {
         .insert(REQUEST_ID, "the-one-42".parse().unwrap());
     let answer = cluster.client.list_campaigns(request).await.unwrap();
     assert_eq!(answer.metadata().get(REQUEST_ID).unwrap(), "the-one-42");
-    // A refusal carries the request id too.
+    // The answer to a refused request has the request id too.
     let mut request = tonic::Request::new(v1::GetCampaignRequest {
         campaign: "none".to_owned(),
     });
@@ -174,7 +175,7 @@ fn the_health_command_asks_a_coordinator_and_a_worker() {
 
     let address = free_address();
     let url = format!("http://{address}");
-    // Its coordinator does not exist: the worker is alive, but not ready.
+    // The worker's coordinator does not exist, so the worker is alive but not ready.
     let worker = start_worker_with("http://127.0.0.1:1", &[("MURMURATION_HEALTH", &address)]);
     while murmuration
         .run(&["health", "--alive", "--coordinator", &url])
@@ -206,7 +207,7 @@ impl TraceService for Collector {
 }
 
 impl Collector {
-    /// Starts a collector; returns its URL too.
+    /// Starts a collector; returns the collector and its URL.
     async fn start() -> (Self, String) {
         let collector = Self::default();
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
@@ -216,7 +217,7 @@ impl Collector {
         (collector, url)
     }
 
-    /// The ids of traces in which a process of this service has a lease's span, with the ids of the span's parent.
+    /// The ids of traces in which a process of this service has the span of a lease, each with the id of the span's parent.
     fn leases(&self, service: &str) -> BTreeMap<Vec<u8>, Vec<u8>> {
         let is_named = |spans: &&ResourceSpans| {
             let attributes = spans.resource.iter().flat_map(|resource| &resource.attributes);

@@ -1,4 +1,4 @@
-//! The page Play, over HTTP.
+//! Tests the page Play, over HTTP.
 
 use murmuration_access::CostClass;
 use murmuration_proto::v1;
@@ -16,7 +16,7 @@ use std::{
 use tempfile::TempDir;
 use tonic::Code;
 
-/// A browser at a coordinator without workers: the coordinator simulates itself.
+/// A browser at a coordinator without workers. For the page Play, the coordinator simulates by itself.
 struct Playground {
     _folder: TempDir,
     cluster: Cluster,
@@ -163,7 +163,7 @@ async fn the_seats_of_those_who_leave_go_to_whoever_waits() {
     };
     tokio::time::sleep(Duration::from_millis(100)).await;
     assert!(!waiting.is_finished());
-    // These simulations would run for two seconds.
+    // Without the abort, these simulations would run for two seconds.
     computing.iter().for_each(tokio::task::JoinHandle::abort);
     let left = Instant::now();
     assert_eq!(waiting.await.unwrap(), StatusCode::OK);

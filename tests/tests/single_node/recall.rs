@@ -1,4 +1,4 @@
-//! Recall: the share of an atlas's content that campaigns find.
+//! Tests recall: the share of an atlas's content that campaigns find.
 
 use murmuration_model::study_records::{StudyRecord, StudyRecordKind};
 use murmuration_store::{DataDirectory, Store};
@@ -6,7 +6,7 @@ use murmuration_tests::Murmuration;
 use serde_json::Value;
 use std::{collections::BTreeMap, fs, path::PathBuf};
 
-/// Three searches of 60 over swarms of six, beside an atlas of 45 controllers.
+/// A study of two searches with 60 evaluations each, over swarms of six robots, beside an atlas of 45 controllers.
 const STUDY: &str = "name = \"found\"\nmeasures = [\"recall\", \"richness\"]\n\
     axes = [{ name = \"method\", values = [{ name = \"random\", campaign.method = \"random\" }, \
     { name = \"hand-crafted\", campaign.method = \"hand-crafted\" }] }]\n\
@@ -46,7 +46,7 @@ fn campaigns(murmuration: &Murmuration) -> usize {
 fn recall_is_measured_by_an_atlas_that_the_study_runs_or_finds() {
     let folder = tempfile::tempdir().unwrap();
     let murmuration = Murmuration::over(&folder.path().join("data"));
-    // Runs the atlas directly, under another name.
+    // The test runs the atlas's campaign directly, under another name.
     let (_, atlas) = STUDY.split_once("[recall.atlas]\n").unwrap();
     let (atlas, _) = atlas.split_once("[campaign]").unwrap();
     let spec = folder.path().join("atlas.toml");
@@ -65,7 +65,7 @@ fn recall_is_measured_by_an_atlas_that_the_study_runs_or_finds() {
     let page = PathBuf::from(study["report"].as_str().unwrap());
     let niches = rows(page.with_file_name("niches.csv"));
     assert_eq!(niches.len(), 12);
-    // 81 controllers: 36 of the 45 simulated ones have a different mirror image.
+    // The atlas has 81 controllers: 45 simulated controllers, and 36 mirror images that differ from their controllers.
     let members: f64 = niches.iter().map(|niche| number(niche, "members")).sum();
     assert_eq!(members, 81.0);
 
@@ -105,7 +105,7 @@ fn recall_is_measured_by_an_atlas_that_the_study_runs_or_finds() {
         .last_line();
     assert_eq!(shown["tables"], study["tables"]);
 
-    // A damaged record of the atlas's content is made again, although every cell is measured.
+    // The program makes a damaged record of the atlas's content again, although every cell is measured.
     let open = || Store::open(&DataDirectory::hold(&folder.path().join("data")).unwrap()).unwrap();
     let reference = |store: &Store| {
         let mut records = store.study_records("found").unwrap().into_iter();
@@ -161,7 +161,7 @@ fn maps_show_the_first_generation() {
     assert_eq!(indices, (0..20).collect::<Vec<u64>>());
     let maps = page.with_file_name("maps");
     let svg = fs::read_to_string(maps.join("1-mapped-behaviours.svg")).unwrap();
-    // The dots of the legend have a larger stroke.
+    // The legend's dots have a wider stroke (12) than the map's, so the count leaves them out.
     let paths = svg
         .split("<path ")
         .filter(|path| !path.contains("stroke-width=\"12\""));

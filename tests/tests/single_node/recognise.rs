@@ -1,4 +1,4 @@
-//! Swarms that a camera tracked: swarms filmed by the simulator are recognised, also with jitter and dropped frames.
+//! Tests `murmuration recognise`: it recognises swarms that the simulator films, even with jitter and dropped frames.
 
 use murmuration_swarm::{Purpose, RandomStream};
 use murmuration_tests::{Murmuration, small_latent_spec, whole_number};
@@ -10,7 +10,7 @@ use tempfile::TempDir;
 /// Largest error of the camera along each axis, world units; robots have a radius of 5.
 const JITTER: f64 = 0.3;
 
-/// A completed campaign, whose individuals can be filmed.
+/// A completed campaign, whose individuals the test films.
 struct Studio {
     folder: TempDir,
     murmuration: Murmuration,
@@ -71,8 +71,8 @@ impl Studio {
     }
 }
 
-/// The film of a worse camera: without headings, without a fifth of the rows and every ninth frame, and with an error in each
-/// position.
+/// The film as a worse camera records it: without headings, without a fifth of the rows and every ninth frame, and with an error
+/// in each position.
 fn worse(film: &str) -> String {
     let mut dice = RandomStream::derive(3, Purpose::Jitter, 0);
     let mut text = "frame,robot,x,y\n".to_owned();
@@ -151,7 +151,7 @@ fn a_film_of_another_pace_in_other_units_shows_the_same() {
     let picture = png::Decoder::new(std::io::BufReader::new(file))
         .read_info()
         .unwrap();
-    // Four pictures of 50 x 50 cells of 8 pixels, and three lines.
+    // The image has four pictures of 50 x 50 cells of 8 pixels, and three lines between them.
     assert_eq!(
         (picture.info().width, picture.info().height),
         (4 * 400 + 3 * 8, 400)

@@ -1,4 +1,4 @@
-//! Campaigns over gRPC: the same specification gives the same digest on every cluster.
+//! Tests campaigns over gRPC: the same specification gives the same digest on every cluster.
 
 use murmuration_proto::{parts::whole, v1};
 use murmuration_swarm::CampaignSpec;
@@ -47,7 +47,7 @@ fn longer() -> CampaignSpec {
     CampaignSpec::from_toml(&text.replace("generations = 5", "generations = 400")).unwrap()
 }
 
-/// Watches a campaign until more than `after` generations are done, but not all.
+/// Watches a campaign until more than `after` generations, but not all generations, are done.
 async fn in_the_middle(cluster: &mut Cluster, campaign: &str, after: u32) -> u32 {
     let begun = |status: &v1::Campaign| status.generations_done > after;
     let status = cluster.watch_until(campaign, begun).await;

@@ -1,10 +1,11 @@
-//! A latent campaign in real processes, each of which is killed in each stage. The outcome equals that of an undisturbed campaign.
+//! Kills each process of a latent campaign's cluster in each stage of the campaign. The outcome must equal the outcome of an
+//! undisturbed campaign.
 
 use murmuration_proto::v1;
 use murmuration_swarm::CampaignSpec;
 use murmuration_tests::{ProcessCluster, Running};
 
-/// Every stage lasts a second or more: long enough to be observed three times.
+/// A campaign whose stages each last a second or more, so that the test can observe each stage three times.
 fn spec() -> CampaignSpec {
     let text = "name = \"stages\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\n\
                 [dataset]\ncontrollers = 6000\n[training.recipe.in-batch]\nepochs = 5\npatience = 5\n\
@@ -28,7 +29,7 @@ impl Campaign {
         Self { cluster, trainer, id }
     }
 
-    /// Waits until the campaign is in `stage` and, if that is visible, has made progress in it.
+    /// Waits until the campaign is in `stage` and, if the status shows progress of this stage, has made some progress.
     fn wait_for(&mut self, stage: v1::CampaignStage) {
         self.cluster.wait_to_strike(&self.id, |status| {
             let begun = match stage {
@@ -60,7 +61,7 @@ impl Campaign {
         self.cluster.restart_coordinator();
     }
 
-    /// The campaign's last checkpoint, and its digest.
+    /// The campaign's last checkpoint, and the digest of its archive.
     fn finish(mut self) -> (String, String) {
         let digest = self.cluster.finish(&self.id);
         (self.cluster.try_status(&self.id).unwrap().checkpoint, digest)
@@ -77,7 +78,7 @@ fn worker_trainer_and_coordinator_killed_in_every_stage_change_nothing() {
         v1::CampaignStage::Evolve,
         v1::CampaignStage::Label,
         v1::CampaignStage::FineTune,
-        // Embeds the archive with the fine-tuned checkpoint. After pretraining, there was nothing to embed.
+        // This stage embeds the archive with the fine-tuned checkpoint. After pretraining, the archive was still empty.
         v1::CampaignStage::Embed,
         v1::CampaignStage::Taxonomy,
     ] {

@@ -1,4 +1,4 @@
-//! Studies: each cell runs once, a killed study continues, and its tables equal those of its campaigns.
+//! Tests studies: each cell runs once, a killed study continues, and the tables of a study equal the tables of its campaigns.
 
 use murmuration_judge::{frames, judge};
 use murmuration_proto::v1;
@@ -12,10 +12,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// An embedder's file.
+/// An embedder's ONNX file.
 const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.onnx");
 
-/// Two rows of two replicates: 200 steps, generations of 20.
+/// A study of two rows with two replicates each; campaigns have 200 steps and generations of 20.
 const STUDY: &str = "name = \"pair\"\nseeds = 2\nbehaviours.generations = 3\n\
     axes = [{ name = \"filter\", values = [{ name = \"no\" }, { name = \"yes\", campaign.filter = true }] }]\n\
     [campaign]\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\nworld.horizon = 200\n\
@@ -74,7 +74,7 @@ fn cells_run_once_and_a_changed_study_runs_only_what_is_new() {
     assert_eq!((first["cells"].as_u64(), measured(&first).len()), (Some(4), 4));
     assert_eq!(campaigns(&murmuration).len(), 4);
 
-    // Under another name the cells are the same.
+    // A study with another name has the same cells.
     let renamed = STUDY.replace("\"pair\"", "\"other\"");
     let again = run(&murmuration, &written(folder.path(), &renamed));
     assert_eq!(measured(&again), measured(&first));
@@ -114,7 +114,7 @@ fn a_damaged_study_hides_no_other() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data");
     let murmuration = Murmuration::over(&data);
-    // Earlier versions kept studies in folders, which become the coordinator's.
+    // Earlier versions kept studies in folders. The coordinator imports these studies.
     let damaged = data.join("studies/damaged");
     fs::create_dir_all(&damaged).unwrap();
     fs::write(damaged.join("study.toml"), "seeds = \"many\"").unwrap();
@@ -160,7 +160,7 @@ fn a_campaign_that_was_run_by_hand_is_a_cell_too() {
     let folder = tempfile::tempdir().unwrap();
     let murmuration = Murmuration::over(&folder.path().join("data"));
     let file = written(folder.path(), &STUDY.replace("seeds = 2", "seeds = 1"));
-    // Runs the campaign of the first cell directly, under another name.
+    // The test runs the campaign of the first cell directly, under another name.
     let spec = folder.path().join("by-hand.toml");
     let (_, campaign) = STUDY.split_once("[campaign]\n").unwrap();
     fs::write(&spec, format!("name = \"by-hand\"\n{campaign}")).unwrap();
@@ -273,7 +273,7 @@ fn replicates_that_share_an_embedder_have_its_checkpoint_and_the_archive_of_thei
         .split_once("seed = 1\n")
         .map(|(_, rest)| ((), rest.to_owned()))
         .unwrap();
-    // Without a seed of its own, the training uses the campaign's.
+    // A training without a seed of its own uses the campaign's seed.
     let fields = fields.replace("seed = 1\n", "");
     let mut lines = Vec::new();
     for line in fields.lines() {
@@ -303,7 +303,7 @@ fn replicates_that_share_an_embedder_have_its_checkpoint_and_the_archive_of_thei
     assert_ne!(cells[0]["archive_digest"], cells[1]["archive_digest"]);
 }
 
-/// The paper's cyclic pursuit in small and in normal swarms, each from three starts.
+/// A study of the paper's cyclic pursuit in small and in normal swarms, each from three starts.
 const PHASE: &str = "name = \"phase\"\nmeasures = [\"shares\"]\nphase.x = \"robots\"\n\
     axes = [{ name = \"robots\", field = \"world.agents\", numbers = [4, 24] }]\n\
     [campaign]\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\n\
@@ -348,7 +348,7 @@ fn shares_are_of_what_workers_judged_of_that_controller_alone_and_diagrams_show_
     );
 }
 
-/// Searches in small and in normal swarms.
+/// A study of searches in small and in larger swarms.
 const SEARCHES: &str = "name = \"searches\"\nmeasures = [\"shares\"]\nphase.x = \"robots\"\n\
     axes = [{ name = \"robots\", field = \"world.agents\", numbers = [4, 12] }]\n\
     [campaign]\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\nworld.horizon = 200\n\
@@ -365,7 +365,7 @@ fn a_phase_diagram_of_searches_shows_the_shares_of_their_archives() {
     for cell in cells {
         assert_eq!(cell["evaluations"], "40");
         let shares = Class::ALL.map(|class| cell[&format!("share_{class}")].parse::<f64>().unwrap());
-        // 40 individuals with one trial each, so shares are multiples of 2.5 %.
+        // The campaign has 40 individuals with one trial each, so shares are multiples of 2.5 %.
         assert!(
             shares.iter().all(|share| (share / 2.5).fract() == 0.0),
             "{shares:?}"

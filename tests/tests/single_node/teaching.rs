@@ -1,4 +1,4 @@
-//! Classes and answers that people change on the pages, over HTTP, and the tables that they download.
+//! Tests, over HTTP, changes of classes and answers on the pages, and the tables that people download.
 
 use murmuration_tests::{Murmuration, http};
 use reqwest::{Client, StatusCode};
@@ -27,7 +27,7 @@ impl Page {
         serde_json::from_str(&self.text(path).await).unwrap()
     }
 
-    /// Posts as ana, and returns the status and the answer, which is null if it is not JSON.
+    /// Sends a POST request as the annotator ana. Returns the status and the answer, which is null if it is not JSON.
     async fn post(&self, path: &str, request: &str, mut message: Value) -> (StatusCode, Value) {
         message["request_id"] = request.into();
         message["annotator"] = "ana".into();
@@ -40,7 +40,7 @@ impl Page {
         (status, serde_json::from_str(&text).unwrap_or_default())
     }
 
-    /// Makes a valid change to a class; returns the classes after it.
+    /// Makes a valid change to a class; returns the classes after the change.
     async fn change(&self, request: &str, change: Value) -> Value {
         let (status, told) = self.post("classes", request, json!({ "change": change })).await;
         assert_eq!(status, StatusCode::OK, "{change} {told}");
@@ -94,7 +94,7 @@ async fn classes_are_changed_and_reverted_and_answers_withdrawn() {
         .await;
     assert_eq!(told["classes"].as_array().unwrap().len(), 1);
     assert_eq!(told["changes"][0]["description"], "deleted “wall following”");
-    // A page without an answer repeats its request: the change is not made twice.
+    // A page that got no answer repeats its request; the coordinator does not make the change twice.
     page.change("4", json!({ "delete": { "class": "wall following" } }))
         .await;
     let standing = page.json("answers/standing").await;

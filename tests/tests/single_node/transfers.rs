@@ -1,4 +1,4 @@
-//! Campaigns that are exported to a folder and imported from it, by command and over the network.
+//! Tests campaigns that are exported to a folder and imported from this folder, by command and over the network.
 
 use murmuration_proto::v1::{self, transfer_service_client::TransferServiceClient};
 use murmuration_tests::{Cluster, Murmuration, longer_spec, small_latent_spec, small_spec};
@@ -104,7 +104,7 @@ fn a_campaign_comes_back_with_its_digest_labels_classes_and_taxonomy() {
             let read = |report: &str| fs::read_to_string(place.path(report).join(table)).unwrap();
             assert_eq!(read("report"), read("report-of-imported"), "{table}");
         }
-        // A new campaign there gets the next id.
+        // A new campaign in the directory of the imported campaign gets the next id.
         let path = place.text("spec.toml");
         let further = place.done(&["run", &path, "--data", &place.text("imported"), "--json"]);
         assert!(further.contains("\"campaign\":\"small-2\""), "{further}");
@@ -174,7 +174,7 @@ fn an_import_that_fails_leaves_no_data_directory_that_it_made() {
     let failed = import(&["--checkpoint-store", &nowhere]);
     assert_ne!(failed.code, Some(0), "{}", failed.stderr);
     assert!(!place.path("imported").exists(), "{}", failed.stderr);
-    // A folder that existed before is kept.
+    // A failed import keeps a folder that existed before.
     fs::create_dir(place.path("imported")).unwrap();
     assert_ne!(import(&["--checkpoint-store", &nowhere]).code, Some(0));
     assert!(place.path("imported").exists());

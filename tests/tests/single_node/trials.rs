@@ -1,11 +1,12 @@
-//! Individuals with several trials: their measurements are means over the trials, and robustness counts how alike the trials are.
+//! Tests individuals with several trials: their measurements are means over the trials, and robustness counts how alike the
+//! trials are.
 
 use murmuration_proto::v1;
 use murmuration_sim::{evaluate::evaluate, simulate::Start};
 use murmuration_swarm::{CampaignSpec, Controller, mean_embedding};
 use murmuration_tests::{Cluster, small_latent_spec, small_spec};
 
-/// The same campaign with three starts and some noise.
+/// The campaign `spec` with three starts and some noise.
 fn three_starts(spec: &CampaignSpec) -> CampaignSpec {
     let mut table: toml::Table = spec.to_toml().parse().unwrap();
     let evaluation: toml::Table = "starts = 3".parse().unwrap();
@@ -23,7 +24,7 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// The places of the medoids nearest to a behaviour: several if they are equally near.
+/// The places of the medoids nearest to a behaviour: several places if several medoids are equally near.
 fn nearest(behaviour: &[f64], medoids: &[Vec<f64>]) -> Vec<u32> {
     let distance = |medoid: &Vec<f64>| -> f64 {
         let squares = behaviour.iter().zip(medoid).map(|(a, b)| (a - b) * (a - b));
@@ -34,7 +35,7 @@ fn nearest(behaviour: &[f64], medoids: &[Vec<f64>]) -> Vec<u32> {
     places.map(|(place, _)| place).collect()
 }
 
-/// Counts robust trials again from the coordinator's archive.
+/// Checks the coordinator's counts of robust trials by counting again from the archive.
 fn check_robustness(spec: &CampaignSpec, archive: &[v1::Individual], taxonomy: &v1::Taxonomy) {
     let parts = |individual: &v1::Individual| {
         let features = individual.features.as_slice().try_into().unwrap();

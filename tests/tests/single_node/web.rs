@@ -1,4 +1,4 @@
-//! The pages over HTTP, on the port of gRPC.
+//! Tests the pages over HTTP, on the port of gRPC.
 
 mod managing;
 mod taxonomy;
@@ -13,7 +13,7 @@ use serde_json::Value;
 use std::time::{Duration, Instant};
 use tonic::Code;
 
-/// A browser at a coordinator. Status codes are answers, not errors, and redirects are not followed.
+/// A browser at a coordinator. The browser treats status codes as answers, not as errors, and does not follow redirects.
 #[derive(Clone)]
 struct Browser {
     client: Client,
@@ -40,7 +40,7 @@ impl Browser {
         answer.text().await.unwrap()
     }
 
-    /// Posts JSON about `small-1` like a script; returns the JSON answer, or null.
+    /// Sends a POST request with JSON about `small-1`, as a page's script does; returns the JSON answer, or null.
     async fn tell(&self, path: &str, message: &str, status: StatusCode) -> Value {
         let request = self
             .client
@@ -101,7 +101,7 @@ async fn a_campaign_is_started_and_cancelled_with_buttons() {
     cluster.stop().await;
 }
 
-/// The form of a new campaign, filled in.
+/// The filled-in form of a new campaign.
 const QUICK: [(&str, &str); 7] = [
     ("step", "start"),
     ("request", "1"),
@@ -286,7 +286,7 @@ async fn scripts_are_given_motions_and_maps() {
         (&points["count"], points["medoids"].as_array().unwrap().len()),
         (&100.into(), 4)
     );
-    // 100 numbers of two bytes; base64 has four characters for three bytes.
+    // The column has 100 numbers of two bytes; base64 has four characters for three bytes.
     assert_eq!(look("points/axes").await["x"].as_str().unwrap().len(), 268);
     for path in ["individuals/100/motion", "points/nothing"] {
         let answer = browser.get(&format!("/campaigns/small-1/{path}")).await;
@@ -325,7 +325,7 @@ async fn what_takes_workers_says_at_once_that_there_are_none() {
         "{page}"
     );
 
-    // Programs wait a little, because workers may only be restarting.
+    // Requests of programs wait a little for a worker, because workers may be restarting.
     let campaign = || "small-1".to_owned();
     let replay = v1::GetReplayRequest {
         campaign: campaign(),
@@ -407,12 +407,12 @@ async fn a_page_follows_what_happens() {
     cluster.finish(&id).await;
     hear(&mut events, &mut heard, "completed").await;
     cluster.stop().await;
-    // The stream ends properly instead of being cut off.
+    // The coordinator ends the stream properly, and does not cut it off.
     let end = async { while events.chunk().await.unwrap().is_some() {} };
     tokio::time::timeout(Duration::from_secs(60), end).await.unwrap();
 }
 
-/// Reads events until `sign` arrives.
+/// Reads events into `heard` until `sign` arrives.
 async fn hear(events: &mut Response, heard: &mut String, sign: &str) {
     while !heard.contains(sign) {
         let chunk = events.chunk().await.unwrap().expect("the stream goes on");

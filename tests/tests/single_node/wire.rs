@@ -1,4 +1,4 @@
-//! Bad messages from strangers: refused at the edge with an error, and nothing is lost.
+//! Tests bad messages from strangers: the coordinator refuses each such message with an error, and loses no work.
 
 use murmuration_link::{Credentials, Health, READY};
 use murmuration_proto::{
@@ -15,7 +15,7 @@ use tonic_reflection::pb::v1::{
     server_reflection_request::MessageRequest, server_reflection_response::MessageResponse,
 };
 
-/// Runs `disturb` before one honest worker joins; the campaign must end with the digest of an undisturbed run.
+/// Runs `disturb`, and after that lets one honest worker join. The campaign must end with the digest of an undisturbed run.
 async fn check_undisturbed<F: Future<Output = ()>>(disturb: impl FnOnce(String) -> F) {
     let spec = small_spec("seed = 9");
     let folder = tempfile::tempdir().unwrap();
@@ -23,7 +23,7 @@ async fn check_undisturbed<F: Future<Output = ()>>(disturb: impl FnOnce(String) 
     let undisturbed = cluster.run(&spec).await;
     cluster.stop().await;
 
-    // The honest worker joins only after the fault, so that the fault is sure to get work.
+    // The honest worker joins only after the fault, so that the workers of `disturb` are sure to get work.
     let mut cluster = Cluster::start(folder.path(), 0).await;
     let campaign = cluster.create(&spec).await;
     disturb(cluster.url()).await;
@@ -167,7 +167,8 @@ async fn results_for_leases_that_never_were_are_ignored() {
         ] {
             impostor.answer(lease, evaluation.clone(), 1).await;
         }
-        // The coordinator handles a worker's messages in order: another lease proves that it has handled all of these.
+        // The coordinator handles a worker's messages in order: another lease proves that the coordinator has handled all these
+        // messages.
         impostor.lease(1).await;
     })
     .await;
@@ -231,7 +232,7 @@ async fn a_draining_worker_gets_no_more_leases() {
         .await;
     leaving.send(Message::Drain(v1::Drain {})).await;
     cluster.create(&small_spec("")).await;
-    // The silence limit ends the stream; no lease may arrive before that.
+    // The silence limit ends the stream. Before that, no lease may arrive.
     match leaving.receive().await {
         Err(status) => assert_eq!(status.code(), Code::DeadlineExceeded),
         Ok(Some(Answer::Lease(_))) => panic!("a lease for a draining worker"),
@@ -263,7 +264,7 @@ async fn a_campaign_says_why_its_work_was_given_back() {
     unable
         .fail(lease, v1::FailureClass::Retryable, "the cache is full")
         .await;
-    // The worker stays connected, in its pause after the failure.
+    // The worker stays connected, and pauses after the failure.
     let held_up = |status: &v1::Campaign| !status.waiting.is_empty();
     let status = cluster.watch_until(&created.id, held_up).await;
     assert_eq!(
@@ -277,7 +278,7 @@ async fn a_campaign_says_why_its_work_was_given_back() {
 #[tokio::test(flavor = "multi_thread")]
 async fn what_one_machine_says_cannot_be_done_another_does() {
     check_undisturbed(async |url| {
-        // Another worker is connected, but busy: tasks that it could do are not given up.
+        // Another worker is connected, but busy. The coordinator does not give up tasks that the busy worker could do.
         let busy = FakeWorker::connect(&url).await;
         tokio::spawn(busy.dismissed());
         let mut unfit = FakeWorker::connect_as(&url, 2, 1).await.unwrap();
@@ -293,7 +294,7 @@ async fn what_one_machine_says_cannot_be_done_another_does() {
 async fn what_two_machines_say_cannot_be_done_fails_the_campaign_aloud() {
     let folder = tempfile::tempdir().unwrap();
     let options = murmuration_dispatch::Options {
-        // A single machine would have to wait this long.
+        // If only one machine had failed, the campaign would wait for this long.
         silence_limit: std::time::Duration::from_secs(100),
         ..murmuration_tests::quick_dispatch()
     };

@@ -37,7 +37,7 @@ struct State {
     published: Mutex<Vec<(v1::Checkpoint, Vec<u8>)>>,
 }
 
-/// One connection of the trainer. Dropping it cuts the connection.
+/// One connection of the trainer. Dropping a `Session` cuts the connection.
 pub struct Session {
     inbox: Streaming<v1::WorkerMessage>,
     outbox: mpsc::Sender<Result<v1::CoordinatorMessage, Status>>,
@@ -116,7 +116,7 @@ impl Fake {
         self.state.published.lock().unwrap().last().unwrap().clone()
     }
 
-    /// Whether none was published.
+    /// Whether no checkpoint was published.
     pub fn has_none(&self) -> bool {
         self.state.published.lock().unwrap().is_empty()
     }
@@ -269,7 +269,7 @@ impl training::TrainerService for Api {
     ) -> Result<Response<Self::FetchTrainingStream>, Status> {
         assert_eq!(request.into_inner().lease.unwrap().epoch, 1);
         let saved = self.state.saved.lock().unwrap();
-        // Small parts, so that there are several.
+        // Small parts, so that the pictures need several messages.
         let pictures = self
             .state
             .pictures

@@ -1,4 +1,4 @@
-//! Campaigns from a specification to a report, and running a report's specification again.
+//! Tests campaigns from a specification to a report, and runs a report's specification again.
 
 use crate::command_line::Desk;
 use murmuration_swarm::FEATURE_NAMES;
@@ -66,7 +66,7 @@ fn a_run_ends_with_one_object_and_a_report() {
     assert_eq!(written.stdout.trim(), format!("{out}/report.html"));
     assert_eq!(fs::read(written.stdout.trim()).unwrap().len(), text.len());
 
-    // The report's own specification gives the same digest.
+    // A campaign with the report's own specification has the same digest.
     let again = desk
         .murmuration
         .run(&["run", &format!("{out}/spec.toml"), "--json"])
@@ -77,7 +77,7 @@ fn a_run_ends_with_one_object_and_a_report() {
     );
 }
 
-/// A table of a report: rows by column name.
+/// A table of a report: in each row, the cells by column name.
 fn table(path: &Path) -> Vec<BTreeMap<String, String>> {
     let text = fs::read_to_string(path).unwrap();
     let mut lines = text.lines().map(|line| line.split(','));
@@ -167,7 +167,7 @@ fn the_novelty_of_a_behaviour_is_measured_in_the_whole_archive() {
             .find(|card| card.contains(&format!("<dd>{index}</dd>")));
         let card = card.unwrap().split_once("<dt>Novelty</dt><dd>").unwrap().1;
         let card: f64 = card.split_once('<').unwrap().0.parse().unwrap();
-        // A card shows two or more significant digits.
+        // A card shows the novelty with two or more significant digits.
         assert!((novelty - card).abs() <= 0.05 * novelty, "{novelty} {card}");
     }
     assert!(moved > 0, "none was measured anew");

@@ -1,4 +1,4 @@
-//! Commands that need no campaign.
+//! Tests commands that need no campaign.
 
 use crate::command_line::Desk;
 use murmuration_tests::schemas::check_documents;
@@ -7,7 +7,7 @@ use std::fs;
 #[test]
 fn pictures_are_what_their_names_say() {
     let desk = Desk::new();
-    // Missing parent folders are created.
+    // Commands create missing parent folders.
     let (gif, png, image) = (
         desk.path("moving/a.gif"),
         desk.path("a.png"),

@@ -1,4 +1,4 @@
-//! Errors name the problem, and exit codes distinguish usage errors from failures.
+//! Tests that errors name the problem, and that exit codes distinguish usage errors from failures.
 
 use crate::command_line::Desk;
 use murmuration_tests::Finished;
@@ -341,7 +341,7 @@ fn what_fails_is_named_with_exit_code_1() {
     );
 }
 
-/// A text that must not reach a terminal, and its cleaned form.
+/// A text that must not reach a terminal, and the cleaned form of this text.
 const HOSTILE: [&str; 2] = ["a\u{1b}]0;owned\u{7}\u{9b}2J\u{202e}b", "a]0;owned2Jb"];
 
 #[test]

@@ -1,4 +1,4 @@
-//! The command line: exit codes, messages, JSON.
+//! Tests of the command line: exit codes, messages, JSON.
 
 mod campaigns;
 mod commands;
@@ -10,7 +10,7 @@ use murmuration_tests::{Finished, Murmuration, small_spec};
 use std::fs;
 use tempfile::TempDir;
 
-/// A data directory and a campaign file in it.
+/// A folder with a campaign file and a data directory.
 struct Desk {
     folder: TempDir,
     murmuration: Murmuration,

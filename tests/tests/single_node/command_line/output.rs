@@ -1,4 +1,4 @@
-//! Standard output and standard error that cannot be written, and logs that are not terminals.
+//! Tests standard output and standard error that cannot be written, and logs that do not go to a terminal.
 
 use crate::command_line::Desk;
 use murmuration_tests::binary;
@@ -34,7 +34,7 @@ fn outcome(mut command: Command) -> (Option<i32>, String) {
     (output.status.code(), String::from_utf8(output.stderr).unwrap())
 }
 
-/// Commands that print data: a table, lines of JSON during a campaign, help, a version, a script.
+/// Programs and arguments of commands that print data: a table, lines of JSON during a campaign, help, a version, a script.
 const PRINTING: [(&str, &[&str]); 9] = [
     ("murmuration", &["list"]),
     ("murmuration", &["watch", "latest", "--json"]),
@@ -88,7 +88,7 @@ fn an_error_that_cannot_be_told_keeps_its_exit_code() {
     }
 }
 
-/// Starts a server with one more environment variable, and returns the first line of its log.
+/// Starts a program with one more environment variable, and returns the first line of its log.
 fn first_line(program: &str, arguments: &[&str], variable: Option<(&str, &str)>) -> String {
     let desk = Desk::new();
     let mut command = command(program, arguments, &desk);

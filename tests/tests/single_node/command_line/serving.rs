@@ -1,4 +1,4 @@
-//! A running coordinator, and the commands that find it.
+//! Tests a running coordinator, and the commands that find it.
 
 use crate::command_line::Desk;
 use murmuration_tests::{Running, small_latent_spec, start_trainer, start_worker};
@@ -63,7 +63,7 @@ fn a_second_process_is_told_who_holds_the_data_directory() {
     assert_eq!(serving.terminate(), Some(0));
 }
 
-/// An evaluation may take hours, and cannot be interrupted.
+/// An evaluation can take hours, and cannot be interrupted.
 #[test]
 fn a_second_signal_ends_what_the_first_waits_for() {
     let desk = Desk::new();
@@ -73,7 +73,7 @@ fn a_second_signal_ends_what_the_first_waits_for() {
     let spec = desk.write("long.toml", long);
     let mut running = desk.murmuration.start(&["run", &spec, "--workers", "1"]);
     running.wait_for("0/2 evaluations");
-    // Only a running evaluation uses this much processor time.
+    // Only a process with a running evaluation uses this much processor time.
     while running.cpu_time() < Duration::from_secs(2) {
         thread::sleep(Duration::from_millis(50));
     }

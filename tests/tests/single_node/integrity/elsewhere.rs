@@ -1,4 +1,4 @@
-//! A worker that returns wrong results to a search that runs elsewhere.
+//! Tests a worker that returns wrong results to a search that runs outside the coordinator.
 
 use super::{Honest, LIAR, audited, connect, impossible, tell_lies};
 use murmuration_dispatch::Options;
@@ -51,8 +51,8 @@ async fn a_stream_with_results_of_a_machine_found_wrong_does_not_end_well() {
         Ok::<_, tonic::Status>(())
     });
     tell_lies(&mut liar, 20).await;
-    // Results that the client does not have yet would be evaluated again, and the stream would end without an error. Therefore the
-    // client must have the first wrong results before the next ones expose the liar.
+    // The coordinator would evaluate results again that the client does not have yet, and the stream would end without an error.
+    // Therefore the client must have the first wrong results before the next wrong results expose the liar.
     received.wait_for(|&received| received >= 20).await.unwrap();
     requests.send(request(controllers(20..40))).await.unwrap();
     drop(requests);

@@ -1,4 +1,4 @@
-//! Machines of different kinds embed a picture almost identically, and no audit counts either as wrong.
+//! Tests that machines of different kinds embed a picture almost identically, and that no audit counts one of them as wrong.
 
 use crate::integrity::{Honest, LIAR, audited, connect, impossible, notices};
 use murmuration_dispatch::Options;
@@ -82,8 +82,8 @@ async fn what_a_machine_of_another_kind_embedded_is_not_found_wrong() {
         let evaluations = evaluate(&cluster, lease, batch).await;
         other.answer_with(lease, evaluations).await;
     };
-    // Then the machine returns an impossible result. Its earlier results are evaluated again: those of the current generation at
-    // once, the others later.
+    // The machine now returns an impossible result. The coordinator has the machine's earlier results evaluated again: the
+    // results of the current generation at once, the other results later.
     other.answer(lease, impossible(), batch.tasks.len()).await;
     assert_eq!(other.dismissed().await.code(), Code::InvalidArgument);
     let worker = Honest::join(&cluster, folder.path(), 3);

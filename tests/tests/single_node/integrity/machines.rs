@@ -1,4 +1,4 @@
-//! Machines that run several workers have one vote.
+//! Tests that a machine has one vote, even if it runs several workers.
 
 use crate::integrity::{Honest, LIAR, connect, lie, longer, notices, undisturbed, with_a_liar};
 use murmuration_proto::v1;

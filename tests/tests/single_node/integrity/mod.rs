@@ -1,4 +1,5 @@
-//! Workers that compute wrongly, and tasks that kill workers: both are detected, and the outcome does not change.
+//! Tests workers that compute wrongly, and tasks that kill workers. The coordinator detects such workers and tasks, and the
+//! outcome does not change.
 
 mod elsewhere;
 mod kinds;
@@ -14,7 +15,7 @@ use std::{net::Ipv4Addr, num::NonZeroUsize, path::Path, time::Duration};
 use tokio::{sync::watch, task::JoinHandle};
 use tonic::{Code, Status};
 
-/// Machine and process of the liar's connections, unless a test uses others.
+/// Machine and process of the liar's connections, unless a test uses other numbers.
 const LIAR: (u8, u64) = (2, 42);
 
 fn audited(share: &str) -> Options {
@@ -33,7 +34,7 @@ fn lie() -> v1::Evaluation {
     }
 }
 
-/// A different lie for each start: a network cannot learn from identical pictures.
+/// A wrong evaluation that differs for each start, because a network cannot learn from identical pictures.
 fn lie_about(seed: u64) -> v1::Evaluation {
     let mut noise = RandomStream::derive(seed, Purpose::Start, 0);
     v1::Evaluation {
@@ -54,7 +55,7 @@ async fn connect(cluster: &Cluster, (machine, instance): (u8, u64)) -> Result<Fa
     FakeWorker::connect_as(&cluster.url(), machine, instance).await
 }
 
-/// Answers `count` tasks with lies, if there are no more than that.
+/// Answers leases with lies until `count` tasks are answered.
 async fn tell_lies(liar: &mut FakeWorker, count: usize) {
     let mut told = 0;
     while told < count {
@@ -110,10 +111,11 @@ async fn undisturbed(spec: &CampaignSpec) -> String {
     digest
 }
 
-/// A cluster that audits everything, with the liar as its only worker, and a campaign, whose id is returned.
+/// Starts a campaign on a cluster that audits everything, with the liar as its only worker. Returns the cluster, the campaign's
+/// id and the liar.
 async fn with_a_liar(data: &Path, spec: &CampaignSpec) -> (Cluster, String, FakeWorker) {
     let options = Options {
-        // Enough time for the second honest worker to join.
+        // The silence limit leaves enough time for the second honest worker to join.
         silence_limit: Duration::from_secs(20),
         ..audited("1")
     };
@@ -131,11 +133,11 @@ fn notices(status: &v1::Campaign) -> String {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_worker_that_an_audit_finds_wrong_is_quarantined_and_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    // Long enough that the liar gets work beside the others.
+    // The campaign is long enough that the liar gets work beside the honest workers.
     let spec = longer();
     let (mut cluster, campaign, mut liar) = with_a_liar(folder.path(), &spec).await;
     let (lease, batch) = liar.lease(5).await;
-    // Join after the liar's lease: a single worker cannot be contradicted.
+    // The honest workers join after the liar has a lease.
     let workers = [3, 4].map(|machine| Honest::join(&cluster, folder.path(), machine));
     while cluster.status(&campaign).await.workers < 3 {
         tokio::task::yield_now().await;
@@ -144,7 +146,7 @@ async fn a_worker_that_an_audit_finds_wrong_is_quarantined_and_changes_nothing()
     let (_, status) = liar.answer_all(&lie()).await;
     assert_eq!(status.code(), Code::FailedPrecondition);
     assert!(status.message().contains("quarantined"), "{status}");
-    // Another process of the same machine is refused too.
+    // The coordinator also refuses another process of the same machine.
     for instance in [LIAR.1, 43, 0] {
         let again = connect(&cluster, (LIAR.0, instance)).await.unwrap_err();
         assert!(again.message().contains("quarantined"), "{again}");
@@ -165,7 +167,7 @@ async fn generations_that_a_worker_found_wrong_had_a_part_in_are_done_again() {
     let campaign = cluster.create(&small_spec("")).await;
     let mut liar = connect(&cluster, LIAR).await.unwrap();
     tell_lies(&mut liar, 20).await;
-    // The lies are still undetected: the next generation descends from them.
+    // The coordinator has not detected the lies yet, so the next generation descends from them.
     let (lease, batch) = liar.lease(20).await;
     cluster
         .watch_until(&campaign, |status| status.generations_done == 1)
@@ -212,7 +214,8 @@ async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wron
     worker.leave().await;
     cluster.stop().await;
 
-    // Another coordinator knows which worker did what, and detects the liar in another campaign.
+    // Another coordinator over the same data directory has the record of each worker's results. It detects the liar in another
+    // campaign.
     let mut cluster = Cluster::start_with(folder.path(), 0, audited("0")).await;
     let other = cluster.create(&small_spec("seed = 2")).await;
     let mut liar = connect(&cluster, LIAR).await.unwrap();
@@ -257,7 +260,7 @@ async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wron
     );
     cluster.stop().await;
 
-    // After a person has lifted the quarantine, the liar may connect.
+    // After a person has lifted the quarantine, the liar can connect again.
     for code in [0, 2] {
         let lifted = murmuration.run(&lift);
         assert_eq!(lifted.code, Some(code), "{}", lifted.stderr);
@@ -309,7 +312,7 @@ async fn two_that_differ_without_a_third_fail_the_campaign_aloud() {
     let mut second = connect(&cluster, (3, 1)).await.unwrap();
     let (lease, batch) = first.lease(1).await;
     first.answer(lease, lie(), batch.tasks.len()).await;
-    // The coordinator handles a worker's messages in order: another lease proves that it has handled the answer.
+    // The coordinator handles a worker's messages in order: another lease proves that the coordinator has handled the answer.
     first.lease(1).await;
     let (lease, same) = second.lease(1).await;
     assert_eq!(batch, same, "an audit comes first");

@@ -41,7 +41,7 @@ impl Annotator {
         Ok(added.entries.iter().map(|entry| entry.number).collect())
     }
 
-    /// Lets the synthetic annotator label `count` individuals.
+    /// Makes the synthetic annotator label `count` individuals.
     pub(crate) async fn call_the_judge(&mut self, request_id: &str, count: u32) -> Result<(), Status> {
         let request = v1::AppendSyntheticLabelsRequest {
             campaign: "latest".to_owned(),

@@ -1,4 +1,4 @@
-//! Counts of labels: by annotator, and current or superseded.
+//! Tests counts of labels: by annotator, and current or superseded.
 
 use crate::labels::{campaign, files::write};
 

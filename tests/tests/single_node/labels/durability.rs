@@ -1,4 +1,4 @@
-//! Acknowledged labels are kept.
+//! Tests that the coordinator keeps acknowledged labels.
 
 use crate::labels::{
     annotator::{Annotator, stands},
@@ -32,7 +32,7 @@ async fn killed_right_after_it_acknowledged_a_label_the_coordinator_still_knows_
             .unwrap();
         let mut ana = Annotator::of("ana", &channel);
         assert_eq!(ana.standing().await, stands(&message));
-        // A client without an answer sends its request again.
+        // A client that got no answer sends its request again.
         assert_eq!(ana.say(&request, &[(index, "ring")]).await.unwrap(), [round]);
         assert_eq!(ana.log().await.len() as u64, round + 1);
     }

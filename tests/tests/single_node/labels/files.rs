@@ -1,4 +1,4 @@
-//! Labels on the command line, and through files.
+//! Tests labels on the command line and in files.
 
 use crate::labels::campaign;
 use serde_json::Value;
@@ -64,7 +64,7 @@ fn what_labels_writes_every_command_reads() {
         murmuration.run(&["labels", "latest", "--csv", &file]).code,
         Some(0)
     );
-    // The motion depends on the horizon, which is not the paper's.
+    // The motion depends on the campaign's horizon, which is not the paper's, so the file needs the world.
     let columns = fs::read_to_string(&file).unwrap();
     let columns = columns.lines().next().unwrap();
     assert!(
@@ -73,7 +73,7 @@ fn what_labels_writes_every_command_reads() {
         "{columns}"
     );
 
-    // Synthetic answers cannot serve as a reference for the judge or an embedder, and cannot be added from a file.
+    // Commands refuse synthetic answers as a reference for the judge or an embedder, and in files of labels.
     for arguments in [
         vec!["lab", "judge", "--labels", &file],
         vec!["lab", "accuracy", "--features", "--labels", &file],
@@ -92,7 +92,7 @@ fn what_labels_writes_every_command_reads() {
         "{}",
         refused.stderr
     );
-    // After a person has reviewed the answers, they are that person's.
+    // After a person has reviewed the answers, the answers count as this person's.
     let machines = fs::read_to_string(&file).unwrap();
     fs::write(&file, machines.replace(",synthetic,", ",ana,")).unwrap();
 
@@ -108,7 +108,7 @@ fn what_labels_writes_every_command_reads() {
         let accuracy = [&["lab", "accuracy", "--labels", &file, "--json"], embedding].concat();
         assert_eq!(murmuration.run(&accuracy).last_line()["behaviours"], 12);
     }
-    // The file is refused for another archive.
+    // The command refuses to label another archive with the file.
     let spec = folder.path().join("small.toml").display().to_string();
     assert_eq!(murmuration.run(&["run", &spec, "--seed", "9"]).code, Some(0));
     let refused = murmuration.run(&["label", "small-2", "--csv", &file]);
@@ -246,7 +246,7 @@ fn annotators_that_nobody_knows_are_named() {
 fn no_label_in_a_file_is_a_formula() {
     let (folder, murmuration) = campaign();
     let text = "index,class,annotator,time\n3,'=HYPERLINK(1),'@ana,2023-11-14T22:13:20Z\n4,''tis,ana,2023-11-14T22:13:20.001Z\n";
-    // As a person may write it, and as exported and read again.
+    // The test reads the file as a person can write it, and as an export writes it.
     let plain = text.replace("'=", "=").replace("'@", "@").replace("''", "'");
     for (name, text) in [("plain.csv", plain.as_str()), ("marked.csv", text)] {
         let file = write(folder.path(), name, text);
@@ -341,7 +341,8 @@ fn classes_and_agreement_on_the_command_line() {
     let table = murmuration.run(&["classes", "latest"]).stdout;
     assert!(table.contains("#010203"), "{table}");
 
-    // ana: milling, milling, clump, clump; ben: milling, clump, clump, clump. 3/4 observed, 1/2 by chance.
+    // Answers of ana: milling, milling, clump, clump. Answers of ben: milling, clump, clump, clump. The observed agreement is
+    // 3/4, and 1/2 by chance.
     let agreement = ["agreement", "latest", "--annotators", "ana", "ben", "--json"];
     let agreement = &murmuration.run(&agreement).lines()[0];
     assert_eq!(

@@ -1,4 +1,5 @@
-//! Labels: kept once acknowledged, stored once however often they are sent; no two people get the same query.
+//! Tests of labels. The coordinator keeps acknowledged labels, and stores a label once even if it is sent again. No two people
+//! get the same query.
 
 mod annotator;
 mod counts;

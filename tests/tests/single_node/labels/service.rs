@@ -1,4 +1,4 @@
-//! The label service with several clients at once.
+//! Tests the label service with several clients at once.
 
 use crate::labels::annotator::{Annotator, stands};
 use murmuration_proto::{parts::whole, v1};
@@ -55,14 +55,14 @@ async fn a_request_sent_twice_is_one_label_and_an_undo_restores_what_was_superse
     assert_eq!(taken.code(), Code::AlreadyExists, "{taken}");
     cluster.stop().await;
 
-    // The log belongs to the campaign: another coordinator over the same directory has it.
+    // The label log belongs to the campaign, so another coordinator over the same data directory has this log.
     let cluster = Cluster::start(folder.path(), 0).await;
     let mut ana = Annotator::of("ana", &cluster.channel().await);
     assert_eq!(ana.standing().await, stands(&restored));
     cluster.stop().await;
 }
 
-/// One request at a time has a seat; waiting requests must not fill the shared connection.
+/// The coordinator handles one long request at a time. Waiting requests must not fill the shared connection.
 #[tokio::test(flavor = "multi_thread")]
 async fn long_requests_on_one_connection_are_all_done() {
     let folder = tempfile::tempdir().unwrap();
@@ -265,7 +265,7 @@ async fn nobody_is_asked_what_another_is_asked_and_nothing_is_asked_twice() {
     let together: BTreeSet<u64> = anas.iter().chain(&bens).copied().collect();
     assert_eq!((together.len(), anas.len() + bens.len()), (100, 100));
 
-    // For agreement, each annotator gets the other's answered individuals.
+    // To measure agreement, the coordinator asks each annotator about individuals that the other annotator has answered.
     let mut ana = ana;
     let queries = ana.ask(v1::QueryStrategy::Medoids, 100, true).await.unwrap();
     let queries: BTreeSet<u64> = queries.into_iter().collect();

@@ -1,4 +1,5 @@
-//! The checks before every request: a page of another site can neither act nor read, while gRPC clients and probes are admitted.
+//! Tests the checks before every request: a page of another site can neither act nor read, but gRPC clients and probes are
+//! admitted.
 
 use crate::security::Secrets;
 use murmuration_access::{
@@ -25,7 +26,7 @@ const LIST: &str = "/murmuration.v1.CampaignService/ListCampaigns";
 const CREATE: &str = "/murmuration.v1.CampaignService/CreateCampaign";
 const CANCEL: &str = "/murmuration.v1.CampaignService/CancelCampaign";
 
-/// An answer over HTTP/1.1.
+/// The coordinator's answer over HTTP/1.1.
 #[derive(Debug)]
 struct Answer {
     status: u16,
@@ -33,7 +34,7 @@ struct Answer {
     text: String,
 }
 
-/// Sends a request like a browser on a plain connection: over HTTP/1.1, with exactly these headers besides `Connection` and the
+/// Sends a request as a browser does on a plain connection: over HTTP/1.1, with exactly `headers` besides `Connection` and the
 /// body's length.
 async fn ask(at: SocketAddr, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> Answer {
     let mut request = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\n");
@@ -43,7 +44,7 @@ async fn ask(at: SocketAddr, method: &str, path: &str, headers: &[(&str, &str)],
     request += &format!("Content-Length: {}\r\n\r\n", body.len());
     let mut stream = TcpStream::connect(at).await.unwrap();
     stream.write_all(request.as_bytes()).await.unwrap();
-    // The coordinator may refuse the request before it reads the body.
+    // Sending fails if the coordinator refuses the request before it reads the body.
     let _ = stream.write_all(body).await;
     let mut answer = Vec::new();
     stream.read_to_end(&mut answer).await.unwrap();
@@ -55,7 +56,7 @@ async fn ask(at: SocketAddr, method: &str, path: &str, headers: &[(&str, &str)],
     }
 }
 
-/// A message in a gRPC frame.
+/// The bytes of a message in a gRPC frame.
 fn framed(message: &impl Message) -> Vec<u8> {
     let mut frame = vec![0];
     frame.extend((message.encoded_len() as u32).to_be_bytes());
@@ -99,7 +100,7 @@ async fn another_sites_page_starts_and_ends_nothing() {
     };
     for (path, body) in [(CREATE, framed(&create())), (CANCEL, framed(&cancel))] {
         for origin in ["https://evil.example", "null", "http://127.0.0.1:1"] {
-            // First a request that a page may send without a preflight, then one that would need permission.
+            // A page can send the first request without a preflight; the second request would need permission.
             let simple = [
                 ("Host", own.as_str()),
                 ("Origin", origin),
@@ -139,7 +140,7 @@ async fn another_sites_page_starts_and_ends_nothing() {
         }
         let untyped = ask(at, "POST", path, &[("Host", &own)], &body).await;
         assert_eq!(untyped.status, 415, "{untyped:?}");
-        // The preflight is refused too.
+        // The coordinator refuses the preflight too.
         let preflight = [
             ("Host", own.as_str()),
             ("Origin", "https://evil.example"),
@@ -167,7 +168,7 @@ async fn a_name_that_was_made_to_point_here_reads_nothing() {
         let foreign = format!("evil.example:{}", at.port());
         let origin = format!("http://{foreign}");
         let body = framed(&v1::ListCampaignsRequest {});
-        // The foreign name is the page's own host: a browser sends it in both headers.
+        // The foreign name is the page's own host, so a browser sends it in both `Host` and `Origin`.
         let rebound = [
             ("Host", foreign.as_str()),
             ("Origin", &origin),
@@ -188,7 +189,7 @@ async fn a_name_that_was_made_to_point_here_reads_nothing() {
         ] {
             let hosts: [&[(&str, &str)]; 4] = [
                 &[("Host", &foreign)],
-                // One of the two hosts is foreign, whichever is believed.
+                // One of the two hosts is foreign, so the request must be refused whichever host counts.
                 &[("Host", &own), ("Host", &foreign)],
                 &[("Host", "")],
                 &[],
@@ -228,7 +229,7 @@ async fn who_looks_at_probes_comes_by_address() {
             }
         }
     }
-    // A host name as containers use it. No Internet site has a name without a dot.
+    // Containers use host names like `coordinator`. No Internet site has a name without a dot.
     let at = SocketAddr::from(([127, 0, 0, 1], address(&open).port()));
     let answer = ask(at, "GET", "/metrics", &[("Host", "coordinator:7700")], b"").await;
     assert_eq!(answer.status, 200, "{answer:?}");
@@ -239,7 +240,7 @@ async fn who_looks_at_probes_comes_by_address() {
     open.stop().await;
 }
 
-/// The answer to a gRPC client that reaches the coordinator under this name.
+/// Lists campaigns as a gRPC client that reaches the coordinator under this name; returns their number.
 async fn list_under(endpoint: Endpoint, name: &str) -> Result<usize, tonic::Status> {
     let origin: Uri = format!("{}://{name}", endpoint.uri().scheme_str().unwrap())
         .parse()
@@ -271,7 +272,7 @@ async fn programs_come_under_the_names_that_their_network_gives() {
     for name in NAMES {
         let credentials = secrets.credentials(None, None);
         let endpoint = credentials.endpoint(&cluster.url()).unwrap();
-        // The name is accepted; the missing token is not.
+        // The coordinator accepts the name, but refuses the request because the token is missing.
         let refused = list_under(endpoint, name).await.unwrap_err();
         assert_eq!(refused.code(), Code::Unauthenticated, "{name}: {refused}");
     }
@@ -313,7 +314,7 @@ async fn grpc_is_known_by_its_type_with_or_without_its_encoding() {
             "{kind}: {answer:?}"
         );
     }
-    // An unknown service is reported as such, so that clients try another.
+    // The coordinator reports an unknown service as unknown, so that clients try another service.
     let host = at.to_string();
     let headers = [("Host", host.as_str()), ("Content-Type", "application/grpc")];
     let answer = ask(
@@ -331,7 +332,7 @@ async fn grpc_is_known_by_its_type_with_or_without_its_encoding() {
 const SAID_OF_HEADERS: &str =
     "a request may have at most 100 headers, and its headers and address together at most 16,384 bytes";
 
-/// Sends a request with additional headers over HTTP/1.1 or HTTP/2; returns status and body.
+/// Sends a request with additional headers, over HTTP/2 if `is_2` is true and otherwise over HTTP/1.1. Returns status and body.
 async fn with_headers(at: SocketAddr, is_2: bool, headers: &[(String, String)]) -> (u16, String) {
     if is_2 {
         let client = murmuration_tests::http::client().http2_prior_knowledge();
@@ -359,7 +360,8 @@ async fn one_limit_of_headers_is_said_over_http_1_and_http_2() {
     let cluster = Cluster::start(folder.path(), 0).await;
     let at = address(&cluster);
     for is_2 in [false, true] {
-        // Host and Accept; over HTTP/1.1 our own client also sends Connection and Content-Length.
+        // Every request has the headers Host and Accept; over HTTP/1.1, the test's client also sends Connection and
+        // Content-Length.
         let (mut count, mut bytes) = (2, "/healthz".len() + "host".len() + at.to_string().len());
         bytes += "accept*/*".len() + 2 * 32;
         if !is_2 {
@@ -372,7 +374,7 @@ async fn one_limit_of_headers_is_said_over_http_1_and_http_2() {
         assert_eq!(status, 200, "{is_2}");
         let (status, body) = with_headers(at, is_2, &few(MAX_HEADERS - count + 1)).await;
         assert_eq!(status, 431, "{is_2}");
-        // Over HTTP/1.1 the library refuses this itself, without a message.
+        // Over HTTP/1.1, the library refuses too many headers itself, without a message.
         assert_eq!(body.contains(SAID_OF_HEADERS), is_2, "{body:?}");
 
         let left = MAX_HEADER_BYTES as usize - bytes - "filler".len() - 32;
@@ -409,7 +411,7 @@ async fn headers_are_as_short_over_http_1_as_over_http_2() {
             "{answer:?}"
         );
     }
-    // Names count like values, and so does the address.
+    // The names of headers and the address count towards the limit, as values do.
     let many: Vec<(String, &str)> = (0..90)
         .map(|n| (format!("{}-{n}", "x".repeat(200)), ""))
         .collect();

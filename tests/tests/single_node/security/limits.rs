@@ -1,4 +1,4 @@
-//! Requests at a limit are accepted, requests over it are refused, and the connection continues.
+//! Tests limits: the coordinator accepts requests at a limit and refuses requests over it, and the connection continues.
 
 use crate::security::Secrets;
 use murmuration_access::limits::{
@@ -18,7 +18,7 @@ use tokio::{
 };
 use tonic::{Code, Request, metadata::MetadataValue};
 
-/// The message that `make` returns for a text with which it has `size` bytes.
+/// A message of `size` bytes, made by `make` from a text of the right length.
 fn of_size<M: Message>(size: usize, make: impl Fn(String) -> M) -> M {
     let around = make("a".repeat(size)).encoded_len() - size;
     let message = make("a".repeat(size - around));
@@ -44,7 +44,7 @@ async fn messages_and_headers() {
     let channel = cluster.channel().await;
     let mut campaigns = CampaignServiceClient::new(channel.clone());
     let mut labels = LabelServiceClient::new(channel);
-    // A message within the limit is refused only for its content.
+    // The coordinator refuses a message within the limit only for its content.
     for (over, expected) in [(0, Code::InvalidArgument), (1, Code::OutOfRange)] {
         let message = of_size(MAX_MESSAGE + over, create);
         let refused = campaigns.create_campaign(message).await.unwrap_err();
@@ -57,7 +57,7 @@ async fn messages_and_headers() {
         let mut request = Request::new(v1::ListCampaignsRequest {});
         let value = MetadataValue::try_from("a".repeat(bytes as usize)).unwrap();
         request.metadata_mut().insert("filler", value);
-        // A refusal may arrive only with the first part of the list.
+        // A refusal can arrive as late as the first part of the list.
         let listed = match campaigns.list_campaigns(request).await {
             Ok(parts) => whole(parts.into_inner()).await,
             Err(refused) => Err(refused),
@@ -105,7 +105,7 @@ async fn a_stranger_sends_nothing_large() {
         campaign,
         ..Default::default()
     };
-    // The caller is refused for a missing token, not for the message's size: the message is not read.
+    // The coordinator refuses the caller for the missing token, and does not read the message, which is too large.
     let message = of_size(MAX_LABEL_MESSAGE + 1, undo);
     let refused = LabelServiceClient::new(channel)
         .undo_labels(message)

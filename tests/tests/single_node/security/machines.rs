@@ -1,4 +1,4 @@
-//! Certificates of workers and trainers.
+//! Tests the certificates of workers and trainers.
 
 use crate::security::{Secrets, people::channel};
 use murmuration_link::{Credentials, Health};
@@ -41,7 +41,7 @@ async fn a_worker_with_a_certificate_works() {
 async fn a_worker_without_one_is_told_and_leaves() {
     let secrets = Secrets::new();
     let cluster = secrets.cluster(0).await;
-    // An operator's token does not suffice either.
+    // A worker without a certificate is refused, even with an operator's token.
     for token in [None, Some(secrets.people.operator.as_str())] {
         let options = options(&secrets, &cluster, secrets.credentials(token, None));
         let (_stop, stopped) = watch::channel(false);
@@ -81,7 +81,7 @@ async fn a_foreign_certificate_opens_no_connection() {
     let (secrets, foreign) = (Secrets::new(), Secrets::new());
     let cluster = secrets.cluster(0).await;
     let certificates = [
-        // One of another authority, and one of ours that is not for clients.
+        // The first certificate is of another authority; the second is of our authority, but not for clients.
         foreign.path("certs/worker"),
         secrets.path("certs/server"),
     ];
@@ -111,7 +111,7 @@ async fn a_trainer_publishes_only_what_it_leases() {
         let mut client = CheckpointServiceClient::new(channel);
         client.publish_checkpoint(tokio_stream::iter(parts)).await
     };
-    // Neither a token that nobody knows nor a viewer's makes it an operator.
+    // Neither an unknown token nor a viewer's token makes a trainer an operator.
     let foreign = Secrets::new();
     for token in [
         None,
@@ -123,7 +123,7 @@ async fn a_trainer_publishes_only_what_it_leases() {
         assert_eq!(refused.code(), Code::PermissionDenied, "{refused}");
         assert!(refused.message().contains("holds no lease"), "{refused}");
     }
-    // An operator imports what nobody here has trained.
+    // An operator can import a checkpoint that no trainer of this cluster has trained.
     let operator = secrets.credentials(Some(&secrets.people.operator), None);
     publish(&operator).await.unwrap();
     cluster.stop().await;
@@ -152,7 +152,7 @@ async fn what_machines_fetch_is_for_machines() {
             .await;
         (training.unwrap_err().code(), checkpoint.unwrap_err().code())
     };
-    // Admitted callers learn that the lease is not theirs, and that the checkpoint does not exist.
+    // For callers with permission, the error is that the lease is not theirs, or that the checkpoint does not exist.
     assert_eq!(fetch(&trainer).await, (Code::PermissionDenied, Code::NotFound));
     assert_eq!(fetch(&operator).await, (Code::Unauthenticated, Code::NotFound));
     assert_eq!(
@@ -182,7 +182,7 @@ async fn a_certificate_is_a_machine() {
     assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
     let again = connect("alpha", 2).await.unwrap_err();
     assert!(again.message().contains("quarantined"), "{again}");
-    // From the same address.
+    // A machine with another certificate can connect from the same address.
     connect("beta", 1).await.unwrap();
     cluster.stop().await;
 }

@@ -1,4 +1,4 @@
-//! Access control: certificates, tokens, the log-in, secrets in the output of processes, and limits.
+//! Tests of access control: certificates, tokens, the log-in, secrets in the output of processes, and limits.
 
 mod endpoints;
 mod limits;
@@ -22,14 +22,14 @@ use std::{
 };
 use tempfile::TempDir;
 
-/// The tokens of a person in each role.
+/// A token of each role.
 struct People {
     viewer: String,
     annotator: String,
     operator: String,
 }
 
-/// A folder with certificates and tokens, made by the commands.
+/// A folder with certificates and tokens, made by `murmuration certs` and `murmuration token`.
 struct Secrets {
     folder: TempDir,
     people: People,

@@ -1,4 +1,4 @@
-//! The pages behind their log-in, over HTTP/2 and TLS as in browsers.
+//! Tests the pages behind their log-in, over HTTP/2 and TLS, as in browsers.
 
 use crate::security::Secrets;
 use murmuration_tests::{Cluster, http, small_spec};
@@ -9,7 +9,7 @@ use reqwest::{
 };
 use std::{collections::BTreeSet, fs, time::Duration};
 
-/// A browser at a coordinator; after a log-in, with a cookie.
+/// A browser at a coordinator. After a log-in, the browser has a cookie.
 struct Browser {
     client: Client,
     url: String,
@@ -31,12 +31,12 @@ impl Browser {
         self.with_cookie(self.client.get(format!("{}{path}", self.url)))
     }
 
-    /// A form post from the coordinator's own page.
+    /// A POST request of a form on the coordinator's own page.
     fn post(&self, path: &str, form: &str) -> RequestBuilder {
         self.post_from(&self.url, path, "application/x-www-form-urlencoded", form)
     }
 
-    /// A post from a page of `origin`.
+    /// A POST request from a page of `origin`.
     fn post_from(&self, origin: &str, path: &str, kind: &str, body: &str) -> RequestBuilder {
         self.with_cookie(self.client.post(format!("{}{path}", self.url)))
             .header(ORIGIN, origin)
@@ -164,7 +164,7 @@ async fn a_session_ends_with_its_log_out_for_good() {
     one.log_in(&secrets.people.operator).await;
     other.log_in(&secrets.people.operator).await;
     let (ok, to_log_in) = (StatusCode::OK, StatusCode::SEE_OTHER);
-    // A copy of the cookie, held by another person, follows the events.
+    // Another person who has a copy of the cookie follows the events.
     let mut followed = one.get("/events").send().await.unwrap();
     assert!(followed.chunk().await.unwrap().is_some());
 
@@ -204,7 +204,7 @@ async fn a_session_ends_with_its_token_for_good() {
     let all = fs::read_to_string(secrets.path("tokens.toml")).unwrap();
     let (of_viewer, others) = all.split_at(all.match_indices("[[token]]").nth(1).unwrap().0);
     assert!(of_viewer.contains("ana the viewer"), "{of_viewer}");
-    // First without the viewer's token, then with it again.
+    // The coordinator starts without the viewer's token first, and with this token after that.
     for tokens in [others, &all] {
         fs::write(secrets.path("tokens.toml"), tokens).unwrap();
         let cluster = secrets.cluster(0).await;
@@ -245,17 +245,18 @@ async fn what_is_behind_the_log_in_is_kept_by_the_browser_alone() {
             .replace("{place}", "0")
             .replace("{name}", "style.css");
         let kept = match path.as_str() {
-            // An HTML page like the others.
+            // This address returns an HTML page, not a picture.
             path if path.ends_with("/starts") => "no-store",
             path if path.starts_with(picture) => "private, no-cache",
-            // Available without a log-in.
+            // The style sheet is available without a log-in.
             "/assets/style.css" => "no-cache",
             _ => "no-store",
         };
         let answer = browser.get(&path).send().await.unwrap();
         assert_eq!(answer.headers()["cache-control"], kept, "{path}: {answer:?}");
         let status = answer.status();
-        // A viewer's forbidden actions are refused. Logging out would end the session.
+        // The coordinator refuses actions that a viewer's role forbids. The test leaves out `/logout`, which would end the
+        // session.
         if path != "/logout" {
             let posted = browser.post(&path, "").send().await.unwrap();
             assert_eq!(
@@ -331,7 +332,7 @@ async fn pages_know_roles_and_cookies_are_for_pages() {
         let with_cookie = browser.with_cookie(browser.client.post(format!("{}{service}", browser.url)));
         assert_eq!(grpc(with_cookie).await, "16");
     }
-    // Programs may use their token for pages too.
+    // Programs can use their token for pages too.
     let browser = Browser::at(&secrets, &cluster);
     assert_eq!(status(browser.get("/").bearer_auth(&people.viewer)).await, ok);
     cluster.stop().await;

@@ -1,4 +1,4 @@
-//! Tokens of people, over gRPC.
+//! Tests the tokens of people, over gRPC.
 
 use crate::security::Secrets;
 use murmuration_link::{Coordinator, Credentials};
@@ -17,7 +17,7 @@ pub(crate) async fn channel(cluster: &Cluster, credentials: &Credentials) -> Coo
 #[tokio::test(flavor = "multi_thread")]
 async fn each_role_may_do_its_own_and_no_more() {
     let secrets = Secrets::new();
-    // The worker and the trainer in the coordinator's process need no credentials; they run the campaign.
+    // The worker and the trainer in the coordinator's process need no credentials to run the campaign.
     let mut cluster = secrets.cluster(1).await;
     cluster.run(&small_spec("")).await;
 
@@ -129,7 +129,7 @@ async fn an_annotator_cannot_fill_a_label_log_and_an_operator_can() {
     assert!(refused.message().contains("ask an operator"), "{refused}");
     // A repeated request does not count towards the limit.
     label(&people.annotator, "most", 49_990).await.unwrap();
-    // A few labels are left, and operators have no such limit.
+    // The annotator can still add a few labels; operators have no such limit.
     label(&people.annotator, "few", 5).await.unwrap();
     label(&people.operator, "further", 500).await.unwrap();
     let channel = channel(&cluster, &secrets.credentials(Some(&people.annotator), None)).await;

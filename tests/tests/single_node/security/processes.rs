@@ -1,4 +1,4 @@
-//! The programs: what they refuse, whether they reveal secrets, and who gets in on the same machine.
+//! Tests the programs: what they refuse, whether they reveal secrets, and who is admitted on the same machine.
 
 use crate::security::Secrets;
 use murmuration_tests::{Murmuration, Running, binary};
@@ -8,7 +8,7 @@ use std::{
     process::{Command, Output, Stdio},
 };
 
-/// Starts a coordinator with the most detailed log, which people use to find problems.
+/// Starts a coordinator with its most detailed log.
 fn serve(secrets: &Secrets, arguments: &[&str]) -> Running {
     let arguments = [&["serve", "--workers", "1"], arguments].concat();
     secrets
@@ -39,7 +39,7 @@ fn serve_guarded(secrets: &Secrets) -> (Running, String) {
     (serving, url)
 }
 
-/// A command of a person elsewhere, without the data directory.
+/// Runs a command as a person on another machine, without the data directory.
 fn from_elsewhere(arguments: &[&str], variables: &[(&str, &str)]) -> Output {
     let mut command = Command::new(binary("murmuration"));
     command
@@ -128,7 +128,8 @@ fn secrets_stay_where_they_are() {
     );
     assert!(!stderr(&wrong).contains("swordfish"), "{}", stderr(&wrong));
 
-    // A token cannot be an argument, because lists of processes show arguments. Help does not show environment variables' values.
+    // A token cannot be an argument, because lists of processes show arguments. The help text does not show the values of
+    // environment variables.
     let argument = from_elsewhere(&["list", "--token", token], &[]);
     assert_eq!(argument.status.code(), Some(2));
     for help in [vec!["--help"], vec!["serve", "--help"], vec!["list", "--help"]] {
@@ -168,7 +169,7 @@ fn commands_beside_a_guarded_coordinator_get_in() {
     );
     assert!(is_private(&secrets.path("data/local-token")));
     assert_eq!(serving.terminate(), Some(0));
-    // So do commands that start a coordinator of their own, afterwards.
+    // After the coordinator has ended, commands that start a coordinator of their own are admitted too.
     assert_eq!(murmuration.run(&["list", "--json"]).lines().len(), 1);
 }
 
@@ -199,7 +200,7 @@ fn certificates_are_private_and_never_overwritten() {
         check_refused(&secrets.murmuration(), &arguments, &["--host", expected]);
     }
     assert!(!secrets.path("other").exists());
-    // Workers can be added to an existing authority, but only to one that `certs` made.
+    // The command can add workers to an existing authority, but only to an authority that `certs` made.
     let more = secrets.murmuration().run(&["certs", &certs, "--worker", "alpha"]);
     assert_eq!(more.code, Some(0), "{}", more.stderr);
     assert!(is_private(&secrets.path("certs/alpha-key.pem")));

@@ -1,4 +1,4 @@
-//! The requirements of each page and gRPC method, as registered by a running coordinator.
+//! Tests the requirements of each page and gRPC method, as a running coordinator registers them.
 
 use murmuration_access::{Requirement, Role};
 use murmuration_proto::FILE_DESCRIPTORS;
@@ -67,7 +67,7 @@ async fn strangers_get_the_log_in_and_health_alone_and_viewers_change_nothing() 
         "POST /logout",
     ];
     assert_eq!(for_anybody, BTreeSet::from(expected));
-    // These are posts only so that they must come from our own pages.
+    // These actions change nothing. They are POST requests only because a POST request must come from our own pages.
     let change_nothing = [
         "POST /play/motion",
         "POST /play/like",

@@ -1,4 +1,5 @@
-//! Fair shares: when one viewer floods the coordinator, others still get seats, and a shutdown does not wait for the flood.
+//! Tests fair shares: when one viewer floods the coordinator, other callers are still served, and a shutdown does not wait for
+//! the flood.
 
 use crate::security::Secrets;
 use murmuration_access::CostClass;
@@ -17,7 +18,7 @@ use tonic::{Code, Status, Streaming, service::interceptor::InterceptedService, t
 
 const SMALL_WINDOW: u32 = 1024;
 
-/// A channel with a small window: its streams soon stop, because no one reads them.
+/// A channel with a small window, in which streams that no one reads soon stop.
 async fn channel(secrets: &Secrets, cluster: &Cluster, token: &str) -> Coordinator {
     let credentials = secrets.credentials(Some(token), None);
     let endpoint = credentials.endpoint(&cluster.url()).unwrap();
@@ -145,7 +146,7 @@ async fn a_shutdown_waits_for_nobody_who_reads_or_watches() {
                 campaign: "small-1".to_owned(),
             };
             let mut unread = client.get_archive(archive("small-1")).await?.into_inner();
-            // The archive's first part has arrived, and nothing reads the rest.
+            // The archive's first part has arrived, and the client does not read the rest.
             client.get_digest(digest).await?;
             tokio::time::sleep(Duration::from_secs(60)).await;
             unread.message().await.map(drop)

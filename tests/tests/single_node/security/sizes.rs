@@ -1,4 +1,5 @@
-//! Answers longer than a gRPC message: every client, with its library's default limit of 4 MiB, receives them whole.
+//! Tests answers that are longer than a gRPC message: every client, with its library's default limit of 4 MiB, receives them
+//! whole.
 
 use murmuration_proto::{
     parts::whole,

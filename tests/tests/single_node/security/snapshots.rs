@@ -1,4 +1,5 @@
-//! Snapshots of trainings: only trainers store them, only of a training that they lease, and only up to the size that it can have.
+//! Tests snapshots of trainings. Only a trainer can store a snapshot, only of a training that it leases, and only up to the
+//! largest size that this training can have.
 
 use murmuration_proto::{
     TRAINER_VERSION,
@@ -14,7 +15,7 @@ use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Status, Streaming, transport::Channel};
 
-/// A trainer that does not train.
+/// A connection of a trainer that does not train.
 struct Trainer {
     client: TrainerServiceClient<Channel>,
     outbox: mpsc::Sender<v1::WorkerMessage>,
@@ -53,7 +54,7 @@ impl Trainer {
 
     async fn send(&self, message: Message) {
         let message = Some(message);
-        // The coordinator may have ended the stream; the receiver then gets the reason.
+        // Sending fails if the coordinator has ended the stream; the receiver gets the reason.
         let _ = self.outbox.send(v1::WorkerMessage { message }).await;
     }
 
@@ -85,7 +86,7 @@ impl Trainer {
         }
     }
 
-    /// Number of stored bytes of the training under a lease.
+    /// Number of bytes of the snapshot that the coordinator stores for the training of a lease.
     async fn kept(&mut self, lease: v1::LeaseId) -> Result<usize, Status> {
         let request = v1::FetchTrainingRequest { lease: Some(lease) };
         let mut parts = self.client.fetch_training(request).await?.into_inner();
@@ -108,7 +109,7 @@ fn snapshot(lease: v1::LeaseId, bytes: usize, last: bool) -> Message {
     })
 }
 
-/// Fetches on each of so many connections: together more than tokio has threads that may block.
+/// Number of fetches on each of `CONNECTIONS` connections. Their product is larger than tokio's number of blocking threads.
 const FETCHES: usize = 200;
 const CONNECTIONS: usize = 3;
 
@@ -116,7 +117,7 @@ const CONNECTIONS: usize = 3;
 async fn a_trainer_that_takes_no_pictures_keeps_no_threads() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start_without_trainer(folder.path(), 1).await;
-    // Pictures of 10 MB, so that no buffer takes them all.
+    // The dataset has 10 MB of pictures, so that no buffer takes all of them.
     let spec = small_latent_spec("").to_toml();
     let spec = spec.replace("controllers = 100\n", "controllers = 4000\n");
     let spec = CampaignSpec::from_toml(&spec).unwrap();
@@ -132,7 +133,7 @@ async fn a_trainer_that_takes_no_pictures_keeps_no_threads() {
         fetches.spawn(async move {
             let request = v1::FetchTrainingRequest { lease: Some(lease) };
             let parts = client.fetch_training(request).await;
-            // Open for as long as the test lasts, and never read.
+            // The answer stays open for as long as the test lasts, and is never read.
             std::future::pending::<()>().await;
             drop(parts);
         });
@@ -308,7 +309,7 @@ async fn a_training_is_fetched_under_a_lease_that_the_trainer_holds_and_no_other
         let refused = trainer.kept(other).await.unwrap_err();
         assert_eq!(refused.code(), Code::PermissionDenied, "{refused}");
     }
-    // A lease that was given back is refused too.
+    // The coordinator also refuses a snapshot for a lease that the trainer returned.
     let failure = v1::Failure {
         class: v1::FailureClass::Retryable.into(),
         message: "not now".to_owned(),
@@ -346,7 +347,7 @@ async fn a_leased_training_is_kept_up_to_the_size_that_it_can_have() {
         }
     };
     tokio::time::timeout(Duration::from_secs(60), kept).await.unwrap();
-    // The network has some 25,000 weights, so this exceeds the possible size.
+    // The network has some 25,000 weights, so two parts of this size exceed the largest possible snapshot.
     for _ in 0..2 {
         trainer.put_aside(lease, 1 << 20, false).await;
     }

@@ -1,4 +1,4 @@
-//! Messages that cannot be decoded: the sender gets an error.
+//! Tests messages that cannot be decoded: the sender gets an error.
 
 use murmuration_proto::{
     SIMULATOR_VERSION,
@@ -10,7 +10,7 @@ use prost::Message;
 use tokio_stream::StreamExt as _;
 use tonic::{Code, Request, Status, codegen::http::uri::PathAndQuery};
 
-/// The final answer of a method whose client sends these messages and then nothing more.
+/// The final answer of a method whose client sends only these messages.
 async fn sent<M: Message + Default + 'static>(
     cluster: &Cluster,
     method: &'static str,
@@ -43,7 +43,7 @@ async fn a_message_that_cannot_be_read_is_its_senders_fault() {
         assert_eq!(status.code(), Code::InvalidArgument, "{status}");
         assert!(status.message().contains("decode"), "{status}");
     };
-    // A number where a text is expected; for the worker's stream, where a message is expected.
+    // The message has a number in place of a text or, for the worker's stream, in place of a message.
     for method in [
         "/murmuration.v1.CampaignService/GetCampaign",
         "/murmuration.v1.CheckpointService/PublishCheckpoint",
@@ -52,7 +52,7 @@ async fn a_message_that_cannot_be_read_is_its_senders_fault() {
     ] {
         check(sent(&cluster, method, vec![v1::Credits { evaluations: 1 }]).await);
     }
-    // After a readable Hello. A text field of another message has the same bytes as a Hello.
+    // The unreadable message follows a readable Hello. A text field of another message has the same bytes as a Hello.
     let Said::Hello(hello) = FakeWorker::hello(SIMULATOR_VERSION) else {
         panic!("not a Hello")
     };

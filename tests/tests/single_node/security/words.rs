@@ -1,4 +1,4 @@
-//! Names and texts from workers and clients cannot move a terminal's cursor, hide text, or be unbounded.
+//! Tests that names and texts from workers and clients cannot move a terminal's cursor, hide text, or be unbounded.
 
 use murmuration_proto::v1::{self, label_service_client::LabelServiceClient, worker_message::Message};
 use murmuration_tests::{Cluster, FakeWorker, small_spec};

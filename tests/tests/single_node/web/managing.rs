@@ -1,4 +1,4 @@
-//! New campaigns, deleted ones, and campaigns side by side.
+//! Tests new campaigns, deleted campaigns, and campaigns side by side.
 
 use super::Browser;
 use murmuration_proto::v1;
@@ -50,7 +50,7 @@ async fn a_new_campaign_says_what_it_costs_or_what_is_wrong_before_it_starts() {
     let copy = browser.page(&format!("/new?from={id}")).await;
     assert!(copy.contains("name=\"seed\" value=\"3\""), "{copy}");
 
-    // A post that is not a form starts nothing, and neither does a form without a swarm.
+    // A POST request that is not a form starts no campaign, and a form without a swarm starts no campaign either.
     let json = browser
         .client
         .post(format!("{}/play/search", browser.url))

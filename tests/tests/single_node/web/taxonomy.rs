@@ -1,4 +1,4 @@
-//! The taxonomy: its behaviours, its versions, and what learning changed.
+//! Tests the page of the taxonomy: its behaviours, its versions, and what learning changed.
 
 use super::Browser;
 use murmuration_proto::{parts::whole, v1};
@@ -29,7 +29,7 @@ async fn a_finished_campaign_shows_its_behaviours() {
     let request = v1::GetTaxonomyRequest { campaign: id };
     let taxonomy = cluster.client.get_taxonomy(request).await.unwrap();
     let taxonomy = whole(taxonomy.into_inner()).await.unwrap();
-    // The page shows the novelty within the final archive, not that from the time of evaluation.
+    // The page shows the novelty within the final archive, not the novelty when evaluated.
     let cards = browser.page("/campaigns/small-1/taxonomy").await;
     for medoid in &taxonomy.medoids {
         let size = format!("cluster of {}<", medoid.cluster_size);
@@ -65,7 +65,7 @@ async fn a_finished_campaign_shows_its_behaviours() {
 
 const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
 
-/// Ana's answers, as a script sends them.
+/// Answers of ana, in the format in which a page's script sends answers.
 fn answers_of(request: &str, names: &[(u64, &str)]) -> String {
     let answers: Vec<Value> = names
         .iter()
@@ -95,7 +95,8 @@ async fn a_taxonomy_outlives_learning_and_its_names_go_on() {
     let changes = browser.page("/campaigns/small-1/taxonomy/changes").await;
     assert!(changes.contains("There is nothing to compare"), "{changes}");
 
-    // All clusters have names. After learning, some names are carried over, and the page lists the others.
+    // All clusters have names. After learning, clusters of the new taxonomy have some of these names, and the page lists the
+    // other names.
     let medoids = on_cards(&first);
     let names = ["ring", "wall hugger", "clump", "cloud"];
     let named: Vec<(u64, &str)> = medoids.iter().copied().zip(names).collect();
@@ -144,7 +145,7 @@ async fn a_taxonomy_outlives_learning_and_its_names_go_on() {
         "{second}"
     );
 
-    // The former taxonomy is unchanged, and accepts no names.
+    // The former taxonomy is unchanged. Its page accepts no names.
     let former = browser.page(&format!("{page}?version=1")).await;
     assert_eq!(on_cards(&former), medoids);
     assert!(
@@ -195,11 +196,11 @@ async fn a_medoid_is_tried_from_further_starts_and_downloaded() {
     assert!(!cards.contains("The judge says"), "{cards}");
     let judged = browser.page("/campaigns/small-1/taxonomy?judged=yes").await;
     assert_eq!(judged.matches("The judge says").count(), 4, "{judged}");
-    // The judge's classes remain once requested.
+    // After a person has requested the judge's classes, the page keeps showing them.
     let again = browser.page("/campaigns/small-1/taxonomy").await;
     assert_eq!(again.matches("The judge says").count(), 4);
 
-    // A common name merges two clusters into one behaviour, except the name for behaviours without a class.
+    // Giving two clusters the same name merges them into one behaviour, except if the name is `random`.
     let [first, second] = [on_cards(&cards)[1], on_cards(&cards)[3]];
     for (request, name, merged) in [("a", "ring", true), ("b", "Random", false)] {
         let names = [(first, name), (second, name)];
