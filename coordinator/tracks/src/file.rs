@@ -1,5 +1,5 @@
-//! Files of tracks: CSV with the columns frame, robot, x, y and optionally heading and species, found by name in any order. Other
-//! columns are ignored.
+//! Files of tracks: CSV files with the columns frame, robot, x, y and optionally heading and species, in any order. Other columns
+//! are ignored.
 
 use crate::Sighting;
 use murmuration_model::labels::{LabelFile, LabelFileError};
@@ -14,7 +14,7 @@ use std::{
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tracks {
     pub(crate) path: PathBuf,
-    /// By number of the robot, then by frame; every robot has a sighting.
+    /// The sightings by number of the robot, then by frame; every robot has at least one sighting.
     pub(crate) robots: BTreeMap<u32, BTreeMap<u32, Sighting>>,
     /// The species of robots by their number, if the file has them.
     species: BTreeMap<u32, String>,
@@ -63,8 +63,8 @@ impl Tracks {
     /// Parses the text of the file at `path`.
     ///
     /// # Errors
-    /// Names line and column of the first invalid cell. Also if there is no row, a robot is in a frame twice, or a robot has two
-    /// species.
+    /// Names line and column of the first invalid cell. It is also an error if there is no row, if a robot is in a frame twice,
+    /// or if a robot has two species.
     pub fn parse(path: &Path, text: Vec<u8>) -> Result<Self, TracksError> {
         let file = LabelFile::with_columns(&["frame", "robot", "x", "y"], path, text)?;
         let mut robots: BTreeMap<u32, BTreeMap<u32, Sighting>> = BTreeMap::new();
@@ -111,11 +111,11 @@ impl Tracks {
         u32::try_from(self.robots.len()).unwrap_or(u32::MAX)
     }
 
-    /// Number of robots of each species of `model`; `None` if the file has no species.
+    /// Number of robots of each species of `model`; `None` if the file names no species.
     ///
     /// # Errors
-    /// [`TracksError::Species`] if a robot has no species, one that the model does not have, or comes after robots of a later
-    /// species.
+    /// [`TracksError::Species`] if a robot has no species or a species that is not in the model, or if its number is higher than
+    /// that of a robot of a later species.
     pub fn counts(&self, model: &CapabilityModel) -> Result<Option<Vec<u32>>, TracksError> {
         if self.species.is_empty() {
             return Ok(None);
@@ -154,7 +154,7 @@ impl Tracks {
         Ok(Some(counts))
     }
 
-    /// The first and the last frame with a robot.
+    /// The first and the last frame in which the file has a robot.
     pub const fn frames(&self) -> [u32; 2] {
         self.frames
     }
@@ -166,7 +166,7 @@ impl Tracks {
         known.count() as f64 / sightings().count() as f64
     }
 
-    /// Number of missing rows; a complete file has one for each robot in each frame.
+    /// Number of missing rows; a complete file has a row for each robot in each frame.
     pub fn missing(&self) -> u64 {
         let [first, last] = self.frames.map(u64::from);
         let all = (last - first + 1) * self.robots.len() as u64;
@@ -174,8 +174,9 @@ impl Tracks {
     }
 }
 
-/// Writes the tracks of a swarm whose robots had these poses (x, y, heading) in each frame, from frame 0 on; [`Tracks::parse`]
-/// reads the same numbers back. `species` has the name of each robot's species; if it is empty, there is no such column.
+/// Writes the tracks of a swarm from the poses (x, y, heading) of its robots in each frame, from frame 0 on. [`Tracks::parse`]
+/// reads the same numbers. `species` has the name of each robot's species; if `species` is empty, the file has no column of
+/// species.
 pub fn to_csv(frames: &[Vec<[f64; 3]>], species: &[&str]) -> String {
     let header = "frame,robot,x,y,heading";
     let mut text = match species {

@@ -6,9 +6,9 @@ use murmuration_swarm::{Invalid, World};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Filmed<'a> {
     pub(crate) world: &'a World,
-    /// World units to a unit of the tracks.
+    /// World units per unit of the tracks.
     scale: f64,
-    /// Origin of the tracks in the world, world units.
+    /// Origin of the tracks, as a position in the world, in world units.
     origin: [f64; 2],
     /// Number of frames per step.
     pub(crate) frames_a_step: f64,
@@ -25,7 +25,7 @@ impl<'a> Filmed<'a> {
         }
     }
 
-    /// The same, with this time from one frame to the next, in units of the world's time.
+    /// This scale, but with `time` from one frame to the next, in units of the world's time.
     ///
     /// # Errors
     /// If the time is not over 0 and finite.
@@ -40,8 +40,8 @@ impl<'a> Filmed<'a> {
         }
     }
 
-    /// The same, with tracks of an arena of this width and height in the units of the tracks, with a corner at their origin. The
-    /// arena is scaled by one factor to fit the world, and both have the same centre.
+    /// This scale, but for tracks of an arena of this width and height, in the units of the tracks. A corner of the arena is at
+    /// the origin of the tracks. The arena is scaled by one factor to fit the world, and centred in the world.
     ///
     /// # Errors
     /// If a side is not over 0 and finite.
@@ -61,18 +61,18 @@ impl<'a> Filmed<'a> {
         })
     }
 
-    /// Factor from the units of the tracks to those of the world.
+    /// World units per unit of the tracks.
     pub const fn scale(&self) -> f64 {
         self.scale
     }
 
     /// Converts a position from the tracks to the world.
     pub(crate) fn place(&self, at: [f64; 2]) -> [f64; 2] {
-        // A scale of 1 without an offset changes no bit.
+        // With a scale of 1 and an origin at 0, the position stays the same to the bit.
         [0, 1].map(|axis| self.origin[axis] + self.scale * at[axis])
     }
 
-    /// Distance up to which a motion may be jitter of the camera, world units: a fifth of the largest radius.
+    /// Distance in world units up to which a motion can be jitter of the camera: a fifth of the largest radius of a robot.
     pub(crate) fn still(&self) -> f64 {
         self.world.radius() / 5.0
     }

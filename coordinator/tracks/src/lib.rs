@@ -1,8 +1,8 @@
 //! Tracks: the positions of a swarm's robots in the frames of a film.
 //!
-//! [`Tracks`] is a parsed file. [`Tracks::ending`] makes the motion of a swarm from it: a pose of each robot at each of the last
-//! steps. It interpolates gaps between frames; unknown headings become directions of motion. This crate handles text but no files,
-//! and knows nothing of features or pictures.
+//! [`Tracks`] is a parsed file. [`Tracks::ending`] makes the motion of a swarm from its tracks: a pose of each robot at each of
+//! the last steps. The function interpolates gaps between frames, and takes an unknown heading from the direction of motion. This
+//! crate reads text but no files, and computes neither features nor pictures.
 
 mod file;
 mod filmed;
@@ -15,8 +15,8 @@ pub use motion::{MAX_GAP_FRAMES, MAX_POSES};
 /// The position of a robot at a moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Sighting {
-    /// x and y, in the units of the file.
+    /// Coordinates x and y, in the units of the file.
     at: [f64; 2],
-    /// Radians; `None` if the file has none.
+    /// The heading in radians; `None` if the file has no heading for this sighting.
     heading: Option<f64>,
 }

@@ -4,30 +4,31 @@ use crate::{Sighting, Tracks, TracksError, filmed::Filmed};
 use murmuration_swarm::Invalid;
 use std::{collections::BTreeMap, f64::consts::TAU};
 
-/// Most frames in a row that a robot may be missing from.
+/// Maximum number of consecutive frames in which a robot can be missing.
 pub const MAX_GAP_FRAMES: u32 = 25;
 
-/// Most poses of a motion (480 MB).
+/// Maximum number of poses of a motion (480 MB).
 pub const MAX_POSES: u64 = 20_000_000;
 
-/// Most steps before and after a step over which its direction of motion is measured.
+/// Maximum number of steps before and after a step over which the direction of motion at this step is measured.
 const MOST_STEPS: usize = 5;
 
 impl Tracks {
     /// The pose (x, y, heading; world units and radians) of each robot, in the order of their numbers, at the end of the film and
-    /// before each of the last `steps` steps: fewer if the film is shorter.
+    /// before each of the last `steps` steps. If the film is shorter than that, there are fewer steps.
     ///
     /// Between two frames, and over gaps of up to [`MAX_GAP_FRAMES`], a robot moves straight ahead at one speed and turns the
-    /// shorter way. Before its first frame and after its last, it stands still for at most as long. Unknown headings are directions
-    /// of motion, from up to five steps before to as many after: the fewest over which the robot moves by a fifth of its radius. A
-    /// robot that moves by less keeps its last heading.
+    /// shorter way. Before its first frame and after its last, a robot stands still, for at most [`MAX_GAP_FRAMES`]. An unknown
+    /// heading is the direction of motion over the fewest steps, up to five before and five after, in which the robot moves by
+    /// more than a fifth of the largest radius. A robot that moves by less keeps its last heading.
     ///
     /// # Errors
-    /// If the film is shorter than a step, a robot is missing for longer, or there would be more than [`MAX_POSES`].
+    /// If the film is shorter than a step, a robot is missing for more than [`MAX_GAP_FRAMES`], or the motion would have more
+    /// than [`MAX_POSES`].
     pub fn ending(&self, steps: u32, filmed: &Filmed<'_>) -> Result<Vec<Vec<[f64; 3]>>, TracksError> {
         let [first, last] = self.frames().map(f64::from);
         let whole = ((last - first) / filmed.frames_a_step).floor();
-        // The cast of a larger number saturates.
+        // If `whole` is too large for `u32`, the cast saturates.
         let steps = steps.min(whole as u32);
         if steps == 0 {
             return Err(TracksError::Short(self.path.clone()));
@@ -37,7 +38,7 @@ impl Tracks {
             let allowed = format!("small enough to keep {poses} poses under {MAX_POSES}");
             return Err(Invalid::new("image.window", steps, allowed).into());
         }
-        // Counted from the end, so that moments coincide with frames if there is one frame per step.
+        // Moments are counted from the end of the film, so that they coincide with frames if there is one frame per step.
         let moments = (0..=steps).map(|step| last - f64::from(steps - step) * filmed.frames_a_step);
         let moments: Vec<f64> = moments.collect();
         let mut frames = vec![Vec::with_capacity(self.robots.len()); moments.len()];
@@ -127,8 +128,9 @@ fn seen(sightings: &BTreeMap<u32, Sighting>, moment: f64, filmed: &Filmed<'_>) -
     }
 }
 
-/// The heading of a robot at each step of its path, radians. If unknown, the direction of motion around the step; if the robot
-/// hardly moves, the previous heading, or else the first known one; 0 if there is none.
+/// The heading of a robot at each step of its path, in radians. An unknown heading is the direction of motion around the step. A
+/// robot that hardly moves keeps its previous heading; at the beginning it has the first known heading, or 0 if no heading is
+/// known.
 fn headings(path: &[Sighting], filmed: &Filmed<'_>) -> Vec<f64> {
     let known: Vec<Option<f64>> = (0..path.len())
         .map(|step| path[step].heading.or_else(|| direction(path, step, filmed)))
@@ -141,8 +143,8 @@ fn headings(path: &[Sighting], filmed: &Filmed<'_>) -> Vec<f64> {
     kept.collect()
 }
 
-/// The direction of motion, from a few steps before to as many after: the fewest steps whose motion exceeds jitter. `None` if there
-/// are none.
+/// The direction of motion from some steps before a step to as many steps after: the fewest steps in which the motion exceeds the
+/// camera's jitter. `None` if the motion exceeds jitter in no number of steps up to [`MOST_STEPS`].
 fn direction(path: &[Sighting], step: usize, filmed: &Filmed<'_>) -> Option<f64> {
     (1..=MOST_STEPS).find_map(|steps| {
         let before = path[step.saturating_sub(steps)];

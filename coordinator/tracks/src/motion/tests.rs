@@ -1,4 +1,4 @@
-//! Gaps, units, and headings that nobody measured.
+//! Tests of gaps, units, and headings that are missing in a file of tracks.
 
 use super::*;
 use murmuration_swarm::World;
@@ -8,7 +8,7 @@ fn tracks(text: &str) -> Tracks {
     Tracks::parse(Path::new("t.csv"), text.as_bytes().to_vec()).unwrap()
 }
 
-/// The tracks of robot 0 in these frames, at (x, 100).
+/// The tracks of robot 0: `frames` has the number of each frame and the robot's x; its y is always 100.
 fn line(frames: &[(u32, f64)]) -> Tracks {
     let rows: String = frames
         .iter()
@@ -71,7 +71,8 @@ fn frames_come_at_their_own_pace_and_arenas_in_their_own_units() {
     let motion = film.ending(99, &slow).unwrap();
     assert_eq!(motion.len(), 8);
     assert!((xs(&motion)[0] - 0.2).abs() < 1e-12 && xs(&motion)[7] == 3.0);
-    // The arena is 4 m by 2 m: a metre is 125 units, and 125 units are free above and below.
+    // The arena is 4 m by 2 m: a metre is 125 world units, and 125 world units of the world are free above the arena and below
+    // it.
     let metres = Filmed::new(&world).with_arena([4.0, 2.0]).unwrap();
     assert_eq!(metres.scale(), 125.0);
     let film = tracks("frame,robot,x,y\n0,0,0,0\n1,0,4,2\n");
