@@ -1,9 +1,9 @@
 //! Compares a training step of the default recipe and network (256 anchors and as many positives, pictures of 50 x 50) with
-//! PyTorch's step of the same network and loss. Steps alternate, so that other load on the machine affects all alike; each
+//! PyTorch's step of the same network and loss. Steps alternate, so that other load on the machine affects all steps alike. Each
 //! figure is the best of its rounds.
 //!
-//! Our step includes augmentation; PyTorch's has its pictures ready. `PYTHON` names a Python that has torch; without one, only
-//! our figures are printed. `ROUNDS` is the number of rounds.
+//! Our step includes augmentation; PyTorch's step starts from finished pictures. `PYTHON` names a Python interpreter that has
+//! torch. Without torch, only our figures are printed. `ROUNDS` is the number of rounds.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 #![expect(clippy::print_stdout, reason = "what it prints is what it is for")]
 
@@ -40,7 +40,7 @@ fn main() {
     }
 }
 
-/// Least wall time and least CPU time of our step and of each of PyTorch's, over the rounds.
+/// Least wall time and least CPU time of our step and of each of PyTorch's steps, over the rounds.
 fn measured(threads: usize, rounds: u32) -> Vec<(String, Times)> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
     let pool = pool.build().unwrap();
@@ -72,7 +72,7 @@ fn timed(work: impl FnOnce()) -> Times {
     [ended[0] - begun[0], ended[1] - begun[1]]
 }
 
-/// A Python process that runs steps.
+/// A Python process that runs PyTorch's training steps.
 struct PyTorch {
     process: Child,
     to: ChildStdin,
@@ -81,7 +81,7 @@ struct PyTorch {
 }
 
 impl PyTorch {
-    /// `None` without PyTorch.
+    /// Starts the Python process; `None` if PyTorch is not installed.
     fn start(threads: usize) -> Option<Self> {
         let python = env::var("PYTHON").unwrap_or_else(|_| "python3".to_owned());
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/pytorch_step.py");

@@ -1,10 +1,10 @@
-//! Fixed work whose instructions `scripts/instruction-counts` counts: one item, a given number of times.
+//! Repeats one fixed piece of work a given number of times; `scripts/instruction-counts` counts its instructions.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 
 use murmuration_train::bench::Steps;
 use std::env;
 
-/// Anchors of a step: an eighth of the default, which takes valgrind seconds.
+/// Number of anchors of a step. With an eighth of the default, valgrind takes only seconds.
 const ANCHORS: usize = 32;
 
 /// Usage: `fixed_work training-step TIMES`. Without arguments, as `cargo bench` runs it, TIMES is 1.
@@ -19,7 +19,7 @@ fn main() {
         [] => 1,
     };
     let mut steps = Steps::new(ANCHORS).unwrap();
-    // One thread, because waiting threads execute instructions too.
+    // The pool has one thread, because waiting threads execute instructions too.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| (0..times).for_each(|_| steps.step()));
 }

@@ -1,7 +1,8 @@
-"""Training steps in PyTorch, f32, CPU: the peer of `cargo bench --bench beside_pytorch`, which starts this.
+"""Training steps in PyTorch, f32, CPU. `cargo bench --bench beside_pytorch` starts this script and compares with it.
 
-The argument is the number of threads. Prints a line of JSON, the names of the ways to run a step that work here; then, for
-each line read, takes one step in each way and prints their seconds of wall time and of CPU time.
+The argument is the number of threads. The script prints a line of JSON: the names of the ways to run a step that work
+on this machine. For each line that it reads, the script takes one step in each way, and prints the steps' seconds of
+wall time and of CPU time.
 """
 
 import json
@@ -27,13 +28,13 @@ def in_batch(embeddings):
     anchors, positives = embeddings.chunk(2)
     distances = (anchors[:, None] - positives[None] + 1e-6).norm(dim=2)
     violations = distances.diagonal()[:, None] - distances + MARGIN
-    # A mask rather than a selection, whose size a compiled step would not know.
+    # This is a mask: a compiled step could not know the size of a selection.
     violated = ((violations > 0) & ~torch.eye(BATCH, dtype=torch.bool)).float()
     return (violations * violated).sum() / violated.sum().clamp(min=1)
 
 
 def pictures():
-    """A few short lines on black, as trajectories are."""
+    """Pictures of a few short lines on black, like pictures of trajectories."""
     images = torch.zeros(2 * BATCH, SIDE * SIDE)
     for image in images:
         for start in torch.randint(0, SIDE * (SIDE - 6), (24,)).tolist():
@@ -77,7 +78,7 @@ def main():
                 step = step_of(compiled, layout)
                 step()
                 ways[how + laid_out] = step
-            except Exception as error:  # Without a C++ compiler nothing is compiled; the other ways still count.
+            except Exception as error:  # Without a C++ compiler, no step is compiled; the other ways still run.
                 print(f"{how}{laid_out}: {error}", file=sys.stderr)
     print(json.dumps([torch.__version__, list(ways)]), flush=True)
     for _ in sys.stdin:

@@ -6,18 +6,18 @@ use rand::RngExt as _;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Augmentation {
-    /// Smallest and largest share of width and height that a crop keeps, drawn separately for each. A share over 1 shrinks the
-    /// picture, with a black border.
+    /// Smallest and largest share of a picture's width and height that a crop keeps. The shares of width and height are drawn
+    /// separately. A share over 1 shrinks the picture and adds a black border.
     pub(crate) crop: [f64; 2],
     pub(crate) symmetries: Symmetries,
 }
 
-/// Which of the square's eight symmetries are applied, with equal probabilities.
+/// The symmetries of the square that augmentation chooses from, with equal probabilities.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Symmetries {
-    /// A quarter, a half or three quarters of a turn, as in the paper, which always turns.
+    /// A quarter, a half or three quarters of a turn. As in the paper, every picture is turned.
     Turns,
-    /// All eight: turns and reflections, including the identity.
+    /// All eight symmetries: turns and reflections, including the identity.
     All,
 }
 
@@ -35,8 +35,8 @@ impl From<&Recipe> for Augmentation {
 }
 
 impl Augmentation {
-    /// Writes an augmented copy of the `picture` to `output`, as an image (see [`append_image`](crate::network::append_image)). All
-    /// channels are cropped, turned and reflected alike.
+    /// Writes an augmented copy of the `picture` to `output`, as an image (see [`append_image`](crate::network::append_image)).
+    /// All channels are cropped, turned and reflected alike.
     pub(crate) fn apply<T: Real>(
         &self,
         picture: &[u8],
@@ -73,11 +73,11 @@ impl Augmentation {
     }
 }
 
-/// Quarter, half and three-quarter turn, among the symmetries 0 to 7.
+/// The numbers of the quarter, half and three-quarter turn, among the symmetries 0 to 7.
 const TURNS: [u64; 3] = [5, 3, 6];
 
-/// The places of a channel's pixels in an image, under one of the eight symmetries: bit 0 reverses rows, bit 1 columns, bit 2
-/// exchanges the two.
+/// The places of a channel's pixels in an image, under one of the eight symmetries. In the number of a symmetry, bit 0 reverses
+/// the rows, bit 1 reverses the columns, and bit 2 exchanges rows and columns.
 struct Target {
     first: usize,
     row_step: isize,
@@ -122,21 +122,21 @@ impl Target {
 /// A part of an axis, stretched or shrunk to the whole axis.
 #[derive(Debug, Clone, Copy)]
 struct Window {
-    /// Its begin, pixels; negative if it is longer than the axis.
+    /// Start of the window, pixels; negative if the window is longer than the axis.
     start: f64,
-    /// Its length, as a share of the axis.
+    /// Length of the window, as a share of the axis.
     share: f64,
     side: usize,
 }
 
-/// The sources of one pixel of a stretched axis.
+/// The source pixels of one pixel of a stretched axis.
 #[derive(Debug, Clone, Copy)]
 struct Place<T> {
     low: usize,
     high: usize,
     /// The weight of `high`.
     part: T,
-    /// 1 inside the picture, 0 outside.
+    /// Factor of the pixel's brightness: 1 inside the picture, 0 outside.
     light: T,
 }
 

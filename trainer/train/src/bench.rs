@@ -33,7 +33,7 @@ pub struct Figures {
 /// Why the benchmark failed.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
-    /// A number is not allowed.
+    /// A value of the configuration is not allowed.
     #[error(transparent)]
     Value(#[from] Invalid),
     /// There are too few behaviours.
@@ -45,8 +45,8 @@ pub enum BenchError {
 }
 
 /// Trains each network with each recipe for one epoch on pictures (50 x 50 pixels) of `behaviours` synthetic behaviours, and
-/// reports each training's figures. A campaign's default of 10,000 takes some 20 s on two cores. The training with the least
-/// memory runs first, because the peak of a process never falls.
+/// reports each training's figures. The default of campaigns, 10,000 behaviours, takes about 20 s on two cores. The training with
+/// the least memory runs first, because the peak of a process never falls.
 ///
 /// # Errors
 /// If there are fewer than four behaviours.

@@ -10,16 +10,16 @@ use std::ops::Range;
 pub struct LabelledPictures {
     shape: PictureShape,
     bytes: Vec<u8>,
-    /// One per picture.
+    /// The class of each picture.
     classes: Vec<u32>,
-    /// All pictures, class after class.
+    /// Indices of all pictures, class after class.
     by_class: Vec<usize>,
     /// The range of each class in `by_class`, for classes with pictures.
     ranges: Vec<Range<usize>>,
     labels: usize,
 }
 
-/// Why pictures and classes cannot be learned from.
+/// Why a training cannot learn from pictures and classes.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LabelledPicturesError {
     /// The number of pictures differs from the number of classes.
@@ -27,7 +27,7 @@ pub enum LabelledPicturesError {
     Count {
         /// Bytes of all pictures.
         bytes: usize,
-        /// Classes given.
+        /// Number of classes, which should be one for each picture.
         labels: usize,
         /// Bytes of a picture.
         each: usize,
@@ -37,13 +37,13 @@ pub enum LabelledPicturesError {
 }
 
 impl LabelledPictures {
-    /// The number of the class `random`, for behaviours of no other class. Two of them need not be alike.
+    /// The number of the class `random`, for behaviours of no other class. Two behaviours of this class need not be alike.
     pub const RANDOM: u32 = 0;
 
     /// Pictures of this shape, one after the other, and the class of each.
     ///
     /// # Errors
-    /// If the numbers do not fit, or there are fewer than two classes.
+    /// If the number of pictures differs from the number of classes, or there are fewer than two different classes.
     pub fn new(
         shape: PictureShape,
         bytes: Vec<u8>,
@@ -103,7 +103,7 @@ impl LabelledPictures {
         self.ranges.len()
     }
 
-    /// All pictures by their index, class after class.
+    /// Indices of all pictures, class after class.
     #[must_use]
     pub(crate) fn by_class(&self) -> &[usize] {
         &self.by_class

@@ -1,9 +1,9 @@
 //! Trains embedders on trajectory images, first without labels, then on labels, and writes them as ONNX checkpoints.
 //!
-//! [`training::Training`] takes [`pictures::Pictures`] and a [`Configuration`](murmuration_swarm::training::Configuration)
-//! and runs one epoch at a time. [`onnx::export`] makes a checkpoint of its embedder. [`onnx::import`] reads one back, to
-//! train it further on [`labelled_pictures::LabelledPictures`] ([`training::FineTuning`]). All of them use the rayon pool of
-//! their caller. The network side, which leases trainings, is the crate `murmuration-trainer`.
+//! [`training::Training`] takes [`pictures::Pictures`] and a [`Configuration`](murmuration_swarm::training::Configuration) and
+//! runs one epoch at a time. [`onnx::export`] makes a checkpoint of its embedder. [`onnx::import`] reads a checkpoint back, to
+//! train its network further on [`labelled_pictures::LabelledPictures`] ([`training::FineTuning`]). All these functions use the
+//! rayon pool of their caller. The network side, which leases trainings, is the crate `murmuration-trainer`.
 
 mod augment;
 pub mod bench;

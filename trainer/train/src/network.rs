@@ -1,4 +1,4 @@
-//! A network: an architecture with weights. It runs forward and backward over a chunk of images at a time.
+//! A network: an architecture with weights. A network runs forward and backward over a chunk of images at a time.
 
 use crate::{
     layers::{Activation, Backward, Operation},
@@ -25,12 +25,12 @@ pub(crate) struct Stage {
     pub(crate) operation: Operation,
     pub(crate) activation: Option<Layer>,
     pub(crate) output: Shape,
-    /// The range of its weights among the network's.
+    /// The range of the stage's weights among the network's weights.
     pub(crate) parameters: Range<usize>,
 }
 
 impl Stage {
-    /// The activation, unless the operation's own passes contain it.
+    /// The activation that needs a pass of its own; `None` if the operation's passes contain the activation.
     fn separate_activation(&self) -> Option<Activation> {
         let activation = self.activation.filter(|_| !self.operation.is_fused());
         activation.and_then(Activation::of)
@@ -40,11 +40,11 @@ impl Stage {
 /// Number of images per chunk outside of training.
 const EMBEDDED_AT_ONCE: usize = 32;
 
-// Not generic, because generic functions are compiled in the calling crate, without this crate's optimisation in the dev
+// `embed` is not generic. Generic functions are compiled in the calling crate, without this crate's optimisation in the dev
 // profile, and took thirty times as long.
 impl Network<f32> {
-    /// Embeds pictures, given as consecutive bytes. Returns `dimensions` numbers for each. A remainder shorter than a
-    /// picture is ignored. The bits do not depend on the number of threads.
+    /// Embeds pictures, given as consecutive bytes. Returns `dimensions` numbers for each picture. A remainder shorter than a
+    /// picture is ignored. The bits of the embeddings do not depend on the number of threads.
     #[must_use]
     pub fn embed(&self, pictures: &[u8]) -> Vec<f32> {
         self.embed_pictures(pictures)
@@ -52,8 +52,8 @@ impl Network<f32> {
 }
 
 impl<T: Real> Network<T> {
-    /// A network with initial weights: weights and biases are uniform within ±1 / sqrt(inputs of a unit), as in PyTorch; scales are
-    /// 1 and shifts 0.
+    /// A network with initial weights: weights and biases are uniform within ±1 / sqrt(inputs of a unit), as in PyTorch; scales
+    /// are 1 and shifts 0.
     #[must_use]
     pub fn initialise(architecture: Architecture, seed: u64) -> Self {
         let stages = stages(&architecture);
@@ -103,7 +103,7 @@ impl<T: Real> Network<T> {
         self.stages.iter().map(|stage| stage.output.len()).sum()
     }
 
-    /// Like [`Network::embed`], with any kind of number.
+    /// Embeds pictures as [`Network::embed`] does, with any kind of number.
     pub(crate) fn embed_pictures(&self, pictures: &[u8]) -> Vec<T> {
         let shape = self.architecture.pictures();
         self.embed_by_chunk(pictures, |chunk| {
@@ -115,7 +115,7 @@ impl<T: Real> Network<T> {
         })
     }
 
-    /// Like [`Network::embed`], for images (see [`append_image`]).
+    /// Embeds images (see [`append_image`]) as [`Network::embed`] embeds pictures.
     pub(crate) fn embed_scaled(&self, images: &[T]) -> Vec<T> {
         self.embed_by_chunk(images, <[T]>::to_vec)
     }
@@ -155,8 +155,8 @@ impl<T: Real> Network<T> {
         tape.embeddings()
     }
 
-    /// Adds the gradient by the weights to `sum`, given the gradient by the embeddings. `images` are those of the last forward pass
-    /// on `tape`.
+    /// Adds the gradient with respect to the weights to `sum`, given the gradient with respect to the embeddings. `images` are
+    /// the images of the last forward pass on `tape`.
     pub(crate) fn backward(
         &self,
         images: &[T],
@@ -197,7 +197,8 @@ impl<T: Real> Network<T> {
 }
 
 impl Network<f32> {
-    /// Changes the last layer, which is dense, so that every embedding is shifted by minus `mean`, then multiplied by `factor`.
+    /// Changes the last layer, which is dense, so that `mean` is subtracted from every embedding and the result is multiplied by
+    /// `factor`.
     pub(crate) fn move_and_scale(&mut self, mean: &[f64], factor: f64) {
         let last = self.stages.last().map_or(0..0, |stage| stage.parameters.clone());
         let last = &mut self.parameters[last];
@@ -211,7 +212,7 @@ impl Network<f32> {
     }
 }
 
-/// A grey value scaled to 0 to 1, the input range of networks.
+/// A grey value, scaled to the input range of networks, 0 to 1.
 pub(crate) fn scaled<T: Real>(grey: u8) -> T {
     T::of(f64::from(grey)) / T::of(255.0)
 }
@@ -261,7 +262,7 @@ impl<T> Default for Room<T> {
 }
 
 impl<T> Tape<T> {
-    /// The last output.
+    /// The output of the last stage.
     pub(crate) fn embeddings(&self) -> &[T] {
         self.outputs.last().map_or(&[], Vec::as_slice)
     }
@@ -335,13 +336,14 @@ mod tests {
         assert_eq!(greys, [0, 4, 8, 1, 5, 9, 2, 6, 10, 3, 7, 11]);
     }
 
-    /// A network that sees a species in its own channel only: the weights of the other channel are 0.
+    /// A network whose weights for a species' channel are 0 does not see the species.
     #[test]
     fn a_channel_without_weights_is_not_seen() {
         let shape = PictureShape::new(2, 20).unwrap();
         let one = Network::<f64>::initialise(Architecture::compact(grey(20), 3).unwrap(), 1);
         let mut two = Network::<f64>::initialise(Architecture::compact(shape, 3).unwrap(), 1);
-        // Sixteen rows of nine places of the kernel. Each weight of the single channel becomes one weight for each of two channels.
+        // The first weights are sixteen rows of nine places of the kernel. Each weight of the single channel becomes one weight
+        // for each of two channels.
         let (first, rest) = one.parameters().split_at(16 * 9);
         let spread = first
             .iter()

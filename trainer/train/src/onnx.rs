@@ -5,8 +5,9 @@
 //! The output is `embeddings`: batch x dimensions. The model uses opset [`OPSET`], which every recent ONNX Runtime supports.
 //!
 //! Group normalisation is composed of simpler operators. The operator `GroupNormalization` came with opset 18 and is correct only
-//! since 21. Also, ONNX Runtime's kernels for it and for `InstanceNormalization` sum thousands of mostly equal values at once,
-//! which costs a digit. Means of rows, and then the mean of these, agree with ours to 2e-6.
+//! since opset 21. ONNX Runtime's kernels for `GroupNormalization` and `InstanceNormalization` sum thousands of mostly equal
+//! values at once, and so lose a digit. The model computes the mean of each row and then the mean of these means, which agrees
+//! with our results to 2e-6.
 
 mod import;
 #[cfg(test)]
@@ -27,7 +28,7 @@ use prost::Message as _;
 
 /// Version of ONNX's standard operators that the models use.
 pub const OPSET: i64 = 17;
-/// Version of the file format for [`OPSET`].
+/// Version of the ONNX file format that belongs to [`OPSET`].
 const IR_VERSION: i64 = 8;
 
 /// The bytes of the network's ONNX model: equal networks have equal bytes.
@@ -146,7 +147,7 @@ impl Graph {
     fn group_normalisation(&mut self, name: &str, layer: GroupNormalisation, weights: &[f32]) {
         let Shape { channels, side } = layer.shape;
         let named = |what: &str| format!("{name}.{what}");
-        // 0 keeps the batch size.
+        // A first dimension of 0 keeps the batch size.
         let by_group = [0, layer.groups, channels / layer.groups * side, side];
         let by_channel = [0, channels, side, side];
         let (by_channel, spread) = match self.is_flat(layer.shape) {
@@ -219,7 +220,7 @@ impl Graph {
     }
 }
 
-/// The name of a stage's node, and the prefix of its constants.
+/// The name of a stage's node, which is also the prefix of the names of the stage's constants.
 fn stage_name(index: usize, operation: &Operation) -> String {
     let kind = match operation {
         Operation::Convolution(_) => "convolution",
@@ -234,7 +235,7 @@ fn constant_names(name: &str) -> [String; 2] {
     ["weights", "biases"].map(|what| format!("{name}.{what}"))
 }
 
-/// Rows of `pixels` x `channels` values as rows of `channels` x `pixels`.
+/// Reorders rows of `pixels` x `channels` values into rows of `channels` x `pixels` values.
 pub(crate) fn channels_first<T: Real>(rows: &[T], pixels: usize, channels: usize) -> Vec<T> {
     let row = |row: &[T]| -> Vec<T> {
         let place = |i: usize| row[i % pixels * channels + i / pixels];

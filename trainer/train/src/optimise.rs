@@ -4,7 +4,7 @@ use crate::real::Real;
 
 /// Decay of the mean gradient, and of the mean squared gradient.
 const DECAYS: [f64; 2] = [0.9, 0.999];
-/// Added to the root of the mean squared gradient.
+/// Small number that is added to the root of the mean squared gradient.
 const EPSILON: f64 = 1e-8;
 
 #[derive(Debug, Clone, PartialEq)]
@@ -13,7 +13,7 @@ pub(crate) struct Adam<T> {
     pub(crate) means: Vec<T>,
     /// Mean squared gradient of each weight.
     pub(crate) squares: Vec<T>,
-    /// The decays to the power of the number of steps.
+    /// Each decay, raised to the power of the number of steps.
     pub(crate) powers: [f64; 2],
 }
 
@@ -27,7 +27,7 @@ impl<T: Real> Adam<T> {
         }
     }
 
-    /// Moves the weights one step against the gradient (to which it adds `decay` times the weights).
+    /// Adds `decay` times the weights to the gradient, and moves the weights one step against the result.
     pub(crate) fn step(&mut self, weights: &mut [T], gradient: &[T], rate: f64, decay: f64) {
         for (power, factor) in self.powers.iter_mut().zip(DECAYS) {
             *power *= factor;

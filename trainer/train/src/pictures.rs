@@ -9,11 +9,11 @@ pub struct Pictures {
     shape: PictureShape,
     views: usize,
     bytes: Vec<u8>,
-    /// The features of the first view of each behaviour; empty if they are not known.
+    /// The features of the first view of each behaviour; empty if the features are not known.
     features: Vec<Features>,
 }
 
-/// Why bytes are not pictures to train on.
+/// Why bytes cannot be used as pictures to train on.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PicturesError {
     /// A behaviour without pictures, or with too many.
@@ -37,7 +37,7 @@ impl Pictures {
     /// Consecutive pictures of this shape, with the `views` of a behaviour adjacent.
     ///
     /// # Errors
-    /// If the numbers do not fit, or there are fewer than four behaviours.
+    /// If `views` is out of range, `bytes` is not a whole number of behaviours, or there are fewer than four behaviours.
     pub fn new(shape: PictureShape, views: usize, bytes: Vec<u8>) -> Result<Self, PicturesError> {
         if !(1..=1000).contains(&views) {
             return Err(PicturesError::Views(views));
@@ -61,7 +61,7 @@ impl Pictures {
     /// Adds the features of the first view of each behaviour.
     ///
     /// # Errors
-    /// [`PicturesError::Features`] if their number is not that of the behaviours, or one is not finite.
+    /// [`PicturesError::Features`] if the number of features differs from the number of behaviours, or a feature is not finite.
     pub fn with_features(self, features: Vec<Features>) -> Result<Self, PicturesError> {
         let is_finite = features.iter().flatten().all(|value| value.is_finite());
         match features.len() == self.behaviours() && is_finite {
@@ -119,7 +119,8 @@ impl Pictures {
     }
 }
 
-/// A hasher that has hashed the shape of the pictures. Pictures of one channel keep the digests from before channels existed.
+/// A hasher that has hashed the shape of the pictures. Pictures of one channel keep the digests that they had before pictures
+/// could have several channels.
 pub(crate) fn hasher_of(context: &str, shape: PictureShape) -> blake3::Hasher {
     let mut hasher = match shape.channels() {
         1 => blake3::Hasher::new_derive_key(context),

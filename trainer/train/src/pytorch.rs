@@ -16,9 +16,9 @@ use serde::Deserialize;
 struct Step {
     embeddings: Vec<f64>,
     loss: f64,
-    /// Every 29th, weights in PyTorch's order.
+    /// Every 29th number of the gradient, with the weights in PyTorch's order.
     gradient: Vec<f64>,
-    /// Every 29th, weights in PyTorch's order, after one step of Adam.
+    /// Every 29th weight after one step of Adam, in PyTorch's order.
     after: Vec<f64>,
 }
 
@@ -49,7 +49,7 @@ fn pictures(side: usize) -> Vec<f64> {
     pictures.map(|grey| grey as f64 / 255.0).collect()
 }
 
-/// For each layer with weights: its input, rows of weights, pixels and channels of a row.
+/// Every layer with weights, with its number of rows of weights and the numbers of pixels and channels of a row.
 fn rows(architecture: &Architecture) -> Vec<(Layer, usize, usize, usize)> {
     let rows = |(layer, input, _): (Layer, Shape, Shape)| match layer {
         Layer::Convolution { channels, kernel, .. } => {
@@ -78,7 +78,7 @@ fn weights(architecture: &Architecture) -> Vec<f64> {
             0.0
         };
         let scaled = |value: f64| (value + more) * 2.0 / (size as f64).sqrt();
-        // Exchanging pixels and channels brings the channels to the end.
+        // `channels_first` with pixels and channels exchanged puts the channels last.
         weights.extend(
             channels_first(&noise(rows * size), channels, pixels)
                 .into_iter()
@@ -147,7 +147,7 @@ fn the_papers_network_and_triplets() {
         &fixture().paper,
         0.08,
         |network, shards, images, gradient| {
-            // Two chunks: triplets 0 to 4 and 5 to 7 of eight.
+            // The eight triplets form two chunks: triplets 0 to 4, and triplets 5 to 7.
             let chunk = |chunk: usize| if chunk == 0 { 0..5 } else { 5..8 };
             let take = |chunk_number: usize, into: &mut Vec<f64>| {
                 for part in 0..3 {

@@ -1,16 +1,16 @@
-//! The quality of an embedding, measured without labels. The loss is not enough: a network can lower it by embedding everything
-//! on a line or at a point.
+//! The quality of an embedding, measured without labels. The loss alone does not measure quality: a network can lower the loss by
+//! embedding everything on a line or at a point.
 
 /// The quality of an embedding, measured on held-out behaviours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quality {
     /// Share of triplets (anchor, positive of the same behaviour, positive of another) whose anchor is strictly nearer to its own
-    /// positive, 0 to 1. A half is chance.
+    /// positive, 0 to 1. By chance, the share is 0.5.
     pub triplet_accuracy: f64,
     /// Root mean square distance of embeddings from their mean.
     pub spread: f64,
     /// Effective number of dimensions of the embeddings: (sum of variances)^2 / sum of squared variances, over the principal
-    /// axes. 1 on a line, at most the number of dimensions; 0 at a point.
+    /// axes. The rank is 0 at a point, 1 on a line, and at most the number of dimensions.
     pub rank: f64,
 }
 
@@ -36,7 +36,7 @@ impl Quality {
 /// Mean and covariance of embeddings.
 pub(crate) struct Moments {
     pub(crate) mean: Vec<f64>,
-    /// `dimensions` x `dimensions`.
+    /// Covariance matrix, `dimensions` x `dimensions`.
     covariance: Vec<f64>,
 }
 

@@ -58,7 +58,8 @@ pub(crate) fn matrix<T>(rows: usize, columns: usize, data: &[T]) -> ArrayView2<'
     ArrayView2::from_shape((rows, columns), data).expect("rows x columns values")
 }
 
-/// `into = a b`, or `into += a b`. The bits depend only on the shapes and the kind of CPU.
+/// Computes `into = a b`, or `into += a b` if `add` is true. The bits of the result depend only on the values, the shapes and the
+/// kind of CPU.
 #[expect(
     clippy::expect_used,
     reason = "the layers' shapes are checked when a network is made"

@@ -1,7 +1,7 @@
 //! The gradient of a batch, computed on all cores, one chunk of images at a time.
 //!
-//! Chunks are distributed over a fixed number of shards. A shard takes its chunks in order and adds up their gradients. Then
-//! the shards' sums are added in order. So the result depends on the number of shards and the size of chunks, which are
+//! Chunks are distributed over a fixed number of shards. A shard takes its chunks in order and adds up their gradients. After
+//! that, the shards' sums are added in order. The result depends on the number of shards and the size of chunks, which are
 //! constants, but not on the number of threads.
 
 use crate::{
@@ -20,7 +20,7 @@ const SUMMED_AT_ONCE: usize = 1 << 14;
 #[derive(Debug)]
 pub(crate) struct Shards<T> {
     shards: Vec<Shard<T>>,
-    /// As many as threads have been busy at the same time. A shard may take any of them.
+    /// A workbench for each thread that has been busy at the same time as the others. A shard can take any workbench.
     workbenches: Mutex<Vec<Workbench<T>>>,
 }
 
@@ -28,7 +28,7 @@ pub(crate) struct Shards<T> {
 struct Shard<T> {
     gradient: Vec<T>,
     loss: f64,
-    /// One for each chunk, which waits for the embeddings of all chunks between its forward and backward pass.
+    /// A tape for each chunk. Between its forward and its backward pass, a chunk waits for the embeddings of all chunks.
     tapes: Vec<Tape<T>>,
 }
 
@@ -65,10 +65,11 @@ impl<T: Real> Shards<T> {
         }
     }
 
-    /// The gradient of a loss that is computed per chunk, so that a chunk stays in a core's cache from image to gradient.
-    /// Writes the gradient by the weights to `sum`, and returns the sum of the losses.
+    /// The gradient of a loss that is computed per chunk, so that a chunk stays in a core's cache from image to gradient. Writes
+    /// the gradient with respect to the weights to `sum`, and returns the sum of the losses.
     ///
-    /// `images` fills an empty list with the images of a chunk. `loss` computes the gradient by their embeddings.
+    /// `images` fills an empty list with the images of a chunk. `loss` computes the gradient with respect to the embeddings of
+    /// these images.
     pub(crate) fn gradient_by_chunk(
         &mut self,
         network: &Network<T>,
@@ -101,9 +102,9 @@ impl<T: Real> Shards<T> {
     }
 
     /// The gradient of a loss that needs the embeddings of all `images`, in chunks of `chunk` images that wait between their
-    /// forward and backward passes. Writes the gradient by the weights to `sum`.
+    /// forward and backward passes. Writes the gradient with respect to the weights to `sum`.
     ///
-    /// `loss` computes the gradient by the embeddings.
+    /// `loss` computes the gradient with respect to the embeddings.
     pub(crate) fn gradient_at_once<L>(
         &mut self,
         network: &Network<T>,
@@ -145,7 +146,7 @@ impl<T: Real> Shards<T> {
         loss
     }
 
-    /// Runs every shard, with its number and a thread's buffers.
+    /// Calls `work` for every shard, with the shard's number and a thread's buffers.
     fn for_each_lane(&mut self, work: impl Fn(usize, &mut Shard<T>, &mut Workbench<T>) + Sync) {
         let workbenches = &self.workbenches;
         let free = || workbenches.lock().unwrap_or_else(PoisonError::into_inner);
@@ -159,7 +160,7 @@ impl<T: Real> Shards<T> {
             });
     }
 
-    /// Writes the sum of the shards' gradients, in their order, to `sum`.
+    /// Adds the gradients of the shards, in the order of the shards, and writes the result to `sum`.
     fn add_up(&self, sum: &mut [T]) {
         sum.par_chunks_mut(SUMMED_AT_ONCE)
             .enumerate()

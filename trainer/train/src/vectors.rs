@@ -27,10 +27,10 @@ pub trait Vectors: Copy {
         c: Self::Vector<S>,
     ) -> Self::Vector<S>;
 
-    /// The whole vectors of `values`.
+    /// `values` as vectors, without a remainder that is shorter than a vector.
     fn vectors<S: Simd>(values: &[Self]) -> &[Self::Vector<S>];
 
-    /// The whole vectors of `values`.
+    /// `values` as mutable vectors, without a remainder that is shorter than a vector.
     fn vectors_mut<S: Simd>(values: &mut [Self]) -> &mut [Self::Vector<S>];
 }
 

@@ -1,16 +1,16 @@
-//! Leaky rectifiers, in place. The derivative follows from the output, so nothing else is kept.
+//! Leaky rectifiers, computed in place. The derivative follows from the output, so the forward pass keeps no other values.
 
 use crate::real::Real;
 use murmuration_swarm::training::Layer;
 
-/// x, or `slope` x if x is negative.
+/// The function that returns x, or `slope` times x if x is negative.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Activation {
     pub(super) slope: f64,
 }
 
 impl Activation {
-    /// The activation of a layer, if it is one.
+    /// The activation that `layer` describes; `None` if the layer is not an activation.
     pub(crate) const fn of(layer: Layer) -> Option<Self> {
         match layer {
             Layer::LeakyRelu { slope } => Some(Self { slope }),
@@ -30,7 +30,7 @@ impl Activation {
         }
     }
 
-    /// Turns gradients by the output into gradients by the input.
+    /// Turns gradients with respect to the output into gradients with respect to the input.
     pub(crate) fn backward<T: Real>(self, output: &[T], gradient: &mut [T]) {
         let slope = T::of(self.slope);
         for (gradient, &output) in gradient.iter_mut().zip(output) {

@@ -12,7 +12,7 @@ pub(crate) struct AveragePooling {
 }
 
 impl AveragePooling {
-    /// Pixels from one window to the next.
+    /// Number of pixels from the start of a window to the start of the next window.
     pub(crate) const fn stride(self) -> usize {
         self.input.side / self.output.side
     }
@@ -56,7 +56,8 @@ impl AveragePooling {
         T::of(1.0 / (self.window() * self.window()) as f64)
     }
 
-    /// Visits every pixel of every window, with the offsets of its channels and of the window's channels.
+    /// Calls `visit` for every pixel of every window: with the offset of the pixel's channels in the input, and of the window's
+    /// channels in the output.
     fn for_each_pair(self, mut visit: impl FnMut(usize, usize)) {
         let (grid, side, channels) = (self.output.side, self.input.side, self.input.channels);
         for (to, row) in (0..grid).flat_map(|i| (0..grid).map(move |j| (i * grid + j, (i, j)))) {

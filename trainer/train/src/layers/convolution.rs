@@ -1,5 +1,5 @@
-//! Convolutions, directly on pictures. A matrix of patches would be more than twice as large as its picture, and would be written
-//! and read in each of three passes.
+//! Convolutions, computed directly on pictures. A matrix of patches would be more than twice as large as its picture, and each of
+//! three passes would write and read the matrix.
 
 mod kernels;
 mod meetings;
@@ -49,7 +49,8 @@ impl Convolution {
         self.kernel * self.kernel * self.input.channels
     }
 
-    /// The kernel, if pictures of one channel can be convolved with it row by row.
+    /// The kernel, if it convolves one channel with one channel, with stride 1 and without padding. [`plane`] convolves with such
+    /// kernels row by row.
     fn plane<'a, T>(&self, weights: &'a [T]) -> Option<plane::Kernel<'a, T>> {
         let is_plane =
             self.input.channels == 1 && self.output.channels == 1 && self.stride == 1 && self.padding == 0;
@@ -203,7 +204,8 @@ fn scratch_of<T: Real>(scratch: &mut Vec<T>, zeros: usize) -> &mut Vec<T> {
     scratch
 }
 
-/// Appends the weights of `channels` in rows of [`WIDTH`] channels; all rows of the first channels precede those of the next.
+/// Appends the weights of `channels` in rows of [`WIDTH`] channels; all rows of the first channels precede all rows of the next
+/// channels.
 fn pack<T: Real>(channels: usize, rows: usize, weight: impl Fn(usize, usize) -> T, to: &mut Vec<T>) {
     for from in (0..channels).step_by(WIDTH) {
         for row in 0..rows {

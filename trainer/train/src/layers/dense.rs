@@ -1,10 +1,10 @@
-//! Dense layers: every input to every unit.
+//! Dense layers: every input is connected to every unit.
 
 use super::Backward;
 use crate::real::{Real, matrix, multiply};
 use murmuration_swarm::training::Shape;
 
-/// Parameters: one row of weights per unit (in the order of the values here), then the biases.
+/// Parameters: one row of weights per unit, in the order of the input's values, then the biases.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Dense {
     pub(crate) input: Shape,

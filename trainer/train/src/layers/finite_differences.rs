@@ -54,9 +54,10 @@ impl Case {
             .sum()
     }
 
-    /// The gradients by the parameters and by the input.
+    /// The gradients with respect to the parameters and to the input.
     fn gradients(&self) -> (Vec<f64>, Vec<f64>) {
-        // Not zeros, to check that parameter gradients are added and the input gradient is overwritten.
+        // The buffers do not start at zero: the test checks that parameter gradients are added and the input gradient is
+        // overwritten.
         let mut d_parameters = vec![1.0; self.parameters.len()];
         let mut d_input = vec![7.0; self.input.len()];
         self.operation.backward(Backward {

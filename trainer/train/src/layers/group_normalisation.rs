@@ -1,5 +1,5 @@
-//! Group normalisation (Wu & He 2018) and the activation that follows. It uses no statistics of the batch, so chunks of images
-//! are independent, and training and inference behave alike.
+//! Group normalisation (Wu & He 2018) and the activation that follows. Group normalisation uses no statistics of the batch, so
+//! chunks of images are independent, and training and inference behave alike.
 //!
 //! Values are processed in lines of a few pixels, because the channels of one pixel are too few for vector loops.
 
@@ -8,7 +8,7 @@ use crate::real::Real;
 use murmuration_swarm::training::Shape;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Added to every variance.
+/// Small number that is added to every variance.
 pub(crate) const EPSILON: f64 = 1e-5;
 
 /// Parameters: one scale per channel, then one shift per channel. The forward pass keeps the mean and the reciprocal of the
@@ -17,7 +17,7 @@ pub(crate) const EPSILON: f64 = 1e-5;
 pub(crate) struct GroupNormalisation {
     pub(crate) shape: Shape,
     pub(crate) groups: usize,
-    /// Applied to the normalised values.
+    /// Activation that is applied to the normalised values.
     pub(crate) activation: Option<Activation>,
 }
 
@@ -66,12 +66,12 @@ impl GroupNormalisation {
         LINE.next_multiple_of(self.shape.channels)
     }
 
-    /// Factor of negative values.
+    /// Factor that the activation multiplies negative values by.
     fn slope<T: Real>(self) -> T {
         T::of(self.activation.map_or(1.0, |activation| activation.slope))
     }
 
-    /// Writes the mean over each group of `sums` (by channel) to every second note from `note` on.
+    /// Writes the mean of each group to every second note, from `note` on. `sums` has a sum for each channel.
     fn note_means<T: Real>(self, sums: &[T], notes: &mut [T], note: usize) {
         let count = T::of((self.shape.len() / self.groups) as f64);
         let members = self.shape.channels / self.groups;
@@ -80,7 +80,7 @@ impl GroupNormalisation {
         }
     }
 
-    /// Writes the factors and terms that a line's values are multiplied by and added to.
+    /// Writes the factors that the values of a line are multiplied by, and the terms that are added to the products.
     fn coefficients<T: Real>(self, parameters: &[T], notes: &[T], factors: &mut [T], terms: &mut [T]) {
         let channels = self.shape.channels;
         for channel in 0..channels {
@@ -168,7 +168,7 @@ impl<T: Real> WithSimd for Back<'_, T> {
             samples.zip(self.d_input.chunks_exact_mut(len)).zip(notes)
         {
             layer.coefficients(self.parameters, notes, &mut factors, &mut terms);
-            // `d_input` temporarily holds the gradient by the normalised values.
+            // `d_input` temporarily holds the gradient with respect to the normalised values.
             let parts = SUMMED_TOGETHER * line;
             let chunks = input.chunks(parts).zip(d_output.chunks(parts));
             for ((input, d_output), d_input) in chunks.zip(d_input.chunks_mut(parts)) {
@@ -190,7 +190,7 @@ impl<T: Real> WithSimd for Back<'_, T> {
                 alone.flush();
                 times_input.flush();
             }
-            // Sums gradients over each group, alone and times the normalised values.
+            // Sums over each group: the gradients alone, and the gradients times the normalised values.
             by_group.fill([T::zero(); 2]);
             let sums = alone.total().iter().zip(times_input.total());
             for (channel, (&alone, &times_input)) in sums.enumerate() {
@@ -268,7 +268,7 @@ impl<T: Real> Lines<T> {
         self.total()
     }
 
-    /// Adds the part to the sums, and begins another.
+    /// Adds `part` to `sums`, and sets `part` to zero.
     #[inline(always)]
     fn flush(&mut self) {
         for (sum, part) in self.sums.iter_mut().zip(&mut self.part) {
@@ -277,7 +277,7 @@ impl<T: Real> Lines<T> {
         }
     }
 
-    /// Returns the sums by channel, and resets.
+    /// Returns the sums by channel, and sets `sums` to zero.
     #[inline(always)]
     fn total(&mut self) -> &[T] {
         self.by_channel.fill(T::zero());

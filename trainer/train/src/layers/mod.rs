@@ -1,8 +1,7 @@
 //! The layers, each with its forward and its backward pass over a chunk of images.
 //!
-//! The layout is channels-last: the channels of a pixel are adjacent, so that a convolution copies its patches in runs and
-//! multiplies a whole chunk at once. ONNX and PyTorch are channels-first, so weights are reordered at export
-//! ([`crate::onnx`]).
+//! The layout is channels-last: the channels of a pixel are adjacent, so that a convolution reads the values under a row of its
+//! kernel as one run. ONNX and PyTorch are channels-first, so weights are reordered at export ([`crate::onnx`]).
 
 mod activation;
 mod average_pooling;
@@ -31,18 +30,19 @@ pub(crate) enum Operation {
     Dense(Dense),
 }
 
-/// Inputs and outputs of a backward pass. Gradients are those of the loss.
+/// Inputs and outputs of a backward pass. All gradients are gradients of the loss.
 pub(crate) struct Backward<'a, T> {
     pub(crate) parameters: &'a [T],
     /// The input of the forward pass.
     pub(crate) input: &'a [T],
     /// The values that the forward pass kept.
     pub(crate) notes: &'a [T],
-    /// The gradient by the output.
+    /// The gradient with respect to the output.
     pub(crate) d_output: &'a [T],
-    /// The gradient by the input, to be overwritten; `None` if it is not needed (first layer).
+    /// The gradient with respect to the input, which the pass overwrites; `None` for the first layer, which needs no such
+    /// gradient.
     pub(crate) d_input: Option<&'a mut [T]>,
-    /// The gradient by the parameters, to be added to.
+    /// The gradient with respect to the parameters, which the pass adds to.
     pub(crate) d_parameters: &'a mut [T],
     pub(crate) scratch: &'a mut Vec<T>,
 }
@@ -70,19 +70,19 @@ impl Operation {
         }
     }
 
-    /// Fuses the following activation into its own passes, if possible.
+    /// Fuses the activation that follows into the operation's own passes, if possible.
     pub(crate) const fn fuse(&mut self, activation: Layer) {
         if let Self::GroupNormalisation(layer) = self {
             layer.activation = Activation::of(activation);
         }
     }
 
-    /// Whether the following activation is fused.
+    /// Whether the operation's own passes contain the activation that follows.
     pub(crate) const fn is_fused(&self) -> bool {
         matches!(self, Self::GroupNormalisation(layer) if layer.activation.is_some())
     }
 
-    /// Number of values per sample that it keeps for the backward pass.
+    /// Number of values per sample that the forward pass keeps for the backward pass.
     pub(crate) const fn notes(&self) -> usize {
         match self {
             Self::GroupNormalisation(layer) => 2 * layer.groups,

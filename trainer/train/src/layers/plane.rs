@@ -1,14 +1,14 @@
-//! Convolutions of one channel with one channel, stride 1, no padding (the paper's), directly on pictures. A matrix of
-//! patches would be nine times as large as the picture, and be multiplied by a single column.
+//! The convolutions of the paper's network: one channel with one channel, with stride 1 and without padding, computed directly on
+//! pictures. A matrix of patches would be nine times as large as the picture, and be multiplied by a single column.
 //!
 //! A run of values of a row stays in registers from the first weight of the kernel to the last. Vectors have the CPU's widest
-//! size, which changes no bit, because no sum is reordered and no product is fused.
+//! size. Their size changes no bit of the result, because no sum is reordered and no product is fused.
 
 use crate::real::Real;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Number of values in a run. If the length of a row is not a multiple of it, the last run overlaps the one before. If rows are
-/// shorter, a run is a single value.
+/// Number of values in a run. If the length of a row is not a multiple of this number, the last run overlaps the run before. If a
+/// row is shorter than this number, a run is a single value.
 const RUN: usize = 16;
 
 /// A kernel, row after row.
@@ -29,7 +29,7 @@ pub(super) fn correlate<T: Real>(kernel: Kernel<T>, bias: T, side: usize, inputs
     });
 }
 
-/// Writes the gradient by the pictures of `side` x `side` to `d_inputs`; `room` is a scratch buffer.
+/// Writes the gradient with respect to the pictures of `side` x `side` to `d_inputs`; `room` is a scratch buffer.
 pub(super) fn input_gradient<T: Real>(
     kernel: Kernel<T>,
     side: usize,
@@ -46,8 +46,8 @@ pub(super) fn input_gradient<T: Real>(
     });
 }
 
-/// Adds to `d_weights` the gradient by the weights of a square kernel, and to `d_bias` that by the bias, of pictures of
-/// `side` x `side`.
+/// Adds the gradient with respect to the weights of a square kernel to `d_weights`, and the gradient with respect to the bias to
+/// `d_bias`. Pictures have `side` x `side` pixels.
 pub(super) fn add_parameter_gradient<T: Real>(
     side: usize,
     inputs: &[T],
@@ -97,7 +97,7 @@ struct InputGradient<'a, T> {
 impl<T: Real> WithSimd for InputGradient<'_, T> {
     type Output = ();
 
-    /// Correlates the gradients, with a border of zeros, with the reversed kernel.
+    /// Adds a border of zeros to the gradients, and correlates the result with the reversed kernel.
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let (from, to) = (self.side, self.side + 1 - self.kernel.side);
@@ -147,10 +147,10 @@ impl<T: Real> WithSimd for ParameterGradient<'_, T> {
 }
 
 impl<T: Real> ParameterGradient<'_, T> {
-    /// Adds the gradient by the weights, in runs of `N`; output rows have `to` values.
+    /// Adds the gradient with respect to the weights, in runs of `N` values; output rows have `to` values.
     #[inline(always)]
     fn run<const N: usize>(self, to: usize) {
-        // Counts values only once that the last run of a row shares with the run before.
+        // Values that the last run of a row shares with the run before must count only once.
         let mut fresh = [T::one(); N];
         fresh[..(N - to % N) % N].fill(T::zero());
         for (i, weight) in self.d_weights.iter_mut().enumerate() {
@@ -207,7 +207,8 @@ fn correlate_one<T: Real>(kernel: Kernel<T>, bias: T, side: usize, input: &[T], 
     }
 }
 
-/// Convolves in runs of `N`, with `GROUP` weights of a row unrolled; `GROUP` divides their number.
+/// Convolves in runs of `N` values. The loop over a row's weights is unrolled by `GROUP`, which divides the number of these
+/// weights.
 #[inline(always)]
 fn correlate_runs<T: Real, const N: usize, const GROUP: usize>(
     kernel: Kernel<T>,

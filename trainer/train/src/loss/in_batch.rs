@@ -1,14 +1,14 @@
-//! In-batch triplets: every other positive of the batch is a negative. The mean is over violated triplets only, so that the
-//! many solved triplets do not outweigh the few violated ones.
+//! In-batch triplets: for each anchor, the positives of all other anchors are negatives. The loss is the mean over violated
+//! triplets only, so that the many solved triplets do not outweigh the few violated triplets.
 
 use super::{distance, is_violated, push};
 use crate::real::Real;
 
-/// The mean of d(anchor, positive) - d(anchor, negative) + margin over the triplets where it is positive (0 if there are
-/// none).
+/// The mean of d(anchor, positive) - d(anchor, negative) + margin over the triplets where this sum is positive; 0 if there is no
+/// such triplet.
 ///
 /// `embeddings` has the embeddings of all anchors, then of all positives in the same order, of `dimensions` numbers each.
-/// `gradient` becomes the gradient by them.
+/// `gradient` becomes the gradient with respect to the embeddings.
 pub(crate) fn loss<T: Real>(embeddings: &[T], dimensions: usize, margin: f64, gradient: &mut [T]) -> f64 {
     let half = embeddings.len() / 2;
     let (anchors, positives) = embeddings.split_at(half);

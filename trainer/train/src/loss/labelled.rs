@@ -1,5 +1,5 @@
-//! Labelled in-batch triplets: for any anchor, every other picture of its class is a positive and every picture of another
-//! class a negative. The mean is over violated triplets only, weighted by their classes.
+//! Labelled in-batch triplets: for any anchor, every other picture of its class is a positive and every picture of another class
+//! a negative. The loss is the mean over violated triplets only, weighted by the classes of each triplet.
 
 use super::{distance, is_violated, push};
 use crate::real::Real;
@@ -7,9 +7,9 @@ use crate::real::Real;
 /// The size and weight of a class.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ClassShare {
-    /// Number of its labelled pictures.
+    /// Number of labelled pictures of the class.
     pub(crate) size: usize,
-    /// Weight of its anchors relative to those of other classes, 0 to 1.
+    /// Weight of the class's anchors relative to the anchors of other classes, 0 to 1.
     pub(crate) anchors: f64,
 }
 
@@ -17,14 +17,15 @@ pub(crate) struct ClassShare {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Weights {
     classes: usize,
-    /// `classes` x `classes`: anchors by negatives.
+    /// `classes` x `classes` weights: a row for each class of anchors, a column for each class of negatives.
     values: Vec<f64>,
 }
 
 impl Weights {
-    /// The weights for these classes. A negative counts in proportion to its class's size, because a step with equally many
-    /// pictures of every class shows rare classes too often, while most confusions are with common classes. An anchor counts in
-    /// proportion to the square root of the size, a compromise between equal weights per class and per picture.
+    /// The weights for these classes. A negative counts in proportion to the size of its class. A step has equally many pictures
+    /// of every class and so shows rare classes too often, while most confusions are with common classes. An anchor counts in
+    /// proportion to the square root of its class's size, a compromise between equal weights per class and equal weights per
+    /// picture.
     pub(crate) fn of_classes(shares: &[ClassShare]) -> Self {
         let classes = shares.len();
         let all: usize = shares.iter().map(|share| share.size).sum();
@@ -44,11 +45,11 @@ impl Weights {
     }
 }
 
-/// The weighted mean of d(anchor, positive) - d(anchor, negative) + margin over the triplets where it is positive (0 if there
-/// are none).
+/// The weighted mean of d(anchor, positive) - d(anchor, negative) + margin over the triplets where this sum is positive; 0 if
+/// there is no such triplet.
 ///
 /// `embeddings` has equally many embeddings of each class, class after class in the order of `weights`, of `dimensions` numbers
-/// each. `gradient` becomes the gradient by them.
+/// each. `gradient` becomes the gradient with respect to the embeddings.
 pub(crate) fn loss<T: Real>(
     embeddings: &[T],
     dimensions: usize,
@@ -61,7 +62,8 @@ pub(crate) fn loss<T: Real>(
     let per_class = count / weights.classes;
     let mut total = 0.0;
     let mut violated = 0.0;
-    // For each distance from anchor to other: the weight of triplets that shrink it, minus that of triplets that grow it.
+    // For each distance from an anchor to another picture: the weight of the triplets that shrink the distance, minus the weight
+    // of the triplets that increase it.
     let mut pulls = vec![0.0; count * count];
     let mut distances = vec![0.0; count * count];
     for (anchor, pulls) in pulls.chunks_exact_mut(count).enumerate() {
@@ -123,11 +125,12 @@ mod tests {
 
     #[test]
     fn only_violated_triplets_count() {
-        // Anchor 0: its class at distance 1, the others at 3 and 9. Anchor 3: its class at 6, the others at 3 and 2.
+        // Anchor 0 has its own class at distance 1 and the other class at 3 and 9. Anchor 3 has its own class at 6 and the other
+        // class at 3 and 2.
         let embeddings = [0.0, 1.0, 3.0, 9.0];
         let loss = loss(&embeddings, 1, &by_size(&[2, 2]), 2.5, &mut [0.0; 4]);
         let violations = [1.0 - 3.0 + 2.5, 1.0 - 2.0 + 2.5, 6.0 - 3.0 + 2.5, 6.0 - 2.0 + 2.5];
-        // Anchor 9: its class at 6, the others at 9 and 8, so one violation of 0.5.
+        // Anchor 9 has its own class at 6 and the other class at 9 and 8, so it has one violation of 0.5.
         let mean = (violations.iter().sum::<f64>() + 0.5) / 5.0;
         assert!((loss - mean).abs() < 1e-5, "{loss} is not {mean}");
     }
@@ -148,7 +151,7 @@ mod tests {
         assert_eq!(weights.of(1, 0) + weights.of(1, 2), 3.0);
         let embeddings = [0.0, 0.0, 0.5, 0.5, -0.25, -0.25];
         let mean = loss(&embeddings, 1, &weights, 0.3, &mut [0.0; 6]);
-        // The third class is 0.05 too near for the first, and the first for the third; the second is far enough.
+        // The first and third classes are 0.05 too near to each other; the second class is far enough from both.
         assert!((mean - 0.05).abs() < 1e-5, "{mean}");
         let wide = loss(&embeddings, 1, &weights, 0.6, &mut [0.0; 6]);
         let [first, second, third] = [[0.1, 0.35], [0.1, 0.0], [0.35, 0.0]];
@@ -173,7 +176,8 @@ mod tests {
         let less = Weights::of_classes(&[share(4, 0.25), share(9, 1.0)]);
         assert_eq!(less.of(0, 1), alike.of(0, 1) / 4.0);
         assert_eq!(less.of(1, 0), alike.of(1, 0));
-        // Anchor 3: its class at 3, the others at 1. It is the only violation, and its class's anchors have no weight.
+        // Anchor 3 has its own class at 3 and the other class at 1: only this anchor violates the margin. The anchors of its
+        // class have no weight.
         let none = Weights::of_classes(&[share(4, 0.0), share(9, 1.0)]);
         let embeddings = [0.0, 3.0, 4.0, 4.0];
         let mut gradient = [7.0; 4];

@@ -6,7 +6,7 @@ use crate::real::Real;
 /// The sum of the losses of a chunk of triplets.
 ///
 /// `embeddings` has the embeddings of all anchors, then of all positives, then of all negatives, of `dimensions` numbers each.
-/// `gradient` becomes the gradient by them of the sum divided by `batch`.
+/// `gradient` becomes the gradient, with respect to the embeddings, of the sum divided by `batch`.
 pub(crate) fn loss<T: Real>(
     embeddings: &[T],
     dimensions: usize,

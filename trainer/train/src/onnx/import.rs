@@ -17,7 +17,7 @@ pub enum ImportError {
     /// Weights of the architecture are missing, have the wrong number, or are not finite.
     #[error("the checkpoint is of another network: {name:?} {problem}")]
     Weights { name: String, problem: String },
-    /// The weights are right, but the graph differs.
+    /// The weights are right, but the graph differs from the graph that this trainer exports.
     #[error(
         "the checkpoint was not exported from this network by this trainer: it cannot be trained further"
     )]
@@ -46,7 +46,7 @@ pub fn import(file: &[u8], architecture: Architecture) -> Result<Network, Import
     }
 }
 
-/// The weights of a stage, in the layout of this crate. Their number is checked.
+/// The weights of a stage, in the layout of this crate. The number of weights is checked.
 fn weights(graph: &GraphProto, index: usize, stage: &Stage) -> Result<Vec<f32>, ImportError> {
     let (biases, pixels, channels) = match &stage.operation {
         Operation::Convolution(layer) => {

@@ -8,7 +8,7 @@ use std::sync::Arc;
 /// The inputs of fine-tuning besides configuration and pictures.
 #[derive(Debug, Clone)]
 pub struct FineTuning {
-    /// The network to train further, of the configuration's architecture: an [imported](onnx::import) checkpoint.
+    /// The network to train further: an [imported](onnx::import) checkpoint of the configuration's architecture.
     pub parent: Network,
     /// Labelled pictures, of the same shape as the other pictures.
     pub labelled: Arc<LabelledPictures>,
@@ -22,8 +22,8 @@ pub struct FineTuned {
 }
 
 impl Training {
-    /// A training on labels before its first epoch. `pictures` have no labels. The `labelled` recipe learns from some of them too;
-    /// held-out ones measure the quality of the embedding and determine its scale.
+    /// A training on labels before its first epoch. `pictures` are pictures without labels. The `labelled` recipe learns from
+    /// some of these pictures too; the held-out pictures measure the quality of the embedding and determine its scale.
     ///
     /// # Errors
     /// If the recipe is not for labels, the network does not fit the pictures, the parent is of another

@@ -1,19 +1,19 @@
-//! Levels the density of behaviours. Most random controllers behave alike, so a network that sees all equally often mainly learns
-//! to distinguish random behaviours.
+//! Levels the density of behaviours. Most random controllers behave alike, so a network that sees all controllers equally often
+//! mainly learns to distinguish random behaviours.
 
 use murmuration_swarm::Features;
 use rayon::prelude::*;
 
 /// The rank of the neighbour whose distance measures how rare a behaviour is.
 const NEIGHBOUR: usize = 15;
-/// The rarest behaviours, one in so many, count as equally rare.
+/// The rarest behaviours, one in `RAREST`, count as equally rare.
 const RAREST: usize = 100;
 /// Maximum number of behaviours among which neighbours are searched.
 const SAMPLE: usize = 10_000;
 
-/// How often each behaviour is drawn, relative to the others: `min(r, q)` to the power of `flattening`, where r is the distance
-/// to the 15th nearest neighbour in features of equal standard deviation, and q the 99 % quantile of r. All weights are equal if
-/// all distances are 0.
+/// How often each behaviour is drawn, relative to the other behaviours: `min(r, q)` to the power of `flattening`. Here r is the
+/// distance to the 15th nearest neighbour in features of equal standard deviation, and q is the 99 % quantile of r. All weights
+/// are equal if all distances are 0.
 pub(super) fn weights(features: &[Features], flattening: u32) -> Vec<f64> {
     let scaled = scaled(features);
     let step = scaled.len().div_ceil(SAMPLE).max(1);
@@ -57,8 +57,8 @@ fn scaled(features: &[Features]) -> Vec<Features> {
     scaled
 }
 
-/// The distance from a behaviour to its 15th nearest neighbour (or the farthest if there are fewer) among every `step`th
-/// behaviour.
+/// The distance from a behaviour to its 15th nearest neighbour (or to the farthest neighbour if there are fewer) among every
+/// `step`th behaviour.
 fn distance(all: &[Features], behaviour: usize, step: usize) -> f64 {
     let mut nearest: Vec<f64> = Vec::with_capacity(NEIGHBOUR + 1);
     for other in (0..all.len()).step_by(step).filter(|other| *other != behaviour) {
@@ -76,7 +76,7 @@ fn distance(all: &[Features], behaviour: usize, step: usize) -> f64 {
 mod tests {
     use super::*;
 
-    /// A dense square of 20 x 20 behaviours, and 20 that are spread widely.
+    /// A dense square of 20 x 20 behaviours, and 20 behaviours that are spread widely.
     fn features() -> Vec<Features> {
         let dense = (0..400).map(|i| [f64::from(i % 20), f64::from(i / 20), 0.0, 7.0, 0.0]);
         let rare = (0..20).map(|i| [1000.0 + f64::from(i) * 50.0, 0.0, 0.0, 7.0, 0.0]);
@@ -114,7 +114,7 @@ mod tests {
             .collect();
         let scaled = scaled(&all);
         for behaviour in [0, 17, 2999] {
-            // With a third of the points in the plane, neighbours are farther by the root of three.
+            // With a third of the points in the plane, the distance to neighbours grows by a factor of the square root of three.
             let ratio = distance(&scaled, behaviour, 3) / distance(&scaled, behaviour, 1);
             assert!((1.3..2.3).contains(&ratio), "{ratio}");
         }

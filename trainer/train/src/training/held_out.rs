@@ -9,7 +9,7 @@ use rayon::prelude::*;
 #[derive(Debug)]
 pub(super) struct HeldOut {
     trained_on: Vec<usize>,
-    /// Images, one after the other.
+    /// Images of the anchors, one after the other.
     anchors: Vec<f32>,
     positives: Vec<f32>,
     /// The bytes of the first views, without augmentation.

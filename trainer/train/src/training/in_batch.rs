@@ -1,5 +1,5 @@
-//! An epoch of the in-batch recipe, batch by batch: every behaviour once in random order or, with flattening, as many draws with
-//! rare behaviours more often.
+//! An epoch of the in-batch recipe, batch by batch. Without flattening, an epoch shows every behaviour once, in random order.
+//! With flattening, an epoch has as many draws, and draws rare behaviours more often.
 
 use super::{EpochLoss, Training};
 use crate::{augment::Augmentation, loss::in_batch};
@@ -37,7 +37,7 @@ pub(super) fn epoch(training: &mut Training, recipe: &InBatch, stream: &mut Rand
     }
 }
 
-/// Draws as many behaviours as there are, with replacement, by weight.
+/// Draws behaviours with replacement, in proportion to their weights, as many as `behaviours` has.
 fn drawn(behaviours: &[usize], weights: &[f64], stream: &mut RandomStream) -> Vec<usize> {
     let mut total = 0.0;
     let sums: Vec<f64> = behaviours
@@ -57,7 +57,8 @@ fn drawn(behaviours: &[usize], weights: &[f64], stream: &mut RandomStream) -> Ve
 }
 
 impl Training {
-    /// One step of the in-batch recipe, on the same behaviours each time; does nothing with another recipe. For benchmarks.
+    /// For benchmarks: takes one step of the in-batch recipe, on the same behaviours each time. With another recipe, the function
+    /// does nothing.
     pub(crate) fn step_on_first(&mut self, anchors: usize) {
         let Recipe::InBatch(recipe) = self.configuration.recipe().clone() else {
             return;
@@ -85,7 +86,8 @@ fn step(training: &mut Training, recipe: &InBatch, behaviours: &[usize], stream:
     loss
 }
 
-/// The images of a batch: an anchor of each behaviour, then a positive of each, from another view if there is one.
+/// The images of a batch: an anchor of each behaviour, then a positive of each behaviour, from another view if the behaviour has
+/// several.
 pub(super) fn augmented(training: &Training, behaviours: &[usize], stream: &mut RandomStream) -> Vec<f32> {
     let pictures = &training.pictures;
     let (shape, views) = (pictures.shape(), pictures.views() as u64);

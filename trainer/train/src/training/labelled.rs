@@ -53,8 +53,8 @@ pub(super) fn epoch(
     sum
 }
 
-/// One step of the optimiser on `images`; returns its loss. The first `labelled` images have labels, of classes with these
-/// weights.
+/// Takes one step of the optimiser on `images`, and returns the loss of the step. The first `labelled` images have labels;
+/// `weights` are the weights of their classes.
 fn step(
     training: &mut Training,
     recipe: &Labelled,
@@ -85,8 +85,8 @@ fn step(
     loss
 }
 
-/// The labelled pictures of each class in random order. Steps take them in turn: no picture repeats before all others of its
-/// class.
+/// The labelled pictures of each class in random order. Steps take these pictures in turn: no picture repeats before a step has
+/// taken all other pictures of its class.
 struct Deck {
     classes: Vec<Class>,
 }
@@ -94,15 +94,15 @@ struct Deck {
 struct Class {
     pictures: Vec<usize>,
     next: usize,
-    /// Weight of its anchors.
+    /// Weight of the class's anchors.
     anchors: f64,
 }
 
 /// The pictures of a step.
 struct Dealt {
-    /// Class after class, equally many of each.
+    /// Pictures of the step, class after class, equally many of each class.
     pictures: Vec<usize>,
-    /// One per class of the step.
+    /// The share of each class of the step.
     shares: Vec<ClassShare>,
 }
 

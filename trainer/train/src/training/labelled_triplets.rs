@@ -26,7 +26,7 @@ pub(super) fn epoch(
     }
 }
 
-/// The pictures of a triplet. Without another positive, the positive is made from the anchor.
+/// The pictures of a triplet. If `positive` is `None`, the positive is made from the anchor.
 struct Drawn {
     anchor: usize,
     positive: Option<usize>,
@@ -34,7 +34,7 @@ struct Drawn {
 }
 
 impl Drawn {
-    /// Draws the anchor uniformly from all pictures, and the negative uniformly from those of other classes.
+    /// Draws the anchor uniformly from all pictures, and the negative uniformly from the pictures of other classes.
     fn draw(labelled: &LabelledPictures, augmented: f64, stream: &mut RandomStream) -> Self {
         let below = |count: usize, stream: &mut RandomStream| stream.below(count as u64) as usize;
         let pictures = labelled.by_class();

@@ -43,7 +43,7 @@ pub struct Progress {
     pub learning_rate: f64,
     /// Triplets that the epoch learned from.
     pub triplets: u64,
-    /// Time of its steps, seconds, without the measurement of quality.
+    /// Time of the epoch's steps, seconds, without the measurement of quality.
     pub seconds: f64,
     /// The quality of the network after the epoch, on held-out behaviours.
     pub quality: Quality,
@@ -70,18 +70,19 @@ pub enum Ending {
     Diverged,
 }
 
-/// A training with all its inputs. On one kind of CPU, its inputs and the epoch determine every bit of it. The number of
+/// A training with all its inputs. On one kind of CPU, the inputs and the epoch determine every bit of a training. The number of
 /// threads of the rayon pool does not matter.
 #[derive(Debug)]
 pub struct Training {
     configuration: Configuration,
     pictures: Arc<Pictures>,
     held_out: HeldOut,
-    /// `None` if the recipe takes no labels.
+    /// Labels and parent; `None` if the recipe takes no labels.
     fine_tuned: Option<FineTuned>,
     shards: Shards<f32>,
     gradient: Vec<f32>,
-    /// How often the in-batch recipe draws each behaviour, relative to the others; `None` if all are drawn equally often.
+    /// How often the in-batch recipe draws each behaviour, relative to the other behaviours; `None` if all behaviours are drawn
+    /// equally often.
     weights: Option<Vec<f64>>,
     state: State,
 }
@@ -97,7 +98,7 @@ struct State {
 }
 
 impl State {
-    /// One step of the optimiser against the gradient by the weights.
+    /// Takes one step of the optimiser against the gradient with respect to the weights.
     fn descend(&mut self, gradient: &[f32], weight_decay: f64) {
         let rate = self.schedule.learning_rate();
         let weights = self.network.parameters_mut();
@@ -122,16 +123,16 @@ pub enum TrainingError {
         shape: PictureShape,
         source: ArchitectureError,
     },
-    /// The recipe needs labels, but there are none.
+    /// The recipe needs labels, but the training has none.
     #[error("the recipe \"{0}\" needs labels")]
     NoLabels(&'static str),
     /// The recipe draws rare behaviours more often, which needs features, but they are missing.
     #[error("the recipe \"{0}\" needs the features of every behaviour unless its flattening is 0")]
     NoFeatures(&'static str),
-    /// The recipe takes no labels, but there are some.
+    /// The recipe takes no labels, but the training has labels.
     #[error("the recipe \"{0}\" has no use for labels")]
     NoUseForLabels(&'static str),
-    /// Labelled pictures have another size or other channels than the others.
+    /// Labelled pictures have another size or other channels than the unlabelled pictures.
     #[error("labelled pictures are of {labelled}, unlabelled ones of {shape}")]
     LabelledShape {
         shape: PictureShape,
@@ -143,7 +144,7 @@ pub enum TrainingError {
     /// The saved training is damaged, or of another version of the trainer.
     #[error("not a saved training: {0}")]
     Damaged(String),
-    /// The saved training belongs to another training.
+    /// The saved state belongs to another training.
     #[error("the saved training is of another {0}")]
     Other(&'static str),
 }
@@ -215,10 +216,10 @@ impl Training {
         }
     }
 
-    /// Resumes the training that [`Training::save`] saved. It continues as if it had never stopped.
+    /// Resumes the training that [`Training::save`] saved. The training continues as if it had never stopped.
     ///
     /// # Errors
-    /// If `saved` is damaged, or of another configuration, other pictures, labels or another parent.
+    /// If `saved` is damaged, or if its configuration, pictures, labels or parent differ from this training's.
     pub fn taken_up(mut self, saved: &[u8]) -> Result<Self, TrainingError> {
         saved::restore(&mut self, saved)?;
         Ok(self)
@@ -235,7 +236,7 @@ impl Training {
         self.state.epoch
     }
 
-    /// Why there is no further epoch, if there is none.
+    /// Why the training has ended; `None` if a further epoch follows.
     #[must_use]
     pub fn ending(&self) -> Option<Ending> {
         let State {
@@ -255,7 +256,7 @@ impl Training {
         }
     }
 
-    /// Trains for one epoch. After the end it does nothing and returns `None`.
+    /// Trains for one epoch. After the end of the training, this function does nothing and returns `None`.
     pub fn step(&mut self) -> Option<Progress> {
         if self.ending().is_some() {
             return None;
@@ -303,8 +304,8 @@ impl Training {
     /// The embedder to publish: for the in-batch recipe, the weights that were most accurate on held-out triplets; otherwise
     /// the weights after the last epoch.
     ///
-    /// Its last layer is shifted and scaled so that held-out behaviours have mean 0 and spread 1. This changes no comparison of
-    /// distances, and gives novelty the same unit for all recipes. A collapsed network is not changed.
+    /// The embedder's last layer is shifted and scaled so that held-out behaviours have mean 0 and spread 1. This scaling changes
+    /// no comparison of distances, and gives novelty the same unit for all recipes. A collapsed network is not changed.
     #[must_use]
     pub fn embedder(&self) -> Network {
         let mut network = self.best_network();
@@ -317,7 +318,7 @@ impl Training {
         network
     }
 
-    /// The quality of the network of [`Training::embedder`] on held-out behaviours, before it is scaled.
+    /// The quality of the network of [`Training::embedder`] on held-out behaviours, before the network is scaled.
     #[must_use]
     pub fn quality(&self) -> Quality {
         self.held_out.quality(&self.best_network())

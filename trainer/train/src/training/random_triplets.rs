@@ -28,7 +28,7 @@ pub(super) fn epoch(
     }
 }
 
-/// One view of each of two behaviours. The positive is made from the anchor.
+/// Draws a triplet: one view of each of two behaviours. The positive is made from the anchor.
 fn draw<'a>(pictures: &'a Pictures, behaviours: &[usize], stream: &mut RandomStream) -> Triplet<'a> {
     let count = behaviours.len() as u64;
     let anchor = stream.below(count);

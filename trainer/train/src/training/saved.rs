@@ -3,10 +3,11 @@
 use super::{Training, TrainingError, schedule::ScheduleState};
 use prost::Message;
 
-/// Must change when the saved fields change, or when the same training would continue differently.
+/// Version of the format. The version must change when the saved fields change, or when the same training would continue
+/// differently.
 const VERSION: &str = "murmuration training 4";
 
-/// Floats are little-endian.
+/// The message of a saved training. Byte fields contain little-endian floats.
 #[derive(Clone, PartialEq, Message)]
 struct Saved {
     #[prost(string, tag = "1")]
@@ -23,7 +24,7 @@ struct Saved {
     adam_means: Vec<u8>,
     #[prost(bytes = "vec", tag = "7")]
     adam_squares: Vec<u8>,
-    /// Two values.
+    /// The two powers of Adam's decays.
     #[prost(double, repeated, tag = "8")]
     adam_powers: Vec<f64>,
     #[prost(double, tag = "9")]
@@ -40,10 +41,10 @@ struct Saved {
     best_epoch: u64,
     #[prost(double, tag = "15")]
     best_triplet_accuracy: f64,
-    /// Empty without labels.
+    /// Digest of the labels; empty if the training has no labels.
     #[prost(string, tag = "17")]
     label_digest: String,
-    /// The checkpoint that the training started from; empty if none.
+    /// The checkpoint that the training started from; empty if the training started from initial weights.
     #[prost(string, tag = "18")]
     parent: String,
     /// BLAKE3 of the message without this field.
@@ -147,7 +148,7 @@ fn bytes(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
-/// Decodes `bytes` into `values`; false if their number differs.
+/// Decodes `bytes` into `values`; false if the number of values differs.
 fn read(bytes: &[u8], values: &mut [f32]) -> bool {
     let (quads, rest) = bytes.as_chunks::<4>();
     let fits = quads.len() == values.len() && rest.is_empty();

@@ -64,7 +64,7 @@ impl Schedule {
         self.state.learning_rate
     }
 
-    /// Sets the rate, for recipes with a schedule of their own.
+    /// Sets the learning rate, for recipes with a schedule of their own.
     pub(super) const fn set_learning_rate(&mut self, rate: f64) {
         self.state.learning_rate = rate;
     }
@@ -92,7 +92,7 @@ impl Schedule {
         }
     }
 
-    /// Mean loss of the given number of last epochs; infinite while there are fewer.
+    /// Mean loss of the given number of last epochs; infinite while fewer epochs have ended.
     pub(super) fn mean_of_last(&self, epochs: usize) -> f64 {
         let losses = &self.state.losses;
         if losses.len() < epochs {

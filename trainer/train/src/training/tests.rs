@@ -16,7 +16,7 @@ pub(super) const SMALL: &str = "
 const IN_BATCH: &str = "[recipe.in-batch]\nbatch = 20\nepochs = 4\n";
 const PAPER: &str = "[recipe.paper]\nbatch = 100\nsteps = 2\nepochs = 4\nlearning_rate = 0.01\n";
 
-/// Bars of one width and brightness each: two views of sixty.
+/// Pictures of sixty behaviours, with two views each. A behaviour is a bar of one width and one brightness.
 pub(super) fn bars() -> Arc<Pictures> {
     let mut stream = RandomStream::derive(5, Purpose::Train, 0);
     let mut bytes = Vec::new();

@@ -8,8 +8,8 @@ use crate::{
 };
 use murmuration_swarm::{PictureShape, Purpose, RandomStream, training::RandomTriplets};
 
-/// Number of values of a chunk's forward pass. With more images, packing a dense layer's weights costs less per image; with
-/// fewer, more of them stay in a core's cache.
+/// Number of values of a chunk's forward pass. With more images in a chunk, packing a dense layer's weights costs less per image;
+/// with fewer images, more values stay in a core's cache.
 const CHUNK_VALUES: usize = 3 << 20;
 
 /// Triplets in a chunk: a power of two, like the size of most batches.
@@ -18,14 +18,14 @@ fn chunk(network: &Network) -> usize {
     1 << most.max(1).ilog2()
 }
 
-/// The pictures of a triplet. Without another positive, the positive is the augmented anchor.
+/// The pictures of a triplet. If `positive` is `None`, the positive is the augmented anchor.
 pub(super) struct Triplet<'a> {
     pub(super) anchor: &'a [u8],
     pub(super) positive: Option<&'a [u8]>,
     pub(super) negative: &'a [u8],
 }
 
-/// One step of the optimiser on `triplets`; `key` is the seed of their augmentations. Returns their mean loss.
+/// Takes one step of the optimiser on `triplets`, and returns their mean loss. `key` is the seed of the augmentations.
 pub(super) fn learn(training: &mut Training, recipe: &RandomTriplets, triplets: &[Triplet], key: u64) -> f64 {
     let augmentation = Augmentation::from(training.configuration.recipe());
     let state = &mut training.state;

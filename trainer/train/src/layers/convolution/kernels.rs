@@ -1,11 +1,11 @@
 //! The loops of a convolution, with the CPU's widest vectors. A tile of sums stays in registers from its first product to its
-//! last; products are added by fused multiply-add. The order of a sum does not depend on the width of vectors.
+//! last; products are added by fused multiply-add. The order in which products are added does not depend on the width of vectors.
 
 use super::meetings::{Group, Place, Span, Strip};
 use crate::real::Real;
 use pulp::{Simd, WithSimd};
 
-/// Channels of a tile. Packed weights and outputs of [`Products`] have a multiple of it.
+/// Number of channels of a tile. Packed weights and outputs of [`Products`] have a multiple of this number of channels.
 pub(super) const WIDTH: usize = 16;
 
 /// Sets every pixel of `target` to `first` plus a sum of weights times values of `source`.
@@ -13,7 +13,7 @@ pub(super) struct Gather<'a, T> {
     pub(super) groups: &'a [Group],
     pub(super) samples: usize,
     pub(super) source: &'a [T],
-    /// For every [`WIDTH`] channels of the target: rows of [`WIDTH`] weights.
+    /// Rows of [`WIDTH`] weights, for every [`WIDTH`] channels of the target.
     pub(super) weights: &'a [T],
     /// A value for each channel, and zeros up to a multiple of [`WIDTH`].
     pub(super) first: &'a [T],
@@ -26,7 +26,8 @@ impl<T: Real> WithSimd for Gather<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        // Constants: vectors per tile's channels, and as many pixels per tile as registers hold.
+        // The constants are the number of vectors for a tile's channels, and the number of pixels per tile: as many as registers
+        // hold.
         match T::lanes::<S>() {
             16 => self.run::<S, 1, 12>(simd),
             8 => self.run::<S, 2, 6>(simd),
@@ -81,8 +82,8 @@ fn sums<T: Real, S: Simd, const V: usize, const P: usize>(
             *values = &source[place.source as usize + shift..][..len];
         }
         for (i, weights) in weights.iter().enumerate() {
-            // Reads all values before the first product. Otherwise the compiler keeps all of their vectors, and has too few
-            // registers for the sums.
+            // The loop reads all values before the first product: otherwise the compiler would keep a vector of every value, and
+            // would have too few registers for the sums.
             let mut here = [T::zero(); P];
             for (value, values) in here.iter_mut().zip(&values) {
                 *value = values[i];
@@ -98,18 +99,19 @@ fn sums<T: Real, S: Simd, const V: usize, const P: usize>(
     sums
 }
 
-/// Adds to `sums` the products of the values under each pixel with the gradient by that pixel, summed over all pixels.
+/// For each pixel, multiplies the values under the kernel with the gradient with respect to this pixel. Adds these products,
+/// summed over all pixels, to `sums`.
 pub(super) struct Products<'a, T> {
     pub(super) strips: &'a [Strip],
     pub(super) samples: usize,
     pub(super) values: &'a [T],
-    /// `channels` for each pixel.
+    /// Gradient: `channels` numbers for each pixel.
     pub(super) gradient: &'a [T],
-    /// A multiple of [`WIDTH`].
+    /// Number of channels, a multiple of [`WIDTH`].
     pub(super) channels: usize,
-    /// `channels` for each value of a patch.
+    /// Sums of products: `channels` numbers for each value of a patch.
     pub(super) sums: &'a mut [T],
-    /// `channels`: sums of the gradients alone.
+    /// Sums of the gradients alone: `channels` numbers.
     pub(super) alone: &'a mut [T],
 }
 
@@ -150,7 +152,7 @@ impl<T: Real> Products<'_, T> {
         }
     }
 
-    /// Computes the products of `M` values after the first `done`; returns `M`.
+    /// Computes the products of the `M` values that follow the first `done` values; returns `M`.
     #[inline(always)]
     fn tile<S: Simd, const V: usize, const M: usize>(
         &mut self,
@@ -182,7 +184,7 @@ impl<T: Real> Products<'_, T> {
         M
     }
 
-    /// Sums the gradients, in four partial sums, because each addition waits for the one before.
+    /// Sums the gradients in four partial sums, because each addition waits for the addition before it.
     #[inline(always)]
     fn sum_alone<S: Simd, const V: usize>(&mut self, simd: S, from: usize) {
         const APART: usize = 4;

@@ -1,21 +1,21 @@
 //! Finds the pixels of a convolution's input and output that meet under each part of the kernel.
 //!
-//! Pixels that meet the same parts form a group: the interior of a picture, its edges and its corners. A group needs no padding,
-//! so nothing is multiplied by zeros, and no pixel needs a bounds check of its own.
+//! Pixels that meet the same parts of the kernel form a group: the interior of a picture, its edges and its corners. A group
+//! needs no padding, so nothing is multiplied by zeros, and no pixel needs a bounds check of its own.
 
 use murmuration_swarm::training::Shape;
 use std::collections::BTreeMap;
 
-/// All meetings of a block of samples.
+/// All meetings of input and output pixels in a block of samples.
 #[derive(Debug)]
 pub(super) struct Meetings {
     /// Number of samples in a block.
     pub(super) samples: usize,
-    /// By output pixel.
+    /// Groups of output pixels.
     pub(super) outputs: Vec<Group>,
-    /// By input pixel.
+    /// Groups of input pixels.
     pub(super) inputs: Vec<Group>,
-    /// By row of the kernel.
+    /// Strips of every row of the kernel.
     pub(super) strips: Vec<Strip>,
 }
 
@@ -26,21 +26,21 @@ pub(super) struct Group {
     pub(super) places: Places,
 }
 
-/// A part of the kernel, adjacent in memory.
+/// A part of the kernel whose weights are adjacent in memory.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Span {
-    /// The index of its first row in the packed weights.
+    /// Index of the span's first row in the packed weights.
     pub(super) row: usize,
     /// Offset, from a place's source, of the values that the span is multiplied with.
     pub(super) shift: usize,
-    /// Number of rows, and of values.
+    /// Number of the span's rows, which is also the number of values.
     pub(super) len: usize,
 }
 
-/// A part of a row of the kernel, and the pixels for which all of it lies in the picture.
+/// A part of a row of the kernel, and the pixels for which the whole part lies in the picture.
 #[derive(Debug)]
 pub(super) struct Strip {
-    /// The index of its first weight in a patch.
+    /// Index of the strip's first weight in a patch.
     pub(super) row: usize,
     /// Number of weights.
     pub(super) len: usize,
@@ -59,12 +59,12 @@ pub(super) struct Places {
 pub(super) struct Place {
     /// Index of the pixel in the block.
     pub(super) pixel: u32,
-    /// Offset of the first value that it meets in the block.
+    /// Offset in the block of the first value that the pixel meets.
     pub(super) source: u32,
 }
 
 impl Places {
-    /// The places of the first samples.
+    /// The places of the first `samples` samples.
     pub(super) fn of(&self, samples: usize) -> &[Place] {
         &self.places[..samples * self.per_sample]
     }
@@ -92,7 +92,7 @@ impl Meetings {
             ..
         } = geometry;
         let samples = (VALUES_AT_ONCE / (input.len() + output.len())).clamp(1, 16);
-        // A power of two, which divides the chunks of trainings.
+        // A power of two divides the chunks of trainings.
         let samples = 1 << samples.ilog2();
         let by_output = axis(output.side, |pixel| geometry.under(pixel));
         let by_input = axis(input.side, |pixel| geometry.over(pixel));
@@ -175,7 +175,7 @@ struct Lines {
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Part {
     kernel: usize,
-    /// The pixel that it meets, relative to the first one that is met.
+    /// The pixel that this part meets, relative to the first pixel that any part meets.
     shift: usize,
 }
 
@@ -184,7 +184,7 @@ impl Lines {
         self.parts.first().map_or(0, |part| part.kernel)
     }
 
-    /// All pixels that meet one part, each with the pixel that it meets.
+    /// All pixels that meet `part` of the kernel's axis, each with the pixel that it meets.
     fn meeting(lines: &[Self], part: usize) -> Self {
         let of = |lines: &Self| {
             let part = lines.parts.iter().find(|other| other.kernel == part).copied();

@@ -1,4 +1,4 @@
-//! Compares the loops with and without vectors.
+//! Compares the loops of a convolution with and without vectors.
 
 use super::*;
 use pulp::Scalar;

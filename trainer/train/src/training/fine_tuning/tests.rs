@@ -13,7 +13,7 @@ const LABELLED: &str =
     "[recipe.labelled]\nper_class = 5\nunlabelled = 10\nenough_labels = 40\nsteps = 3\nepochs = 4\n";
 const PAPER: &str = "[recipe.paper-labelled]\nbatch = 100\nsteps = 2\nepochs = 4\nlearning_rate = 0.01\n";
 
-/// Bars whose width depends on their class, of random brightness and place.
+/// Labelled pictures of bars. The class determines the width of a bar; its brightness and place are random.
 fn labelled(classes: &[u32]) -> Arc<LabelledPictures> {
     let mut stream = RandomStream::derive(6, Purpose::Train, 0);
     let mut bytes = Vec::new();
@@ -66,7 +66,7 @@ fn it_begins_with_the_parent_and_ends_with_the_last_weights() {
     }
 }
 
-/// Share of triplets of labelled pictures whose anchor is nearer to its own class.
+/// Share of triplets of labelled pictures whose anchor is nearer to the picture of its own class.
 fn accuracy(network: &Network, labelled: &LabelledPictures) -> f64 {
     let embedded: Vec<Vec<f32>> = labelled
         .by_class()
