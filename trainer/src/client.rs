@@ -1,7 +1,7 @@
 //! The network side of a trainer: leases one training at a time, reports after each epoch, and publishes the checkpoint.
 //!
-//! A trainer is stateless: the coordinator has the last snapshot, and the next trainer continues from it to the same
-//! checkpoint.
+//! A trainer is stateless: the coordinator keeps the last snapshot of a training. The next trainer continues from this snapshot
+//! and reaches the same checkpoint.
 
 mod dataset;
 mod event;
@@ -27,24 +27,25 @@ pub use murmuration_link::LinkError as TrainerError;
 pub struct Options {
     /// URL of the coordinator, `http://HOST:PORT` or `https://HOST:PORT`.
     pub coordinator: String,
-    /// Credentials for the coordinator, and the authority to trust.
+    /// Credentials for the coordinator, and the certificate authority that the trainer trusts.
     pub credentials: Credentials,
-    /// Its name, for people.
+    /// Name of the trainer, shown to people.
     pub name: String,
-    /// Address of this machine to connect from; `None` leaves the choice to the system.
+    /// Local address that the trainer connects from; `None` lets the system choose an address.
     pub local_address: Option<IpAddr>,
     /// Receives whether the trainer is connected.
     pub health: Health,
 }
 
-/// A running trainer. Boxed, so that it is compiled once here and not again in each program that awaits it.
+/// A running trainer. A boxed future is compiled once in this crate, and not again in each program that awaits it.
 pub type Training = Pin<Box<dyn Future<Output = Result<(), TrainerError>> + Send>>;
 
-/// Trains, in rayon's global pool, until `stop` becomes true. Then finishes the epoch, returns the training as a snapshot, and
-/// disconnects.
+/// Trains in rayon's global pool until `stop` becomes true. After that, the trainer finishes the epoch, returns the training as a
+/// snapshot, and disconnects.
 ///
 /// # Errors
-/// If the URL is not valid, or the coordinator refuses this trainer. Temporary errors are retried without end.
+/// If the URL is not valid, or the coordinator refuses this trainer. After a temporary error, the trainer tries again, without
+/// end.
 pub fn run(options: Options, stop: watch::Receiver<bool>) -> Training {
     Box::pin(train(options, stop))
 }
@@ -66,7 +67,8 @@ async fn train(options: Options, stop: watch::Receiver<bool>) -> Result<(), Trai
 
 struct Trainer {
     coordinator: Coordinator,
-    /// Locked by the training that computes. An abandoned training computes until its epoch is over, and the next one waits.
+    /// Lock of the training that computes. An abandoned training computes until its epoch is over, and the next training waits
+    /// for the lock.
     turn: Arc<Mutex<()>>,
 }
 
@@ -125,7 +127,7 @@ impl Peer for Trainer {
 }
 
 impl Trainer {
-    /// Begins a training, or reports that it cannot begin.
+    /// Begins the training of a lease, or reports that the training cannot begin.
     async fn take(
         &self,
         lease: v1::Lease,

@@ -1,4 +1,4 @@
-//! The trainer's binary: connects to a coordinator and trains embedders until it is told to stop.
+//! The trainer's binary: connects to a coordinator and trains embedders until a signal stops it.
 
 use clap::Parser;
 use murmuration_link::{PeerArguments, Post, errln, parse_arguments, run_peer};

@@ -15,11 +15,12 @@ use std::collections::BTreeMap;
 
 /// Number of pictures that both the network and ONNX Runtime embed.
 const COMPARED: usize = 256;
-/// Maximum difference by rounding between a number of the two embeddings, whose spread is 1. The limit is proportional to the
-/// sums in the last layer if these are larger than the embeddings. Embeddings of a network that is not trained, or was trained
-/// with the paper's learning rate, can lie close together and far from 0; then their last digits are all rounding.
+/// Maximum difference, caused by rounding, between a number of the network's embedding and the same number of ONNX Runtime's.
+/// Embeddings have spread 1. If the sums in the last layer are larger than the embeddings, the limit is proportional to these
+/// sums. Embeddings of an untrained network, or of a network trained with the paper's learning rate, can lie close together and
+/// far from 0. The last digits of such embeddings are all rounding.
 const MOST_DIFFERENCE: f32 = 1e-5;
-/// Upper bound of the scaled limit.
+/// Upper bound of the limit, when the limit is proportional to the sums in the last layer.
 const MOST_SCALED_DIFFERENCE: f32 = 1e-2;
 /// Spread below which an embedding counts as collapsed: scaling it to 1 would make rounding errors large.
 const LEAST_SPREAD: f64 = 1e-6;
@@ -55,7 +56,7 @@ pub(crate) enum Unpublishable {
 }
 
 impl Publication {
-    /// The embedder of a training of `pictures` by `configuration`, after its last epoch.
+    /// The embedder after the last epoch of a training on `pictures` with `configuration`.
     pub(crate) fn of(
         training: &Training,
         configuration: &Configuration,
@@ -71,7 +72,7 @@ impl Publication {
         let mut embedder = Embedder::open(runtime, EmbedderModel::read(&bytes)?)?;
         let difference = difference(&network, &mut embedder, pictures)?;
         let allowed = allowed_difference(&network);
-        // Not `>`, so that NaN counts as a difference.
+        // `difference > allowed` alone would be false for NaN, which must count as a difference.
         if !matches!(difference, 0.0..) || difference > allowed {
             return Err(Unpublishable::Differs {
                 difference,
@@ -123,8 +124,8 @@ impl Publication {
     }
 }
 
-/// Proportional to the biases of the last layer, which are the last parameters: sums larger than the embeddings are as large as
-/// the biases.
+/// The allowed difference is proportional to the biases of the last layer, which are the network's last parameters. Sums that are
+/// larger than the embeddings are as large as these biases.
 fn allowed_difference(network: &Network) -> f32 {
     let biases = network.parameters().len() - network.architecture().dimensions();
     let largest = network.parameters()[biases..]
@@ -133,7 +134,7 @@ fn allowed_difference(network: &Network) -> f32 {
     (MOST_DIFFERENCE * largest).min(MOST_SCALED_DIFFERENCE)
 }
 
-/// The largest difference between the embeddings of the two, over evenly chosen pictures.
+/// The largest difference between the embeddings by `network` and by `embedder`, over evenly chosen pictures.
 fn difference(network: &Network, embedder: &mut Embedder, pictures: &Pictures) -> Result<f32, Unpublishable> {
     let count = pictures.behaviours().min(COMPARED);
     let compared = (0..count).map(|i| i * pictures.behaviours() / count);
@@ -143,7 +144,7 @@ fn difference(network: &Network, embedder: &mut Embedder, pictures: &Pictures) -
     let ours = network.embed(&images.concat());
     let theirs = embedder.embed(&images)?.concat();
     let differences = ours.iter().zip(&theirs).map(|(a, b)| (a - b).abs());
-    // Not f32::max, which ignores NaN.
+    // `f32::max` would ignore NaN.
     let larger = |most: f32, difference: f32| match difference > most || difference.is_nan() {
         true => difference,
         false => most,
@@ -158,7 +159,7 @@ mod tests {
     use rand::RngExt as _;
     use std::sync::Arc;
 
-    /// Bars in one of two channels; neighbouring behaviours differ only in the channel.
+    /// Pictures of bars in one of two channels; neighbouring behaviours differ only in the channel.
     fn bars(shape: PictureShape) -> Pictures {
         let mut stream = RandomStream::derive(5, Purpose::Train, 0);
         let mut bytes = Vec::new();
@@ -198,7 +199,7 @@ mod tests {
                 "{network}"
             );
             assert!(read(PictureShape::new(1, 12).unwrap()).is_err(), "{network}");
-            // ONNX Runtime receives the channels in the same order.
+            // ONNX Runtime receives the channels in the same order as the network.
             let [mut one, mut other] = [vec![0; shape.bytes()], vec![0; shape.bytes()]];
             one[..24].fill(200);
             other[shape.pixels()..][..24].fill(200);

@@ -14,18 +14,19 @@ use murmuration_train::{
 use std::sync::Arc;
 use tonic::Status;
 
-/// Maximum number of bytes of a snapshot: four numbers of four bytes for each of at most 16 Mi weights, and some figures.
+/// Maximum number of bytes of a snapshot. A snapshot has four numbers of four bytes for each of at most 16 Mi weights, and a few
+/// other values.
 const MAX_SAVED_BYTES: usize = 300 << 20;
 
 pub(super) struct TrainingInputs {
     pub(super) pictures: Arc<Pictures>,
-    /// Present if the training learns from labels.
+    /// Inputs of fine-tuning; `None` if the training does not learn from labels.
     pub(super) fine_tuning: Option<FineTuning>,
-    /// The snapshot; empty if there is none.
+    /// Bytes of the snapshot; empty if the training has no snapshot.
     pub(super) saved: Vec<u8>,
 }
 
-/// The merged parts of a task.
+/// The inputs of a task, merged from the parts that the coordinator sent.
 #[derive(Default)]
 struct Parts {
     pictures: Vec<u8>,

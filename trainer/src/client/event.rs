@@ -9,7 +9,7 @@ use tonic::Status;
 #[derive(Debug)]
 pub(super) enum Event {
     Progress(v1::TrainingProgress),
-    /// A snapshot after this number of epochs.
+    /// A snapshot of the training after `epoch` epochs.
     Snapshot {
         epoch: u64,
         bytes: Vec<u8>,
@@ -25,7 +25,7 @@ pub(super) struct Undone {
 }
 
 impl Undone {
-    /// The training would fail anywhere, as far as this trainer can tell. The coordinator tries another trainer.
+    /// As far as this trainer can judge, the training would fail on every trainer. The coordinator tries another trainer.
     pub(super) fn fatal(message: impl fmt::Display) -> Self {
         Self {
             class: v1::FailureClass::Fatal,

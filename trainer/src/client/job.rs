@@ -22,7 +22,7 @@ use tracing::{Instrument as _, Span};
 /// Maximum number of events that wait to be sent. A training that is faster than the network waits.
 const EVENTS: usize = 4;
 
-/// A running training. Dropping it ends the training after the current epoch.
+/// A running training. Dropping a `Running` ends its training after the current epoch.
 pub(super) struct Running {
     pub(super) lease: v1::LeaseId,
     events: mpsc::Receiver<Event>,
@@ -30,7 +30,7 @@ pub(super) struct Running {
 }
 
 impl Running {
-    /// Begins as soon as no other training computes.
+    /// Starts a training, which computes as soon as no other training computes.
     pub(super) fn start(
         lease: v1::LeaseId,
         task: Task,
@@ -47,7 +47,7 @@ impl Running {
                 Ok(digest) => Outcome::Checkpoint(digest.to_string()),
                 Err(undone) => undone.into(),
             };
-            // The receiver may be gone.
+            // An abandoned training has no receiver for its outcome.
             let _ = sender.send(Event::Done(outcome)).await;
         };
         job.spawn(training.instrument(span));
@@ -71,8 +71,8 @@ async fn train(
     mut stop: watch::Receiver<bool>,
     events: mpsc::Sender<Event>,
 ) -> Result<CheckpointDigest, Undone> {
-    // Loads ONNX Runtime first, because a long training would be lost if its result cannot be checked. Another trainer may have
-    // the library.
+    // ONNX Runtime is loaded first: without it, the result of a long training could not be checked and would be lost. The error
+    // is retryable, because another trainer may have the library.
     let runtime = spawn_blocking(Runtime::load).await?.map_err(Undone::retryable)?;
     let (lease, turn) = (task.lease, turn.lock_owned().await);
     let material = tokio::select! {

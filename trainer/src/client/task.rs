@@ -22,7 +22,7 @@ pub(super) struct Task {
 }
 
 impl Task {
-    /// Number of features that come with the pictures: five for each behaviour if the recipe flattens, otherwise none.
+    /// Number of features that come with the pictures: five for each behaviour if the recipe uses flattening, otherwise none.
     pub(super) fn features(&self) -> usize {
         match self.configuration.recipe().flattening() {
             0 => 0,
@@ -31,7 +31,7 @@ impl Task {
     }
 }
 
-/// The labelled pictures to learn from.
+/// The part of a task that only trainings on labels have.
 #[derive(Debug)]
 pub(super) struct FineTuningTask {
     /// The checkpoint to train further.
@@ -41,7 +41,7 @@ pub(super) struct FineTuningTask {
     pub(super) labels: usize,
 }
 
-/// Bytes of this number of pictures, if they fit into a trainer's memory.
+/// Number of bytes of the pictures of all behaviours, if the pictures fit into a trainer's memory.
 fn bytes(field: &str, shape: PictureShape, views: u32, behaviours: u32) -> Result<usize, Undone> {
     let bytes = [views, behaviours]
         .iter()

@@ -12,14 +12,15 @@ use murmuration_train::training::{Progress, Training, TrainingError};
 use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 
-/// Minimum time between two snapshots: small trainings would spend more time on sending than on computing.
+/// Minimum time between two snapshots. Without this pause, small trainings would spend more time on sending snapshots than on
+/// computing.
 const SNAPSHOT_PAUSE: Duration = Duration::from_millis(500);
 
 pub(super) struct TrainingRun {
     pub(super) task: Task,
     pub(super) material: TrainingInputs,
     pub(super) runtime: Runtime,
-    /// Closed once the training is no longer wanted.
+    /// Channel for the training's events; closed when the training is no longer wanted.
     pub(super) events: mpsc::Sender<Event>,
     pub(super) stop: watch::Receiver<bool>,
 }
