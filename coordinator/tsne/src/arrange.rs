@@ -1,8 +1,8 @@
 //! t-SNE: a map on which neighbours stay neighbours.
 //!
-//! It interpolates on a grid (FIt-SNE, Linderman et al. 2019), whose steps cost the same for few points and many: 10,000
-//! behaviours take 3 s of one core, but 10 s with a tree of the points. Few behaviours are placed exactly, because their first
-//! steps go so far that the grid becomes huge: 16 of them took longer than 10,000.
+//! Many behaviours are placed by interpolation on a grid (FIt-SNE, Linderman et al. 2019): 10,000 behaviours take 3 s of one
+//! core, but 10 s with a tree of the points. Few behaviours are placed without a grid. Their first steps go so far that the grid
+//! would become huge: with it, 16 behaviours took longer than 10,000.
 
 use super::Points;
 use bhtsne::tSNE;
@@ -12,23 +12,23 @@ use murmuration_search::{
 };
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
-/// Approximate number of neighbours that count; lower for few behaviours.
+/// Approximate number of neighbours that t-SNE keeps near a behaviour; lower for few behaviours.
 const PERPLEXITY: f32 = 30.0;
 /// Factor by which the first steps exaggerate the attraction of neighbours.
 const EXAGGERATION: f32 = 12.0;
 /// Minimum learning rate, for few behaviours.
 const LEAST_RATE: f32 = 50.0;
-/// Number of steps. At a learning rate of the number of behaviours over the exaggeration (Belkina et al. 2019), they converge
-/// further than twice as many steps at a quarter of that rate, which is the crate's default.
+/// Number of steps. Our learning rate is the number of behaviours divided by the exaggeration (Belkina et al. 2019). At this
+/// rate, 500 steps converge further than 1,000 steps at a quarter of it, which are the crate's defaults.
 const STEPS: usize = 500;
 /// Minimum number of behaviours to arrange.
 const FEWEST: usize = 8;
 /// Minimum number of behaviours for the grid.
 const FEWEST_ON_GRID: usize = 256;
-/// Spread of the initial places; the first steps need room to rearrange.
+/// Spread of the initial places; small, so that the first steps can rearrange the behaviours.
 const START: f64 = 1e-4;
 
-/// Places `behaviours` by t-SNE, starting from `axes`; returns `axes` if there are too few.
+/// Places `behaviours` by t-SNE, starting from `axes`; returns `axes` if there are fewer than [`FEWEST`] behaviours.
 pub(super) fn arrange(
     behaviours: &Behaviours,
     axes: &[[f64; 2]],
@@ -83,7 +83,7 @@ pub(super) fn arrange(
         .iter()
         .map(|point| point.map(f64::from))
         .collect();
-    // Falls back to the axes if t-SNE diverged.
+    // If t-SNE diverged, the points on the principal axes replace its result.
     Ok(match points.iter().flatten().all(|value| value.is_finite()) {
         true => points,
         false => axes.to_vec(),

@@ -1,8 +1,8 @@
-//! A t-SNE of an archive of any size: t-SNE places some behaviours, and the rest is interpolated.
+//! A t-SNE of an archive of any size: t-SNE places some behaviours, and interpolation places the other behaviours.
 //!
 //! As openTSNE and FIt-SNE do for large sets (Kobak and Berens 2019), t-SNE arranges a bounded number of *landmarks*, and every
-//! other behaviour is placed at the weighted mean of its nearest landmarks. So t-SNE's time and memory are bounded; the rest is
-//! a look-up in a tree for each behaviour.
+//! other behaviour is placed at the weighted mean of its nearest landmarks. So t-SNE's time and memory are bounded, and every
+//! other behaviour costs one look-up in a tree.
 
 mod arrange;
 
@@ -22,8 +22,8 @@ const MOST: usize = 20_000;
 /// Number of landmarks that each other behaviour is interpolated from.
 const BETWEEN: usize = 5;
 
-/// Places `behaviours`, whose points on the principal axes are `axes`; returns `axes` if there are too few to arrange. Uses half
-/// of the machine's threads.
+/// Places `behaviours`, whose points on the principal axes are `axes`; returns `axes` if there are too few behaviours to arrange.
+/// Uses half of the machine's threads.
 ///
 /// # Errors
 /// [`Interrupted`] once `interrupt` is raised.
@@ -66,8 +66,8 @@ pub fn embed_by(
     })
 }
 
-/// The mean of the places of `nearest` (in ascending order of distance), weighted by inverse distance; the place of the first
-/// if its distance is 0.
+/// The mean of the places of the landmarks `nearest` (in ascending order of distance), weighted by inverse distance. If the first
+/// landmark is at distance 0, the result is that landmark's place.
 fn between(nearest: &[Neighbour], placed: &[[f64; 2]]) -> [f64; 2] {
     let least = nearest.first().map_or(0.0, |first| first.distance);
     let (mut sum, mut weights) = ([0.0; 2], 0.0);

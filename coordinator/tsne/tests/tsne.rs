@@ -29,7 +29,7 @@ fn distance(one: [f64; 2], other: [f64; 2]) -> f64 {
 
 #[test]
 fn neighbours_stay_neighbours() {
-    // The first two are placed exactly, the last on a grid.
+    // 12 and 120 behaviours are placed without a grid, 300 behaviours on a grid.
     for count in [12, 120, 300] {
         let behaviours = clumps(count);
         let axes = projection::principal_axes(&behaviours, &Interrupt::default())
