@@ -1,4 +1,4 @@
-//! Standing answers: people look through them, change theirs, and withdraw them.
+//! The standing answers: people look through all answers, and change or withdraw their own answers.
 
 use super::{
     Web, keys,
@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use tonic::Request;
 
-/// Place of an answer that names no class, in the column of answers.
+/// Numbers in the column of answers for an answer that names no class.
 const NOT_SURE: u16 = u16::MAX;
 const SKIP: u16 = u16::MAX - 1;
 
@@ -71,17 +71,17 @@ pub(super) async fn page(OfCampaign { record, visitor, .. }: OfCampaign) -> Resu
     Ok(campaign_page(&record, Part::Answers, &visitor, content))
 }
 
-/// The standing answers, in columns.
+/// The standing answers, as columns.
 #[derive(Debug, Serialize)]
 pub(super) struct AnswersView {
     classes: Vec<teach::ClassView>,
     annotators: Vec<String>,
     individual: String,
-    /// Place in `annotators`.
+    /// The annotators, as places in `annotators`.
     annotator: String,
-    /// Place in `classes`, [`NOT_SURE`] or [`SKIP`].
+    /// The answers: places in `classes`, [`NOT_SURE`] or [`SKIP`].
     answer: String,
-    /// Milliseconds since 1970-01-01 UTC.
+    /// The times, in milliseconds since 1970-01-01 UTC.
     time: String,
 }
 
@@ -122,7 +122,7 @@ fn columns(labels: &Labels) -> AnswersView {
     }
 }
 
-/// Answers of one annotator to withdraw.
+/// A request to withdraw answers of one annotator.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Withdraw {
@@ -131,7 +131,7 @@ pub(super) struct Withdraw {
     individuals: Vec<u64>,
 }
 
-/// Withdraws answers; responds with the updated classes.
+/// Withdraws answers, and responds with the updated classes.
 pub(super) async fn withdraw(
     State(web): State<Web>,
     Path(campaign): Path<String>,

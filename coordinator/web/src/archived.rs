@@ -1,17 +1,17 @@
-//! How long a browser may keep pictures and motions of an archive. They do not change, but a campaign of another data
-//! directory may have the same id at the same address, and results of a wrong worker are discarded. An address with the time
-//! at which its campaign was created, and the number of times that results were discarded, always means the same content.
+//! How long a browser can keep pictures and motions of an archive. These do not change, with two exceptions: a campaign of
+//! another data directory can have the same id at the same address, and a rollback discards results. An address that also
+//! contains the time of the campaign's creation and the number of rollbacks always has the same content.
 
 use axum::http::{HeaderName, HeaderValue, header::CACHE_CONTROL};
 use murmuration_model::CampaignRecord;
 use serde::Deserialize;
 
-/// The browser may keep the response as long as it wants.
+/// The browser can keep the response as long as it wants.
 const LASTING: &str = "private, max-age=31536000, immutable";
 /// The browser must ask the coordinator before each use.
 const CHECKED: &str = "private, no-cache";
 
-/// Whether a header is one of these two.
+/// Whether a header is [`LASTING`] or [`CHECKED`].
 pub(super) fn is_kept(cache_control: &HeaderValue) -> bool {
     cache_control == LASTING || cache_control == CHECKED
 }
@@ -19,15 +19,15 @@ pub(super) fn is_kept(cache_control: &HeaderValue) -> bool {
 /// The part of an address that distinguishes campaigns with the same id.
 #[derive(Debug, Deserialize)]
 pub(super) struct Created {
-    /// The [`ArchiveVersion::origin`] of the archive; absent from addresses that people type.
+    /// The [`ArchiveVersion::origin`] of the archive; an address that a person typed lacks it.
     ///
     /// [`ArchiveVersion::origin`]: murmuration_model::ArchiveVersion::origin
     created: Option<String>,
 }
 
 impl Created {
-    /// The header that tells a browser how long to keep a response. It forbids shared caches, since the request may have needed a
-    /// token.
+    /// The header that sets how long a browser can keep a response. The header forbids shared caches, because the request can
+    /// have needed a token.
     pub(super) fn keep(&self, record: &CampaignRecord) -> (HeaderName, &'static str) {
         let kept = match self.created == Some(record.archive_version().origin()) {
             true => LASTING,

@@ -1,6 +1,7 @@
-//! Parameters of a request: the query of its address, and its form.
+//! The parameters of a request: the query of its address, and its form.
 //!
-//! Like axum's extractors of the same names, but errors appear on our error page and name the field.
+//! [`Query`] and [`Form`] work like axum's extractors of these names, but their errors appear on our error page and name the
+//! field.
 
 use super::page_error::PageError;
 use axum::{
@@ -15,11 +16,11 @@ use axum::{
 use murmuration_swarm::{Invalid, text};
 use serde::de::DeserializeOwned;
 
-/// The query of the address.
+/// The query of a request's address.
 #[derive(Debug)]
 pub(super) struct Query<T>(pub(super) T);
 
-/// The form: of a POST its body, of a GET the query of the address.
+/// The form of a request: the body of a POST, or the query of a GET's address.
 #[derive(Debug)]
 pub(super) struct Form<T>(pub(super) T);
 
@@ -56,8 +57,8 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Form<T> {
     }
 }
 
-/// Finds the field that axum refused and its value in the query or form. `message` is axum's: "Failed to ...: FIELD: reason", or a
-/// reason with the field in backticks.
+/// Finds the field that axum refused, and the field's value in the query or form. `message` is axum's error message: "Failed to
+/// ...: FIELD: reason", or a reason with the field in backticks.
 fn refused(message: &str, pairs: &[u8]) -> Invalid {
     let pairs: Vec<(String, String)> = serde_urlencoded::from_bytes(pairs).unwrap_or_default();
     let find = |field: &str| pairs.iter().find(|(name, _)| name == field);

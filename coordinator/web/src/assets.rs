@@ -1,4 +1,4 @@
-//! Style sheets and scripts, which are part of the binary.
+//! The style sheets and scripts of the pages, which are part of the binary.
 
 use super::page_error::PageError;
 use axum::{
@@ -11,7 +11,7 @@ use murmuration_report::scripts::MODULES;
 const CSS: &str = "text/css";
 const SCRIPT: &str = "text/javascript";
 
-/// The file name, type and content of each asset, without the scripts that reports share.
+/// The file name, type and content of each asset, except the scripts that the pages share with reports.
 const ASSETS: [(&str, &str, &str); 49] = [
     ("icon.svg", "image/svg+xml", include_str!("assets/icon.svg")),
     ("style.css", CSS, include_str!("assets/style.css")),

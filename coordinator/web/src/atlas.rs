@@ -1,5 +1,5 @@
-//! The atlas of a campaign that evaluates all controllers of four speeds: its map, with the motion of the chosen controller beside
-//! it. The coordinator simulates that motion itself, as on the page Play.
+//! The atlas of a campaign that evaluates all controllers of four speeds: its map, with the motion of the chosen controller
+//! beside it. The coordinator simulates the motion itself, as it does for the page Play.
 
 mod others;
 
@@ -33,13 +33,13 @@ use serde_json::json;
 use std::sync::Arc;
 use tonic::Status;
 
-/// Individuals per read.
+/// Number of individuals per read of the store.
 const CHUNK: u64 = 4096;
 
-/// Byte limit of the cached atlases; the latest stays however large it is.
+/// Maximum size of all cached atlases in bytes; the latest atlas is kept at any size.
 const MOST_BYTES: usize = 64 << 20;
 
-/// Cache of the latest atlases, for the requests of their pages; cheap to clone.
+/// Cache of the latest atlases, for the requests of their pages. A clone is cheap.
 #[derive(Debug, Clone)]
 pub struct DrawnAtlas(LatestAnswers<(ArchiveVersion, u64), Arc<Parts>>);
 
@@ -49,12 +49,12 @@ impl Default for DrawnAtlas {
     }
 }
 
-/// The data and the picture of the page.
+/// The data and the picture of an atlas's page.
 #[derive(Debug)]
 struct Parts {
-    /// JSON.
+    /// The data, as JSON.
     data: Bytes,
-    /// PNG.
+    /// The picture, as PNG.
     picture: Bytes,
 }
 
@@ -111,7 +111,7 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
     Ok(campaign_page(&record, Part::Atlas, &visitor, content))
 }
 
-/// The data that the script of the page draws.
+/// The data of an atlas, which the script of its page draws.
 pub(super) async fn data(
     State(web): State<Web>,
     Path(id): Path<String>,
@@ -120,7 +120,7 @@ pub(super) async fn data(
     Ok(([(CONTENT_TYPE, "application/json")], parts.data.clone()))
 }
 
-/// The picture, one pixel per controller.
+/// The picture of an atlas, with one pixel per controller.
 pub(super) async fn picture(
     State(web): State<Web>,
     Path(id): Path<String>,
@@ -134,7 +134,7 @@ async fn parts_of(web: &Web, id: &str) -> Result<Arc<Parts>, PageError> {
     let layout = atlas_of(&record).ok_or(PageError::NoPage)?;
     let wanted = (record.archive_version(), record.individuals());
     let (store, campaign) = (web.store.clone(), record.id.clone());
-    // Both requests of a page need the same archive.
+    // The two requests of a page, for data and picture, share one drawing of the archive.
     let draw = async {
         let parts = in_background(move |interrupt| Parts::draw(&store, &record, &layout, interrupt)).await?;
         Ok(Arc::new(

@@ -1,4 +1,4 @@
-//! The classes of a campaign: people rename, merge, colour and delete them, give them keys, and undo changes.
+//! The page of a campaign's classes: people rename, merge, colour and delete classes, give keys to classes, and undo changes.
 
 use super::{
     Web, keys,
@@ -23,9 +23,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use tonic::Request;
 
-/// Pictures of a class in its row.
+/// Maximum number of pictures in the row of a class.
 const PICTURES: usize = 6;
-/// Changes on the page.
+/// Maximum number of changes on the page.
 const CHANGES: usize = 20;
 
 const KEYS: [(&str, &str); 3] = [
@@ -82,9 +82,9 @@ struct NamedClassView {
     colour: String,
     shortcut: Option<String>,
     labels: u64,
-    /// The annotators who named it.
+    /// The annotators who named the class.
     people: BTreeSet<String>,
-    /// Some of its individuals.
+    /// Some individuals of the class.
     individuals: BTreeSet<u64>,
 }
 
@@ -93,7 +93,7 @@ struct ChangeView {
     /// Number of the entry in the label log.
     entry: u64,
     annotator: String,
-    /// In RFC 3339.
+    /// The time of the change, in the format of RFC 3339.
     time: String,
     description: String,
 }
@@ -189,7 +189,7 @@ enum Wanted {
     Revert { entry: u64 },
 }
 
-/// Changes a class; responds as [`details`].
+/// Changes a class, and responds with the data of [`details`].
 pub(super) async fn change(
     State(web): State<Web>,
     Path(campaign): Path<String>,

@@ -19,7 +19,8 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
     ))
 }
 
-/// The data to be deleted, and the button. The form of a campaign of a study names the study, which the deletion requires.
+/// The question on the page: the data that would be deleted, and the button. If the campaign belongs to a study, its form names
+/// the study, because the deletion requires this name.
 fn question(record: &CampaignRecord, deletion: &Deletion) -> Markup {
     let id = record.id.as_str();
     html! {
@@ -45,10 +46,10 @@ fn question(record: &CampaignRecord, deletion: &Deletion) -> Markup {
     }
 }
 
-/// The fields of the form.
+/// The fields of the form that deletes a campaign.
 #[derive(Debug, Deserialize)]
 pub(super) struct Named {
-    /// The study that the campaign belongs to; absent if it belongs to none.
+    /// The study that the campaign belongs to; empty if the campaign belongs to no study.
     #[serde(default)]
     study: String,
 }
@@ -63,8 +64,8 @@ pub(super) async fn delete(
     Ok(Redirect::to("/"))
 }
 
-/// The button on a campaign's page, if the campaign may be deleted. It leads to the page that asks, because counting the data takes
-/// too long for a page that is sent again and again.
+/// The button on a campaign's page that leads to the page of this module; empty while the campaign runs. The button's own page
+/// does not list the data, because counting them takes too long for a page that is sent after every change.
 pub(super) fn button(record: &CampaignRecord) -> Markup {
     html! {
         @if record.state != CampaignState::Running {

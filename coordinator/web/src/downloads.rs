@@ -1,4 +1,4 @@
-//! Labels and archive as CSV, for spreadsheets and data frames.
+//! Downloads of labels and archive as CSV, for spreadsheets and data frames.
 
 use super::{of_campaign::OfCampaign, page_error::PageError};
 use axum::{
@@ -22,10 +22,10 @@ use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::Status;
 
-/// Individuals per read.
+/// Number of individuals per read of the store.
 const CHUNK: u64 = 1000;
 
-/// The standing answers, as `murmuration labels --csv` writes them.
+/// The standing answers, in the format of `murmuration labels --csv`.
 pub(super) async fn labels(OfCampaign { web, record, .. }: OfCampaign) -> Result<Response, PageError> {
     let (store, of) = (web.store.clone(), record.clone());
     let table = in_background(move |_| label_table(&store, &of)).await??;
@@ -53,13 +53,13 @@ fn label_table(store: &Store, record: &CampaignRecord) -> Result<Result<Vec<u8>,
     Ok(to_csv(&record.spec, labelled).map_err(io::Error::other))
 }
 
-/// A row for each individual, as `murmuration export --csv` writes them. The table is streamed.
+/// A row for each individual, in the format of `murmuration export --csv`. The table is streamed.
 pub(super) async fn archive(OfCampaign { web, record, .. }: OfCampaign) -> Result<Response, PageError> {
     let (parts, stream) = mpsc::channel(1);
     let (store, of) = (web.store.clone(), record.clone());
     spawn(async move {
         if let Err(broken) = send(store, of, &parts).await {
-            // The error keeps the client from taking the file as complete. The client may be gone.
+            // Because of this error, the client does not take the file for complete. A client that has left needs no error.
             let _ = parts.send(Err(io::Error::other(broken))).await;
         }
     });
@@ -67,7 +67,7 @@ pub(super) async fn archive(OfCampaign { web, record, .. }: OfCampaign) -> Resul
     Ok(file(&record, "archive", body))
 }
 
-/// Reads and sends a table part by part, for as long as the client takes them.
+/// Reads and sends a table part by part, for as long as the client receives parts.
 async fn send(
     store: Store,
     of: CampaignRecord,
@@ -76,7 +76,7 @@ async fn send(
     let mut table = match in_background(move |_| ArchiveTable::of(store, of)).await? {
         Ok(table) => table,
         Err(error) => {
-            // The client may be gone.
+            // A client that has left needs no error.
             let _ = parts.send(Err(error)).await;
             return Ok(());
         }

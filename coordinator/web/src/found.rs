@@ -1,4 +1,5 @@
-//! Searches in the list of campaigns. Results come a page at a time, so that the list answers quickly with any number of campaigns.
+//! Searches in the list of campaigns. A request returns one page of results, so that the list responds quickly with any number of
+//! campaigns.
 
 use murmuration_engine::campaign::ListedCampaign;
 use murmuration_model::{CampaignId, CampaignState};
@@ -6,10 +7,10 @@ use murmuration_swarm::CampaignName;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Most lines of a page, and most campaigns of a study on a page.
+/// Maximum number of lines of a page, and of campaigns of a study on a page.
 const MOST: usize = 50;
 
-/// The states that the list can be filtered by; `running` covers all stages.
+/// The states by which people can filter the list; `running` covers all stages.
 pub(super) const STATES: [&str; 7] = [
     "running",
     "waiting",
@@ -24,19 +25,19 @@ pub(super) const STATES: [&str; 7] = [
 #[derive(Debug, Clone, Default, Deserialize, Serialize)]
 #[serde(default)]
 pub(super) struct Wanted {
-    /// Words of the id, the state, the study or the first lines of the specification.
+    /// Words to find in the id, the state, the study or the first lines of the specification of a campaign.
     pub(super) words: String,
-    /// One of [`STATES`].
+    /// The wanted state, from [`STATES`].
     pub(super) state: String,
-    /// Only the campaigns of this study, unfolded.
+    /// The study whose campaigns are wanted; the list then has one line for each campaign of the study.
     pub(super) study: String,
-    /// The page, from 0.
+    /// The number of the page, from 0.
     pub(super) page: usize,
 }
 
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Found {
-    /// Newest first.
+    /// The lines of the page, newest first.
     pub(super) lines: Vec<Line>,
     /// Number of matching campaigns on all pages.
     pub(super) matching: usize,
@@ -59,7 +60,7 @@ pub(super) enum Line {
 }
 
 impl Wanted {
-    /// Whether the search leaves campaigns out.
+    /// Whether the search excludes any campaigns.
     pub(super) fn filters(&self) -> bool {
         [&self.words, &self.state, &self.study]
             .into_iter()
@@ -75,7 +76,7 @@ impl Wanted {
         }
     }
 
-    /// The page of `campaigns`, which are sorted oldest first.
+    /// The wanted page of `campaigns`, which are sorted oldest first.
     pub(super) fn of(&self, campaigns: &[ListedCampaign]) -> Found {
         let words: Vec<String> = self
             .words
@@ -107,7 +108,7 @@ impl Wanted {
             && (words.is_empty() || words.iter().all(|word| text().contains(word)))
     }
 
-    /// Newest first; a study takes the place of its newest campaign.
+    /// All lines, newest first; a study has the place of its newest campaign.
     fn lines(&self, matching: &[&ListedCampaign]) -> Vec<Line> {
         let mut lines = Vec::new();
         let mut places: BTreeMap<&str, usize> = BTreeMap::new();
@@ -137,7 +138,7 @@ impl Wanted {
 }
 
 impl Found {
-    /// The campaigns of this page.
+    /// The ids of the campaigns on this page.
     pub(super) fn ids(&self) -> Vec<CampaignId> {
         let of = |line: &Line| match line {
             Line::Campaign(id) => vec![id.clone()],

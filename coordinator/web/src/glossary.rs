@@ -24,7 +24,7 @@ pub(super) fn term(word: &str, entry: &str) -> Markup {
     html! { a.term href={ "/glossary#" (entry) } { (word) } }
 }
 
-/// A heading, an entry, or a paragraph between them.
+/// A heading, an entry, or a paragraph between entries.
 fn block(text: &str) -> Markup {
     if let Some(title) = text.strip_prefix("## ") {
         return html! { h2 { (title) } };
@@ -36,13 +36,13 @@ fn block(text: &str) -> Markup {
     }
 }
 
-/// An entry's anchor: its first word or words in lower case, with hyphens.
+/// An entry's anchor: the first word or words of the entry in lower case, with hyphens.
 fn slug(word: &str) -> String {
     let first = word.split([',', '.', '(']).next().unwrap_or_default();
     first.trim().to_lowercase().replace(' ', "-")
 }
 
-/// A paragraph with its code, emphasis and web links; links to other files become plain text.
+/// A paragraph with its code, emphasis and web links. Links to other files become plain text.
 pub(super) fn inline(text: &str) -> Markup {
     let mut rest = text;
     let mut parts = Vec::new();
@@ -57,7 +57,7 @@ pub(super) fn inline(text: &str) -> Markup {
     html! { @for part in parts { (part) } (rest) }
 }
 
-/// The marked beginning of a text, and the rest; `None` if the mark is not closed.
+/// The marked beginning of a text, and the rest of the text; `None` if the mark is not closed.
 fn marked_part(text: &str) -> Option<(Markup, &str)> {
     if let Some(text) = text.strip_prefix('`') {
         let (code, after) = text.split_once('`')?;

@@ -1,5 +1,5 @@
-//! Middleware of every page: response headers that tell browsers what a page may load, which sites may embed it, and whether to
-//! keep it; and a time limit for the begin of a response.
+//! Middleware of every page. It sets response headers for browsers: what a page can load, which sites can embed the page, and
+//! whether to keep it. It also limits the time until a response begins.
 
 use super::{
     archived,
@@ -22,8 +22,8 @@ use std::sync::Arc;
 const POLICY: &str = "default-src 'none'; style-src 'self'; script-src 'self'; img-src 'self'; connect-src 'self'; \
                       form-action 'self'; base-uri 'none'; frame-ancestors 'none'";
 
-/// Sets these headers on every response but those of gRPC. Behind a log-in, browsers may keep only [archived](super::archived)
-/// responses.
+/// Sets the headers on every response except those of gRPC. Behind a log-in, browsers can keep only [archived](super::archived)
+/// responses and responses for anybody.
 pub(super) async fn protect(State(endpoint): State<Arc<Endpoint>>, request: Request, next: Next) -> Response {
     let accepts = request.headers().clone();
     let mut response = negotiated(next.run(request).await, &accepts);
@@ -35,7 +35,7 @@ pub(super) async fn protect(State(endpoint): State<Arc<Endpoint>>, request: Requ
     }
     headers.insert(CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
     headers.insert(X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
-    // Without a referrer, browsers would leave the origin out of forms too.
+    // With a stricter policy, browsers would also omit the origin of forms.
     headers.insert(REFERRER_POLICY, HeaderValue::from_static("same-origin"));
     let says = headers.get(CACHE_CONTROL);
     let may_be_kept = says.is_some_and(|says| is_for_anybody || archived::is_kept(says));
@@ -45,7 +45,7 @@ pub(super) async fn protect(State(endpoint): State<Arc<Endpoint>>, request: Requ
     response
 }
 
-/// Answers a slow request with an error. An event stream begins at once, so the limit does not end it.
+/// Answers a slow request with an error. An event stream begins at once, so that the limit does not end the stream.
 pub(super) async fn limited(request: Request, next: Next) -> Response {
     let headers = request.headers().clone();
     answered_in_time(next.run(request), || PageError::Late.told(&headers)).await

@@ -1,4 +1,4 @@
-//! History of learning, round by round: checkpoints with their accuracies, and the taxonomies made with them.
+//! The history of learning, round by round: the checkpoints with their accuracies, and the taxonomy made with each checkpoint.
 
 use super::parts;
 use maud::{Markup, html};
@@ -8,35 +8,35 @@ use murmuration_study::wide;
 use murmuration_swarm::{CheckpointDigest, Feedback, Lineage, grouped, rounded, training::Configuration};
 use std::collections::BTreeSet;
 
-/// Most rows for future rounds.
+/// Maximum number of rows for future rounds.
 const MOST_TO_COME: u32 = 10;
 
-/// A checkpoint of a campaign's archive, and the taxonomy made with it.
+/// A checkpoint of a campaign's archive, and the taxonomy made with the checkpoint.
 #[derive(Debug, Clone, PartialEq)]
 struct Step {
-    /// Rounds up to this checkpoint, its own included: 0 for the first checkpoint.
+    /// Number of rounds up to this checkpoint, its own round included; 0 for the first checkpoint.
     round: u32,
-    /// `None` if there is none (yet).
+    /// The checkpoint; `None` if the round has no checkpoint (yet).
     checkpoint: Option<Learned>,
     /// The taxonomy made with the checkpoint.
     version: Option<TaxonomyVersion>,
 }
 
-/// A checkpoint with what it learned from, and its accuracies.
+/// A checkpoint with its accuracies and the labels that it learned from.
 #[derive(Debug, Clone, PartialEq)]
 struct Learned {
     digest: CheckpointDigest,
     made_ms: u64,
-    /// The labels that it learned from, in words; `None` if there were none.
+    /// The labels that the checkpoint learned from, in words; `None` if it learned without labels.
     from: Option<String>,
-    /// Share of the held-out triplets that the parent checkpoint told apart; `None` if unknown, or if the parent was measured on
-    /// other triplets.
+    /// Accuracy of the parent checkpoint on the held-out triplets; `None` if unknown, or if the parent was measured on other
+    /// triplets.
     before: Option<f64>,
-    /// Share of the held-out triplets that this checkpoint tells apart; `None` if unknown.
+    /// Accuracy of this checkpoint on the held-out triplets; `None` if unknown.
     after: Option<f64>,
 }
 
-/// The table; empty for a campaign without an embedding. Blocks while it reads the store.
+/// The table of the history; empty for a campaign without an embedding. Blocks while it reads the store.
 pub(super) fn read(store: &Store, record: &CampaignRecord) -> Result<Markup, StoreError> {
     if !record.spec.space().embeds() {
         return Ok(Markup::default());
@@ -52,8 +52,8 @@ pub(super) fn read(store: &Store, record: &CampaignRecord) -> Result<Markup, Sto
     ))
 }
 
-/// The checkpoints of an archive, with their rounds: the lineage of the current one, the one that the archive moves to, and those
-/// of former taxonomies.
+/// The checkpoints of an archive with their rounds: the lineage of the current checkpoint, the checkpoint that the archive moves
+/// to, and the checkpoints of former taxonomies.
 fn checkpoints(
     store: &Store,
     record: &CampaignRecord,
@@ -62,7 +62,7 @@ fn checkpoints(
     let (now, next) = (record.embedder.checkpoint(), record.embedder.next());
     let parent = next.map(|next| store.checkpoint(next)).transpose()?;
     let parent = parent.and_then(|next| next.lineage.parent);
-    // A round is done once its checkpoint exists; only then does the archive move to it.
+    // A round is done once its checkpoint exists. After that, the archive moves to the checkpoint.
     let moves_on = now.is_some() && parent == now;
     let rounds = store.repetition(record)?.rounds;
     let mut all = led_to(now, record.rounds.done.saturating_sub(moves_on.into()), &rounds);
@@ -77,8 +77,9 @@ fn checkpoints(
     Ok(all)
 }
 
-/// The checkpoints that led to the archive's current one, with their rounds. `done` counts the campaign's rounds, `rounds` is the
-/// checkpoint's lineage. If their lengths differ, the checkpoint was adopted, and its lineage does not belong to this campaign.
+/// The checkpoints that led to the archive's current checkpoint `now`, with their rounds. `done` is the number of the campaign's
+/// rounds, `rounds` the lineage of `now`. If the lineage has another number of rounds, `now` was adopted, and its lineage does
+/// not belong to this campaign.
 fn led_to(now: Option<CheckpointDigest>, done: u32, rounds: &[Round]) -> Vec<(u32, CheckpointDigest)> {
     if rounds.len() != done as usize {
         return now.into_iter().map(|adopted| (done, adopted)).collect();
@@ -161,7 +162,7 @@ impl Step {
         self.checkpoint.as_ref().map(|learned| learned.digest)
     }
 
-    /// When the taxonomy was made, or else the checkpoint; milliseconds since 1970-01-01 UTC.
+    /// The time at which the taxonomy was made, or else the checkpoint, in milliseconds since 1970-01-01 UTC.
     fn made_ms(&self) -> Option<u64> {
         match &self.version {
             Some(version) => version.made_ms,
@@ -210,7 +211,7 @@ fn table(record: &CampaignRecord, steps: &[Step]) -> Markup {
 
 fn line(record: &CampaignRecord, before: &[Step], step: &Step, is_last: bool) -> Markup {
     let learned = step.checkpoint.as_ref();
-    // A round trains one checkpoint; a second one at the same round was adopted.
+    // A round trains one checkpoint, so that a second checkpoint of the same round was adopted.
     let of_round = before.iter().find(|earlier| earlier.round == step.round);
     let digests = of_round.and_then(|earlier| earlier.digest()).zip(step.digest());
     let is_adopted = digests.is_some_and(|(learned, this)| learned != this);
@@ -236,7 +237,7 @@ fn line(record: &CampaignRecord, before: &[Step], step: &Step, is_last: bool) ->
                     Some(version) => {
                         a href={ "/campaigns/" (record.id) "/taxonomy?version=" (version.version) } { "version " (version.version) }
                     },
-                    // The campaign learned again before it was clustered.
+                    // The campaign learned again before its archive was clustered.
                     None if !is_last || record.state == CampaignState::Cancelled => "none",
                     None => "when the search has ended",
                 }
@@ -346,7 +347,7 @@ mod tests {
         assert_eq!(led_to(Some(second), 1, rounds), [(0, first), (1, second)]);
         assert_eq!(led_to(Some(first), 0, &[]), [(0, first)]);
         assert_eq!(led_to(None, 0, &[]), []);
-        // The checkpoint of another campaign's round, adopted before this campaign's first round.
+        // Before its first round, this campaign adopted the checkpoint of another campaign's round.
         assert_eq!(led_to(Some(second), 0, rounds), [(0, second)]);
     }
 

@@ -1,9 +1,9 @@
-//! The keys of the pages: the action of each, which of them people can choose, and the list that shows them.
+//! The keys of a page: their actions, which of them people can change, and the dialog that lists them.
 
 use maud::{Markup, html};
 use serde_json::json;
 
-/// The pages whose keys can be chosen.
+/// The pages on which people can choose keys.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Page {
     Label,
@@ -25,10 +25,10 @@ impl Page {
     }
 }
 
-/// An action with a key. People can choose another key for it, which their browser keeps.
+/// An action with a key. People can choose another key for the action, and their browser keeps this choice.
 struct Action {
     name: &'static str,
-    /// The default key, by its name in browsers.
+    /// The name of the default key in browsers.
     key: &'static str,
     what: &'static str,
     pages: &'static [Page],
@@ -48,7 +48,7 @@ const NAMING: &[Page] = &[Page::Label, Page::Sheet, Page::Map, Page::Answers];
 /// Pages on which keys control one motion.
 const PLAYING: &[Page] = &[Page::Label, Page::Map];
 
-/// All actions with keys that work wherever the focus is. No two actions of a page have the same default key.
+/// All actions with a key that works wherever the focus is. No two actions of a page have the same default key.
 const ACTIONS: [Action; 16] = [
     action("name", "n", "name a class, new or existing", NAMING),
     action("undo", "u", "undo your last answer", NAMING),
@@ -93,7 +93,7 @@ const ACTIONS: [Action; 16] = [
     ),
 ];
 
-/// The keys of all classes, for the list of a page with a palette.
+/// The entry for the keys of all classes, in the list of keys of a page with a palette.
 pub(super) const CLASSES: (&str, &str) = (
     "1 … z",
     "the class with that key, as its button shows; choose keys of classes on the page Classes",
@@ -120,8 +120,8 @@ fn shown(key: &str) -> &str {
     }
 }
 
-/// The button that shows the keys of a page, and the list, which the key `?` shows too; `fixed` are the keys that cannot be
-/// changed.
+/// The button that shows the keys of a page, and the dialog that lists them, which the key `?` also opens. `fixed` has the keys
+/// that people cannot change.
 pub(super) fn list(fixed: &[(&str, &str)], page: Page) -> Markup {
     let own = ACTIONS.iter().filter(|action| action.pages.contains(&page));
     let chosen = html! {
@@ -144,13 +144,13 @@ pub(super) fn list(fixed: &[(&str, &str)], page: Page) -> Markup {
     dialog(fixed, page.name(), &chosen, &note)
 }
 
-/// The same for a page without configurable keys.
+/// The button and the dialog for a page on which people cannot change keys.
 pub(super) fn fixed(keys: &[(&str, &str)]) -> Markup {
     dialog(keys, "", &Markup::default(), &Markup::default())
 }
 
-/// The list, with the configurable keys. It carries all actions for the page's script, because a class with the key of an action
-/// has it on other pages too.
+/// The button, and the dialog with fixed and configurable keys. The dialog's data has the actions of all pages, because a class
+/// also has its key on other pages, where the key can have an action.
 fn dialog(fixed: &[(&str, &str)], page: &str, chosen: &Markup, note: &Markup) -> Markup {
     let all: Vec<_> = ACTIONS
         .iter()

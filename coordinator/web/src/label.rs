@@ -1,4 +1,4 @@
-//! The pages on which people label behaviours: one at a time, or a cluster at once.
+//! The pages on which people label behaviours: one behaviour at a time, or a whole cluster at once.
 
 use super::{
     keys,
@@ -11,7 +11,7 @@ use super::{
 use maud::{Markup, html};
 use murmuration_swarm::{Feedback, Strategy};
 
-/// One behaviour at a time.
+/// The page on which people label one behaviour at a time.
 pub(super) async fn one(OfCampaign { web, record, visitor }: OfCampaign) -> Result<Markup, PageError> {
     let usual = record
         .spec
@@ -64,21 +64,21 @@ pub(super) async fn one(OfCampaign { web, record, visitor }: OfCampaign) -> Resu
     Ok(campaign_page(&record, Part::Label, &visitor, content))
 }
 
-/// The query strategies and their names in the menu.
+/// The query strategies, with their names in the menu.
 const STRATEGIES: [(Strategy, &str); 3] = [
     (Strategy::Medoids, "medoids first, then uncertain ones"),
     (Strategy::Coverage, "medoids first, then what is unlike them"),
     (Strategy::Random, "at random"),
 ];
 
-/// The keys of the sheet that cannot be changed.
+/// The keys of the sheet that people cannot change.
 const SHEET_KEYS: [(&str, &str); 3] = [
     keys::CLASSES,
     ("Tab", "go from picture to picture, and play its motion"),
     ("Space", "mark the picture as different, or unmark it"),
 ];
 
-/// A cluster at once.
+/// The page on which people label a whole cluster at once.
 pub(super) async fn sheet(OfCampaign { web, record, visitor }: OfCampaign) -> Result<Markup, PageError> {
     let content = html! {
         div.wide-bar {

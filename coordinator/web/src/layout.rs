@@ -41,12 +41,12 @@ impl Part {
     }
 }
 
-/// The layout of the atlas of a campaign; `None` if it has none.
+/// The layout of the atlas of a campaign; `None` if the campaign has no atlas.
 pub(super) fn atlas_of(record: &CampaignRecord) -> Option<Layout> {
     Layout::of(&record.spec).filter(|_| record.spec.judges())
 }
 
-/// A page around `content` that is kept up to date.
+/// A page around `content`; the script `live.js` keeps the page up to date.
 pub(super) fn layout(title: &str, visitor: &Visitor, content: Markup) -> Markup {
     layout_with(title, visitor, &["live.js"], content)
 }
@@ -61,7 +61,7 @@ pub(super) fn layout_with(title: &str, visitor: &Visitor, scripts: &[&str], cont
     )
 }
 
-/// A page of a campaign, with the script named after it.
+/// A page of a campaign, with the script that has the name of the page.
 pub(super) fn campaign_page(
     record: &CampaignRecord,
     part: Part,
@@ -124,7 +124,7 @@ fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Marku
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="color-scheme" content="light dark";
                 title { (title) " · Murmuration" }
-                // Browsers paint the page only once all of it is read: later parts may move earlier ones.
+                // Browsers paint the page only once they have read all of it, because later parts can move earlier parts.
                 link rel="expect" href="#whole" blocking="render";
                 link rel="icon" type="image/svg+xml" href="/assets/icon.svg";
                 link rel="stylesheet" href="/assets/style.css";
@@ -155,7 +155,7 @@ fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Marku
     }
 }
 
-/// The state of an archive. A page of the archive reloads when the state changes.
+/// The state of an archive. A page that shows the archive reloads when this state changes.
 #[derive(PartialEq, Eq)]
 pub(super) struct ArchiveState {
     pub(super) version: ArchiveVersion,
@@ -172,7 +172,7 @@ impl ArchiveState {
         }
     }
 
-    /// The state as one word of a page's markup, by which a script tells whether the page is up to date.
+    /// The state as one word in the markup of a page. A script compares words to find out whether the page is up to date.
     pub(super) fn word(&self) -> String {
         let completed = if self.completed { "completed" } else { "growing" };
         format!("{}-{}-{completed}", self.version, self.individuals)

@@ -1,4 +1,4 @@
-//! Effects of learning on a campaign, its duration by the last round, and the button that begins it.
+//! The button that begins a round of learning, with the effects on the campaign and the expected duration.
 
 use super::{Web, page_error::PageError};
 use maud::{Markup, html};
@@ -22,18 +22,18 @@ pub(super) async fn button(web: &Web, record: &CampaignRecord) -> Result<Markup,
     })
 }
 
-/// Duration of a round, estimated from the last one.
+/// Duration of a round, estimated from the last round.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Estimate {
     /// Seconds of training.
     training: f64,
-    /// Seconds from the end of the training to the taxonomy, scaled to the current number of individuals; `None` if the last round
-    /// led to no taxonomy.
+    /// Seconds from the end of the training to the taxonomy, scaled to the current number of individuals; `None` if the last
+    /// round made no taxonomy.
     after: Option<f64>,
 }
 
 impl Estimate {
-    /// `None` before the first round, and for imported campaigns.
+    /// Reads the times of the last round; `None` before the first round, and for imported campaigns.
     fn read(store: &Store, record: &CampaignRecord) -> Result<Option<Self>, StoreError> {
         let round = record.rounds.done;
         if round == 0 {
@@ -66,8 +66,8 @@ impl Estimate {
     }
 }
 
-/// Seconds of a training, from the times at which its epochs ended, in milliseconds. It is the median epoch times their number, so
-/// that a pause does not count. `None` for fewer than two epochs.
+/// Seconds of a training, from the times at which its epochs ended, in milliseconds. The result is the median duration of an
+/// epoch times the number of epochs, so that a pause does not count. Returns `None` for fewer than two epochs.
 fn lasted(times: &[u64]) -> Option<f64> {
     let mut epochs: Vec<u64> = times
         .windows(2)
@@ -78,14 +78,14 @@ fn lasted(times: &[u64]) -> Option<f64> {
     Some(median as f64 / 1000.0 * times.len() as f64)
 }
 
-/// Seconds from the end of a training to the taxonomy `made` after it, scaled from its individuals to `now` individuals; `None` if
-/// the time of the taxonomy is unknown.
+/// Seconds from the end of a training to the taxonomy `made` after it, scaled from the taxonomy's number of individuals to `now`
+/// individuals; `None` if the time of the taxonomy is unknown.
 fn until_made(trained_ms: u64, made: &TaxonomyVersion, now: u64) -> Option<f64> {
     let took = made.made_ms?.saturating_sub(trained_ms) as f64 / 1000.0;
     Some(took * now as f64 / made.individuals.max(1) as f64)
 }
 
-/// Describes the effects of learning to a person who is about to begin it.
+/// Describes the effects of learning to a person who is about to begin a round.
 fn announcement(record: &CampaignRecord, estimate: Option<Estimate>) -> String {
     let further = record.spec.feedback().map_or(0, Feedback::generations);
     let search = match further {
@@ -111,11 +111,11 @@ mod tests {
 
     #[test]
     fn a_training_takes_its_median_epoch_as_often_as_it_had_epochs() {
-        // A pause of an hour between two epochs.
+        // The training paused for an hour between two epochs.
         assert_eq!(lasted(&[1_000, 3_000, 3_603_000, 3_605_000]), Some(8.0));
         assert_eq!(lasted(&[1_000]), None);
         assert_eq!(lasted(&[]), None);
-        // A clock set back gives 0.
+        // A clock that was set back gives a duration of 0.
         assert_eq!(lasted(&[5_000, 1_000]), Some(0.0));
     }
 

@@ -1,8 +1,8 @@
-//! The web pages, on the same port as gRPC: campaigns as they run, and the forms in which people teach them.
+//! The web pages, on the same port as gRPC. They show campaigns as they run, and have the forms in which people teach campaigns.
 //!
-//! `maud` makes the markup; style sheets and scripts are part of the binary, and need no build step. A page loads nothing
-//! from another site. Without scripts people can read and steer campaigns; labelling needs scripts. The handlers pass every
-//! request on to the services, which validate and decide.
+//! `maud` makes the markup; style sheets and scripts are part of the binary, and need no build step. A page loads nothing from
+//! another site. Without scripts, people can read campaigns and control them, but not label. The handlers pass every request on
+//! to the services, which check the request and decide about it.
 
 mod answers;
 mod archived;
@@ -78,7 +78,7 @@ pub struct Web {
     pub maps: Maps,
     pub archive: CampaignApi,
     pub labels: LabelApi,
-    /// Simulates swarms for the page Play.
+    /// Simulator of swarms for the page Play.
     pub play: Playground,
     pub studies: Studies,
     pub reports: Reports,
@@ -89,7 +89,7 @@ pub struct Web {
     pub judged: Judged,
 }
 
-/// The pages and probes beside the gRPC services, on one port.
+/// The pages, the probes and the gRPC services, for one port.
 pub fn routes(services: GuardedRouter, web: Web, probes: GuardedRouter) -> GuardedRouter {
     let pages = pages().with_state(web).merge(probes);
     pages
@@ -111,7 +111,7 @@ pub fn show_refusal(refusal: Refusal, request: &RequestHead) -> Response {
     login::show_refusal(refusal, request)
 }
 
-/// All pages and assets, and the requests of scripts.
+/// The routes of all pages and assets, and of the requests of scripts.
 fn pages() -> GuardedRouter<Web> {
     GuardedRouter::default()
         .get("/", VIEWER, Light, list::page)
@@ -124,7 +124,7 @@ fn pages() -> GuardedRouter<Web> {
         .post("/logout", Nothing, Light, login::log_out)
         .get("/events", VIEWER, Streaming, live::campaigns)
         .get("/play", VIEWER, Reading, play::page)
-        // These two change nothing. They are POSTs, which must come from our own pages.
+        // `/play/motion` and `/play/like` change nothing on disk. They are POSTs because a POST must come from our own pages.
         .post("/play/motion", VIEWER, Computing, play::motion)
         .post("/play/like", VIEWER, Computing, play::like)
         .post("/play/search", OPERATOR, Decision, play::search)
@@ -183,7 +183,7 @@ fn pages() -> GuardedRouter<Web> {
         .get("/campaigns/{id}/atlas", VIEWER, Computing, atlas::page)
         .get("/campaigns/{id}/atlas/data", VIEWER, Computing, atlas::data)
         .get("/campaigns/{id}/atlas/map.png", VIEWER, Computing, atlas::picture)
-        // Changes nothing, like `/play/motion`.
+        // `pieces` is a POST that changes nothing on disk, like `/play/motion`.
         .post("/campaigns/{id}/pieces", VIEWER, Computing, play::pieces)
         .get("/campaigns/{id}/report", VIEWER, Computing, taxonomy::export)
         .get(
@@ -256,7 +256,7 @@ fn pages() -> GuardedRouter<Web> {
         .get("/assets/{name}", Nothing, Light, assets::asset)
 }
 
-/// Answers requests for an address that is neither a page nor a service.
+/// Answers a request for an address that is neither a page nor a service.
 async fn nowhere(headers: HeaderMap) -> Response {
     let kind = headers.get(CONTENT_TYPE).map(HeaderValue::as_bytes);
     match kind.is_some_and(|kind| kind.starts_with(b"application/grpc")) {

@@ -8,7 +8,7 @@ export function random() {
   return Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
-// The rule-based judge's name is reserved, in any case and with any characters between its letters.
+// The rule-based judge's name is reserved, in upper and lower case and with any characters between its letters.
 const isReserved = (name) => name.toLowerCase().replace(/[^\p{L}\p{N}]/gu, "") === "synthetic";
 
 export function annotator() {
@@ -20,7 +20,8 @@ export function rename(name) {
   if (name.trim() && !isReserved(name)) localStorage.setItem(NAME, name.trim());
 }
 
-// Shows the name in a field for changing it. Calls `renamed()` after a change there, or on another page of this browser.
+// Shows the annotator's name in a field, in which people can change it. Calls `renamed()` after a change in the field or on
+// another page of this browser.
 export function showName(field, renamed) {
   field.value = annotator();
   field.addEventListener("change", () => {
@@ -37,7 +38,7 @@ export function showName(field, renamed) {
   addEventListener("pageshow", look);
 }
 
-// The window's id survives a reload, so that the same questions come again. A duplicated window gets a new id.
+// The window keeps its id through a reload, so that it gets the same questions again. A duplicated window gets a new id.
 export async function session() {
   const known = sessionStorage.getItem(SESSION);
   if (known && (await claim(known))) return known;
@@ -47,8 +48,8 @@ export async function session() {
   return fresh;
 }
 
-// Locks the id for as long as the page lives. Browsers have locks only on trusted connections; on others the id is used without a
-// lock.
+// Locks the window's id for as long as the page is open. Browsers have locks only on trusted connections. On other connections,
+// the id is used without a lock.
 function claim(id) {
   if (!navigator.locks) return true;
   return new Promise((resolve) => {
@@ -56,14 +57,14 @@ function claim(id) {
       resolve(true);
       return new Promise(() => {});
     };
-    // A reloaded page may have to wait until its predecessor is gone.
+    // A reloaded page possibly waits until the browser has closed the page before it.
     const signal = AbortSignal.timeout(1000);
     navigator.locks.request(`murmuration.${id}`, { signal }, held).catch(() => resolve(false));
   });
 }
 
-// Waits until the annotator's name is known, from this page or another one. If the form is in a dialog, opens that. Resolves to
-// false if the dialog is dismissed.
+// Waits until a person has entered the annotator's name on this or another page. If the form is in a dialog, opens the dialog.
+// Resolves to false if a person closes the dialog without a name.
 export function introduced() {
   if (annotator()) return Promise.resolve(true);
   const form = document.getElementById("who");

@@ -1,4 +1,4 @@
-// The Answers page: shows the standing answers; people select some, change theirs, or withdraw them.
+// The Answers page: shows the standing answers; people select answers, and change or withdraw their own answers.
 import { annotator, introduced, session } from "./annotator.js";
 import { archived, follow, get, insist, path, pause } from "./coordinator.js";
 import { column } from "./drawing.js";
@@ -9,11 +9,11 @@ import { layPaths } from "./paths.js";
 import { Player } from "./player.js";
 import { counted, grouped, shown } from "./words.js";
 
-// Least time between two requests for all answers.
+// Minimum time between two requests for all answers.
 const PAUSE_MS = 1000;
-// Pictures added at a time.
+// Number of pictures that are added at a time.
 const PART = 60;
-// Places of answers that name no class.
+// Numbers of answers that name no class.
 const NOT_SURE = 65535;
 const SKIP = 65534;
 
@@ -26,7 +26,7 @@ let told = { classes: [], annotators: [] };
 let answers = [];
 let found = [];
 let room = PART;
-// The selected answers, by `keyOf`.
+// The selected answers, by the key from `keyOf`.
 const selected = new Map();
 
 const keyOf = ({ index, by }) => `${index} ${by}`;
@@ -39,7 +39,7 @@ const outbox = new Outbox(await session(), {
 });
 const palette = new Palette({ answer, outbox });
 
-// The selected individuals, each once.
+// The individuals of the selected answers, without duplicates.
 const individuals = () => [...new Set([...selected.values()].map(({ index }) => index))];
 const own = (indices) => answers.filter(({ index, by }) => by === annotator() && indices.includes(index));
 
@@ -211,7 +211,7 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 
-// Length of the label log now, its length when the answers were loaded, and whether they are being loaded.
+// Current length of the label log, its length when the answers were loaded, and whether answers are being loaded.
 let entries = null;
 let loaded = null;
 let loading = false;

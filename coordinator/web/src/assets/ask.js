@@ -1,7 +1,7 @@
-// Asks before a form does something slow or irreversible. The form's data-ask is the question, data-yes the label of the button
-// that agrees.
+// Asks a person before a form starts something slow or irreversible. The form's data-ask is the question, its data-yes the label
+// of the button that agrees.
 
-// Capture phase, to run before the form's own listeners.
+// `true` means the capture phase: the listener runs before the form's own listeners.
 document.addEventListener("submit", ask, true);
 
 function ask(event) {
@@ -23,13 +23,13 @@ function ask(event) {
   dialog.showModal();
 }
 
-// The form as it is on the page now: a page that follows the coordinator may have replaced it.
+// The form that is on the page now, because a page that follows the coordinator can have replaced the form.
 function standing(form) {
   if (form.isConnected) return form;
   return [...document.forms].find((other) => other.getAttribute("action") === form.getAttribute("action"));
 }
 
-// Shows a message that needs no decision.
+// Shows a message that people only have to read.
 function tell(message) {
   const dialog = document.createElement("dialog");
   dialog.className = "ask";

@@ -1,11 +1,11 @@
-// The atlas of a campaign: the map of all controllers, and the motion of the chosen one.
+// The Atlas page: the map of all controllers, and the motion of the chosen controller.
 import { archived, get, insist, path } from "./coordinator.js";
 import { Endless } from "./endless.js";
 import { isForPage } from "./keys.js";
 import { complain } from "./outbox.js";
 import { showAtlas } from "./showatlas.js";
 
-// Delay between a choice and its simulation, because keys pass over many controllers.
+// Delay between a choice and its simulation, because arrow keys quickly choose many controllers.
 const SETTLED_MS = 150;
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 const root = document.querySelector(".atlas");
@@ -33,11 +33,11 @@ function begin() {
       endless.await(false);
       return endless.pause();
     }
-    // Until this motion arrives, the stage may show another one.
+    // Until the chosen motion arrives, the stage can show an older motion.
     endless.await(true);
     due = setTimeout(() => {
       [state.at, state.genes] = [at, genes];
-      // A mirror image is shown as the simulated motion in a mirror.
+      // The motion of a mirror image is the simulated motion, shown mirrored.
       endless.canvas.classList.toggle("mirrored", at.mirrored);
       toggle.disabled = false;
       endless.begin(0);
@@ -53,7 +53,8 @@ function begin() {
   return choose;
 }
 
-// The view of the atlas that a slider led here from. It is in the address, so that going back shows it again.
+// The view of the atlas from which a slider opened this page. The view is in the address, so that the browser's button Back
+// restores it.
 function seenBefore() {
   const told = new URLSearchParams(location.hash.slice(1));
   const [zoom, x, y] = ["zoom", "x", "y"].map((name) => Number(told.get(name) ?? NaN));
@@ -62,7 +63,7 @@ function seenBefore() {
   return { zoom, x, y, at: at.length === 2 && at.every(Number.isInteger) ? at : null };
 }
 
-// Sliders switch to the atlases of other numbers of robots and other noise, at the same place and zoom.
+// Connects the sliders, which switch to atlases with other numbers of robots and other noise, at the same place and zoom.
 function switches(atlas) {
   const others = document.querySelector(".others");
   if (!others) return;
@@ -76,7 +77,7 @@ function switches(atlas) {
   const go = (axis, value) => {
     const other = axis === "robots" ? "noise" : "robots";
     const placed = told.atlases.map(([id, robots, noise]) => ({ id, robots, noise }));
-    // Not every pair has an atlas.
+    // Some pairs of a number of robots and a noise have no atlas, so that the nearest atlas is opened.
     const [to] = placed
       .filter((place) => place[axis] === value)
       .sort((a, b) => Math.abs(a[other] - here[other]) - Math.abs(b[other] - here[other]));
@@ -91,7 +92,7 @@ function switches(atlas) {
     slider.addEventListener("input", () => tell(slider));
     slider.addEventListener("change", () => go(slider.name, Number(slider.value)));
   }
-  // A page that the browser kept still has the sliders' moved positions.
+  // On a page from the browser's cache, the sliders still have the positions to which a person moved them.
   addEventListener("pageshow", () => {
     for (const slider of sliders) {
       slider.value = slider.defaultValue;

@@ -1,9 +1,9 @@
-// The list of campaigns: requests searches, and keeps choices and unfolded studies when the list is sent again.
+// The list of campaigns: requests searches, and restores choices and unfolded studies when the coordinator sends the list again.
 import { attend } from "./live.js";
 
 const KEPT = "murmuration.campaigns";
 const MOST_COMPARED = 6;
-// Delay between a key and the search.
+// Delay between a typed key and the search.
 const PAUSE_MS = 150;
 
 const list = document.querySelector("[data-live]");
@@ -19,7 +19,7 @@ let waiting = 0;
 
 const keep = () => sessionStorage.setItem(KEPT, JSON.stringify({ chosen: [...chosen], unfolded: [...unfolded] }));
 
-// Requests the search of the form, and puts it into the page's address.
+// Requests the search that the form describes, and puts the search into the page's address.
 function look() {
   const query = new URLSearchParams(new FormData(find));
   history.replaceState(null, "", `/?${query}`);
@@ -37,7 +37,7 @@ find.addEventListener("submit", (event) => {
   look();
 });
 
-// Restores choices and unfolded studies, and leaves correct ones untouched.
+// Restores choices and unfolded studies. Elements in the right state stay untouched.
 function apply() {
   for (const box of list.querySelectorAll(".choose")) {
     if (box.checked !== chosen.has(box.value)) box.checked = chosen.has(box.value);
@@ -51,7 +51,7 @@ function apply() {
   tell();
 }
 
-// Shows how many campaigns are chosen. Chosen ones outside the current list count too.
+// Shows the number of chosen campaigns, including chosen campaigns that are not in the current list.
 function tell() {
   const enough = chosen.size >= 2 && chosen.size <= MOST_COMPARED;
   compare.querySelector("button").disabled = !enough;

@@ -1,12 +1,12 @@
-// Lines over a common axis, with values shown at the pointer or by arrow keys.
+// A chart of lines over a common axis. It shows the values at the pointer or at a place that arrow keys choose.
 import { grouped } from "./words.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const HEIGHT = 180;
 const ROOM = { left: 52, right: 12, top: 10, bottom: 24 };
-// Approximate number of grid lines, besides the axis.
+// Approximate number of grid lines besides the axis.
 const GRID = 4;
-// Least grid step of an axis that does not begin at 0: three digits distinguish percentages that far apart.
+// Minimum grid step of an axis that does not begin at 0: with this step, three digits distinguish neighbouring percentages.
 const LEAST_STEP = 0.1;
 
 const element = (name, attributes = {}, text = "") => {
@@ -16,7 +16,7 @@ const element = (name, attributes = {}, text = "") => {
   return made;
 };
 
-// Rounds up to 1, 2, 5, 10, 20 and so on (or their tenths and so on).
+// Rounds a value up to 1, 2 or 5 times a power of ten.
 function roundUp(value) {
   const unit = 10 ** Math.floor(Math.log10(value));
   return unit * [1, 2, 5, 10].find((times) => times * unit >= value * (1 - 1e-9));
@@ -26,8 +26,8 @@ const short = (value) => (Number.isFinite(value) ? Number(value.toPrecision(3)).
 const lastOf = (values) => values.findLast(Number.isFinite);
 
 export class Chart {
-  // `across` names the axis, `lines` the lines; `name` formats a place on the axis. Heights begin at 0; with `fromLeast` they begin
-  // below the least value, as for percentages that are all high.
+  // `across` is the name of the axis, `lines` has the names of the lines, and `name` formats a place on the axis. The vertical
+  // axis begins at 0. With `fromLeast`, it begins below the lowest value, for percentages that are all high.
   constructor(root, { across, lines, name = grouped, fromLeast = false }) {
     this.root = root;
     this.across = across;
@@ -35,15 +35,15 @@ export class Chart {
     this.name = name;
     this.fromLeast = fromLeast;
     this.events = [];
-    // Charts over the same places, which show their values together.
+    // Linked charts, which show their values at the same place.
     this.beside = [];
     this.at = -1;
     this.x = [];
-    // The chart takes arrow keys, which screen readers pass to applications only.
+    // The chart needs arrow keys, which screen readers pass to applications only.
     this.svg = element("svg", { role: "application", "aria-roledescription": "chart", tabindex: "0" });
     this.told = document.createElement("p");
     this.told.className = "reason";
-    // For screen readers: changes with keys, but not when values arrive.
+    // Text for screen readers, which changes when a person presses a key, but not when values arrive.
     this.spoken = document.createElement("p");
     this.spoken.className = "unseen";
     this.spoken.setAttribute("role", "status");
@@ -61,14 +61,14 @@ export class Chart {
     new ResizeObserver(() => this.draw()).observe(root);
   }
 
-  // Shows another chart's values at the place where this one shows its own.
+  // Links another chart, so that both charts show their values at the same place.
   link(other) {
     this.beside.push(other);
     other.beside.push(this);
   }
 
-  // Shows the values of each line at each x, NaN where missing, and marks events. An event has an x and a text; the place of a
-  // line, if only that line has it; a short label, if any; and whether lines break there.
+  // Shows the values of each line at each x, and marks events; a missing value is NaN. An event has an x and a text. It can also
+  // have the place of the only line that it belongs to, a short label, and a mark that lines break at the event.
   show(x, values, events = []) {
     this.x = x;
     this.values = values;
@@ -86,7 +86,7 @@ export class Chart {
     const finite = this.values.flat().filter(Number.isFinite);
     const [first, last] = [this.x[0], this.x.at(-1)];
     const most = Math.max(...finite, 0);
-    // Values are never below 0.
+    // The axis can begin at 0, because no value is below 0.
     const least = this.fromLeast && finite.length ? Math.min(...finite) : 0;
     const fitting = roundUp((most - least || 1) / GRID);
     const step = this.fromLeast ? Math.max(fitting, LEAST_STEP) : fitting;
@@ -120,7 +120,7 @@ export class Chart {
     ];
   }
 
-  // A vertical line for each event, with a flag that names it.
+  // A vertical line for each event, with a flag whose title is the event's text.
   marked() {
     return this.events.map(({ x: at, text, line, label }) => {
       const x = this.acrossOf(at);
@@ -137,7 +137,7 @@ export class Chart {
     return this.values.flatMap((values, line) => this.pieces(line).map(([from, to]) => {
       const points = values.slice(from, to).map((y, i) => [this.acrossOf(this.x[from + i]), this.downOf(y)]);
       const told = points.filter(([, y]) => Number.isFinite(y)).map((point) => point.join(","));
-      // Round caps show a piece of one point, which has no length.
+      // A piece of one point is drawn as a line without length, which its round caps make visible.
       return element("polyline", { class: `line line-${line}`, points: (told.length === 1 ? [...told, ...told] : told).join(" ") });
     }));
   }
@@ -166,7 +166,7 @@ export class Chart {
     return this.nearestBy((x) => Math.abs(this.acrossOf(x) - offset));
   }
 
-  // The place of the x nearest to an event.
+  // The place of the x that is nearest to an event.
   nearestTo(at) {
     return this.nearestBy((x) => Math.abs(x - at));
   }
@@ -185,7 +185,7 @@ export class Chart {
     for (const chart of this.beside) chart.point(at);
   }
 
-  // Shows the values at the pointer, or else the last ones.
+  // Shows the values at the pointer, or else the last values.
   tell() {
     const at = this.at < 0 ? this.x.length - 1 : this.at;
     const events = this.events.filter((event) => this.nearestTo(event.x) === at).map(({ text }) => ` · ${text}`);
@@ -194,7 +194,7 @@ export class Chart {
       ...this.lines.flatMap((name, line) => {
         const key = document.createElement("span");
         key.className = `key-${line}`;
-        // A line that ends before the others shows the place of its end.
+        // A line that ends before the other lines shows the place of its end.
         const place = this.at < 0 ? this.values[line].findLastIndex((value) => Number.isFinite(value)) : at;
         const where = place >= 0 && place !== at ? ` (${this.across} ${this.name(this.x[place])})` : "";
         key.textContent = `${name} ${short(this.values[line][place])}${where}`;

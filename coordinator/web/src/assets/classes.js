@@ -1,4 +1,5 @@
-// The Classes page: people rename, merge, colour and delete classes and give them keys. A dialog explains each change first.
+// The Classes page: people rename, merge, colour and delete classes, and give keys to classes. A dialog first explains each
+// change.
 import { annotator, introduced, random } from "./annotator.js";
 import { archived, follow, get, insist, path, post } from "./coordinator.js";
 import { chosenFor } from "./keys.js";
@@ -11,10 +12,11 @@ const dialog = at("change");
 const list = at("list");
 const fieldName = at("field-name");
 let classes = [];
-// The displayed state, as text: an equal state leaves the page untouched, also under a pointer.
+// The displayed state as text. If a new state is equal, the page stays untouched, so that nothing changes under a pointer.
 let last = "";
 
-// The actions on a class: the label of the button, the dialog's title and field, the change, and its effects.
+// The actions on a class. An action has the label of its button, the dialog's title and field, the change, and the effects of the
+// change.
 const ACTS = {
   rename: {
     button: "Rename",
@@ -81,13 +83,13 @@ const ACTS = {
   },
 };
 
-// The other action that uses this key in this browser.
+// A sentence about the action that a person chose this key for in this browser; empty if there is none.
 function ownUse(key) {
   const what = chosenFor(key);
   return what ? ` In this browser you chose the key for something else (${what}), which it will no longer do.` : "";
 }
 
-// The number of answers that a change affects, and their annotators.
+// The number of answers that a change affects, and the annotators of these answers, in words.
 function answersOf({ labels, people }) {
   if (labels === 0) return "No answer names this class yet. Later answers";
   const names = people.length > 3 ? `${counted(people.length, "annotator")}` : people.join(", ");
@@ -117,7 +119,7 @@ function menu(entries) {
   return field;
 }
 
-// Asks for confirmation, then applies an action to a class.
+// Asks a person to confirm an action on a class, and then applies the action.
 async function ask(act, of) {
   const [field, name] = act.field(of);
   at("change-title").textContent = act.title(of);
@@ -142,7 +144,7 @@ async function ask(act, of) {
   if (dialog.returnValue === "yes") await change(act.change(of, value()));
 }
 
-// Makes a change, with retries until it is acknowledged.
+// Sends a change, with retries until the coordinator acknowledges it.
 async function change(what) {
   const body = { request_id: random(), annotator: annotator(), change: what };
   status.classList.remove("wrong");
@@ -213,7 +215,7 @@ function row(of) {
   return item;
 }
 
-// A past change. The first one, which is the newest, can be undone.
+// An entry in the list of past changes. The first entry, which is the newest, has a button that undoes it.
 function past({ entry, annotator, time, description }, place) {
   const item = document.createElement("li");
   const words = document.createElement("span");

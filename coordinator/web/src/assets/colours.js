@@ -1,16 +1,17 @@
 // The colours of a map's points, and their legend.
 import { grouped, shown } from "./words.js";
 
-// The class of individuals without one; no class has this name.
+// The filter's value for individuals without a class; no class has this name.
 export const NAMELESS_CLASS = "";
 const NAMELESS = { light: 0xa5a39b, dark: 0x6d6e68 };
-// From early to late: three colours that differ in lightness too.
+// Three colours from early to late, which also differ in lightness.
 const SHADES = { light: [0xd9b51f, 0x2f8f83, 0x33337f], dark: [0x3f5f9e, 0x3fa58c, 0xf0dc5a] };
 
 const number = (colour) => parseInt(colour.slice(1), 16);
 const text = (colour) => `#${colour.toString(16).padStart(6, "0")}`;
 
-// `of(i)` is the colour of a point. `entries` is the legend: colour, words, number of individuals, and the filter's value.
+// In the result, `of(i)` is the colour of a point, and `entries` has the entries of the legend: colour, words, number of
+// individuals, and the filter's value.
 export function colouring(kind, points, known, isDark) {
   const nameless = isDark ? NAMELESS.dark : NAMELESS.light;
   if (kind === "cluster") return byCluster(points, nameless);
@@ -55,7 +56,8 @@ function byClass(points, known, nameless) {
   return { of: (i) => (known.of.has(i) ? colours[known.of.get(i)] : nameless), entries };
 }
 
-// The number of individuals of a class, and how many of them only the rule-based judge named; empty if there are none.
+// The number of individuals of a class in words, with the number of those that only the rule-based judge named; null if the class
+// has no individuals.
 function individualsOf(known, place) {
   const all = [...known.of].filter(([, of]) => of === place).map(([index]) => index);
   const machine = all.filter((index) => known.machine.has(index)).length;
@@ -74,7 +76,7 @@ function shade(part, isDark) {
   return mix(16) | mix(8) | mix(0);
 }
 
-// A legend entry, as an item of a list. Its button hides a value and shows it again.
+// An entry of the legend, as an item of a list. The entry's button hides a value and shows it again.
 export function legendEntry([colour, name, count, value], hidden) {
   const item = document.createElement("li");
   const mark = document.createElement("span");

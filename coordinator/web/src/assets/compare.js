@@ -5,7 +5,7 @@ import { sentence } from "./words.js";
 const at = (id) => document.getElementById(id);
 
 export class Comparison {
-  // `query` returns the state of the controls.
+  // `query` is a function that returns the state of the controls.
   constructor(query) {
     this.query = query;
     this.asked = null;
@@ -14,7 +14,7 @@ export class Comparison {
     this.campaign?.addEventListener("change", () => this.forget());
   }
 
-  // Clears the results, which belong to an earlier controller.
+  // Clears the results, because they belong to an earlier controller.
   forget() {
     this.asked?.abort();
     this.asked = null;
@@ -50,7 +50,7 @@ export class Comparison {
   }
 }
 
-// Paints the picture of a swarm: row by row, red, green and blue of each pixel.
+// Paints the picture of a swarm from the red, green and blue of each pixel, row by row.
 function paint(canvas) {
   const pixels = atob(canvas.dataset.image);
   const pen = canvas.getContext("2d");

@@ -3,30 +3,30 @@ import { heard, listen } from "./events.js";
 
 // The coordinator refused the request: a retry would not help.
 export class Refused extends Error {}
-// The coordinator did not answer, or cannot now: a retry may help.
+// The coordinator did not respond, or cannot respond now: a retry can help.
 export class Unavailable extends Error {}
 // The coordinator did not respond at all.
 export class Silent extends Unavailable {}
 
-// The response to a request, or an error.
+// The response to a request; throws an error if the coordinator refused the request or did not respond.
 export async function reply(request) {
   const response = await received(request);
   heard(true);
   if (response.ok) return response;
   const why = await received(response.text());
-  // The session is over. Unsent answers stay in this browser until the next log-in.
+  // The session has ended. This browser keeps unsent answers until the next log-in.
   if (response.status === 401) location.assign(`/login?to=${encodeURIComponent(location.pathname + location.search)}`);
-  // A different log-in may have the right, so this may be retried.
+  // A different log-in can have the needed role, so that a retry can help.
   if (response.status >= 500 || [401, 403, 429].includes(response.status)) throw new Unavailable(why);
   throw new Refused(why);
 }
 
-// A response or its body; either may be cut off on the way.
+// Waits for a response or for its body; the connection can end during both.
 async function received(arriving) {
   try {
     return await arriving;
   } catch (error) {
-    // The caller cancelled the request.
+    // An `AbortError` means that the caller cancelled the request.
     if (error.name === "AbortError") throw error;
     heard(false);
     throw new Silent("the coordinator is not responding");
@@ -40,12 +40,12 @@ async function answer(request) {
 
 const { campaign, created } = document.querySelector("main").dataset;
 
-// Prefix for this campaign's keys in the browser's storage. Other campaigns with the same id have another one.
+// Prefix for this campaign's keys in the browser's storage. Another campaign with the same id has another prefix.
 export const keptAs = `murmuration.${campaign}@${created}`;
 
 export const path = (rest) => `/campaigns/${campaign}/${rest}`;
 
-// Address of something unchanging about an individual. No other campaign will have this address.
+// The address of a picture or motion of an individual, which never changes. No other campaign has the same address.
 export const archived = (rest) => `individuals/${rest}?created=${created}`;
 
 export const get = (rest) => answer(fetch(path(rest)));
@@ -61,7 +61,7 @@ export const post = (rest, body) =>
 
 export const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
-// Retries until there is an answer. Calls `failed(error)` after each failure.
+// Retries a request until the coordinator responds. Calls `failed(error)` after each failure.
 export async function insist(ask, failed = () => {}) {
   for (let wait = 300; ; wait = Math.min(wait * 2, 5000)) {
     try {
@@ -74,8 +74,8 @@ export async function insist(ask, failed = () => {}) {
   }
 }
 
-// Calls `changed` with the campaign's state, now and after every change. While the page was hidden, another campaign may have
-// replaced this one.
+// Calls `changed` with the campaign's state, now and after every change. If another campaign has replaced this campaign
+// meanwhile, the page reloads.
 export const follow = (changed) =>
   listen(path("changes"), (message) => {
     const seen = JSON.parse(message);

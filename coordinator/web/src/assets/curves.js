@@ -1,4 +1,4 @@
-// The curves of a campaign, decoded from the coordinator's answers.
+// The curves of a campaign, decoded from the coordinator's responses.
 import { column } from "./drawing.js";
 
 // The novelty of generations, in order.
@@ -7,9 +7,9 @@ export function noveltyOf(told) {
   return { generation: of(told.generation, Uint32Array), best: of(told.best, Float64Array), mean: of(told.mean, Float64Array) };
 }
 
-// Measurements of each epoch, the trainings of rounds after the first: accuracy in percent and loss, NaN if not measured. `epochs`
-// are lists of round, epoch, loss and accuracy. A round's beginning is an event at which lines break, because its losses are of
-// other triplets.
+// Measurements of each epoch: accuracy in percent and loss, or NaN if not measured. The epochs of the first training come first,
+// and then those of each round. `epochs` are lists of round, epoch, loss and accuracy. Lines break where a round begins, because
+// its losses belong to other triplets.
 export function trainingOf(epochs) {
   const events = epochs.flatMap(([round], i) =>
     i > 0 && epochs[i - 1][0] !== round ? [{ x: i + 1, text: `round ${round} begins`, label: `round ${round}`, breaks: true }] : [],

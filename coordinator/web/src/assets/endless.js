@@ -1,15 +1,15 @@
-// The motion of a swarm without an end, with the controls of its player.
+// Plays the motion of a swarm without an end, with the controls of a player.
 import { Unavailable } from "./coordinator.js";
 import { Pieces, draw } from "./pieces.js";
 import { Playback, STEPS_A_SECOND } from "./playback.js";
 import { grouped, sentence } from "./words.js";
 
-// Least time in which the rest of a motion is shown. If the coordinator simulates more slowly than the motion plays, the motion
-// slows down instead of halting.
+// Minimum time in which the loaded rest of a motion is shown. If the coordinator simulates more slowly than the motion plays, the
+// motion slows down instead of stopping.
 const LEFT_MS = 400;
 
-// A swarm without an end on a canvas. `state.query()` selects the swarm, `state.shown()` tells how to draw its robots; `status` is
-// the line for errors, and `url` answers with pieces of the motion.
+// The player of a motion without an end. `state.query()` selects the swarm, and `state.shown()` returns what drawing its robots
+// needs. `status` is the line for errors, and `url` is the address of the pieces of the motion.
 export class Endless extends Playback {
   constructor(player, state, status, url = "/play/motion") {
     super(player, { speed: player.querySelector(".speed") });
@@ -23,7 +23,7 @@ export class Endless extends Playback {
     this.pieces = new Pieces({ came: (...came) => this.came(...came), failed: (error) => this.failed(error), url });
   }
 
-  // Shows the motion of the current state from a step on.
+  // Shows the motion of the swarm that `state` selects now, from a step on.
   begin(step) {
     this.target = step;
     this.await(true);
@@ -32,7 +32,7 @@ export class Endless extends Playback {
 
   came(piece, isNew) {
     this.waiting.hidden = true;
-    // An error in the controls stays until they are right.
+    // Only an error of the requests is cleared here; a message about wrong controls stays.
     if (this.hasFailed) {
       this.status.textContent = "";
       this.status.classList.remove("wrong");
@@ -45,7 +45,7 @@ export class Endless extends Playback {
     this.tell();
   }
 
-  // Marks the stage as busy while it does not yet show the state of the controls.
+  // Marks the stage as busy for as long as it does not show the swarm that the controls select.
   await(is) {
     this.canvas.parentElement.setAttribute("aria-busy", is);
   }

@@ -1,4 +1,4 @@
-// Events from the coordinator, and the notice at the bottom of the page while none can be received.
+// Events from the coordinator, and the notice at the bottom of a page that cannot receive events.
 
 const SILENCE = "The coordinator is not responding. This page continues when it is back.";
 const CROWD = "Too many pages are open on this coordinator. This page updates again once another one is closed.";
@@ -14,15 +14,14 @@ function say(part, text) {
   note.hidden = note.textContent === "";
 }
 
-// Reports whether the coordinator answered last time.
+// Shows or hides the notice, depending on whether the coordinator responded to the last request.
 export const heard = (is) => say("silence", is ? "" : SILENCE);
 
-// Shows which answers the browser keeps, and why; empty text if all are acknowledged.
+// Shows a text about answers that the browser keeps; an empty text means that all answers are acknowledged.
 export const keeping = (text) => say("kept", text);
 
 // Passes every message of an event stream to `told`, and reconnects until the returned function is called. A hidden page has no
-// stream: browsers keep left pages for going back, and without TLS they have six connections to a coordinator for all of its pages
-// together.
+// stream. Browsers keep pages that people have left, and without TLS all pages of a coordinator share six connections.
 export function listen(url, told) {
   const ending = new AbortController();
   let events = null;
@@ -33,10 +32,10 @@ export function listen(url, told) {
     stream.onopen = () => heard(true);
     stream.onmessage = (message) => told(message.data);
     stream.onerror = async () => {
-      // Browsers reconnect a lost stream, but not a refused one.
+      // Browsers reconnect a stream that broke off, but not a stream that the coordinator refused.
       if (stream.readyState !== EventSource.CLOSED) return heard(false);
       const page = await ask();
-      // A newer stream may exist by now.
+      // A newer stream can have replaced this stream meanwhile.
       if (events !== stream) return;
       refused(page);
       setTimeout(() => {
@@ -63,10 +62,10 @@ export function listen(url, told) {
 
 const ask = () => fetch(location.pathname, { redirect: "manual", headers: { accept: "text/html" } }).catch(() => null);
 
-// A page without a session reloads and leads to the log-in. Otherwise the coordinator has no room for the stream, or does not
-// respond.
+// Reacts to a refused stream. A page without a session reloads, which leads to the log-in. In other cases, the coordinator has no
+// room for the stream or does not respond.
 function refused(page) {
-  // If the page's subject was deleted, the reloaded page says so.
+  // If the campaign or study of the page was deleted, the reloaded page says so.
   if (page?.type === "opaqueredirect" || page?.status === 404) location.reload();
   say("silence", page ? CROWD : SILENCE);
 }

@@ -1,5 +1,5 @@
-// Selects the points that the map shows: those that match the menus, without hidden classes, clusters or robustness. The browser
-// keeps the filter of each campaign.
+// The filter selects the points that the map shows: points that match the menus and whose class, cluster or robustness is not
+// hidden. The browser keeps the filter of each campaign.
 
 const KINDS = ["class", "cluster", "robustness"];
 
@@ -12,18 +12,18 @@ export class Filter {
   }
 
   showAll() {
-    // Hidden values, by what colours the points. Classes are stored by name, because their places change.
+    // The hidden values: classes, clusters and numbers of robust trials. Classes are stored by name, because their places change.
     this.hidden = Object.fromEntries(KINDS.map((kind) => [kind, new Set()]));
     this.generations = [0, Infinity];
-    // The only shown values; null shows all.
+    // The only class, cluster and annotator whose points are shown; null shows all.
     this.picked = { class: null, cluster: null, annotator: null };
   }
 
-  // Reads the stored filter, as far as it is valid.
+  // Reads the stored filter; an unreadable filter shows all points.
   read() {
     try {
       const kept = JSON.parse(localStorage.getItem(this.key)) ?? {};
-      // The clusters to which the stored numbers belong.
+      // The clustering that the stored cluster numbers belong to.
       this.clusters = kept.clusters ?? null;
       for (const kind of KINDS) this.hidden[kind] = new Set(kept.hidden?.[kind] ?? []);
       const [first, last] = kept.generations ?? [];
@@ -41,7 +41,7 @@ export class Filter {
     localStorage.setItem(this.key, JSON.stringify({ clusters, generations, picked, hidden }));
   }
 
-  // Sets the current clusters. If they have changed, values hidden by cluster number are shown again.
+  // Sets the current clustering. If the clustering has changed, hidden clusters and robustness are shown again.
   of(clusters) {
     if (this.clusters === clusters) return;
     if (this.clusters !== null) {
@@ -58,7 +58,7 @@ export class Filter {
     if (!hidden.delete(value)) hidden.add(value);
   }
 
-  // Hides all other values; shows everything if they are hidden already.
+  // Hides all values except one; if they are hidden already, shows all values.
   only(kind, value, all) {
     const others = all.filter((other) => other !== value);
     const is = others.every((other) => this.hidden[kind].has(other)) && !this.hidden[kind].has(value);
@@ -71,7 +71,7 @@ export class Filter {
     return all && first === 0 && last === Infinity && Object.values(this.hidden).every((values) => values.size === 0);
   }
 
-  // For each of `count` points whether it is shown, by its values; null if all are.
+  // Whether each of `count` points is shown, by the point's values; null if all points are shown.
   shown(count, valueOf) {
     if (this.isOpen()) return null;
     const [first, last] = this.generations;

@@ -1,12 +1,12 @@
-// The pictures of the selected individuals, for a look before naming them.
+// The pictures of the selected individuals, which people look at before they name the individuals.
 import { archived, path } from "./coordinator.js";
 import { grouped } from "./words.js";
 
-// Limit of pictures, for a look of a few seconds.
+// Maximum number of pictures: people can look at 60 pictures in a few seconds.
 const MOST = 60;
 
 export class Gallery {
-  // `play(index)` plays a motion, `drop(index)` deselects an individual.
+  // `play(index)` plays the motion of an individual, and `drop(index)` deselects an individual.
   constructor(root, line, { play, drop }) {
     this.root = root;
     this.line = line;
@@ -27,7 +27,7 @@ export class Gallery {
     });
   }
 
-  // Shows these individuals, or an even sample of many.
+  // Shows the pictures of individuals, or of an even sample if there are too many.
   show(indices, nameOf) {
     const every = Math.max(indices.length / MOST, 1);
     const shown = Array.from({ length: Math.min(indices.length, MOST) }, (_, i) => indices[Math.floor(i * every)]);
@@ -36,7 +36,7 @@ export class Gallery {
     const part = shown.length < indices.length ? `${grouped(shown.length)} of ${grouped(indices.length)} are shown, evenly chosen. ` : "";
     this.line.textContent = `${part}Click a picture to play its motion; Shift and a click, or Delete, take it out of the selection.`;
     const cards = shown.map((index) => [index, nameOf(index)]);
-    // Unchanged cards stay, and keep the focus if they have it.
+    // Unchanged cards stay on the page, so that a card keeps the focus.
     if (this.shown === JSON.stringify(cards)) return;
     this.shown = JSON.stringify(cards);
     const focused = document.activeElement?.closest(".card")?.dataset.index;

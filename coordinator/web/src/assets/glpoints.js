@@ -1,7 +1,7 @@
-// Draws points with the graphics card, which keeps them: even a hundred thousand take it next to no time, and cost this script no
-// time that grows with their number.
+// Draws points with the graphics card, which keeps the points in its memory. Even a hundred thousand points take almost no time,
+// and the time of this script does not grow with their number.
 
-// A point lies at `shift + scale * place` pixels from the upper left corner, for places from 0 to 1.
+// A point with a place from 0 to 1 is drawn at `shift + scale * place` pixels from the upper left corner.
 const VERTEX = `#version 300 es
 layout(location = 0) in float x;
 layout(location = 1) in float y;
@@ -30,10 +30,11 @@ void main() {
   pixel = vec4(colour.rgb, colour.a * part);
 }`;
 
-// Software renderers.
+// Names of software renderers, which draw without a graphics card.
 const IMITATION = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
-// Whether there is a graphics card. Uses a canvas of its own, because a canvas with a WebGL context has no other contexts.
+// Whether the machine has a graphics card. The check uses an extra canvas, because a canvas with a WebGL context can have no
+// other context.
 function hasCard() {
   const gl = document.createElement("canvas").getContext("webgl2");
   if (!gl) return false;
@@ -44,8 +45,8 @@ function hasCard() {
 }
 
 export class GlPoints {
-  // Returns a renderer for a canvas, or null if there is no graphics card: without one a 2D canvas is faster. Calls `lost` when the
-  // card has lost all data and is available again.
+  // Returns a renderer for a canvas, or null if there is no graphics card: without a card, a 2D canvas is faster. Calls `lost`
+  // when the card has lost all data and is available again.
   static of(canvas, lost) {
     if (!hasCard()) return null;
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false });
@@ -91,14 +92,14 @@ export class GlPoints {
     gl.vertexAttribPointer(place, parts, kind, true, 0, 0);
   }
 
-  // Sets the places of all points, 0 to 65535 each way.
+  // Sets the places of all points: 0 to 65535 along each axis.
   place(x, y) {
     this.fill(0, x, 1, this.gl.UNSIGNED_SHORT);
     this.fill(1, y, 1, this.gl.UNSIGNED_SHORT);
   }
 
-  // Sets the shown points, the last one on top. Of every point it takes red, green, blue and strength, and its size, of which 255
-  // is twice the radius.
+  // Sets the shown points, the last point on top, and the look of all points: `looks` has red, green, blue and strength of each
+  // point, and `sizes` its size; 255 stands for twice the radius.
   look(order, looks, sizes) {
     const { gl } = this;
     this.fill(2, looks, 4, gl.UNSIGNED_BYTE);
@@ -108,7 +109,7 @@ export class GlPoints {
     this.count = order.length;
   }
 
-  // Paints the points: `scale` and `shift` in pixels of the canvas, its `paper` as red, green and blue.
+  // Paints the points. `scale` and `shift` are in pixels of the canvas, and `paper` is the background as red, green and blue.
   paint({ scale, shift, radius, paper }) {
     const { gl, at } = this;
     const { width, height } = gl.canvas;

@@ -1,9 +1,10 @@
-// Divides keys between the page and the focused control. Defines the actions of the page's keys, which people can change.
+// Divides keys between the page and the focused control, and finds the action of each of the page's keys. People can change these
+// keys.
 import { shown } from "./words.js";
 
 const WAYS = ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "Home", "End", "PageUp", "PageDown"];
 
-// The keys that a control keeps for itself; without a list, all. The page gets the others.
+// The keys that a focused control keeps; a control without a list keeps all keys. The page gets the other keys.
 const OWN = [
   ["input:not([type=checkbox], [type=range]), textarea"],
   ["select", [...WAYS, " ", "Enter", "Escape"]],
@@ -13,15 +14,15 @@ const OWN = [
   ["a", ["Enter"]],
 ];
 
-// Labels of keys, and aliases of keys unless people choose otherwise.
+// Labels of keys, and keys that stand for another key unless a person has chosen them for an action.
 const NAMES = { " ": "Space", ArrowLeft: "←", ArrowRight: "→", ArrowUp: "↑", ArrowDown: "↓" };
 const ALIASES = { "=": "+", Backspace: "Delete" };
-// Keys reserved for browsers, dialogs and this list.
+// Keys that are reserved for browsers, dialogs and the list of keys.
 const UNFIT = ["Tab", "Enter", "Escape", "?", "Dead", "Unidentified", "Process"];
 const MODIFIERS = ["Shift", "Control", "Alt", "AltGraph", "Meta", "CapsLock"];
 // The pages on which classes have keys.
 const NAMING = ["label", "sheet", "map", "answers"];
-// Storage key for the keys chosen in this browser, by action.
+// Storage key for the keys that people chose in this browser, by action.
 const CHOSEN = "murmuration.keys";
 
 const list = document.getElementById("keys");
@@ -43,7 +44,8 @@ function kept() {
   }
 }
 
-// In an open list, letters and digits search for an entry. Not every browser tells whether a list is open.
+// Whether the list of a menu is open: letters and digits then search for an entry. Some browsers do not show whether a list is
+// open.
 const isOpen = (control) => CSS.supports("selector(:open)") && control.matches("select:open");
 
 export function isForPage({ key, target, ctrlKey, metaKey, altKey }) {
@@ -56,16 +58,16 @@ export function isForPage({ key, target, ctrlKey, metaKey, altKey }) {
 
 const keyOf = (name) => chosen[name] ?? actions.get(name).key;
 
-// The action of a key on this page; undefined if it has none, or names a class.
+// The action of a key on this page; undefined if the key has no action, or names a class.
 export function actionOf(key) {
   if (classes.has(key)) return undefined;
   return here.find((name) => keyOf(name) === key) ?? here.find((name) => keyOf(name) === ALIASES[key]);
 }
 
-// Whether a person chose this key for an action; classes do not get it automatically.
+// Whether a person chose this key for an action; classes do not get such a key automatically.
 export const isChosen = (key) => Object.values(chosen).includes(key);
 
-// The action for which a person chose this key, in words; undefined if it is free.
+// The action for which a person chose this key, in words; undefined if nobody chose the key.
 export function chosenFor(key) {
   const name = [...actions.keys()].find((name) => chosen[name] === key);
   return name && actions.get(name).what;
@@ -77,7 +79,7 @@ export function claim(keys) {
   tell();
 }
 
-// Shows the current keys, on buttons and in the list. The list says so if a class's key hides an action.
+// Shows the current keys, on buttons and in the list of keys. If the key of a class hides an action, the list says so.
 function tell() {
   for (const mark of document.querySelectorAll("kbd[data-action]")) {
     const key = keyOf(mark.dataset.action);
@@ -92,7 +94,7 @@ function tell() {
   }
 }
 
-// Why an action cannot have a key; undefined if it can.
+// The reason why an action cannot have a key; undefined if the action can have the key.
 function clash(name, key) {
   const shownKey = NAMES[key] ?? key;
   if (UNFIT.includes(key) || /^F\d/.test(key)) {
@@ -109,7 +111,7 @@ function clash(name, key) {
   return undefined;
 }
 
-// Gives an action a key, or shows why not; returns whether it did.
+// Gives an action a key, or shows why the action cannot have this key. Returns whether the action has the key now.
 function give(name, key) {
   const why = clash(name, key);
   if (why) {
@@ -130,8 +132,8 @@ function say(words, isWrong = false) {
   line.textContent = words;
 }
 
-// The button that waits for a key, and whether the choice is done. Until that key is released, it does not act on the button or the
-// dialog.
+// The button that waits for a key, and whether the choice is done. Until a person releases the key, the key does not act on the
+// button or the dialog.
 let waits = null;
 let isDone = false;
 
@@ -144,7 +146,7 @@ function wait(button) {
 
 function choose(event) {
   if (!waits || MODIFIERS.includes(event.key)) return;
-  // Moving the focus ends the choice.
+  // Tab moves the focus, which ends the choice.
   if (event.key === "Tab") return;
   event.preventDefault();
   event.stopPropagation();
@@ -163,7 +165,8 @@ function letGo(event) {
   if (isDone) wait(null);
 }
 
-// After a click the control loses the focus, so that Space and arrows act on the page again. After a key it keeps the focus.
+// After a click, a control loses the focus, so that Space and arrow keys act on the page again. After a key, the control keeps
+// the focus.
 document.addEventListener("change", ({ target }) => {
   if (target.matches("select, [type=checkbox], [type=range]") && !target.matches(":focus-visible")) target.blur();
 });

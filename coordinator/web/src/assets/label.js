@@ -98,7 +98,7 @@ function count() {
   const unsent = outbox?.items.filter((item) => item.path === "labels").length ?? 0;
   const done = queue.own + unsent;
   const open = Math.max(queue.individuals - queue.answered - unsent, 0);
-  // In agreement mode, the questions are the behaviours with answers by others.
+  // In agreement mode, the questions are about behaviours with answers by other annotators.
   const most = queue.agreement ? Math.max(queue.answered, done) : done + open;
   const goal = at("goal").value === "all" ? most : Math.min(Number(at("goal").value), most);
   at("share").max = Math.max(goal, 1);
@@ -112,7 +112,7 @@ function howMany(done, goal) {
   return `${grouped(done)} of ${grouped(goal)} answered by you${left(goal - done)}`;
 }
 
-// The number of behaviours with answers by others, and of behaviours left.
+// The numbers of behaviours that other annotators answered and of unanswered behaviours, in words.
 function whoElse(open) {
   const people = queue.answered - queue.own - queue.synthetic;
   const parts = [`${grouped(open)} not answered yet`];
@@ -150,7 +150,7 @@ at("goal").addEventListener("change", () => {
 palette.show((await insist(() => get("labels"))).classes);
 settings();
 
-// Other annotators answer too, and the archive grows, while the page is open.
+// While the page is open, other annotators also answer, and the archive grows.
 let labels = null;
 let stands = null;
 follow(async (seen) => {

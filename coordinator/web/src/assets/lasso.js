@@ -1,9 +1,9 @@
-// A closed line drawn by hand.
+// A closed line that a person draws.
 
 const CLICK = 5;
 
-// Draws lines on a canvas over `area`. Calls `inside(polygon, adds)` after a closed line, and `click` if the pointer hardly moved.
-// Pointers for which `draws(event)` is false, and two fingers, draw nothing.
+// Lets a person draw lines on a canvas over `area`. Calls `inside(polygon, adds)` after a line, which is closed, and `click` if
+// the pointer hardly moved. Two fingers draw no line, and neither does a pointer for which `draws(event)` is false.
 export function lasso(canvas, area, { inside, click, draw, draws = () => true }) {
   let line = null;
   area.addEventListener("pointerdown", (event) => {
@@ -44,7 +44,7 @@ function within(event, area) {
 
 const isDrawn = (line) => line.some(([x, y]) => Math.hypot(x - line[0][0], y - line[0][1]) > CLICK);
 
-// Whether a point lies within a closed line: a ray from it crosses the line an odd number of times.
+// Whether a point is inside a closed line. A ray from such a point crosses the line an odd number of times.
 export function encloses(line, x, y) {
   let odd = false;
   for (let i = 0, j = line.length - 1; i < line.length; j = i++) {

@@ -1,12 +1,12 @@
-// Parts of the page that follow the coordinator: data-live is the address of an element's content. If the element has places with
-// data-slot, only their content changes.
+// Updates the parts of a page that follow the coordinator. An element's data-live is the address of its content. If the element
+// has slots (data-slot), only the content of these slots changes.
 import "./ask.js";
 import { listen } from "./events.js";
 
-// Functions that end streams, by element.
+// Functions that end event streams, by the element that follows the stream.
 const streams = new Map();
 
-// Makes an element follow its current address.
+// Makes an element follow the address in its data-live.
 export function attend(part) {
   streams.get(part)?.();
   streams.set(part, listen(part.dataset.live, (content) => {
@@ -31,8 +31,8 @@ function fill(slot, { childNodes }) {
   if (slot.offsetHeight < before) slot.style.minHeight = `${before}px`;
 }
 
-// Updates a node to match another, and keeps equal parts: a button being pressed stays the same button. A node with another id or
-// action is replaced: a click that began on Pause must not end on Resume.
+// Updates a node to match a new node, and keeps equal parts, so that a button that a person presses stays the same button. If the
+// new node has another id or action, it replaces the old node: a click that began on Pause must not end on Resume.
 function renew(old, fresh) {
   if (old.isEqualNode(fresh)) return;
   if (old.nodeType !== Node.ELEMENT_NODE || old.nodeName !== fresh.nodeName || isAnother(old, fresh)) {

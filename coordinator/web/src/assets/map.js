@@ -1,4 +1,4 @@
-// The Map page: shows which behaviours are alike, and names those inside a drawn line.
+// The Map page: shows which behaviours are alike; people name the behaviours inside a line that they draw.
 import { introduced, session } from "./annotator.js";
 import { NAMELESS_CLASS, colouring, legendEntry } from "./colours.js";
 import { archived, follow, get, insist, keptAs, path, pause } from "./coordinator.js";
@@ -34,9 +34,9 @@ const gallery = new Gallery(at("gallery"), at("gallery-line"), {
   play: choose,
   drop: (i) => select([...selected].filter((other) => other !== i)),
 });
-// Delay before a motion is requested, because a passing pointer needs none.
+// Delay before a motion is requested, because a pointer that passes a point needs no motion.
 const STAYS_MS = 150;
-// Prefix for choices on this page, for all campaigns.
+// Prefix of the storage keys for choices on this page, which all campaigns share.
 const CHOICE = "murmuration.map.";
 let known = { classes: [], of: new Map(), machine: new Set() };
 let points = null;
@@ -67,7 +67,7 @@ async function answer(text) {
   return indices;
 }
 
-// Repaints points and legend.
+// Repaints the points and the legend.
 function paint() {
   if (!points) return;
   const kind = at("colouring").value;
@@ -95,7 +95,7 @@ function valueOf(kind, i) {
   return Math.floor(i / points.population);
 }
 
-// Applies the filter; hidden points are deselected.
+// Applies the filter, and deselects hidden points.
 function sift() {
   if (!points) return;
   filter.keep();
@@ -120,14 +120,14 @@ function nameOf(i) {
   return known.machine.has(i) ? `${shown(name)} (by the rule-based judge)` : shown(name);
 }
 
-// The cluster's number of an individual; empty if it has none yet.
+// The number of an individual's cluster, in words; empty if the individual has no cluster yet.
 function clusterOf(i) {
   const cluster = points.cluster[i];
   if (cluster === undefined) return "";
   return points.isMedoid.has(i) ? ` · medoid of cluster ${cluster + 1}` : ` · cluster ${cluster + 1}`;
 }
 
-// How many starts of an individual lead to the behaviour of its cluster; empty if individuals have one start.
+// The robustness of an individual, in words; empty if individuals have only one start.
 function robustnessOf(i) {
   return i < points.robust.length ? ` · robustness ${points.robust[i]} of ${points.starts}` : "";
 }
@@ -190,9 +190,9 @@ function back() {
   redraw();
 }
 at("back").addEventListener("click", back);
-// Each click on a button is its own step of the history.
+// Each click on a zoom button is a separate step in the history of views.
 document.querySelector(".zoom").addEventListener("click", () => views.settle(), true);
-// At most one repaint per frame, however often the map moves.
+// The map is repainted at most once per frame, even if it moves more often.
 let due = false;
 function redraw() {
   if (due) return;
@@ -302,7 +302,7 @@ function settle() {
   sift();
 }
 
-// Restores the chosen colouring; by default that of classes if there are any, else of clusters.
+// Restores the chosen colouring. The default is by class if any individual has a class, or else by cluster.
 function chooseColours() {
   const menu = at("colouring");
   const kept = localStorage.getItem(`${CHOICE}colouring`);
@@ -310,7 +310,7 @@ function chooseColours() {
   menu.value = offered(kept) ? kept : known.of.size === 0 && offered("cluster") ? "cluster" : "class";
 }
 
-// Loads the current archive; t-SNE follows when it is computed.
+// Loads the points of the current archive, and their places by t-SNE once these are computed.
 async function load() {
   const [about, axes] = await Promise.all([insist(() => get("points")), insist(() => get("points/axes"))]);
   const cluster = column(about.cluster, Uint16Array);
@@ -342,7 +342,7 @@ async function load() {
   }
 }
 
-// Enables the choice of t-SNE once it is computed.
+// Enables or disables the choice of t-SNE, depending on whether its places are computed.
 function offer(there) {
   const option = at("projection").querySelector("[value=neighbours]");
   option.disabled = !there;
@@ -371,7 +371,7 @@ async function label() {
   await answeredBy();
 }
 
-// Shows the individual in the address once, when its name has been loaded.
+// Shows the individual that the address names, once, when points and names have been loaded.
 let named = /^#individual-(\d{1,9})$/.exec(location.hash)?.[1];
 function begin() {
   if (!points || entries === null || !(named < points.count)) return;

@@ -1,6 +1,6 @@
 // The menus and numbers of the map's filter.
 
-// The menu of each kind, and the format of its values. The first entry of each is for all.
+// The menu of each kind of value, and the format of the menu's values. The first entry of a menu stands for all values.
 const MENUS = {
   class: { id: "of-class", written: (name) => `=${name}`, read: (text) => text.slice(1) },
   cluster: { id: "of-cluster", written: String, read: Number },
@@ -10,7 +10,7 @@ const MENUS = {
 const at = (id) => document.getElementById(id);
 
 export class Menus {
-  // Calls `changed(kind)` after every change of the filter made here.
+  // Calls `changed(kind)` after every change that a person makes with these menus and numbers.
   constructor(filter, changed) {
     this.filter = filter;
     for (const [kind, { id, read }] of Object.entries(MENUS)) {
@@ -35,7 +35,7 @@ export class Menus {
     this.showGenerations();
   }
 
-  // Sets the offered values. A picked value stays picked while it is offered.
+  // Sets the values that a menu offers. A picked value stays picked if the menu still offers it.
   offer(kind, entries) {
     const { picked } = this.filter;
     const { id, written } = MENUS[kind];

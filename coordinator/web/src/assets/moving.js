@@ -1,9 +1,9 @@
-// Behaviours of a searching campaign as small moving pictures: the newest, and the most novel.
+// Plays behaviours of a searching campaign as small moving pictures: the newest and the most novel behaviours.
 import { archived, get, insist, path, pause } from "./coordinator.js";
 import { Player } from "./player.js";
 import { grouped } from "./words.js";
 
-// Least display time of a behaviour.
+// Minimum time for which a behaviour is shown, in milliseconds.
 const PAUSE_MS = 10000;
 
 const rest = document.getElementById("rest");
@@ -28,7 +28,7 @@ rest.addEventListener("click", () => {
 });
 tell();
 
-// Shows the picture of an individual until its motion arrives; returns whether it is a new one.
+// Shows the picture of an individual until its motion arrives. Returns whether the individual is new in its place.
 function put(place, found) {
   if (!found || place.index === found[0]) return false;
   const [index, generation, novelty] = found;
@@ -50,7 +50,7 @@ async function move({ root, player, index }) {
   if (resting) player.pause();
 }
 
-// Shows found behaviours while `searching()`; the last ones stay after that.
+// Shows behaviours that were found for as long as `searching()` is true; the last behaviours stay after that.
 export async function follow(searching) {
   if (asking) return;
   if (!searching()) {
@@ -61,7 +61,7 @@ export async function follow(searching) {
   try {
     const told = await insist(() => get("shown"));
     const fresh = Object.entries(players).flatMap(([kind, places]) => places.filter((place, i) => put(place, told[kind][i])));
-    // One at a time, because replays take a little time from the search.
+    // Motions are requested one at a time, because replays take a little time from the search.
     for (const place of fresh) await move(place);
     await pause(PAUSE_MS);
   } finally {

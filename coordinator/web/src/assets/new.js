@@ -19,7 +19,7 @@ async function look() {
     document.getElementById("outcome").replaceChildren(...fresh.querySelector("#outcome").childNodes);
     mark();
   } catch {
-    // The coordinator does not answer now. Submitting the form would show that.
+    // The coordinator does not respond now. If a person submits the form, the browser shows this.
   }
 }
 

@@ -1,6 +1,6 @@
-// Answers that the coordinator has not yet acknowledged. They are sent at once, one at a time, each under its own id, so that
-// unacknowledged ones can be sent again. Until then the browser keeps them, through a reload and a restart of the browser or the
-// coordinator.
+// Answers that the coordinator has not yet acknowledged. Answers are sent at once, one at a time, each with its own id, so that
+// an unacknowledged answer can be sent again. The browser keeps an answer until it is acknowledged, even if the page, the browser
+// or the coordinator restarts.
 import { annotator, random } from "./annotator.js";
 import "./ask.js";
 import { Refused, Silent, keptAs, pause, post } from "./coordinator.js";
@@ -10,14 +10,14 @@ import { counted } from "./words.js";
 const KEPT = `${keptAs}.unsent.`;
 
 export class Outbox {
-  // Calls `told(item, reply)` for acknowledged items, `refused(item, error)` for refused ones, and `changed(outbox)` after both and
-  // after every delay.
+  // Calls `told(item, reply)` for each acknowledged item and `refused(item, error)` for each refused item. Calls
+  // `changed(outbox)` whenever an item was added, acknowledged, refused or delayed.
   constructor(session, { told, refused, changed }) {
     this.key = KEPT + session;
     this.told = told;
     this.refused = refused;
     this.changed = changed;
-    // The error that delays acknowledgements, if any.
+    // The error that delays the acknowledgement of items, if any.
     this.trouble = null;
     this.sending = false;
     this.items = this.left();
@@ -25,7 +25,7 @@ export class Outbox {
     this.send();
   }
 
-  // Unsent items of this window and of closed ones. If an open window sends an item too, the duplicate does no harm.
+  // Unsent items of this window and of closed windows. If another open window also sends an item, the duplicate does no harm.
   left() {
     const keys = Object.keys(localStorage).filter((key) => key.startsWith(KEPT));
     const items = keys.flatMap((key) => JSON.parse(localStorage.getItem(key)));
@@ -43,12 +43,12 @@ export class Outbox {
     this.add("labels", { annotator: annotator(), answers: indices.map((index) => ({ index, answer: text })) });
   }
 
-  // Withdraws the annotator's last answer.
+  // Undoes the answers of the annotator's newest request.
   undo() {
     this.add("undo", { annotator: annotator() });
   }
 
-  // `path` is the address of the request, `body` its content without the id.
+  // Adds an item: `path` is the address of its request, `body` the content of the request without the id.
   add(path, body) {
     this.items.push({ path, body: { request_id: random(), ...body } });
     this.keep();
@@ -86,7 +86,7 @@ export class Outbox {
     this.sending = false;
   }
 
-  // Shows the state on the page's line, and unsent items at the bottom of the page.
+  // Shows the state in the page's line for messages, and unsent items at the bottom of the page.
   tell(line) {
     const { items, trouble } = this;
     const open = items.length > 0;
@@ -99,7 +99,7 @@ export class Outbox {
   }
 
   kept() {
-    // All other items are withdrawals.
+    // Items with another path than `labels` are withdrawals.
     const isAnswer = ({ path }) => path === "labels";
     const answers = this.items.filter(isAnswer).reduce((sum, { body }) => sum + body.answers.length, 0);
     const others = this.items.filter((item) => !isAnswer(item)).length;

@@ -1,10 +1,10 @@
-// Asks before an answer replaces earlier ones.
+// Asks a person before an answer replaces earlier answers.
 import { grouped, shown } from "./words.js";
 
 const dialog = document.getElementById("overwrite");
 
-// Asks whether to change the class of individuals that have another one. Returns the individuals that should get the class `text`.
-// `known` holds the classes, and by individual the place of its class.
+// Asks whether to change the class of individuals that have another class. Returns the individuals that should get the class
+// `text`. `known` has the classes, and the place of each individual's class.
 export async function agreed(known, indices, text) {
   const other = (i) => known.of.has(i) && known.classes[known.of.get(i)].name !== text;
   const others = indices.filter(other);
@@ -21,7 +21,7 @@ export async function agreed(known, indices, text) {
   return dialog.returnValue === "rest" ? indices.filter((i) => !other(i)) : [];
 }
 
-// The present classes of individuals that an answer would change.
+// The current classes of individuals that an answer would change, in words.
 function already(known, indices, others) {
   if (indices.length > 1) return `${grouped(others.length)} of the ${grouped(indices.length)} selected have another class already.`;
   const { name } = known.classes[known.of.get(indices[0])];

@@ -1,15 +1,15 @@
-// The classes as buttons with keys, and a field for new classes.
+// The palette: the classes as buttons with keys, and a field for new classes.
 import { keptAs } from "./coordinator.js";
 import { actionOf, claim, isChosen, isForPage } from "./keys.js";
 import { counted, grouped, shown } from "./words.js";
 
 // The default keys of classes, in this order: digits, then letters that no page uses.
 const KEYS = [..."123456789abcdefghijklmopqtvwxyz"];
-// Storage key: a person has hidden the paper's classes.
+// Storage key for whether a person has hidden the paper's classes.
 const OFFERS = `${keptAs}.offers`;
 
 export class Palette {
-  // `answer(text)` names the page's individuals and returns them; `outbox` takes later changes of the answer.
+  // `answer(text)` names the page's individuals and returns them; the palette sends later changes of these answers to `outbox`.
   constructor({ answer, outbox }) {
     this.root = document.querySelector(".palette");
     this.buttons = this.root.querySelector(".classes");
@@ -18,15 +18,15 @@ export class Palette {
     this.field = this.form.elements.class;
     this.choose = answer;
     this.outbox = outbox;
-    // The individuals named here, by class.
+    // The individuals that were named on this page, by class.
     this.named = new Map();
-    // Pairs of similar classes that a person here wants to keep separate.
+    // Pairs of similar classes that a person on this page wants to keep separate.
     this.differ = new Set();
     this.similar = null;
     this.classes = [];
     // Classes by key.
     this.keys = new Map();
-    // The paper's classes, if they are offered.
+    // The paper's classes if the palette offers them; null before the first `show`.
     this.paper = null;
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
@@ -44,7 +44,7 @@ export class Palette {
     this.root.addEventListener("click", (event) => {
       const button = event.target.closest("button");
       if (!button || button.form) return;
-      // After a click the button loses the focus, so that Space plays.
+      // After a click, the button loses the focus, so that Space plays the motion.
       if (event.detail > 0) button.blur();
       if (button.dataset.do === "undo") this.outbox.undo();
       else if (button.dataset.do === "instead") this.instead();
@@ -65,7 +65,7 @@ export class Palette {
     return true;
   }
 
-  // Performs an action of the palette; returns whether it is one.
+  // Performs an action of the palette. Returns whether the palette has an action of this name.
   act(name) {
     if (name === "name") this.field.focus();
     else if (name === "undo") this.outbox.undo();
@@ -75,8 +75,8 @@ export class Palette {
     return true;
   }
 
-  // A class has the key that a person chose for it. Otherwise it keeps its key while it exists, whichever others go. A new class
-  // gets the first key that is free and not chosen for an action.
+  // Assigns keys to classes. A class has the key that a person chose for it. A class without a chosen key keeps its key for as
+  // long as it exists. A new class gets the first key that is free and not chosen for an action.
   assign(classes) {
     const former = new Map([...this.keys].map(([key, name]) => [name, key]));
     this.keys = new Map(classes.filter(({ shortcut }) => shortcut).map(({ name, shortcut }) => [shortcut, name]));
@@ -94,7 +94,7 @@ export class Palette {
     claim(this.keys);
   }
 
-  // The paper's classes without an answer. If people began with classes of their own, nothing is offered.
+  // The classes of the paper that have no answer. If people began with classes of their own, the palette offers no such class.
   offered(classes) {
     const names = new Set(classes.map(({ name }) => name));
     if (this.paper === null) {
@@ -105,8 +105,8 @@ export class Palette {
     return this.paper.filter((name) => !names.has(name)).map((name) => ({ name }));
   }
 
-  // The order in which classes get keys: the paper's first while they are offered, so that their keys do not depend on which of
-  // them have answers.
+  // The classes in the order in which they get keys. If the paper's classes are offered, they come first, so that their keys do
+  // not depend on answers.
   inOrder(classes, offered) {
     const all = [...classes, ...offered];
     const paper = this.paper.map((name) => all.find((of) => of.name === name));
@@ -119,7 +119,7 @@ export class Palette {
     this.show(this.classes);
   }
 
-  // Shows the classes in their order, and the offered ones.
+  // Shows the classes and the offered classes, in their order.
   show(classes) {
     const offered = this.offered(classes);
     const inOrder = this.inOrder(classes, offered);
@@ -141,7 +141,7 @@ export class Palette {
     this.warn(classes);
   }
 
-  // Warns of two classes with nearly the same name, and offers to change the answers given here.
+  // Warns of two classes with nearly the same name, and offers to change the answers given on this page.
   warn(classes) {
     this.classes = classes;
     const pairs = classes.flatMap(({ name, near }) => near.map((other) => [name, other]));
@@ -158,7 +158,7 @@ export class Palette {
     instead.textContent = `Use “${shown(other)}” instead`;
   }
 
-  // Changes the answers with the mistyped class to the other class.
+  // Changes the answers with a mistyped class to the similar class.
   instead() {
     const [name, other] = this.similar;
     const indices = this.named.get(name);
@@ -176,7 +176,7 @@ export class Palette {
     if (indices) this.named.set(text, [...(this.named.get(text) ?? []), ...indices]);
   }
 
-  // The button of a class, or, without a colour, of an offered one.
+  // The button of a class; without a colour, the button of an offered class.
   button({ name, colour, labels }) {
     const button = document.createElement("button");
     button.type = "button";

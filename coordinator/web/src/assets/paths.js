@@ -1,13 +1,13 @@
-// A whole motion in one picture: the path of each robot in its colour, and the robots' last positions.
+// Draws a whole motion in one picture: the path of each robot in its colour, and the robots' last positions.
 import { drawArena, drawBodies, fit } from "./drawing.js";
 import { motionOf } from "./player.js";
 
-// Most poses joined by lines; longer motions or larger swarms skip steps.
+// Maximum number of poses that lines join; longer motions or larger swarms skip steps.
 const MOST_POSES = 60_000;
-// Half a world: on a torus, a longer way between two frames is a jump to the other side.
+// Half the size of the world. On a torus, a longer distance between two frames is a jump to the other side.
 const JUMP = 32768;
 
-// Draws an individual's paths over its picture in `root`, once its motion has arrived, if `isWanted()` still holds.
+// Draws an individual's paths over its picture in `root` once its motion has arrived, if `isWanted()` is still true.
 export async function layPaths(root, index, isWanted = () => root.isConnected) {
   // The player shows why a motion is missing.
   const motion = await motionOf(index, isWanted).motion.catch(() => null);

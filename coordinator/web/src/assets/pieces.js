@@ -1,16 +1,17 @@
-// The motion of a swarm without an end, a piece at a time, and its drawing.
+// Loads the motion of a swarm without an end, one piece at a time, and draws it.
 import { insist, reply } from "./coordinator.js";
 import { drawArena, fit } from "./drawing.js";
 
 const VERSION = 1;
 const HEADER_WORDS = 5;
-// Pieces requested in advance.
+// Number of pieces that are requested in advance.
 const AHEAD = 1;
-// Least radius, and most robots, for which sensors are drawn.
+// Minimum radius of a robot, and maximum number of robots, for which sensors are drawn.
 const LEAST_RADIUS_PX = 4;
 const MOST_WITH_SENSORS = 200;
 
-// Frames at even steps, in the coordinator's format, which is little-endian like all browsers.
+// A piece of a motion: frames at every step or at every other step, in the coordinator's format. The format is little-endian,
+// like all browsers.
 class Piece {
   constructor(bytes) {
     const [version, first, stride, frames, robots] = new Uint32Array(bytes, 0, HEADER_WORDS);
@@ -24,7 +25,7 @@ class Piece {
     this.sensed = new Uint8Array(bytes, 4 * HEADER_WORDS + this.poses.byteLength);
   }
 
-  // Passes x, y, heading and sensor state of each robot to `told`.
+  // Passes x, y, heading and state of the sensors of each robot at a step to `told`.
   at(step, { width, height, torus }, told) {
     const place = Math.min(Math.max((step - this.first) / this.stride, 0), this.frames - 1);
     const frame = Math.floor(place);
@@ -33,7 +34,7 @@ class Piece {
     const to = 3 * Math.min(frame + 1, this.frames - 1) * this.robots;
     const between = (i, side) => {
       const way = this.poses[to + i] - this.poses[from + i];
-      // On a torus, a robot that leaves on one side stays there until it comes in on the other.
+      // A robot that leaves a torus on one side stays on this side until it comes in on the other side.
       return this.poses[from + i] + (torus && Math.abs(way) > side / 2 ? 0 : part * way);
     };
     for (let i = 0; i < this.robots; i++) {
@@ -43,21 +44,21 @@ class Piece {
   }
 }
 
-// Requests the pieces of one motion, and holds those still to be shown.
+// Requests the pieces of one motion, and keeps the pieces that have not been shown yet.
 export class Pieces {
-  // Calls `came` when there is more to show, and `failed` on an error; `url` answers with pieces.
+  // Calls `came` when a piece has arrived, and `failed` after an error; `url` is the address of the pieces.
   constructor({ came, failed, url }) {
     this.url = url;
     this.came = came;
     this.failed = failed;
     this.held = [];
     this.asked = null;
-    // Before a motion begins there is nothing to request.
+    // Whether no piece of the current motion has arrived yet.
     this.isNew = true;
     this.ended = false;
   }
 
-  // Begins another motion, from a step on. The old one stays until the first piece arrives.
+  // Begins another motion, from a step on. The old motion stays until the first piece of the new motion arrives.
   begin(query, step) {
     this.asked?.abort();
     this.asked = null;
@@ -96,7 +97,7 @@ export class Pieces {
     }
   }
 
-  // The piece that contains a step; requests the next piece.
+  // The piece that contains a step. It also requests the next piece.
   of(step) {
     const place = this.held.findIndex((piece) => step <= piece.last);
     this.held.splice(0, Math.max(place, 0));
@@ -105,7 +106,8 @@ export class Pieces {
   }
 }
 
-// Draws a swarm at a step of a piece. `swarm` is its world and its species; `counts` are the numbers of robots of each.
+// Draws a swarm at a step of a piece. `swarm` has the world and the species of the swarm, `counts` the number of robots of each
+// species.
 export function draw(canvas, piece, step, { swarm, counts, genes }) {
   fit(canvas);
   const pen = canvas.getContext("2d");
@@ -132,13 +134,14 @@ function layer({ colour, radius, sensors }, scale, genes) {
     headings: new Path2D(),
     seeing: new Path2D(),
     blind: new Path2D(),
-    // Areas covered by the cones of sensors that are on, and of those that are off.
+    // Areas of the cones of sensors that are on, and of sensors that are off.
     lit: new Path2D(),
     dim: new Path2D(),
   };
 }
 
-// Adds a robot: its body, filled if a sensor is on; its heading; and its sensors' directions, up to their range if they have one.
+// Adds a robot: its body, filled if a sensor is on, its heading, and the directions of its sensors, up to their range if it is
+// limited.
 function add(layer, x, y, heading, sensed) {
   const { radius, sensors } = layer;
   const body = sensed ? layer.on : layer.off;
@@ -169,7 +172,7 @@ function paint(pen, { colour, radius, on, off, headings, seeing, blind, lit, dim
   const thin = Math.max(0.25 * radius, 1);
   pen.fillStyle = colour;
   pen.strokeStyle = colour;
-  // Under the robots, and each path as one area, so that robots stay visible where many cones overlap.
+  // Cones are drawn under the robots, and all cones as one area, so that robots stay visible where many cones overlap.
   pen.globalAlpha = 0.08;
   pen.fill(dim);
   pen.globalAlpha = 0.2;

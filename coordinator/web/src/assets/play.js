@@ -3,15 +3,15 @@ import { Comparison } from "./compare.js";
 import { Endless } from "./endless.js";
 import { actionOf, isForPage } from "./keys.js";
 
-// After a change of the controller the motion continues from the current step, but at most from step LOOKED_AT, the last that the
-// paper looks at, and after at most AT_ONCE steps times robots, which are simulated without delay.
+// After a change of the controller, the new motion is shown from the current step on, with two limits. LOOKED_AT is the last step
+// that the paper looks at. AT_ONCE is the number of steps times robots that can be simulated without a delay.
 const LOOKED_AT = 1200;
 const AT_ONCE = 120_000;
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 const at = (id) => document.getElementById(id);
 const root = at("play");
 
-// The state of the controls, as the address holds it.
+// The state of the controls, in the format of the address.
 class State {
   constructor() {
     this.swarm = JSON.parse(root.dataset.swarm);
@@ -33,7 +33,7 @@ class State {
     return query.toString();
   }
 
-  // What the drawing needs.
+  // The data of the swarm that the drawing needs.
   shown() {
     const { swarm } = this;
     const genes = this.numbers();
@@ -51,7 +51,7 @@ function playground() {
   const isValid = () => [...root.querySelectorAll(".number")].every((control) => control.value && control.checkValidity());
 
   const comparison = new Comparison(() => state.query());
-  // The motion changes at once; the address follows at the end of the change.
+  // The motion changes while a person changes a control; the address changes at the end of the change.
   const changed = (step) => {
     complain();
     comparison.forget();
@@ -116,7 +116,7 @@ function playground() {
     else return;
     event.preventDefault();
   });
-  // Links within the page change the address too.
+  // Links within the page also change the address, so that only a new query reloads the page.
   addEventListener("popstate", () => new URL(location).search !== new URL(told, location).search && location.reload());
 
   history.replaceState(null, "", `${told}${location.hash}`);
@@ -125,7 +125,7 @@ function playground() {
   else endless.play();
 }
 
-// Browsers mark numbers that are not allowed; this shows the allowed ones.
+// Shows the allowed values of a wrong number; browsers only mark the number as wrong.
 function complain() {
   const wrong = [...root.querySelectorAll(".number")].find((control) => !control.value || !control.checkValidity());
   const status = at("status");

@@ -10,8 +10,8 @@ const calm = matchMedia("(prefers-reduced-motion: reduce)");
 
 const kept = new Map();
 
-// The motion of an individual. It is requested once for all callers, with retries while any of them wants it. Also holds the reason
-// for a delay, and a callback for it.
+// The motion of an individual, which is requested once for all callers, with retries for as long as any caller wants it. The
+// result also has the reason of a delay, and a callback for the delay.
 export function motionOf(index, isWanted = () => true) {
   if (!kept.has(index)) {
     const asked = { why: "Simulating…", late: () => {}, wanted: [] };
@@ -81,7 +81,7 @@ export class Player extends Playback {
     this.pause();
   }
 
-  // Skips a part of the run, forwards or back.
+  // Skips a part of the motion, forwards or backwards.
   skip(part) {
     if (!this.motion) return;
     const { last } = this.motion.run;
@@ -103,7 +103,7 @@ export class Player extends Playback {
   }
 }
 
-// Performs the action of a key on a page with one player; returns whether it had one.
+// Performs the action of a key on a page with one player. Returns whether the key had an action.
 export function playerKey(player, { key }) {
   const name = actionOf(key);
   if (name === "play") player.toggle();

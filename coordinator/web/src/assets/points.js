@@ -1,13 +1,14 @@
-// The points of the map, for keys and drawn lines.
+// The points of the Map page, which people select with keys and drawn lines.
 import { fit } from "./drawing.js";
 import { GlPoints } from "./glpoints.js";
 import { encloses } from "./lasso.js";
 import { PAPER, Plot } from "./plot.js";
 
-// Without a graphics card: milliseconds per frame while the map moves, and until it counts as resting.
+// Without a graphics card: maximum painting time per frame while the map moves, and time without movement after which the map
+// rests, in milliseconds.
 const BUDGET_MS = 8;
 const REST_MS = 150;
-// So few points are always all painted.
+// If the map has at most this number of points, all points are always painted.
 const FEW = 10_000;
 
 export class Points extends Plot {
@@ -15,12 +16,12 @@ export class Points extends Plot {
     super(canvas);
     this.groups = [];
     this.isDark = false;
-    // Milliseconds that this script takes for all points, and the timer that paints all of them once the map rests.
+    // Milliseconds in which this script painted all points last, and the timer that paints all points once the map rests.
     this.cost = 0;
     this.rest = 0;
-    // The groups thinned to one point in `every`, for a moving map.
+    // The groups thinned out to one point in `every`, for a moving map.
     this.thinned = { every: 1, groups: this.groups };
-    // The renderer on the graphics card; null if this script paints.
+    // The renderer on the graphics card; null if this script paints the points.
     this.card = GlPoints.of(canvas, () => {
       this.card.place(this.x, this.y);
       this.look();
@@ -34,7 +35,8 @@ export class Points extends Plot {
     super.place(x, y, spans);
   }
 
-  // The squares are sorted only when a pointer needs them: a moving map changes them sixty times a second.
+  // Points are sorted into squares only when a pointer needs the squares, because a moving map changes the squares sixty times a
+  // second.
   sort() {
     this.isSorted = false;
   }
@@ -53,7 +55,8 @@ export class Points extends Plot {
     return found;
   }
 
-  // Paints every shown point: outstanding ones over the others, and with a selection, the unselected ones faded.
+  // Paints every shown point. Points for which `standsOut(i)` is true are over the other points. If points are selected, the
+  // other points are faded.
   show(colourOf, { selected, standsOut }, isDark) {
     const groups = [[], [], []];
     for (let i = 0; i < this.count; i++) groups[selected.has(i) ? 2 : standsOut(i) ? 1 : 0].push(i);
@@ -69,7 +72,7 @@ export class Points extends Plot {
     this.repaint();
   }
 
-  // Sends the points' looks to the graphics card.
+  // Sends the colours and sizes of the points to the graphics card.
   look() {
     if (!this.card) return;
     const [looks, sizes] = [new Uint8Array(4 * this.count), new Uint8Array(this.count)];
@@ -89,8 +92,8 @@ export class Points extends Plot {
     this.card.look(Uint32Array.from(order), looks, sizes);
   }
 
-  // Paints the points at their current places, with their last looks. If this script paints them, and all take too long for a
-  // moving map, it paints an even sample until the map rests.
+  // Paints the points at their current places, with their last colours and sizes. If this script paints the points and all points
+  // take too long for a moving map, it paints an even sample until the map rests.
   repaint(moves = false) {
     if (!this.card) return this.paintSome(moves && this.count > FEW ? 2 ** Math.max(Math.ceil(Math.log2(this.cost / BUDGET_MS)), 0) : 1);
     fit(this.canvas);

@@ -1,11 +1,11 @@
-// The Progress page: the coordinator sends what changes; novelty and trainings are drawn as curves.
+// The Progress page: the coordinator sends the parts that change, and this script draws novelty and trainings as curves.
 import "./live.js";
 import { Chart } from "./chart.js";
 import { get, insist, pause } from "./coordinator.js";
 import { eventsOf, noveltyOf, trainingOf } from "./curves.js";
 import { follow } from "./moving.js";
 
-// Least time between two requests for the curves.
+// Minimum time between two requests for the curves.
 const PAUSE_MS = 1000;
 
 const live = document.querySelector("[data-live]");
@@ -56,7 +56,7 @@ const searching = () => facts().searching !== undefined;
 const found = document.getElementById("found");
 const taxonomy = live.querySelector("[data-slot=taxonomy]");
 
-// Replaces the found behaviours by the taxonomy, without moving the content below.
+// Replaces the moving behaviours with the taxonomy, without moving the content below.
 function replace() {
   const shown = document.getElementById("shown");
   const there = taxonomy.childElementCount > 0;

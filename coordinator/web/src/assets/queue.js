@@ -1,22 +1,24 @@
-// This window's questions, some of them loaded in advance.
+// The questions of this window; some questions are loaded in advance.
 import { annotator } from "./annotator.js";
 import { archived, insist, path, post } from "./coordinator.js";
 import { motionOf } from "./player.js";
 
-// The current question, and the next three.
+// Number of questions: the current question and the next three.
 const HELD = 4;
-// The coordinator's limit of requested questions.
+// The coordinator's limit on the individuals that a window can ask for again.
 const AGAIN = 100;
-// Interval of renewals, shorter than the time after which the coordinator gives a window's questions to others.
+// Interval at which a window renews its questions. It is shorter than the time after which the coordinator gives these questions
+// to other windows.
 const RENEW_MS = 60_000;
 
 export class Queue {
-  // Calls `changed()` after a new first question and after new counts.
+  // Calls `changed()` when the first question or the counts have changed.
   constructor(session, changed) {
     this.session = session;
     this.changed = changed;
     this.questions = [];
-    // Numbers of individuals: with an answer by anybody, by this annotator, by the rule-based judge alone; and all.
+    // Numbers of individuals with an answer by anybody, by this annotator, and by the rule-based judge alone; and the number of
+    // all individuals.
     this.answered = 0;
     this.own = 0;
     this.synthetic = 0;
@@ -41,15 +43,15 @@ export class Queue {
     return this.questions[0];
   }
 
-  // Removes the first question after its answer.
+  // Removes the first question, which was answered.
   take() {
     this.answeredHere.add(this.questions.shift().index);
     this.changed();
-    // Without a question left, no acknowledgement will trigger the next request.
+    // If no question is left, a request for more questions starts at once.
     if (this.questions.length === 0) this.top();
   }
 
-  // Puts the questions of undone answers, newest first, at the front again.
+  // Puts the questions of undone answers at the front again, newest first.
   giveBack(indices) {
     for (const index of indices) this.answeredHere.delete(index);
     this.again = [...indices, ...this.again].slice(0, AGAIN);
@@ -63,7 +65,7 @@ export class Queue {
     this.top();
   }
 
-  // Fills the window's questions.
+  // Loads questions until the window has enough.
   async top() {
     this.wanted = true;
     if (this.asking) return;
@@ -95,7 +97,7 @@ export class Queue {
     });
     this.trouble = null;
     this.again = this.again.filter((index) => !again.includes(index));
-    // Leave out questions answered during the request.
+    // Questions that were answered during the request are left out.
     this.questions = asked.queries.filter(({ index }) => !this.answeredHere.has(index));
     this.answered = asked.answered;
     this.own = asked.own;

@@ -1,4 +1,4 @@
-// The medoids on a study's page: a click plays their motion, and people judge them.
+// The medoids on a study's page: a click on a medoid plays its motion, and people give medoids other classes.
 import { annotator, introduced } from "./annotator.js";
 import { insist, reply } from "./coordinator.js";
 import { Endless } from "./endless.js";
@@ -8,7 +8,7 @@ const root = document.getElementById("judging");
 const status = document.getElementById("status");
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 
-// The medoid being played.
+// The medoid whose motion plays.
 const state = {
   swarm: null,
   index: 0,
@@ -32,8 +32,8 @@ function play(endless, card) {
   else endless.play();
 }
 
-// The newest unsaved answer about each individual, oldest first. They are sent one at a time, so that a retry of an older answer
-// cannot arrive after a newer one.
+// The newest unsaved answer about each individual, oldest first. Answers are sent one at a time, so that a retry of an older
+// answer cannot arrive after a newer answer.
 const unsent = new Map();
 let sending = false;
 
@@ -57,7 +57,7 @@ async function send() {
       const [about, { details }] = unsent.entries().next().value;
       try {
         await keep(about);
-        // If more answers about this cell are unsaved, a reload would seem to revert them.
+        // If other answers about this cell are still unsaved, a reload would seem to revert them.
         if (![...unsent.values()].some((word) => word.details === details)) await open(details);
       } catch (error) {
         unsent.delete(about);
@@ -80,7 +80,7 @@ async function keep(about) {
     return reply(fetch(root.dataset.classes, { method: "POST", headers, body: word.body }));
   };
   await insist(ask, ({ message }) => (status.textContent = `Not saved yet: ${message}.`));
-  // A newer answer may have replaced this one during the request.
+  // A newer answer can have replaced this answer during the request.
   if (unsent.get(about) === word) unsent.delete(about);
 }
 

@@ -1,4 +1,4 @@
-// The Sheet page: shows a whole cluster; people mark the behaviours that differ and name the others together.
+// The Sheet page: shows a whole cluster; people mark the behaviours that differ and name the other behaviours together.
 import { introduced, session } from "./annotator.js";
 import { archived, follow, get, insist, path } from "./coordinator.js";
 import { column, fit } from "./drawing.js";
@@ -18,14 +18,14 @@ const sheet = at("sheet");
 const over = at("over");
 const player = new Player(document.querySelector(".player"));
 let clusters = [];
-// Properties of the clusters: number of individuals, archive version, and whether they are the final ones.
+// Properties of the clustering: its number of individuals, its archive version, and whether it is final.
 let made = { of: 0, archive_version: null, final: false };
-// New clusters, shown with the next answer or choice, so that nothing moves during one.
+// New clusters, which are shown after the next answer or choice, so that nothing moves before a click.
 let coming = null;
 let labelled = new Set();
-// Individuals answered here, acknowledged or not.
+// Individuals that were answered on this page, acknowledged or not.
 const answered = new Set();
-// Individuals put off: they come again when nothing else is left.
+// Individuals that people marked as different, which are shown again when no other individual is left.
 let later = new Set();
 
 await introduced();
@@ -57,7 +57,7 @@ function answer(text) {
   return indices;
 }
 
-// Shows these individuals again, because their answers were refused or undone.
+// Shows individuals again whose answers were refused or undone.
 async function forget(indices) {
   for (const index of indices) answered.delete(index);
   await load();
@@ -154,10 +154,10 @@ lasso(over, sheet, {
   },
 });
 sheet.addEventListener("click", (event) => {
-  // Keyboard only; the lasso handles pointers.
+  // Only clicks by key are handled here; the lasso handles pointers.
   if (event.detail === 0) toggle(event.target.closest(".card"));
 });
-// Delayed, because a passing pointer needs no motion.
+// A motion is requested after a delay, because a pointer that passes a card needs no motion.
 let looking = 0;
 const watch = (event) => {
   const card = event.target.closest(".card");
@@ -181,7 +181,7 @@ document.addEventListener("keydown", (event) => {
   else if (name === "next") go(1);
 });
 
-// Loads the current clusters; the displayed one stays until the next choice or answer.
+// Loads the current clusters; the displayed cluster stays until the next choice or answer.
 async function load() {
   const [points, labels] = await Promise.all([insist(() => get("points")), insist(() => get("labels"))]);
   labelled = new Set([...column(labels.individual, Uint32Array), ...answered]);
@@ -197,7 +197,7 @@ async function load() {
   tellHowFar();
 }
 
-// Switches to other clusters, and chooses the one that contains the medoid of the last one.
+// Switches to other clusters, and chooses the cluster with the medoid of the cluster that was displayed before.
 function show(fresh) {
   const first = clusters[Number(at("cluster").value)]?.[0];
   const chosen = fresh.findIndex((members) => members.includes(first));
@@ -211,7 +211,7 @@ function show(fresh) {
   lay();
 }
 
-// Shows the basis of the clusters, and whether new ones wait.
+// Shows which behaviours the clusters come from, and whether new clusters wait.
 function tellHowFar() {
   at("fresh").hidden = coming === null;
   if (coming) at("so-far").textContent = "The archive has been clustered again. The new clusters appear with your next answer.";
@@ -219,7 +219,8 @@ function tellHowFar() {
   else at("so-far").textContent = `These are the clusters of the first ${counted(made.of, "behaviour")}; the search may continue.`;
 }
 
-// Whether the coordinator has newer clusters. During the search, only once the archive has grown by a quarter.
+// Whether the coordinator has newer clusters. During the search, newer clusters count only once the archive has grown by a
+// quarter.
 function isOutgrown(seen) {
   const grown = seen.individuals > made.of + Math.floor(made.of / 4);
   return grown || seen.archive_version !== made.archive_version || (seen.completed && !made.final);

@@ -1,4 +1,4 @@
-// Campaigns side by side: their curves in shared charts.
+// The page of campaigns side by side: the campaigns' curves in shared charts.
 import { Chart } from "./chart.js";
 import { insist, reply } from "./coordinator.js";
 import { eventsOf, noveltyOf, trainingOf } from "./curves.js";
@@ -6,7 +6,7 @@ import { eventsOf, noveltyOf, trainingOf } from "./curves.js";
 const ids = [...document.querySelectorAll(".compared [data-campaign]")].map(({ dataset }) => dataset.campaign);
 const ask = async (id, what) => (await reply(fetch(`/campaigns/${id}/${what}`))).json();
 
-// Puts lines with different places on one axis. At a place of another line, a line shows its previous value.
+// Puts lines with different places on one axis. At a place where only other lines have values, a line keeps its previous value.
 function over(lines) {
   const x = [...new Set(lines.flatMap((line) => line.x))].sort((a, b) => a - b);
   const values = lines.map((line) => {
@@ -19,13 +19,13 @@ function over(lines) {
   return { x, values };
 }
 
-// The events of each campaign, with its id, in the colour of its line.
+// The events of all campaigns; each event has the id and the line of its campaign.
 const named = (events) =>
   events.flatMap((own, line) => own.map(({ x, text, breaks }) => ({ x, text: `${ids[line]}: ${text}`, breaks, line })));
 
 function draw(section, across, lines, events, heights = {}) {
   const root = document.querySelector(`#${section} .chart`);
-  // Without embeddings there are no trainings.
+  // The page has no charts of trainings if no campaign has an embedding.
   if (!root) return;
   const { x, values } = over(lines);
   document.querySelector(`#${section} .none`).hidden = x.length > 1;

@@ -3,7 +3,7 @@ import { fit } from "./drawing.js";
 import { trace } from "./lasso.js";
 
 export class Sketch {
-  // `medoids()` returns the points with a ring.
+  // `medoids()` returns the points that get a ring.
   constructor(canvas, plot, medoids) {
     this.canvas = canvas;
     this.plot = plot;

@@ -1,4 +1,4 @@
-// The page of a study: its tables and plots follow completed cells and people's answers about medoids.
+// The page of a study: loads its tables and plots again when a cell is completed or a person has judged a medoid.
 import "./live.js";
 import "./rejudge.js";
 

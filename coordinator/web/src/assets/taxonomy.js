@@ -1,4 +1,4 @@
-// Plays the medoids, and lets people name them, merge them and try further starts.
+// The Taxonomy page: plays the motions of medoids; people name medoids, merge clusters and try further starts.
 import { introduced, session } from "./annotator.js";
 import { follow, insist, reply } from "./coordinator.js";
 import "./keys.js";
@@ -13,7 +13,7 @@ for (const card of document.querySelectorAll(".medoid")) {
   const player = new Player(card);
   const play = async () => {
     await player.show(Number(card.dataset.index));
-    // The pointer may have left meanwhile.
+    // The pointer can have left the picture meanwhile.
     if (player.index !== null) stage.classList.add("in-motion");
   };
   const rest = () => {
@@ -38,7 +38,8 @@ for (const card of document.querySelectorAll(".medoid")) {
   });
 }
 
-// Reloads the page when the archive has changed since it was made. A page stays for some seconds, however fast the archive grows.
+// Reloads the page when the archive has changed since the page was made. Even if the archive grows fast, a page stays for some
+// seconds.
 const { archiveState } = document.getElementById("content").dataset;
 const STAYS_MS = 3000;
 let next = null;
@@ -60,7 +61,7 @@ function again(words) {
   location.reload();
 }
 
-// Shows the further starts of a medoid in a dialog; the link's address is a page of them.
+// Shows the further starts of a medoid in a dialog; the link itself leads to a page of these starts.
 const further = document.querySelectorAll(".further");
 for (const link of further) {
   link.addEventListener("click", (event) => {
@@ -104,7 +105,7 @@ async function tryStarts(link) {
 }
 
 if (status) {
-  // Message to show once everything is acknowledged, if that changes the page.
+  // The message that the page shows after its reload, if the answer that is being sent changes the page.
   let after = null;
   const outbox = new Outbox(await session(), {
     told({ path }, reply) {
@@ -119,7 +120,8 @@ if (status) {
       else outbox.tell(status);
     },
   });
-  // Asks for the annotator's name only when there is an answer; `words` is the message for an answer that changes the page.
+  // Sends an answer about individuals. It asks for the annotator's name only if there is an answer; `words` is the message for an
+  // answer that changes the page.
   async function name(indices, answer, words = null) {
     if (!answer || !(await introduced())) return;
     if (words !== null) after = words;

@@ -1,13 +1,13 @@
-// The views of a map, to go back to.
+// The history of the views of a map, through which people can go back.
 
-// After so long without movement, the map rests: the next movement is a new step of the history.
+// Milliseconds without movement after which the map rests. The next movement is then a new step of the history.
 const REST_MS = 400;
 const MOST = 100;
 
 const same = (one, other) => one.every((part, i) => part === other[i]);
 
 export class Views {
-  // `plot` is the map; calls `told(canGoBack)` after changes of the history.
+  // `plot` is the map. The class calls `told(canGoBack)` after every change of the history.
   constructor(plot, told) {
     this.plot = plot;
     this.told = told;
@@ -18,14 +18,14 @@ export class Views {
     return [this.plot.zoom, ...this.plot.middle];
   }
 
-  // Clears the history, because the map shows something else.
+  // Clears the history, because the map shows another projection.
   forget() {
     this.past = [];
     this.settle();
     this.told(false);
   }
 
-  // Called when the map moves: stores the view of its last rest.
+  // Stores the view in which the map last rested. The page calls this method when the map moves.
   moved() {
     if (this.timer === null) {
       if (same(this.rest, this.now())) return;
@@ -37,14 +37,14 @@ export class Views {
     this.timer = setTimeout(() => this.settle(), REST_MS);
   }
 
-  // Ends the current movement; the next one is a new step.
+  // Ends the current movement, so that the next movement is a new step of the history.
   settle() {
     clearTimeout(this.timer);
     this.timer = null;
     this.rest = this.now();
   }
 
-  // Returns to the previous view, once the map is laid out again; returns whether there was one.
+  // Restores the previous view, which appears at the next layout of the map. Returns whether there was a previous view.
   back() {
     this.settle();
     const view = this.past.pop();

@@ -1,4 +1,4 @@
-//! Atlases that differ from the current one only in the number of robots and in noise. Sliders switch between them.
+//! Atlases that differ from the current atlas only in the number of robots and in noise. Sliders switch between the atlases.
 
 use crate::{Web, layout::atlas_of, page_error::PageError};
 use maud::{Markup, html};
@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::json;
 use std::cmp::Ordering;
 
-/// Records of campaigns in memory at once.
+/// Maximum number of campaigns' records in memory at a time.
 const AT_ONCE: usize = 50;
 
 /// Atlases of one robot in one world, with different numbers of robots and different noise.
@@ -17,9 +17,9 @@ const AT_ONCE: usize = 50;
 pub(super) struct Others {
     /// The numbers of robots, ascending.
     robots: Vec<u32>,
-    /// The noise, in words, the least first.
+    /// The noise of the atlases in words, in ascending order.
     noises: Vec<String>,
-    /// Each atlas with its places in these lists; the first is the current one.
+    /// Each atlas with its places in `robots` and `noises`; the current atlas comes first.
     atlases: Vec<(CampaignId, usize, usize)>,
 }
 
@@ -28,13 +28,13 @@ pub(super) struct Others {
 struct OthersView<'a> {
     robots: &'a [u32],
     noise: &'a [String],
-    /// Each atlas with its places in these lists.
+    /// Each atlas with its places in `robots` and `noise`.
     atlases: Vec<(&'a str, usize, usize)>,
 }
 
-/// The atlases that can be switched to from the atlas of a campaign; `None` if there are none.
+/// The atlases that a page can switch between, the atlas of `record` included; `None` if there is no other atlas.
 pub(super) async fn others(web: &Web, record: &CampaignRecord) -> Result<Option<Others>, PageError> {
-    // The only method that evaluates every controller; its name is among the first lines of a specification.
+    // Only this method evaluates every controller. The first lines of a specification contain the name of its method.
     let method = format!("method = \"{}\"", Method::Exhaustive.name());
     let heads = web.campaigns.heads().await?.into_iter().rev();
     let heads = heads.filter(|listed| listed.head.opening.contains(&method));
@@ -50,7 +50,8 @@ pub(super) async fn others(web: &Web, record: &CampaignRecord) -> Result<Option<
 }
 
 impl Others {
-    /// The atlases among `known`, newest first, that are like the atlas of a campaign.
+    /// The atlas of a campaign, and the atlases among `known` that differ only in the number of robots and in noise. `known` has
+    /// the newest campaign first.
     fn among(id: &CampaignId, spec: &CampaignSpec, known: Vec<(CampaignId, CampaignSpec)>) -> Option<Self> {
         let own = apart(spec);
         let mut alike = vec![(id.clone(), conditions(spec))];
@@ -83,7 +84,7 @@ impl Others {
         })
     }
 
-    /// The sliders; the script of the page has them lead to the atlases.
+    /// The sliders. The script of the page opens the atlas that the sliders choose.
     pub(super) fn sliders(&self) -> Markup {
         let (robots, noise) = self
             .atlases
@@ -110,7 +111,7 @@ impl Others {
     }
 }
 
-/// A slider over these values; none over one.
+/// A slider over `values`; empty if there is only one value.
 fn slider(name: &str, title: &str, values: &[String], at: usize) -> Markup {
     html! {
         @if values.len() > 1 {
@@ -124,7 +125,7 @@ fn slider(name: &str, title: &str, values: &[String], at: usize) -> Markup {
     }
 }
 
-/// A specification without what the atlases of a robot may differ in.
+/// A specification without the fields in which the atlases on one page can differ.
 fn apart(spec: &CampaignSpec) -> v1::CampaignSpec {
     let mut message = v1::CampaignSpec::from(spec);
     message.name = None;
@@ -148,7 +149,7 @@ fn conditions(spec: &CampaignSpec) -> (u32, [f64; 5]) {
     (world.agents(), numbers.map(Option::unwrap_or_default))
 }
 
-/// The names of the numbers of a noise.
+/// The names of the five numbers of a world's noise.
 const NOISE: [&str; 5] = ["slip", "gain", "missed", "false detections", "delay"];
 
 fn compared(one: &[f64; 5], other: &[f64; 5]) -> Ordering {
@@ -197,7 +198,7 @@ mod tests {
             .iter()
             .map(|(id, robots, noise)| (id.as_str(), *robots, *noise))
             .collect();
-        // The newest of two equal atlases.
+        // `a-4` and `a-3` have the same conditions: only the newer atlas is listed.
         assert_eq!(
             places,
             [("a-1", 1, 0), ("a-5", 2, 1), ("a-4", 2, 0), ("a-2", 0, 0)]
