@@ -1,4 +1,4 @@
-//! The list of campaigns: one line per campaign, or per study.
+//! The list of campaigns: one line for each campaign, or for each study.
 
 use super::{
     Web, archived,
@@ -62,7 +62,7 @@ pub(super) async fn page(
     ))
 }
 
-/// The part of the list that changes, newest first.
+/// The part of the list that changes over time, with the newest campaign first.
 pub(super) async fn table(web: &Web, wanted: &Wanted) -> Result<Markup, CampaignError> {
     let found = wanted.of(&web.campaigns.heads().await?);
     let statuses = web.campaigns.statuses(found.ids()).await?;
@@ -94,7 +94,7 @@ pub(super) async fn table(web: &Web, wanted: &Wanted) -> Result<Markup, Campaign
     })
 }
 
-/// Links to the other pages of the list; empty if there is only one.
+/// Links to the other pages of the list; empty if the list has only one page.
 fn pages(wanted: &Wanted, pages: usize) -> Markup {
     let page = wanted.page.min(pages - 1);
     html! {
@@ -108,7 +108,7 @@ fn pages(wanted: &Wanted, pages: usize) -> Markup {
     }
 }
 
-/// The campaigns of a study, folded until a click.
+/// The campaigns of a study, folded until a person unfolds them; a filtered list has them unfolded.
 fn folded(wanted: &Wanted, study: &CampaignName, states: &BTreeMap<&str, u64>, cells: Markup) -> Markup {
     let all: u64 = states.values().sum();
     let message: Vec<String> = states
@@ -155,7 +155,8 @@ fn line(status: &CampaignStatus) -> Markup {
     }
 }
 
-/// The picture of a campaign: its largest cluster's medoid, else its newest individual, else its robot.
+/// The address of the picture of a campaign: of its largest cluster's medoid, or else of its newest individual, or else of its
+/// robot.
 fn picture(record: &CampaignRecord) -> String {
     match record.individuals().checked_sub(1) {
         None => format!("/campaigns/{}/robot", record.id),
@@ -164,7 +165,8 @@ fn picture(record: &CampaignRecord) -> String {
     }
 }
 
-/// Redirects to the picture of the largest cluster's medoid, so that only a browser that shows the campaign looks it up.
+/// Redirects to the picture of the largest cluster's medoid. With the redirect, the coordinator looks up this medoid only if a
+/// browser shows the campaign.
 pub(super) async fn behaviour(OfCampaign { web, record, .. }: OfCampaign) -> Result<Redirect, PageError> {
     let campaign = record.id.clone();
     let first = web.store.run(move |store| store.first_medoid(&campaign)).await?;
@@ -172,13 +174,13 @@ pub(super) async fn behaviour(OfCampaign { web, record, .. }: OfCampaign) -> Res
     Ok(Redirect::temporary(&archived::picture(&record, first)))
 }
 
-/// When a campaign was created, and how long it took.
+/// The time at which a campaign was created, and its duration.
 fn when(record: &CampaignRecord) -> Markup {
     let is_running = record.state == CampaignState::Running;
     let ended = record.ended_ms.or_else(|| is_running.then(now_ms));
     let took = ended.map(|ended| {
         let ms = ended.saturating_sub(record.created_ms);
-        // To the minute, because every change sends the list again.
+        // The duration of a running campaign is rounded to the minute, because the list is sent again whenever it changes.
         if is_running { so_far(ms) } else { duration(ms) }
     });
     html! {
@@ -194,7 +196,7 @@ fn now_ms() -> u64 {
     age.map_or(0, |age| age.as_millis() as u64)
 }
 
-/// A running duration, to the minute.
+/// A duration that continues, to the minute.
 fn so_far(ms: u64) -> String {
     match ms / 60_000 {
         0 => "under a minute".to_owned(),
@@ -203,7 +205,7 @@ fn so_far(ms: u64) -> String {
     }
 }
 
-/// A duration, in two units at most.
+/// A duration, in at most two units.
 fn duration(ms: u64) -> String {
     let seconds = ms / 1000;
     match seconds {

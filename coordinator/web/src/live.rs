@@ -1,4 +1,4 @@
-//! The event streams of pages: parts of a page are sent again whenever they change.
+//! The event streams of pages: the coordinator sends the parts of a page again whenever they change.
 
 use super::{
     Web, asked::Query, found::Wanted, layout::ArchiveState, list, page_error::PageError, pages, stages,
@@ -18,7 +18,7 @@ use std::{convert::Infallible, sync::Arc, time::Duration};
 use tokio::sync::{Mutex, mpsc};
 use tokio_stream::wrappers::ReceiverStream;
 
-/// Least time between two messages to a page.
+/// Minimum time between two messages to a page.
 const INTERVAL: Duration = Duration::from_millis(250);
 
 pub(super) type Events = Sse<axum::response::sse::KeepAliveStream<ReceiverStream<Result<Event, Infallible>>>>;
@@ -86,13 +86,13 @@ struct Rendered {
 /// The state of a campaign, for scripts.
 #[derive(Debug, Serialize)]
 struct ChangesView {
-    /// When the archive was created, milliseconds since 1970-01-01 UTC, and how often it was rolled back.
+    /// The time at which the campaign was created, in milliseconds since 1970-01-01 UTC, and the number of its rollbacks, if any.
     created: String,
     archive_state: String,
     archive_version: String,
     individuals: u64,
     completed: bool,
-    /// Entries of the label log.
+    /// Number of entries of the label log.
     labels: u64,
     /// The current stage as a sentence.
     doing: Option<String>,
@@ -125,8 +125,8 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
     Ok(follow(sights, look))
 }
 
-/// Sends the result of `look` whenever it changes, while the client listens. `look` runs several times a second for all followers
-/// of `sights`, so the cost of its reads must not grow with the archive.
+/// Sends the result of `look` whenever the result changes, for as long as the client is connected. `look` runs several times a
+/// second for all followers of `sights` together, so that its cost must not grow with the archive.
 pub(super) fn follow<Look, Looked, E>(sights: Followed<String>, look: Look) -> Events
 where
     Look: Fn() -> Looked + Send + 'static,
@@ -136,7 +136,7 @@ where
     let (events, stream) = mpsc::channel(1);
     tokio::spawn(async move {
         let mut seen = None;
-        // The first result must be new, even if others already follow.
+        // The first result must be new, even if other pages already follow `sights`.
         let mut age = Duration::ZERO;
         while let Ok(sight) = sights.within(age, look()).await {
             age = INTERVAL;

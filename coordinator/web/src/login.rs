@@ -21,7 +21,7 @@ use murmuration_link::TokenDigest;
 use serde::{Deserialize, Serialize};
 use std::{sync::Arc, time::SystemTime};
 
-/// The filled-in log-in form.
+/// The log-in form as a person filled it in.
 #[derive(Deserialize)]
 pub(super) struct Given {
     token: String,
@@ -36,7 +36,7 @@ pub(super) struct Going {
     to: Destination,
 }
 
-/// The path of a page of this coordinator, and its query.
+/// The path and the query of a page of this coordinator.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(from = "String")]
 struct Destination(String);
@@ -48,7 +48,7 @@ impl Default for Destination {
 }
 
 impl From<String> for Destination {
-    /// Anything but a plain path of this host becomes the front page.
+    /// Takes the path and query of a page of this host. Any other address becomes the front page.
     fn from(address: String) -> Self {
         let (path, query) = address.split_once('?').unwrap_or((&address, ""));
         let plain = |c: char| c.is_ascii_alphanumeric() || "/-_.".contains(c);
@@ -119,14 +119,14 @@ pub(super) async fn log_in(
     }
 }
 
-/// Ends the session, and tells the browser to delete its cookie and the pages it keeps.
+/// Ends the session, and makes the browser delete the session's cookie and the pages in its cache.
 pub(super) async fn log_out(Extension(endpoint): Extension<Arc<Endpoint>>, headers: HeaderMap) -> Response {
     let sessions = endpoint.sessions.clone();
     let forgotten = sessions.forget(&headers);
     let ended = blocking(move || sessions.log_out(&headers)).await;
     let answer = match ended {
         Ok(Ok(())) => (forgotten, Redirect::to("/")).into_response(),
-        // The browser keeps its cookie, so that it can try again.
+        // After an error, the browser keeps its cookie, so that it can send the request again.
         Ok(Err(error)) => PageError::from(error).into_response(),
         Err(broken) => PageError::from(broken).into_response(),
     };
@@ -157,7 +157,7 @@ fn form(to: &Destination, error: &str) -> Markup {
     }
 }
 
-/// The response to a refused request: a page or the log-in for people, and a line of text for scripts.
+/// The response to a refused request: an error page or the log-in page for people, and a line of text for scripts.
 pub(super) fn show_refusal(refusal: Refusal, request: &RequestHead) -> Response {
     match (page_error::wants_page(&request.headers), status_of(&refusal)) {
         (true, StatusCode::UNAUTHORIZED) => {
@@ -171,8 +171,7 @@ pub(super) fn show_refusal(refusal: Refusal, request: &RequestHead) -> Response 
     }
 }
 
-/// The page to return to after the log-in: the requested page; for a button, its campaign's page, because an action has no page of
-/// its own.
+/// The page that follows the log-in: the requested page or, if a button sent the request, the page of its campaign.
 fn page_of(method: &Method, uri: &Uri) -> Destination {
     if method.is_safe() {
         let address = uri.path_and_query();

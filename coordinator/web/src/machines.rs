@@ -1,4 +1,4 @@
-//! The table of workers and trainers, with their activities.
+//! The table of connected workers and trainers, with their current work.
 
 use maud::{Markup, html};
 use murmuration_dispatch::{ConnectedMachine, WorkInHand, WorkKind};
@@ -6,10 +6,10 @@ use murmuration_model::CampaignId;
 use murmuration_study::wide;
 use murmuration_swarm::counted;
 
-/// Most rows of the table.
+/// Maximum number of rows of the table.
 const MOST: usize = 50;
 
-/// The table; empty if no machine is connected.
+/// The table of machines; empty if no machine is connected.
 pub(super) fn table(workers: &[ConnectedMachine], trainers: &[ConnectedMachine]) -> Markup {
     let workers = workers.iter().map(|machine| ("worker", machine));
     let trainers = trainers.iter().map(|machine| ("trainer", machine));
@@ -37,7 +37,7 @@ pub(super) fn table(workers: &[ConnectedMachine], trainers: &[ConnectedMachine])
     }
 }
 
-/// A machine's activity, in words.
+/// The current work of a machine, in words.
 fn doing(machine: &ConnectedMachine) -> String {
     if machine.work.is_empty() {
         return match machine.capacity {

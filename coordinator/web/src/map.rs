@@ -1,4 +1,4 @@
-//! The map of a campaign's behaviours: the page, and the points for its script.
+//! The map of a campaign's behaviours: the page, and the points that its script draws.
 
 use super::{
     Web, keys,
@@ -28,7 +28,7 @@ use murmuration_search::medoids::Clustering;
 use murmuration_service::OrStatus as _;
 use serde::Serialize;
 
-/// The keys that cannot be changed: those of the map, while it has the focus, and of the selection.
+/// The keys that people cannot change: the keys of the map while the map has the focus, and the keys of the selection.
 const KEYS: [(&str, &str); 8] = [
     keys::CLASSES,
     ("arrows", "on the map: go from one behaviour to the next"),
@@ -121,7 +121,7 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
     Ok(campaign_page(&record, Part::Map, &visitor, content))
 }
 
-/// Properties of the points besides their places. While the archive grows, only its first individuals have a cluster.
+/// Properties of the points, without their places. While the archive grows, only its first individuals have a cluster.
 #[derive(Debug, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct PointsView {
@@ -132,11 +132,11 @@ pub(super) struct PointsView {
     r#final: bool,
     #[serde(rename = "archive_version")]
     archive_version: String,
-    /// Places of the medoids.
+    /// Indices of the medoids.
     medoids: Vec<usize>,
-    /// Trials of each individual.
+    /// Number of trials of each individual.
     starts: usize,
-    /// Columns: the trials that show an individual's own behaviour, and its cluster.
+    /// Columns with a value for each individual: the number of trials that show its own behaviour, and its cluster.
     robust: String,
     cluster: String,
     cluster_names: Vec<Option<String>>,
@@ -185,7 +185,7 @@ pub(super) async fn points(
     }))
 }
 
-/// The name of a cluster, followed by its origin unless a person named the medoid.
+/// The name of a cluster, followed by the origin of the name if no person gave the name to the medoid.
 fn in_words(name: &ClusterName) -> String {
     let shown = name.class.shown();
     match name.origin {
@@ -195,7 +195,7 @@ fn in_words(name: &ClusterName) -> String {
     }
 }
 
-/// Places on the principal axes.
+/// The places of the points on the principal axes.
 pub(super) async fn axes(
     State(web): State<Web>,
     Path(id): Path<String>,
@@ -209,7 +209,7 @@ pub(super) async fn axes(
     Ok(Json(places(&axes.points)))
 }
 
-/// Places by t-SNE; ACCEPTED with an empty body while they are computed.
+/// The places of the points by t-SNE. While these are computed, the response is `ACCEPTED` with an empty body.
 pub(super) async fn neighbours(State(web): State<Web>, Path(id): Path<String>) -> Result<Response, Refused> {
     let record = web.campaigns.status(&id).await.or_status()?.record;
     let maps = web.maps.clone();
@@ -223,7 +223,7 @@ pub(super) async fn neighbours(State(web): State<Web>, Path(id): Path<String>) -
     })
 }
 
-/// The places of points: columns, scaled to the spans of the axes.
+/// The places of points, as columns that are scaled to the spans of the axes.
 #[derive(Debug, Serialize)]
 pub(super) struct PlacesView {
     x: String,

@@ -1,4 +1,4 @@
-//! The motion of an individual: for a script to draw, and as a download.
+//! The motion of an individual: as data that a script draws, and as a download.
 
 use super::{
     Web,
@@ -32,9 +32,10 @@ use serde::Serialize;
 use std::time::Duration;
 use tonic::{Request, Status};
 
-/// Bytes of one motion, before base64.
+/// Maximum size of a motion in bytes, before base64.
 const MOTION_BYTES: usize = 2 << 20;
-/// How long a script waits for a worker. Then the answer is that workers are busy, and the script may ask again.
+/// Maximum time that a script waits for a worker. After that, the response is that the workers are busy, and the script can ask
+/// again.
 pub(super) const REPLAY_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// An individual simulated again by a worker.
@@ -68,7 +69,7 @@ async fn simulated(web: &Web, campaign: &str, index: u64) -> Result<Simulated, S
 #[derive(Debug, Serialize)]
 struct IndividualView {
     world: WorldView,
-    /// One for each agent, or for each species.
+    /// The colours from which agents, or species if there are several, get their colour.
     colours: Vec<String>,
     run: MotionView,
 }
@@ -93,7 +94,7 @@ pub(super) async fn motion(
     Ok(([created.keep(&record)], Json(view)))
 }
 
-/// The whole motion as an animated GIF to download. Errors are answered with a page.
+/// The whole motion as an animated GIF to download. The response to an error is a page.
 pub(super) async fn gif(
     State(web): State<Web>,
     Path((campaign, index)): Path<(String, u64)>,
@@ -114,7 +115,7 @@ pub(super) async fn gif(
     Ok((headers, drawn.await??))
 }
 
-/// The paths of the last steps, as in the picture, as an SVG to download. Errors are answered with a page.
+/// The paths of the last steps, as in the picture, as an SVG to download. The response to an error is a page.
 pub(super) async fn svg(
     State(web): State<Web>,
     Path((campaign, index)): Path<(String, u64)>,

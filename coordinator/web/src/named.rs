@@ -10,7 +10,7 @@ use murmuration_model::{CampaignRecord, labels::ClassName};
 use murmuration_store::{Store, StoreError};
 use murmuration_swarm::grouped;
 
-/// The current taxonomy, and the names of its clusters, including carried-over ones.
+/// The current taxonomy, and the names of its clusters, names from earlier versions included.
 #[derive(Debug)]
 pub(super) struct NamedTaxonomy {
     pub(super) taxonomy: Taxonomy,
@@ -18,7 +18,7 @@ pub(super) struct NamedTaxonomy {
 }
 
 impl NamedTaxonomy {
-    /// Reads both; `None` before the campaign has a taxonomy.
+    /// Reads the taxonomy and its names; `None` if the campaign has no taxonomy yet.
     pub(super) async fn read(web: &Web, record: &CampaignRecord) -> Result<Option<Self>, CampaignError> {
         let (id, spec) = (record.id.clone(), record.spec.clone());
         let read = move |store: &Store| -> Result<Option<Self>, StoreError> {
@@ -32,12 +32,12 @@ impl NamedTaxonomy {
         Ok(web.store.run(read).await?)
     }
 
-    /// The name of the cluster at a place, if it has one.
+    /// The name of the cluster at a place of the taxonomy, if the cluster has a name.
     pub(super) fn class(&self, place: usize) -> Option<&ClassName> {
         Some(&self.names.names.get(place)?.as_ref()?.class)
     }
 
-    /// The line under the picture of a medoid: its number from 1, its name if it has one, and its cluster's share of all
+    /// The line under the picture of a medoid: its number, from 1, its name, if it has a name, and its cluster's share of all
     /// individuals.
     pub(super) fn caption(&self, place: usize) -> Markup {
         let all = self.taxonomy.clusters.len().max(1) as f64;

@@ -1,4 +1,4 @@
-//! Extractor for pages of a campaign.
+//! Extractor for requests of pages of a campaign.
 
 use super::{Web, page_error::PageError, visitor::Visitor};
 use axum::{

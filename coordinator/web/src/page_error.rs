@@ -34,7 +34,7 @@ pub(super) enum PageError {
     Service(#[from] Status),
     #[error(transparent)]
     Input(#[from] Invalid),
-    /// The form has another content type, or is too long.
+    /// The form has a wrong content type, or is too long.
     #[error("the form of this request cannot be read: send it from the page that it belongs to")]
     Unread(StatusCode),
     #[error(transparent)]
@@ -43,14 +43,14 @@ pub(super) enum PageError {
     Picture(#[from] PictureError),
 }
 
-/// Whether the client wants a page: scripts and programs accept any content.
+/// Whether the client asks for HTML; scripts and programs accept any content.
 pub(super) fn wants_page(headers: &HeaderMap) -> bool {
     let accepts = headers.get(ACCEPT).and_then(|accepts| accepts.to_str().ok());
     accepts.is_some_and(|kinds| kinds.contains("text/html"))
 }
 
 impl PageError {
-    /// The response to a request with these headers: a page, or a line of text.
+    /// The error as the response to a request with these headers: a page, or a line of text.
     pub(super) fn told(self, headers: &HeaderMap) -> Response {
         match wants_page(headers) {
             true => self.into_response(),
@@ -58,7 +58,7 @@ impl PageError {
         }
     }
 
-    /// The whole response, as a page.
+    /// The error as a whole page.
     fn page(&self) -> Response {
         let title = self.title();
         let is_missing = self.status() == StatusCode::NOT_FOUND;
@@ -83,7 +83,7 @@ impl PageError {
         (self.status(), page).into_response()
     }
 
-    /// The campaign that was probably meant, if the address has an unknown id.
+    /// The campaign that a person probably meant by an unknown id in the address.
     const fn nearest(&self) -> Option<&CampaignId> {
         match self {
             Self::Campaign(CampaignError::Store(StoreError::NoCampaign(unknown))) => unknown.nearest.as_ref(),
@@ -162,11 +162,11 @@ impl IntoResponse for PageError {
     }
 }
 
-/// Text for a missing page, for clients that show no pages.
+/// The text about a missing page, for clients that show no pages.
 #[derive(Debug, Clone)]
 struct NotFound(String);
 
-/// Renders a missing page for its client: as a page for browsers, as JSON or a line of text for programs.
+/// Renders the error about a missing page for the client: as a page for browsers, as JSON or a line of text for programs.
 pub(super) fn negotiated(response: Response, headers: &HeaderMap) -> Response {
     let Some(NotFound(text)) = response.extensions().get().cloned() else {
         return response;

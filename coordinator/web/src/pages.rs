@@ -30,10 +30,10 @@ use murmuration_swarm::{EmbedderSource, World, counted, figure, grouped};
 const CANCELLING: &str = "Cancelling ends this campaign for good: it cannot be resumed. Its archive and its labels stay. To stop it for a while, \
                           pause it.";
 
-/// Behaviours of each kind on a searching campaign's page.
+/// Number of newest behaviours, and of most novel behaviours, on the page of a campaign that searches.
 pub(super) const SHOWN: usize = 3;
 
-/// A campaign: its status, the buttons that steer it, and its specification.
+/// The page of a campaign: its status, the buttons that control the campaign, and its specification.
 pub(super) async fn campaign(
     State(web): State<Web>,
     Path(id): Path<String>,
@@ -74,19 +74,20 @@ pub(super) async fn campaign(
     ))
 }
 
-/// The taxonomy on a campaign's page; empty before there is one.
+/// The taxonomy on a campaign's page; empty if the campaign has no taxonomy yet.
 pub(super) async fn taxonomy(web: &Web, record: &CampaignRecord) -> Result<Markup, CampaignError> {
     let named = NamedTaxonomy::read(web, record).await?;
     Ok(named.map_or_else(Markup::default, |named| behaviours(record, &named)))
 }
 
-/// The rounds of a campaign, as a table.
+/// The rounds of learning of a campaign, as a table.
 pub(super) async fn rounds(web: &Web, record: &CampaignRecord) -> Result<Markup, CampaignError> {
     let record = record.clone();
     Ok(web.store.run(move |store| history::read(store, &record)).await?)
 }
 
-/// Placeholder where found behaviours move until there is a taxonomy. It has its final size from the beginning.
+/// Placeholder in which a script plays behaviours that were found, until the campaign has a taxonomy. The placeholder has its
+/// final size from the beginning.
 fn found(running: bool, world: &World) -> Markup {
     html! {
         section.scripted #shown aria-label="Behaviours as they are found" hidden[!running] {
@@ -102,10 +103,10 @@ fn found(running: bool, world: &World) -> Markup {
     }
 }
 
-/// Text in place of a curve that has no line yet.
+/// Text in place of a curve that has fewer than two points.
 const NO_CURVE: &str = "The curve begins with its second point.";
 
-/// The place of a curve, which a script draws. It has its final size from the beginning.
+/// The place of a curve that a script draws. The place has its final size from the beginning.
 fn curve(id: &str, title: &str, shown: bool) -> Markup {
     html! {
         section.scripted #(id) aria-label=(title) hidden[!shown] {
@@ -115,7 +116,7 @@ fn curve(id: &str, title: &str, shown: bool) -> Markup {
     }
 }
 
-/// The places of the two training curves, side by side: they share their epochs, but have different units.
+/// The places of the two training curves, accuracy and loss, side by side.
 fn training_curves(shown: bool) -> Markup {
     html! {
         section.scripted #training aria-label="Training" hidden[!shown] {
@@ -132,16 +133,16 @@ fn training_curves(shown: bool) -> Markup {
     }
 }
 
-/// Whether a campaign has training curves: from its own embedder's training, or from a round.
+/// Whether a campaign has training curves: from the training of its own embedder, or from a round.
 fn trains(record: &CampaignRecord) -> bool {
     matches!(record.spec.embedder(), Some(EmbedderSource::Trained { .. })) || record.rounds.done > 0
 }
 
-/// The parts of a campaign's page that change while it runs. The fields are named after the slots of the page.
+/// The parts of a campaign's page that change while the campaign runs. The fields have the names of the page's slots.
 #[derive(Debug, Default)]
 pub(super) struct Slots {
     pub(super) status: Markup,
-    /// The behaviours of the taxonomy; empty before there is one.
+    /// The behaviours of the taxonomy; empty if there is no taxonomy yet.
     pub(super) taxonomy: Markup,
     pub(super) history: Markup,
     /// Connected machines, and notices.
@@ -185,7 +186,7 @@ impl Slots {
     }
 }
 
-/// Progress, current figures, and buttons.
+/// The progress, the buttons and the current figures of a campaign.
 fn figures(status: &CampaignStatus) -> Markup {
     let id = status.record.id.as_str();
     html! {
@@ -204,7 +205,7 @@ fn figures(status: &CampaignStatus) -> Markup {
             }
             (delete::button(&status.record))
         }
-        // Last, because it becomes shorter when the campaign ends.
+        // The figures come last, because their list becomes shorter when the campaign ends.
         (facts(status))
     }
 }
@@ -214,7 +215,7 @@ fn searches(status: &CampaignStatus) -> bool {
     status.active && status.stage == Stage::Evolve
 }
 
-/// Whether to show a button: the state must allow the change, and a running campaign cannot be resumed.
+/// Whether to show the button for a change: the state must allow the change, and a running campaign cannot be resumed.
 fn offered(status: &CampaignStatus, change: Change) -> bool {
     let allowed = status.record.state.after(change).is_some();
     allowed && !(change == Change::Resume && status.active)
@@ -228,7 +229,8 @@ fn capitalised(word: &str) -> String {
         .unwrap_or_default()
 }
 
-/// Current figures. While a campaign runs, unknown figures have their places too, so that nothing below them moves.
+/// The current figures of a campaign. While the campaign runs, unknown figures also have a place, so that nothing below them
+/// moves.
 fn facts(status: &CampaignStatus) -> Markup {
     let record = &status.record;
     let running = record.state == CampaignState::Running;
@@ -261,7 +263,7 @@ fn facts(status: &CampaignStatus) -> Markup {
                 (fact("Accuracy on held-out triplets", accuracy.map(|share| format!("{:.1} %", 100.0 * share))))
             }
             (fact("Time left in this stage", stage_left(status)))
-            // Always one line, so that nothing below it moves.
+            // The time left always takes one line, so that nothing below it moves.
             @if running { div { dt { "Time left in all" } dd.on-one-line { (whole_left(status).as_deref().unwrap_or("–")) } } }
             (fact("Rate", rate.map(|rate| format!("{} per second", grouped(rate.round() as u64)))))
             (fact("Workers", Some(status.workers.to_string())))
@@ -273,7 +275,7 @@ fn facts(status: &CampaignStatus) -> Markup {
     }
 }
 
-/// The medoids, largest cluster first.
+/// The list of medoids, largest cluster first.
 fn behaviours(record: &CampaignRecord, named: &NamedTaxonomy) -> Markup {
     let medoids = &named.taxonomy.medoids;
     html! {
@@ -303,7 +305,8 @@ pub(super) async fn robot(OfCampaign { record, .. }: OfCampaign) -> Result<impl 
     Ok(([(CONTENT_TYPE, "image/svg+xml")], drawing))
 }
 
-/// An individual's picture, as a PNG in its own size: browsers enlarge it faster than this process encodes a larger one.
+/// An individual's picture, as a PNG in its own size. A browser enlarges the picture faster than this process encodes a larger
+/// picture.
 pub(super) async fn image(
     Path((_, index)): Path<(String, u64)>,
     Query(created): Query<Created>,

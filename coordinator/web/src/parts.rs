@@ -6,7 +6,7 @@ use murmuration_accuracy::RANDOM;
 use murmuration_model::{CampaignRecord, Timestamp};
 use murmuration_swarm::{Class, World};
 
-/// The paper's classes that robots with either of its capability models can show, `random` last.
+/// The paper's classes that robots with any of the paper's capability models can show, `random` last.
 const OFFERED: [Class; 6] = [
     Class::CyclicPursuit,
     Class::Milling,
@@ -24,8 +24,8 @@ pub(super) fn moment(ms: u64) -> Markup {
     html! { time datetime=(text) { (minute) " UTC" } }
 }
 
-/// Gives a stage the shape of `world` before its motion arrives, so that the page does not move then. The shape is an
-/// empty SVG with a viewBox, because the pages' Content-Security-Policy forbids style attributes.
+/// Gives a stage the shape of `world` before its motion arrives, so that the page does not move when the motion arrives. The
+/// shape is an empty SVG with a viewBox, because the pages' Content-Security-Policy forbids style attributes.
 pub(super) fn shape(world: &World) -> Markup {
     html! { svg.shape viewBox={ "0 0 " (world.width()) " " (world.height()) } aria-hidden="true" {} }
 }
@@ -55,8 +55,8 @@ pub(super) fn speeds() -> Markup {
     }
 }
 
-/// Buttons for the classes, which a script adds, and for other answers. It offers the paper's classes that make sense in `world`.
-/// `single`: the page asks about one behaviour.
+/// The palette: buttons for the classes, which a script adds, and for other answers. The palette offers the paper's classes that
+/// make sense in `world`. `single` is true on a page that asks about one behaviour.
 pub(super) fn palette(world: &World, single: bool) -> Markup {
     let offered = OFFERED
         .iter()
@@ -95,7 +95,8 @@ pub(super) fn palette(world: &World, single: bool) -> Markup {
     }
 }
 
-/// The form for the annotator's name, shown until the browser knows it. Until then, parts with the class `once-named` are hidden.
+/// The form for the annotator's name, shown until the browser has stored a name. Until then, parts with the class `once-named`
+/// are hidden.
 pub(super) fn who() -> Markup {
     html! {
         form #who.who hidden {
@@ -112,12 +113,12 @@ pub(super) fn rename() -> Markup {
     html! { label { "Answering as " input #annotator maxlength="64" autocomplete="nickname"; } }
 }
 
-/// The line for the script's messages: saved answers and errors.
+/// The line for messages of the page's script: saved answers and errors.
 pub(super) fn status_line() -> Markup {
     html! { p #status.status role="status" {} }
 }
 
-/// The dialog for a script that replaces or withdraws several answers.
+/// The dialog in which a script asks before it replaces or withdraws several answers.
 pub(super) fn confirm() -> Markup {
     html! {
         dialog #confirm aria-labelledby="confirm-title" {

@@ -11,8 +11,8 @@ use murmuration_service::OrStatus as _;
 use murmuration_store::{Store, StoreError};
 use serde::Serialize;
 
-/// The best and the mean novelty of each generation, when evaluated, in columns. If there are many generations, a row covers
-/// several.
+/// The best and the mean novelty when evaluated of each generation, in columns. If there are many generations, each row covers
+/// several generations.
 #[derive(Debug, Serialize)]
 pub(super) struct GenerationsView {
     generation: String,
@@ -55,7 +55,7 @@ pub(super) struct EpochsView {
 /// The end of a round, or a notice.
 #[derive(Debug, Serialize)]
 struct EventView {
-    /// Number of complete generations at that time.
+    /// Number of complete generations when the event happened.
     generation: u32,
     text: String,
 }
@@ -93,7 +93,8 @@ pub(super) async fn epochs(
     Ok(Json(EpochsView { epochs, events }))
 }
 
-/// Whether the training of a round has ended. Known epochs alone do not tell, because a campaign may be paused during a training.
+/// Whether the training of a round has ended. The known epochs alone cannot show the end, because a campaign can be paused during
+/// a training.
 fn has_ended(record: &CampaignRecord, round: u32) -> bool {
     match round {
         0 => Stage::of(record) != Stage::Pretrain,
@@ -111,8 +112,8 @@ fn learned(round: u32, generation: u32) -> EventView {
 
 const SHOWN: u32 = super::pages::SHOWN as u32;
 
-/// The newest individuals and the most novel ones, for the moving pictures of a searching campaign: index, generation, and novelty
-/// when evaluated.
+/// The newest and the most novel individuals, whose motions the page of a searching campaign plays. Each individual has its
+/// index, its generation, and its novelty when evaluated.
 #[derive(Debug, Serialize)]
 pub(super) struct ShownView {
     newest: Vec<(u64, u32, f64)>,

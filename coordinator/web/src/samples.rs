@@ -3,7 +3,7 @@
 use murmuration_model::{ArchiveEmbedder, CampaignRecord, CampaignState, Rounds, Weight};
 use murmuration_swarm::CampaignSpec;
 
-/// The campaign `two-1` with this specification, at its beginning.
+/// The record of a new campaign `two-1` with this specification.
 pub(super) fn record(spec: &str) -> CampaignRecord {
     CampaignRecord {
         id: "two-1".parse().unwrap(),

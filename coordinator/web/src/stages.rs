@@ -6,7 +6,7 @@ use murmuration_model::{CampaignState, Stage, TimeLeft};
 use murmuration_proto::v1;
 use murmuration_swarm::{counted, grouped};
 
-/// The state of a campaign in words; while it runs, its stage.
+/// The state of a campaign in words; for a running campaign, its stage.
 pub(super) fn state_name(status: &CampaignStatus) -> &'static str {
     match status.record.state {
         CampaignState::Running if !status.active => "interrupted",
@@ -58,13 +58,13 @@ const fn stage(stage: Stage) -> &'static str {
     }
 }
 
-/// Remaining time of the stage, if known.
+/// Remaining time of the current stage, in words, if known.
 pub(super) fn stage_left(status: &CampaignStatus) -> Option<String> {
     let seconds = status.progress()?.seconds_left?;
     Some(TimeLeft::about(seconds).in_words())
 }
 
-/// Remaining time of the whole campaign, as far as it is known.
+/// Remaining time of the whole campaign, in words, if known.
 pub(super) fn whole_left(status: &CampaignStatus) -> Option<String> {
     status.time_left().map(TimeLeft::in_words)
 }

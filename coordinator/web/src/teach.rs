@@ -1,4 +1,5 @@
-//! Labels and questions for the scripts: translates between JSON and the label service, which validates and decides.
+//! Labels and questions for the scripts of pages. The module translates between JSON and the label service, which checks the
+//! requests and decides about them.
 
 use super::{Web, page_error::Refused};
 use axum::{
@@ -20,7 +21,7 @@ use tonic::Request;
 
 type Told<T> = Result<Json<T>, Refused>;
 
-/// A request for questions; see `NextQueriesRequest`.
+/// A request for questions; the message `NextQueriesRequest` explains the fields.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Ask {
@@ -32,11 +33,11 @@ pub(super) struct Ask {
     again: Vec<u64>,
 }
 
-/// The questions that a window holds.
+/// The questions that a window of a browser has.
 #[derive(Debug, Serialize)]
 pub(super) struct QueriesView {
     queries: Vec<QueryView>,
-    /// Individuals with an answer by anybody; by this annotator; by the rule-based judge alone.
+    /// Numbers of individuals with an answer by anybody, by this annotator, and by the rule-based judge alone.
     answered: u64,
     own: u64,
     synthetic: u64,
@@ -75,7 +76,7 @@ pub(super) async fn ask(
     }))
 }
 
-/// Answers of one annotator.
+/// A request with answers of one annotator.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Answers {
@@ -111,7 +112,7 @@ pub(super) async fn answer(
     classes(&web, campaign).await
 }
 
-/// A request to undo the last act of an annotator.
+/// A request to undo the answers of an annotator's newest request.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Undo {
@@ -119,7 +120,7 @@ pub(super) struct Undo {
     annotator: String,
 }
 
-/// Responds with the individuals of the undone answers, newest first.
+/// Undoes the answers of an annotator's newest request, and responds with their individuals, newest first.
 pub(super) async fn undo(
     State(web): State<Web>,
     Path(campaign): Path<String>,
@@ -145,21 +146,21 @@ pub(super) async fn undo(
 #[derive(Debug, Serialize)]
 pub(super) struct ClassesView {
     classes: Vec<ClassView>,
-    /// Individuals of undone answers, if the request was to undo.
+    /// The individuals of the undone answers, if the request was to undo answers.
     individuals: Option<Vec<u64>>,
 }
 
-/// A class.
+/// A class of the campaign.
 #[derive(Debug, Serialize)]
 pub(super) struct ClassView {
     name: String,
-    /// `#rrggbb`.
+    /// The colour of the class, as `#rrggbb`.
     colour: String,
-    /// The key that a person chose for it.
+    /// The key that a person chose for the class.
     shortcut: Option<String>,
-    /// Number of standing answers that name it.
+    /// Number of standing answers that name the class.
     labels: u64,
-    /// Classes with nearly the same name.
+    /// Names of classes with nearly the same name.
     near: Vec<String>,
 }
 
@@ -201,12 +202,13 @@ impl From<&Class> for ClassView {
     }
 }
 
-/// The classes and, in columns, each individual that has one.
+/// The classes, and the individuals that have a class, as columns.
 #[derive(Debug, Serialize)]
 pub(super) struct LabelsView {
     classes: Vec<ClassView>,
     annotators: Vec<String>,
-    /// Columns: the individual, the place of its class, and whether only the rule-based judge gave the class.
+    /// Columns with a value for each individual: its index, the place of its class in `classes`, and whether only the rule-based
+    /// judge gave the class.
     individual: String,
     class: String,
     machine: String,

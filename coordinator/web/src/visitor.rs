@@ -8,7 +8,7 @@ use std::{convert::Infallible, sync::Arc};
 /// The visitor of a page.
 #[derive(Debug)]
 pub(super) struct Visitor {
-    /// The name on the token of their log-in.
+    /// The name of the token with which the visitor logged in.
     name: Option<String>,
 }
 
@@ -16,7 +16,7 @@ impl Visitor {
     /// A visitor without a session.
     pub(super) const ANYBODY: Self = Self { name: None };
 
-    /// Their name and the log-out button; empty without a session.
+    /// The visitor's name and the log-out button; empty without a session.
     pub(super) fn account(&self) -> Markup {
         html! {
             @if let Some(name) = &self.name {

@@ -11,7 +11,7 @@ use murmuration_swarm::{
 };
 use toml::Table;
 
-/// Name, description, and campaign file of each.
+/// The examples: name, description, and campaign file of each example.
 pub(super) const EXAMPLES: [(&str, &str, &str); 6] = [
     (
         "quick-latent",
@@ -47,18 +47,18 @@ pub(super) const EXAMPLES: [(&str, &str, &str); 6] = [
 
 /// A campaign as a person describes it.
 pub(super) enum Draft {
-    /// From the fields of the form, and the parts of a file that have no field.
+    /// The fields of the form, with the parts of a file that have no field in the form.
     Fields(Table),
-    /// From a campaign file.
+    /// The text of a campaign file.
     File(String),
 }
 
 /// An error in a draft.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Problem {
-    /// The field, as its path in a campaign file; empty if unknown.
+    /// The path of the wrong field in a campaign file; empty if unknown.
     pub(super) field: String,
-    /// The line of the file, from 1.
+    /// The number of the wrong line of the file, from 1.
     pub(super) line: Option<usize>,
     pub(super) text: String,
 }
@@ -87,7 +87,7 @@ impl Draft {
     /// The submitted draft.
     pub(super) fn of_form(parameters: &Parameters) -> Result<Self, PageError> {
         if parameters.iter().any(|(name, _)| name == "text") {
-            // Browsers send Windows line ends.
+            // Browsers send text with the line ends of Windows.
             return Ok(Self::File(given(parameters, "text").replace("\r\n", "\n")));
         }
         let rest = given(parameters, "rest");
@@ -106,7 +106,7 @@ impl Draft {
         Ok(Self::Fields(suited(table)))
     }
 
-    /// The same draft as fields, if it can be read at all.
+    /// This draft as fields, if its text is valid TOML.
     pub(super) fn into_fields(self) -> Self {
         match self {
             Self::File(text) => match text.parse() {
@@ -137,7 +137,7 @@ impl Draft {
 }
 
 impl Problem {
-    /// Describes an error, with its line if `text` is the campaign file.
+    /// Describes an error, with the number of its line if `text` is the campaign file.
     fn of(error: &SpecFileError, text: &str) -> Self {
         match error {
             SpecFileError::Value(invalid) => Self {
@@ -160,7 +160,7 @@ impl Problem {
     }
 }
 
-/// Removes the fields that the method does not use: the form shows the fields of all methods.
+/// Removes the fields that the method does not use, because the form shows the fields of all methods.
 fn suited(mut table: Table) -> Table {
     let method = table
         .get("method")

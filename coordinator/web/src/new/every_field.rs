@@ -1,5 +1,5 @@
-//! Every field of a campaign file with its explanation. Explanations come from the comments of the contract's messages; those of
-//! trainings come from the page of the documentation that lists them.
+//! Every field of a campaign file with its explanation. The explanations come from the comments of the Protobuf messages; for the
+//! fields of trainings, they come from a page of the documentation.
 
 use super::{
     super::glossary::inline,
@@ -10,10 +10,10 @@ use murmuration_study::wide;
 use murmuration_swarm::spec_sections;
 
 const CAMPAIGNS: &str = include_str!("../../../../docs/campaigns.md");
-/// The heading of the fields of trainings on that page.
+/// The heading of the fields of trainings on that page of the documentation.
 const TRAINING: &str = "\n## Training\n";
 
-/// The list, folded at first.
+/// The list of all fields, folded at first.
 pub(super) fn list() -> Markup {
     html! {
         details.every-field {
@@ -83,12 +83,12 @@ mod tests {
             for field in fields.iter().map(|field| field.name) {
                 let is_listed = match explanation(section, field) {
                     Some(_) => page.contains(&format!("<dt><code>{}</code></dt>", path(section, field))),
-                    // A cell names several fields; tables prefix those of a network with its name.
+                    // A cell of the documentation names several fields; a field of a network has the prefix `network.` there.
                     None => ["", "network."]
                         .iter()
                         .any(|of| page.contains(&format!("<code>{of}{field}</code>"))),
                 };
-                // `network` has a table under its own heading.
+                // The field `network` has a table under its own heading.
                 assert!(is_listed || field == "network", "{section} {field}");
             }
         }

@@ -1,16 +1,16 @@
-//! The fields of the form for a campaign, with explanations from the contract.
+//! The fields of the form for a campaign, with explanations from the comments of the Protobuf messages.
 
 use murmuration_swarm::{Method, Preset, spec_sections};
 use toml::{Table, Value};
 
 pub(super) struct Field {
-    /// Its section of a campaign file.
+    /// The field's section of a campaign file.
     pub(super) section: &'static str,
-    /// Its name in that section.
+    /// The field's name in its section.
     pub(super) name: &'static str,
-    /// Its name on the page.
+    /// The field's name on the page.
     pub(super) label: &'static str,
-    /// Its effect, in one sentence for newcomers.
+    /// The field's effect, in one sentence for newcomers.
     pub(super) meaning: &'static str,
     pub(super) kind: Kind,
 }
@@ -20,7 +20,7 @@ pub(super) enum Kind {
     Text,
     Number,
     Flag,
-    /// A preset's robots, or robots that only a campaign file can describe.
+    /// The robots: a preset, or robots that only a campaign file can describe.
     Model,
     Method,
 }
@@ -173,24 +173,24 @@ pub(super) fn path(section: &str, name: &str) -> String {
     }
 }
 
-/// The contract's comment on a field, without method names; `None` for unknown fields.
+/// The comment on a field in the Protobuf messages, without names of RPC methods; `None` for an unknown field.
 pub(super) fn explanation(section: &str, name: &str) -> Option<String> {
     let message = spec_sections::explanation(section, name)?;
     Some(message.replace(" (RefineCampaign)", ""))
 }
 
 impl Field {
-    /// Its path in a campaign file, which is its name in the form.
+    /// The field's path in a campaign file, which is also its name in the form.
     pub(super) fn path(&self) -> String {
         path(self.section, self.name)
     }
 
-    /// The contract's comment on the field, without method names.
+    /// The comment on the field in the Protobuf messages, without names of RPC methods.
     pub(super) fn explanation(&self) -> String {
         explanation(self.section, self.name).unwrap_or_default()
     }
 
-    /// The values to choose from; empty for free text.
+    /// The values that people can choose from; empty for free text.
     pub(super) fn choices(&self) -> Vec<&'static str> {
         match self.kind {
             Kind::Model => Preset::ALL.iter().map(|preset| preset.name()).collect(),
@@ -199,7 +199,7 @@ impl Field {
         }
     }
 
-    /// Its value in a campaign file, as text; empty if the file omits it.
+    /// The field's value in a campaign file, as text; empty if the file omits the field.
     pub(super) fn value(&self, table: &Table) -> String {
         let table = match self.section {
             "" => Some(table),
@@ -225,7 +225,7 @@ impl Field {
             "" => table,
             section => {
                 let entry = table.entry(section).or_insert_with(|| Value::Table(Table::new()));
-                // If the section is not a table, reading the whole file fails and reports it.
+                // If the section is not a table, `checked` refuses the whole file later and reports the section.
                 let Some(table) = entry.as_table_mut() else { return };
                 table
             }
@@ -237,7 +237,7 @@ impl Field {
     }
 }
 
-/// A number, with or without commas. Anything else stays text, so that the error names the field.
+/// A number, with or without commas. Other text stays text, so that the later error names the field.
 fn number(text: &str) -> Value {
     let plain = without_groups(text);
     match (plain.parse::<i64>(), plain.parse::<f64>()) {

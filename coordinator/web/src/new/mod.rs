@@ -1,5 +1,5 @@
-//! Starting a campaign: from fields, from a campaign file, as a copy of another, or from an example. The page shows the cost before
-//! the start.
+//! The page that starts a campaign from fields, from a campaign file, as a copy of another campaign, or from an example. The page
+//! shows the cost before the start.
 
 mod draft;
 mod every_field;
@@ -26,7 +26,7 @@ use std::{
     time::{SystemTime, UNIX_EPOCH},
 };
 
-/// The fields of a form or of an address; a name may occur more than once.
+/// The fields of a form or of an address; a name can occur more than once.
 type Parameters = Vec<(String, String)>;
 
 /// The value of a field; empty if it is missing.
@@ -35,7 +35,7 @@ fn given<'a>(parameters: &'a Parameters, name: &str) -> &'a str {
     found.map_or("", |(_, value)| value)
 }
 
-/// The page, initially or filled with an example or another campaign's specification.
+/// The page with the initial draft, with an example, or with another campaign's specification.
 pub(super) async fn page(
     State(web): State<Web>,
     Query(parameters): Query<Parameters>,
@@ -77,7 +77,7 @@ pub(super) async fn submitted(
             let created = web.campaigns.create(new).await?;
             Ok(page_of(created.record.id.as_str()).into_response())
         }
-        // The script needs only this part of the page.
+        // The page's script requests only this part of the page.
         ("outcome", _) => Ok(view::outcome(&draft).into_response()),
         ("file", _) => shown(&draft.into_file()),
         ("fields", _) => shown(&draft.into_fields()),
@@ -93,7 +93,8 @@ pub(super) fn token() -> String {
     format!("{nanos:x}.{:x}", PAGES.fetch_add(1, Ordering::Relaxed))
 }
 
-/// The request id for starting a campaign from a page: sent twice, it starts one campaign. A changed form gets a new id.
+/// The id of a request that starts a campaign from a page. If the request is sent twice, it starts only one campaign. A changed
+/// form gets a new id.
 pub(super) fn request_of(token: &str, spec: &CampaignSpec) -> Result<RequestId, PageError> {
     let mut hasher = DefaultHasher::new();
     spec.to_toml().hash(&mut hasher);

@@ -10,7 +10,7 @@ use maud::{Markup, html};
 use murmuration_swarm::{CampaignSpec, EmbedderSource, Feedback, counted, grouped};
 use toml::Table;
 
-/// The page for a draft; `token` distinguishes it from other pages. After a submission, errors come first.
+/// The page for a draft; `token` distinguishes the page from other pages. After a submission, an error is at the top of the page.
 pub(super) fn page(draft: &Draft, token: &str, was_sent: bool, visitor: &Visitor) -> Markup {
     let problem = draft.checked().err();
     layout_with(
@@ -53,7 +53,7 @@ pub(super) fn page(draft: &Draft, token: &str, was_sent: bool, visitor: &Visitor
     )
 }
 
-/// The reason why nothing was started, with a link to the wrong field.
+/// The reason why no campaign was started, with a link to the wrong field.
 fn refused(problem: &Problem, draft: &Draft) -> Markup {
     let field = fields().find(|field| problem.is_about(&field.path()));
     html! {
@@ -68,7 +68,7 @@ fn refused(problem: &Problem, draft: &Draft) -> Markup {
     }
 }
 
-/// The cost of the campaign, or the error in it.
+/// The cost of the campaign, or the error in the draft.
 pub(super) fn outcome(draft: &Draft) -> Markup {
     html! {
         section #outcome aria-live="polite" aria-label="What it costs" {

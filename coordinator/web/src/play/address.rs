@@ -1,8 +1,8 @@
-//! The state of the page Play, as its address holds it.
+//! The state of the page Play, as it stands in the address of the page.
 //!
-//! `model` names a preset, or else `robot` describes the robots as a campaign file does; `genes` are the numbers of the controller,
-//! separated by commas; `seed` is the seed of the start, and `robots` the number of robots. Missing parameters have their defaults.
-//! If a part of an address is wrong, the rest still applies.
+//! `model` names a preset, or else `robot` describes the robots as a campaign file does; `genes` are the numbers of the
+//! controller, separated by commas; `seed` is the seed of the start, and `robots` the number of robots. A missing parameter has
+//! its default. A wrong part of an address is ignored, and the rest of the address applies.
 
 use super::knobs::{Knob, knobs};
 use murmuration_proto::v1;
@@ -12,30 +12,30 @@ use std::iter;
 /// The parameters of an address, or of a form, in order.
 pub(super) type Parameters = Vec<(String, String)>;
 
-/// Most robots on the page.
+/// Maximum number of robots on the page.
 pub(super) const MOST_ROBOTS: u32 = 1000;
-/// Byte limit of a description: encoded, it fits into an address.
+/// Maximum size of a description in bytes: the encoded description still fits into an address.
 pub(super) const MOST_DESCRIPTION_BYTES: usize = 6000;
-/// Largest seed of a start, the same as for a campaign.
+/// Maximum seed of a start, which is also the maximum seed of a campaign.
 const MOST_SEED: u64 = i64::MAX as u64;
 
-/// The swarm of an address, and the errors in it.
+/// The swarm of an address, and the errors in the address.
 #[derive(Debug)]
 pub(super) struct Address {
     /// The name or description of the robots.
     pub(super) robots: Robots,
-    /// The swarm, or the error in the description, worded for its author.
+    /// The swarm, or a message about the error in the description.
     pub(super) play: Result<Play, String>,
     /// The rejected parameters; their defaults apply.
     pub(super) problems: Vec<Invalid>,
 }
 
-/// Source of the robots of a swarm.
+/// What an address says about the robots of a swarm.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Robots {
-    /// By name.
+    /// The name of a preset.
     Preset(Preset),
-    /// By a text.
+    /// A description, in the format of a campaign file.
     Described(String),
 }
 
@@ -44,12 +44,12 @@ pub(super) enum Robots {
 pub(super) struct Play {
     pub(super) controller: Controller,
     pub(super) world: World,
-    /// The seed of its start.
+    /// The seed of the swarm's start.
     pub(super) seed: u64,
 }
 
 impl Address {
-    /// Reads the valid part of an address.
+    /// Reads the valid parts of an address.
     pub(super) fn read(parameters: &Parameters) -> Self {
         let given = |name: &str| {
             let mut of_name = parameters.iter().filter(|(known, _)| known == name);
@@ -85,7 +85,7 @@ impl Address {
     }
 }
 
-/// The value; on an error the default, with the error added to `problems`.
+/// The value that was read. After an error, it adds the error to `problems` and returns the default.
 fn kept<T>(read: Result<T, Invalid>, usual: T, problems: &mut Vec<Invalid>) -> T {
     read.unwrap_or_else(|problem| {
         problems.push(problem);
@@ -93,7 +93,7 @@ fn kept<T>(read: Result<T, Invalid>, usual: T, problems: &mut Vec<Invalid>) -> T
     })
 }
 
-/// Unknown and repeated parameters.
+/// Errors about unknown and repeated parameters.
 fn strange(parameters: &Parameters) -> Vec<Invalid> {
     const KNOWN: [&str; 5] = ["model", "robot", "genes", "seed", "robots"];
     let named = |name: &str| parameters.iter().filter(|(known, _)| known == name).count();

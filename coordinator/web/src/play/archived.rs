@@ -1,4 +1,4 @@
-//! The motion of an archived individual from its first start, a piece at a time. The coordinator simulates it.
+//! The motion of an archived individual from its first start, one piece at a time. The coordinator simulates the motion.
 
 use super::{
     super::{Web, page_error::Refused},
@@ -16,11 +16,11 @@ use murmuration_store::{Store, StoreError};
 use murmuration_swarm::Invalid;
 use serde::Deserialize;
 
-/// Selects a piece.
+/// Selects a piece of the motion of an individual.
 #[derive(Debug, Deserialize)]
 pub(in super::super) struct Wanted {
     index: u64,
-    /// The first step.
+    /// The first step of the piece.
     #[serde(default)]
     from: u32,
 }

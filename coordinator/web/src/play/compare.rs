@@ -16,14 +16,14 @@ use murmuration_service::{OrStatus as _, OtherBehaviour};
 use murmuration_swarm::{CapabilityModel, Invalid, World, rounded};
 use tonic::Status;
 
-/// Individuals in the answer.
+/// Number of individuals in the response.
 const SHOWN: usize = 5;
-/// Limit on the robot steps (steps times robots) of a simulation by workers: more than 1,000 robots need in the paper's world, and
-/// a second or two of a worker.
+/// Maximum number of robot steps (steps times robots) of a simulation by workers. The limit is enough for 1,000 robots in the
+/// paper's world, and takes a worker a second or two.
 const MOST_ROBOT_STEPS: u64 = 2_000_000;
 
-/// Whether the individuals of a campaign can be compared with a swarm in `world`. Pictures are comparable if the arenas have one
-/// size.
+/// Whether the individuals of a campaign can be compared with a swarm in `world`. Pictures can be compared if the arenas have the
+/// same size.
 pub(super) fn is_comparable(record: &CampaignRecord, world: &World) -> bool {
     let own = record.spec.world();
     (own.width(), own.height()) == (world.width(), world.height())
@@ -38,7 +38,7 @@ pub(in super::super) async fn like(
     let play = strictly(&parameters)?;
     let record = web.campaigns.status(&campaign).await.or_status()?.record;
     check(&play, &record)?;
-    // Without workers the page would wait in vain.
+    // If no worker is connected, the request fails at once instead of waiting.
     web.archive.dispatch.check_staffed().or_status()?;
     let Play {
         controller,
@@ -59,7 +59,7 @@ pub(in super::super) async fn like(
     Ok(shown(&record, &model, &pixels, &nearest))
 }
 
-/// Takes the campaign out of the parameters.
+/// Removes the campaign from the parameters, and returns its id.
 fn campaign(parameters: &mut Parameters) -> Result<String, Invalid> {
     let place = parameters.iter().position(|(name, _)| name == "campaign");
     let place = place.ok_or_else(|| Invalid::missing("campaign", "the id of a campaign"))?;
@@ -92,7 +92,8 @@ fn check(play: &Play, record: &CampaignRecord) -> Result<(), Invalid> {
     check_cost(world)
 }
 
-/// Checks that workers simulate the swarm in a second or two, because players share them with every campaign.
+/// Checks that a worker can simulate the swarm in a second or two. The limit is low because the page Play shares the workers with
+/// every campaign.
 pub(super) fn check_cost(world: &World) -> Result<(), Invalid> {
     let (agents, horizon) = (world.agents(), world.horizon());
     if u64::from(agents) * u64::from(horizon) <= MOST_ROBOT_STEPS {
@@ -103,7 +104,7 @@ pub(super) fn check_cost(world: &World) -> Result<(), Invalid> {
     Err(Invalid::new("world.horizon", horizon, allowed))
 }
 
-/// The swarm's picture, made from `pixels`, and the individuals most like it.
+/// The swarm's picture, made from `pixels`, and the individuals that are most like the swarm.
 fn shown(record: &CampaignRecord, model: &CapabilityModel, pixels: &[u8], nearest: &Nearest) -> Markup {
     let side = record.spec.image().resolution();
     html! {
@@ -122,7 +123,7 @@ fn shown(record: &CampaignRecord, model: &CapabilityModel, pixels: &[u8], neares
     }
 }
 
-/// The difference between a campaign's robots and those of the page.
+/// The difference between the robots of a campaign and the robots of the page, in words.
 fn difference(theirs: &CapabilityModel, own: &CapabilityModel) -> String {
     let [theirs, own] = [theirs.to_string(), own.to_string()];
     match theirs == own {
@@ -131,7 +132,7 @@ fn difference(theirs: &CapabilityModel, own: &CapabilityModel) -> String {
     }
 }
 
-/// The behaviour that the swarm is most like.
+/// Says which behaviour of the campaign the swarm is most like.
 fn verdict(record: &CampaignRecord, nearest: &Nearest) -> Markup {
     let medoid = &nearest.medoid;
     let times = nearest.relative_distance();

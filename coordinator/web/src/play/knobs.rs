@@ -5,25 +5,26 @@ use std::{fmt, iter};
 
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Knob {
-    /// Its name among all genes of the model.
+    /// The gene's name among all genes of the model.
     pub(super) name: String,
     pub(super) values: Values,
-    /// The default.
+    /// The gene's default value.
     pub(super) usual: f64,
 }
 
 /// The allowed values of a gene.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Values {
-    /// Any number from a lowest to a highest one.
+    /// Any number between these two bounds, lowest first.
     Within([f64; 2]),
-    /// One of these angles, radians.
+    /// One of these angles, in radians.
     Angles(Vec<f64>),
-    /// Index into these numbers of robots of each species.
+    /// The place of a ratio in this list; a ratio has the number of robots of each species.
     Ratios(Vec<Vec<u32>>),
 }
 
-/// The presets' initial controllers: the paper's cyclic pursuit, and its nested cycle with the angle -pi / 3 rounded.
+/// The initial controllers of the paper's presets: the paper's cyclic pursuit, and the paper's nested cycle with its angle -pi/3
+/// rounded.
 const PURSUIT: [f64; 4] = [-0.7, 0.3, 1.0, 1.0];
 const NESTED_CYCLE: [f64; 9] = [0.8, 0.5, 0.6, -0.5, -0.5, 0.0, -0.2, 0.5, -1.05];
 
@@ -49,7 +50,7 @@ pub(super) fn knobs(model: &CapabilityModel) -> Vec<Knob> {
     knobs
 }
 
-/// The allowed values and defaults of one robot's genes. By default it turns until a sensor is on.
+/// The allowed values and defaults of one robot's genes. By default, the robot turns until a sensor is on.
 fn of_robot(robot: &Robot) -> impl Iterator<Item = (Values, f64)> + use<'_> {
     let limits = robot.drive().limits();
     let shares = |state| match (robot.drive().kind(), state) {
@@ -67,7 +68,7 @@ fn of_angle(angle: &SensorAngle) -> (Values, f64) {
     match angle.range() {
         Some([low, high]) => {
             let third = low + (high - low) / 3.0;
-            // Rounded to few digits, so that addresses stay short.
+            // The default is rounded to few digits, so that addresses stay short.
             let usual = ((third * 1e4).round() / 1e4).clamp(low, high);
             (Values::Within([low, high]), usual)
         }
@@ -80,10 +81,10 @@ fn of_angle(angle: &SensorAngle) -> (Values, f64) {
 }
 
 impl Knob {
-    /// Reads an entered value.
+    /// Reads the value that a person entered.
     ///
     /// # Errors
-    /// If it is not an allowed number of the gene; the error names the allowed ones.
+    /// If the text is not an allowed value of the gene; the error names the allowed values.
     pub(super) fn read(&self, text: &str) -> Result<f64, Invalid> {
         let refused = || Invalid::new(self.name.clone(), format!("{text:?}"), self.values.to_string());
         let value: f64 = text.trim().parse().map_err(|_| refused())?;

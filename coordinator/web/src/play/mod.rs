@@ -1,7 +1,7 @@
 //! The page on which people set a controller and watch the swarm that it controls.
 //!
-//! The whole state is in the address. The coordinator itself simulates, a piece of the motion at a time: each for a short time, and
-//! only while the script waits for it. A worker answers "What is this like?", because that needs a campaign's embedder.
+//! The address has the whole state of the page. The coordinator itself simulates the motion, one short piece at a time, and only
+//! while the script waits for the piece. A worker answers "What is this like?", because the answer needs a campaign's embedder.
 
 mod address;
 mod archived;
@@ -38,10 +38,10 @@ use murmuration_swarm::{CampaignSpec, Invalid};
 use std::sync::Arc;
 use tonic::Status;
 
-/// Most campaigns offered for comparison, and most of their records in memory at once.
+/// Maximum number of campaigns that are offered for comparison, and of campaigns' records in memory at a time.
 const OFFERED: usize = 50;
 
-/// The latest simulated swarms; cheap to clone.
+/// The latest simulated swarms. A clone is cheap.
 #[derive(Debug, Clone, Default)]
 pub struct Playground(Arc<Kept>);
 
@@ -58,7 +58,7 @@ pub(super) async fn page(
     Ok(view::page(&address, &campaigns, &visitor))
 }
 
-/// The newest campaigns with individuals comparable with a swarm, newest first: [`OFFERED`] at most.
+/// The newest campaigns, at most [`OFFERED`], whose individuals can be compared with a swarm; newest first.
 async fn comparable(web: &Web, play: &Play) -> Result<Vec<CampaignId>, PageError> {
     let heads = web.campaigns.heads().await?;
     let ids: Vec<CampaignId> = heads.into_iter().rev().map(|listed| listed.head.id).collect();
@@ -106,7 +106,7 @@ fn strictly(parameters: &Parameters) -> Result<Play, Status> {
     play.map_err(Status::invalid_argument)
 }
 
-/// Takes the first step out of the parameters; 0 if it is missing.
+/// Removes the first step from the parameters, and returns it; 0 if it is missing.
 fn first_step(parameters: &mut Parameters) -> Result<u32, Invalid> {
     let Some(place) = parameters.iter().position(|(name, _)| name == "from") else {
         return Ok(0);
@@ -116,7 +116,7 @@ fn first_step(parameters: &mut Parameters) -> Result<u32, Invalid> {
     step.ok_or_else(|| not_a_step(format!("{text:?}")))
 }
 
-/// Checks the first step of a piece.
+/// Checks that the first step of a piece is not over the limit.
 fn step(from: u32) -> Result<u32, Invalid> {
     if from <= MOST_STEPS {
         return Ok(from);
@@ -128,8 +128,8 @@ fn not_a_step(given: String) -> Invalid {
     Invalid::new("from", given, format!("a whole number from 0 to {MOST_STEPS}"))
 }
 
-/// Starts the campaign of an address of the page, and redirects to it. The form carries a token of its page, so that a second click
-/// starts nothing; an unreadable form is refused.
+/// Starts the campaign of an address of the page, and redirects to it. The form has a token of its page, so that a second click
+/// starts no second campaign.
 pub(super) async fn search(
     State(web): State<Web>,
     Query(parameters): Query<Parameters>,

@@ -1,7 +1,7 @@
-//! The motion of a swarm, a piece at a time.
+//! The motion of a swarm, one piece at a time.
 //!
-//! A piece continues the swarm at the end of the piece before, so that pieces together are one motion, bit for bit. The last few
-//! swarms are kept for that. A dropped swarm is simulated from its start again, to the same bits.
+//! A piece begins where the piece before it ended, so that the pieces together are one motion, bit for bit. The last few swarms
+//! are kept in memory for this purpose. A swarm that is no longer kept is simulated again from its start, to the same bits.
 
 use super::address::Play;
 use murmuration_search::interrupt::Interrupt;
@@ -13,41 +13,42 @@ use std::{
 };
 use tonic::Status;
 
-/// The last step that a piece may begin with.
+/// The last step that a piece can begin with.
 pub(super) const MOST_STEPS: u32 = 1_000_000;
-/// Most frames of a piece, and most poses in all of them.
+/// Maximum number of frames of a piece, and of poses in all these frames.
 const MOST_FRAMES: usize = 600;
 const MOST_POSES: usize = 120_000;
-/// Swarms of more robots have a frame only every other step.
+/// Maximum number of robots for a frame at every step; larger swarms have a frame only at every other step.
 const EVERY_STEP: u32 = 256;
-/// Number of kept swarms, one for each of as many simultaneous players.
+/// Number of kept swarms: enough for 16 people who play at the same time.
 const MOST_KEPT: usize = 16;
-/// Simulation time of a request before its piece begins. If that is too short, the next request continues from there.
+/// Maximum simulation time of a request before its piece begins. If the time is too short, the next request continues the
+/// simulation.
 const TIME_LIMIT: Duration = Duration::from_secs(2);
-/// Simulation time of a piece: a slow swarm gets fewer frames.
+/// Maximum simulation time of a piece; the piece of a slow swarm has fewer frames.
 const PIECE_LIMIT: Duration = Duration::from_millis(250);
-/// Steps of a small swarm between two looks at the clock.
+/// Number of steps of a small swarm between two checks of the clock.
 const PATIENCE_STEPS: u32 = 8;
 const VERSION: u32 = 1;
 
-/// A piece of a motion: frames at even steps.
+/// A piece of a motion: frames at every step or at every other step.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Piece {
     first: u32,
     stride: u32,
     robots: u32,
-    /// x, y and heading of each robot of each frame.
+    /// The x, y and heading of each robot of each frame.
     poses: Vec<[f32; 3]>,
-    /// The last sensor state of each robot of each frame.
+    /// The last state of the sensors of each robot of each frame.
     sensed: Vec<u8>,
 }
 
 /// The latest simulated swarms, and the time limits of requests.
 #[derive(Debug)]
 pub(super) struct Kept {
-    /// The latest last.
+    /// The swarms, the latest last.
     swarms: Mutex<Vec<(Play, Swarm)>>,
-    /// Before a piece begins, and during it.
+    /// The time limits before a piece begins, and during the piece.
     limits: [Duration; 2],
 }
 
@@ -84,9 +85,9 @@ impl Piece {
         }
     }
 
-    /// The piece in little-endian: five whole numbers of 32 bits (version, first step, steps between frames, frames, robots); for
-    /// each robot of each frame x, y and heading, as floats of 32 bits; for each robot of each frame a byte with its sensor state,
-    /// S1 in the highest bit.
+    /// The piece in little-endian. First come five whole numbers of 32 bits: version, first step, steps between frames, frames,
+    /// robots. Then come, for each robot of each frame, x, y and heading as floats of 32 bits. Last come, for each robot of each
+    /// frame, a byte with the state of its sensors; the first sensor has the highest bit.
     pub(super) fn bytes(&self) -> Vec<u8> {
         let header = [
             VERSION,
@@ -113,7 +114,7 @@ impl Kept {
     /// The piece of a motion that begins with the step `first`.
     ///
     /// # Errors
-    /// If the swarm cannot be simulated, did not reach the step within the time limit, or the client is gone.
+    /// If the swarm cannot be simulated or did not reach the step within the time limit, or if the client has left.
     pub(super) fn piece(&self, play: &Play, first: u32, interrupt: &Interrupt) -> Result<Piece, Status> {
         let mut swarm = self.reached(play, first)?;
         let mut piece = Piece::begun(play, first);
@@ -139,7 +140,7 @@ impl Kept {
         }
     }
 
-    /// The kept swarm nearest before a step, or a new one at its start.
+    /// The kept swarm that is nearest before a step, or a new swarm at its start.
     fn reached(&self, play: &Play, step: u32) -> Result<Swarm, Invalid> {
         let mut kept = self.swarms.lock().unwrap_or_else(PoisonError::into_inner);
         let before = |(_, (of, swarm)): &(usize, &(Play, Swarm))| of == play && swarm.steps() <= step;
@@ -159,15 +160,15 @@ impl Kept {
     }
 }
 
-/// Returns a function that tells whether to continue: until the time limit or the interrupt.
+/// Returns a function that is true until the time limit or the interrupt.
 fn is_time_for(limit: Duration, interrupt: &Interrupt) -> impl Fn() -> bool + use<'_> {
     let until = Instant::now() + limit;
     move || Instant::now() < until && interrupt.check().is_ok()
 }
 
-/// Advances a swarm to the step `steps`; false if there was no time for it.
+/// Advances a swarm to the step `steps`; returns false if the time was too short.
 fn advanced(swarm: &mut Swarm, steps: u32, is_time: impl Fn() -> bool) -> bool {
-    // A step of many robots among obstacles may take a good part of a second.
+    // One step of many robots among obstacles can take a large part of a second.
     let patience = match swarm.agents().len() as u32 {
         0..=EVERY_STEP => PATIENCE_STEPS,
         _ => 1,
@@ -191,7 +192,7 @@ mod tests {
         Address::read(&owned.to_vec()).strictly().unwrap()
     }
 
-    /// Its pieces have the same frames, however busy the machine is.
+    /// A cache whose pieces have the same frames on a busy and on an idle machine.
     fn unhurried() -> Kept {
         Kept::within([Duration::from_secs(3600); 2])
     }

@@ -21,9 +21,9 @@ use murmuration_swarm::{
 use serde::Serialize;
 use serde_json::json;
 
-/// The page of an address.
+/// The page for an address.
 ///
-/// `campaigns` are comparable with its swarm.
+/// `campaigns` are the campaigns that can be compared with the address's swarm.
 pub(super) fn page(address: &Address, campaigns: &[CampaignId], visitor: &Visitor) -> Markup {
     let content = html! {
         div.wide-bar {
@@ -88,7 +88,7 @@ fn description(address: &Address) -> Markup {
     }
 }
 
-/// The initial description.
+/// The description that the form shows at first.
 const EXAMPLE: &str = "\
 [robot]
 sensors = [
@@ -160,7 +160,7 @@ fn comparison(play: &Play, campaigns: &[CampaignId]) -> Markup {
     }
 }
 
-/// The legend of the drawn colours.
+/// The legend of the colours in which robots are drawn.
 fn legend(model: &CapabilityModel) -> Markup {
     html! {
         ul.legend aria-label="Colours" {
@@ -180,7 +180,7 @@ fn legend(model: &CapabilityModel) -> Markup {
     }
 }
 
-/// The seed of the start, and the number of robots.
+/// The controls for the seed of the start and for the number of robots.
 fn start(play: &Play) -> Markup {
     html! {
         fieldset.start {
@@ -197,7 +197,7 @@ fn start(play: &Play) -> Markup {
     }
 }
 
-/// The tables of all species, and the ratio of their numbers.
+/// The controls of the controller: the tables of all species, and the ratio of their numbers.
 fn controller(play: &Play) -> Markup {
     let model = play.controller.model();
     let (knobs, genes) = (knobs(model), play.controller.genes());
@@ -217,7 +217,7 @@ fn controller(play: &Play) -> Markup {
     }
 }
 
-/// A gene: its place among all, its limits, and its value.
+/// A gene: its place among all genes, its limits, and its value.
 type Setting<'a> = (usize, (&'a Knob, f64));
 
 /// The state table of one species, and its free angles.
@@ -251,7 +251,7 @@ fn table(model: &CapabilityModel, species: &Species, settings: &[Setting<'_>]) -
     }
 }
 
-/// Which sensors are on in a state, S1 first.
+/// Shows which sensors are on in a state, the first sensor first.
 fn sensors_of(robot: &Robot, state: usize) -> Markup {
     let sensors = robot.sensors().len();
     html! {
@@ -289,12 +289,12 @@ fn setting(gene: usize, knob: &Knob, value: f64) -> Markup {
     }
 }
 
-/// The step of a control: a hundred steps from the middle to either end.
+/// The step size of a control: a hundred steps lead from the middle to either end.
 fn step(low: f64, high: f64) -> f64 {
     (high - low) / 200.0
 }
 
-/// `12 : 12`.
+/// The numbers of robots of each species as text, for example `12 : 12`.
 fn ratio(counts: &[u32]) -> String {
     let counts: Vec<_> = counts.iter().map(u32::to_string).collect();
     counts.join(" : ")
@@ -305,10 +305,11 @@ fn colour(place: usize) -> String {
     colours::hex(colours::AGENTS[place % colours::AGENTS.len()])
 }
 
-/// Drawn length of a cone without limit, in radii of the robot.
+/// Drawn length of a cone with unlimited range, in radii of the robot.
 const UNLIMITED_RADII: f64 = 12.0;
 
-/// Half of a cone's opening angle, radians, and its drawn length, world units; `None` for a ray without limit.
+/// Half of a cone's opening angle, in radians, and the cone's drawn length, in world units; `None` for a ray with unlimited
+/// range.
 fn cone(robot: &Robot, sensor: &Sensor) -> (f64, Option<f64>) {
     let half = sensor.half_angle();
     let drawn = (half > 0.0).then(|| UNLIMITED_RADII * robot.radius());
@@ -320,7 +321,7 @@ fn cone(robot: &Robot, sensor: &Sensor) -> (f64, Option<f64>) {
 pub(in super::super) struct SwarmView {
     world: WorldView,
     species: Vec<SpeciesView>,
-    /// Numbers of robots of each species.
+    /// The allowed ratios; each ratio has the number of robots of each species.
     ratios: Vec<Vec<u32>>,
 }
 
@@ -333,12 +334,12 @@ struct SpeciesView {
 
 #[derive(Debug, Serialize)]
 struct SensorView {
-    /// The angle, radians, if it is fixed; otherwise `gene` has it.
+    /// The sensor's angle in radians, if it is fixed; the gene `gene` has an angle that is free.
     angle: Option<f64>,
     gene: Option<usize>,
-    /// Half of the opening angle, radians.
+    /// Half of the opening angle, in radians.
     half: f64,
-    /// Drawn length, world units.
+    /// Drawn length, in world units; `None` for a ray with unlimited range.
     reach: Option<f64>,
 }
 

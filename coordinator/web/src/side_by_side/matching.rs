@@ -1,4 +1,4 @@
-//! Matches behaviours of several campaigns: by distance if all campaigns measure in one space, else by class.
+//! Matches behaviours of several campaigns: by distance if all campaigns share one behaviour space, or else by class.
 
 use murmuration_engine::taxonomy::{distance, touch};
 use murmuration_model::labels::{ClassKey, ClassName};
@@ -7,30 +7,30 @@ use std::collections::BTreeMap;
 /// A medoid of one of the compared campaigns.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Behaviour {
-    /// Index of its campaign among the compared ones.
+    /// Index of the behaviour's campaign among the compared campaigns.
     pub(super) campaign: usize,
-    /// Index in the taxonomy of that campaign.
+    /// Index of the behaviour in the taxonomy of its campaign.
     pub(super) place: usize,
-    /// Coordinates of the medoid in its campaign's behaviour space.
+    /// Coordinates of the medoid in the behaviour space of its campaign.
     pub(super) at: Vec<f64>,
-    /// Mean distance of its cluster's members to it, in units of that space.
+    /// Mean distance of the cluster's members to the medoid, in units of the behaviour space.
     pub(super) mean_distance: f64,
-    /// Class by the annotators, or else by the judge.
+    /// The class that annotators gave, or else the class that the judge gave.
     pub(super) class: Option<ClassName>,
 }
 
-/// Behaviours that count as the same one.
+/// Behaviours that are taken for the same behaviour.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Group {
-    /// For each campaign, indices of its behaviours in the list of all, largest cluster first.
+    /// For each campaign, the indices of its behaviours in the list of all behaviours, largest cluster first.
     pub(super) members: Vec<Vec<usize>>,
-    /// The nearest behaviour of another campaign that this one touches although it is in another group, as an index in the list of
-    /// all. Only set if this behaviour is alone in its group.
+    /// Set only if the group has a single behaviour: the nearest behaviour of another campaign that it touches, as an index in
+    /// the list of all behaviours.
     pub(super) touches: Option<usize>,
 }
 
 impl Group {
-    /// Number of campaigns with this behaviour.
+    /// Number of campaigns that have this behaviour.
     pub(super) fn campaigns(&self) -> usize {
         self.members.iter().filter(|own| !own.is_empty()).count()
     }
@@ -47,12 +47,12 @@ impl Group {
     }
 }
 
-/// Groups of behaviours whose clusters touch: the distance of their medoids is less than the sum of both clusters' mean distances,
-/// as on the page Taxonomy. The nearest pair is joined first; a group has at most one behaviour of each campaign. All must be in
-/// one space.
+/// Groups of behaviours whose clusters touch. As on the page Taxonomy, two clusters touch if the distance between their medoids
+/// is less than the sum of both mean distances. The nearest pair is joined first, and a group has at most one behaviour of each
+/// campaign. All behaviours must be in one space.
 pub(super) fn by_distance(campaigns: usize, all: &[Behaviour]) -> Vec<Group> {
     let touching = touching(all);
-    // `group_of`: the group of each behaviour. `members`: the behaviours of each group, at most one of each campaign.
+    // `group_of` has the group of each behaviour; `members` has the behaviours of each group, at most one of each campaign.
     let mut group_of: Vec<usize> = (0..all.len()).collect();
     let mut members: Vec<Vec<usize>> = (0..all.len()).map(|member| vec![member]).collect();
     for &(one, other, _) in &touching {
@@ -90,7 +90,7 @@ fn touching(all: &[Behaviour]) -> Vec<(usize, usize, f64)> {
                 continue;
             }
             let distance = distance(&ours.at, &theirs.at);
-            // Clusters of one individual have no extent, but may be at the same place.
+            // Clusters of one individual have a mean distance of 0, but two such clusters can be at the same place.
             if distance == 0.0 || touch(distance, [ours.mean_distance, theirs.mean_distance]) {
                 found.push((one, other, distance));
             }
@@ -120,7 +120,7 @@ pub(super) fn by_class(campaigns: usize, all: &[Behaviour]) -> Vec<Group> {
     groups
 }
 
-/// Sorts groups by the number of campaigns, most first, then by the first campaign, then by cluster size.
+/// Sorts groups by the number of campaigns, the largest first, then by the first campaign, then by the size of the cluster.
 fn ordered(mut groups: Vec<Group>) -> Vec<Group> {
     let first = |group: &Group| group.members.iter().flatten().min().copied();
     groups.sort_by_key(|group| (std::cmp::Reverse(group.campaigns()), first(group)));
@@ -164,7 +164,8 @@ mod tests {
                 vec![vec![], vec![4]],
             ]
         );
-        // The first campaign's second behaviour touches one of the other campaign, which is nearer to another.
+        // The second behaviour of the first campaign touches a behaviour of the other campaign that is nearer to the first
+        // behaviour.
         let touches: Vec<_> = groups.iter().map(|group| group.touches).collect();
         assert_eq!(touches, [None, Some(3), None, None]);
         assert_eq!(groups[0].campaigns(), 2);
@@ -178,7 +179,8 @@ mod tests {
             behaviour(2, 0, 2.5),
             behaviour(0, 1, 3.0),
         ];
-        // 2.5 and 3.0 are nearest; 0.0 and 1.0 come next. The two groups do not join, because both have one of the first campaign.
+        // 2.5 and 3.0 are joined first, and then 0.0 and 1.0. The two groups stay apart, because both have a behaviour of the
+        // first campaign.
         let groups = by_distance(3, &all);
         assert_eq!(
             members(&groups),
@@ -194,7 +196,7 @@ mod tests {
         };
         assert_eq!(by_distance(2, &[alone(0, 3.0), alone(1, 3.0)]).len(), 1);
         assert_eq!(by_distance(2, &[alone(0, 3.0), alone(1, 3.1)]).len(), 2);
-        // A distance equal to the sum still counts as a gap, as on the page Taxonomy.
+        // As on the page Taxonomy, two clusters do not touch if the distance equals the sum of the mean distances.
         assert_eq!(
             by_distance(2, &[behaviour(0, 0, 3.0), behaviour(1, 0, 5.0)]).len(),
             2

@@ -1,4 +1,4 @@
-//! Campaigns side by side: their curves and taxonomies together, and the differences between their specifications.
+//! The page of campaigns side by side: their curves and taxonomies together, and the differences between their specifications.
 
 mod matching;
 mod taxonomies;
@@ -15,19 +15,19 @@ use murmuration_swarm::{Invalid, Verdict, counted};
 use std::collections::{BTreeMap, BTreeSet};
 use toml::{Table, Value};
 
-/// Most campaigns on the page: the number of line colours.
+/// Maximum number of campaigns on the page, which is the number of line colours.
 const MOST: usize = 6;
 
 /// A campaign on the page.
 struct Compared {
     record: CampaignRecord,
-    /// `None` before it has a taxonomy.
+    /// The campaign's taxonomy with names; `None` if there is no taxonomy yet.
     named: Option<NamedTaxonomy>,
-    /// Known verdicts of the judge on medoids, by their index.
+    /// The known verdicts of the judge on medoids, by the index of the medoid.
     words: BTreeMap<u64, Verdict>,
 }
 
-/// The page of the campaigns in the address. If the address has `judged`, the judge is asked about medoids without a name.
+/// The page of the campaigns in the address. If the address has `judged`, the judge judges the medoids without a name.
 pub(super) async fn page(
     State(web): State<Web>,
     Query(parameters): Query<Vec<(String, String)>>,
@@ -47,7 +47,7 @@ pub(super) async fn page(
     let mut compared: Vec<Compared> = Vec::with_capacity(ids.len());
     for id in ids {
         let record = web.campaigns.status(&id).await?.record;
-        // `latest` may be a campaign that is also named by its id.
+        // The address can name a campaign twice: as `latest`, and by its id.
         if compared.iter().any(|other| other.record.id == record.id) {
             continue;
         }
@@ -59,7 +59,7 @@ pub(super) async fn page(
         let words = web.judged.known(&record, medoids);
         compared.push(Compared { record, named, words });
     }
-    // Matching takes long where taxonomies are large.
+    // The matching of large taxonomies takes long.
     let content = in_background(move |_| shown(&compared)).await?;
     Ok(layout_with("Compare", &visitor, &["sidebyside.js"], content))
 }
@@ -89,7 +89,7 @@ fn shown(compared: &[Compared]) -> Markup {
     }
 }
 
-/// The curves of all campaigns: id, title, and note.
+/// The curves that every campaign has: id, title, and note of each curve.
 const NOVELTY: [(&str, &str, &str); 2] = [
     (
         "best",
@@ -98,7 +98,7 @@ const NOVELTY: [(&str, &str, &str); 2] = [
     ),
     ("mean", "Mean novelty", ""),
 ];
-/// The curves of campaigns with embeddings.
+/// The curves that only campaigns with embeddings have.
 const TRAININGS: [(&str, &str, &str); 2] = [
     (
         "accuracy",
@@ -112,7 +112,7 @@ const TRAININGS: [(&str, &str, &str); 2] = [
     ),
 ];
 
-/// The place of a curve, which a script draws.
+/// The place of a plot in which a script draws the curves.
 fn curves(id: &str, title: &str, note: &str) -> Markup {
     html! {
         section.scripted #(id) aria-label=(title) {

@@ -1,5 +1,5 @@
-//! The taxonomies of the compared campaigns together: one map of all behaviours if they share a space, and a row for each
-//! behaviour, with a cell for each campaign.
+//! The taxonomies of the compared campaigns together: one map of all behaviours if the campaigns share a space, and a table with
+//! a row for each behaviour and a column for each campaign.
 
 use super::{
     super::archived,
@@ -13,7 +13,7 @@ use murmuration_search::{interrupt::Interrupt, novelty::Behaviours, projection::
 use murmuration_study::wide;
 use murmuration_swarm::{BehaviourSpace, Class, Scale, Verdict, counted};
 
-/// Side of the map, and margin above and below its content, in the units of its drawing.
+/// Side of the map, and margin above and below its content, in units of the drawing.
 const MAP: f64 = 640.0;
 const MARGIN: f64 = 24.0;
 
@@ -40,7 +40,7 @@ pub(super) fn section(compared: &[Compared]) -> Markup {
     }
 }
 
-/// All medoids, campaign by campaign, largest cluster first.
+/// The medoids of all campaigns, campaign by campaign, largest cluster first.
 fn behaviours(compared: &[Compared]) -> Vec<Behaviour> {
     let mut all = Vec::new();
     for (campaign, Compared { record, named, words }) in compared.iter().enumerate() {
@@ -49,7 +49,7 @@ fn behaviours(compared: &[Compared]) -> Vec<Behaviour> {
             Behaviour {
                 campaign,
                 place,
-                // Campaigns share a space only if nothing is scaled.
+                // Distances are used only if campaigns share a space, and campaigns share only spaces that are not scaled.
                 at: medoid.individual.behaviour(&Scale::unscaled(record.spec.space())),
                 mean_distance: medoid.mean_distance,
                 class: named
@@ -62,21 +62,22 @@ fn behaviours(compared: &[Compared]) -> Vec<Behaviour> {
     all
 }
 
-/// The class by the judge's verdict; `None` for random, because random behaviours need not be alike.
+/// The class of the judge's verdict; `None` for the class `random`, because two random behaviours need not be alike.
 fn judged(verdict: Verdict) -> Option<ClassName> {
     let is_random = verdict == Verdict::Class(Class::Random);
     (!is_random).then(|| verdict.words().parse().ok()).flatten()
 }
 
-/// Whether all campaigns with a taxonomy share one space, so that distances between their behaviours mean something.
+/// Whether all campaigns with a taxonomy share one space, so that distances between their behaviours have a meaning.
 fn have_one_space(compared: &[Compared]) -> bool {
     let mut with = compared.iter().filter(|compared| compared.named.is_some());
     let first = with.next();
     first.is_some_and(|first| with.all(|other| share_a_space(&first.record, &other.record)))
 }
 
-/// Embeddings are comparable if one checkpoint made them. Hand-crafted features are comparable for the same robots in worlds of the
-/// same size, which scales them. Both together are not: each campaign scales them by its own first generation.
+/// Whether two campaigns share a behaviour space. Embeddings can be compared if one checkpoint made them. Hand-crafted features
+/// can be compared for the same robots in worlds of the same size, because the features depend on this size. Features and
+/// embedding together cannot be compared: each campaign scales them by its own first generation.
 fn share_a_space(one: &CampaignRecord, other: &CampaignRecord) -> bool {
     let [ours, theirs] = [one, other].map(|record| record.spec.space());
     let same_parts = ours == theirs && ours != BehaviourSpace::Both;
@@ -134,7 +135,7 @@ fn explanation(compared: &[Compared], has_one_space: bool, groups: &[Group], wit
     }
 }
 
-/// Whether there is a medoid without a name or verdict.
+/// Whether the campaign has a medoid with neither a name nor a verdict.
 fn can_be_judged(Compared { named, words, .. }: &Compared) -> bool {
     named.iter().any(|named| {
         let mut medoids = named.taxonomy.medoids.iter().enumerate();
@@ -144,7 +145,7 @@ fn can_be_judged(Compared { named, words, .. }: &Compared) -> bool {
     })
 }
 
-/// The address of this page with the judge's verdicts.
+/// The address of this page on which the judge also judges medoids.
 fn judged_address(compared: &[Compared]) -> String {
     let named = compared
         .iter()
@@ -152,7 +153,7 @@ fn judged_address(compared: &[Compared]) -> String {
     format!("/compare?{}judged=yes", named.collect::<String>())
 }
 
-/// All medoids along the two axes on which they differ most; lines join matched ones.
+/// The map of all medoids along the two axes on which they differ most; lines join matched medoids.
 fn map(compared: &[Compared], all: &[Behaviour], groups: &[Group]) -> Markup {
     let Some((places, shares)) = placed(all) else {
         return Markup::default();
@@ -193,8 +194,8 @@ fn map(compared: &[Compared], all: &[Behaviour], groups: &[Group]) -> Markup {
     }
 }
 
-/// Places of behaviours of one space on the map, and the axes' share of the variance; `None` for fewer than two behaviours, and for
-/// vectors that cannot be compared.
+/// The places on the map of behaviours of one space, and the share of the variance that the two axes have. `None` if there are
+/// fewer than two behaviours, or if their vectors have different lengths.
 fn placed(all: &[Behaviour]) -> Option<(Vec<[f64; 2]>, f64)> {
     let mut behaviours = Behaviours::new(all.first()?.at.len());
     for behaviour in all {
@@ -205,7 +206,7 @@ fn placed(all: &[Behaviour]) -> Option<(Vec<[f64; 2]>, f64)> {
     (all.len() > 1).then(|| (places, projection.shares.iter().sum()))
 }
 
-/// A row for each group, a column for each campaign.
+/// The table of groups, with a row for each group and a column for each campaign.
 fn rows(
     compared: &[Compared],
     all: &[Behaviour],
@@ -234,7 +235,7 @@ fn rows(
     wide("Behaviours", &table)
 }
 
-/// The campaigns that have a behaviour, in words.
+/// Says which campaigns have a behaviour.
 fn found_in(
     compared: &[Compared],
     all: &[Behaviour],
@@ -273,7 +274,7 @@ fn found_in(
 
 fn in_so_many(campaigns: usize, with: usize) -> String {
     match (campaigns, with) {
-        // There is no other campaign to compare with.
+        // If only one campaign has a taxonomy, there is nothing to compare.
         (_, 0 | 1) => String::new(),
         _ if campaigns == with => format!("all {with}"),
         _ => format!("{campaigns} of {with}"),

@@ -1,4 +1,4 @@
-//! The campaigns of a coordinator, indexed by specification for the pages of studies.
+//! The campaigns of a coordinator, indexed by their specifications for the pages of studies.
 
 use murmuration_engine::{
     blocking::blocking,
@@ -15,22 +15,22 @@ use std::{
 /// The progress of a study's campaign.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum State {
-    /// Nothing has begun.
+    /// The campaign has not begun.
     Waiting,
-    /// Complete generations, and all generations.
+    /// The campaign runs: number of complete generations, and of all generations.
     Running(u32, u32),
-    /// A person paused the campaign, or its process ended.
+    /// The campaign stands still, because a person paused it or its coordinator ended.
     Stopped(&'static str),
     /// The campaign is completed, but not measured yet.
     Measuring,
-    /// The reason of the failure.
+    /// The campaign failed, for this reason.
     Failed(String),
     /// The campaign is measured.
     Done,
 }
 
 impl State {
-    /// The state in a word.
+    /// The state in one word.
     pub(super) const fn name(&self) -> &'static str {
         match self {
             Self::Waiting => "waiting",
@@ -43,10 +43,10 @@ impl State {
     }
 }
 
-/// Records in memory at once while the campaigns are read.
+/// Maximum number of records in memory at a time while the campaigns are read.
 const AT_ONCE: usize = 50;
 
-/// Digests of the specifications of campaigns, which never change.
+/// Digests of campaigns' specifications. These digests never change.
 #[derive(Debug, Default)]
 pub(super) struct Digests(Mutex<BTreeMap<CampaignId, String>>);
 
@@ -64,7 +64,7 @@ impl Digests {
         self.kept().insert(record.id.clone(), digest);
     }
 
-    /// Drops deleted campaigns; returns the campaigns without a known digest.
+    /// Removes the digests of deleted campaigns, and returns the campaigns without a known digest.
     fn missing(&self, campaigns: &[ListedCampaign]) -> Vec<CampaignId> {
         let there: BTreeSet<&CampaignId> = campaigns.iter().map(|listed| &listed.head.id).collect();
         let mut kept = self.kept();
@@ -74,20 +74,20 @@ impl Digests {
     }
 }
 
-/// The campaigns of a coordinator, by specification.
+/// The campaigns of a coordinator, by the digests of their specifications.
 #[derive(Debug)]
 pub(super) struct Known {
-    /// The oldest campaign of each specification, by its digest; cancelled ones are left out.
+    /// The oldest campaign of each specification, by the specification's digest. Cancelled campaigns are left out.
     by_digest: BTreeMap<String, (String, State)>,
     /// The ids of all campaigns.
     ids: BTreeSet<String>,
-    /// Time at which listing began.
+    /// Time at which the list of campaigns was requested.
     listed: Instant,
 }
 
 impl Known {
-    /// Reads the campaigns. Only some records are in memory at a time. Where the digest is already known, only records of running
-    /// or failed campaigns are read.
+    /// Reads the campaigns, with only some records in memory at a time. If the digest of a campaign is known, the campaign's
+    /// record is read only if the campaign is running or failed.
     pub(super) async fn read(campaigns: &Campaigns, digests: &Arc<Digests>) -> Result<Self, CampaignError> {
         let listed = Instant::now();
         let heads = campaigns.heads().await?;
@@ -110,7 +110,8 @@ impl Known {
         Ok(known)
     }
 
-    /// Indexes campaigns, oldest first. `listed` is when listing began. Also returns the campaigns whose state needs the record.
+    /// Indexes `campaigns`, which are sorted oldest first and were requested at `listed`. It also returns the campaigns whose
+    /// state needs their record.
     fn of(
         campaigns: &[ListedCampaign],
         listed: Instant,
@@ -144,12 +145,13 @@ impl Known {
         (known, further)
     }
 
-    /// The campaign with this specification digest, and its state.
+    /// The campaign whose specification has this digest, and its state.
     pub(super) fn get(&self, digest: &str) -> Option<&(String, State)> {
         self.by_digest.get(digest)
     }
 
-    /// Whether a campaign that existed at `there_at` is gone. A list from before that time does not tell.
+    /// Whether a campaign that existed at `there_at` has been deleted. The result is false if the campaigns were listed before
+    /// that time.
     pub(super) fn lost(&self, id: &str, there_at: Instant) -> bool {
         self.listed > there_at && !self.ids.contains(id)
     }

@@ -1,5 +1,5 @@
-//! Studies, read from the store. A study is read again when it changes, but reading must not take more than a share of the time. When
-//! only people's classes change, the rest of the study is kept.
+//! The studies of a data directory, as read from the store. A study is read again when it changes, but reading must not take more
+//! than a share of the time. If only people's classes change, the rest of the study is not read again.
 
 use super::known::{Digests, Known};
 use axum::body::Bytes;
@@ -22,14 +22,14 @@ use std::{
 };
 use tokio::sync::{self, OnceCell};
 
-/// Pause between two reads of a study, as a multiple of the time that one read takes.
+/// Minimum pause between two reads of a study, as a multiple of the time that the last read took.
 const REST: u32 = 3;
-/// How long an unused study stays in memory; open pages use theirs several times a second.
+/// Time for which an unused study stays in memory. An open page uses its study several times a second.
 const KEPT_FOR: Duration = Duration::from_secs(60);
-/// How long the list of campaigns is reused: all pages of studies share it.
+/// Time for which the list of campaigns is used again. All pages of studies share the list.
 const LISTED_FOR: Duration = Duration::from_secs(1);
 
-/// The studies of a data directory; cheap to clone.
+/// The studies of a data directory. A clone is cheap.
 #[derive(Debug, Clone)]
 pub struct Studies(Arc<Shared>);
 
@@ -37,7 +37,7 @@ pub struct Studies(Arc<Shared>);
 struct Shared {
     store: Store,
     held: Mutex<BTreeMap<String, Held>>,
-    /// The coordinator's campaigns, and when they were listed.
+    /// The coordinator's campaigns, and the time at which they were listed.
     listed: sync::Mutex<Option<(Instant, Arc<Known>)>>,
     digests: Arc<Digests>,
 }
@@ -45,9 +45,9 @@ struct Shared {
 /// The cache slot of a study.
 #[derive(Debug, Clone)]
 struct Held {
-    /// One request reads at a time, while others wait for it.
+    /// The study, if it has been read. Only one request reads at a time, and other requests wait for it.
     read: Arc<sync::Mutex<Option<Read>>>,
-    /// Time of the last use.
+    /// Time of the last use of the study.
     used: Instant,
 }
 
@@ -68,45 +68,45 @@ pub(super) enum Unusable {
 struct Read {
     study: Arc<Loaded>,
     version: StudyVersion,
-    /// When the last full read ended, and how long it took.
+    /// The time at which the last full read ended, and its duration.
     ended: Instant,
     took: Duration,
 }
 
-/// A study as it was in its folder.
+/// A study as it was in the store.
 #[derive(Debug)]
 pub(super) struct Loaded {
     store: Store,
     name: CampaignName,
     pub(super) outcome: Outcome,
     pub(super) jobs: Arc<Jobs>,
-    /// Why people's classes cannot be read, if so; the judge's verdicts apply instead.
+    /// The reason why people's classes cannot be read, if they cannot; the judge's verdicts then replace all classes.
     pub(super) problem: Option<String>,
     /// The markup of the tables and plots.
     pub(super) tables: String,
-    /// Changes whenever the page's content does.
+    /// A hash of the page's content, which changes whenever the content changes.
     pub(super) version: String,
-    /// The page of the report, after the first request for it.
+    /// The page of the report; empty before the first request for this page.
     report: OnceCell<Bytes>,
 }
 
 #[derive(Debug)]
 pub(super) struct Jobs {
-    /// The jobs before the cells: the atlas, and embedders that cells share.
+    /// The jobs that come before the cells: the atlas, and embedders that cells share.
     pub(super) before: Vec<Job>,
     /// The cells, in the order of the study.
     pub(super) cells: Vec<Job>,
-    /// When the jobs were read: the campaigns that they name existed then.
+    /// The time at which the jobs were read; the campaigns in `done` existed at this time.
     pub(super) read: Instant,
 }
 
 #[derive(Debug)]
 pub(super) struct Job {
-    /// Its name, in words.
+    /// The name of the job, in words.
     pub(super) words: String,
-    /// Digest of its specification; `None` while its initial embedder is unknown.
+    /// Digest of the specification of the job's campaign; `None` while the campaign's initial embedder is unknown.
     pub(super) digest: Option<String>,
-    /// If it is done, the id of its campaign; empty if that is unknown.
+    /// If the job is done, the id of its campaign; empty if this id is unknown.
     pub(super) done: Option<String>,
 }
 
@@ -134,7 +134,7 @@ impl Studies {
 
     /// The coordinator's campaigns, at most [`LISTED_FOR`] old.
     pub(super) async fn known(&self, campaigns: &Campaigns) -> Result<Arc<Known>, CampaignError> {
-        // One request reads the list, and others wait for it.
+        // Only one request reads the list at a time, and other requests wait for it.
         let mut listed = self.0.listed.lock().await;
         if let Some((read, known)) = listed.as_ref()
             && read.elapsed() < LISTED_FOR
@@ -146,7 +146,7 @@ impl Studies {
         Ok(known)
     }
 
-    /// A study from its folder, or from memory if that was read recently.
+    /// A study from the store, or from memory if the study there is still recent.
     pub(super) async fn loaded(&self, name: &str) -> Result<Arc<Loaded>, Unusable> {
         let wanted = name.to_owned();
         let version = self
@@ -193,7 +193,7 @@ impl Studies {
             return Err(Invalid::new("index", index, allowed).into());
         }
         let place = self.place(name);
-        // One answer at a time: each is added to those before it.
+        // Classes are stored one at a time, because each is added to the classes before it.
         let _alone = place.lock().await;
         let keep = move |store: &Store| {
             let mut classes = classes(store, &study.name)?;
@@ -204,7 +204,7 @@ impl Studies {
         self.0.store.change(keep).await
     }
 
-    /// The cache slot of a study; it is dropped when the study is unused for a while.
+    /// The cache slot of a study. The slot is removed when the study has been unused for a while.
     fn place(&self, name: &str) -> Arc<sync::Mutex<Option<Read>>> {
         let mut held = self.0.held();
         let place = held.entry(name.to_owned()).or_insert_with(|| {
@@ -219,7 +219,7 @@ impl Studies {
     }
 }
 
-/// Waits until a study is unused, and drops it.
+/// Waits until a study is unused, and removes it from memory.
 async fn forget(shared: Weak<Shared>, name: String) {
     loop {
         tokio::time::sleep(KEPT_FOR).await;
@@ -252,7 +252,7 @@ fn classes(store: &Store, name: &CampaignName) -> Result<Corrections, Unusable> 
 }
 
 impl Jobs {
-    /// The jobs of a study, without reading what was measured.
+    /// The jobs of a study, without reading the measurements of its cells.
     fn look(store: &Store, name: &str) -> Result<Self, Unusable> {
         let file = store.study_file(name)?;
         let (mut embedders, mut measured) = (Vec::new(), BTreeSet::new());
@@ -274,7 +274,7 @@ impl Jobs {
             }
         }
         let kept = KeptStudy::new(&file, embedders)?;
-        // The campaign of a cell is only in the record that is not read here.
+        // The ids of the cells' campaigns are in the records of the measurements, which are not read here.
         let done = |_: usize, digest: Option<&str>| {
             let is_measured = digest.is_some_and(|digest| measured.contains(digest));
             is_measured.then(String::new)
@@ -282,8 +282,8 @@ impl Jobs {
         Ok(Self::of(&kept.study, &kept.embedders()?, None, done)?)
     }
 
-    /// The jobs of a study. `atlas` is the atlas's result. `done` returns the result of a cell by its place, and its digest if that
-    /// is known.
+    /// The jobs of a study. `atlas` is the id of the atlas's campaign, if the atlas is done. `done` returns the same id for a
+    /// cell, which it finds by the cell's place and by its digest, if known.
     fn of(
         study: &Study,
         embedders: &BTreeMap<String, CheckpointDigest>,
@@ -339,13 +339,13 @@ impl Loaded {
         Ok(Self::of(store, study.name, &outcome, jobs))
     }
 
-    /// The same study with the current classes of people.
+    /// This study with the current classes of people.
     fn with_current_classes(&self) -> Self {
         let (store, name) = (self.store.clone(), self.name.clone());
         Self::of(store, name, &self.outcome, Arc::clone(&self.jobs))
     }
 
-    /// A study with its stored classes. Damaged classes hide nothing else.
+    /// A study with its stored classes. If the classes are damaged, the rest of the study is still shown.
     fn of(store: Store, name: CampaignName, outcome: &Outcome, jobs: Arc<Jobs>) -> Self {
         let (classes, problem) = match classes(&store, &name) {
             Ok(classes) => (classes, None),
@@ -367,8 +367,8 @@ impl Loaded {
         }
     }
 
-    /// The page of the report. Drawing takes seconds, so it is drawn once. It continues after the client is gone, for the next
-    /// request.
+    /// The page of the report. Drawing takes seconds, so that the page is drawn only once. If the client leaves, the drawing
+    /// continues for the next request.
     pub(super) async fn report(self: &Arc<Self>) -> Result<Bytes, Undrawn> {
         let loaded = Arc::clone(self);
         let drawing = tokio::spawn(async move {

@@ -1,4 +1,5 @@
-//! The medoids of a study's cells: each with its picture, its motion and the classes, for people to judge again.
+//! The medoids of a study's cells, which people can judge again: each medoid has its picture, its motion and buttons for the
+//! classes.
 
 use super::loaded::Loaded;
 use crate::{
@@ -18,7 +19,7 @@ use murmuration_swarm::{Class, Invalid, counted, grouped};
 use serde::Deserialize;
 use serde_json::json;
 
-/// The part of a study's page with the medoids. The script requests those of a cell when a person opens it.
+/// The part of a study's page with the medoids. When a person opens a cell, the page's script requests the medoids of this cell.
 pub(super) fn section(loaded: &Loaded) -> Markup {
     let (study, name) = (loaded.outcome.study(), loaded.outcome.study().name.as_str());
     let judged = || loaded.outcome.cells().filter(|cell| !last(cell).is_empty());
@@ -63,7 +64,7 @@ fn last<'a>(cell: &MeasuredCell<'a>) -> &'a [u64] {
     taxonomy.map_or(&[], |taxonomy| taxonomy.medoids.as_slice())
 }
 
-/// The medoids of a cell, found by its digest.
+/// The medoids of the cell with this digest.
 pub(crate) async fn of_cell(
     State(web): State<Web>,
     Path((name, digest)): Path<(String, String)>,
@@ -102,7 +103,7 @@ pub(crate) async fn of_cell(
     })
 }
 
-/// A person's class for an individual.
+/// A request with a person's class for an individual.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct GivenClass {
@@ -115,7 +116,7 @@ pub(crate) struct GivenClass {
     by: String,
 }
 
-/// Stores a person's class.
+/// Stores a person's class for an individual.
 pub(crate) async fn judge(
     State(web): State<Web>,
     Path(name): Path<String>,

@@ -1,6 +1,6 @@
 //! The pages of studies: the states of the grid's campaigns, and the current tables and plots of the report.
 //!
-//! They only read what `murmuration lab study run` keeps in the data directory.
+//! The pages only read the records that `murmuration lab study run` stores in the data directory.
 
 mod known;
 mod loaded;
@@ -63,7 +63,7 @@ pub(super) async fn list(State(web): State<Web>, visitor: Visitor) -> Result<Mar
     ))
 }
 
-/// A study: its cells, and its tables and plots.
+/// The page of a study: its cells, its tables and its plots.
 pub(super) async fn page(
     State(web): State<Web>,
     Path(name): Path<String>,
@@ -94,7 +94,7 @@ pub(super) async fn page(
     ))
 }
 
-/// Sends the states of the cells whenever they change.
+/// Sends the states of a study's cells whenever they change.
 pub(super) async fn events(State(web): State<Web>, Path(name): Path<String>) -> Result<Events, PageError> {
     web.studies.loaded(&name).await?;
     let sights = web.sights.follow(format!("study {name}"));
@@ -109,7 +109,7 @@ pub(super) async fn events(State(web): State<Web>, Path(name): Path<String>) -> 
     Ok(follow(sights, look))
 }
 
-/// The current tables and plots, for the script of the page.
+/// The current tables and plots of a study, for the script of its page.
 pub(super) async fn current_tables(
     State(web): State<Web>,
     Path(name): Path<String>,

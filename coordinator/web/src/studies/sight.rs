@@ -8,7 +8,7 @@ use maud::{Markup, html};
 use murmuration_swarm::{counted, grouped};
 use std::collections::BTreeMap;
 
-/// The state of a campaign that a study needs, and the campaign's id, if there is one.
+/// The state of a campaign that a study needs, and the id of the campaign, if it exists.
 #[derive(Debug)]
 struct Seen {
     state: State,
@@ -29,7 +29,7 @@ impl Sight {
     pub(super) fn of(jobs: &Jobs, known: &Known) -> Self {
         let seen = |job: &Job| {
             let found = job.digest.as_ref().and_then(|digest| known.get(digest));
-            // A measurement names its campaign, which need not be the oldest with its specification.
+            // A measurement names its campaign. This campaign is not always the oldest campaign with its specification.
             let named = job.done.clone().filter(|campaign| !campaign.is_empty());
             let campaign = named.or_else(|| found.map(|(id, _)| id.clone()));
             Seen {
@@ -74,7 +74,8 @@ impl Sight {
         }
     }
 
-    /// The part of a study's page that changes while it runs. A script reads from it when the tables have changed.
+    /// The part of a study's page that changes while the study runs. Its `data-version` shows a script when the tables have
+    /// changed.
     pub(super) fn markup(&self, loaded: &Loaded) -> Markup {
         let study = loaded.outcome.study();
         let cells = study.cells.iter().zip(&self.cells);

@@ -1,4 +1,4 @@
-//! Pairs of clusters that may be one behaviour, and merged clusters: clusters with one name are one behaviour.
+//! Pairs of clusters that are possibly one behaviour, and merged clusters: clusters with the same name are one behaviour.
 
 use super::{Shown, starts};
 use crate::archived;
@@ -8,17 +8,18 @@ use murmuration_engine::taxonomy::{Alike, Origin};
 use murmuration_model::{CampaignRecord, labels::ClassName};
 use murmuration_swarm::{counted, grouped, rounded};
 
-/// Pairs listed at first, nearest first, and most pairs listed on request.
+/// Number of pairs listed at first, nearest first, and maximum number of pairs listed on request.
 const AT_ONCE: usize = 3;
 const MOST: usize = 50;
 
-/// The name that people gave a cluster, or that was carried over; `None` for `random`, which many behaviours may share.
+/// The name of a cluster that people gave, or that comes from an earlier version; `None` for `random`, because random behaviours
+/// need not be alike.
 fn name_of(shown: &Shown, place: usize) -> Option<&ClassName> {
     let name = shown.names.names.get(place)?.as_ref()?;
     (name.origin != Origin::Judge && name.class.key().as_str() != RANDOM).then_some(&name.class)
 }
 
-/// The clusters, largest first; those with one name are grouped, because they are one behaviour.
+/// The clusters, largest first. Clusters with the same name are grouped, because they are one behaviour.
 pub(super) fn groups(shown: &Shown) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for place in 0..shown.taxonomy.medoids.len() {
@@ -34,7 +35,7 @@ pub(super) fn groups(shown: &Shown) -> Vec<Vec<usize>> {
     groups
 }
 
-/// The pairs that are alike but not merged yet.
+/// The pairs of similar clusters that people have not merged yet.
 fn open(shown: &Shown) -> impl Iterator<Item = &Alike> {
     let is_one = |pair: &&Alike| {
         let name = name_of(shown, pair.one);
@@ -43,7 +44,7 @@ fn open(shown: &Shown) -> impl Iterator<Item = &Alike> {
     shown.alike.iter().filter(move |pair| !is_one(pair))
 }
 
-/// The mark on the card of a cluster that may be one with others.
+/// The mark on the card of a cluster that is possibly the same behaviour as other clusters.
 pub(super) fn mark(shown: &Shown, place: usize) -> Markup {
     let others = open(shown).filter_map(|pair| match place {
         place if place == pair.one => Some(pair.other),
@@ -64,7 +65,7 @@ pub(super) fn mark(shown: &Shown, place: usize) -> Markup {
     }
 }
 
-/// Links to the pairs that are alike.
+/// A link to the list of similar pairs, with their number.
 pub(super) fn link(shown: &Shown) -> Markup {
     let pairs = open(shown).count();
     html! {
@@ -74,7 +75,7 @@ pub(super) fn link(shown: &Shown) -> Markup {
     }
 }
 
-/// The pairs that are alike, each with a button to merge it.
+/// The list of similar pairs, each with a button that merges the pair.
 pub(super) fn section(record: &CampaignRecord, shown: &Shown) -> Markup {
     html! {
         @if open(shown).next().is_some() {
@@ -104,7 +105,7 @@ fn pair_of(record: &CampaignRecord, shown: &Shown, pair: &Alike) -> Markup {
     let [one, other] = [pair.one + 1, pair.other + 1];
     let words = indices.map(|index| shown.words.get(&index).copied());
     let name = name_of(shown, pair.one).or_else(|| name_of(shown, pair.other));
-    // If the judge tells the two apart, there is no suggestion.
+    // If the judge's verdicts on the two medoids differ, no verdict is suggested as a name.
     let word = words[0].filter(|verdict| words[1] == Some(*verdict) && verdict.name() != RANDOM);
     let suggested = name
         .map(ClassName::shown)

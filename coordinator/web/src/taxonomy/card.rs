@@ -1,4 +1,4 @@
-//! The card of a behaviour.
+//! The cards of behaviours on the page Taxonomy.
 
 use super::{Shown, alike, starts, versions};
 use crate::{archived, parts};
@@ -22,7 +22,7 @@ impl Card<'_> {
     }
 }
 
-/// The card of clusters with one name, as one behaviour.
+/// The card of several clusters with the same name, as one behaviour.
 pub(super) fn merged(record: &CampaignRecord, shown: &Shown, group: &[usize]) -> Markup {
     let medoids = || group.iter().map(|&place| &shown.taxonomy.medoids[place]);
     let members: u64 = medoids().map(|medoid| medoid.cluster_size).sum();
@@ -44,7 +44,7 @@ pub(super) fn merged(record: &CampaignRecord, shown: &Shown, group: &[usize]) ->
     }
 }
 
-/// The card of a cluster: picture, name, numbers.
+/// The card of a cluster: its picture, its name and its numbers.
 pub(super) fn card(card: &Card<'_>) -> Markup {
     let (record, taxonomy) = (card.record, &card.shown.taxonomy);
     let medoid = &taxonomy.medoids[card.place];
@@ -82,7 +82,7 @@ pub(super) fn card(card: &Card<'_>) -> Markup {
     }
 }
 
-/// The card of an individual that is not a medoid: picture and name.
+/// The card of an individual that is not a medoid: its picture and its name.
 pub(super) fn further(record: &CampaignRecord, name: Option<&GivenClass>, index: u64) -> Markup {
     let of = format!("individual {index}");
     html! {
@@ -94,7 +94,7 @@ pub(super) fn further(record: &CampaignRecord, name: Option<&GivenClass>, index:
     }
 }
 
-/// The picture of an individual, which plays its motion; `of` names its subject.
+/// The picture of an individual, on which its motion plays; `of` says in words what the picture shows.
 fn stage(record: &CampaignRecord, index: u64, of: &str) -> Markup {
     html! {
         div.stage tabindex="0" role="button" aria-label={ "Play " (of) } {
@@ -118,7 +118,7 @@ fn name_field(index: u64, of: &str, name: Option<&ClassName>) -> Markup {
     }
 }
 
-/// The judge's verdict; a click makes it the name.
+/// The judge's verdict on a medoid, with a button that makes the verdict the name of the behaviour.
 fn judged(card: &Card<'_>, index: u64) -> Markup {
     let word = card.shown.words.get(&index).copied();
     let is_named_so = |verdict: Verdict| {
@@ -139,7 +139,7 @@ fn judged(card: &Card<'_>, index: u64) -> Markup {
     }
 }
 
-/// Links that need workers: further starts, and files to download.
+/// Links for which workers must simulate: further starts, and files to download.
 fn files(card: &Card<'_>, index: u64) -> Markup {
     let number = card.place + 1;
     let of = format!("/campaigns/{}/individuals/{index}", card.record.id);
@@ -155,7 +155,7 @@ fn files(card: &Card<'_>, index: u64) -> Markup {
     }
 }
 
-/// The name of a behaviour and its origin, editable if its version is current.
+/// The name of a behaviour and the origin of the name. The name can be edited if the version is current.
 fn naming(card: &Card<'_>, index: u64) -> Markup {
     let (name, number) = (card.name(), card.place + 1);
     html! {

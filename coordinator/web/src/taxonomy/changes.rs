@@ -1,4 +1,4 @@
-//! Two versions of a taxonomy side by side, with the changes of clusters and names.
+//! The page of two versions of a taxonomy side by side, with the changes of clusters and names.
 
 use super::{map, versions};
 use crate::asked::Query;
@@ -28,32 +28,32 @@ const MAP: f64 = 480.0;
 /// Margin above and below the content of a map.
 const MARGIN: f64 = 40.0;
 
-/// The requested versions; by default the newest and the one before it.
+/// The requested versions; by default the newest version and the version before it.
 #[derive(Debug, Deserialize)]
 pub(crate) struct Asked {
     before: Option<u32>,
     after: Option<u32>,
 }
 
-/// One of the two versions.
+/// One of the two compared versions.
 struct Side {
     version: TaxonomyVersion,
     stored: StoredTaxonomy,
-    /// Share of the held-out triplets that its checkpoint tells apart, if known.
+    /// Accuracy of the version's checkpoint on the held-out triplets, if known.
     accuracy: Option<f64>,
-    /// Places of its medoids on its map, by place in the taxonomy; empty if the map is unknown.
+    /// Places of the version's medoids on its map, by place in the taxonomy; empty if the map is unknown.
     rings: Vec<[f64; 2]>,
     /// The highest and the lowest used row of the map.
     rows: [f64; 2],
 }
 
-/// Both versions, and the change between them.
+/// Both compared versions, and the change between them.
 struct Compared {
     versions: Vec<TaxonomyVersion>,
     before: Side,
     after: Side,
     change: Change,
-    /// The names before, and the names after, carried-over ones included.
+    /// The names in the version before, and the names in the version after; both include inherited names.
     named: Names,
     names: Names,
 }
@@ -88,7 +88,7 @@ pub(crate) async fn page(
     Ok(campaign_page(&record, Part::Taxonomy, &visitor, content))
 }
 
-/// Reads the requested versions; `None` if one is missing, or both are the same.
+/// Reads the requested versions; `None` if a version is missing, or if both versions are the same.
 fn read(
     store: &Store,
     maps: &Maps,
@@ -356,7 +356,7 @@ fn picture(record: &CampaignRecord, when: &str, place: usize, medoid: u64) -> Ma
     }
 }
 
-/// The predecessors of a cluster, and how much of each it has.
+/// The predecessors of a cluster, with the number of individuals that it has from each predecessor.
 fn carried_on(compared: &Compared, place: usize, from: &[usize]) -> Markup {
     let Compared {
         before,

@@ -1,5 +1,5 @@
-//! The rule-based judge's verdicts on medoids, and on further starts of them. Workers simulate and judge; the verdicts stay in
-//! memory while there is room, and are stored nowhere.
+//! The rule-based judge's verdicts on medoids, and on further starts of medoids. Workers simulate and judge the motions. The
+//! latest verdicts stay in memory; no verdict is stored on disk.
 
 use crate::Web;
 use murmuration_dispatch::{Evaluated, EvaluationJob};
@@ -17,17 +17,17 @@ use tonic::Status;
 
 /// Number of further starts of a medoid.
 pub(super) const STARTS: u64 = 20;
-/// Most individuals whose further starts are kept: their pictures take some 50 kB each.
+/// Maximum number of individuals whose further starts are kept; the pictures of an individual take some 50 kB.
 const MOST_STARTS: usize = 64;
-/// Most individuals whose verdicts are kept.
+/// Maximum number of individuals whose verdicts are kept.
 const MOST_WORDS: usize = 4096;
 
-/// The judge's latest verdicts; cheap to clone.
+/// The judge's latest verdicts. A clone is cheap.
 #[derive(Debug, Clone, Default)]
 pub struct Judged {
     starts: Arc<Mutex<Recent<Arc<Vec<Start>>>>>,
     words: Arc<Mutex<Recent<Verdict>>>,
-    /// One request at a time asks the workers; the others may need the same verdicts.
+    /// Only one request at a time asks the workers, because the other requests often need the same verdicts.
     gate: Arc<tokio::sync::Mutex<()>>,
 }
 
@@ -38,14 +38,14 @@ pub(super) struct Start {
     pub(super) image: Vec<u8>,
 }
 
-/// An individual: its campaign's id and origin, and its index.
+/// The key of an individual: the id and the origin of its campaign, and its index.
 type Key = (String, String, u64);
 
 fn key(record: &CampaignRecord, index: u64) -> Key {
     (record.id.to_string(), record.archive_version().origin(), index)
 }
 
-/// The newest values, oldest first.
+/// The newest values, sorted with the oldest first.
 #[derive(Debug)]
 struct Recent<T>(VecDeque<(Key, T)>);
 
@@ -75,7 +75,8 @@ fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
 }
 
 impl Judged {
-    /// Known verdicts on these medoids: the campaign's, over all starts, or else a recent one, on the first start.
+    /// The known verdicts on these medoids: the campaign's most frequent verdict over all starts, or else a recent verdict on the
+    /// first start.
     pub(crate) fn known(&self, record: &CampaignRecord, medoids: &[Medoid]) -> BTreeMap<u64, Verdict> {
         let lately = lock(&self.words);
         let word = |medoid: &Medoid| {
@@ -87,7 +88,7 @@ impl Judged {
         medoids.iter().filter_map(word).collect()
     }
 
-    /// Asks workers to judge the medoids without a verdict.
+    /// Lets workers judge the medoids that have no verdict yet.
     pub(crate) async fn ask(
         &self,
         web: &Web,
@@ -113,7 +114,7 @@ impl Judged {
         Ok(())
     }
 
-    /// [`STARTS`] further starts of an individual, none of them one of its trials.
+    /// [`STARTS`] further starts of an individual. These starts are different from those of its trials.
     pub(super) async fn starts(
         &self,
         web: &Web,
@@ -141,7 +142,7 @@ impl Judged {
     }
 }
 
-/// The result of each task, in the world of a campaign; `None` if the task was given up.
+/// The result of each task, simulated in the world of a campaign; `None` if the task was given up.
 async fn evaluated(
     web: &Web,
     record: &CampaignRecord,
@@ -174,12 +175,12 @@ async fn evaluated(
     Ok(evaluated.into_iter().map(start).collect())
 }
 
-/// The most frequent verdict, the first one on a tie.
+/// The most frequent verdict; if several verdicts are equally frequent, the first of them.
 fn most_frequent(verdicts: impl Iterator<Item = Verdict>) -> Option<Verdict> {
     counted(verdicts).first().map(|(verdict, _)| *verdict)
 }
 
-/// Verdicts with their counts, most frequent first.
+/// The distinct verdicts with their counts, most frequent first.
 pub(super) fn counted(verdicts: impl Iterator<Item = Verdict>) -> Vec<(Verdict, usize)> {
     let mut counts: BTreeMap<Verdict, usize> = BTreeMap::new();
     for verdict in verdicts {

@@ -1,4 +1,4 @@
-//! The map of a version of a taxonomy, as it was when the version was made.
+//! The map of a version of a taxonomy, as the map was when the version was made.
 
 use crate::asked::Query;
 use crate::{archived::Created, of_campaign::OfCampaign, page_error::PageError};
@@ -13,26 +13,26 @@ use murmuration_service::OrStatus as _;
 use murmuration_store::{Store, StoredTaxonomy, TaxonomyVersion};
 use serde::Deserialize;
 
-/// Side of the picture, and radius of a point; pixels.
+/// Side of the picture, and radius of a point, in pixels.
 const SIDE: usize = 720;
 const DOT: i64 = 3;
 
-/// Selects a map.
+/// Selects the map of a version.
 #[derive(Debug, Deserialize)]
 pub(crate) struct Which {
     version: u32,
-    /// The later version, whose colours the clusters take over from their successors.
+    /// The later version: a cluster has the colour of its successor in this version.
     after: u32,
 }
 
-/// The colour of each cluster of a version: that of its successor in the version to which `change` leads, or the colour of lines if
-/// it has none.
+/// The colour of each cluster of a version: the colour of its successor in the version to which `change` leads. A cluster without
+/// a successor has the colour of lines.
 pub(super) fn colours_before(change: &Change, clusters: usize) -> Vec<Rgb> {
     let colour = |before| change.successor(before).map_or(LINE, colours::cluster);
     (0..clusters).map(colour).collect()
 }
 
-/// Places of a version's individuals on its map; empty if unknown.
+/// Places of a version's individuals on the version's map; empty if unknown.
 pub(super) fn points(
     store: &Store,
     maps: &Maps,
@@ -48,8 +48,8 @@ pub(super) fn points(
     Ok(points)
 }
 
-/// Stretches the shorter axis to at least half the length of the longer one. Otherwise the rings of behaviours almost on a line
-/// would overlap.
+/// Stretches the shorter axis to at least half the length of the longer axis. Without this, the rings of behaviours that are
+/// almost on a line would overlap.
 fn stretch(points: &mut [[f64; 2]]) {
     let length = |axis: usize| {
         let values = points.iter().map(|point| point[axis]);
@@ -67,7 +67,7 @@ fn stretch(points: &mut [[f64; 2]]) {
     }
 }
 
-/// The individuals of a version in the colours of its clusters.
+/// The picture of the individuals of a version, in the colours of the version's clusters.
 pub(crate) async fn picture(
     Query(which): Query<Which>,
     Query(created): Query<Created>,
@@ -107,7 +107,7 @@ fn draw(
     Ok(Some(dots(&points, &stored, &colours)))
 }
 
-/// The points with their colours; clusters without a successor are painted below the others.
+/// The points with their colours; clusters without a successor are painted below the other clusters.
 fn dots(points: &[[f64; 2]], stored: &StoredTaxonomy, colours: &[Rgb]) -> Dots {
     let coloured = points.iter().zip(&stored.clusters);
     let mut dots: Dots = coloured

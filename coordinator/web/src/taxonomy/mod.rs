@@ -1,4 +1,5 @@
-//! The taxonomy of a campaign: people watch its behaviours, name them, see what learning changed, and download the report.
+//! The page of a campaign's taxonomy: people watch behaviours, name behaviours, see what learning changed, and download the
+//! report.
 
 mod alike;
 mod card;
@@ -56,7 +57,7 @@ const KEYS: [(&str, &str); 3] = [
 /// The parameters of the page's address.
 #[derive(Debug, Deserialize)]
 pub(super) struct Asked {
-    /// The version to show; by default the newest.
+    /// The version to show; by default the newest version.
     version: Option<u32>,
     /// Whether to ask the judge about the medoids; any value means yes.
     judged: Option<String>,
@@ -71,15 +72,15 @@ struct Shown {
     taxonomy: Taxonomy,
     names: Names,
     labels: Arc<Labels>,
-    /// Pairs of clusters with similar medoids; empty unless the version is current.
+    /// Pairs of clusters that touch; empty unless the version is current.
     alike: Vec<Alike>,
-    /// Known verdicts of the judge on medoids, by their index.
+    /// The known verdicts of the judge on medoids, by the index of the medoid.
     words: BTreeMap<u64, Verdict>,
-    /// Individuals shown beside the medoids, far from these and from each other.
+    /// Individuals shown besides the medoids, far from the medoids and from each other.
     further: Vec<u64>,
 }
 
-/// Individuals added beside the medoids at a time, and at most.
+/// Number of individuals that a click adds besides the medoids, and maximum number of these individuals.
 const MORE: usize = 12;
 const MOST_MORE: usize = 240;
 
@@ -127,7 +128,7 @@ pub(super) async fn page(
     Ok(campaign_page(&record, Part::Taxonomy, &visitor, content))
 }
 
-/// The buttons for a version as a whole.
+/// The buttons for actions on a whole version.
 fn actions(record: &CampaignRecord, shown: &Shown) -> Markup {
     let of = format!("/campaigns/{}", record.id);
     html! {
@@ -145,7 +146,7 @@ fn actions(record: &CampaignRecord, shown: &Shown) -> Markup {
     }
 }
 
-/// The version of that number, by default the newest; `None` if there is none.
+/// Reads the requested version, by default the newest; `None` if this version does not exist.
 fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Option<Shown>, StoreError> {
     let versions = store.taxonomy_versions(&record.id)?;
     let asked = asked.or(versions.last().map(|version| version.version));
@@ -158,7 +159,7 @@ fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Op
     };
     let labels = store.labels(&record.id)?;
     let names = Names::read(store, &record.id, until, &labels)?;
-    // Medoids that cover a space lie at the rims of their clusters, which touch each other all over.
+    // Medoids chosen for coverage are at the rims of their clusters, so that almost all clusters touch.
     let alike = match version.stands && record.spec.choice() != Choice::Coverage {
         true => taxonomy.alike(&store.scale(record)?),
         false => Vec::new(),
@@ -175,7 +176,7 @@ fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Op
     }))
 }
 
-/// The named behaviours in one line; empty if nothing has a name.
+/// The named behaviours in one line; empty if no behaviour has a name.
 fn answer(shown: &Shown) -> Markup {
     let medoids = shown.taxonomy.medoids.iter().enumerate();
     let shown = medoids.map(|(place, medoid)| {
@@ -227,7 +228,7 @@ fn behaviours(record: &CampaignRecord, shown: &Shown) -> Markup {
     }
 }
 
-/// Individuals beside the medoids, and a link to more of them.
+/// Individuals besides the medoids, and a link that adds more individuals.
 fn further(record: &CampaignRecord, shown: &Shown) -> Markup {
     let count = shown.further.len();
     let medoids = shown.taxonomy.medoids.len();
@@ -246,8 +247,8 @@ fn further(record: &CampaignRecord, shown: &Shown) -> Markup {
     }
 }
 
-/// The report as one file to download; workers simulate its motions again. An error is answered with a page. The link must not be a
-/// `download`, or browsers would save that page as the report.
+/// The report as one file to download; workers simulate its motions again. The response to an error is a page. Links to the
+/// report must not have the attribute `download`, or browsers would save this page as the report.
 pub(super) async fn export(
     State(web): State<Web>,
     Path(id): Path<String>,
@@ -261,7 +262,7 @@ pub(super) async fn export(
     Ok((headers, page))
 }
 
-/// All behaviours in one figure, to download as SVG. Errors and links are as for [`export`].
+/// All behaviours in one figure, to download as SVG. The notes of [`export`] on errors and links also apply here.
 pub(super) async fn contact_sheet(
     State(web): State<Web>,
     Path(id): Path<String>,
@@ -275,10 +276,10 @@ pub(super) async fn contact_sheet(
     Ok((headers, sheet))
 }
 
-/// Byte limit of the cached reports, and of the cached contact sheets.
+/// Maximum size of all cached reports in bytes, and of all cached contact sheets.
 const MOST_BYTES: usize = 32 << 20;
 
-/// The latest reports and contact sheets; cheap to clone.
+/// The latest reports and contact sheets. A clone is cheap.
 #[derive(Debug, Clone)]
 pub struct Reports {
     pages: LatestAnswers<ReportState, Bytes>,
@@ -294,10 +295,11 @@ impl Default for Reports {
     }
 }
 
-/// State that a report depends on: the archive and its size, the state and the rounds of its campaign, the length of its label log.
+/// The state that a report depends on: the archive version, the number of individuals, the state and the rounds of the campaign,
+/// and the length of the label log.
 type ReportState = (ArchiveVersion, u64, CampaignState, Rounds, u64);
 
-/// The report of a campaign, or its contact sheet, and its id; workers simulate the motions of its medoids.
+/// The id of a campaign, and its report or contact sheet. Workers simulate the motions of the medoids.
 async fn drawn(web: &Web, id: &str, pictures: PicturesOf) -> Result<(CampaignId, Bytes), PageError> {
     let record = web.campaigns.status(id).await?.record;
     let of = record.id.clone();
@@ -320,7 +322,7 @@ async fn drawn(web: &Web, id: &str, pictures: PicturesOf) -> Result<(CampaignId,
 
 async fn draw(web: &Web, id: &CampaignId, pictures: PicturesOf) -> Result<Bytes, PageError> {
     web.archive.dispatch.check_staffed().or_status()?;
-    // The service of this process, without a network in between.
+    // Clients of the services in this process, which use no network.
     let mut archive = CampaignServiceClient::new(CampaignServiceServer::new(web.archive.clone()));
     let mut labels = LabelServiceClient::new(LabelServiceServer::new(web.labels.clone()));
     let gathered = async {

@@ -1,4 +1,5 @@
-//! Robustness of a behaviour: its controller from further starts, each judged, with their pictures.
+//! The page of a behaviour's robustness: its controller from further starts, with the judge's verdict and a picture of each
+//! start.
 
 use super::judged::{STARTS, Start, counted};
 use crate::asked::Query;
@@ -17,7 +18,7 @@ use murmuration_swarm::{Verdict, grouped};
 /// Side of the square in a start's picture that shows one pixel of its image.
 const SCALE: u32 = 2;
 
-/// The page. A script shows its part `starts` beside the card.
+/// The page of the further starts of an individual. The script of the page Taxonomy shows its part `starts` in a dialog.
 pub(crate) async fn page(
     Path((_, index)): Path<(String, u64)>,
     OfCampaign { web, record, visitor }: OfCampaign,
@@ -33,7 +34,7 @@ pub(crate) async fn page(
     Ok(campaign_page(&record, Part::Taxonomy, &visitor, content))
 }
 
-/// A verdict as pages show it.
+/// A verdict in the words of the pages.
 pub(super) fn in_words(verdict: Verdict) -> String {
     match (verdict.pattern(), verdict.class()) {
         (None, class) => ClassName::from(class).shown(),
@@ -47,7 +48,7 @@ pub(super) fn in_words(verdict: Verdict) -> String {
     }
 }
 
-/// The judge's verdicts on the starts, and their pictures by class.
+/// The judge's verdicts on the starts, and the pictures of the starts by verdict.
 fn told(record: &CampaignRecord, index: u64, starts: &[Start]) -> Markup {
     let verdicts = counted(starts.iter().map(|start| start.verdict));
     let missing = STARTS as usize - starts.len();

@@ -8,7 +8,7 @@ use murmuration_model::CampaignRecord;
 use murmuration_store::TaxonomyVersion;
 use murmuration_swarm::{counted, grouped};
 
-/// When in its campaign a version was made.
+/// Says after which round of its campaign a version was made.
 pub(super) fn in_words(version: &TaxonomyVersion) -> String {
     match version.rounds {
         0 => "before learning from labels".to_owned(),
@@ -20,7 +20,7 @@ pub(super) fn link(record: &CampaignRecord, version: u32) -> Markup {
     html! { a href={ "/campaigns/" (record.id) "/taxonomy?version=" (version) } { "version " (version) } }
 }
 
-/// Links to the versions, if there is more than one, and a note if the version shown is not current.
+/// Links to the versions, if there are several, and a note if the version shown is not current.
 pub(super) fn list(record: &CampaignRecord, shown: &Shown) -> Markup {
     let version = &shown.version;
     html! {
@@ -49,7 +49,7 @@ pub(super) fn list(record: &CampaignRecord, shown: &Shown) -> Markup {
     }
 }
 
-/// The previous version's names that were not carried over, and why.
+/// The names of the previous version that were not carried over, and the reasons.
 pub(super) fn uncarried(shown: &Shown) -> Markup {
     let lost = &shown.names.uncarried;
     html! {
