@@ -34,11 +34,11 @@ pub struct Options {
     pub health: Health,
     /// Number of simultaneous evaluations, one per thread; at most 4,096.
     pub threads: NonZeroUsize,
-    /// Folder for up to 1 GiB of checkpoints, created at its first use. Workers may share one.
+    /// Folder for up to 1 GiB of checkpoints, created at its first use. Several workers can share a folder.
     pub cache: PathBuf,
 }
 
-/// Why a worker gave up. Temporary errors are retried for ever.
+/// Why a worker gave up. After a temporary error, the worker tries again without limit.
 #[derive(Debug, thiserror::Error)]
 pub enum WorkerError {
     /// The worker cannot work for this coordinator.
@@ -49,7 +49,7 @@ pub enum WorkerError {
     Thread(#[from] std::io::Error),
 }
 
-/// A running worker. Boxed, so that it is compiled here only, and not again in each program that awaits it.
+/// A running worker. The future is boxed, so that only this crate compiles it, and not each program that awaits it.
 pub type Working = Pin<Box<dyn Future<Output = Result<(), WorkerError>> + Send>>;
 
 /// Runs a worker until `stop` becomes true. The worker then returns leases that it has not begun, finishes the rest, and leaves.
@@ -153,7 +153,7 @@ impl Worker {
         Ok(credits)
     }
 
-    /// Returns leases that have not begun, finishes the others, and ends the stream.
+    /// Returns leases that have not begun, finishes the other leases, and ends the stream.
     async fn drain(&mut self, mut link: Link) -> Result<(), Broken> {
         link.send(worker_message::Message::Drain(v1::Drain {})).await?;
         self.pool.begin_nothing_more();

@@ -1,4 +1,4 @@
-//! The worker's binary: connects to a coordinator and evaluates and embeds until it is told to stop.
+//! The worker's binary: connects to a coordinator, and evaluates and embeds until it must stop.
 
 use clap::Parser;
 use murmuration_embed::checkpoint_folder;

@@ -14,16 +14,16 @@ use tokio::{runtime::Handle, sync::oneshot};
 use tonic::Status;
 use tracing::Instrument as _;
 
-/// Maximum number of bytes of checkpoints on disk (1 GiB: thousands of them).
+/// Maximum number of bytes of checkpoints on disk (1 GiB, enough for thousands of checkpoints).
 const MAX_CACHE_BYTES: u64 = 1 << 30;
 
 /// The source of checkpoints for all threads of a worker.
 pub(super) struct Checkpoints {
     coordinator: Coordinator,
-    /// The tokio runtime that fetches while the threads wait.
+    /// The tokio runtime that fetches checkpoints while the threads wait.
     runtime: Handle,
     folder: PathBuf,
-    /// Opened at its first use.
+    /// The cache, which is opened at its first use.
     cache: Mutex<Option<Arc<Cache>>>,
 }
 
@@ -39,8 +39,8 @@ pub(super) enum Unavailable {
 }
 
 impl Unavailable {
-    /// Whether another machine may succeed, or this one later: if the problem is this machine's ONNX Runtime, cache or permission
-    /// to fetch, or if the coordinator was unavailable.
+    /// Whether another machine, or this machine later, may succeed: true if the problem is this machine's ONNX Runtime, cache or
+    /// permission to fetch, or an unavailable coordinator.
     pub(super) fn may_be_had_elsewhere(&self) -> bool {
         match self {
             Self::Runtime(_) | Self::Cache(_) => true,
@@ -62,7 +62,7 @@ impl Unavailable {
 pub(super) struct NotFetched(Status);
 
 impl Checkpoints {
-    /// Checkpoints from `coordinator`, cached in `folder`. Must be called on a tokio runtime.
+    /// Checkpoints from `coordinator`, cached in `folder`. Call this function on a tokio runtime.
     pub(super) fn new(coordinator: Coordinator, folder: PathBuf) -> Self {
         Self {
             coordinator,
@@ -83,7 +83,8 @@ impl Checkpoints {
         Ok(Embedders::new(runtime, cache.clone()))
     }
 
-    /// Fetches the bytes of a checkpoint for a lease, unchecked. Blocks, so call it from threads outside the runtime.
+    /// Fetches the bytes of a checkpoint for a lease, without checking them. This function blocks, so call it from threads
+    /// outside the tokio runtime.
     pub(super) fn fetch(&self, digest: CheckpointDigest, lease: v1::LeaseId) -> Result<Vec<u8>, NotFetched> {
         let (reply, answer) = oneshot::channel();
         let coordinator = self.coordinator.clone();

@@ -70,7 +70,7 @@ pub(super) enum Outcome {
 }
 
 impl Outcome {
-    /// As far as this worker can tell, the work itself is invalid. The coordinator tries another worker.
+    /// A failure because the work itself seems to be invalid. The coordinator tries another worker.
     pub(super) fn fatal(message: String) -> Self {
         Self::Failure {
             class: v1::FailureClass::Fatal,
@@ -78,7 +78,7 @@ impl Outcome {
         }
     }
 
-    /// Another worker, or a later attempt, may succeed.
+    /// A failure after which another worker, or a later attempt, may succeed.
     pub(super) fn retryable(message: String) -> Self {
         Self::Failure {
             class: v1::FailureClass::Retryable,
@@ -182,7 +182,7 @@ fn replay(task: v1::ReplayTask) -> Result<Work, Invalid> {
     let (controller, seed) = self::task(&model, &task.task.unwrap_or_default())?;
     let world = world(task.world)?;
     Ok(Work::Replay {
-        // Refuses too many frames before they are computed.
+        // Refuse too many frames before any frame is computed.
         frames: Frames::new(task.first, task.stride, &world)?,
         world,
         controller,

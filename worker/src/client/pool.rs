@@ -1,4 +1,4 @@
-//! The evaluation threads: leases in, outcomes out, in any order.
+//! The evaluation threads: they take leases and return outcomes, in any order.
 
 use super::{
     checkpoints::Checkpoints,
@@ -23,17 +23,17 @@ use tokio::sync::mpsc;
 
 /// Maximum work that one thread should have queued: enough until the next lease arrives from a distant coordinator.
 const MOST_WORK_IN_HAND: Duration = Duration::from_millis(100);
-/// Queued work, as a multiple of the time until a lease arrives: one lease in work and one waiting, each with a reserve of the same
-/// length.
+/// Queued work, as a multiple of the time until a lease arrives. A thread has a lease in work and a waiting lease, each with a
+/// reserve of the same length.
 const LATENCIES_IN_HAND: u32 = 4;
-/// Minimum number of queued evaluations: two full vectors of swarms, one of which is simulated while the next is sent. This is
-/// worth a slightly later end of a job.
+/// Minimum number of queued evaluations: two full vectors of swarms. One vector is simulated while the next vector is sent, which
+/// is worth a slightly later end of a job.
 const TWO_VECTORS: usize = 16;
 /// Number of evaluations that one thread accepts: initially, and at most.
 const FIRST_CREDITS: usize = 4;
 const MOST_CREDITS: usize = 64;
 
-/// The evaluation threads. They end when the pool is dropped.
+/// The evaluation threads, which end when the pool is dropped.
 pub(super) struct Pool {
     leases: blocking::Sender<Lease>,
     finished: mpsc::UnboundedReceiver<Finished>,
@@ -56,7 +56,7 @@ struct Finished {
 impl Pool {
     pub(super) fn start(threads: NonZeroUsize, checkpoints: Checkpoints) -> io::Result<Self> {
         let (leases, queue) = blocking::channel();
-        // Bounded by the credits granted to the coordinator.
+        // The credits granted to the coordinator bound the number of outcomes in this channel.
         let (outcomes, finished) = mpsc::unbounded_channel();
         let queue = Arc::new(Mutex::new(queue));
         let checkpoints = Arc::new(checkpoints);
@@ -79,8 +79,8 @@ impl Pool {
         })
     }
 
-    /// Number of evaluations that the pool can accept now. A picture to embed counts as one evaluation, although it takes far less
-    /// time.
+    /// Number of evaluations that the pool can accept now. A picture to embed counts as one evaluation, although it takes far
+    /// less time.
     pub(super) fn room(&self) -> usize {
         let each = self.cost.map_or(FIRST_CREDITS, |cost| {
             let latency = self.latency.usual().unwrap_or(MOST_WORK_IN_HAND);
@@ -101,11 +101,11 @@ impl Pool {
     pub(super) fn take(&mut self, lease: Lease) {
         self.latency.answered(Instant::now());
         self.outstanding += lease.work.len();
-        // The threads live as long as the pool.
+        // The threads receive leases as long as the pool exists.
         let _ = self.leases.send(lease);
     }
 
-    /// The next outcome; waits while there is none.
+    /// The next outcome. Waits until a thread has an outcome.
     pub(super) async fn finished(&mut self) -> Option<(v1::LeaseId, Outcome)> {
         let Finished {
             id,
@@ -122,13 +122,14 @@ impl Pool {
         Some((id, outcome))
     }
 
-    /// From now on the threads return queued leases undone.
+    /// From this call on, the threads return queued leases undone.
     pub(super) fn begin_nothing_more(&self) {
         self.draining.store(true, Ordering::Relaxed);
     }
 }
 
-/// Number of evaluations that one thread should have queued, if each takes `cost` and a lease arrives `latency` after its request.
+/// Number of evaluations that one thread should have queued, if each takes `cost` and a lease arrives `latency` after its
+/// request.
 fn credits_for(cost: Duration, latency: Duration) -> usize {
     let fitting = |span: Duration| {
         let fitting = span.as_nanos() / cost.as_nanos().max(1);
@@ -150,7 +151,7 @@ struct Latency {
 impl Latency {
     const REMEMBERED: usize = 32;
 
-    /// A lease arrived.
+    /// Records that a lease arrived.
     fn answered(&mut self, now: Instant) {
         let Some(asked) = self.asked.take() else {
             return;
@@ -161,7 +162,8 @@ impl Latency {
         self.recent.push_back(now.saturating_duration_since(asked));
     }
 
-    /// The lower quartile, because a lease may have waited for work, or may have been sent before the request.
+    /// The lower quartile of the recent times, because a lease may have waited for work, or may have been sent before the
+    /// request.
     fn usual(&self) -> Option<Duration> {
         let mut recent: Vec<_> = self.recent.iter().copied().collect();
         recent.sort_unstable();
@@ -212,12 +214,12 @@ mod tests {
 
     #[test]
     fn a_thread_has_in_hand_what_it_does_until_the_next_lease_arrives() {
-        // Cheap evaluations near the coordinator: two vectors of swarms, so that other workers get the rest.
+        // Cheap evaluations near the coordinator: two vectors of swarms, so that other workers get the other evaluations.
         assert_eq!(
             credits_for(Duration::from_micros(500), Duration::from_micros(300)),
             16
         );
-        // The same far from the coordinator.
+        // The same evaluations far from the coordinator.
         assert_eq!(credits_for(Duration::from_micros(500), ms(5)), 40);
         assert_eq!(credits_for(Duration::from_micros(500), ms(60)), MOST_CREDITS);
         // Long evaluations: at most a tenth of a second of work, but at least one evaluation in work and one waiting.

@@ -1,5 +1,5 @@
-//! Leases that name a checkpoint. The model is `tests/models/small.onnx`, of 12 x 8 pixels; these tests need ONNX Runtime
-//! (`make runtime`).
+//! Tests of leases that name a checkpoint. The model `tests/models/small.onnx` takes pictures of 12 x 8 pixels. These tests need
+//! ONNX Runtime (`make runtime`).
 
 use super::{
     checkpoints::Checkpoints,
