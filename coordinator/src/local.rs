@@ -97,9 +97,7 @@ impl LocalCluster {
         };
         tokio::pin!(ended);
         if tokio::time::timeout(PATIENCE, &mut ended).await.is_err() {
-            errln!(
-                "waiting for evaluations that have begun; Ctrl-C ends them at once, and loses nothing that is on disk"
-            );
+            errln!("waiting for running evaluations; Ctrl-C stops them at once, and nothing on disk is lost");
             ended.await;
         }
         self.coordinator.shutdown().await

@@ -145,7 +145,7 @@ def test_an_answer_that_cannot_be_is_named(
     lie(told[method])
     with pytest.raises(mm.AnswerError, match=said) as raised:
         CALLS[call](client)
-    assert str(raised.value).startswith("the coordinator answered what cannot be: ")
+    assert str(raised.value).startswith("the coordinator sent an impossible answer: ")
 
 
 def test_who_asks_for_too_much_at_once_is_told_so(client: mm.Client, told: Told) -> None:
@@ -236,8 +236,8 @@ def _changed(message: Message, chance: random.Random) -> bytes:
     [
         ('{"other": 1}', "printed no field `genes`"),
         ('{"genes": "name"}', "printed no field `genes`"),
-        ("[1, 2]", "printed what is no JSON document"),
-        ('{"genes": ', "printed what is no JSON document"),
+        ("[1, 2]", "printed something that is not a JSON document"),
+        ('{"genes": ', "printed something that is not a JSON document"),
         ("", "printed no field `genes`"),
     ],
 )

@@ -36,8 +36,8 @@ pub(crate) struct Publication {
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Unpublishable {
     #[error(
-        "the embedding collapsed: held-out pictures have spread {0:.1e}, so that nothing is told apart. Lower the \
-         recipe's learning_rate, or raise its margin"
+        "the embedding collapsed: held-out pictures have spread {0:.1e}, so the network does not distinguish \
+         pictures. Lower the recipe's learning_rate, or raise its margin"
     )]
     Collapsed(f64),
     #[error("the exported network cannot be read: {0}")]

@@ -83,7 +83,7 @@ enum Form {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 enum Ending {
-    #[error("the client took no part of the answer for {} seconds: ask again", PART_LIMIT.as_secs())]
+    #[error("the client read nothing of the response for {} seconds: send the request again", PART_LIMIT.as_secs())]
     Untaken,
     #[error("{}", NoSeat::Closing)]
     Closing,
@@ -194,7 +194,7 @@ impl Shared {
         }
         // The HTTP library keeps a part until the client takes the part, or the connection ends.
         if let (Ending::Untaken, Some(handle)) = (ending, &self.handle) {
-            tracing::debug!("a client takes no part of an answer: its connection is closed");
+            tracing::debug!("a client does not read its response: its connection is closed");
             handle.close();
         }
     }

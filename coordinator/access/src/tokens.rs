@@ -247,7 +247,7 @@ mod tests {
             ),
             (
                 "[[token]]\nname = \"a\"\nrole = \"viewer\"\ndigest = \"mur_secret\"",
-                "the digest of \"a\": this is no token's digest",
+                "the digest of \"a\": this is not a token's digest",
             ),
             (
                 &format!("[[token]]\nname = \"\"\nrole = \"viewer\"\ndigest = \"{digest}\""),

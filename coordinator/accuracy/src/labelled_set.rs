@@ -161,7 +161,7 @@ fn check_images(format: &ImageFormat, images: ImageShape) -> Result<(), Invalid>
     if pictures == images {
         return Ok(());
     }
-    let allowed = format!("that of the embedder, which takes images of {images}");
+    let allowed = format!("that of the embedder's images, {images}");
     Err(match pictures.channels == images.channels {
         true => Invalid::new("resolution", format.resolution(), allowed),
         false => Invalid::new("channels", format.channels_name(), allowed),

@@ -363,7 +363,7 @@ impl Digest {
                 let (id, state) = (&campaign.id, state(&campaign));
                 let next = global.next(&format!("digest {id} --partial"));
                 return Err(CliError::Failed(format!(
-                    "campaign {id} is {state}, so its archive is not complete; the digest of what is there: {next}"
+                    "campaign {id} is {state}, so its archive is not complete; for the digest of the archive so far: {next}"
                 )));
             }
             let digest = get_digest(&mut connection.client, campaign.id.as_str()).await?;

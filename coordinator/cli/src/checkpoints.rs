@@ -142,7 +142,7 @@ pub async fn fetch(client: &mut CheckpointClient, beginning: &str) -> Result<Vec
     }
     if CheckpointDigest::of(&bytes).to_string() != digest {
         return Err(CliError::Failed(format!(
-            "the coordinator sent other bytes than those of checkpoint {digest}: the checkpoint is damaged there, or was changed on the way"
+            "the bytes that the coordinator sent are not checkpoint {digest}: the coordinator's copy is damaged, or was changed in transfer"
         )));
     }
     Ok(bytes)

@@ -35,7 +35,7 @@ table has a column for each gene, named as `murmuration robot` names it, and may
 over, so that a report's archive.csv will do. A table without a header has the genes alone, in that order, as \
 RobotSwarmSimulator writes genomes. Results are in the order of the rows.
 
-Without a running coordinator and without a data directory the workers of this process do it.
+If no coordinator runs and no data directory exists, this process evaluates the controllers.
 
 Examples:
   murmuration evaluate examples/quick.toml controllers.csv --out results.csv
@@ -106,7 +106,7 @@ impl Evaluate {
             .map(task)
             .collect::<Result<_, LabelFileError>>()?;
         if tasks.is_empty() {
-            let empty = format!("{}: there are no controllers in it", self.controllers.display());
+            let empty = format!("{}: the file has no controllers", self.controllers.display());
             return Err(CliError::Input(empty));
         }
         Ok(tasks)
@@ -239,7 +239,7 @@ async fn evaluated(
     match rows.len() {
         0 => Ok(failed),
         missing => Err(CliError::Failed(format!(
-            "the coordinator ended before {} had their results",
+            "the coordinator stopped before it had evaluated {}",
             counted(missing as u64, "controller")
         ))),
     }

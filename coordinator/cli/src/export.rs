@@ -105,8 +105,8 @@ async fn of_individual(global: &Global, campaign: String, index: u64) -> Result<
 fn header(controller: &Controller) -> String {
     let model = controller.model();
     let mut text = format!(
-        "/* A controller of the {model} model, exported by Murmuration. A program includes one such header: its names are the same in\n   \
-         all.\n\n   Genes: {controller} */\n#ifndef {guard}\n#define {guard}\n",
+        "/* A controller of the {model} model, exported by Murmuration. A program can include only one\n   \
+         such header: all of them define the same names.\n\n   Genes: {controller} */\n#ifndef {guard}\n#define {guard}\n",
         guard = guard(controller)
     );
     for (suffix, robot) in suffixes(model).iter().zip(controller.robots()) {
@@ -166,8 +166,8 @@ fn of_species(controller: RobotController<'_>, suffix: &str) -> String {
     let last = sensors - 1;
     let _ = write!(
         text,
-        "}};\n\n/* Sets speeds[0], the {first}, and speeds[1], the {second},\n   by what the sensors see. Bit {last} of `seen` is that of \
-         the first sensor, bit 0 that of the last;\n   other bits are not looked at. */\n\
+        "}};\n\n/* Sets speeds[0], the {first}, and speeds[1], the {second},\n   from what the sensors see. Bit {last} of `seen` is for \
+         the first sensor, bit 0 for the last sensor;\n   other bits have no effect. */\n\
          static inline void murmuration_control{suffix}(unsigned seen, double speeds[2])\n{{\n    \
          speeds[0] = murmuration_speeds{suffix}[seen & {mask}u][0];\n    \
          speeds[1] = murmuration_speeds{suffix}[seen & {mask}u][1];\n}}\n",

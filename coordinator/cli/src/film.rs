@@ -38,7 +38,7 @@ fn encode_by(
     let file = overwrite.begin(path)?;
     run(encoder, film, fps, file.path(), path)?;
     if fs::metadata(file.path()).is_ok_and(|film| film.is_file() && film.len() == 0) {
-        let reason = format!("{ENCODER} ended well, and wrote nothing to {}", path.display());
+        let reason = format!("{ENCODER} succeeded, but wrote nothing to {}", path.display());
         return Err(CliError::Failed(reason));
     }
     finish(file, path)

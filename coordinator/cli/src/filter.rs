@@ -18,8 +18,8 @@ use std::{
 #[command(
     group = clap::ArgGroup::new("controller").args(["controllers", "file"]).multiple(true).required(true),
     after_help = "\
-The robots are the paper's with as many numbers, unless an option names or describes others. Of several species the metrics are \
-those of the species with the highest score. docs/campaigns.md describes the metrics.
+Without an option for robots, the robots are the paper's robots with that number of genes. For several species, the metrics are \
+of the species with the highest score. docs/campaigns.md describes the metrics.
 
 Examples:
   murmuration filter -0.7,0.3,1,1 0.6,1,0.4,0.5

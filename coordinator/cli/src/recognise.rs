@@ -154,8 +154,8 @@ impl Recognise {
         if sizes[0] != sizes[1] {
             let [[width, height], own] = sizes;
             return Err(CliError::Input(format!(
-                "the robots of --robot are in a world of {} x {}, and those of the campaign in one of {width} x {height}: their \
-                 pictures cannot be compared",
+                "the world of --robot is {} x {}, but the campaign's world is {width} x {height}: pictures of these two worlds \
+                 cannot be compared",
                 own[0], own[1]
             )));
         }

@@ -25,9 +25,9 @@ use tonic::Code;
 /// Arguments of `export`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-The folder has the campaign as one SQLite database, which `murmuration import` reads, and to be read elsewhere: the individuals, \
+The folder has the campaign as one SQLite database, which `murmuration import` reads. For other programs, it has the individuals, \
 labels and generations as Parquet, the pictures as NPZ, the embedders as ONNX, the specification, a README.md about every column, and \
-a datasheet. Of a running campaign it has everything that is on disk at this moment.
+a datasheet. An export of a running campaign has everything that is on disk at this moment.
 
 Examples:
   murmuration export latest my-campaign

@@ -143,7 +143,10 @@ pub enum Evaluated {
 
 /// A task whose workers were lost, so that it is not tried again.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{} workers were lost during it, the last two while they did nothing else: {}", .workers.len(), .workers.join(", "))]
+#[error(
+    "{} workers were lost while they ran this task, the last two while they ran no other task: {}", .workers.len(),
+    .workers.join(", ")
+)]
 pub struct PoisonedTask {
     pub workers: Vec<String>,
 }

@@ -124,11 +124,15 @@ impl Families {
             turnaround,
         } = families.clone();
         registry.register("connected", "Workers and trainers that take work", connected);
-        registry.register("tasks_pending", "Tasks that nobody has yet", pending);
-        registry.register("leases", "Leases that are with somebody", leased);
+        registry.register(
+            "tasks_pending",
+            "Tasks that no worker or trainer has yet",
+            pending,
+        );
+        registry.register("leases", "Leases that workers and trainers hold", leased);
         registry.register(
             "leases_returned",
-            "Leases that came back undone, to be given again",
+            "Leases that were returned without a result, and are leased again",
             returned,
         );
         registry.register(

@@ -105,7 +105,7 @@ fn by_task<T>(of: &str, trials: Vec<T>, starts: Starts) -> Result<Vec<Vec<T>>, I
 }
 
 fn other_work() -> Invalid {
-    Invalid::new("outcome", "another kind of work", "what the lease asked for")
+    Invalid::new("outcome", "another kind of work", "the kind of work of the lease")
 }
 
 impl Work for EvaluationJob {
@@ -284,11 +284,7 @@ impl Work for ReplayJob {
         let replay = Replay::try_from(message)?;
         if !self.frames.steps(&self.world).eq(replay.steps().iter().copied()) {
             let value = format!("{} frames", replay.steps().len());
-            return Err(Invalid::new(
-                "replay.steps",
-                value,
-                "the steps that were asked for",
-            ));
+            return Err(Invalid::new("replay.steps", value, "the requested steps"));
         }
         let agents = self.world.agents();
         if replay.agents() != agents as usize {

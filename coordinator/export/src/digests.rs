@@ -47,7 +47,7 @@ impl Digests {
         let path = folder.join(FILE);
         let found = fs::symlink_metadata(&path).map_err(|error| {
             let reason =
-                format!("it is no export ({FILE}: {error}); `murmuration export CAMPAIGN DIR` makes one");
+                format!("it is not an export ({FILE}: {error}); `murmuration export CAMPAIGN DIR` makes one");
             ExportError::damaged(folder, reason)
         })?;
         if !found.is_file() || found.len() > MAX_BYTES {
@@ -59,8 +59,9 @@ impl Digests {
         let text = fs::read_to_string(&path).map_err(ExportError::file("read", &path))?;
         let mut digests = BTreeMap::new();
         for line in text.lines() {
-            let (digest, name) = listed_file(line)
-                .ok_or_else(|| ExportError::damaged(&path, "a line of it is no digest and name of a file"))?;
+            let (digest, name) = listed_file(line).ok_or_else(|| {
+                ExportError::damaged(&path, "a line is not a digest followed by a file name")
+            })?;
             if digests.insert(name.to_owned(), digest).is_some() {
                 return Err(ExportError::damaged(&path, format!("{name} is listed twice")));
             }
@@ -75,7 +76,7 @@ impl Digests {
                 let parent = folder.join(parent);
                 let found = fs::symlink_metadata(&parent).map_err(ExportError::file("read", &parent))?;
                 if !found.is_dir() {
-                    return Err(ExportError::damaged(&parent, "it is no folder"));
+                    return Err(ExportError::damaged(&parent, "it is not a folder"));
                 }
             }
             if digest(&file)? != *listed {
@@ -138,7 +139,7 @@ pub(crate) fn is_alone(folder: &Path) -> io::Result<bool> {
 pub(crate) fn open(path: &Path) -> Result<File, ExportError> {
     let found = fs::symlink_metadata(path).map_err(ExportError::file("read", path))?;
     if !found.is_file() {
-        return Err(ExportError::damaged(path, "it is no regular file"));
+        return Err(ExportError::damaged(path, "it is not a regular file"));
     }
     File::open(path).map_err(ExportError::file("read", path))
 }
@@ -195,7 +196,7 @@ mod tests {
         let line = format!("{}  inside/a\n", blake3::hash(b"one").to_hex());
         fs::write(at(FILE), &line).unwrap();
         let message = Digests::check(folder.path()).unwrap_err().to_string();
-        assert!(message.contains("it is no folder"), "{message}");
+        assert!(message.contains("it is not a folder"), "{message}");
         fs::write(at(FILE), line.repeat(2)).unwrap();
         let message = Digests::check(folder.path()).unwrap_err().to_string();
         assert!(message.contains("listed twice"), "{message}");
@@ -217,6 +218,6 @@ mod tests {
         write("b.txt", "one");
         std::os::unix::fs::symlink(folder.path().join("b.txt"), folder.path().join("a.txt")).unwrap();
         let message = Digests::check(folder.path()).unwrap_err().to_string();
-        assert!(message.contains("no regular file"), "{message}");
+        assert!(message.contains("not a regular file"), "{message}");
     }
 }

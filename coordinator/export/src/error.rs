@@ -27,9 +27,7 @@ pub enum ExportError {
     #[error("{0} is not empty: name a new folder, or replace an export with --force")]
     NotEmpty(PathBuf),
     /// The existing folder cannot be replaced, because it is not an unchanged export.
-    #[error(
-        "{0} holds something besides an export, or files of one that were changed, which --force does not replace: name a new folder"
-    )]
+    #[error("{0} has other files or changed files, so that --force does not replace it: name a new folder")]
     NoExport(PathBuf),
     /// The export would replace the current folder of the process, or a folder above it.
     #[error("{0} is the working folder, or has it in it, and cannot be replaced: go to another folder first")]

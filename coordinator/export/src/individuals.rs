@@ -40,8 +40,8 @@ pub(crate) fn columns(spec: &CampaignSpec) -> Schema {
         column("novelty_when_evaluated", DataType::Float64)
             .about("in the archive as it was after the individual's generation")
             .unit("behaviour space"),
-        nullable("class", DataType::Utf8).about("the class that was given last; null where there is none"),
-        column("seed", DataType::UInt64).about("of the first start; those of other starts follow from it"),
+        nullable("class", DataType::Utf8).about("the class that was given last; null if nobody gave a class"),
+        column("seed", DataType::UInt64).about("of the first start; it determines the seeds of the other starts"),
         nullable("cluster", DataType::UInt32)
             .about("from 1, as in taxonomy.parquet and on the pages; null unless the campaign is completed"),
         nullable("robust_trials", DataType::UInt8)

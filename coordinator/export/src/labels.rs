@@ -23,7 +23,7 @@ pub(crate) fn columns() -> Schema {
         ),
         nullable("index", DataType::UInt64).about("the individual that an answer or withdrawal is about"),
         nullable("class", DataType::Utf8)
-            .about("the class as it was called then; of an answer also `not sure` or `skip`"),
+            .about("the class's name at that time; for an answer, also `not sure` or `skip`"),
         nullable("value", DataType::Utf8).about(
             "the new name, the class merged into, the new colour, the new key, or the entry that is reverted",
         ),

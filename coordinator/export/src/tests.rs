@@ -159,7 +159,7 @@ fn a_database_that_was_exchanged_on_purpose_is_refused() {
     let exported = write(&folder, &database, false);
     for (other, reason) in [
         (&database[..5000], "campaign.sqlite: "),
-        (b"thesis", "campaign.sqlite: it is no SQLite database"),
+        (b"thesis", "campaign.sqlite: it is not a SQLite database"),
     ] {
         fs::write(folder.join(DATABASE), other).unwrap();
         list_again(&folder, &exported);

@@ -65,7 +65,7 @@ fn check_version(version: &str) -> Result<(), Invalid> {
     if version == SIMULATOR_VERSION {
         return Ok(());
     }
-    let allowed = format!("{SIMULATOR_VERSION}: another version's bits cannot be checked by this one");
+    let allowed = format!("{SIMULATOR_VERSION}: this version cannot check results of another version");
     Err(Invalid::new(
         "simulator_version",
         Text::line(version).as_str(),

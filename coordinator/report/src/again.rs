@@ -49,7 +49,7 @@ pub(super) fn also_needed(report: &Report) -> Vec<String> {
     }
     if repetition.adopted {
         needed.push(format!(
-            "Checkpoint {} is needed, which the campaign adopted with `murmuration adopt`; when it did is not recorded.",
+            "Checkpoint {} is needed, which the campaign adopted with `murmuration adopt`; the time of the adoption is not recorded.",
             report.checkpoint
         ));
     }

@@ -18,7 +18,7 @@ pub struct Interrupt {
 
 /// A computation was interrupted before it had a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("it was interrupted: the coordinator ends, or nobody wants the result any more")]
+#[error("the computation was interrupted: the coordinator stops, or nobody needs the result any more")]
 pub struct Interrupted;
 
 impl Interrupt {

@@ -98,7 +98,7 @@ impl v1::checkpoint_service_server::CheckpointService for CheckpointApi {
                 bytes: bytes.len(),
             };
             if !self.trainers.dispatch().may_publish(publication).await {
-                let message = "this trainer holds no lease of a training with such a result";
+                let message = "this trainer does not hold the lease of a training with this result";
                 return Err(Status::permission_denied(message));
             }
         }
@@ -112,9 +112,7 @@ async fn collect(parts: &mut Streaming<v1::PublishCheckpointRequest>) -> Result<
     let mut bytes = BytesMut::new();
     while let Some(message) = parts.message().await? {
         let Some(v1::publish_checkpoint_request::Part::Chunk(chunk)) = message.part else {
-            return Err(Status::invalid_argument(
-                "after the description there must be chunks alone",
-            ));
+            return Err(Status::invalid_argument("only chunks may follow the description"));
         };
         if bytes.len() + chunk.data.len() > MAX_MODEL_BYTES {
             let allowed = format!("at most {MAX_MODEL_BYTES} bytes");

@@ -145,7 +145,7 @@ impl EvaluationApi {
                     .or_status()?,
             ),
             Some(EmbedderSource::Trained { .. }) => {
-                let allowed = "the digest of a checkpoint: nothing is trained here";
+                let allowed = "the digest of a checkpoint: an evaluation trains no embedder";
                 return Err(Invalid::missing("checkpoint", allowed).into());
             }
             None => None,
@@ -217,8 +217,8 @@ impl Unaudited {
             if let Some(controllers) = by_machine.get(&wrong.machine) {
                 let first = controllers.iter().min().copied().unwrap_or_default();
                 return Err(Status::data_loss(format!(
-                    "{} was found wrong after it had evaluated {} of this stream, controller {first} among them: evaluate all \
-                     controllers again",
+                    "{} returned wrong results, and had evaluated {} of this stream, controller {first} among them: evaluate \
+                     all controllers again",
                     wrong.name,
                     counted(controllers.len() as u64, "controller"),
                 )));
@@ -360,7 +360,7 @@ fn within_limit<T>(
                     Some(later) if later > Instant::now() => deadline = later,
                     Some(_) => {
                         let message = format!(
-                            "no request within {} minutes: open another stream when there is one",
+                            "no request within {} minutes: open another stream for the next request",
                             IDLE_LIMIT.as_secs() / 60
                         );
                         return Some((Err(Status::deadline_exceeded(message)), None));

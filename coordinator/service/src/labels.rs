@@ -360,7 +360,7 @@ impl v1::label_service_server::LabelService for LabelApi {
 fn unknown(annotator: &Annotator, labels: &Labels) -> Status {
     let known: Vec<&str> = labels.annotators().map(Annotator::as_str).collect();
     Status::not_found(match known.as_slice() {
-        [] => format!("annotator \"{annotator}\" has given no labels in this campaign, and nobody else has"),
+        [] => format!("annotator \"{annotator}\" is unknown: nobody has given labels in this campaign"),
         known => format!(
             "annotator \"{annotator}\" has given no labels in this campaign; annotators who have: {}",
             known.join(", ")

@@ -48,9 +48,9 @@ impl v1::trainer_service_server::TrainerService for TrainerApi {
         let machine = machine_of(&request)?.machine;
         let (epoch, lease) = lease_id(request.into_inner().lease, "lease")?;
         let leased = self.trainers.dispatch().leased_training(machine, epoch, lease);
-        let id = leased
-            .await
-            .ok_or_else(|| Status::permission_denied("this trainer holds no such lease of a training"))?;
+        let id = leased.await.ok_or_else(|| {
+            Status::permission_denied("this trainer does not hold the lease of this training")
+        })?;
         let record = self.store.run(move |store| store.campaign(id.as_str())).await;
         let record = record.or_status()?;
         let (parts, stream) = mpsc::channel(2);

@@ -74,7 +74,7 @@ fn by_class(seats: &Seats, registry: &mut Registry) {
     );
     registry.register(
         "requests_refused",
-        "Requests for which there was no seat of their cost class",
+        "Requests that were refused because their cost class had no free seat",
         refused,
     );
 }
@@ -114,7 +114,7 @@ fn by_campaign(statuses: &[CampaignStatus], registry: &mut Registry) {
         ),
         (
             "campaign_generations",
-            "Generations that a campaign at work is to have",
+            "Generations that a campaign at work will have in all",
             all,
         ),
         (

@@ -64,7 +64,7 @@ pub enum BackupError {
     /// The named target folder cannot be used.
     #[error(transparent)]
     Target(#[from] TargetError),
-    #[error("{path} is no backup ({reason}): `murmuration backup DIR` makes one")]
+    #[error("{path} is not a backup ({reason}): `murmuration backup DIR` makes one")]
     NoBackup { path: PathBuf, reason: String },
     /// The copy is not sound.
     #[error("{path} is damaged: `murmuration doctor --data {path}` says what is damaged")]
@@ -304,7 +304,7 @@ fn read_manifest(folder: &Path) -> Result<Manifest, BackupError> {
     match manifest.schema {
         SCHEMA => Ok(manifest),
         newer => Err(no_backup(format!(
-            "its manifest has version {newer}, this one knows {SCHEMA}"
+            "its manifest has version {newer}, but this program reads version {SCHEMA}"
         ))),
     }
 }

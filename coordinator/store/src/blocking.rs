@@ -174,7 +174,7 @@ static BACKGROUND: LazyLock<Option<Runtime>> = LazyLock::new(|| {
         .on_thread_start(lower_priority)
         .build();
     threads
-        .inspect_err(|error| tracing::warn!(%error, "reading has the priority of searching"))
+        .inspect_err(|error| tracing::warn!(%error, "background threads could not be started: reads run with normal priority"))
         .ok()
 });
 

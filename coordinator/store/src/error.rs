@@ -44,7 +44,7 @@ impl fmt::Display for UnknownCampaign {
         if let Some(nearest) = &self.nearest {
             write!(f, "did you mean \"{nearest}\"? ")?;
         }
-        f.write_str("`murmuration list` shows those there are")
+        f.write_str("`murmuration list` lists the campaigns")
     }
 }
 
@@ -63,7 +63,7 @@ pub enum StoreError {
         "there is no data directory at {0}: `murmuration run SPEC.toml` makes one, `--data DIR` names another"
     )]
     NoDirectory(PathBuf),
-    #[error("{0} is no folder, and so no data directory: `--data DIR` names one")]
+    #[error("{0} is not a folder, so it cannot be a data directory: name one with `--data DIR`")]
     NoFolder(PathBuf),
     /// A file or folder of the data directory cannot be used.
     #[error("cannot {doing} {path}: {source}")]
@@ -75,7 +75,7 @@ pub enum StoreError {
     /// The database was written by a newer version of Murmuration.
     #[error(
         "{path} has schema version {found}, this murmuration ({}) knows up to {known}: it was written by a newer \
-         version, so run that one; `murmuration --version` tells which one is which (nothing was changed)",
+         version, so run that one; `murmuration --version` prints a program's version (nothing was changed)",
         env!("CARGO_PKG_VERSION")
     )]
     Newer {
@@ -93,8 +93,8 @@ pub enum StoreError {
         reason: String,
     },
     #[error(
-        "the disk that holds {path} is full: make room, then campaigns go on by themselves; what was refused was not \
-         done, and can be asked again"
+        "the disk that holds {path} is full: make room, then campaigns go on by themselves; the refused request \
+         changed nothing: repeat it"
     )]
     DiskFull {
         /// Path of the database, or of the folder of checkpoints.
@@ -102,8 +102,8 @@ pub enum StoreError {
     },
     /// The disk refuses a write, or does not confirm it.
     #[error(
-        "the disk that holds {path} cannot be written ({reason}): it may be failing, or have become read-only; once it can, \
-         campaigns go on by themselves, and what was refused can be asked again"
+        "the disk that holds {path} cannot be written ({reason}): it may be failing, or have become read-only; once it can \
+         be written, campaigns go on by themselves; the refused request changed nothing: repeat it"
     )]
     Unwritable {
         /// Path of the database, or of the folder of checkpoints.
@@ -119,9 +119,9 @@ pub enum StoreError {
     /// No campaign has the requested id.
     #[error("{0}")]
     NoCampaign(UnknownCampaign),
-    #[error("there is no study \"{0}\": `murmuration lab study list` shows those there are")]
+    #[error("there is no study \"{0}\": `murmuration lab study list` lists the studies")]
     NoStudy(String),
-    #[error("there is no checkpoint {0}: `murmuration checkpoints list` shows those there are")]
+    #[error("there is no checkpoint {0}: `murmuration checkpoints list` lists the checkpoints")]
     NoCheckpoint(String),
     /// The archive has no individual with this index.
     #[error("campaign {campaign} has no individual {index}: its archive holds {len}")]
@@ -133,14 +133,14 @@ pub enum StoreError {
     },
     /// An earlier request with this id asked for another campaign.
     #[error(
-        "request \"{request}\" was made before, asked for something else and started campaign {campaign}: use another request id"
+        "request \"{request}\" was made before with other contents and started campaign {campaign}: use another request id"
     )]
     OtherRequest {
         request: RequestId,
         campaign: CampaignId,
     },
     /// The run of a campaign is over, and can no longer change the campaign.
-    #[error("campaign {0} was paused, cancelled or told something else meanwhile: its former run ends")]
+    #[error("campaign {0} has a newer decision (such as pause or cancel), so this run ends")]
     Superseded(CampaignId),
     /// The operation was interrupted, because nobody waits for its result.
     #[error(transparent)]

@@ -28,7 +28,7 @@ fn leads_somewhere(link: &Path) -> io::Result<()> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             let target = fs::read_link(link)?;
             Err(io::Error::other(format!(
-                "{} is a link to {}, which is not there: mount its volume, or remove the link",
+                "{} is a link to {}, which does not exist: mount its volume, or remove the link",
                 link.display(),
                 target.display()
             )))
@@ -100,7 +100,7 @@ mod tests {
         // A path beyond the link gives the same error.
         for name in ["lost", "lost/further"] {
             let error = is_there(&at(name)).unwrap_err().to_string();
-            assert!(error.contains("unmounted/file, which is not there"), "{error}");
+            assert!(error.contains("unmounted/file, which does not exist"), "{error}");
         }
         assert!(is_there(&at("circle")).is_err());
         assert!(is_there(&at("file/within")).is_err());

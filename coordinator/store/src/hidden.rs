@@ -48,7 +48,7 @@ impl Store {
     /// Removes the rows of a hidden campaign. Rows that cannot be removed now are removed when the store is next opened.
     pub(crate) fn remove_hidden_or_later(&self, number: i64) {
         if let Err(error) = self.remove_hidden(number) {
-            tracing::warn!(%error, "a campaign that nobody sees is not removed from the disk yet");
+            tracing::warn!(%error, "a hidden campaign is not removed from the disk yet");
         }
     }
 

@@ -182,10 +182,10 @@ fn trials(features: &[f64], embeddings: &[f32], images: Option<&[u8]>) -> Result
         return Err("not five features");
     }
     if !embeddings.len().is_multiple_of(count) {
-        return Err("its features and embeddings are of different numbers of trials");
+        return Err("its features and embeddings are for different numbers of trials");
     }
     if images.is_some_and(|images| !images.len().is_multiple_of(count)) {
-        return Err("its features and pictures are of different numbers of trials");
+        return Err("its features and pictures are for different numbers of trials");
     }
     let dimensions = embeddings.len() / count;
     let trial = |(place, features): (usize, &Features)| Trial {
@@ -206,10 +206,10 @@ fn judged(trials: Vec<Trial>, verdicts: &[u8]) -> Result<Vec<Trial>, &'static st
         return Ok(trials);
     }
     if verdicts.len() != trials.len() {
-        return Err("its features and verdicts are of different numbers of trials");
+        return Err("its features and verdicts are for different numbers of trials");
     }
     let judged = |(trial, &number): (Trial, &u8)| {
-        let verdict = Verdict::try_from(i32::from(number)).map_err(|_| "a verdict that there is not")?;
+        let verdict = Verdict::try_from(i32::from(number)).map_err(|_| "an unknown verdict")?;
         Ok(Trial {
             verdict: Some(verdict),
             ..trial

@@ -45,7 +45,8 @@ impl Store {
             let rows = statement.query_map([], |row| {
                 let (table, parent, count): (String, String, i64) = (row.get(0)?, row.get(1)?, row.get(2)?);
                 let rows = counted(count.unsigned_abs(), "row");
-                Ok(format!("{table}: {rows} that belong to {parent} which are not there"))
+                let refer = if count == 1 { "refers" } else { "refer" };
+                Ok(format!("{table}: {rows} {refer} to missing rows of {parent}"))
             })?;
             Ok(rows.collect::<Result<_, _>>()?)
         })

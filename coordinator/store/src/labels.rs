@@ -34,7 +34,7 @@ pub enum LabelError {
     #[error(transparent)]
     Refused(#[from] Refusal),
     /// An earlier request with the same id had other contents.
-    #[error("request \"{0}\" was made before, and said something else")]
+    #[error("request \"{0}\" was made before with other contents: use another request id")]
     OtherRequest(RequestId),
     /// The token cannot add this many entries now.
     #[error(transparent)]

@@ -260,7 +260,7 @@ fn find_database(path: &Path) -> Result<bool, StoreError> {
     match found.is_file() {
         true => Ok(true),
         false if found.is_dir() => Err(failed(io::Error::other("it is a folder, and no file"))),
-        false => Err(failed(io::Error::other("it is no regular file"))),
+        false => Err(failed(io::Error::other("it is not a regular file"))),
     }
 }
 

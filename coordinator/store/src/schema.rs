@@ -224,7 +224,7 @@ pub(super) fn version(connection: &Connection, path: &Path) -> Result<u32, Store
         // A database gets its name only once it has tables. So a database without tables was cut off, and is not a new database.
         0 => Err(StoreError::Damaged {
             path: path.to_path_buf(),
-            reason: "it holds no tables".to_owned(),
+            reason: "the database has no tables".to_owned(),
         }),
         1..=VERSION => Ok(found),
         _ => Err(StoreError::Newer {
@@ -373,7 +373,10 @@ mod tests {
         let mut connection = Connection::open(&path).unwrap();
         create(&mut connection).unwrap();
         assert_eq!(version_of(&connection), VERSION);
-        for (version, expected) in [(0, "it holds no tables"), (VERSION + 1, "written by a newer")] {
+        for (version, expected) in [
+            (0, "the database has no tables"),
+            (VERSION + 1, "written by a newer"),
+        ] {
             connection.pragma_update(None, "user_version", version).unwrap();
             let refused = [
                 Store::look(folder.path(), true).unwrap_err(),

@@ -323,7 +323,7 @@ fn a_database_that_cannot_be_found_out_about_is_not_made_anew() {
     let volume = folder.path().join("volume");
     // The first link leads to a volume that is not mounted; the system cannot follow the second link at all.
     for (target, expected) in [
-        (volume.join(Store::FILE), "is not there: mount its volume"),
+        (volume.join(Store::FILE), "does not exist: mount its volume"),
         (path.clone(), "oo many"),
     ] {
         symlink(&target, &path).unwrap();

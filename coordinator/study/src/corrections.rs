@@ -69,7 +69,7 @@ impl Corrections {
                 Some((class, _)) if *class != given.0 => {
                     let (_, index) = individual;
                     let what = format!(
-                        "individual {index} is {} here and {class} before: give it one class in all of its rows",
+                        "individual {index} has the class {} here, but {class} in an earlier row: give it one class in all rows",
                         given.0
                     );
                     return Err(CorrectionsError { line, what });

@@ -114,7 +114,7 @@ fn cell(
     for field in ["seed", "name"] {
         if table.contains_key(field) {
             let allowed = match field {
-                "seed" => "absent: the study's `seeds` say it",
+                "seed" => "absent: the study's `seeds` define it",
                 _ => "absent: campaigns are named after their study",
             };
             return Err(failed(Invalid::new(field, "given", allowed).into()));
@@ -125,7 +125,7 @@ fn cell(
     table.insert("seed".to_owned(), toml::Value::Integer(seed.cast_signed()));
     let spec = CampaignSpec::from_table(table).map_err(failed)?;
     if study.measures.which.contains(&Measure::Shares) && !spec.judges() {
-        let allowed = "true: the measure \"shares\" counts what workers judged";
+        let allowed = "true: the measure \"shares\" counts the workers' verdicts";
         return Err(failed(Invalid::new("evaluation.judge", "false", allowed).into()));
     }
     Ok(Cell {

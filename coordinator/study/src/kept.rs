@@ -18,7 +18,7 @@ use std::{collections::BTreeMap, path::Path};
 /// Why a kept study cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum KeptError {
-    #[error("its file: {0}")]
+    #[error("the study's file: {0}")]
     Study(#[from] StudyError),
     #[error("the classes that people gave: {0}")]
     Classes(#[from] CorrectionsError),

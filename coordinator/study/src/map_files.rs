@@ -146,8 +146,8 @@ pub(crate) fn shown(rows: &[RowMaps]) -> Markup {
             h3 { (row.words) }
             @if let [Some(behaviours), Some(controllers)] = row.alike {
                 p.lead {
-                    "Of the individuals that are not random, the nearest one is of the same class for " (format!("{behaviours:.0}"))
-                    " % on the map of behaviours, and for " (format!("{controllers:.0}")) " % on the map of controllers."
+                    "For " (format!("{behaviours:.0}")) " % of the individuals that are not random, the nearest individual on the map of behaviours "
+                    "has the same class; on the map of controllers, for " (format!("{controllers:.0}")) " %."
                 }
             }
             div.maps {

@@ -348,7 +348,7 @@ fn cells(outcome: &Outcome) -> Markup {
     html! {
         section #cells {
             h2 { "The cells" }
-            p.lead { "Each is a campaign. Two runs of its specification have the same digest." }
+            p.lead { "Each cell is a campaign. Two runs of one specification have the same digest." }
             (wide("Table: the cells", &html! {
                 table {
                     thead { tr {

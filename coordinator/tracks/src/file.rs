@@ -31,7 +31,7 @@ pub enum TracksError {
     #[error("{}: the frames last less than one step, and a motion has one at least", .0.display())]
     Short(PathBuf),
     #[error(
-        "{}: robot {robot} is not in {}, and it is interpolated over {} at most", path.display(), missing(*frames),
+        "{}: robot {robot} is missing from {}; only gaps of up to {} are interpolated", path.display(), missing(*frames),
         counted(u64::from(crate::MAX_GAP_FRAMES), "frame")
     )]
     Gap {

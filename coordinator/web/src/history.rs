@@ -194,9 +194,9 @@ fn table(record: &CampaignRecord, steps: &[Step]) -> Markup {
         section.history aria-labelledby="history" {
             h2 #history { "History" }
             p.reason {
-                "A round learns from the labels that there are when it begins, and goes on from the checkpoint before. The "
-                "accuracy is the share of held-out triplets that a checkpoint tells apart, of two pictures of one controller and one of another. "
-                "No accuracy before is shown where the checkpoint before was judged by other pictures. The accuracy may fall a little while the "
+                "A round learns from the labels at its start, and trains the previous checkpoint further. A triplet has two pictures of one "
+                "controller and one picture of another; the accuracy is the share of held-out triplets that a checkpoint tells apart. "
+                "“Accuracy before” is empty if the previous checkpoint was measured on other pictures. The accuracy may fall a little while the "
                 "agreement with labels rises, which " code { "murmuration lab accuracy" } " measures."
             }
             (wide("Rounds", &html! { table {

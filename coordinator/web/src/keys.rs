@@ -88,7 +88,7 @@ const ACTIONS: [Action; 16] = [
     action(
         "like",
         "l",
-        "find what in a campaign this swarm is like",
+        "find a campaign's behaviours that are most like this swarm",
         &[Page::Play],
     ),
 ];

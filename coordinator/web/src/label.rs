@@ -67,7 +67,7 @@ pub(super) async fn one(OfCampaign { web, record, visitor }: OfCampaign) -> Resu
 /// The query strategies, with their names in the menu.
 const STRATEGIES: [(Strategy, &str); 3] = [
     (Strategy::Medoids, "medoids first, then uncertain ones"),
-    (Strategy::Coverage, "medoids first, then what is unlike them"),
+    (Strategy::Coverage, "medoids first, then individuals unlike them"),
     (Strategy::Random, "at random"),
 ];
 

@@ -99,8 +99,8 @@ fn announcement(record: &CampaignRecord, estimate: Option<Estimate>) -> String {
     format!(
         "The campaign fine-tunes its embedder on all labels, embeds its {} again{search}, and clusters them anew. {takes} \
          The clusters and their order change; your labels stay. Progress shows how far it is, and can pause it: until \
-         the archive is embedded again, a paused campaign keeps the taxonomy that it has. Resume goes on after the last epoch; to learn \
-         again begins the training anew, with the answers as they are then.",
+         the archive is embedded again, a paused campaign keeps the taxonomy that it has. Resume goes on after the last epoch; \
+         “Learn from all answers” restarts the training with the current answers.",
         counted(record.individuals(), "individual")
     )
 }

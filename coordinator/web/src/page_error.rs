@@ -25,8 +25,8 @@ pub(super) enum PageError {
     Refused(Refusal),
     #[error(
         "this took longer than {} seconds and was given up, because the workers or the coordinator are busy: try again \
-         later, or use a command, which waits for as long as a report takes: `murmuration report` for that of a campaign, \
-         `murmuration lab study report` for that of a study",
+         later, or use a command, which waits until the report is complete: `murmuration report` for a campaign's report, \
+         `murmuration lab study report` for a study's",
         murmuration_access::limits::PAGE_LIMIT.as_secs()
     )]
     Late,
@@ -68,7 +68,7 @@ impl PageError {
             html! {
                 h1 { (title) }
                 p.lead { (self.to_string()) }
-                @if is_missing { p { "Its address may have been typed wrongly, or what it shows was deleted." } }
+                @if is_missing { p { "The address may be mistyped, or the page's contents were deleted." } }
                 ul.ways {
                     @if let Some(nearest) = self.nearest() { li { a href={ "/campaigns/" (nearest) } { "Campaign " (nearest) } } }
                     li { a href="/" { "All campaigns" } }

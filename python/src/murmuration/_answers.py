@@ -28,7 +28,7 @@ _END_OF_TIME_MS = 253_402_300_800_000
 
 def wrong(message: str) -> AnswerError:
     """The error for an impossible answer. `message` describes the fault."""
-    return AnswerError(f"the coordinator answered what cannot be: {message}")
+    return AnswerError(f"the coordinator sent an impossible answer: {message}")
 
 
 def identifier(text: str, asked: str = "latest") -> str:

@@ -272,7 +272,7 @@ class Client:
         """A field of a command's document, checked to be a `kind`. Errors are those of `command`."""
         value = self.command(*words).get(field)
         if not isinstance(value, kind):
-            raise ProgramError(f"`murmuration {words[0]}` printed no field `{field}`, or what is none")
+            raise ProgramError(f"`murmuration {words[0]}` printed no field `{field}`, or one of another type")
         return value
 
     def documents(self, *words: str) -> list[dict[str, Any]]:
@@ -348,7 +348,7 @@ def connect(
 
     Args:
         url: `http://HOST:PORT` or `https://HOST:PORT`.
-        ca: File with the certificate of the authority that signed the coordinator's (PEM). Required for https.
+        ca: File with the certificate (PEM) of the authority that signed the coordinator's certificate, for https.
         token: Your token, if the coordinator asks for one.
         programs: The folder of the program `murmuration`, which reads campaign files and writes reports; by default
             pip's folder for programs, or else the PATH.

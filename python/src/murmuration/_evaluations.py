@@ -180,7 +180,7 @@ def _numbers(field: str, given: npt.ArrayLike, shape: str) -> npt.NDArray[np.flo
         return array.astype(np.float64, copy=False)
     except (TypeError, ValueError, OverflowError) as error:
         why = " ".join(str(error).split())
-        raise InvalidError.of(field, "what is no array", f"numbers, {shape}: {why}") from None
+        raise InvalidError.of(field, "not an array", f"numbers, {shape}: {why}") from None
 
 
 def _nothing_like(result: v1.EvaluateResult) -> list[worker.Evaluation]:

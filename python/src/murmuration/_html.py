@@ -41,6 +41,6 @@ def _figure(number: int, picture: npt.NDArray[np.uint8], medoid: Mapping[str, An
     data = base64.b64encode(png(picture)).decode()
     named = html.escape(medoid["cluster_name"] or medoid["class"] or "")
     size = f"{medoid['cluster_size']} individual{'' if medoid['cluster_size'] == 1 else 's'}"
-    words = f"<b>{number}</b> {named}<br>{size}<br>the middle: {medoid['index']}"
+    words = f"<b>{number}</b> {named}<br>{size}<br>medoid: {medoid['index']}"
     image = f'<img width="{_SHOWN_SIDE}" style="image-rendering:pixelated" src="data:image/png;base64,{data}">'
     return f'<figure style="margin:0;font-size:small">{image}<figcaption>{words}</figcaption></figure>'

@@ -100,7 +100,7 @@ def run(program: Path, words: Sequence[str], variables: dict[str, str]) -> list[
         except ValueError:
             document = None
         if not isinstance(document, dict):
-            raise ProgramError(f"`murmuration {' '.join(words)}` printed what is no JSON document")
+            raise ProgramError(f"`murmuration {' '.join(words)}` printed something that is not a JSON document")
         documents.append(document)
         left = left[end:].lstrip()
     return documents

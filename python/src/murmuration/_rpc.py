@@ -146,7 +146,7 @@ def _each(answers: Any) -> Iterator[Any]:  # noqa: ANN401
 
 def _sound(read: Answer | AnswerError | None) -> Answer:
     if read is None:
-        raise wrong("a call has ended well, and without an answer")
+        raise wrong("a call succeeded without an answer")
     if isinstance(read, AnswerError):
         raise read
     return read

@@ -51,7 +51,7 @@ def matrix(column: pa.ChunkedArray[Any] | pa.Array[Any] | Iterable[Any]) -> npt.
     ):
         raise InvalidError.of("column", f"one of {array.type}", "one of lists")
     if array.null_count:
-        raise InvalidError("the column has nulls, as that of embeddings in a campaign without embedder")
+        raise InvalidError("the column has nulls, like the embeddings of a campaign without embedder")
     flat = pc.list_flatten(array)
     kind = flat.type
     if flat.null_count or not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_null(kind)):

@@ -169,12 +169,12 @@ fn labelled_behaviours_have_the_channels_of_the_embedder() {
     refused(
         "species",
         "1.onnx",
-        "channels = species: must be that of the embedder, which takes images of 50 x 50",
+        "channels = species: must be that of the embedder's images, 50 x 50",
     );
     refused(
         "one",
         "2.onnx",
-        "channels = one: must be that of the embedder, which takes images of 2 channels of 50 x 50",
+        "channels = one: must be that of the embedder's images, 2 channels of 50 x 50",
     );
     refused(
         "both",

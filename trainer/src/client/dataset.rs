@@ -84,10 +84,10 @@ async fn parent(
     coordinator: &Coordinator,
 ) -> Result<murmuration_train::network::Network, Undone> {
     let fetched = fetch_checkpoint(coordinator, fine_tuning.parent, task.lease).await;
-    let bytes = fetched.map_err(|status| Undone::call("the checkpoint to go on from", &status))?;
+    let bytes = fetched.map_err(|status| Undone::call("the checkpoint to train further", &status))?;
     if CheckpointDigest::of(&bytes) != fine_tuning.parent {
         return Err(Undone::retryable(
-            "other bytes came than the checkpoint's to go on from",
+            "the received bytes are not the checkpoint to train further",
         ));
     }
     let architecture = task
@@ -147,7 +147,7 @@ async fn receive(task: &Task, coordinator: Coordinator) -> Result<Parts, Status>
 
 fn append<T: Copy>(all: &mut Vec<T>, part: &[T], what: &str, most: usize) -> Result<(), Status> {
     if all.len() + part.len() > most {
-        return Err(Status::data_loss(format!("more than {most} of {what} came")));
+        return Err(Status::data_loss(format!("received more than {most} of {what}")));
     }
     all.extend_from_slice(part);
     Ok(())
@@ -159,6 +159,6 @@ fn check_whole(came: &[u8], what: &str, wanted: usize) -> Result<(), Status> {
     }
     let came = came.len();
     Err(Status::data_loss(format!(
-        "{came} bytes of {what} came, not {wanted}"
+        "received {came} bytes of {what}, not {wanted}"
     )))
 }

@@ -23,7 +23,7 @@ pub struct LabelledPictures {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LabelledPicturesError {
     /// The number of pictures differs from the number of classes.
-    #[error("{bytes} bytes are not {labels} labelled pictures of {each} bytes")]
+    #[error("{labels} labelled pictures of {each} bytes each do not have {bytes} bytes")]
     Count {
         /// Bytes of all pictures.
         bytes: usize,

@@ -46,7 +46,7 @@ pub enum FetchError {
         error: Box<dyn Error + Send + Sync>,
     },
     /// The received bytes do not have the requested digest.
-    #[error("checkpoint {digest}: other bytes came, of digest {got}")]
+    #[error("checkpoint {digest}: received bytes with the digest {got}")]
     Mismatch {
         digest: CheckpointDigest,
         /// The digest of the received bytes.

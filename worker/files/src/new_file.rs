@@ -176,7 +176,7 @@ fn persist_beside(file: NamedTempFile, target: &Path) -> io::Result<()> {
     }
     let (_, kept) = refused.file.keep()?;
     let message = format!(
-        "a file of this name appeared meanwhile, and stays; what was to be written is in {}",
+        "a file of this name has appeared meanwhile and was kept; the new contents are in {}",
         kept.display()
     );
     Err(io::Error::new(io::ErrorKind::AlreadyExists, message))

@@ -41,7 +41,7 @@ impl UnfinishedFolder {
             }
         }
         Err(io::Error::other(
-            "its file system knows no locks, or a new folder in it is removed again and again",
+            "the file system has no locks, or another process keeps removing the new folder",
         ))
     }
 

@@ -23,7 +23,7 @@ pub type Coordinator = InterceptedService<Channel, Bearer>;
 /// Files of trust and identity, for every client of a coordinator.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct TrustFiles {
-    /// Certificate of the authority that signed the coordinator's, for an https:// coordinator
+    /// Certificate of the authority that signed the coordinator's certificate, for an https:// coordinator
     #[arg(long, global = true, env = "MURMURATION_CA", value_name = "FILE")]
     pub ca: Option<PathBuf>,
     /// File that holds your token; MURMURATION_TOKEN may hold the token itself instead
@@ -74,12 +74,12 @@ pub enum CredentialsError {
     Url(String),
     /// No authority is given for the coordinator's certificate.
     #[error(
-        "{0} is encrypted: name the certificate of the authority that signed the coordinator's, with --ca FILE or in \
-         MURMURATION_CA"
+        "{0} is encrypted: name the certificate of the authority that signed the coordinator's certificate, with --ca FILE \
+         or in MURMURATION_CA"
     )]
     NoAuthority(String),
     /// A certificate is given for an unencrypted connection, which would not use it.
-    #[error("{0} is not encrypted, and takes no certificate: say https://, or leave --certificate out")]
+    #[error("{0} is not encrypted, and takes no certificate: use https://, or omit --certificate")]
     Plain(String),
     /// Certificate, key or authority cannot be used.
     #[error("the certificates for {url} cannot be used: {reason}")]

@@ -39,7 +39,7 @@ impl Health {
         tokio::spawn(async move {
             let served = server.serve_with_incoming(TcpListenerStream::new(listener)).await;
             if let Err(error) = served {
-                tracing::error!(%error, "nobody answers for this process's health any more");
+                tracing::error!(%error, "this process no longer answers health queries");
             }
         });
         Ok(())

@@ -94,7 +94,7 @@ pub enum LinkError {
     #[error(transparent)]
     Credentials(#[from] CredentialsError),
     /// The health service could not be started.
-    #[error("cannot listen on {listen} to be asked for this process's health: {source}")]
+    #[error("cannot listen on {listen} for health queries: {source}")]
     Health { listen: SocketAddr, source: io::Error },
     /// The coordinator refused the process because of its version or its credentials.
     #[error("the coordinator refused this {who}: {reason}")]

@@ -25,7 +25,7 @@ pub struct PeerArguments {
     /// Answer gRPC's health service at this address, such as 127.0.0.1:7701 (`murmuration health` asks it)
     #[arg(long, env = "MURMURATION_HEALTH", value_name = "ADDRESS")]
     health: Option<SocketAddr>,
-    /// Connect from this address, where this machine has several [default: as the system chooses]
+    /// Connect from this address, if this machine has several [default: as the system chooses]
     #[arg(long, env = "MURMURATION_LOCAL_ADDRESS", value_name = "ADDRESS")]
     local_address: Option<IpAddr>,
 }

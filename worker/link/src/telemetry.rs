@@ -50,7 +50,7 @@ pub fn telemetry(service: &'static str, default: tracing::Level) -> Telemetry {
         )
         .init();
     if let Some(error) = refused {
-        tracing::error!("RUST_LOG is not a filter, and ignored: {error}");
+        tracing::error!("RUST_LOG is not a valid filter and is ignored: {error}");
     }
     Telemetry(provider.unwrap_or_else(|error| {
         tracing::error!(%error, "no traces are sent");

@@ -21,9 +21,11 @@ pub struct TokenDigest(blake3::Hash);
 /// Why a text is not a token or not a token's digest. The error never quotes the text, which may be secret.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum TokenError {
-    #[error("this is no token: one begins with {PREFIX} and goes on with 43 letters, digits, '-' and '_'")]
+    #[error(
+        "this is not a token: a token begins with {PREFIX} and goes on with 43 letters, digits, '-' and '_'"
+    )]
     Token,
-    #[error("this is no token's digest: one is 64 hexadecimal digits")]
+    #[error("this is not a token's digest: a digest has 64 hexadecimal digits")]
     Digest,
 }
 

@@ -23,7 +23,9 @@ impl Budget {
     pub(super) fn pay(&mut self, factors: &[usize]) -> Result<(), String> {
         let products = product(factors);
         self.products = self.products.checked_sub(products).ok_or_else(|| {
-            format!("with its {products} multiplications the model takes over {MAX_PRODUCTS} for an image")
+            format!(
+                "with its {products} multiplications, the model needs more than {MAX_PRODUCTS} for an image"
+            )
         })?;
         Ok(())
     }
@@ -31,10 +33,12 @@ impl Budget {
     /// Subtracts a value of `elements` numbers per image from the memory left.
     pub(super) fn keep(&mut self, elements: usize) -> Result<(), String> {
         if elements > MAX_VALUE_ELEMENTS {
-            return Err(format!("it makes {elements} numbers for an image"));
+            return Err(format!(
+                "it makes {elements} numbers for an image: at most {MAX_VALUE_ELEMENTS} are allowed"
+            ));
         }
         self.elements = self.elements.checked_sub(elements).ok_or_else(|| {
-            format!("with its {elements} numbers the model makes over {MAX_ELEMENTS} for an image")
+            format!("with its {elements} numbers, the model makes more than {MAX_ELEMENTS} for an image")
         })?;
         Ok(())
     }

@@ -178,7 +178,7 @@ fn constants(graph: &GraphProto) -> Result<BTreeMap<String, Value>, ModelError> 
         };
         let constant = tensor::constant(initializer).map_err(refused)?;
         if constants.insert(initializer.name.clone(), constant).is_some() {
-            return Err(refused("is there twice".to_owned()));
+            return Err(refused("occurs twice".to_owned()));
         }
     }
     Ok(constants)
@@ -196,7 +196,7 @@ fn single_input<'a>(
     match (inputs.next(), inputs.count()) {
         (Some(input), 0) => Ok(input),
         (first, more) => Err(ModelError::Input(format!(
-            "is not one but {}",
+            "must be one, not {}",
             more + usize::from(first.is_some())
         ))),
     }
@@ -205,7 +205,7 @@ fn single_input<'a>(
 fn single_output(graph: &GraphProto) -> Result<&ValueInfoProto, ModelError> {
     match graph.output.as_slice() {
         [output] => Ok(output),
-        outputs => Err(ModelError::Output(format!("is not one but {}", outputs.len()))),
+        outputs => Err(ModelError::Output(format!("must be one, not {}", outputs.len()))),
     }
 }
 
@@ -217,7 +217,7 @@ fn image_shape(input: &ValueInfoProto) -> Result<ImageShape, ModelError> {
         .as_ref()
         .and_then(|TypeProto { tensor_type }| tensor_type.as_ref())
     else {
-        return refused("is no tensor");
+        return refused("is not a tensor");
     };
     if tensor.elem_type != DataType::Float as i32 {
         return refused("is not of 32-bit floats");
@@ -303,7 +303,7 @@ fn evaluate<'a>(
     let taken = |name: &String| {
         values
             .get(name)
-            .ok_or_else(|| format!("nothing before it makes {name:?}"))
+            .ok_or_else(|| format!("no earlier node makes {name:?}"))
     };
     let inputs = node.input.iter().map(taken).collect::<Result<Vec<_>, _>>()?;
     let value = operators::output(node, &inputs, budget)?;

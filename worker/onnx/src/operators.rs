@@ -137,7 +137,7 @@ fn convolution(
         .pair("kernel_shape")?
         .is_some_and(|stated| stated != kernel)
     {
-        return Err("its kernel_shape is not that of its weights".to_owned());
+        return Err("its kernel_shape differs from the shape of its weights".to_owned());
     }
     let [height, width] = slid(attributes, [height, width], kernel, false)?;
     let made = [filters, height, width];
@@ -267,7 +267,7 @@ impl<'a> Attributes<'a> {
         match self.find(name) {
             None => Ok(default),
             Some(attribute) if attribute.r#type() == AttributeType::Int => Ok(attribute.i),
-            Some(_) => Err(format!("{name} is no whole number")),
+            Some(_) => Err(format!("{name} is not a whole number")),
         }
     }
 
@@ -276,7 +276,7 @@ impl<'a> Attributes<'a> {
         match self.find(name) {
             None => Ok(&[]),
             Some(attribute) if attribute.r#type() == AttributeType::Ints => Ok(&attribute.ints),
-            Some(_) => Err(format!("{name} is no list of whole numbers")),
+            Some(_) => Err(format!("{name} is not a list of whole numbers")),
         }
     }
 

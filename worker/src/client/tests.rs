@@ -231,7 +231,7 @@ async fn what_is_no_checkpoint_fails_for_good() {
 
     let worker = Worker::start(Ok(b"no model")).await;
     let outcome = worker.outcome(pictures(CheckpointDigest::of(SMALL))).await;
-    check_failure(&outcome, fatal, "other bytes came");
+    check_failure(&outcome, fatal, "received bytes with the digest");
     let outcome = worker.outcome(pictures(CheckpointDigest::of(b"no model"))).await;
     check_failure(&outcome, fatal, "not an ONNX model");
 }

@@ -34,7 +34,7 @@ impl TryFrom<String> for CampaignName {
         if (1..=64).contains(&name.len()) && name.chars().all(fits) && !name.starts_with('-') {
             return Ok(Self(name));
         }
-        let allowed = "1 to 64 letters, digits, '-' and '_', the first of them no '-'";
+        let allowed = "1 to 64 letters, digits, '-' and '_', not beginning with '-'";
         Err(Invalid::new("name", text::quoted(&name), allowed))
     }
 }

@@ -124,7 +124,7 @@ impl TryFrom<v1::Checkpoint> for Lineage {
         }
         for name in message.metrics.keys() {
             if text::name("metrics", name, Self::MAX_NAME)? != *name {
-                let allowed = "names without space about them";
+                let allowed = "names without spaces at the beginning or end";
                 return Err(Invalid::new("metrics", text::quoted(name), allowed));
             }
         }

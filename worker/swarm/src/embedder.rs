@@ -58,7 +58,7 @@ impl EmbedderSource {
             ),
             Some(_) if dataset.is_some() || training.is_some() => unwanted(
                 "checkpoint",
-                "with a dataset or training of its own none is taken",
+                "the file has a dataset or training, so it takes no checkpoint",
             ),
             Some(digest) => Ok(Some(Self::Published(digest.parse()?))),
             None => {
@@ -116,7 +116,7 @@ fn configuration(
     let configuration = Configuration::try_from(settings).map_err(|invalid| invalid.within("training"))?;
     let recipe = configuration.recipe();
     if (method == Method::Untrained) != (*recipe == Recipe::Untrained) && method != Method::Random {
-        let allowed = format!("another: the method is \"{method}\"");
+        let allowed = format!("a recipe that fits the method \"{method}\"");
         return Err(Invalid::new(
             "training.recipe",
             format!("\"{}\"", recipe.name()),
@@ -124,7 +124,7 @@ fn configuration(
         ));
     }
     if recipe.is_labelled() {
-        let allowed = "one without labels: a campaign begins before anybody has given any";
+        let allowed = "a recipe without labels: a new campaign has no labels";
         let named = format!("\"{}\"", recipe.name());
         return Err(Invalid::new("training.recipe", named, allowed));
     }

@@ -131,7 +131,10 @@ impl Replay {
             ));
         }
         if agents == 0 || poses.len() != steps.len() * agents {
-            let allowed = format!("one a frame and agent ({} x {agents}), at least one", steps.len());
+            let allowed = format!(
+                "one pose for each frame and agent ({} x {agents}), at least one",
+                steps.len()
+            );
             return Err(Invalid::new(
                 "poses",
                 counted(poses.len() as u64, "pose"),
@@ -190,7 +193,7 @@ impl TryFrom<v1::Replay> for Replay {
             return Err(Invalid::new(
                 "poses",
                 counted(message.poses.len() as u64, "value"),
-                "three a pose",
+                "three values for each pose",
             ));
         }
         Self::new(message.steps, message.agents as usize, poses.to_vec())

@@ -110,32 +110,32 @@ impl Assumed {
         }
         if self.looks_unknown {
             errln!(
-                "assumed: sensors with free angles look straight ahead, or as nearly as they can; --controller says where they look"
+                "assumed: sensors with free angles look straight ahead, or as nearly as they can; --controller gives their angles"
             );
         }
         if self.counts_unknown {
             errln!(
-                "assumed: there are as many robots of each species as in the first ratio; a column species, or --controller, says how \
-                 many"
+                "assumed: the numbers of robots of the species are those of the first ratio; a column species, or --controller, \
+                 gives the numbers"
             );
         }
         if self.robots != self.campaign_robots {
             errln!(
-                "the swarms of the campaign have {}: its distances are hardly those of swarms of {}",
+                "the swarms of the campaign have {}, the tracks {}: distances between swarms of different sizes mean little",
                 counted(self.campaign_robots.into(), "robot"),
                 self.robots
             );
         }
         if self.campaign_starts > 1 {
             errln!(
-                "the individuals of the campaign are means over {} starts, and a film is one: its own individual is near, but not at \
-                 distance 0",
+                "the individuals of the campaign are means over {} starts, and a film shows one start: the film's own individual is \
+                 near, but not at distance 0",
                 self.campaign_starts
             );
         }
         if self.steps < self.wanted {
             errln!(
-                "the tracks last {} only, and features and pictures of the campaign show {}: distances say less",
+                "the tracks last only {}, but the campaign's features and pictures show {}: distances mean less",
                 counted(self.steps, "step"),
                 self.wanted
             );

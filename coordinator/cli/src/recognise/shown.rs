@@ -58,7 +58,7 @@ fn named(neighbour: &v1::Neighbour) -> String {
 fn verdict(campaign: &str, nearest: &v1::FindNearestResponse) -> String {
     let medoid = nearest.medoid.clone().unwrap_or_default();
     let mut message = match is_unlike(medoid.distance, nearest.mean_distance) {
-        true => format!("It is like nothing in {campaign}: the"),
+        true => format!("It is unlike every behaviour in {campaign}: the"),
         false => "The".to_owned(),
     };
     message += &format!(
@@ -136,7 +136,7 @@ mod tests {
             "The nearest cluster is 3 (individual 7), 1.0000 from its medoid, 2.0 times as far as its members are on average (from 3 \
              on, a behaviour counts as unlike all others). The nearest individual with a class is 7 (1.0000): ring."
         );
-        assert!(message(1.6).starts_with("It is like nothing in quick-1: the nearest cluster"));
+        assert!(message(1.6).starts_with("It is unlike every behaviour in quick-1: the nearest cluster"));
         assert!(message(1e301).len() < 400, "{}", message(1e301));
     }
 }

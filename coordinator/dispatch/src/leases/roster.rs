@@ -34,7 +34,8 @@ pub(super) struct Roster {
 struct Machine {
     /// Number of its workers, at least one.
     workers: usize,
-    /// When it got the first lease since its last answer. Remains after the lease's job is over, since workers answer those leases too.
+    /// When it got the first lease since its last answer. Remains after the lease's job is over, since workers answer those leases
+    /// too.
     unanswered_since: Option<Instant>,
 }
 

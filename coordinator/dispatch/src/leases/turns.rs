@@ -382,8 +382,8 @@ impl<R: Agree> LeaseTable<R> {
     /// A worker does not count if its machine is late with the task or hangs, if it is late with other tasks and takes no more
     /// work, or if it has long been idle without asking for work. A worker that gave the task's job back, and has completed no
     /// lease of the job since, does not count either. However, workers that gave the job back count if the job would end without
-    /// them. Late, hanging and idle workers count for a task without votes that a machine refused, or whose job is not speculative:
-    /// jobs that are not speculative take minutes.
+    /// them. Late, hanging and idle workers count for a task without votes that a machine refused, or whose job is not
+    /// speculative: jobs that are not speculative take minutes.
     fn could_say(
         &self,
         id: JobId,

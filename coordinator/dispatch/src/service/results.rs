@@ -16,7 +16,11 @@ use tracing::Span;
 impl Service {
     pub(super) fn take_result(&mut self, worker: WorkerId, lease: LeaseNumber, outcome: Outcome) {
         let Some(id) = self.table.leased(worker, lease) else {
-            tracing::debug!(?worker, ?lease, "a result that nobody waits for");
+            tracing::debug!(
+                ?worker,
+                ?lease,
+                "a result for a lease that the worker does not hold"
+            );
             self.table.note_answer(worker);
             return;
         };
@@ -113,7 +117,11 @@ impl Service {
                 Event::Disagreement { job, task, between } => {
                     let workers = self.names(&between);
                     self.metrics.disagreed();
-                    tracing::error!(?workers, task, "machines disagree, and there is no other to ask");
+                    tracing::error!(
+                        ?workers,
+                        task,
+                        "machines disagree, and no third machine can decide"
+                    );
                     self.fail(job, JobError::Disagreement { task, workers });
                 }
                 Event::Impossible { job, by } => {

@@ -204,7 +204,7 @@ impl Campaigns {
             if !wrong.is_empty()
                 && let Err(error) = self.reopen(wrong).await
             {
-                tracing::error!(%error, "completed campaigns cannot be checked for what a wrong worker did");
+                tracing::error!(%error, "completed campaigns cannot be checked for results of wrong workers");
             }
             let changed = tokio::select! {
                 changed = workers.changed() => changed,
@@ -229,7 +229,7 @@ impl Campaigns {
             Ok(concerned)
         };
         for record in self.context.store.run(concerned).await? {
-            tracing::warn!(campaign = %record.id, "rests on what a wrong worker did: checked again");
+            tracing::warn!(campaign = %record.id, "uses results of a wrong worker: checked again");
             if let Err(error) = self.check_again(&record).await {
                 tracing::error!(campaign = %record.id, %error, "cannot be checked again");
             }

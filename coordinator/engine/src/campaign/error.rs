@@ -61,8 +61,8 @@ pub enum CampaignError {
         workers: String,
     },
     #[error(
-        "campaign {id} was started with simulator version {theirs}, and this is version {}, whose evaluations differ: use \
-         the program of that version, or start a new campaign",
+        "campaign {id} was started with simulator version {theirs}, but this program has version {}, whose evaluations \
+         differ: continue the campaign with a program of version {theirs}, or start a new campaign",
         SIMULATOR_VERSION
     )]
     OtherSimulator {

@@ -79,7 +79,8 @@ async fn further_starts(
         let done = evaluate(&context.dispatch, handle, job, labelled).await?;
         let (pictures, provenance) = done.into_pictures(|_, reason| {
             format!(
-                "the task of a further start was poisoned, and the labelled start took its place: {reason}"
+                "the task of a labelled controller's additional start was poisoned, and its labelled start was used \
+                 instead: {reason}"
             )
         });
         let (id, count) = (record.id.clone(), pictures.len() as u64);

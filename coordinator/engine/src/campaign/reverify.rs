@@ -58,7 +58,7 @@ pub(super) async fn reverify(
     let id = record.id.clone();
     let Some(wrong) = wrong else {
         let results = counted(suspects.len() as u64, "result");
-        let message = format!("{begins}: none of {results} was wrong");
+        let message = format!("{begins}: no error was found in {results}");
         let confirm = move |store: &Store| store.confirm(&id, &suspects.machines, &message);
         return context.commit(&handle.commit_handle(), confirm).await;
     };
@@ -298,12 +298,14 @@ impl Rollback {
     fn because_of(self, wrong: Wrong) -> String {
         match self {
             Self::Dataset { .. } => {
-                format!("{wrong} differs; the dataset from there on and the embedder are computed again")
+                format!(
+                    "{wrong} was wrong; all pictures from this picture on, and the embedder, are computed again"
+                )
             }
             Self::Generations { generation } => {
-                format!("{wrong} differs; the generations from {generation} on are evaluated again")
+                format!("{wrong} was wrong; the generations from {generation} on are evaluated again")
             }
-            Self::Embeddings { .. } => format!("{wrong} differs; the archive is embedded again"),
+            Self::Embeddings { .. } => format!("{wrong} was wrong; the archive is embedded again"),
         }
     }
 }

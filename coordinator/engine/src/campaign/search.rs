@@ -274,7 +274,7 @@ impl Search {
         let record = GenerationRecord::of(self.next_generation, &novelty, filtered);
         let notice = |(place, reason): &(usize, _)| {
             format!(
-                "the task of individual {} was poisoned, and another took its place: {reason}",
+                "the task of individual {} was poisoned, and another controller took its place: {reason}",
                 first + place
             )
         };

@@ -200,7 +200,7 @@ impl Queries {
             let (queries, record) = (self.clone(), record.clone());
             tokio::spawn(async move {
                 if let Err(error) = queries.renew(&rankings, record, strategy).await {
-                    tracing::warn!(%error, %strategy, "questions go on in the former order");
+                    tracing::warn!(%error, %strategy, "the order of the questions could not be updated");
                 }
                 drop(making);
             });

@@ -18,12 +18,12 @@ use std::{fs, thread, time::Duration};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-A short form of what the other benchmarks measure, a row an item, with its peer in the same run, in turns. The ratio is ours \
-divided by the peer's; figures of one thread are CPU time, and each is the best of its rounds.
+A short form of the other benchmarks, one row per item; each item and its peer run in turns. The ratio is our figure divided by the \
+peer's; figures of one thread are CPU time, and each figure is the best of its rounds.
 
 The peers of simulation and training are a loop in numba and a step in PyTorch, which Python runs (option --python). Where \
-Python lacks them the row has \"-\". A campaign's peer is the same evaluations in a plain loop; that of a latent campaign has nothing \
-to train. The peer of novelty is brute force, and that of k-medoids FasterPAM on the whole archive. Null evaluations have peers in benches/null_tasks_beside_dask_and_ray.py, novelty has a further one in \
+Python lacks them the row has \"-\". A campaign's peer is the same evaluations in a plain loop; the peer of a latent campaign trains \
+nothing. The peer of novelty is brute force; the peer of k-medoids is FasterPAM on the whole archive. Null evaluations have peers in benches/null_tasks_beside_dask_and_ray.py, novelty has a further one in \
 benches/novelty_against_scikit_learn.py.
 
 The floor is what one result takes at least, counted by hand: docs/performance.md says how.

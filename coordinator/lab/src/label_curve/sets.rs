@@ -15,7 +15,7 @@ pub struct LabelledBehaviours {
 
 /// Error if the set to learn from and the set that measures share pictures; with the number of shared pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("{0} pictures are in both sets, that which is learned from and that which judges")]
+#[error("{0} pictures are both in the training set and in the validation set")]
 pub struct Overlap(pub usize);
 
 /// A set to learn from and a set that measures accuracy, without a picture in common.

@@ -77,7 +77,7 @@ pub struct Class {
 
 /// The log contains an entry that [`Labels`] would not have written.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("entry {0} of the label log does not follow from those before it")]
+#[error("entry {0} of the label log does not follow from the entries before it")]
 pub struct BrokenLog(pub u64);
 
 impl Labels {

@@ -78,7 +78,7 @@ fn further_behaviours(report: &Report, pictures: &[Vec<u8>]) -> Markup {
     html! {
         details #further {
             summary { (counted(pictures.len() as u64, "further behaviour")) }
-            p.lead { "Each is the farthest from the behaviours above and from those before it." }
+            p.lead { "Each behaviour is the farthest from those above and from those listed before it." }
             div.further {
                 @for (entry, picture) in report.further.iter().zip(pictures) {
                     @let cluster = report.clusters[entry.index as usize] + 1;

@@ -14,7 +14,7 @@ class Curves {
     // A screen reader passes arrow keys only to applications, and the plot needs these keys.
     root.setAttribute("role", "application");
     root.setAttribute("aria-roledescription", "chart");
-    root.setAttribute("aria-label", `${root.getAttribute("aria-label")}. Arrow keys tell single values.`);
+    root.setAttribute("aria-label", `${root.getAttribute("aria-label")}. Arrow keys move from value to value.`);
     root.tabIndex = 0;
     this.views = ["wide", "narrow"].map((name) => this.view(name));
     root.addEventListener("pointerleave", () => this.point(-1));

@@ -143,7 +143,7 @@ impl BlobStore {
         let read = self.objects.get(&object).await?.bytes().await?;
         // Checkpoints are never removed, so a store that does not allow removal will do.
         if let Err(error) = self.objects.delete(&object).await {
-            tracing::warn!(%error, %object, "what the checkpoint store was tried with stays there");
+            tracing::warn!(%error, %object, "the trial object could not be removed from the checkpoint store");
         }
         match read == written {
             true => Ok(()),

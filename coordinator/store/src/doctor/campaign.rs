@@ -76,7 +76,7 @@ impl CampaignFindings {
             note: (record.simulator_version != SIMULATOR_VERSION).then(|| {
                 let theirs = &record.simulator_version;
                 format!(
-                    "begun with simulator version {theirs}: that version goes on with it, this one shows it"
+                    "begun with simulator version {theirs}: only that version can continue it; this version can show it"
                 )
             }),
         }
@@ -166,7 +166,7 @@ fn individuals(store: &Store, record: &CampaignRecord, problems: &mut Vec<String
             Some("its embedding is missing or cut off")
         } else if !individual.novelty.is_finite() || individual.features().iter().any(|value| value.is_nan())
         {
-            Some("its figures are none")
+            Some("its features or novelty are not numbers")
         } else {
             None
         }
@@ -234,7 +234,7 @@ fn taxonomy(store: &Store, record: &CampaignRecord, wanted: bool, problems: &mut
             let robust = &taxonomy.robust_trials;
             let counted = robust.len() == if starts > 1 { taxonomy.clusters.len() } else { 0 };
             if !counted || robust.iter().any(|&trials| usize::from(trials) > starts) {
-                "has robustness that no individual has".to_owned()
+                "has counts of robust trials that do not fit the campaign's starts".to_owned()
             } else if about && taxonomy.medoids.iter().all(|&index| index < len) {
                 return true;
             } else {

@@ -186,7 +186,7 @@ async fn labels_and_taxonomy_are_examined_too() {
     .await;
     check(
         "UPDATE taxonomies SET robust_trials = zeroblob(length(clusters) / 4)",
-        "its taxonomy has robustness that no individual has",
+        "its taxonomy has counts of robust trials that do not fit the campaign's starts",
         damaged,
     )
     .await;

@@ -28,8 +28,8 @@ struct Left {
 /// The request has more entries than the holder of a token can add now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "this token has labelled much lately and may add {left} entries to label logs now, one more each second: wait, or ask an operator to \
-     add them"
+    "this token has added many label entries lately: it may add {left} now, and one more each second; wait, or ask an \
+     operator to add them"
 )]
 pub struct OverBudget {
     pub left: u64,

@@ -47,7 +47,7 @@ pub(crate) fn remove_leftovers(store: &Store, data: &Path) {
         }
     }
     if let Err(error) = store.remove_all_hidden() {
-        tracing::warn!(%error, "what imports and deletions left in the database is not removed");
+        tracing::warn!(%error, "remains of imports and deletions could not be removed from the database");
     }
 }
 

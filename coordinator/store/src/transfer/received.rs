@@ -189,7 +189,8 @@ impl ReceivedCampaign {
             .collect();
         for record in records.iter().rev() {
             if !needed.remove(&record.digest) {
-                let allowed = "those that the campaign has, moves to or was fine-tuned from, parents first";
+                let allowed =
+                    "checkpoints that the campaign has, moves to or was fine-tuned from, parents first";
                 return Err(Invalid::new("checkpoints", record.digest, allowed).into());
             }
             Lineage::try_from(record.lineage.describe(record.digest, record.size, 0))
@@ -384,7 +385,7 @@ fn checked(
     }
     measure("novelty", individual.novelty)?;
     if !is_start_of(spec, index, &individual.controller, individual.seed) {
-        let allowed = "the seed that follows from that of the specification and from the index";
+        let allowed = "the seed that the specification's seed and the index determine";
         return Err(Invalid::new("seed", individual.seed, allowed));
     }
     let trial = |trial: Trial| {

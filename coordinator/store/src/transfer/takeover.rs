@@ -114,7 +114,8 @@ fn take_checkpoints(source: &Connection, target: &Transaction<'_>) -> Result<BTr
         let digest: String = row.get(1)?;
         let number = "SELECT number FROM checkpoints WHERE digest = ?1";
         let number = target.query_row(number, [digest], |row| row.get(0)).optional()?;
-        let number = number.ok_or_else(|| StoreError::damaged("a checkpoint is gone at once".to_owned()))?;
+        let number = number
+            .ok_or_else(|| StoreError::damaged("a checkpoint that was just stored is missing".to_owned()))?;
         numbers.insert(row.get(0)?, number);
     }
     Ok(numbers)

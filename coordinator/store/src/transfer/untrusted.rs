@@ -120,7 +120,7 @@ pub(super) fn read_schema(connection: &mut Connection) -> Result<(), Unsound> {
 fn check_header(path: &Path) -> Result<(), Unsound> {
     let failed = |error| StoreError::from_io(error, "read", path);
     if !fs::symlink_metadata(path).map_err(failed)?.is_file() {
-        return Err(foreign("it is no regular file"));
+        return Err(foreign("it is not a regular file"));
     }
     let mut header = Vec::new();
     let file = File::open(path).map_err(failed)?;
@@ -130,7 +130,7 @@ fn check_header(path: &Path) -> Result<(), Unsound> {
         Some([_, _, 2, 2]) => Err(foreign(
             "it was opened for writing after the export (it is in SQLite's mode WAL)",
         )),
-        _ => Err(foreign("it is no SQLite database, or it is encrypted")),
+        _ => Err(foreign("it is not a SQLite database, or it is encrypted")),
     }
 }
 
@@ -241,7 +241,7 @@ pub(super) fn expect_none(store: &Store, table: &str, condition: &str) -> Result
     match store.read(|connection| Ok(connection.query_row(&exists, [], |row| row.get(0))?))? {
         false => Ok(()),
         true => Err(foreign(format!(
-            "its table {table} has a value that `murmuration export` never writes: of another length, out of range, or of another row"
+            "its table {table} has a value that `murmuration export` never writes: its length, range or row is wrong"
         ))),
     }
 }

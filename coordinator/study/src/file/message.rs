@@ -147,7 +147,7 @@ impl StudyMessage {
         }
         if self.name.ends_with(Study::QUICK) {
             let allowed = format!(
-                "a name that does not end in {}, as that of a quick study does",
+                "a name that does not end in {}: only names of quick studies do",
                 Study::QUICK
             );
             return Err(Invalid::new("name", text::quoted(&self.name), allowed));
@@ -161,8 +161,7 @@ impl StudyMessage {
             return Ok(self);
         }
         let Some(changes) = &self.quick else {
-            let allowed =
-                "there to say what `--quick` changes; this study has no such table: run it without `--quick`";
+            let allowed = "a table with the changes of a quick study: run the study without `--quick`, or add the table";
             return Err(Invalid::missing("[quick]", allowed));
         };
         self.name.push_str(Study::QUICK);

@@ -109,7 +109,7 @@ fn measurable(cell: &Cell, measures: &Measures) -> Result<(), Invalid> {
     }
     let starts = spec.starts().get();
     if has(Measure::Richness) && is_independent(spec) && starts > 1 {
-        let allowed = "1: richness takes verdicts to be independent, and those of one controller are not";
+        let allowed = "1: richness needs independent verdicts, and several verdicts on one controller are not independent";
         return Err(Invalid::new("evaluation.starts", starts, allowed));
     }
     if has(Measure::Maps) && spec.method() == Method::Exhaustive {
@@ -124,7 +124,7 @@ fn comparable(cell: &Cell, plan: &RecallPlan) -> Result<(), Invalid> {
     let spec = &cell.spec;
     let most = plan.at.last().map_or(0, |at| at.get());
     if spec.model() != plan.atlas.model() || spec.world() != plan.atlas.world() {
-        let allowed = "those of the atlas of [recall]";
+        let allowed = "the model and world of [recall]'s atlas";
         return Err(Invalid::new("model and world", "other ones", allowed));
     }
     if u64::from(most) > spec.evaluations() {

@@ -218,7 +218,7 @@ fn a_cell_that_is_no_campaign_is_named_with_its_field() {
     check(
         "model = \"single-sensor\"",
         "model = \"single-sensor\"\nseed = 4",
-        "seed = given: must be absent: the study's `seeds` say it",
+        "seed = given: must be absent: the study's `seeds` define it",
     );
     check(
         "model = \"single-sensor\"",

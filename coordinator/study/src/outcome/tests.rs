@@ -182,7 +182,7 @@ fn a_bad_file_of_classes_names_the_line() {
     let twice = refused("cell,index,class\nx,1,milling\nx,1,milling\nx,1,random\n");
     assert_eq!(
         twice,
-        "line 4: individual 1 is random here and milling before: give it one class in all of its rows"
+        "line 4: individual 1 has the class random here, but milling in an earlier row: give it one class in all rows"
     );
     assert_eq!(
         Corrections::parse("cell,index,class\nx,1,\n").unwrap(),

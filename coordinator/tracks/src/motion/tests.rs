@@ -40,7 +40,7 @@ fn a_gap_that_is_too_long_is_refused_unless_it_is_before_what_is_looked_at() {
     let error = film(27).ending(100, &filmed).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "t.csv: robot 0 is not in frames 1 to 26, and it is interpolated over 25 frames at most"
+        "t.csv: robot 0 is missing from frames 1 to 26; only gaps of up to 25 frames are interpolated"
     );
     assert_eq!(xs(&film(27).ending(1, &filmed).unwrap()), [1.0, 2.0]);
 }
@@ -58,7 +58,7 @@ fn a_robot_stands_still_before_its_first_frame_and_after_its_last() {
         error
             .unwrap_err()
             .to_string()
-            .contains("robot 1 is not in frames 0 to 28")
+            .contains("robot 1 is missing from frames 0 to 28")
     );
 }
 

@@ -206,6 +206,6 @@ export class Chart {
 
   summary() {
     const last = this.lines.map((name, line) => `${name} ${short(lastOf(this.values[line]))}`).join(", ");
-    return `${this.lines.join(" and ")} by ${this.across}, last ${last}. Arrow keys tell single values.`;
+    return `${this.lines.join(" and ")} by ${this.across}, last ${last}. Arrow keys move from value to value.`;
   }
 }

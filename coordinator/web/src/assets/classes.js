@@ -86,7 +86,7 @@ const ACTS = {
 // A sentence about the action that a person chose this key for in this browser; empty if there is none.
 function ownUse(key) {
   const what = chosenFor(key);
-  return what ? ` In this browser you chose the key for something else (${what}), which it will no longer do.` : "";
+  return what ? ` In this browser you chose the key for something else (${what}), and the key will no longer do that.` : "";
 }
 
 // The number of answers that a change affects, and the annotators of these answers, in words.

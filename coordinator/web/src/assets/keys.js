@@ -104,7 +104,7 @@ function clash(name, key) {
   if (by) return `${shownKey} names the class “${shown(by)}”. Press another key, or give the class another one on the page Classes.`;
   const { pages } = actions.get(name);
   if (/^[1-9]$/.test(key) && !NAMING.includes(list.dataset.page) && pages.some((page) => NAMING.includes(page))) {
-    return `${shownKey} may name a class on another page where this key would count too. Press another key.`;
+    return `${shownKey} may name a class on another page on which this action has the same key. Press another key.`;
   }
   const other = [...actions].find(([one, of]) => one !== name && keyOf(one) === key && of.pages.some((page) => pages.includes(page)));
   if (other) return `${shownKey} is taken: ${other[1].what}. Press another key, or change that one first.`;

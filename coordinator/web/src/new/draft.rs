@@ -93,7 +93,7 @@ impl Draft {
         let rest = given(parameters, "rest");
         let mut table: Table = rest
             .parse()
-            .map_err(|_| Invalid::new("rest", quoted(rest), "what the page holds"))?;
+            .map_err(|_| Invalid::new("rest", quoted(rest), "the unchanged text of the page"))?;
         for field in fields() {
             let text = given(parameters, &field.path());
             if field.kind == Kind::Model && !text.is_empty() {

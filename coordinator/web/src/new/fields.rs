@@ -50,7 +50,7 @@ pub(super) const GROUPS: [(&str, &[Field]); 4] = [
                 ("", "name"),
                 "Name",
                 Kind::Text,
-                "The name of the campaign, which its address begins with.",
+                "The name of the campaign; its address begins with this name.",
             ),
             field(
                 ("", "model"),
@@ -62,7 +62,7 @@ pub(super) const GROUPS: [(&str, &[Field]); 4] = [
                 ("", "method"),
                 "Method",
                 Kind::Method,
-                "How controllers are found. latent: by a search for what is new, by five measured numbers and a network that learns from pictures. hand-crafted: by the five numbers alone. random: they are drawn. exhaustive: all are tried.",
+                "How the campaign chooses controllers. latent: it searches for new behaviours by five measured numbers and a network that learns from pictures. hand-crafted: it searches by the five numbers alone. random: it draws controllers at random. exhaustive: it tries all controllers.",
             ),
             field(
                 ("", "seed"),
@@ -97,7 +97,7 @@ pub(super) const GROUPS: [(&str, &[Field]); 4] = [
                 ("search", "generations"),
                 "Generations",
                 Kind::Number,
-                "How often that is repeated. Twice as many take twice as long.",
+                "How many generations the search has. Twice as many take twice as long.",
             ),
             field(
                 ("evaluation", "starts"),
@@ -155,7 +155,7 @@ pub(super) const GROUPS: [(&str, &[Field]); 4] = [
                 ("feedback", "generations"),
                 "Generations after each round",
                 Kind::Number,
-                "How far the search goes on after each round.",
+                "How many generations the search adds after each round.",
             ),
         ],
     ),

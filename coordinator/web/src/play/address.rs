@@ -114,7 +114,7 @@ fn robots(model: Option<&str>, text: Option<&str>, problems: &mut Vec<Invalid>) 
         (None, Some(text)) => Robots::Described(text.to_owned()),
         (model, text) => {
             if text.is_some() {
-                let allowed = "absent beside a model, which says what the robots are";
+                let allowed = "absent if a model is given, because the model defines the robots";
                 problems.push(Invalid::new("robot", "given", allowed));
             }
             let preset = model.map_or(Ok(Preset::TwoSensor), str::parse);
@@ -184,7 +184,7 @@ fn counted_out(
     let asked = asked.map_or(Ok(world.agents()), |text| {
         let fixed = model.robots();
         let allowed = match fixed {
-            Some(robots) => format!("{robots}, as many as all species have together, or absent"),
+            Some(robots) => format!("{robots}, the number of robots of all species, or absent"),
             None => format!("a whole number from 1 to {MOST_ROBOTS}"),
         };
         let refused = || Invalid::new("robots", format!("{text:?}"), allowed.clone());
@@ -288,7 +288,8 @@ mod tests {
         check(&[("gene", "1")], message);
         let message = "seed = given twice: must be given once: the first counts";
         assert_eq!(check(&[("seed", "2"), ("seed", "3")], message).seed, 2);
-        let message = "robot = given: must be absent beside a model, which says what the robots are";
+        let message =
+            "robot = given: must be absent if a model is given, because the model defines the robots";
         check(&[("model", "turbopi"), ("robot", CAMERA)], message);
     }
 
@@ -312,7 +313,7 @@ mod tests {
                     [[species]]\nname = \"b\"\nrobot.sensors = [{}]\n";
         let address = read(&[("robot", text), ("robots", "7")]);
         assert_eq!(address.strictly().unwrap().world.agents(), 7);
-        let message = "robots = \"24\": must be 7, as many as all species have together, or absent";
+        let message = "robots = \"24\": must be 7, the number of robots of all species, or absent";
         assert_eq!(
             check(&[("robot", text), ("robots", "24")], message)
                 .world

@@ -34,7 +34,7 @@ pub(in super::super) async fn pieces(
     let record = web.campaigns.status(&id).await.or_status()?.record;
     let world = record.spec.world().clone();
     if world.agents() > MOST_ROBOTS {
-        let allowed = format!("at most {MOST_ROBOTS}, which a coordinator simulates by itself");
+        let allowed = format!("at most {MOST_ROBOTS}: a coordinator simulates no larger swarm by itself");
         return Err(Invalid::new("world.agents", world.agents(), allowed).into());
     }
     let first = super::step(from)?;

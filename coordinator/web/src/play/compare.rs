@@ -83,7 +83,7 @@ fn check(play: &Play, record: &CampaignRecord) -> Result<(), Invalid> {
         .is_err()
     {
         let allowed = format!(
-            "a campaign whose pictures this swarm can have: its pictures have {} channels, one for each species, and this swarm has {} species",
+            "a campaign whose pictures fit this swarm: its pictures have {} channels, one for each species, and this swarm has {} species",
             record.spec.image().shape().channels(),
             play.controller.model().species().len()
         );
@@ -137,7 +137,7 @@ fn verdict(record: &CampaignRecord, nearest: &Nearest) -> Markup {
     let medoid = &nearest.medoid;
     let times = nearest.relative_distance();
     html! {
-        @if nearest.is_unlike() { strong { "This is like nothing in " (record.id) "." } " " }
+        @if nearest.is_unlike() { strong { "This is unlike every behaviour in " (record.id) "." } " " }
         "The nearest cluster is " (medoid.cluster + 1) ", " (rounded(medoid.distance, 3)) " from its medoid"
         @if let Some(times) = times { ", " (rounded(times, 1)) " times as far as its members are on average (from " (UNLIKE) " on, a behaviour counts as unlike all others)" }
         "."

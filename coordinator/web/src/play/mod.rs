@@ -136,7 +136,7 @@ pub(super) async fn search(
     Form(form): Form<Parameters>,
 ) -> Result<Redirect, PageError> {
     if parameters.is_empty() {
-        return Err(Invalid::missing("address", "that of a swarm on the page Play").into());
+        return Err(Invalid::missing("address", "the address of a swarm on the page Play").into());
     }
     let play = strictly(&parameters)?;
     check_cost(&play.world)?;

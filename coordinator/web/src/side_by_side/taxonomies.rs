@@ -114,9 +114,9 @@ fn explanation(compared: &[Compared], has_one_space: bool, groups: &[Group], wit
     html! {
         @if has_one_space {
             p.lead {
-                "These campaigns measure behaviours in one space, so that behaviours can be matched by their distance. Two are taken for the same "
-                "where their clusters touch: their medoids are nearer to each other than the mean distances of both clusters' members to "
-                "them come to together. " (counted(shared as u64, "behaviour")) (if shared == 1 { " is" } else { " are" }) " in all " (with) " campaigns."
+                "These campaigns measure behaviours in one space, so that behaviours can be matched by their distance. Two behaviours count as "
+                "the same if their clusters touch. Clusters touch if their medoids are nearer to each other than the sum of the two "
+                "clusters' mean distances to their medoids. " (counted(shared as u64, "behaviour")) (if shared == 1 { " is" } else { " are" }) " in all " (with) " campaigns."
             }
         } @else {
             p.lead {
@@ -187,7 +187,7 @@ fn map(compared: &[Compared], all: &[Behaviour], groups: &[Group]) -> Markup {
             }
             figcaption.reason {
                 "Each ring is the medoid of a behaviour, with its number, in the colour and dashes of its campaign's line. The axes are the two along "
-                "which these medoids differ most, and have " (format!("{:.0} %", 100.0 * shares)) " of their variance. Lines join what is taken for the same. "
+                "which these medoids differ most, and have " (format!("{:.0} %", 100.0 * shares)) " of their variance. Lines join behaviours that count as the same. "
                 "A click on a ring leads to its row."
             }
         }

@@ -29,7 +29,7 @@ pub(super) fn section(loaded: &Loaded) -> Markup {
                 h2 #medoids-title { "The medoids" }
                 p.lead {
                     "The last taxonomy of each cell, with the class that each medoid was given. Click a picture to play its motion, and a \
-                     class to say what you see: the tables then count your word instead of the judge's, and say so. The judge tells two more \
+                     class to say what you see: the tables then use your class instead of the judge's, and mark it. The judge tells two more \
                      classes apart than the page Label offers: nested cycle and concave path, which few controllers of the paper's robots show."
                 }
                 (parts::who())

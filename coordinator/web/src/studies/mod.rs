@@ -143,7 +143,7 @@ async fn sight(web: &Web, loaded: &Loaded) -> Result<Sight, PageError> {
 fn tables(loaded: &Loaded) -> Markup {
     html! {
         @if let Some(problem) = &loaded.problem {
-            p.error role="alert" { (problem) ". Until that is mended, the judge's word stands for every individual." }
+            p.error role="alert" { (problem) ". Until this is repaired, the judge's class counts for every individual." }
         }
         @if loaded.jobs.measured() == 0 {
             p.lead { "The tables and plots appear when the first cell is done." }

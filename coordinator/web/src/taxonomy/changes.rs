@@ -204,7 +204,7 @@ fn summary(record: &CampaignRecord, compared: &Compared) -> Markup {
         p.lead {
             "The taxonomy now has " (counted(places.len() as u64, "behaviour")) ": " (stayed) " with the same medoid as before, "
             (places.len() - stayed - fresh) " with another medoid, and " (fresh) " new. "
-            (gone) " of the " (counted(before.stored.medoids.len() as u64, "behaviour")) " before " (if gone == 1 { "is" } else { "are" }) " gone. "
+            (gone) " of the " (counted(before.stored.medoids.len() as u64, "behaviour")) " before " (if gone == 1 { "has" } else { "have" }) " disappeared. "
             (counted(carried as u64, "name")) " " (was(carried)) " carried over, " (lost) " " (was(lost)) " not."
         }
         div.wide tabindex="0" role="region" aria-label="Both versions" { table {

@@ -237,7 +237,7 @@ fn further(record: &CampaignRecord, shown: &Shown) -> Markup {
         section #more {
             @if count > 0 {
                 h2 { "Further behaviours" }
-                p.reason { "Each is the farthest from the behaviours above and from those before it." }
+                p.reason { "Each behaviour is the farthest from those above and from those listed before it." }
                 ul.medoids { @for &index in &shown.further { li { (card::further(record, given.get(&index), index)) } } }
             }
             @if count < MOST_MORE && count + medoids < shown.taxonomy.clusters.len() {

@@ -86,7 +86,7 @@ pub fn what_is_no_backup_is_not_put_back() {
     let murmuration = Murmuration::over(&folder.path().join("data"));
     let refused = murmuration.run(&["restore", &folder.path().display().to_string()]);
     assert_eq!(refused.code, Some(2));
-    assert!(refused.stderr.contains("is no backup"), "{}", refused.stderr);
+    assert!(refused.stderr.contains("is not a backup"), "{}", refused.stderr);
     let nothing = murmuration.run(&[
         "backup",
         &folder.path().join("backups/monday").display().to_string(),
@@ -114,7 +114,7 @@ pub fn a_backup_is_refused_where_it_cannot_be_kept() {
     let inside = "is in the data directory";
     for (target, code, expected) in [
         (Path::new("/dev/null/x"), 1, "Not a directory"),
-        (&lost, 1, "unmounted, which is not there"),
+        (&lost, 1, "unmounted, which does not exist"),
         (&data.join("backups/monday"), 2, inside),
         (&within.join("monday"), 2, inside),
     ] {

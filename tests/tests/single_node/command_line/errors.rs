@@ -255,7 +255,7 @@ fn what_is_no_file_of_its_kind_is_named() {
     desk.check(
         &["certs", &certs.display().to_string()],
         2,
-        "unmounted, which is not there",
+        "unmounted, which does not exist",
     );
 }
 
@@ -282,7 +282,7 @@ fn a_file_is_no_data_directory() {
         &["lab", "study", "list"],
         &["lab", "study", "show", "small"],
     ] {
-        let message = format!("{file} is no folder, and so no data directory");
+        let message = format!("{file} is not a folder, so it cannot be a data directory");
         desk.check(&[arguments, &["--data", &file]].concat(), 2, &message);
     }
 }

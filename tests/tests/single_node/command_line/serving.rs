@@ -78,7 +78,7 @@ fn a_second_signal_ends_what_the_first_waits_for() {
         thread::sleep(Duration::from_millis(50));
     }
     running.signal("INT");
-    running.wait_for("waiting for evaluations that have begun");
+    running.wait_for("waiting for running evaluations");
     assert_eq!(running.terminate(), Some(130));
     desk.check(&["cancel", "long-1"], 0, "");
 }
@@ -108,7 +108,7 @@ fn pause_resume_and_cancel_survive_the_coordinator() {
     );
     let half = desk.murmuration.run(&["digest", "small-1"]);
     assert_eq!((half.code, half.stdout.as_str()), (Some(1), ""));
-    let expected = "campaign small-1 is paused, so its archive is not complete; the digest of what is there: murmuration digest small-1 \
+    let expected = "campaign small-1 is paused, so its archive is not complete; for the digest of the archive so far: murmuration digest small-1 \
                 --partial";
     assert!(half.stderr.contains(expected), "{}", half.stderr);
     let half = desk

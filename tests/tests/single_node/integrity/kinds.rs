@@ -91,7 +91,7 @@ async fn what_a_machine_of_another_kind_embedded_is_not_found_wrong() {
     assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
     let message = notices(&last);
     assert!(
-        message.contains(&format!("none of {count} results was wrong")),
+        message.contains(&format!("no error was found in {count} results")),
         "{message}"
     );
     worker.leave().await;

@@ -184,7 +184,7 @@ async fn generations_that_a_worker_found_wrong_had_a_part_in_are_done_again() {
     assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
     let expected = notices(&last);
     assert!(
-        expected.contains("individual 0 differs; the generations from 0 on"),
+        expected.contains("individual 0 was wrong; the generations from 0 on"),
         "{expected}"
     );
     assert_eq!(
@@ -231,7 +231,7 @@ async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wron
         }
     };
     assert!(
-        text.contains("individual 0 differs; the generations from 0 on"),
+        text.contains("individual 0 was wrong; the generations from 0 on"),
         "{text}"
     );
     assert_eq!(cluster.digest(&campaign).await, expected);
@@ -362,7 +362,10 @@ async fn what_takes_three_workers_is_poisoned_and_the_campaign_goes_on() {
             message.contains("the task of individual 0 was poisoned"),
             "{message}"
         );
-        assert!(message.contains("3 workers were lost during it"), "{message}");
+        assert!(
+            message.contains("3 workers were lost while they ran this task"),
+            "{message}"
+        );
         assert_eq!(message.matches("impostor at 127.0.0.2").count(), 3, "{message}");
         digests.push(cluster.digest(&campaign).await);
         worker.leave().await;

@@ -217,7 +217,7 @@ fn annotators_that_nobody_knows_are_named() {
     let agreement = |one, other| murmuration.run(&["agreement", "latest", "--annotators", one, other]);
     let nobody = agreement("ana", "ben");
     assert!(
-        nobody.code == Some(2) && nobody.stderr.contains("annotator \"ana\" has given no labels"),
+        nobody.code == Some(2) && nobody.stderr.contains("annotator \"ana\" is unknown"),
         "{}",
         nobody.stderr
     );
@@ -415,7 +415,7 @@ fn a_link_that_leads_nowhere_is_not_taken_for_nothing() {
     let unmounted = folder.path().join("unmounted");
     symlink(&unmounted, folder.path().join("images")).unwrap();
     let refused = murmuration.run(&["lab", "accuracy", "--untrained", "1", "--labels", &file]);
-    let expected = format!("is a link to {}, which is not there", unmounted.display());
+    let expected = format!("is a link to {}, which does not exist", unmounted.display());
     assert!(
         refused.code == Some(2) && refused.stderr.contains(&expected),
         "{}",

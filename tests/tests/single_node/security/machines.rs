@@ -121,7 +121,7 @@ async fn a_trainer_publishes_only_what_it_leases() {
         let trainer = secrets.credentials(token, Some(&secrets.path("certs/trainer")));
         let refused = publish(&trainer).await.unwrap_err();
         assert_eq!(refused.code(), Code::PermissionDenied, "{refused}");
-        assert!(refused.message().contains("holds no lease"), "{refused}");
+        assert!(refused.message().contains("does not hold the lease"), "{refused}");
     }
     // An operator can import a checkpoint that no trainer of this cluster has trained.
     let operator = secrets.credentials(Some(&secrets.people.operator), None);

@@ -122,7 +122,7 @@ fn secrets_stay_where_they_are() {
         &[("MURMURATION_TOKEN", "swordfish")],
     );
     assert!(
-        stderr(&wrong).contains("MURMURATION_TOKEN: this is no token"),
+        stderr(&wrong).contains("MURMURATION_TOKEN: this is not a token"),
         "{}",
         stderr(&wrong)
     );

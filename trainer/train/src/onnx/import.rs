@@ -15,7 +15,7 @@ pub enum ImportError {
     #[error(transparent)]
     NotAnEmbedder(#[from] ModelError),
     /// Weights of the architecture are missing, have the wrong number, or are not finite.
-    #[error("the checkpoint is of another network: {name:?} {problem}")]
+    #[error("the checkpoint belongs to another network: {name:?} {problem}")]
     Weights { name: String, problem: String },
     /// The weights are right, but the graph differs from the graph that this trainer exports.
     #[error(
@@ -80,7 +80,7 @@ fn floats(graph: &GraphProto, name: String, count: usize) -> Result<Vec<f32>, Im
     let values: Vec<f32> = quads.iter().map(|quad| f32::from_le_bytes(*quad)).collect();
     match values.iter().all(|value| value.is_finite()) {
         true => Ok(values),
-        false => Err(wrong("holds what is no number".to_owned())),
+        false => Err(wrong("holds a value that is not a number".to_owned())),
     }
 }
 
@@ -181,6 +181,6 @@ mod tests {
         );
         let mut broken = Network::initialise(compact(5), 1);
         broken.parameters_mut()[0] = f32::NAN;
-        assert!(refusal(&export(&broken), compact(5)).contains("no number"));
+        assert!(refusal(&export(&broken), compact(5)).contains("not a number"));
     }
 }

@@ -130,7 +130,7 @@ pub enum TrainingError {
     #[error("the recipe \"{0}\" needs the features of every behaviour unless its flattening is 0")]
     NoFeatures(&'static str),
     /// The recipe takes no labels, but the training has labels.
-    #[error("the recipe \"{0}\" has no use for labels")]
+    #[error("the recipe \"{0}\" takes no labels")]
     NoUseForLabels(&'static str),
     /// Labelled pictures have another size or other channels than the unlabelled pictures.
     #[error("labelled pictures are of {labelled}, unlabelled ones of {shape}")]
@@ -139,13 +139,13 @@ pub enum TrainingError {
         labelled: PictureShape,
     },
     /// The network to train further has other layers than the configuration.
-    #[error("the network to go on from is another than the configuration's")]
+    #[error("the network to train further differs from the configuration's network")]
     OtherParent,
     /// The saved training is damaged, or of another version of the trainer.
     #[error("not a saved training: {0}")]
     Damaged(String),
     /// The saved state belongs to another training.
-    #[error("the saved training is of another {0}")]
+    #[error("the saved training belongs to another {0}")]
     Other(&'static str),
 }
 

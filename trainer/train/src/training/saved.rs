@@ -89,7 +89,7 @@ pub(super) fn restore(training: &mut Training, bytes: &[u8]) -> Result<(), Train
     let damaged = |what: &str| TrainingError::Damaged(what.to_owned());
     let mut saved = Saved::decode(bytes).map_err(|error| TrainingError::Damaged(error.to_string()))?;
     if saved.version != VERSION {
-        return Err(damaged("it is of another version of the trainer"));
+        return Err(damaged("it belongs to another version of the trainer"));
     }
     let expected = std::mem::take(&mut saved.check);
     if check(&saved) != expected {

@@ -118,12 +118,12 @@ fn old_operators_and_operators_of_its_own_are_refused() {
 
 #[test]
 fn it_takes_one_batch_of_grey_images() {
-    check_refused("is not one but 2", |graph| {
+    check_refused("must be one, not 2", |graph| {
         graph
             .input
             .push(ValueInfoProto::batch_of_floats("more", "batch", &[1]));
     });
-    check_refused("is not one but 0", |graph| graph.input.clear());
+    check_refused("must be one, not 0", |graph| graph.input.clear());
     check_refused("fixed batch size 1", |graph| {
         shape(&mut graph.input[0])[0].value = Some(DimValue(1))
     });
@@ -145,7 +145,7 @@ fn it_takes_one_batch_of_grey_images() {
     check_refused("of -1 x 8 pixels", |graph| {
         shape(&mut graph.input[0])[2].value = Some(DimValue(-1))
     });
-    check_refused("is no tensor", |graph| graph.input[0].r#type = None);
+    check_refused("is not a tensor", |graph| graph.input[0].r#type = None);
     check_refused("not of 32-bit floats", |graph| {
         let tensor = graph.input[0]
             .r#type
@@ -171,7 +171,7 @@ fn constants_among_the_inputs_are_no_inputs() {
 
 #[test]
 fn it_makes_one_batch_of_vectors() {
-    check_refused("is not one but 0", |graph| graph.output.clear());
+    check_refused("must be one, not 0", |graph| graph.output.clear());
     check_refused("is made by no node", |graph| {
         graph.output[0].name = "elsewhere".to_owned()
     });
@@ -209,7 +209,7 @@ fn constants_are_whole_and_in_the_file() {
     check_refused("does not hold whole numbers", |graph| {
         constant(graph, "w1").raw_data.as_mut().unwrap().pop();
     });
-    check_refused("\"b1\" is there twice", |graph| {
+    check_refused("\"b1\" occurs twice", |graph| {
         let again = constant(graph, "b1").clone();
         graph.initializer.push(again);
     });
@@ -229,7 +229,7 @@ fn only_known_operators_with_fitting_inputs() {
     check_refused("one output", |graph| {
         node(graph, "e").output.push("mask".to_owned())
     });
-    check_refused("nothing before it makes \"e\"", |graph| {
+    check_refused("no earlier node makes \"e\"", |graph| {
         node(graph, "e").input[0] = "e".to_owned()
     });
     check_refused("the name of another value", |graph| {
@@ -252,7 +252,7 @@ fn shapes_have_to_fit() {
             .attribute
             .push(AttributeProto::integer("group", 2));
     });
-    check_refused("kernel_shape is not that", |graph| {
+    check_refused("kernel_shape differs from", |graph| {
         node(graph, "c").attribute[0].ints = vec![5, 5]
     });
     check_refused("strides = [0, 2]", |graph| {
@@ -296,7 +296,7 @@ fn memory_and_time_of_an_image_are_bounded() {
         graph.node.last_mut().unwrap().output[0] = "wider".to_owned();
     });
     check_refused(
-        "AveragePool (p): with its 4032060000000 multiplications the model takes over 2147483648",
+        "AveragePool (p): with its 4032060000000 multiplications, the model needs more than 2147483648",
         |graph| {
             node(graph, "p").attribute = vec![
                 AttributeProto::integers("kernel_shape", &[1000; 2]),
@@ -319,14 +319,17 @@ fn memory_and_time_of_all_nodes_together_are_bounded() {
             graph.node.last_mut().unwrap().output[0] = format!("copy {place}");
         }
     };
-    check_refused("numbers the model makes over 67108864 for an image", |graph| {
-        many(graph, "Abs", &[]);
-    });
+    check_refused(
+        "numbers, the model makes more than 67108864 for an image",
+        |graph| {
+            many(graph, "Abs", &[]);
+        },
+    );
     let window = [
         AttributeProto::integers("kernel_shape", &[99; 2]),
         AttributeProto::integers("pads", &[98; 4]),
     ];
-    check_refused("multiplications the model takes over 2147483648", |graph| {
+    check_refused("multiplications, the model needs more than 2147483648", |graph| {
         many(graph, "AveragePool", &window);
     });
 }

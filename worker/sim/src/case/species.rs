@@ -134,6 +134,6 @@ fn check_order(keys: Keys<'_>, model: &CapabilityModel) -> Result<(), Invalid> {
     if agree && given.len() == ours.count() {
         return Ok(());
     }
-    let allowed = "the species of each agent, as many as their counts say, agents of the first one first";
+    let allowed = "the species of each agent, in the order of the species, `count` agents each";
     Err(Invalid::new("species_of_agent", shown(value), allowed))
 }

@@ -221,7 +221,7 @@ impl Mind for &Kinds {
 /// Checks that `world` has the model's number of robots, and the radius of the model's largest body.
 pub(super) fn check_fit(model: &CapabilityModel, world: &World) -> Result<(), Invalid> {
     if let Some(robots) = model.robots().filter(|&robots| robots != world.agents()) {
-        let allowed = format!("{robots}: as many as all species have together");
+        let allowed = format!("{robots}, the number of robots of all species");
         return Err(Invalid::new("agents", world.agents(), allowed));
     }
     let largest = model.largest_radius();

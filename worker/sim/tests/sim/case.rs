@@ -205,7 +205,7 @@ fn an_error_names_the_key_of_a_species() {
     );
     check(
         sensors(json!({"sees_walls": true})),
-        "species[0].sensors[0].range is missing: must be given for a sensor that sees walls (or wall_range): without limit it always sees one",
+        "species[0].sensors[0].range is missing: must be given, or wall_range, for a sensor that sees walls: without a limit it would always see a wall",
     );
     check(
         sensors(json!({"false_negative": 0.1})),
@@ -237,7 +237,7 @@ fn an_error_names_the_key_of_a_species() {
     );
     check(
         json!({"count": 2}),
-        "species_of_agent = [0,1]: must be the species of each agent, as many as their counts say, agents of the first one first",
+        "species_of_agent = [0,1]: must be the species of each agent, in the order of the species, `count` agents each",
     );
     let mut goal = of_species(json!({}));
     goal["goal"] = json!({"center": [1, 1], "radius": 20});

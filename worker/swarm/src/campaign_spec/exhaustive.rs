@@ -75,11 +75,11 @@ fn whole(search: v1::Search, all: u64) -> Result<v1::Search, Invalid> {
 fn too_many(all: Option<u64>, most: u64) -> Invalid {
     let space = match all {
         Some(all) => format!("the space has {}", counted(all, "controller")),
-        None => "the space has no countable number of controllers".to_owned(),
+        None => "the space has more controllers than can be counted".to_owned(),
     };
     let allowed = format!(
-        "given where there are more than {} controllers to evaluate: {space}, of which search.population x \
-         search.generations are then an evenly spread sample",
+        "given: {space}, and the campaign can evaluate at most {}: it takes an evenly spread sample of search.population x \
+         search.generations controllers",
         grouped(most)
     );
     Invalid::missing("search.generations", allowed)
@@ -154,8 +154,8 @@ mod tests {
         );
         check(
             "[controllers]\nstep = 0",
-            "search.generations is missing: must be given where there are more than 10,000,000 controllers to evaluate: the \
-             space has no countable number of controllers",
+            "search.generations is missing: must be given: the space has more controllers than can be counted, and the \
+             campaign can evaluate at most 10,000,000: it takes",
         );
         check(
             "[controllers]\nstep = 0.025",
@@ -163,7 +163,7 @@ mod tests {
         );
         check(
             "[controllers]\nstep = 0.05\n[evaluation]\nstarts = 16",
-            "more than 625,000 controllers",
+            "evaluate at most 625,000: ",
         );
         check(
             "[controllers]\ninitial = [[0, 0, 0, 0]]",

@@ -25,7 +25,7 @@ pub(super) fn swarm(message: &v1::CampaignSpec) -> Result<(CapabilityModel, Worl
     if let Some(robots) = model.robots() {
         match world_message.agents {
             Some(agents) if agents != robots => {
-                let allowed = format!("{robots}, as many as all species have together, or absent");
+                let allowed = format!("{robots}, the number of robots of all species, or absent");
                 return Err(Invalid::new("world.agents", agents, allowed));
             }
             _ => world_message.agents = Some(robots),

@@ -75,7 +75,7 @@ fn a_described_robot_is_read_and_written() {
     let of_list = THREE.replace("angles = [0.5, -0.5], ", "");
     check_refused(
         &of_list,
-        "robot.sensors[1].angle = free: must be free within a range",
+        "robot.sensors[1].angle = free: must be free with exactly one",
     );
     let spec = CampaignSpec::from_toml(&format!("{of_list}[controllers]\nangles = [0.5]")).unwrap();
     assert_eq!(spec.controllers().genes()[16], crate::GeneSpace::Among(vec![0.5]));

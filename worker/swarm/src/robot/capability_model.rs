@@ -36,7 +36,7 @@ impl CapabilityModel {
     pub fn of_one(robot: Robot) -> Result<Self, Invalid> {
         for (s, sensor) in robot.sensors().iter().enumerate() {
             if let SeenRobots::Species(seen) = sensor.robots() {
-                let allowed = "robots, walls or obstacles where there are no species";
+                let allowed = "robots, walls or obstacles: this swarm has no species";
                 return Err(Invalid::new(
                     format!("sensors[{s}].sees"),
                     text::quoted(seen.as_str()),

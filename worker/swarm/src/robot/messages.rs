@@ -167,7 +167,7 @@ fn robot(preset: Option<&str>, described: Option<v1::Robot>, default: &Defaults)
             Err(Invalid::missing("model", allowed))
         }
         (Some(name), Some(_)) => {
-            let allowed = "absent where there is a robot";
+            let allowed = "absent: `robot` describes the robots";
             Err(Invalid::new("model", text::quoted(name), allowed))
         }
     }
@@ -217,9 +217,9 @@ fn count(species: &v1::Species, has_ratios: bool, agents: u32) -> Result<Option<
         (Some(count), _) => Err(Invalid::new(
             "count",
             count,
-            "absent where there is a share or there are ratios",
+            "absent if a share or ratios are given",
         )),
-        (None, Some(share)) => Err(Invalid::new("share", share, "absent where there are ratios")),
+        (None, Some(share)) => Err(Invalid::new("share", share, "absent if ratios are given")),
     }
 }
 
@@ -301,7 +301,7 @@ impl Written {
     pub(crate) fn read(self, default: &Defaults) -> Result<CapabilityModel, Invalid> {
         if self.species.is_empty() {
             if !self.ratios.is_empty() {
-                let allowed = "absent where there are no species";
+                let allowed = "absent without species";
                 return Err(Invalid::new("ratios", "given", allowed));
             }
             let robot = robot(self.model.as_deref(), self.robot, default)?;
@@ -309,7 +309,7 @@ impl Written {
         }
         for (field, given) in [("model", self.model.is_some()), ("robot", self.robot.is_some())] {
             if given {
-                let allowed = "absent where there are species, which say what they are";
+                let allowed = "absent: each species describes its robots";
                 return Err(Invalid::new(field, "given", allowed));
             }
         }

@@ -154,7 +154,7 @@ impl TryFrom<SensorDescription> for Sensor {
             }
             (true, own) => Some(own.or(robot_range).ok_or_else(|| {
                 let allowed =
-                    "given for a sensor that sees walls (or wall_range): without limit it always sees one";
+                    "given, or wall_range, for a sensor that sees walls: without a limit it would always see a wall";
                 Invalid::missing("range", allowed)
             })?),
         };
@@ -217,8 +217,7 @@ impl SensorAngle {
     /// If range and list are both present or both absent; if the lowest angle is not below the highest; if the list has more than
     /// [`SensorAngle::MAX_CHOICES`] angles; if an angle is out of range.
     pub fn free(within: Option<[f64; 2]>, among: &[f64]) -> Result<Self, Invalid> {
-        let one_of_both =
-            "free within a range of angles or among a list of angles, of which exactly one is given";
+        let one_of_both = "free with exactly one of angle_range and angles";
         match (within, among) {
             (Some([low, high]), []) => {
                 let bounds = [checked("angle_range", low)?, checked("angle_range", high)?];

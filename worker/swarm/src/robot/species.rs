@@ -62,7 +62,7 @@ impl SpeciesName {
             return Ok(Self(name.to_owned()));
         }
         let allowed = format!(
-            "1 to {} letters, digits, - and _, the first a letter, and none of {}",
+            "1 to {} letters, digits, - and _, beginning with a letter, and not one of {}",
             Self::MAX_CHARS,
             Self::RESERVED.join(", ")
         );

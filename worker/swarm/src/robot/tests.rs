@@ -74,7 +74,7 @@ fn what_a_sensor_cannot_be_is_named() {
     };
     refused(
         sees(&["walls"], None, None),
-        "range is missing: must be given for a sensor that sees walls (or wall_range): without limit it always sees one",
+        "range is missing: must be given, or wall_range, for a sensor that sees walls: without a limit it would always see a wall",
     );
     refused(
         sees(&["robots"], None, Some(9.0)),
@@ -104,7 +104,7 @@ fn what_a_sensor_cannot_be_is_named() {
 
 #[test]
 fn a_free_angle_has_a_range_or_a_list() {
-    let neither = "angle = free: must be free within a range of angles or among a list of angles, of which exactly one is given";
+    let neither = "angle = free: must be free with exactly one of angle_range and angles";
     refused(SensorAngle::free(None, &[]), neither);
     refused(SensorAngle::free(Some([0.0, 1.0]), &[0.5]), neither);
     refused(
@@ -185,7 +185,7 @@ fn species_see_only_species_that_there_are() {
     );
     refused(
         CapabilityModel::of_one(with("a", "b").robot().clone()),
-        "sensors[0].sees = \"b\": must be robots, walls or obstacles where there are no species",
+        "sensors[0].sees = \"b\": must be robots, walls or obstacles: this swarm has no species",
     );
     for bad in ["", "walls", "2b", "a.b", "a b", &"a".repeat(33)] {
         assert!(SpeciesName::parse("name", bad).is_err(), "{bad}");

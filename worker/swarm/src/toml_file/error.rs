@@ -186,7 +186,7 @@ fn not_toml(message: &str) -> String {
             "a value must be a number, true, false, a text in quotes, a list in [ ] or a table in { }"
                 .to_owned()
         }
-        "duplicate key" => "this field, or its section, is there twice".to_owned(),
+        "duplicate key" => "this field, or its section, occurs twice".to_owned(),
         other => other.to_owned(),
     }
 }

@@ -91,7 +91,7 @@ fn what_is_no_toml_is_told_what_is_missing() {
     check("seed =", "a value must be a number");
     check(
         "seed = 1\nseed = 2",
-        "4 | seed = 2\n  | ^^^^\nthis field, or its section, is there twice",
+        "4 | seed = 2\n  | ^^^^\nthis field, or its section, occurs twice",
     );
     check("[search\npopulation = 5", "unclosed table, expected `]`");
 }

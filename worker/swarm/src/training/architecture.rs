@@ -113,7 +113,7 @@ pub enum ArchitectureError {
     #[error("layer {layer}: an activation must follow a layer that computes")]
     LooseActivation { layer: usize },
     /// A convolution or pooling follows a dense layer.
-    #[error("layer {layer}: there is no picture any more after a dense layer")]
+    #[error("layer {layer}: it needs a picture, but follows a dense layer")]
     Flattened { layer: usize },
     /// One layer has too many values, or the network too many weights.
     #[error("layer {layer}: more than {limit} {what}")]
@@ -409,7 +409,7 @@ mod tests {
         );
         check_refused(
             &format!("{DENSE}, {{ average-pooling = {{ grid = 1 }} }}, {DENSE}"),
-            "layer 1: there is no picture",
+            "layer 1: it needs a picture",
         );
         check_refused(
             &format!("{{ convolution = {{ channels = 6, kernel = 51 }} }}, {DENSE}"),

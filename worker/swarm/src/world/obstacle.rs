@@ -78,7 +78,7 @@ impl Obstacle {
                 size: [size("width", width)?, size("height", height)?],
             },
             (Some(radius), ..) => {
-                let allowed = "absent where there is a width or a height: an obstacle is a disc or a box";
+                let allowed = "absent if a width or height is given: an obstacle is a disc or a box";
                 return Err(Invalid::new("radius", radius, allowed));
             }
             (None, None, None) => {

@@ -67,7 +67,7 @@ fn what_is_no_database_is_said_to_be_none() {
         (0..40_000).map(|_| dice.random()).collect()
     };
     for bytes in [&[][..], b"PAR1", b"SQLite format 3\0", &random, &SOUND[1..]] {
-        assert_eq!(refused(bytes), "it is no SQLite database, or it is encrypted");
+        assert_eq!(refused(bytes), "it is not a SQLite database, or it is encrypted");
     }
     let header_alone = refused(&SOUND[..100]);
     assert!(!header_alone.is_empty());
@@ -122,7 +122,7 @@ fn what_is_no_regular_file_is_not_opened() {
     assert!(Command::new("mkfifo").arg(at("fifo")).status().unwrap().success());
     for path in [at("link"), at("folder"), at("fifo"), "/dev/zero".into()] {
         let message = contents(&path).map(drop).unwrap_err().to_string();
-        assert_eq!(message, "it is no regular file", "{}", path.display());
+        assert_eq!(message, "it is not a regular file", "{}", path.display());
     }
     let message = contents(&at("nothing")).map(drop).unwrap_err().to_string();
     assert!(message.contains("cannot read"), "{message}");
@@ -200,7 +200,7 @@ fn rows_that_are_missing_or_too_many_are_counted() {
         ("DELETE FROM taxonomies", "rows of taxonomies = 0: must be 1"),
         ("DELETE FROM embedders", "rows of embedders = 0: must be 2"),
         ("DELETE FROM exported", "rows of exported = 0: must be 1"),
-        ("DELETE FROM campaigns", "belong to campaigns which are not there"),
+        ("DELETE FROM campaigns", "to missing rows of campaigns"),
         (
             "UPDATE individuals SET place = 9 WHERE place = 5",
             "individuals[5].index = 6",
@@ -216,7 +216,7 @@ fn rows_that_are_missing_or_too_many_are_counted() {
         ),
         (
             "INSERT INTO labels VALUES (9, 0, 'r', 'ana', 5, 'create', NULL, 'ring', NULL, NULL)",
-            "labels: 1 row that belong to campaigns which are not there",
+            "labels: 1 row refers to missing rows of campaigns",
         ),
         (
             "INSERT INTO notices VALUES (1, 7, 5, 'text', 0)",
@@ -312,7 +312,7 @@ fn values_that_no_campaign_has_are_named() {
         ),
         (
             "UPDATE individuals SET verdicts = x'0163' WHERE place = 5",
-            "a verdict that there is not",
+            "an unknown verdict",
         ),
         (
             "UPDATE individuals SET controller = CAST(x'000000000000f87f' || substr(controller, 9) AS BLOB) WHERE place = 5",
@@ -418,9 +418,9 @@ fn checkpoints_of_others_are_refused() {
             "INSERT INTO checkpoints (digest, size, parent, data_digest, label_digest, configuration, metrics, created_ms)
                 VALUES (printf('%.64c', '0'), 1, '', '', '', '', '{}', 5);
              INSERT INTO embedders SELECT max(number), x'00' FROM checkpoints",
-            "those that the campaign has",
+            "checkpoints that the campaign has",
         ),
-        ("UPDATE checkpoints SET parent = digest", "those that the campaign has"),
+        ("UPDATE checkpoints SET parent = digest", "checkpoints that the campaign has"),
         (
             "UPDATE checkpoints SET parent = printf('%.64c', '0') WHERE parent = ''",
             "is missing",

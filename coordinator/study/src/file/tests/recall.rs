@@ -64,7 +64,7 @@ fn recall_that_cannot_be_measured_is_refused() {
     check(
         "method = \"random\"",
         "method = \"random\", world.agents = 6",
-        "those of the atlas of [recall]",
+        "the model and world of [recall]'s atlas",
     );
     check(
         "[10, 40]",

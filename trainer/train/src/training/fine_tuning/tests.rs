@@ -118,10 +118,7 @@ fn what_does_not_go_together_is_refused() {
         training.unwrap_err().to_string()
     };
     let in_batch = refusal("[recipe.in-batch]", fine_tuning(1));
-    assert!(
-        in_batch.contains("\"in-batch\" has no use for labels"),
-        "{in_batch}"
-    );
+    assert!(in_batch.contains("\"in-batch\" takes no labels"), "{in_batch}");
     let error = Training::new(&configuration(LABELLED), bars()).unwrap_err();
     assert!(matches!(error, TrainingError::NoLabels("labelled")));
     let large = FineTuning {

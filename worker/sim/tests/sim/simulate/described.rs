@@ -303,7 +303,7 @@ fn a_world_is_for_the_robots_that_are_in_it() {
     };
     assert_eq!(
         error(&square(60.0, 4)),
-        "agents = 4: must be 3: as many as all species have together"
+        "agents = 4: must be 3, the number of robots of all species"
     );
     let smaller = world(v1::World {
         radius: Some(1.0),
