@@ -134,7 +134,7 @@ impl Worker {
         wanted as u32
     }
 
-    /// Hands a lease to the threads and returns the number of credits that it used.
+    /// Passes a lease to the threads, and returns the number of credits that the lease used.
     async fn take(&mut self, message: v1::Lease, link: &Link) -> Result<usize, Broken> {
         let id = message.id.unwrap_or_default();
         let credits = match &message.work {

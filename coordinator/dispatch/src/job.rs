@@ -133,7 +133,7 @@ pub struct ReplayJob {
 #[derive(Debug, Clone)]
 pub enum Evaluated {
     Done {
-        /// Results of its trials: as many as the job has starts.
+        /// Results of the controller's trials, as many as the job has starts.
         trials: Vec<Evaluation<CompressedImage>>,
         maker: Maker,
     },

@@ -69,7 +69,7 @@ impl Store {
     /// their embeddings (by the campaign's checkpoint).
     ///
     /// # Errors
-    /// If it cannot be written; then nothing was.
+    /// If the generation cannot be written; no part of it is written then.
     pub fn commit_generation<I: StoredImage>(
         &self,
         campaign: &CampaignId,

@@ -21,9 +21,10 @@ pub struct ArchivedIndividual<I = Vec<u8>> {
     pub controller: Controller,
     /// Seed of the individual's first start. The seeds of the other starts follow from this seed ([`Starts::seeds`]).
     pub seed: u64,
-    /// One for each start; at least one.
+    /// One trial for each start; at least one trial.
     pub trials: Vec<Trial<I>>,
-    /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it was after its generation.
+    /// Novelty when evaluated: the individual's mean distance to its nearest neighbours in the archive as it was after the
+    /// individual's generation.
     pub novelty: f64,
 }
 
@@ -34,14 +35,14 @@ pub struct Trial<I = Vec<u8>> {
     pub features: Features,
     /// Embedding of the picture by the campaign's checkpoint; empty without a checkpoint.
     pub embedding: Vec<f32>,
-    /// Grey values, index x * resolution + y; absent if they were not asked for.
+    /// Grey values of the picture, at index x * resolution + y; `None` if the caller did not ask for images.
     pub image: Option<I>,
-    /// The judge's verdict, if it was asked.
+    /// The judge's verdict, if the campaign has a judge.
     pub verdict: Option<Verdict>,
 }
 
 impl ArchivedIndividual {
-    /// Its picture: that of its first trial.
+    /// The individual's picture: the picture of its first trial.
     #[must_use]
     pub fn image(&self) -> Option<&[u8]> {
         self.trials.first()?.image.as_deref()
@@ -59,7 +60,7 @@ impl ArchivedIndividual {
         self.trials.into_iter().filter_map(|trial| trial.image).collect()
     }
 
-    /// An individual of which nothing was measured: one trial with zeros, no embedding and no picture.
+    /// An individual without measurements: one trial with zeros, no embedding and no picture.
     #[must_use]
     pub fn unmeasured(index: u64, generation: u32, controller: Controller) -> Self {
         Self {
@@ -98,13 +99,13 @@ impl ArchivedIndividual {
 }
 
 impl<I> ArchivedIndividual<I> {
-    /// Its hand-crafted features: means over its trials.
+    /// The individual's hand-crafted features: means over its trials.
     #[must_use]
     pub fn features(&self) -> Features {
         mean_features(self.trials.iter().map(|trial| &trial.features))
     }
 
-    /// Its embedding: the mean over its trials; empty if there is none.
+    /// The individual's embedding: the mean over its trials; empty if the trials have no embeddings.
     #[must_use]
     pub fn embedding(&self) -> Vec<f32> {
         mean_embedding(self.trials.iter().map(|trial| trial.embedding.as_slice()))
@@ -124,7 +125,7 @@ impl<I> ArchivedIndividual<I> {
         (floats_to_blob(&features), numbers_to_blob(&embeddings))
     }
 
-    /// The judge's verdicts on its trials; empty if it was not asked.
+    /// The judge's verdicts on the individual's trials; empty if the campaign has no judge.
     pub fn verdicts(&self) -> impl Iterator<Item = Verdict> {
         self.trials.iter().filter_map(|trial| trial.verdict)
     }
@@ -134,7 +135,7 @@ impl<I> ArchivedIndividual<I> {
     }
 }
 
-/// The value of the image column of each individual, if it has images.
+/// For each individual, the value of the column for images; `None` for an individual without images.
 pub(super) fn compressed<I: StoredImage>(
     individuals: &[ArchivedIndividual<I>],
 ) -> Result<Vec<Option<Vec<u8>>>, StoreError> {

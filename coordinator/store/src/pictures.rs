@@ -19,7 +19,7 @@ pub struct Picture<I = Vec<u8>> {
     pub seed: u64,
     /// Grey values, as in an evaluation.
     pub image: I,
-    /// `None` for a picture that was simulated before features were kept.
+    /// `None` for a picture that was simulated before the store kept features.
     pub features: Option<Features>,
 }
 
@@ -27,7 +27,7 @@ impl Store {
     /// Adds pictures to a campaign's dataset, the first at `place`, and their provenance, in one transaction.
     ///
     /// # Errors
-    /// If they cannot be written; then none was.
+    /// If the pictures cannot be written; none is written then.
     pub fn add_pictures<I: StoredImage>(
         &self,
         campaign: &CampaignId,
@@ -35,7 +35,7 @@ impl Store {
         pictures: &[Picture<I>],
         provenance: &Provenance,
     ) -> Result<(), StoreError> {
-        // Compressed before the connection is taken, so that nobody waits for it.
+        // The images are compressed before the connection is locked, so that no other write waits for the compression.
         let images = columns(pictures.iter().map(|picture| Some(vec![&picture.image])))?;
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;

@@ -55,7 +55,7 @@ pub fn mean_embedding<'a>(trials: impl Iterator<Item = &'a [f32]>) -> Vec<f32> {
 pub struct Evaluation<I = Vec<u8>> {
     features: Features,
     image: I,
-    /// Empty if not requested.
+    /// Empty if the embedding was not requested.
     embedding: Vec<f32>,
     /// `None` if the verdict was not requested.
     verdict: Option<Verdict>,
@@ -217,7 +217,7 @@ impl Evaluation<CompressedImage> {
 }
 
 impl Evaluation {
-    /// The grey values.
+    /// The picture: grey values, channel by channel. Within a channel, pixel (x, y) has index `x * resolution + y`.
     #[must_use]
     pub fn image(&self) -> &[u8] {
         &self.image

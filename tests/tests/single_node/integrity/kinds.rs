@@ -16,7 +16,7 @@ use rand::RngExt as _;
 use std::time::Duration;
 use tonic::{Code, service::interceptor::InterceptedService};
 
-/// Evaluates a batch like a correct machine of another kind: embeddings differ in the last bits.
+/// Evaluates a batch as a correct machine of another kind does: embeddings differ in the last bits.
 async fn evaluate(cluster: &Cluster, lease: v1::LeaseId, batch: v1::EvaluationBatch) -> v1::Evaluations {
     let digest: CheckpointDigest = batch.checkpoint.parse().unwrap();
     let coordinator: Coordinator =
