@@ -124,6 +124,7 @@ impl Cluster {
             audited,
             embeds: false,
             speculative: true,
+            after: None,
         };
         cluster.timed(|table, _| table.submit(params));
         cluster

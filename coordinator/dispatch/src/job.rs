@@ -30,6 +30,9 @@ pub struct EvaluationJob {
     pub judges: bool,
     /// Controllers with the seeds of their first starts; at least one.
     pub tasks: Vec<(Controller, u64)>,
+    /// Whether the tasks are leased after those of the campaign's earlier jobs: true for a generation that is evaluated beside
+    /// the one before it.
+    pub next: bool,
 }
 
 impl EvaluationJob {
@@ -45,6 +48,7 @@ impl EvaluationJob {
             starts: Starts::ONE,
             judges: false,
             tasks,
+            next: false,
         }
     }
 

@@ -94,6 +94,8 @@ pub struct JobParams {
     pub embeds: bool,
     /// Whether a late lease is also given to a worker that would be idle.
     pub speculative: bool,
+    /// An earlier job whose tasks are leased first; both jobs have one turn.
+    pub after: Option<JobId>,
 }
 
 /// A batch that was just leased; the caller sends it to the worker.
@@ -257,6 +259,7 @@ impl<R: Agree> LeaseTable<R> {
             cost: params.cost.max(1),
             speculative: params.speculative,
             embeds: params.embeds,
+            after: params.after,
             leases: BTreeSet::new(),
             rested: BTreeSet::new(),
             lost_with: BTreeMap::new(),
@@ -273,6 +276,10 @@ impl<R: Agree> LeaseTable<R> {
         for number in over.leases {
             self.release(number);
             self.leases.remove(&number);
+        }
+        for job in self.jobs.values_mut().filter(|other| other.after == Some(job)) {
+            job.served = job.served.max(over.served);
+            job.after = None;
         }
         for worker in over.rested {
             self.workers.change(worker, |worker| worker.rests.remove(&job));

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     ConnectedMachine, DispatchMetrics, WorkInHand,
-    leases::{Abilities, Grant, JobId, LeaseNumber, LeaseTable, WorkerId, WorkerProcessId},
+    leases::{Abilities, Grant, JobId, JobParams, LeaseNumber, LeaseTable, WorkerId, WorkerProcessId},
 };
 use murmuration_link::trace_parent;
 use murmuration_model::{CampaignId, MachineId, Quarantined};
@@ -180,7 +180,9 @@ impl Service {
         match request {
             Request::Submit { job, job_progress } => {
                 let (chance, share) = (&mut self.chance, self.options.audited.get());
-                let id = self.table.submit(job.params(&mut || chance.random_bool(share)));
+                let params = job.params(&mut || chance.random_bool(share));
+                let after = self.earlier(job.as_ref()).filter(|_| job.is_next());
+                let id = self.table.submit(JobParams { after, ..params });
                 let job = Job {
                     submitted: job,
                     job_progress,
@@ -252,6 +254,19 @@ impl Service {
                 }
             }
         }
+    }
+
+    /// The last job of the same kind and campaign.
+    fn earlier(&self, job: &dyn AnyJob) -> Option<JobId> {
+        let mut jobs = self.jobs.iter().rev();
+        let earlier = jobs.find(|(_, earlier)| {
+            let submitted = &earlier.submitted;
+            submitted.kind() == job.kind()
+                && submitted
+                    .campaign()
+                    .is_some_and(|campaign| job.campaign() == Some(campaign))
+        });
+        earlier.map(|(&id, _)| id)
     }
 
     fn welcome(&mut self, join_request: JoinRequest, reply: oneshot::Sender<Result<WorkerId, JoinError>>) {

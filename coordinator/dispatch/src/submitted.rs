@@ -52,6 +52,8 @@ pub(super) trait AnyJob: fmt::Debug + Send {
     /// the task.
     fn params(&self, audited: &mut dyn FnMut() -> bool) -> JobParams;
     fn embeds(&self) -> bool;
+    /// Whether the tasks are leased after those of the campaign's earlier jobs of this kind.
+    fn is_next(&self) -> bool;
     fn batch(&self, places: &[usize]) -> v1::lease::Work;
     fn training(&self) -> Option<&TrainingJob>;
 
@@ -121,11 +123,16 @@ impl<W: Work> AnyJob for Submitted<W> {
             audited: (0..tasks).filter(chosen).collect(),
             embeds: self.work.embeds(),
             speculative: self.work.is_speculative(),
+            after: None,
         }
     }
 
     fn embeds(&self) -> bool {
         self.work.embeds()
+    }
+
+    fn is_next(&self) -> bool {
+        self.work.is_next()
     }
 
     fn batch(&self, places: &[usize]) -> v1::lease::Work {

@@ -51,6 +51,11 @@ pub(super) trait Work: Debug + Send + 'static {
         false
     }
 
+    /// Whether the tasks are leased after those of the campaign's earlier jobs of this kind.
+    fn is_next(&self) -> bool {
+        false
+    }
+
     /// The tasks at these places, as a message.
     fn batch(&self, places: &[usize]) -> v1::lease::Work;
 
@@ -136,6 +141,10 @@ impl Work for EvaluationJob {
 
     fn embeds(&self) -> bool {
         self.embedder.is_some()
+    }
+
+    fn is_next(&self) -> bool {
+        self.next
     }
 
     fn batch(&self, places: &[usize]) -> v1::lease::Work {

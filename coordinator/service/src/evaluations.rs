@@ -258,6 +258,7 @@ impl Described {
             starts: self.spec.starts(),
             judges: self.spec.judges(),
             tasks: tasks.collect::<Result<_, Invalid>>()?,
+            next: false,
         })
     }
 

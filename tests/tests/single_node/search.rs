@@ -62,7 +62,22 @@ async fn in_the_middle(cluster: &mut Cluster, campaign: &str, after: u32) -> u32
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_coordinator_stopped_in_the_middle_goes_on_by_itself() {
-    let spec = longer();
+    check_restart(longer()).await;
+}
+
+/// Two generations are evaluated at the same time.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_search_with_a_lag_is_reproducible_and_goes_on_after_a_restart() {
+    let lagging = longer().to_toml().replace("[search]\n", "[search]\nlag = 1\n");
+    let lagging = CampaignSpec::from_toml(&lagging).unwrap();
+    let digest = digest_with(&lagging, 1).await;
+    assert_eq!(digest, digest_with(&lagging, 4).await);
+    assert_ne!(digest, digest_with(&longer(), 4).await);
+    check_restart(lagging).await;
+}
+
+/// Checks that a campaign whose coordinator is stopped in the middle has the same digest as an undisturbed one.
+async fn check_restart(spec: CampaignSpec) {
     let undisturbed = digest_with(&spec, 2).await;
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 1).await;

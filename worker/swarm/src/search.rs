@@ -27,6 +27,8 @@ record! {
         mutation_step: f64,
         /// Probability that a mutated speed also changes its sign, 0 to 1.
         sign_flip: f64,
+        /// Number of generations between a generation and the generation of its parents, 0 or 1.
+        lag: u32,
     }
 }
 
@@ -53,6 +55,7 @@ impl Default for Search {
             mutation: 0.15,
             mutation_step: 0.4,
             sign_flip: 0.2,
+            lag: 0,
         }
     }
 }
@@ -86,6 +89,7 @@ impl TryFrom<v1::Search> for Search {
                 2.0,
             )?,
             sign_flip: probability("sign_flip", message.sign_flip, default.sign_flip)?,
+            lag: invalid::whole("lag", message.lag.unwrap_or(default.lag), 0..=1)?,
         };
         if search.evaluations() > Self::MAX_EVALUATIONS {
             let allowed = format!(
@@ -110,6 +114,8 @@ impl From<Search> for v1::Search {
             mutation: Some(search.mutation),
             mutation_step: Some(search.mutation_step),
             sign_flip: Some(search.sign_flip),
+            // Left out if 0, so that files of earlier versions stay as they are.
+            lag: (search.lag > 0).then_some(search.lag),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The tasks of one job. Results and failures move tasks between queues, and change the number of settled tasks.
 
 use super::{
-    Agree, LeaseNumber, WorkerId, WorkerProcessId,
+    Agree, JobId, LeaseNumber, WorkerId, WorkerProcessId,
     queues::Queues,
     task::{Task, TaskState},
 };
@@ -19,6 +19,8 @@ pub(super) struct Job<R> {
     pub(super) speculative: bool,
     /// Whether only workers that embed can do the job.
     pub(super) embeds: bool,
+    /// An earlier job with which the job shares its turns.
+    pub(super) after: Option<JobId>,
     /// The job's leases, including leases that no worker holds any more.
     pub(super) leases: BTreeSet<LeaseNumber>,
     /// Workers that gave back leases of the job.

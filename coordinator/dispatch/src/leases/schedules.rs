@@ -113,6 +113,7 @@ impl SimulatedCluster {
             audited,
             embeds,
             speculative: !self.chance(4),
+            after: None,
         };
         let job = self.table.submit(params);
         let submitted = Submitted {

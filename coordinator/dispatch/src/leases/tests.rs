@@ -53,6 +53,7 @@ fn params(tasks: usize) -> JobParams {
         audited: BTreeSet::new(),
         embeds: false,
         speculative: true,
+        after: None,
     }
 }
 

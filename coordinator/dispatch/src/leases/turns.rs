@@ -53,7 +53,7 @@ impl<R: Agree> LeaseTable<R> {
             .jobs
             .iter()
             .filter(|(_, job)| !job.queues.is_empty())
-            .map(|(&id, job)| (job.served, id))
+            .map(|(&id, job)| (self.served_with_earlier(job), id))
             .collect();
         turns.sort_unstable();
         let reserved = self.reserved(now);
@@ -68,7 +68,9 @@ impl<R: Agree> LeaseTable<R> {
 
     fn lease(&mut self, id: JobId, choice: Choice, now: Instant) -> Option<Grant> {
         let process = self.process(choice.worker)?;
+        let served = self.served_with_earlier(self.jobs.get(&id)?);
         let job = self.jobs.get_mut(&id)?;
+        job.served = served;
         for &place in &choice.tasks {
             job.queues.remove(place);
             job.tasks[place].out += 1;
@@ -101,6 +103,13 @@ impl<R: Agree> LeaseTable<R> {
             job: id,
             tasks: choice.tasks,
         })
+    }
+
+    /// Cost of a job's leased tasks, but at least that of an earlier job with which the job shares its turns. The earlier job is
+    /// then always the first of the two.
+    fn served_with_earlier(&self, job: &Job<R>) -> u64 {
+        let earlier = job.after.and_then(|earlier| self.jobs.get(&earlier));
+        earlier.map_or(job.served, |earlier| job.served.max(earlier.served))
     }
 
     /// Chooses tasks of a job, and a worker for them.

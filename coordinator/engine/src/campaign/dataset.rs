@@ -42,7 +42,8 @@ pub(super) async fn collect(
         let job = EvaluationJob::of(&record, None, tasks);
         let substitute =
             |place: usize, attempt| substitutes(spec, &dataset, chunk.start, place as u64, attempt);
-        let done = evaluate(&context.dispatch, handle, job, substitute).await?;
+        let evaluated = |progress| evaluate(&context.dispatch, progress, job, substitute);
+        let done = handle.until_stopped(evaluated).await??;
         let (pictures, provenance) = done.into_pictures(|place, reason| {
             let picture = chunk.start * starts + place as u64;
             format!(

@@ -1,12 +1,12 @@
 //! Evaluations by the workers, with substitutes for poisoned tasks.
 
-use super::{CampaignError, run_handle::RunHandle};
-use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, PoisonedTask};
+use super::CampaignError;
+use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, JobProgress, PoisonedTask};
 use murmuration_model::Maker;
 use murmuration_search::breeding::{EVALUATION_ATTEMPTS, ProposeError};
 use murmuration_store::{Picture, Provenance};
 use murmuration_swarm::{CompressedImage, Controller, Evaluation};
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 /// The results of a job.
 #[derive(Debug)]
@@ -51,7 +51,7 @@ pub(super) type Placed = (usize, (Controller, u64));
 /// the tasks to run instead, including new tasks for neighbours that belong with the poisoned task.
 pub(super) async fn evaluate(
     dispatch: &Dispatch,
-    handle: &mut RunHandle,
+    job_progress: Arc<JobProgress>,
     job: EvaluationJob,
     substitute: impl Fn(usize, u64) -> Result<Vec<Placed>, ProposeError>,
 ) -> Result<Done, CampaignError> {
@@ -67,11 +67,9 @@ pub(super) async fn evaluate(
             tasks: wanted.iter().map(|(_, task)| task.clone()).collect(),
             ..job
         };
-        let evaluated = handle
-            .until_stopped(|job_progress| dispatch.evaluate(job, job_progress))
-            .await?;
+        let evaluated = dispatch.evaluate(job, job_progress.clone()).await?;
         let mut substitutes = BTreeMap::new();
-        for ((place, _), evaluated) in wanted.into_iter().zip(evaluated?) {
+        for ((place, _), evaluated) in wanted.into_iter().zip(evaluated) {
             match evaluated {
                 Evaluated::Done { trials, maker } => results[place] = Some((trials, maker)),
                 Evaluated::Poisoned(reason) if attempt == EVALUATION_ATTEMPTS => {

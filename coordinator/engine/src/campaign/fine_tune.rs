@@ -76,7 +76,8 @@ async fn further_starts(
             } = &starts[place];
             Ok(vec![(place, (controller.clone(), *labelled))])
         };
-        let done = evaluate(&context.dispatch, handle, job, labelled).await?;
+        let evaluated = |progress| evaluate(&context.dispatch, progress, job, labelled);
+        let done = handle.until_stopped(evaluated).await??;
         let (pictures, provenance) = done.into_pictures(|_, reason| {
             format!(
                 "the task of a labelled controller's additional start was poisoned, and its labelled start was used \

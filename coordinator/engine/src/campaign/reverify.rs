@@ -242,7 +242,8 @@ async fn evaluated_again(
 ) -> Result<Done, CampaignError> {
     let tasks: Vec<(Controller, u64)> = job.tasks.clone();
     let same = |place: usize, _| Ok(vec![(place, tasks[place].clone())]);
-    evaluate(&context.dispatch, handle, job, same).await
+    let evaluated = |progress| evaluate(&context.dispatch, progress, job, same);
+    handle.until_stopped(evaluated).await?
 }
 
 /// The part of the campaign that must be rolled back because of a wrong result.

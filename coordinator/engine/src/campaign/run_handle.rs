@@ -190,8 +190,20 @@ impl RunHandle {
         begin: impl FnOnce(Arc<JobProgress>) -> F,
     ) -> Result<F::Output, Interrupted> {
         let job_progress = Arc::<JobProgress>::default();
-        let mut stopped = self.stopped.clone();
         let work = begin(job_progress.clone());
+        self.until_done(&job_progress, work).await
+    }
+
+    /// Awaits a future, and reports this progress and its obstacles meanwhile.
+    ///
+    /// # Errors
+    /// The error of [`RunHandle::until_stopped`].
+    pub(super) async fn until_done<F: Future>(
+        &mut self,
+        job_progress: &JobProgress,
+        work: F,
+    ) -> Result<F::Output, Interrupted> {
+        let mut stopped = self.stopped.clone();
         tokio::pin!(work);
         let mut tick = tokio::time::interval(COUNTING_INTERVAL);
         loop {

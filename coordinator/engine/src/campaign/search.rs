@@ -3,11 +3,12 @@
 use super::{
     CampaignError,
     context::StageContext,
-    evaluate::{Done, Placed, evaluate},
+    evaluate::{Done, evaluate},
     run_handle::{CommitHandle, RunHandle},
 };
 use crate::{blocking::blocking, space::SpaceError, taxonomy};
-use murmuration_dispatch::EvaluationJob;
+use futures_util::{StreamExt as _, stream::FuturesOrdered};
+use murmuration_dispatch::{Dispatch, EvaluationJob, JobProgress};
 use murmuration_model::{CampaignId, CampaignRecord, EmbedderRef};
 use murmuration_search::{
     breeding::{self, Parent, Proposal, ProposeError},
@@ -19,8 +20,8 @@ use murmuration_search::{
 use murmuration_store::{
     ArchivedIndividual, ClusterMeasures, GenerationRecord, Provenance, Store, StoreError, Trial,
 };
-use murmuration_swarm::{BehaviourSpace, CompressedImage, Evaluation, Scale, Starts};
-use std::{sync::Arc, time::Instant};
+use murmuration_swarm::{BehaviourSpace, CompressedImage, Controller, Evaluation, Scale, Starts};
+use std::{collections::VecDeque, sync::Arc, time::Instant};
 
 /// Number of individuals that are read from the store at a time.
 const CHUNK: u64 = 4096;
@@ -44,13 +45,22 @@ struct Search {
     scale: Scale,
     /// Index of neighbours in `behaviours`, kept from generation to generation.
     index: Index,
-    /// The last generation; empty before the first generation.
-    parents: Vec<Parent>,
+    /// The generations from which later generations are bred, in order.
+    parents: VecDeque<Vec<Parent>>,
+    /// Number of generations in `behaviours`.
     next_generation: u32,
 }
 
+/// A generation that the workers evaluate.
+struct Evaluating {
+    /// Number of controllers that the filter discarded while the generation was proposed.
+    filtered: u64,
+    job_progress: Arc<JobProgress>,
+}
+
 /// Runs all generations that are not archived yet. Stops early if more than `seen` workers are quarantined. A generation is
-/// committed while the next generation is evaluated; commits are in order.
+/// committed while the next generation is evaluated; commits are in order. If a generation is not bred from the generation
+/// before, both are evaluated at the same time, so that no worker waits for the last results of a generation.
 pub(super) async fn evolve(
     context: &StageContext,
     record: CampaignRecord,
@@ -61,36 +71,51 @@ pub(super) async fn evolve(
     let mut search = restore(context, record, handle).await?;
     let quarantined = context.dispatch.quarantined();
     let mut uncommitted = None;
+    let (mut evaluated, mut evaluating) = (FuturesOrdered::new(), VecDeque::new());
     loop {
         let id = search.campaign.id.clone();
         let committed = commit(context.clone(), handle.commit_handle(), id, uncommitted.take());
         // Results of newly quarantined workers may be in this archive. They are verified between stages.
-        if quarantined.borrow().len() != seen || search.next_generation >= generations {
+        if quarantined.borrow().len() != seen {
             return committed.await;
         }
-        let (unchanged, proposal) = blocking(move || {
-            let proposal = search.propose();
-            (search, proposal)
-        })
-        .await?;
-        search = unchanged;
-        let proposal = match proposal {
-            Ok(proposal) => proposal,
-            Err(error) => {
-                committed.await?;
-                return Err(error.into());
+        loop {
+            let next = search.next_generation + evaluating.len() as u32;
+            if next >= generations || !search.can_propose(next) {
+                break;
             }
+            let (unchanged, proposal) = blocking(move || {
+                let proposal = search.propose(next);
+                (search, proposal)
+            })
+            .await?;
+            search = unchanged;
+            let Proposal {
+                controllers,
+                filtered,
+            } = match proposal {
+                Ok(proposal) => proposal,
+                Err(error) => {
+                    committed.await?;
+                    return Err(error.into());
+                }
+            };
+            let job_progress = Arc::<JobProgress>::default();
+            evaluated.push_back(search.evaluate(&context.dispatch, next, controllers, job_progress.clone()));
+            evaluating.push_back(Evaluating {
+                filtered,
+                job_progress,
+            });
+        }
+        let Some(first) = evaluating.pop_front() else {
+            return committed.await;
         };
-        let tasks = proposal.controllers.iter().cloned().zip(search.seeds()).collect();
-        let job = EvaluationJob::of_individuals(&search.campaign, search.embedder, tasks);
-        let evaluated = evaluate(&context.dispatch, handle, job, |place, attempt| {
-            search.substitute(place, attempt)
-        });
-        let (committed, evaluated) = tokio::join!(committed, evaluated);
+        let done = handle.until_done(&first.job_progress, evaluated.next());
+        let (committed, done) = tokio::join!(committed, done);
         committed?;
-        let done = evaluated?;
+        let done = done?.ok_or(CampaignError::Broken)??;
         handle.done(done.evaluations.len() as u64);
-        let (absorbed, generation) = blocking(move || search.absorb(proposal.filtered, done)).await??;
+        let (absorbed, generation) = blocking(move || search.absorb(first.filtered, done)).await??;
         search = absorbed;
         uncommitted = Some(generation);
     }
@@ -171,7 +196,7 @@ async fn restore(
         behaviours: Behaviours::new(dimensions(space, embedder.map(|embedder| embedder.dimensions))),
         scale: Scale::unscaled(space),
         index: Index::new(),
-        parents: Vec::new(),
+        parents: VecDeque::new(),
         next_generation: record.generations_done,
         store: context.store.clone(),
         interrupt: handle.interrupt.clone(),
@@ -187,6 +212,7 @@ impl Search {
         let mut search = self;
         let population = u64::from(search.campaign.spec.search().population());
         let len = search.campaign.individuals();
+        let first_parent = len.saturating_sub(population * search.kept_generations() as u64);
         search.scale = search.store.scale(&search.campaign)?;
         for start in (0..len).step_by(CHUNK as usize) {
             search.interrupt.check()?;
@@ -197,11 +223,19 @@ impl Search {
                     .individuals(&search.campaign.id, search.campaign.spec.model(), range, false)?
             {
                 search.behaviours.push(&individual.behaviour(&search.scale))?;
-                if individual.index + population >= len {
+                if individual.index >= first_parent {
                     let ArchivedIndividual {
-                        controller, novelty, ..
+                        index,
+                        controller,
+                        novelty,
+                        ..
                     } = individual;
-                    search.parents.push(Parent { controller, novelty });
+                    if index % population == 0 {
+                        search.parents.push_back(Vec::new());
+                    }
+                    if let Some(generation) = search.parents.back_mut() {
+                        generation.push(Parent { controller, novelty });
+                    }
                 }
             }
         }
@@ -219,26 +253,56 @@ impl Search {
         Ok(search)
     }
 
-    fn propose(&self) -> Result<Proposal, ProposeError> {
-        breeding::propose(&self.campaign.spec, self.next_generation, &self.parents)
+    /// Number of generations that later ones are bred from.
+    fn kept_generations(&self) -> usize {
+        1 + self.campaign.spec.search().lag() as usize
     }
 
-    /// Seeds of the starts of the next generation.
-    fn seeds(&self) -> Vec<u64> {
-        let first = self.behaviours.len() as u64;
-        let population = u64::from(self.campaign.spec.search().population());
-        (first..first + population)
-            .map(|index| breeding::start_seed(&self.campaign.spec, index))
-            .collect()
+    /// Whether a generation can be proposed, so that it is evaluated now: at most two generations are evaluated at a time.
+    fn can_propose(&self, generation: u32) -> bool {
+        let parents = breeding::parents_of(&self.campaign.spec, generation);
+        let has_parents = parents.is_none_or(|parents| parents < self.next_generation);
+        has_parents && generation <= self.next_generation + 1
     }
 
-    /// The substitute for a poisoned task of the next generation.
-    fn substitute(&self, place: usize, attempt: u64) -> Result<Vec<Placed>, ProposeError> {
-        let index = (self.behaviours.len() + place) as u64;
-        Ok(vec![(
-            place,
-            breeding::substitute(&self.campaign.spec, index, attempt)?,
-        )])
+    fn propose(&self, generation: u32) -> Result<Proposal, ProposeError> {
+        let spec = &self.campaign.spec;
+        let parents = breeding::parents_of(spec, generation).and_then(|parents| {
+            let age = self.next_generation.checked_sub(parents + 1)? as usize;
+            self.parents.get(self.parents.len().checked_sub(age + 1)?)
+        });
+        breeding::propose(spec, generation, parents.map_or(&[], Vec::as_slice))
+    }
+
+    /// Starts the evaluation of a generation once the future is polled.
+    fn evaluate(
+        &self,
+        dispatch: &Dispatch,
+        generation: u32,
+        controllers: Vec<Controller>,
+        job_progress: Arc<JobProgress>,
+    ) -> impl Future<Output = Result<Done, CampaignError>> + use<> {
+        let (dispatch, campaign) = (dispatch.clone(), self.campaign.clone());
+        let first = u64::from(generation) * u64::from(campaign.spec.search().population());
+        let seeds = (first..).map(|index| breeding::start_seed(&self.campaign.spec, index));
+        let job = EvaluationJob {
+            next: true,
+            ..EvaluationJob::of_individuals(
+                &campaign,
+                self.embedder,
+                controllers.into_iter().zip(seeds).collect(),
+            )
+        };
+        async move {
+            let substitute = |place: usize, attempt| {
+                let index = first + place as u64;
+                Ok(vec![(
+                    place,
+                    breeding::substitute(&campaign.spec, index, attempt)?,
+                )])
+            };
+            evaluate(&dispatch, job_progress, job, substitute).await
+        }
     }
 
     /// Adds an evaluated generation to the archive in memory, and returns the generation.
@@ -287,7 +351,11 @@ impl Search {
         }
         let parent = |(controller, novelty)| Parent { controller, novelty };
         let controllers = done.tasks.into_iter().map(|(controller, _)| controller);
-        self.parents = controllers.zip(novelty).map(parent).collect();
+        self.parents
+            .push_back(controllers.zip(novelty).map(parent).collect());
+        while self.parents.len() > self.kept_generations() {
+            self.parents.pop_front();
+        }
         self.next_generation += 1;
         let generation = Generation {
             record,

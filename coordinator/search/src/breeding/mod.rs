@@ -3,7 +3,8 @@
 //! The first generation, and every generation of [`Method::Random`], is sampled uniformly from the controller space. The first
 //! generation begins with the controllers that the specification names, if any; the filter does not apply to these controllers.
 //! Every other generation is bred from the generation before: parents win tournaments by novelty, and a child is crossed over and
-//! mutated. A controller that fails the filter is drawn or bred anew.
+//! mutated. With a lag of 1, a generation is bred from the last generation but one, and the second generation is sampled too. A
+//! controller that fails the filter is drawn or bred anew.
 //!
 //! Generations of [`Method::Exhaustive`] are slices of the ordered list of all controllers. If there are more controllers than
 //! the campaign evaluates, the generations are slices of an evenly spread sequence (the module `spread`).
@@ -45,7 +46,7 @@ pub struct Proposal {
     pub filtered: u64,
 }
 
-/// An individual of the previous generation.
+/// An individual that a generation is bred from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parent {
     pub controller: Controller,
@@ -82,8 +83,17 @@ pub enum ProposeError {
     },
 }
 
-/// The controllers of `generation` (from 0), as many as the population. `parents` are the individuals of the previous generation,
-/// in order; only breeding uses them.
+/// The generation whose individuals are the parents of `generation`; `None` if `generation` is not bred.
+#[must_use]
+pub fn parents_of(spec: &CampaignSpec, generation: u32) -> Option<u32> {
+    match spec.method() {
+        Method::Exhaustive | Method::Random => None,
+        _ => generation.checked_sub(1 + spec.search().lag()),
+    }
+}
+
+/// The controllers of `generation` (from 0), as many as the population. `parents` are the individuals of the generation that
+/// [`parents_of`] returns, in order; only breeding uses them.
 ///
 /// # Errors
 /// [`ProposeError`] if a generation must be bred without parents or from parents of another model, or if the
@@ -92,7 +102,7 @@ pub fn propose(spec: &CampaignSpec, generation: u32, parents: &[Parent]) -> Resu
     if spec.method() == Method::Exhaustive {
         return Ok(slice(spec, generation));
     }
-    if generation == 0 || spec.method() == Method::Random {
+    if parents_of(spec, generation).is_none() {
         let initial = match generation {
             0 => spec.controllers().initial(),
             _ => &[],

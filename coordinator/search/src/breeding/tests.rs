@@ -120,6 +120,19 @@ fn random_search_never_looks_at_parents() {
 }
 
 /// The chance that at least `least` of `trials` succeed, each with probability `p`.
+#[test]
+fn with_a_lag_the_second_generation_is_sampled_and_later_ones_have_older_parents() {
+    let (now, lagging) = (single("", ""), single("", "lag = 1"));
+    let of = |spec: &CampaignSpec| [0, 1, 2, 7].map(|generation| parents_of(spec, generation));
+    assert_eq!(of(&now), [None, Some(0), Some(1), Some(6)]);
+    assert_eq!(of(&lagging), [None, None, Some(0), Some(5)]);
+    assert_eq!(of(&spec("single-sensor", "random", "", "")), [None; 4]);
+    let [first, second] = [0, 1].map(|generation| propose(&lagging, generation, &[]).unwrap());
+    assert_ne!(first, second);
+    let refused = propose(&lagging, 2, &[]).unwrap_err();
+    assert_eq!(refused, ProposeError::NoParents { generation: 2 });
+}
+
 fn at_least(least: i32, trials: i32, p: f64) -> f64 {
     let exactly = |k: i32| {
         let ways = (0..k).fold(1.0, |ways, i| ways * f64::from(trials - i) / f64::from(i + 1));

@@ -45,6 +45,28 @@ fn jobs_share_the_workers_by_cost() {
 }
 
 #[test]
+fn a_job_after_another_waits_for_it_and_both_have_one_turn() {
+    let (mut table, [worker]) = workers([1_000_000]);
+    let first = table.submit(params(1000));
+    let other = table.submit(params(4000));
+    let second = table.submit(JobParams {
+        after: Some(first),
+        ..params(1000)
+    });
+    let mut had = BTreeMap::from([(first, 0), (other, 0), (second, 0)]);
+    while had[&second] < 900 {
+        let grant = table.grant(now()).unwrap();
+        *had.get_mut(&grant.job).unwrap() += grant.tasks.len();
+        assert!(grant.job != second || had[&first] == 1000, "{had:?}");
+        table
+            .complete(worker, grant.lease, answers(&grant), now())
+            .unwrap();
+    }
+    let ratio = (had[&first] + had[&second]) as f64 / had[&other] as f64;
+    assert!((0.8..1.2).contains(&ratio), "{had:?}");
+}
+
+#[test]
 fn who_gives_a_job_back_pauses_from_it_for_longer_each_time_and_does_others_meanwhile() {
     let (mut table, [worker]) = workers([1000]);
     let mut now = now();
