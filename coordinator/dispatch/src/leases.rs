@@ -13,8 +13,10 @@
 //!
 //! [`LeaseTable::take_events`] returns what happened to jobs and machines; [`LeaseTable::grant`] returns the next lease to send.
 
+mod audits;
 mod held;
 mod job;
+mod machine;
 mod quarantine;
 mod queues;
 mod roster;
@@ -22,6 +24,7 @@ mod task;
 mod turns;
 mod workers;
 
+pub use audits::Audits;
 use job::Job;
 use murmuration_model::MachineId;
 use queues::Queues;
@@ -42,7 +45,8 @@ pub(crate) const MOST_LOST: usize = 3;
 const SPECULATION_DELAY: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(5));
 /// A lease is late after `LATE` times the usual turnaround.
 const LATE: u32 = 4;
-/// A machine hangs if it has had leases and answered none for this time, or for [`HANGS`] times the usual turnaround if that is longer.
+/// A machine hangs if it owes the answer to a lease for longer than this time, or than [`HANGS`] times its own usual turnaround if
+/// that is longer.
 const HANGS_AFTER: Duration = Duration::from_secs(30);
 const HANGS: u32 = 8;
 
@@ -142,6 +146,8 @@ pub enum Event<R> {
         job: JobId,
         /// Outcome of each task, in the order of the tasks.
         results: Vec<Settled<R>>,
+        /// Audits that the job does not wait for.
+        audits: Option<Audits>,
     },
     /// Machines disagree about a task, and no other machine can decide; the job is now forgotten.
     Disagreement {
@@ -150,6 +156,13 @@ pub enum Event<R> {
         task: usize,
         /// Workers whose results differ.
         between: Vec<WorkerProcessId>,
+    },
+    /// Audits end without a second result, because no other machine can repeat the tasks.
+    Waived {
+        /// The job of the tasks; it may be over.
+        job: JobId,
+        /// Number of tasks.
+        tasks: usize,
     },
     /// Workers on two machines (or on the only machine) report that a task is impossible. The job is now forgotten.
     Impossible {
@@ -210,6 +223,8 @@ pub struct LeaseTable<R> {
     dispute_timeout: Duration,
     /// Usual time between a lease and its result.
     turnaround: Option<Duration>,
+    /// When audits that go on after their jobs were last looked at.
+    looked_at_audits: Option<Instant>,
     next: u64,
 }
 
@@ -223,7 +238,7 @@ struct Lease {
     holder: Option<WorkerId>,
 }
 
-impl<R: Agree> LeaseTable<R> {
+impl<R: Agree + Clone> LeaseTable<R> {
     /// An empty table; `dispute_timeout` is how long a dispute waits for a machine that can decide it.
     #[must_use]
     pub const fn new(dispute_timeout: Duration) -> Self {
@@ -236,6 +251,7 @@ impl<R: Agree> LeaseTable<R> {
             events: Vec::new(),
             served: 0,
             turnaround: None,
+            looked_at_audits: None,
             next: 0,
         }
     }
@@ -260,6 +276,7 @@ impl<R: Agree> LeaseTable<R> {
             speculative: params.speculative,
             embeds: params.embeds,
             after: params.after,
+            is_audits: false,
             leases: BTreeSet::new(),
             rested: BTreeSet::new(),
             lost_with: BTreeMap::new(),
@@ -315,7 +332,7 @@ impl<R: Agree> LeaseTable<R> {
         results: Vec<R>,
         now: Instant,
     ) -> Result<(), Refused> {
-        self.note_answer(worker);
+        self.excuse(worker, number);
         let lease = self.leases.get(&number).ok_or(Refused::UnknownLease)?;
         let process = self.process(worker).ok_or(Refused::UnknownLease)?;
         if lease.process != process {
@@ -334,6 +351,7 @@ impl<R: Agree> LeaseTable<R> {
             worker.active = now;
             worker.answered = worker.answered.saturating_add(answered);
         });
+        self.workers.learn(process.machine, answered, took);
         self.learn_turnaround(took);
         let held = self.release(number);
         let Some(Lease { tasks, .. }) = self.leases.remove(&number) else {
@@ -359,7 +377,7 @@ impl<R: Agree> LeaseTable<R> {
         let Some(job) = self.leased(worker, number) else {
             return;
         };
-        self.note_answer(worker);
+        self.excuse(worker, number);
         self.workers.change(worker, |worker| worker.rest_from(job, now));
         if let Some(job) = self.jobs.get_mut(&job) {
             job.rested.insert(worker);
@@ -422,7 +440,7 @@ impl<R: Agree> LeaseTable<R> {
     }
 
     /// A lease makes progress, so its tasks are not to blame for workers lost before.
-    pub(crate) fn get_on(&mut self, number: LeaseNumber) {
+    pub(crate) fn get_on(&mut self, number: LeaseNumber, now: Instant) {
         let Some(Lease {
             job, tasks, holder, ..
         }) = self.leases.get(&number)
@@ -435,13 +453,13 @@ impl<R: Agree> LeaseTable<R> {
             }
         }
         if let Some(holder) = *holder {
-            self.note_answer(holder);
+            self.workers.renew(holder, number, now);
         }
     }
 
-    /// A worker answered a lease, even one whose job is over: its machine does not hang.
-    pub(crate) fn note_answer(&mut self, worker: WorkerId) {
-        self.workers.answers(worker);
+    /// A worker need not answer a lease any more, or has answered it. Returns whether the worker owed the answer: its job may be over.
+    pub fn excuse(&mut self, worker: WorkerId, number: LeaseNumber) -> bool {
+        self.workers.excuse(worker, number)
     }
 
     /// Records a job's progress as an event, and forgets the job once it is over.
@@ -452,11 +470,16 @@ impl<R: Agree> LeaseTable<R> {
             self.events.push(Event::Progress { job: id, settled });
             return;
         }
+        let audits = self.go_on_with_audits(id);
         let tasks = self.jobs.get_mut(&id).map(|job| std::mem::take(&mut job.tasks));
         let tasks = tasks.unwrap_or_default();
         self.forget(id);
         let results = tasks.into_iter().filter_map(Task::into_settled).collect();
-        self.events.push(Event::Done { job: id, results });
+        self.events.push(Event::Done {
+            job: id,
+            results,
+            audits,
+        });
     }
 
     /// Takes a lease from its holder; false if no worker holds it.

@@ -7,6 +7,7 @@ mod job;
 mod job_progress;
 pub mod leases;
 mod metrics;
+mod open_audits;
 mod service;
 mod submitted;
 mod trainers;
@@ -23,6 +24,7 @@ pub use trainers::Trainers;
 use murmuration_model::{CampaignId, MachineId, Maker, Origin, Quarantined, SavedTraining};
 use murmuration_proto::v1;
 use murmuration_swarm::{CheckpointDigest, EmbeddingKind, Invalid, Replay, training::Configuration};
+use open_audits::OpenAudits;
 use service::Service;
 use std::{convert::Infallible, fmt, str::FromStr, sync::Arc, time::Duration};
 use submitted::{AnyJob, Submitted};
@@ -123,6 +125,7 @@ pub struct Dispatch {
     commands: mpsc::Sender<Command>,
     workers: watch::Receiver<usize>,
     quarantined: watch::Receiver<Vec<Quarantined>>,
+    audits: watch::Sender<OpenAudits>,
 }
 
 #[derive(Debug)]
@@ -263,18 +266,6 @@ enum Request {
     },
 }
 
-impl Request {
-    const fn is_sign_of_life(&self) -> bool {
-        matches!(
-            self,
-            Self::Report {
-                report: WorkerReport::Heartbeat,
-                ..
-            }
-        )
-    }
-}
-
 impl Dispatch {
     /// Starts a dispatcher on the current runtime. The dispatcher refuses the machines in `wrong`, which were quarantined
     /// earlier.
@@ -283,12 +274,37 @@ impl Dispatch {
         let (commands, inbox) = mpsc::channel(1024);
         let (count, workers) = watch::channel(0);
         let (wrong, quarantined) = watch::channel(wrong);
-        tokio::spawn(Service::new(options, count, wrong, metrics).run(inbox));
+        let audits = watch::Sender::default();
+        tokio::spawn(Service::new(options, count, wrong, audits.clone(), metrics).run(inbox));
         Self {
             commands,
             workers,
             quarantined,
+            audits,
         }
+    }
+
+    /// Waits until the audits are over that went on after the jobs of a campaign. `job_progress` says meanwhile what is waited for.
+    pub async fn audited(&self, campaign: CampaignId, job_progress: Arc<JobProgress>) {
+        let text = "another machine repeats some evaluations, to compare the results (an audit)";
+        job_progress.set_trouble(Some(text.to_owned()));
+        // The sender is this handle's own, so that it is never closed.
+        let _ = self
+            .audits
+            .subscribe()
+            .wait_for(|audits| !audits.has(&campaign))
+            .await;
+    }
+
+    /// The disagreement that an audit found after a job of this campaign, if no third machine could decide it. It is then forgotten.
+    #[must_use]
+    pub fn take_disagreement(&self, campaign: &CampaignId) -> Option<JobError> {
+        let mut taken = None;
+        self.audits.send_if_modified(|audits| {
+            taken = audits.take_disagreement(campaign);
+            taken.is_some()
+        });
+        taken
     }
 
     /// Evaluates a job on the workers; `job_progress` receives the job's progress. Results are in the order of the tasks.

@@ -75,6 +75,7 @@ pub struct Families {
     dropped: Family<MetricLabels, Counter>,
     quarantined: Counter,
     audited: Counter,
+    waived: Counter,
     disagreements: Counter,
     poisoned: Counter,
     done: Family<MetricLabels, Counter>,
@@ -104,6 +105,7 @@ impl Families {
             dropped: Family::default(),
             quarantined: Counter::default(),
             audited: Counter::default(),
+            waived: Counter::default(),
             disagreements: Counter::default(),
             poisoned: Counter::default(),
             done: Family::default(),
@@ -118,6 +120,7 @@ impl Families {
             dropped,
             quarantined,
             audited,
+            waived,
             disagreements,
             poisoned,
             done,
@@ -149,6 +152,11 @@ impl Families {
             "audits",
             "Evaluations repeated on another worker, to compare",
             audited,
+        );
+        registry.register(
+            "audits_waived",
+            "Audits that ended without a result of another worker",
+            waived,
         );
         registry.register(
             "disagreements",
@@ -219,6 +227,11 @@ impl DispatchMetrics {
     /// An evaluation was repeated on another worker.
     pub(crate) fn audited(&self) {
         self.families.audited.inc();
+    }
+
+    /// Audits ended without a result of another worker.
+    pub(crate) fn waived(&self, tasks: usize) {
+        self.families.waived.inc_by(tasks as u64);
     }
 
     /// A job ended because machines disagree about a task.

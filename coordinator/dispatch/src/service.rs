@@ -3,8 +3,8 @@
 mod results;
 
 use super::{
-    Command, JobProgress, JoinError, JoinRequest, Options, Outbox, Publication, Request, TrainingJob,
-    TrainingLease, WorkerReport,
+    Command, JobProgress, JoinError, JoinRequest, OpenAudits, Options, Outbox, Publication, Request,
+    TrainingJob, TrainingLease, WorkerReport,
     submitted::{AnyJob, Vote},
 };
 use crate::{
@@ -33,6 +33,9 @@ use tracing::Span;
 const TICK: Duration = Duration::from_millis(100);
 /// Once this number of names is remembered, names of processes that are gone are forgotten.
 const MOST_NAMES: usize = 4096;
+/// Maximum number of answers on one connection to leases that the worker does not owe. A sound worker sends a few after it or the
+/// coordinator has restarted.
+const MAX_STRAYS: u32 = 4096;
 /// Maximum number of checkpoints that trainers may publish for one training. One checkpoint is needed. More checkpoints come if
 /// trainers repeat a request, or are lost before they report the checkpoint.
 const MOST_PUBLICATIONS: u32 = 64;
@@ -62,6 +65,7 @@ pub(super) struct Service {
     count: watch::Sender<usize>,
     wrong: watch::Sender<Vec<Quarantined>>,
     metrics: DispatchMetrics,
+    audits: watch::Sender<OpenAudits>,
     /// Leases without an answer, whose jobs are not over.
     given: BTreeMap<LeaseNumber, Given>,
 }
@@ -76,6 +80,8 @@ struct Given {
 
 struct Job {
     submitted: Box<dyn AnyJob>,
+    /// For audits that go on after their job: the places of their tasks in that job.
+    audits: Option<Vec<usize>>,
     job_progress: Arc<JobProgress>,
     /// A worker's reason why the job is impossible.
     refusal: Option<String>,
@@ -90,6 +96,8 @@ struct Worker {
     _present: oneshot::Sender<Infallible>,
     /// Leases of trainings that were granted to the worker.
     trainings: BTreeSet<LeaseNumber>,
+    /// Number of answers to leases that the worker did not owe.
+    strays: u32,
 }
 
 impl Job {
@@ -105,6 +113,7 @@ impl Service {
         options: Options,
         count: watch::Sender<usize>,
         wrong: watch::Sender<Vec<Quarantined>>,
+        audits: watch::Sender<OpenAudits>,
         metrics: DispatchMetrics,
     ) -> Self {
         let epoch = SystemTime::now()
@@ -125,6 +134,7 @@ impl Service {
             count,
             wrong,
             metrics,
+            audits,
             given: BTreeMap::new(),
         }
     }
@@ -168,15 +178,16 @@ impl Service {
             let Command::Work(request) = command else {
                 return Taken::Stop;
             };
-            if !request.is_sign_of_life() {
+            if self.take(request) {
                 taken = Taken::Work;
             }
-            self.take(request);
         }
         taken
     }
 
-    fn take(&mut self, request: Request) {
+    /// Handles a request. Returns whether leases or events may follow from it: most messages of a large cluster are signs of life, and
+    /// answers that nobody waits for must not cost more.
+    fn take(&mut self, request: Request) -> bool {
         match request {
             Request::Submit { job, job_progress } => {
                 let (chance, share) = (&mut self.chance, self.options.audited.get());
@@ -185,13 +196,19 @@ impl Service {
                 let id = self.table.submit(JobParams { after, ..params });
                 let job = Job {
                     submitted: job,
+                    audits: None,
                     job_progress,
                     refusal: None,
                     publications: 0,
                 };
                 self.jobs.insert(id, job);
+                return true;
             }
-            Request::Join { join_request, reply } => self.welcome(join_request, reply),
+            Request::Join { join_request, reply } => {
+                self.welcome(join_request, reply);
+                return true;
+            }
+            Request::Report { worker, report } => return self.take_report(worker, report),
             Request::TrainingLease {
                 worker,
                 epoch,
@@ -218,42 +235,55 @@ impl Service {
                 // The client may have disconnected.
                 let _ = reply.send(self.connected());
             }
-            Request::Report { worker, report } => {
-                self.table.keep_alive(worker, Instant::now());
-                match report {
-                    WorkerReport::Credits(count) => self.table.add_credits(worker, count),
-                    WorkerReport::Heartbeat => {}
-                    WorkerReport::Drain => self.table.drain(worker),
-                    WorkerReport::Gone => self.lose(worker, None),
-                    WorkerReport::Result {
-                        epoch,
-                        lease,
-                        outcome,
-                    } if epoch == self.epoch => {
-                        self.take_result(worker, lease, outcome);
-                    }
-                    WorkerReport::Training {
-                        epoch,
-                        lease,
-                        progress,
-                    } if epoch == self.epoch => self.tell_training(worker, lease, |job| {
-                        job.progress.send_replace(Some(progress));
-                    }),
-                    WorkerReport::Saved {
-                        epoch,
-                        lease,
-                        training,
-                    } if epoch == self.epoch => self.tell_training(worker, lease, |job| {
-                        job.saved.send_replace(Some(training));
-                    }),
-                    WorkerReport::Result { .. }
-                    | WorkerReport::Training { .. }
-                    | WorkerReport::Saved { .. } => {
-                        tracing::debug!(?worker, "a report on a lease of an earlier epoch");
-                    }
-                }
+        }
+        false
+    }
+
+    fn take_report(&mut self, worker: WorkerId, report: WorkerReport) -> bool {
+        self.table.keep_alive(worker, Instant::now());
+        match report {
+            WorkerReport::Credits(count) => self.table.add_credits(worker, count),
+            WorkerReport::Heartbeat => return false,
+            WorkerReport::Drain => self.table.drain(worker),
+            WorkerReport::Gone => self.lose(worker, None),
+            WorkerReport::Result {
+                epoch,
+                lease,
+                outcome,
+            } if epoch == self.epoch => return self.take_result(worker, lease, outcome),
+            WorkerReport::Training {
+                epoch,
+                lease,
+                progress,
+            } if epoch == self.epoch => self.tell_training(worker, lease, |job| {
+                job.progress.send_replace(Some(progress));
+            }),
+            WorkerReport::Saved {
+                epoch,
+                lease,
+                training,
+            } if epoch == self.epoch => self.tell_training(worker, lease, |job| {
+                job.saved.send_replace(Some(training));
+            }),
+            WorkerReport::Result { .. } | WorkerReport::Training { .. } | WorkerReport::Saved { .. } => {
+                return self.count_stray(worker);
             }
         }
+        true
+    }
+
+    /// Counts an answer to a lease that the worker does not owe; returns whether that was too many, and the worker is dropped.
+    fn count_stray(&mut self, worker: WorkerId) -> bool {
+        let Some(known) = self.workers.get_mut(&worker) else {
+            return false;
+        };
+        known.strays += 1;
+        let is_flood = known.strays > MAX_STRAYS;
+        if is_flood {
+            let text = format!("over {MAX_STRAYS} answers to leases that this worker does not have");
+            self.lose(worker, Some(Status::resource_exhausted(text)));
+        }
+        is_flood
     }
 
     /// The last job of the same kind and campaign.
@@ -308,6 +338,7 @@ impl Service {
                 outbox,
                 _present: present,
                 trainings,
+                strays: 0,
             },
         );
         self.send(id, welcome);
@@ -351,6 +382,8 @@ impl Service {
             // Only trainings are withdrawn: an evaluation ends before the message would arrive.
             if job.is_some_and(|job| job.training().is_some()) {
                 for (worker, lease) in held {
+                    // The trainer need not answer.
+                    self.table.excuse(worker, lease);
                     let lease = Some(self.lease_id(lease));
                     let withdrawal = v1::coordinator_message::Message::Withdrawal(v1::Withdrawal { lease });
                     self.send(worker, withdrawal);

@@ -60,6 +60,10 @@ pub(super) trait AnyJob: fmt::Debug + Send {
     /// Whether the submitter no longer waits for the job.
     fn is_withdrawn(&self) -> bool;
 
+    /// The audits of the tasks at these places, with their results, as a job for which nobody waits; `None` if this work is not
+    /// audited.
+    fn audits(&self, places: &[usize]) -> Option<Box<dyn AnyJob>>;
+
     /// Keeps a worker's results of the tasks at these places, and returns a vote for each result.
     fn keep(&mut self, places: &[usize], outcome: Outcome, kind: EmbeddingKind)
     -> Result<Vec<Vote>, Unsound>;
@@ -80,20 +84,22 @@ pub(super) struct Submitted<W: Work> {
     work: W,
     /// The results of each task, in the order of their arrival.
     results: Vec<Vec<W::Result>>,
-    reply: oneshot::Sender<Outcomes<W>>,
+    /// `None` for audits that go on after their job.
+    reply: Option<oneshot::Sender<Outcomes<W>>>,
 }
 
 impl<W: Work> Submitted<W> {
     pub(super) fn new(work: W) -> (Self, oneshot::Receiver<Outcomes<W>>) {
         let (reply, answer) = oneshot::channel();
         let results = (0..work.tasks()).map(|_| Vec::new()).collect();
+        let reply = Some(reply);
         let submitted = Self { work, results, reply };
         (submitted, answer)
     }
 
     fn reply(self, outcomes: Outcomes<W>) {
         // The waiting task may have been cancelled.
-        let _ = self.reply.send(outcomes);
+        let _ = self.reply.map(|reply| reply.send(outcomes));
     }
 }
 
@@ -144,7 +150,15 @@ impl<W: Work> AnyJob for Submitted<W> {
     }
 
     fn is_withdrawn(&self) -> bool {
-        self.reply.is_closed()
+        self.reply.as_ref().is_some_and(oneshot::Sender::is_closed)
+    }
+
+    fn audits(&self, places: &[usize]) -> Option<Box<dyn AnyJob>> {
+        Some(Box::new(Self {
+            work: self.work.only(places)?,
+            results: places.iter().map(|&place| self.results[place].clone()).collect(),
+            reply: None,
+        }))
     }
 
     fn keep(

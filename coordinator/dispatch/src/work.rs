@@ -17,7 +17,7 @@ const EMBEDDING_COST: u64 = 1300;
 /// The work of a job. Its submitter receives an outcome for each task.
 pub(super) trait Work: Debug + Send + 'static {
     /// The result of a task, as a worker sends it.
-    type Result: Send;
+    type Result: Clone + Send;
     /// Outcome of a task, for the submitter.
     type Outcome: Debug + Send;
 
@@ -39,6 +39,14 @@ pub(super) trait Work: Debug + Send + 'static {
     /// Whether a second machine repeats some tasks.
     fn is_audited(&self) -> bool {
         false
+    }
+
+    /// The work on the tasks at these places alone; `None` if this work is not audited.
+    fn only(&self, _places: &[usize]) -> Option<Self>
+    where
+        Self: Sized,
+    {
+        None
     }
 
     /// Whether a late lease is also given to a worker that would be idle.
@@ -139,6 +147,13 @@ impl Work for EvaluationJob {
         true
     }
 
+    fn only(&self, places: &[usize]) -> Option<Self> {
+        Some(Self {
+            tasks: places.iter().map(|&place| self.tasks[place].clone()).collect(),
+            ..self.clone()
+        })
+    }
+
     fn embeds(&self) -> bool {
         self.embedder.is_some()
     }
@@ -217,6 +232,13 @@ impl Work for EmbeddingJob {
 
     fn is_audited(&self) -> bool {
         true
+    }
+
+    fn only(&self, places: &[usize]) -> Option<Self> {
+        Some(Self {
+            images: places.iter().map(|&place| self.images[place].clone()).collect(),
+            ..self.clone()
+        })
     }
 
     fn embeds(&self) -> bool {

@@ -3,7 +3,7 @@
 use super::{Agree, JobId, LeaseNumber, LeaseTable, WorkerId};
 use murmuration_model::MachineId;
 
-impl<R: Agree> LeaseTable<R> {
+impl<R: Agree + Clone> LeaseTable<R> {
     pub fn held(&self, job: JobId) -> impl Iterator<Item = (WorkerId, LeaseNumber)> {
         let leases = self.jobs.get(&job).into_iter().flat_map(|job| &job.leases);
         leases.filter_map(|number| Some((self.leases.get(number)?.holder?, *number)))

@@ -21,6 +21,8 @@ pub(super) struct Job<R> {
     pub(super) embeds: bool,
     /// An earlier job with which the job shares its turns.
     pub(super) after: Option<JobId>,
+    /// Whether the job is the rest of another job: audits that the other job did not wait for.
+    pub(super) is_audits: bool,
     /// The job's leases, including leases that no worker holds any more.
     pub(super) leases: BTreeSet<LeaseNumber>,
     /// Workers that gave back leases of the job.

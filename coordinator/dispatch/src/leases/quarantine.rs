@@ -4,7 +4,7 @@ use super::{Agree, Back, Event, LeaseTable, WorkerProcessId, job::Job, task::Tas
 use murmuration_model::MachineId;
 use std::collections::BTreeSet;
 
-impl<R: Agree> LeaseTable<R> {
+impl<R: Agree + Clone> LeaseTable<R> {
     /// Refuses a machine that was found wrong before this table existed.
     pub fn mistrust(&mut self, machine: MachineId) {
         self.quarantined.insert(machine);

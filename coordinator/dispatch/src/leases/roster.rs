@@ -1,12 +1,12 @@
 //! The connected workers, in the order of their turns. Look-ups take logarithmic time in the number of workers; only look-ups
 //! that iterate over all workers take longer.
 
-use super::{WorkerId, workers::Worker};
+use super::{LeaseNumber, WorkerId, machine::Machine, workers::Worker};
 use murmuration_model::MachineId;
 use std::{
     cmp::Reverse,
     collections::{BTreeMap, BTreeSet},
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 /// Order of turns: workers with a lower load first, then workers with more credits, then workers that joined earlier.
@@ -29,16 +29,6 @@ pub(super) struct Roster {
     out: usize,
 }
 
-/// A machine with connected workers.
-#[derive(Debug, Default)]
-struct Machine {
-    /// Number of its workers, at least one.
-    workers: usize,
-    /// When it got the first lease since its last answer. Remains after the lease's job is over, since workers answer those leases
-    /// too.
-    unanswered_since: Option<Instant>,
-}
-
 /// Number of workers that take work, and number of tasks that they have proven to run at once.
 #[derive(Debug, Clone, Copy, Default)]
 struct Staff {
@@ -47,14 +37,12 @@ struct Staff {
 }
 
 impl Staff {
-    fn add(&mut self, worker: &Worker) {
-        self.workers += usize::from(worker.capacity > 0);
-        self.capacity += worker.proven_capacity();
+    const fn add(&mut self, worker: &Worker) {
+        self.workers += (worker.capacity > 0) as usize;
     }
 
-    fn take_away(&mut self, worker: &Worker) {
-        self.workers -= usize::from(worker.capacity > 0);
-        self.capacity -= worker.proven_capacity();
+    const fn take_away(&mut self, worker: &Worker) {
+        self.workers -= (worker.capacity > 0) as usize;
     }
 }
 
@@ -140,8 +128,8 @@ impl Roster {
     }
 
     pub(super) fn insert(&mut self, id: WorkerId, worker: Worker) {
-        self.enter(id, &worker);
         self.machines.entry(worker.machine()).or_default().workers += 1;
+        self.enter(id, &worker);
         self.workers.insert(id, worker);
     }
 
@@ -151,6 +139,9 @@ impl Roster {
         };
         self.strike(id, &worker);
         if let Some(machine) = self.machines.get_mut(&worker.machine()) {
+            for &lease in &worker.owes {
+                machine.excuse(lease);
+            }
             machine.workers -= 1;
             if machine.workers == 0 {
                 self.machines.remove(&worker.machine());
@@ -158,28 +149,56 @@ impl Roster {
         }
     }
 
-    /// Notes that a worker got a lease.
-    pub(super) fn gets_lease(&mut self, id: WorkerId, now: Instant) {
-        if let Some(machine) = self.machine_mut(id) {
-            machine.unanswered_since.get_or_insert(now);
+    /// Records that a worker owes the answer to a lease.
+    pub(super) fn owe(&mut self, id: WorkerId, lease: LeaseNumber, now: Instant) {
+        if let Some(worker) = self.workers.get_mut(&id) {
+            worker.owes.insert(lease);
+            let machine = worker.machine();
+            self.change_machine(machine, |machine| machine.owe(lease, now));
         }
     }
 
-    /// Notes that a worker answered a lease, or got on with one.
-    pub(super) fn answers(&mut self, id: WorkerId) {
-        if let Some(machine) = self.machine_mut(id) {
-            machine.unanswered_since = None;
+    /// Records that a worker need not answer a lease any more; returns whether the worker owed the answer.
+    pub(super) fn excuse(&mut self, id: WorkerId, lease: LeaseNumber) -> bool {
+        let Some(worker) = self.workers.get_mut(&id) else {
+            return false;
+        };
+        let owed = worker.owes.remove(&lease);
+        let machine = worker.machine();
+        if owed {
+            self.change_machine(machine, |machine| machine.excuse(lease));
+        }
+        owed
+    }
+
+    /// Records that a worker makes progress with a lease that takes long.
+    pub(super) fn renew(&mut self, id: WorkerId, lease: LeaseNumber, now: Instant) {
+        if self.excuse(id, lease) {
+            self.owe(id, lease, now);
         }
     }
 
-    /// Since when a machine has had leases and answered none.
-    pub(super) fn unanswered_since(&self, machine: MachineId) -> Option<Instant> {
-        self.machines.get(&machine)?.unanswered_since
+    /// Records an answer of a machine to a lease of this many tasks, which took this long.
+    pub(super) fn learn(&mut self, machine: MachineId, tasks: usize, took: Duration) {
+        self.change_machine(machine, |machine| machine.learn(tasks, took));
     }
 
-    fn machine_mut(&mut self, id: WorkerId) -> Option<&mut Machine> {
-        let machine = self.workers.get(&id)?.machine();
-        self.machines.get_mut(&machine)
+    /// Whether a machine owes an answer for so long that nobody should wait for the machine.
+    pub(super) fn hangs(&self, machine: MachineId, now: Instant) -> bool {
+        self.machines
+            .get(&machine)
+            .is_some_and(|machine| machine.hangs(now))
+    }
+
+    /// Changes a machine, whose proven capacity may change too.
+    fn change_machine<T>(&mut self, id: MachineId, change: impl FnOnce(&mut Machine) -> T) -> Option<T> {
+        let machine = self.machines.get_mut(&id)?;
+        let before = machine.proven();
+        let changed = change(machine);
+        let after = machine.proven();
+        self.all.capacity = self.all.capacity - before.all + after.all;
+        self.embedders.capacity = self.embedders.capacity - before.embedders + after.embedders;
+        Some(changed)
     }
 
     /// Changes a worker and its turn; `None` if the worker is unknown. Every change of a worker must use this function.
@@ -201,6 +220,7 @@ impl Roster {
 
     fn enter(&mut self, id: WorkerId, worker: &Worker) {
         self.all.add(worker);
+        self.change_machine(worker.machine(), |machine| machine.add(worker));
         self.out += worker.holds.len();
         self.by_leases.insert((worker.holds.len(), id));
         let turn = worker.turn(id);
@@ -213,6 +233,7 @@ impl Roster {
 
     fn strike(&mut self, id: WorkerId, worker: &Worker) {
         self.all.take_away(worker);
+        self.change_machine(worker.machine(), |machine| machine.take_away(worker));
         self.out -= worker.holds.len();
         self.by_leases.remove(&(worker.holds.len(), id));
         if worker.embeds {

@@ -64,6 +64,8 @@ struct SimulatedCluster {
     processes: BTreeMap<WorkerProcessId, Process>,
     machines: BTreeMap<MachineId, Character>,
     jobs: BTreeMap<JobId, Submitted>,
+    /// For each job of audits: the old job, and the places of the tasks there.
+    origins: BTreeMap<JobId, (JobId, Vec<usize>)>,
     next_instance: u64,
     /// How often each kind of event occurred, to check that the schedules reach all kinds.
     seen: Seen,
@@ -77,6 +79,8 @@ struct Seen {
     quarantines: u64,
     impossible: u64,
     late: u64,
+    postponed: u64,
+    waived: u64,
 }
 
 impl SimulatedCluster {
@@ -88,6 +92,7 @@ impl SimulatedCluster {
             processes: BTreeMap::new(),
             machines: BTreeMap::new(),
             jobs: BTreeMap::new(),
+            origins: BTreeMap::new(),
             next_instance: 0,
             seen: Seen::default(),
         }
@@ -260,7 +265,7 @@ impl SimulatedCluster {
         let contradicts = u64::from(self.chance(6));
         let say = |&place: &usize| match lies {
             true => u64::MAX - id.machine.0 - 1000 * contradicts,
-            false => truth(grant.job, place),
+            false => self.truth(grant.job, place),
         };
         let results = grant.tasks.iter().map(say).collect();
         let taken = self.table.complete(worker, grant.lease, results, self.now);
@@ -414,6 +419,8 @@ fn no_task_is_lost_or_done_twice_and_there_is_always_progress() {
         seen.quarantines += one.quarantines;
         seen.impossible += one.impossible;
         seen.late += one.late;
+        seen.postponed += one.postponed;
+        seen.waived += one.waived;
     }
     eprintln!("{count} schedules from seed {first}: {seen:?}");
     let all = [
@@ -423,6 +430,8 @@ fn no_task_is_lost_or_done_twice_and_there_is_always_progress() {
         seen.quarantines,
         seen.impossible,
         seen.late,
+        seen.postponed,
+        seen.waived,
     ];
     assert!(
         all.iter().all(|&count| count > 0),

@@ -18,6 +18,8 @@ pub(super) struct Task<R> {
     pub(super) alone_since: Option<Instant>,
     /// Whether one vote does not settle the task.
     audited: bool,
+    /// Whether a second vote is still wanted once the task's job is over.
+    is_postponed: bool,
     /// Whether workers lost on one machine are enough to poison the task.
     one_machine_is_enough: bool,
 }
@@ -48,6 +50,7 @@ impl<R: Agree> Task<R> {
             out: 0,
             alone_since: None,
             audited,
+            is_postponed: false,
             one_machine_is_enough: false,
         }
     }
@@ -170,9 +173,27 @@ impl<R: Agree> Task<R> {
         self.one_machine_is_enough = true;
     }
 
-    /// From now on, one vote settles the task.
+    /// From now on, one vote settles the task, for good.
     pub(super) const fn waive_audit(&mut self) {
         self.audited = false;
+    }
+
+    /// From now on, one vote settles the task for its job. The audit goes on after the job.
+    pub(super) const fn postpone_audit(&mut self) {
+        self.audited = false;
+        self.is_postponed = true;
+    }
+
+    /// The task of an audit that goes on after the job of this task, with the vote that was cast.
+    pub(super) fn postponed(&self) -> Option<Self>
+    where
+        R: Clone,
+    {
+        let is_open = self.is_postponed && self.votes.len() == 1;
+        is_open.then(|| Self {
+            votes: self.votes.clone(),
+            ..Self::new(true)
+        })
     }
 
     /// Processes whose votes differ from the settled result.

@@ -234,7 +234,7 @@ fn an_audit_does_not_wait_for_a_worker_that_hangs_and_takes_nothing_more() {
     let start = now();
     table.submit(params(1));
     table.grant(start).expect("what it hangs over");
-    table.submit(audited(1));
+    let job = table.submit(audited(1));
     let sound = join(&mut table, process(2), 1);
     let first = table.grant(start).unwrap();
     assert_eq!(first.worker, sound);
@@ -242,9 +242,86 @@ fn an_audit_does_not_wait_for_a_worker_that_hangs_and_takes_nothing_more() {
         .complete(sound, first.lease, answers(&first), start)
         .unwrap();
     assert_eq!(table.grant(start), None);
-    assert_eq!(table.jobs.len(), 2, "it may be done in time");
+    assert!(table.jobs.contains_key(&job), "it may be done in time");
     assert_eq!(table.grant(start + 2 * SPECULATION_DELAY.1), None);
-    assert_eq!(table.jobs.len(), 1);
+    assert!(!table.jobs.contains_key(&job));
+}
+
+#[test]
+fn an_audit_that_is_too_slow_for_its_job_goes_on_and_finds_who_was_wrong() {
+    let (mut table, [liar, slow, third]) = workers([1, 1, 0]);
+    table.submit(audited(1));
+    let start = now();
+    let first = table.grant(start).unwrap();
+    let second = table.grant(start + 2 * SPECULATION_DELAY.1);
+    assert_eq!(
+        (first.worker, second),
+        (liar, None),
+        "the second vote is not wanted yet"
+    );
+    table.complete(liar, first.lease, vec![13], start).unwrap();
+    let late = table.grant(start).unwrap();
+    assert_eq!(late.worker, slow);
+    let later = start + 2 * SPECULATION_DELAY.1;
+    // The third machine asks for nothing for so long that only the slow one could answer.
+    table.lose(third);
+    assert_eq!(table.grant(later), None);
+    let events = table.take_events();
+    let audits = events.iter().find_map(|event| match event {
+        Event::Done { audits, .. } => audits.clone(),
+        _ => None,
+    });
+    let audits = audits.expect("the audit goes on");
+    assert_eq!(audits.places, [0]);
+    assert!(matches!(
+        results(events)[..],
+        [Settled::Result {
+            value: 13,
+            audited: false,
+            ..
+        }]
+    ));
+    // The slow worker answers the old lease, which is over, and then does the audit.
+    table.complete(slow, late.lease, vec![7], later).unwrap_err();
+    table.add_credits(slow, 1);
+    let again = table.grant(later).unwrap();
+    assert_eq!((again.worker, again.job), (slow, audits.job));
+    table.complete(slow, again.lease, vec![7], later).unwrap();
+    let third = join(&mut table, process(3), 1);
+    let decides = table.grant(later).unwrap();
+    assert_eq!(decides.worker, third);
+    table.complete(third, decides.lease, vec![7], later).unwrap();
+    let events = table.take_events();
+    let quarantined = |event: &Event<u64>| matches!(event, Event::Quarantined { process, .. } if process.machine == MachineId(1));
+    assert!(events.iter().any(quarantined), "{events:?}");
+    assert!(table.jobs.is_empty());
+}
+
+#[test]
+fn audits_beyond_the_limit_are_waived_and_the_oldest_go_on() {
+    let (mut table, [fast, _]) = workers([1_000_000, 1]);
+    let start = now();
+    table.submit(params(1));
+    while table.grant(start).is_some_and(|grant| grant.worker == fast) {}
+    let mut waived = 0;
+    for _ in 0..20 {
+        table.submit(audited(30));
+        while let Some(grant) = table.grant(start + 2 * SPECULATION_DELAY.1) {
+            let _ = table.complete(grant.worker, grant.lease, answers(&grant), start);
+        }
+        let of = |event: &Event<u64>| match event {
+            Event::Waived { tasks, .. } => *tasks,
+            _ => 0,
+        };
+        waived += table.take_events().iter().map(of).sum::<usize>();
+    }
+    let go_on: usize = table
+        .jobs
+        .values()
+        .filter(|job| job.is_audits)
+        .map(|job| job.tasks.len())
+        .sum();
+    assert_eq!((go_on, waived), (240, 360));
 }
 
 #[test]
@@ -376,7 +453,7 @@ fn what_gets_on_is_not_poisoned_however_often_it_is_interrupted() {
         let worker = table.join(process(instance), ABLE, now()).unwrap();
         table.add_credits(worker, 1);
         let held = table.grant(now()).expect("it is tried again");
-        table.get_on(held.lease);
+        table.get_on(held.lease, now());
         table.lose(worker);
     }
     assert_eq!((table.waiting(), table.take_events().len()), (1, 9));

@@ -1,8 +1,8 @@
 //! Turns: chooses the next job, its tasks, and their worker.
 
 use super::{
-    AT_ONCE, Agree, Event, Grant, HANGS, HANGS_AFTER, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH,
-    SPECULATION_DELAY, WorkerId, job::Job, workers::Worker,
+    AT_ONCE, Agree, Event, Grant, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH, SPECULATION_DELAY,
+    WorkerId, job::Job, task::Task, workers::Worker,
 };
 use murmuration_model::MachineId;
 use std::{
@@ -42,7 +42,7 @@ fn share(waiting: usize, capacity: usize, worker: &Worker) -> usize {
     }
 }
 
-impl<R: Agree> LeaseTable<R> {
+impl<R: Agree + Clone> LeaseTable<R> {
     /// Leases the next batch, if there is work and a worker with credits for it.
     ///
     /// The job whose leased tasks cost least so far is served next. Batches shrink towards a job's end. If no task waits, an idle
@@ -81,6 +81,7 @@ impl<R: Agree> LeaseTable<R> {
             .saturating_add(job.cost.saturating_mul(choice.tasks.len() as u64));
         let lease = LeaseNumber(self.next);
         self.next += 1;
+        self.workers.owe(choice.worker, lease, now);
         job.leases.insert(lease);
         self.workers.change(choice.worker, |worker| {
             worker.credits -= choice.tasks.len();
@@ -88,7 +89,6 @@ impl<R: Agree> LeaseTable<R> {
             worker.holds.insert(lease);
             worker.tasks += choice.tasks.len();
         });
-        self.workers.gets_lease(choice.worker, now);
         let entry = Lease {
             job: id,
             tasks: choice.tasks.clone(),
@@ -297,13 +297,14 @@ impl<R: Agree> LeaseTable<R> {
         beside_late.or(behind)
     }
 
-    /// Decides about tasks that need another machine, if no other machine could answer soon. Audits are waived, and tasks with
-    /// which three workers were lost are poisoned. A disputed task, or a task that one machine reports as impossible, ends the
+    /// Decides about tasks that need another machine, if no other machine could answer soon. Audits are postponed if another machine
+    /// could answer later, and waived otherwise. Tasks with which three workers were lost are poisoned. A disputed task, or a task that one machine reports as impossible, ends the
     /// job with an event, unless another machine joins in time.
     fn decide_without_others(&mut self, now: Instant) {
         let mut concerned = BTreeSet::new();
         let mut over = BTreeMap::new();
         let anybody_works = self.workers() > 0;
+        self.end_hopeless_audits(now);
         let wanting = self.wanting_another_machine(now);
         if wanting.is_empty() {
             return;
@@ -311,6 +312,8 @@ impl<R: Agree> LeaseTable<R> {
         let late = self.late_machines(now);
         for (id, place) in wanting {
             let anybody = self.could_say(id, place, &late, now);
+            let anybody_later = || self.could_ever_say(id, place, now);
+            let is_audit_for_later = !anybody && anybody_later();
             let Some(job) = self.jobs.get_mut(&id) else {
                 continue;
             };
@@ -323,7 +326,12 @@ impl<R: Agree> LeaseTable<R> {
                 job.file(place, before);
                 concerned.insert(id);
             } else if !task.votes.is_empty() && !task.is_disputed() {
-                task.waive_audit();
+                if is_audit_for_later {
+                    task.postpone_audit();
+                } else {
+                    task.waive_audit();
+                    self.events.push(Event::Waived { job: id, tasks: 1 });
+                }
                 job.file(place, before);
                 concerned.insert(id);
             } else if task.votes.is_empty() && !anybody_works {
@@ -364,7 +372,8 @@ impl<R: Agree> LeaseTable<R> {
 
     /// Tasks that only another machine can settle: tasks that wait for a machine, and tasks of late leases.
     fn wanting_another_machine(&self, now: Instant) -> Vec<(JobId, usize)> {
-        let waiting = self.jobs.iter().flat_map(|(&id, job)| {
+        let jobs = self.jobs.iter();
+        let waiting = jobs.flat_map(|(&id, job)| {
             let queues = job.queues.second.iter().chain(&job.queues.alone);
             queues.map(move |&place| (id, place))
         });
@@ -373,7 +382,9 @@ impl<R: Agree> LeaseTable<R> {
             .flat_map(|lease| lease.tasks.iter().map(|&place| (lease.job, place)));
         let wants = |(id, place): &(JobId, usize)| {
             let job = self.jobs.get(id);
-            job.is_some_and(|job| job.tasks[*place].wants_another_machine())
+            // Audits that go on after their jobs wait for any machine that could answer (`end_hopeless_audits`).
+            let is_decided = |job: &Job<R>| !job.is_audits || job.tasks[*place].votes.len() != 1;
+            job.is_some_and(|job| job.tasks[*place].wants_another_machine() && is_decided(job))
         };
         waiting.chain(late).filter(wants).collect()
     }
@@ -404,6 +415,10 @@ impl<R: Agree> LeaseTable<R> {
             return false;
         };
         let task = &job.tasks[place];
+        // A disagreement is worth waiting for a slow machine: it shows that a machine is wrong.
+        if task.is_disputed() {
+            return self.could_ever_say(id, place, now);
+        }
         let is_urgent = !task.votes.is_empty() || (job.speculative && task.refused.is_empty());
         let is_no_help = |worker: &Worker| {
             // A worker that is late with another task can still get this task, unless the worker takes no more work.
@@ -412,29 +427,37 @@ impl<R: Agree> LeaseTable<R> {
             is_urgent
                 && (worker.asks_for_nothing(now)
                     || late.contains(&(id, place, worker.machine()))
-                    || self.hangs(worker.machine(), now)
+                    || self.workers.hangs(worker.machine(), now)
                     || is_late())
         };
+        self.anybody_says(id, job, task, |worker| !is_no_help(worker))
+    }
+
+    /// Whether a connected worker could answer a task that needs another machine, however long it takes: a worker of a machine that
+    /// does not hang, and that asks for work.
+    pub(super) fn could_ever_say(&self, id: JobId, place: usize, now: Instant) -> bool {
+        let Some(job) = self.jobs.get(&id) else {
+            return false;
+        };
+        self.anybody_says(id, job, &job.tasks[place], |worker| {
+            !worker.asks_for_nothing(now) && !self.workers.hangs(worker.machine(), now)
+        })
+    }
+
+    fn anybody_says(&self, id: JobId, job: &Job<R>, task: &Task<R>, helps: impl Fn(&Worker) -> bool) -> bool {
         let ends_the_job = task.is_disputed() || !task.refused.is_empty();
         let gives_back = |worker: &Worker| !ends_the_job && worker.gave_back(id);
         self.workers.iter().any(|(_, worker)| {
             let could = worker.suits(job) && task.wants(worker.machine());
-            could && !is_no_help(worker) && !gives_back(worker)
+            could && helps(worker) && !gives_back(worker)
         })
-    }
-
-    /// Whether a machine answers nothing, although its workers give signs of life.
-    fn hangs(&self, machine: MachineId, now: Instant) -> bool {
-        let limit = HANGS_AFTER.max(self.turnaround.unwrap_or_default() * HANGS);
-        let unanswered = self.workers.unanswered_since(machine);
-        unanswered.is_some_and(|since| now.saturating_duration_since(since) > limit)
     }
 
     /// Whether a worker gets nothing of a job because its machine hangs and another machine, which does not, could do it.
     fn is_avoided(&self, job: &Job<R>, worker: &Worker, now: Instant) -> bool {
-        self.hangs(worker.machine(), now) && {
+        self.workers.hangs(worker.machine(), now) && {
             let mut workers = self.workers.iter();
-            workers.any(|(_, other)| other.suits(job) && !self.hangs(other.machine(), now))
+            workers.any(|(_, other)| other.suits(job) && !self.workers.hangs(other.machine(), now))
         }
     }
 

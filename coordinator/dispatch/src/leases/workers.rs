@@ -23,6 +23,8 @@ pub(super) struct Worker {
     /// Time when the worker joined or last completed a lease.
     pub(super) active: Instant,
     pub(super) holds: BTreeSet<LeaseNumber>,
+    /// Leases that the worker has not answered; unlike in `holds`, their jobs may be over.
+    pub(super) owes: BTreeSet<LeaseNumber>,
     /// Number of tasks that the worker holds.
     pub(super) tasks: usize,
     /// Whether the worker holds a task that may end the worker's process, and so gets no other task.
@@ -39,9 +41,6 @@ pub(super) struct Rest {
     until: Instant,
 }
 
-/// Maximum capacity that counts for a worker that has answered no task yet.
-const UNPROVEN: usize = 16;
-
 /// First and longest pause of a worker from a job whose leases it gives back.
 const RESTS: (Duration, Duration) = (Duration::from_millis(200), Duration::from_secs(10));
 
@@ -55,10 +54,14 @@ impl Worker {
         self.capacity > 0 && (self.embeds || !job.embeds)
     }
 
-    /// The part of the worker's capacity that counts when work is shared out: the capacity that the worker claims, but little
-    /// before it has answered any task. A worker that claims much and never answers must not make all batches small.
-    pub(super) fn proven_capacity(&self) -> usize {
-        self.capacity.min(UNPROVEN.saturating_add(self.answered))
+    /// Number of tasks that the worker runs at once, if it has credits or holds tasks: a worker that asks for nothing must not make
+    /// the batches of other workers small.
+    pub(super) const fn claimed(&self) -> usize {
+        if self.credits > 0 || self.tasks > 0 {
+            self.capacity
+        } else {
+            0
+        }
     }
 
     /// Number of tasks that the worker holds for each task that it can run at once, in thousandths.
@@ -80,7 +83,7 @@ impl Worker {
     /// Whether the worker has long been idle and has no credits.
     pub(super) fn asks_for_nothing(&self, now: Instant) -> bool {
         let idle = now.saturating_duration_since(self.active);
-        self.credits == 0 && self.holds.is_empty() && idle > SPECULATION_DELAY.1
+        self.credits == 0 && self.owes.is_empty() && idle > SPECULATION_DELAY.1
     }
 
     /// Whether the worker returned its last lease of this job undone.
@@ -93,7 +96,7 @@ impl Worker {
     }
 }
 
-impl<R: Agree> LeaseTable<R> {
+impl<R: Agree + Clone> LeaseTable<R> {
     /// A worker joins at time `now`, without credits; `None` if its machine is quarantined. If the worker had counted as lost,
     /// its tasks are no longer blamed for the loss.
     pub fn join(
@@ -118,6 +121,7 @@ impl<R: Agree> LeaseTable<R> {
             heard: now,
             active: now,
             holds: BTreeSet::new(),
+            owes: BTreeSet::new(),
             tasks: 0,
             alone: false,
             rests: BTreeMap::new(),

@@ -3,30 +3,27 @@
 use super::{Given, Job, Service};
 use crate::{
     JobError, JoinError, TrainingJob,
-    leases::{Event, JobId, LeaseNumber, Refused, WorkerId, WorkerProcessId},
+    leases::{Audits, Event, JobId, LeaseNumber, Refused, Settled, WorkerId, WorkerProcessId},
     submitted::{Closing, Vote},
 };
 use murmuration_model::Quarantined;
 use murmuration_proto::v1::{FailureClass, batch_result::Outcome};
 use murmuration_swarm::EmbeddingKind;
-use std::time::Instant;
+use std::{sync::Arc, time::Instant};
 use tonic::Status;
 use tracing::Span;
 
 impl Service {
-    pub(super) fn take_result(&mut self, worker: WorkerId, lease: LeaseNumber, outcome: Outcome) {
+    /// Takes the outcome of a lease. Returns whether leases or events may follow from it.
+    pub(super) fn take_result(&mut self, worker: WorkerId, lease: LeaseNumber, outcome: Outcome) -> bool {
         let Some(id) = self.table.leased(worker, lease) else {
-            tracing::debug!(
-                ?worker,
-                ?lease,
-                "a result for a lease that the worker does not hold"
-            );
-            self.table.note_answer(worker);
-            return;
+            tracing::debug!(?worker, ?lease, "a result that nobody waits for");
+            // A worker that owed the answer may have been avoided until now.
+            return self.table.excuse(worker, lease) || self.count_stray(worker);
         };
         let (kind, places) = (self.kind(worker), self.table.tasks(lease));
         let Some(job) = self.jobs.get_mut(&id) else {
-            return;
+            return false;
         };
         let given = self.given.remove(&lease);
         let span = given.as_ref().map_or_else(Span::none, |given| given.span.clone());
@@ -72,6 +69,7 @@ impl Service {
                 Err(unsound) => self.found_wrong(worker, &unsound.to_string()),
             },
         }
+        true
     }
 
     fn kind(&self, worker: WorkerId) -> EmbeddingKind {
@@ -105,25 +103,12 @@ impl Service {
                         job.job_progress.set_done(settled as u32);
                     }
                 }
-                Event::Done { job, results } => {
-                    if let Some(Job { submitted, .. }) = self.close(job) {
-                        let closing = Closing {
-                            names: &|processes| self.names(processes),
-                            metrics: &self.metrics,
-                        };
-                        submitted.finish(results, &closing);
-                    }
+                Event::Done { job, results, audits } => self.finish(job, results, audits),
+                Event::Waived { job, tasks } => {
+                    self.metrics.waived(tasks);
+                    tracing::debug!(?job, tasks, "audits ended without a second result");
                 }
-                Event::Disagreement { job, task, between } => {
-                    let workers = self.names(&between);
-                    self.metrics.disagreed();
-                    tracing::error!(
-                        ?workers,
-                        task,
-                        "machines disagree, and no third machine can decide"
-                    );
-                    self.fail(job, JobError::Disagreement { task, workers });
-                }
+                Event::Disagreement { job, task, between } => self.disagree(job, task, &between),
                 Event::Impossible { job, by } => {
                     let workers = self.names(&by).join(" and ");
                     let message = self.jobs.get_mut(&job).and_then(|job| job.refusal.take());
@@ -138,6 +123,61 @@ impl Service {
                 } => self.tell_quarantine(process, workers, again),
             }
         }
+    }
+
+    /// Sends a job's results to its submitter, and goes on with the audits for which the job does not wait.
+    fn finish(&mut self, id: JobId, results: Vec<Settled<Vote>>, audits: Option<Audits>) {
+        let Some(job) = self.close(id) else { return };
+        if let Some(Audits { job: next, places }) = audits {
+            self.begin_audits(next, &job, places);
+        }
+        let closing = Closing {
+            names: &|processes| self.names(processes),
+            metrics: &self.metrics,
+        };
+        job.submitted.finish(results, &closing);
+    }
+
+    fn begin_audits(&mut self, id: JobId, job: &Job, places: Vec<usize>) {
+        let Some(submitted) = job.submitted.audits(&places) else {
+            self.table.forget(id);
+            return;
+        };
+        if let Some(campaign) = submitted.campaign() {
+            self.audits.send_modify(|audits| audits.begin(campaign));
+        }
+        let audits = Job {
+            submitted,
+            audits: Some(places),
+            job_progress: Arc::default(),
+            refusal: None,
+            publications: 0,
+        };
+        self.jobs.insert(id, audits);
+    }
+
+    /// Fails a job because machines disagree about a task. If the job is of audits that went on after their job, its campaign learns of
+    /// the disagreement.
+    fn disagree(&mut self, id: JobId, task: usize, between: &[WorkerProcessId]) {
+        let workers = self.names(between);
+        self.metrics.disagreed();
+        tracing::error!(
+            ?workers,
+            task,
+            "machines disagree, and no third machine can decide"
+        );
+        let job = self.jobs.get(&id);
+        let places = job.and_then(|job| job.audits.as_ref());
+        let task = places.map_or(task, |places| places[task]);
+        let error = JobError::Disagreement { task, workers };
+        if let Some(campaign) = job
+            .filter(|job| job.audits.is_some())
+            .and_then(|job| job.submitted.campaign())
+        {
+            self.audits
+                .send_modify(|audits| audits.disagree(campaign, error.clone()));
+        }
+        self.fail(id, error);
     }
 
     fn tell_quarantine(&mut self, process: WorkerProcessId, workers: Vec<WorkerId>, again: usize) {
@@ -174,7 +214,11 @@ impl Service {
     /// Forgets a job that is over.
     fn close(&mut self, id: JobId) -> Option<Job> {
         self.given.retain(|_, given| given.job != id);
-        self.jobs.remove(&id)
+        let job = self.jobs.remove(&id)?;
+        if let (Some(_), Some(campaign)) = (&job.audits, job.submitted.campaign()) {
+            self.audits.send_modify(|audits| audits.end(campaign));
+        }
+        Some(job)
     }
 
     fn names(&self, processes: &[WorkerProcessId]) -> Vec<String> {
@@ -195,7 +239,7 @@ impl Service {
         {
             tell(training);
             job.job_progress.set_trouble(None);
-            self.table.get_on(lease);
+            self.table.get_on(lease, Instant::now());
         }
     }
 }

@@ -79,6 +79,10 @@ pub(super) async fn evolve(
         if quarantined.borrow().len() != seen {
             return committed.await;
         }
+        if let Some(error) = context.dispatch.take_disagreement(&search.campaign.id) {
+            committed.await?;
+            return Err(error.into());
+        }
         loop {
             let next = search.next_generation + evaluating.len() as u32;
             if next >= generations || !search.can_propose(next) {
@@ -108,7 +112,8 @@ pub(super) async fn evolve(
             });
         }
         let Some(first) = evaluating.pop_front() else {
-            return committed.await;
+            committed.await?;
+            return audited(context, &search.campaign.id, handle).await;
         };
         let done = handle.until_done(&first.job_progress, evaluated.next());
         let (committed, done) = tokio::join!(committed, done);
@@ -118,6 +123,21 @@ pub(super) async fn evolve(
         let (absorbed, generation) = blocking(move || search.absorb(first.filtered, done)).await??;
         search = absorbed;
         uncommitted = Some(generation);
+    }
+}
+
+/// Waits for the audits that were too slow for their generations.
+async fn audited(
+    context: &StageContext,
+    campaign: &CampaignId,
+    handle: &mut RunHandle,
+) -> Result<(), CampaignError> {
+    handle
+        .until_stopped(|job_progress| context.dispatch.audited(campaign.clone(), job_progress))
+        .await?;
+    match context.dispatch.take_disagreement(campaign) {
+        Some(error) => Err(error.into()),
+        None => Ok(()),
     }
 }
 

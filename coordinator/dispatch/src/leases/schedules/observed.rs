@@ -7,9 +7,13 @@ impl SimulatedCluster {
         for events in self.table.take_events() {
             match events {
                 Event::Progress { job, settled } => assert!(settled < self.jobs[&job].tasks),
-                Event::Done { job, results } => {
+                Event::Waived { tasks, .. } => self.seen.waived += tasks as u64,
+                Event::Done { job, results, audits } => {
                     let submitted = self.jobs.remove(&job).expect("a job ended twice");
                     assert_eq!(results.len(), submitted.tasks);
+                    if let Some(audits) = audits {
+                        self.go_on(job, &submitted, audits);
+                    }
                     for (place, settled) in results.into_iter().enumerate() {
                         self.check(job, &submitted, place, settled);
                     }
@@ -50,6 +54,35 @@ impl SimulatedCluster {
         }
     }
 
+    /// Remembers the tasks of audits that go on after their job.
+    fn go_on(&mut self, old: JobId, submitted: &Submitted, Audits { job, places }: Audits) {
+        self.seen.postponed += places.len() as u64;
+        let only = |tasks: &BTreeSet<usize>| -> BTreeSet<usize> {
+            let of = places
+                .iter()
+                .enumerate()
+                .filter(|(_, place)| tasks.contains(place));
+            of.map(|(next, _)| next).collect()
+        };
+        let audits = Submitted {
+            tasks: places.len(),
+            deadly: only(&submitted.deadly),
+            impossible: only(&submitted.impossible),
+            embeds: submitted.embeds,
+            lost: BTreeMap::new(),
+        };
+        self.jobs.insert(job, audits);
+        self.origins.insert(job, (old, places));
+    }
+
+    /// The right answer to a task; the answer to an audit is that of the task in the old job.
+    pub(super) fn truth(&self, job: JobId, place: usize) -> u64 {
+        match self.origins.get(&job) {
+            Some((old, places)) => truth(*old, places[place]),
+            None => truth(job, place),
+        }
+    }
+
     pub(super) fn are_several(&self, processes: &[WorkerProcessId]) -> bool {
         let machines: BTreeSet<_> = processes.iter().map(|process| process.machine).collect();
         machines.len() == processes.len() && machines.len() > 1
@@ -65,7 +98,7 @@ impl SimulatedCluster {
                     is_liar || !submitted.impossible.contains(&place),
                     "an impossible task was done"
                 );
-                if value != truth(job, place) {
+                if value != self.truth(job, place) {
                     assert!(
                         !audited && is_liar && !self.table.quarantined.contains(&by.machine),
                         "a lie was kept"

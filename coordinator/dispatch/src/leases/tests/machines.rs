@@ -270,26 +270,28 @@ fn beside_a_machine_that_hangs(connections: u64) -> (LeaseTable<u64>, WorkerId) 
     (table, sound)
 }
 
-/// Grants all that can be granted, and answers as the sound worker; returns whether the job is over.
-fn work(table: &mut LeaseTable<u64>, sound: WorkerId, now: Instant) -> bool {
+/// Grants all that can be granted, and answers as the sound worker; other grants go to `hung`. Returns whether the jobs are over,
+/// except for audits.
+fn work(table: &mut LeaseTable<u64>, sound: WorkerId, hung: &mut Vec<Grant>, now: Instant) -> bool {
     while let Some(grant) = table.grant(now) {
         if grant.worker == sound {
             table.complete(sound, grant.lease, answers(&grant), now).unwrap();
             table.add_credits(sound, grant.tasks.len());
+        } else {
+            hung.push(grant);
         }
     }
-    table.jobs.is_empty()
+    table.jobs.values().all(|job| job.is_audits)
 }
 
 #[test]
 fn an_audit_is_not_tried_on_each_connection_of_a_machine_that_hangs() {
     let (mut table, sound) = beside_a_machine_that_hangs(10);
     table.submit(audited(4));
-    let start = now();
+    let (start, mut hung) = (now(), Vec::new());
     let step = Duration::from_millis(100);
-    let over = (0..)
-        .map(|steps| start + step * steps)
-        .find(|&now| work(&mut table, sound, now));
+    let mut times = (0..).map(|steps| start + step * steps);
+    let over = times.find(|&now| work(&mut table, sound, &mut hung, now));
     let took = over.unwrap().duration_since(start);
     assert!(took <= 3 * SPECULATION_DELAY.1, "{took:?}");
 }
@@ -297,25 +299,51 @@ fn an_audit_is_not_tried_on_each_connection_of_a_machine_that_hangs() {
 #[test]
 fn a_machine_that_hangs_gets_nothing_until_it_answers() {
     let (mut table, sound) = beside_a_machine_that_hangs(2);
-    let start = now();
+    let (start, mut hung) = (now(), Vec::new());
     table.submit(params(64));
-    let hung = table.grant(start).unwrap();
-    assert_ne!(hung.worker, sound, "the first connection is the first");
-    let later = start + 2 * HANGS_AFTER;
-    while !work(&mut table, sound, later) {}
+    while !work(&mut table, sound, &mut hung, start + SPECULATION_DELAY.1 * 2) {}
+    assert!(!hung.is_empty(), "the machine has leases");
+    let (later, leases) = (start + 3 * HANGS_AFTER, hung.len());
     for _ in 0..100 {
         table.submit(audited(8));
         assert!(
-            work(&mut table, sound, later),
+            work(&mut table, sound, &mut hung, later),
             "nothing waits for the other machine"
         );
     }
-    // Its job is over, and still it is an answer.
-    let answer = table.complete(hung.worker, hung.lease, answers(&hung), later);
-    assert_eq!(answer, Err(Refused::UnknownLease));
+    assert_eq!(hung.len(), leases, "the machine gets nothing more");
+    assert!(table.jobs.is_empty(), "audits do not wait either");
+    // An answer to a lease that was never granted does not help.
+    let stray = table.complete(hung[0].worker, LeaseNumber(u64::MAX), Vec::new(), later);
+    assert_eq!(stray, Err(Refused::UnknownLease));
+    table.submit(audited(8));
+    assert!(work(&mut table, sound, &mut hung, later));
+    // The jobs of the leases are over, and still the answers count.
+    for grant in hung.drain(..) {
+        let answer = table.complete(grant.worker, grant.lease, answers(&grant), later);
+        assert_eq!(answer, Err(Refused::UnknownLease));
+    }
     let job = table.submit(audited(8));
-    assert!(!work(&mut table, sound, later), "audits wait for it again");
+    assert!(
+        !work(&mut table, sound, &mut hung, later),
+        "audits wait for the machine again"
+    );
     assert!(table.jobs.contains_key(&job));
+}
+
+#[test]
+fn a_machine_whose_hung_process_is_lost_gets_work_again() {
+    let (mut table, sound) = beside_a_machine_that_hangs(1);
+    let (start, mut hung) = (now(), Vec::new());
+    table.submit(params(64));
+    while !work(&mut table, sound, &mut hung, start + SPECULATION_DELAY.1 * 2) {}
+    let idle = table.join(worker_of(7, 99), ABLE, start).unwrap();
+    table.add_credits(idle, 4096);
+    table.lose(hung[0].worker);
+    table.submit(audited(64));
+    hung.clear();
+    work(&mut table, sound, &mut hung, start + 3 * HANGS_AFTER);
+    assert!(hung.iter().any(|grant| grant.worker == idle));
 }
 
 #[test]
@@ -327,4 +355,20 @@ fn a_machine_that_hangs_gets_work_that_no_other_can_do() {
     table.drain(sound);
     let grant = table.grant(start + 2 * HANGS_AFTER).unwrap();
     assert_ne!(grant.worker, sound);
+}
+
+#[test]
+fn connections_that_ask_for_nothing_or_answer_nothing_do_not_make_batches_small() {
+    let (mut table, sound) = beside_a_machine_that_hangs(60);
+    for instance in 100..400 {
+        let huge = Abilities {
+            capacity: 4096,
+            embeds: true,
+        };
+        table.join(worker_of(7, instance), huge, now()).unwrap();
+    }
+    table.submit(params(1000));
+    let granted = std::iter::from_fn(|| table.grant(now())).collect::<Vec<_>>();
+    let first = granted.iter().find(|grant| grant.worker == sound).unwrap();
+    assert!(first.tasks.len() >= AT_ONCE, "{}", first.tasks.len());
 }
