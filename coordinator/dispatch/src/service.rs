@@ -433,6 +433,8 @@ impl Service {
             tasks,
         }) = self.table.grant(Instant::now())
         {
+            // The job may be of audits that have only just begun.
+            self.tell_events();
             let Some(content) = self.jobs.get(&job) else {
                 continue;
             };

@@ -59,6 +59,11 @@ impl Machine {
         self.owed.insert(lease, now);
     }
 
+    /// When a lease was granted to which the machine owes the answer.
+    pub(super) fn granted(&self, lease: LeaseNumber) -> Option<Instant> {
+        self.owed.get(&lease).copied()
+    }
+
     /// The machine need not answer a lease any more; returns when the lease was granted, if the machine owed the answer.
     pub(super) fn excuse(&mut self, lease: LeaseNumber) -> Option<Instant> {
         self.owed.remove(&lease)

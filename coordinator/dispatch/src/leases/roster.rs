@@ -158,6 +158,12 @@ impl Roster {
         }
     }
 
+    /// Since when a worker owes its oldest answer.
+    pub(super) fn owes_since(&self, worker: &Worker) -> Option<Instant> {
+        let oldest = worker.owes.first()?;
+        self.machines.get(&worker.machine())?.granted(*oldest)
+    }
+
     /// Records that a worker need not answer a lease any more; returns whether the worker owed the answer.
     pub(super) fn excuse(&mut self, id: WorkerId, lease: LeaseNumber) -> bool {
         let Some(worker) = self.workers.get_mut(&id) else {

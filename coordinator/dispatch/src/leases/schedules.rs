@@ -213,6 +213,8 @@ impl SimulatedCluster {
     fn grant(&mut self) {
         while let Some(grant) = self.table.grant(self.now) {
             assert!(grant.tasks.len() <= MAX_BATCH && !grant.tasks.is_empty());
+            // The job may be of audits that have only just begun.
+            self.hear_events();
             let id = self.table.process(grant.worker).unwrap();
             let process = self.processes.get_mut(&id).unwrap();
             assert_eq!(process.worker, Some(grant.worker));

@@ -461,9 +461,9 @@ impl<R: Agree + Clone> LeaseTable<R> {
         }
     }
 
-    /// Whether a worker is late with any lease.
+    /// Whether a worker is late with the answer to any lease, even if the lease's job is over: the worker is busy with it.
     fn is_behind(&self, worker: &Worker, now: Instant) -> bool {
-        let mut leases = worker.holds.iter().filter_map(|number| self.leases.get(number));
-        leases.any(|lease| self.is_late(lease, 1, now))
+        let since = self.workers.owes_since(worker);
+        since.is_some_and(|since| now.saturating_duration_since(since) > self.speculation_delay(1))
     }
 }
