@@ -60,9 +60,9 @@ pub(crate) const MAX_PACED: usize = 1024;
 pub const MAX_MESSAGE: usize = 4 << 20;
 /// Bytes of a message from a worker: a batch of the largest pictures, or the longest motion (48 MB).
 pub const MAX_WORKER_MESSAGE: usize = 96 << 20;
-/// Bytes of a message of a method for viewers. Such a message only names what the viewer asks for.
+/// Maximum size, in bytes, of a request to a method for viewers. The request only names what the viewer asks for.
 pub const MAX_NAMING_MESSAGE: usize = 64 << 10;
-/// Bytes of a message of a method that requires no credentials, such as a probe's.
+/// Maximum size, in bytes, of a request to a method that requires no credentials, such as a probe.
 pub(crate) const MAX_PROBE_MESSAGE: usize = 1 << 10;
 /// A message with more bytes than this needs room while it arrives.
 pub(crate) const LONG_MESSAGE: usize = 2 << 20;

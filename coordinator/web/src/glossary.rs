@@ -57,7 +57,7 @@ pub(super) fn inline(text: &str) -> Markup {
     html! { @for part in parts { (part) } (rest) }
 }
 
-/// The marked beginning of a text, and the rest of the text; `None` if the mark is not closed.
+/// The code, emphasis or link that `text` begins with, and the text after it; `None` if its closing character is missing.
 fn marked_part(text: &str) -> Option<(Markup, &str)> {
     if let Some(text) = text.strip_prefix('`') {
         let (code, after) = text.split_once('`')?;

@@ -204,7 +204,7 @@ proptest! {
     }
 }
 
-/// The best swap of a candidate by the definition of FasterPAM, point by point.
+/// The best swap of `candidate` with a medoid, computed from FasterPAM's definition, one point after the other.
 fn swap_by_definition(points: &Behaviours, medoids: &[usize], candidate: usize) -> Option<(usize, f64)> {
     let mut gain = 0.0;
     let mut changes = vec![0.0; medoids.len()];
