@@ -224,7 +224,7 @@ mod tests {
         );
         check_refused(
             "method = \"latent\"\n[training.recipe.labelled]",
-            "training.recipe = \"labelled\": must be one without labels",
+            "training.recipe = \"labelled\": must be a recipe without labels",
         );
         check_refused("method = \"latent\"\n[training]\nsed = 1", "unknown field `sed`");
         check_refused(

@@ -197,7 +197,9 @@ impl<R: Agree + Clone> LeaseTable<R> {
             // answered something is on time, the task waits for such a worker.
             let is_proven =
                 |worker: &Worker| worker.answered > 0 && worker.suits(job) && new_to(worker, place);
-            let is_on_time = |worker: &Worker| is_proven(worker) && !self.is_behind(worker, now);
+            let is_on_time = |worker: &Worker| {
+                is_proven(worker) && !self.is_behind(worker, now) && !self.is_avoided(job, worker, now)
+            };
             let waits = self.workers.iter().any(|(_, worker)| is_on_time(worker));
             let free = self.free(lease.job, reserved, now, |worker| {
                 fits(worker) && (!waits || is_proven(worker))

@@ -297,7 +297,10 @@ async fn an_embedder_that_was_trained_on_lies_is_trained_anew() {
     let last = cluster.finish(&campaign).await;
     assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
     let message = notices(&last);
-    assert!(message.contains("picture 0 of the dataset differs"), "{message}");
+    assert!(
+        message.contains("picture 0 of the dataset was wrong"),
+        "{message}"
+    );
     assert_eq!(cluster.digest(&campaign).await, undisturbed(&spec).await);
     worker.leave().await;
     cluster.stop().await;
