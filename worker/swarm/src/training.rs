@@ -5,6 +5,8 @@ mod architecture;
 mod configuration;
 mod labelled_recipe;
 mod recipe;
+#[cfg(test)]
+mod texts;
 mod unlabelled_recipe;
 
 pub use architecture::{Architecture, ArchitectureError, Layer, Shape, parameters};
