@@ -1,5 +1,7 @@
 //! Serde's view of a parsed TOML file, with typed errors that name their field.
 
+mod variant;
+
 use serde::{
     Deserializer,
     de::{self, DeserializeSeed, Expected, IntoDeserializer, Unexpected, Visitor, value::StrDeserializer},
@@ -10,6 +12,7 @@ use toml::{
     Spanned,
     de::{DeTable, DeValue},
 };
+use variant::Variant;
 
 /// An error about a field: its path, its place in the text, and what is wrong.
 #[derive(Debug)]
@@ -393,70 +396,5 @@ impl<'de> de::SeqAccess<'de> for List<'_> {
         let read = seed.deserialize(Node(item));
         read.map(Some)
             .map_err(|error| error.within(&format!("[{place}]"), item.span()))
-    }
-}
-
-/// The variant of an enum: a text, or the only key of a table.
-struct Variant<'a> {
-    name: &'a str,
-    content: Option<Node<'a>>,
-    place: Node<'a>,
-}
-
-impl Variant<'_> {
-    /// Adds the name of the variant to the path of an error.
-    fn within(&self, error: FieldError) -> FieldError {
-        error.within(self.name, self.place.0.span())
-    }
-}
-
-impl<'a, 'de> de::EnumAccess<'de> for Variant<'a> {
-    type Error = FieldError;
-    type Variant = Self;
-
-    fn variant_seed<V: DeserializeSeed<'de>>(self, seed: V) -> Result<(V::Value, Self), FieldError> {
-        let name: StrDeserializer<'_, FieldError> = self.name.into_deserializer();
-        Ok((seed.deserialize(name)?, self))
-    }
-}
-
-impl<'de> de::VariantAccess<'de> for Variant<'_> {
-    type Error = FieldError;
-
-    fn unit_variant(self) -> Result<(), FieldError> {
-        match self.content {
-            Some(content) if content.value().as_table().is_none_or(|table| !table.is_empty()) => {
-                Err(self.within(content.must_be("an empty table, or its name as a text")))
-            }
-            _ => Ok(()),
-        }
-    }
-
-    fn newtype_variant_seed<T: DeserializeSeed<'de>>(self, seed: T) -> Result<T::Value, FieldError> {
-        match self.content {
-            Some(content) => seed.deserialize(content).map_err(|error| self.within(error)),
-            None => Err(self
-                .place
-                .must_be(&format!("a table such as {{ {} = {{}} }}", self.name))),
-        }
-    }
-
-    fn tuple_variant<V: Visitor<'de>>(self, _: usize, visitor: V) -> Result<V::Value, FieldError> {
-        self.struct_variant(&[], visitor)
-    }
-
-    fn struct_variant<V: Visitor<'de>>(
-        self,
-        _: &'static [&'static str],
-        visitor: V,
-    ) -> Result<V::Value, FieldError> {
-        match self.content {
-            Some(content) => content
-                .deserialize_any(visitor)
-                .map_err(|error| self.within(error)),
-            None => Err(self
-                .place
-                .must_be(&format!("a table such as {{ {} = {{}} }}", self.name))),
-        }
     }
 }
