@@ -1,21 +1,19 @@
-//! The sections of a campaign file that are messages, from the descriptors and their comments.
-
-use std::borrow::Cow;
+//! The sections of a campaign file, from the descriptors of their messages and the comments on the fields.
 
 /// A table of a campaign file.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy)]
 pub struct Section {
     /// Name of the table, such as `world.start`; empty for the top of the file.
     pub path: &'static str,
-    pub fields: Cow<'static, [Field]>,
+    pub fields: &'static [Field],
 }
 
 /// A field of a campaign file.
 #[derive(Debug, Clone, Copy)]
 pub struct Field {
     pub name: &'static str,
-    /// The field's comment in the contract; `None` for fields of trainings, which the contract does not define.
-    pub explanation: Option<&'static str>,
+    /// The field's comment in the contract.
+    pub explanation: &'static str,
 }
 
 impl Section {
@@ -25,5 +23,5 @@ impl Section {
     }
 }
 
-/// Sections that are messages, from the contract's descriptors.
-pub const MESSAGES: &[Section] = include!(concat!(env!("OUT_DIR"), "/sections.rs"));
+/// Every section of a campaign file. The top of the file is first.
+pub const SECTIONS: &[Section] = include!(concat!(env!("OUT_DIR"), "/sections.rs"));

@@ -117,23 +117,101 @@ pub(crate) mod method {
     }
 }
 
-/// A table in a campaign file, which a message holds as TOML text.
-pub(crate) mod table {
+/// `crop = [0.7, 1.3]`.
+pub(crate) mod pair {
+    use serde::{Deserialize as _, Deserializer, Serialize as _, Serializer};
+
+    pub(crate) fn serialize<S: Serializer>(numbers: &[f64], serializer: S) -> Result<S::Ok, S::Error> {
+        numbers.serialize(serializer)
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+        <[f64; 2]>::deserialize(deserializer).map(Vec::from)
+    }
+}
+
+/// `layers = [{ dense = { units = 5 } }]`. An empty list is refused, because a message cannot tell it from an absent list.
+pub(crate) mod layers {
+    use crate::v1::Layer;
     use serde::{
-        Deserialize as _, Deserializer, Serialize as _, Serializer, de::Error as _, ser::Error as _,
+        Deserialize as _, Deserializer, Serialize as _, Serializer,
+        de::{Error as _, Unexpected},
     };
 
+    pub(crate) fn serialize<S: Serializer>(layers: &[Layer], serializer: S) -> Result<S::Ok, S::Error> {
+        layers.serialize(serializer)
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Layer>, D::Error> {
+        let layers = Vec::<Layer>::deserialize(deserializer)?;
+        match layers.is_empty() {
+            true => Err(D::Error::invalid_value(
+                Unexpected::Other("an empty list"),
+                &"a list of 1 to 100 layers",
+            )),
+            false => Ok(layers),
+        }
+    }
+}
+
+/// `[training]`.
+pub(crate) mod training {
+    use serde::{Deserializer, Serializer};
+
     pub(crate) fn serialize<S: Serializer>(text: &Option<String>, serializer: S) -> Result<S::Ok, S::Error> {
-        let table = text.as_deref().map(str::parse::<toml::Table>).transpose();
-        table.map_err(S::Error::custom)?.serialize(serializer)
+        super::table::serialize(text, serializer)
     }
 
     pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
         deserializer: D,
     ) -> Result<Option<String>, D::Error> {
-        let table = Option::<toml::Table>::deserialize(deserializer)?;
-        table
-            .map(|table| toml::to_string(&table).map_err(D::Error::custom))
-            .transpose()
+        super::table::deserialize::<crate::v1::Training, D>(deserializer)
     }
 }
+
+/// `[feedback.recipe]`.
+pub(crate) mod recipe {
+    use serde::{Deserializer, Serializer};
+
+    pub(crate) fn serialize<S: Serializer>(text: &Option<String>, serializer: S) -> Result<S::Ok, S::Error> {
+        super::table::serialize(text, serializer)
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Option<String>, D::Error> {
+        super::table::deserialize::<crate::v1::Recipe, D>(deserializer)
+    }
+}
+
+/// A table in a campaign file, which a message holds as TOML text.
+mod table {
+    use serde::{
+        Deserialize, Deserializer, Serialize, Serializer,
+        de::{Error as _, Unexpected},
+        ser::Error as _,
+    };
+    use toml::{Table, Value};
+
+    pub(super) fn serialize<S: Serializer>(text: &Option<String>, serializer: S) -> Result<S::Ok, S::Error> {
+        let table = text.as_deref().map(str::parse::<Table>).transpose();
+        table.map_err(S::Error::custom)?.serialize(serializer)
+    }
+
+    /// Reads the fields of a table into `Message`, so that errors have their places in the file, and writes the text of the table.
+    pub(super) fn deserialize<'de, Message, D>(deserializer: D) -> Result<Option<String>, D::Error>
+    where
+        Message: Deserialize<'de> + Serialize,
+        D: Deserializer<'de>,
+    {
+        let message = Message::deserialize(deserializer)?;
+        match Value::try_from(message).map_err(D::Error::custom)? {
+            Value::Table(table) => Ok(Some(table.to_string())),
+            Value::String(name) => Err(D::Error::invalid_value(Unexpected::Str(&name), &"a table")),
+            _ => Err(D::Error::invalid_value(Unexpected::Other("a value"), &"a table")),
+        }
+    }
+}
+
+// How choices are written.
+include!(concat!(env!("OUT_DIR"), "/choices.rs"));

@@ -1,6 +1,6 @@
 //! Checks that every field of a campaign file is documented.
 
-use murmuration_swarm::spec_sections::{Section, sections};
+use murmuration_swarm::spec_sections::SECTIONS;
 use murmuration_tests::pages::{page, prose};
 
 /// Sections that robots.md describes in words and drawings instead of a table.
@@ -12,12 +12,16 @@ const IN_WORDS: [&str; 5] = [
     "world.noise",
 ];
 
-/// The tables that document the fields of a section. A recipe's fields are in the table of its section; fields of a feedback
-/// recipe can also be in the table of training recipes.
+/// The tables that document the fields of a section, each by its name in the first cell of its first row. A recipe's fields are in
+/// the table of its section; fields of a feedback recipe can also be in the table of training recipes.
 fn tables_of(section: &str) -> Vec<String> {
     match section {
         "" => vec!["the file".to_owned()],
         "training.network" => vec!["`[training]`".to_owned()],
+        "training.recipe" | "feedback.recipe" => vec!["`recipe`".to_owned()],
+        section if section.starts_with("training.network.layers") => {
+            vec!["`[training.network.layers]`".to_owned()]
+        }
         section if section.starts_with("feedback.recipe.") => {
             vec!["`[feedback.recipe]`".to_owned(), "`[training.recipe]`".to_owned()]
         }
@@ -46,19 +50,17 @@ fn documented(pages: &str, section: &str) -> String {
 pub fn every_field_of_a_campaign_file_is_in_a_table() {
     let pages = [page("docs/campaigns.md"), page("docs/robots.md")].map(|text| prose(&text));
     let tables = pages.concat();
-    for Section {
-        path: section,
-        fields,
-    } in sections()
-    {
+    for section in SECTIONS {
+        let (section, fields) = (section.path, section.fields);
         let (text, place) = match IN_WORDS.contains(&section) {
             true => (pages[1].clone(), "docs/robots.md"),
             false => (documented(&tables, section), "a table"),
         };
+        let last = section.rsplit('.').next().unwrap_or_default();
         for field in fields.iter().map(|field| field.name) {
             let names = [
                 format!("`{field}`"),
-                format!("`network.{field}`"),
+                format!("`{last}.{field}`"),
                 format!("`{field}."),
                 format!("`{field} = "),
             ];

@@ -15,7 +15,6 @@ mod enumeration;
 mod evaluation;
 mod feedback;
 mod field_lines;
-mod field_names;
 mod image_format;
 mod invalid;
 mod method;

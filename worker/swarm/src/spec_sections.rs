@@ -1,46 +1,13 @@
-//! The sections of a campaign file and their fields, from the message `CampaignSpec`, the messages in it, and trainings.
+//! The sections of a campaign file and their fields, from the contract.
 
-use crate::{
-    field_names::field_names,
-    training::{InBatch, Labelled, NetworkSettings, PaperLabelled, RandomTriplets, Settings},
-};
-use murmuration_proto::sections::MESSAGES;
-use serde::de::DeserializeOwned;
+pub use murmuration_proto::sections::{Field, SECTIONS, Section};
 
-pub use murmuration_proto::sections::{Field, Section};
-
-/// Every section of a campaign file.
-#[must_use]
-pub fn sections() -> Vec<Section> {
-    let mut sections = MESSAGES.to_vec();
-    sections.extend([
-        of_training::<Settings>("training"),
-        of_training::<NetworkSettings>("training.network"),
-        of_training::<InBatch>("training.recipe.in-batch"),
-        of_training::<RandomTriplets>("training.recipe.paper"),
-        of_training::<Labelled>("feedback.recipe.labelled"),
-        of_training::<PaperLabelled>("feedback.recipe.paper-labelled"),
-    ]);
-    sections
-}
-
-/// The contract's explanation of a field, such as `population` of the section `search`; `None` if the contract has none.
+/// The contract's explanation of a field, such as `population` of the section `search`; `None` for an unknown field.
 #[must_use]
 pub fn explanation(section: &str, field: &str) -> Option<&'static str> {
-    let section = MESSAGES.iter().find(|known| known.path == section)?;
+    let section = SECTIONS.iter().find(|known| known.path == section)?;
     let field = section.fields.iter().find(|known| known.name == field)?;
-    field.explanation
-}
-
-fn of_training<T: DeserializeOwned>(path: &'static str) -> Section {
-    let unexplained = |&name: &&'static str| Field {
-        name,
-        explanation: None,
-    };
-    Section {
-        path,
-        fields: field_names::<T>().iter().map(unexplained).collect(),
-    }
+    Some(field.explanation)
 }
 
 #[cfg(test)]
@@ -48,10 +15,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_field_of_a_message_is_explained() {
-        for section in MESSAGES {
+    fn every_field_is_explained() {
+        for section in SECTIONS {
             for field in section.fields.iter() {
-                let message = field.explanation.unwrap_or_default();
+                let message = field.explanation;
                 assert!(
                     message.ends_with('.'),
                     "{} {}: {message:?}",
@@ -69,11 +36,10 @@ mod tests {
 
     #[test]
     fn every_section_has_fields_and_every_table_of_a_campaign_file_is_a_section() {
-        let sections = sections();
-        for section in &sections {
+        for section in SECTIONS {
             assert!(!section.fields.is_empty(), "{}", section.path);
         }
-        let has = |path: &str| sections.iter().any(|section| section.path == path);
+        let has = |path: &str| SECTIONS.iter().any(|section| section.path == path);
         for known in [
             "",
             "robot",
@@ -81,15 +47,22 @@ mod tests {
             "species",
             "world.start",
             "world.noise",
+            "training.network.layers.convolution",
+            "training.recipe",
+            "training.recipe.in-batch",
+            "training.recipe.paper",
+            "feedback.recipe",
+            "feedback.recipe.labelled",
+            "feedback.recipe.paper-labelled",
         ] {
             assert!(has(known), "{known}");
         }
+        assert!(!has("training.recipe.labelled") && !has("feedback.recipe.in-batch"));
         let spec = crate::CampaignSpec::from_toml("model = \"two-sensor\"\nmethod = \"latent\"").unwrap();
         let table: toml::Table = spec.to_toml().parse().unwrap();
         let mut open = vec![(String::new(), table)];
         while let Some((path, table)) = open.pop() {
-            // A recipe's table holds only its name.
-            assert!(has(&path) || path.ends_with("recipe"), "{path}");
+            assert!(has(&path), "{path}");
             for (name, value) in table {
                 if let toml::Value::Table(inner) = value {
                     open.push((format!("{path}.{name}").trim_matches('.').to_owned(), inner));

@@ -173,10 +173,9 @@ pub(super) fn path(section: &str, name: &str) -> String {
     }
 }
 
-/// The comment on a field in the Protobuf messages, without names of RPC methods; `None` for an unknown field.
-pub(super) fn explanation(section: &str, name: &str) -> Option<String> {
-    let message = spec_sections::explanation(section, name)?;
-    Some(message.replace(" (RefineCampaign)", ""))
+/// A comment in the Protobuf messages without names of RPC methods.
+pub(super) fn shown(comment: &str) -> String {
+    comment.replace(" (RefineCampaign)", "")
 }
 
 impl Field {
@@ -187,7 +186,7 @@ impl Field {
 
     /// The comment on the field in the Protobuf messages, without names of RPC methods.
     pub(super) fn explanation(&self) -> String {
-        explanation(self.section, self.name).unwrap_or_default()
+        shown(spec_sections::explanation(self.section, self.name).unwrap_or_default())
     }
 
     /// The values that people can choose from; empty for free text.
@@ -284,9 +283,11 @@ mod tests {
 
     #[test]
     fn every_field_is_one_of_campaign_files_and_explained() {
-        let sections = spec_sections::sections();
         for field in fields() {
-            let section = sections.iter().find(|known| known.path == field.section).unwrap();
+            let section = spec_sections::SECTIONS
+                .iter()
+                .find(|known| known.path == field.section)
+                .unwrap();
             assert!(
                 section.fields.iter().any(|known| known.name == field.name),
                 "{}",

@@ -3,7 +3,7 @@
 use super::deserializer::{ErrorKind, FieldError};
 use crate::{
     Text,
-    spec_sections::{Section, sections},
+    spec_sections::{SECTIONS, Section},
     text::{beginning, nearest},
 };
 use std::{fmt, ops::Range};
@@ -194,11 +194,9 @@ fn not_toml(message: &str) -> String {
 /// The message about an unknown field. The message names the known fields, and the field that its author probably meant, judging
 /// by name and contents.
 fn unknown_field(name: &str, inner: &[String], section: &str, known: &[&str]) -> String {
-    let sections = sections();
-    // The path of a recipe's field contains the recipe's name, but the path of an error about the field does not. A robot's
-    // sensors may be in a species.
+    // The path of a field in a separate text has no name of the text's table. A robot's sensors may be in a species.
     let bare = without_places(section);
-    let same = sections.iter().find(|Section { path, fields }| {
+    let same = SECTIONS.iter().find(|Section { path, fields }| {
         let near = path.starts_with(&bare) || (!path.is_empty() && bare.ends_with(path));
         near && fields.iter().map(|field| field.name).eq(known.iter().copied())
     });
@@ -206,7 +204,7 @@ fn unknown_field(name: &str, inner: &[String], section: &str, known: &[&str]) ->
         "" => (String::new(), "The top of the file".to_owned()),
         section => (format!(" in [{section}]"), format!("[{section}]")),
     };
-    let meant = meant(name, inner, known, &sections);
+    let meant = meant(name, inner, known);
     let meant = meant.map_or(".".to_owned(), |meant| format!(": {meant}"));
     let fields = list(known, "and");
     format!("unknown field `{name}`{within}{meant} {here} has {fields}")
@@ -223,9 +221,9 @@ fn without_places(section: &str) -> String {
 }
 
 /// The section where a misplaced field belongs, or the field that may have been meant.
-fn meant(name: &str, inner: &[String], known: &[&str], sections: &[Section]) -> Option<String> {
+fn meant(name: &str, inner: &[String], known: &[&str]) -> Option<String> {
     let homes = |name: &str| {
-        let homes = sections.iter().filter(|section| section.has(name));
+        let homes = SECTIONS.iter().filter(|section| section.has(name));
         let homes: Vec<String> = homes.map(|section| place(section.path)).collect();
         (!homes.is_empty()).then(|| homes.join(" or "))
     };
@@ -240,7 +238,7 @@ fn meant(name: &str, inner: &[String], known: &[&str], sections: &[Section]) -> 
     if let Some((name, homes)) = inner.find_map(|name| Some((name, homes(name)?))) {
         return Some(format!("its `{name}` belongs {homes}."));
     }
-    let mut fields = sections
+    let mut fields = SECTIONS
         .iter()
         .flat_map(|section| section.fields.iter().map(|field| field.name));
     let meant = near(&mut fields)?;
