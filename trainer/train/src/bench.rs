@@ -5,8 +5,8 @@ use crate::{
     training::{Training, TrainingError},
 };
 use murmuration_swarm::{
-    Invalid, PictureShape, Purpose, RandomStream,
-    training::{Configuration, NetworkSettings, Recipe, Settings},
+    PictureShape, Purpose, RandomStream,
+    training::{Configuration, ConfigurationError, Recipe},
 };
 use rand::RngExt as _;
 use std::sync::Arc;
@@ -35,7 +35,7 @@ pub struct Figures {
 pub enum BenchError {
     /// A value of the configuration is not allowed.
     #[error(transparent)]
-    Value(#[from] Invalid),
+    Configuration(#[from] ConfigurationError),
     /// There are too few behaviours.
     #[error(transparent)]
     Pictures(#[from] PicturesError),
@@ -68,20 +68,13 @@ fn one_epoch(
     recipe: &'static str,
     pictures: &Arc<Pictures>,
 ) -> Result<Figures, BenchError> {
-    let recipe_settings = Recipe::named(recipe)?;
-    let configuration = Configuration::try_from(Settings {
-        network: NetworkSettings {
-            name: Some(network.to_owned()),
-            ..NetworkSettings::default()
-        },
-        recipe: recipe_settings.clone(),
-        ..Settings::default()
-    })?;
+    let configuration =
+        Configuration::from_toml(&format!("network.name = \"{network}\"\n[recipe.{recipe}]"))?;
     let mut training = Training::new(&configuration, Arc::clone(pictures))?;
     let (seconds, triplets) = training
         .step()
         .map_or((0.0, 0), |progress| (progress.seconds, progress.triplets));
-    let triplets_per_step = match recipe_settings {
+    let triplets_per_step = match configuration.recipe() {
         Recipe::Paper(recipe) => recipe.batch as u64,
         Recipe::InBatch(recipe) => recipe.batch as u64 * (recipe.batch as u64 - 1),
         Recipe::Labelled(_) | Recipe::PaperLabelled(_) | Recipe::Untrained => 1,

@@ -2,7 +2,7 @@
 
 use crate::{
     BehaviourSpace, CheckpointDigest, Dataset, ImageFormat, Invalid, Method, toml_file,
-    training::{Configuration, Recipe, Settings},
+    training::{Configuration, Recipe},
 };
 use murmuration_proto::v1;
 
@@ -95,25 +95,19 @@ fn configuration(
     seed: u64,
     image: &ImageFormat,
 ) -> Result<Configuration, Invalid> {
-    let unreadable = |error: String| {
-        Invalid::new(
-            "training",
-            "a table",
-            format!("a training configuration: {error}"),
-        )
-    };
-    let mut table: toml::Table = text
-        .unwrap_or_default()
-        .parse()
-        .map_err(|error: toml::de::Error| unreadable(error.message().to_owned()))?;
-    let seed = toml::Value::Integer(seed.cast_signed());
-    table.entry("seed").or_insert(seed);
+    let mut message: v1::Training =
+        toml_file::read_section("training", text.unwrap_or_default()).map_err(|error| {
+            Invalid::new(
+                "training",
+                "a table",
+                format!("a training configuration: {error}"),
+            )
+        })?;
+    message.seed.get_or_insert(seed);
     if method == Method::Untrained {
-        table.entry("recipe").or_insert(Recipe::Untrained.name().into());
+        message.recipe.get_or_insert_with(|| (&Recipe::Untrained).into());
     }
-    let settings: Settings = toml_file::read_section("training", &table.to_string())
-        .map_err(|error| unreadable(error.to_string()))?;
-    let configuration = Configuration::try_from(settings).map_err(|invalid| invalid.within("training"))?;
+    let configuration = Configuration::try_from(message).map_err(|invalid| invalid.within("training"))?;
     let recipe = configuration.recipe();
     if (method == Method::Untrained) != (*recipe == Recipe::Untrained) && method != Method::Random {
         let allowed = format!("a recipe that fits the method \"{method}\"");

@@ -95,8 +95,8 @@ fn recipe(text: Option<&str>) -> Result<Recipe, Invalid> {
         return Recipe::named("labelled");
     };
     let unreadable = |error| Invalid::new("recipe", "a table", format!("a recipe for labels: {error}"));
-    let recipe: Recipe = toml_file::read_section("feedback.recipe", text).map_err(unreadable)?;
-    recipe.check().map_err(|error| error.within("recipe"))?;
+    let message: v1::Recipe = toml_file::read_section("feedback.recipe", text).map_err(unreadable)?;
+    let recipe = Recipe::try_from(message).map_err(|error| error.within("recipe"))?;
     if recipe.is_labelled() {
         return Ok(recipe);
     }
@@ -115,7 +115,7 @@ impl From<&Feedback> for v1::Feedback {
             labels: Some(feedback.labels),
             strategy: Some(feedback.strategy.to_string()),
             generations: Some(feedback.generations),
-            recipe: Some(toml::to_string(&feedback.recipe).unwrap_or_default()),
+            recipe: Some(toml::to_string(&v1::Recipe::from(&feedback.recipe)).unwrap_or_default()),
             starts: Some(feedback.starts),
         }
     }

@@ -5,10 +5,9 @@ mod error;
 #[cfg(test)]
 mod tests;
 
-use crate::training::{Recipe, Settings};
 use deserializer::{FieldError, Node};
 use murmuration_proto::v1;
-use serde::{Deserialize, de::DeserializeOwned};
+use serde::de::DeserializeOwned;
 use toml::{
     Spanned,
     de::{DeTable, DeValue},
@@ -16,28 +15,9 @@ use toml::{
 
 pub use error::TomlError;
 
-/// The tables that a campaign's message holds as text. Reading the tables from the file too gives their errors a line.
-#[derive(Deserialize)]
-struct TextTables {
-    #[serde(rename = "training")]
-    _training: Option<Settings>,
-    #[serde(rename = "feedback")]
-    _feedback: Option<RecipeTable>,
-}
-
-#[derive(Deserialize)]
-struct RecipeTable {
-    #[serde(rename = "recipe")]
-    _recipe: Option<Recipe>,
-}
-
 /// Reads a campaign file.
 pub(crate) fn campaign(text: &str) -> Result<v1::CampaignSpec, TomlError> {
-    read(text, "", |file| {
-        let message = v1::CampaignSpec::deserialize(file)?;
-        TextTables::deserialize(file)?;
-        Ok(message)
-    })
+    read_toml(text)
 }
 
 /// Reads a campaign file from a table in memory. Errors have no line.

@@ -4,13 +4,17 @@
 mod architecture;
 mod configuration;
 mod labelled_recipe;
+mod network;
+mod numbers;
 mod recipe;
 #[cfg(test)]
 mod texts;
 mod unlabelled_recipe;
 
 pub use architecture::{Architecture, ArchitectureError, Layer, Shape, parameters};
-pub use configuration::{Configuration, ConfigurationError, NetworkSettings, Settings};
+pub use configuration::{Configuration, ConfigurationError};
 pub use labelled_recipe::{Labelled, PaperLabelled};
 pub use recipe::Recipe;
 pub use unlabelled_recipe::{InBatch, RandomTriplets};
+
+use numbers::{crop, size};

@@ -14,15 +14,16 @@ pub(super) fn epoch(
     recipe: &PaperLabelled,
     stream: &mut RandomStream,
 ) -> EpochLoss {
+    let PaperLabelled { augmented, triplets } = recipe;
     let mut total = 0.0;
-    for _ in 0..recipe.steps {
-        let drawn = (0..recipe.batch).map(|_| Drawn::draw(labelled, recipe.augmented, stream).of(labelled));
-        let triplets: Vec<Triplet> = drawn.collect();
-        total += learn(training, &recipe.triplets(), &triplets, stream.random());
+    for _ in 0..triplets.steps {
+        let drawn = (0..triplets.batch).map(|_| Drawn::draw(labelled, *augmented, stream).of(labelled));
+        let drawn: Vec<Triplet> = drawn.collect();
+        total += learn(training, triplets, &drawn, stream.random());
     }
     EpochLoss {
-        mean: total / recipe.steps as f64,
-        triplets: (recipe.steps * recipe.batch) as u64,
+        mean: total / triplets.steps as f64,
+        triplets: (triplets.steps * triplets.batch) as u64,
     }
 }
 

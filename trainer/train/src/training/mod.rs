@@ -23,7 +23,7 @@ use crate::{
 use held_out::HeldOut;
 use murmuration_swarm::{
     PictureShape, Purpose, RandomStream,
-    training::{Architecture, ArchitectureError, Configuration, Recipe},
+    training::{Architecture, ArchitectureError, Configuration, PaperLabelled, Recipe},
 };
 use schedule::Schedule;
 use std::{sync::Arc, time::Instant};
@@ -248,8 +248,11 @@ impl Training {
         let low = |enough, over| schedule.mean_of_last(over) < enough;
         match self.configuration.recipe() {
             _ if schedule.has_diverged() => Some(Ending::Diverged),
-            Recipe::Paper(recipe) if low(recipe.enough, recipe.enough_over) => Some(Ending::LowLoss),
-            Recipe::PaperLabelled(recipe) if low(recipe.enough, recipe.enough_over) => Some(Ending::LowLoss),
+            Recipe::Paper(triplets) | Recipe::PaperLabelled(PaperLabelled { triplets, .. })
+                if low(triplets.enough, triplets.enough_over) =>
+            {
+                Some(Ending::LowLoss)
+            }
             Recipe::InBatch(recipe) if epoch - best.epoch >= recipe.patience => Some(Ending::NoBetter),
             recipe if *epoch >= recipe.epochs() => Some(Ending::LastEpoch),
             _ => None,

@@ -46,7 +46,7 @@ impl Schedule {
     pub(super) fn new(recipe: &Recipe) -> Self {
         let plateau = match recipe {
             Recipe::Paper(recipe) => Some(Plateau::of(recipe)),
-            Recipe::PaperLabelled(recipe) => Some(Plateau::of(&recipe.triplets())),
+            Recipe::PaperLabelled(recipe) => Some(Plateau::of(&recipe.triplets)),
             Recipe::InBatch(_) | Recipe::Labelled(_) | Recipe::Untrained => None,
         };
         Self {

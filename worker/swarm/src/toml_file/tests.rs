@@ -74,6 +74,18 @@ fn a_value_of_the_wrong_kind_is_told_what_is_allowed() {
         "training.recipe must be a name, or a table of one name, not a table",
     );
     check(
+        "[training]\nrecipe = { untrained = 3 }",
+        "4 | recipe = { untrained = 3 }\n  |                        ^\ntraining.recipe.untrained must be a table, not 3",
+    );
+    check(
+        "[training]\nnetwork.layers = []",
+        "training.network.layers must be a list of 1 to 100 layers, not an empty list",
+    );
+    check(
+        "[feedback]\nrecipe = \"untrained\"",
+        "4 | recipe = \"untrained\"\n  |          ^^^^^^^^^^^\nfeedback.recipe must be a table, not \"untrained\"",
+    );
+    check(
         "seed = 2024-01-01",
         "seed must be a whole number, 0 or more, not 2024-01-01",
     );
@@ -205,6 +217,15 @@ fn a_field_of_another_section_is_told_where_it_belongs() {
     check(
         "[[species]]\nname = \"a\"\nradius = 3",
         "unknown field `radius` in [species]: it belongs in [world] or in [robot] or in",
+    );
+    check("[feedback]\nlabelled = {}", "it belongs in [feedback.recipe]");
+    check(
+        "[training.network]\nlayers = [{ dense = { kernel = 5, units = 5 } }]",
+        "in [training.network.layers.dense]: it belongs in [training.network.layers.convolution]",
+    );
+    check(
+        "[training.recipe.untrained]\nepochs = 5",
+        "unknown field `epochs` in [training.recipe.untrained]: it belongs in [training.recipe.in-batch] or in",
     );
     check(
         "[training]\nmargin = 5",

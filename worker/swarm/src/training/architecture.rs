@@ -1,7 +1,6 @@
 //! The architecture of a network: its layers as data, by name or from a configuration, with every shape checked.
 
 use crate::PictureShape;
-use serde::{Deserialize, Serialize};
 
 /// The values of one image between two layers: channels of square pictures, with side 1 after flattening.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,13 +39,8 @@ impl From<PictureShape> for Shape {
     }
 }
 
-/// One layer, as written in a configuration.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(
-    rename_all = "kebab-case",
-    rename_all_fields = "kebab-case",
-    deny_unknown_fields
-)]
+/// One layer.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Layer {
     /// Square kernels over all channels, with a bias.
     Convolution {
@@ -55,10 +49,8 @@ pub enum Layer {
         /// Side of the kernel, pixels, 1 or more.
         kernel: usize,
         /// Stride of the kernel, pixels, 1 or more.
-        #[serde(default = "one")]
         stride: usize,
         /// Zeros around the picture, pixels, less than the kernel.
-        #[serde(default)]
         padding: usize,
     },
     /// Normalises each image's mean and variance over groups of channels to 0 and 1, then scales and shifts each channel.
@@ -84,10 +76,6 @@ pub enum Layer {
         /// Number of output values, 1 to 65,536.
         units: usize,
     },
-}
-
-const fn one() -> usize {
-    1
 }
 
 /// Error in a list of layers. `layer` counts from 0.
@@ -351,6 +339,7 @@ pub const fn parameters(layer: Layer, input: Shape) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::training::Configuration;
 
     fn sides(architecture: &Architecture) -> Vec<(usize, usize)> {
         architecture
@@ -386,12 +375,9 @@ mod tests {
 
     #[track_caller]
     fn check_refused(layers: &str, expected: &str) {
-        #[derive(Deserialize)]
-        struct File {
-            layers: Vec<Layer>,
-        }
-        let file: File = toml::from_str(&format!("layers = [{layers}]")).unwrap();
-        let error = Architecture::new(PictureShape::PAPER, file.layers)
+        let configuration = Configuration::from_toml(&format!("network.layers = [{layers}]")).unwrap();
+        let error = configuration
+            .architecture(PictureShape::PAPER)
             .unwrap_err()
             .to_string();
         assert!(error.contains(expected), "{error:?} does not say {expected:?}");
@@ -400,7 +386,10 @@ mod tests {
     #[test]
     fn what_does_not_fit_is_named() {
         const DENSE: &str = "{ dense = { units = 5 } }";
-        check_refused("", "last layer must be dense");
+        assert_eq!(
+            Architecture::new(PictureShape::PAPER, Vec::new()),
+            Err(ArchitectureError::NoEmbedding)
+        );
         check_refused("{ dense = { units = 300 } }", "1 to 256");
         check_refused(&format!("\"relu\", {DENSE}"), "layer 0: an activation");
         check_refused(

@@ -1,78 +1,31 @@
 //! Validated settings, which together with the pictures determine the result of a training.
 
-use super::{Architecture, ArchitectureError, Layer, Recipe};
+use super::{Architecture, ArchitectureError, Recipe, network::Network};
 use crate::{
-    Invalid, PictureShape,
+    Invalid, PictureShape, TomlError,
     invalid::{real, whole},
+    toml_file::read_toml,
 };
-use serde::{Deserialize, Serialize};
-
-/// The default network.
-const NETWORK: &str = "compact";
-/// Default length of the embedding: the number of hand-crafted features.
-const DIMENSIONS: usize = 5;
-
-/// A configuration as written, not yet checked. Absent fields take their defaults.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Settings {
-    /// Seed of every random stream, 0 to 2^63 - 1. Default 1.
-    pub seed: u64,
-    /// Share of the behaviours held out of the training to judge the embedding, over 0 to 0.5 (at most 1,000 behaviours).
-    /// Default 0.1.
-    pub held_out: f64,
-    pub network: NetworkSettings,
-    pub recipe: Recipe,
-}
-
-/// A network: by name, or layer by layer.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct NetworkSettings {
-    /// `compact` (the default) or `paper`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub name: Option<String>,
-    /// Length of the embedding of a named network, 1 to 256. Default 5, the number of hand-crafted features.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub dimensions: Option<usize>,
-    /// The network's layers, instead of a name and dimensions.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub layers: Option<Vec<Layer>>,
-}
-
-impl NetworkSettings {
-    /// Fills in the defaults, because another version may have other defaults.
-    fn spell_out(&mut self) {
-        if self.layers.is_none() {
-            self.name.get_or_insert_with(|| NETWORK.to_owned());
-            self.dimensions.get_or_insert(DIMENSIONS);
-        }
-    }
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            seed: 1,
-            held_out: 0.1,
-            network: NetworkSettings::default(),
-            recipe: Recipe::default(),
-        }
-    }
-}
+use murmuration_proto::v1;
 
 /// A checked configuration. On one machine, the same configuration and pictures give the same embedder, bit for bit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Configuration {
-    settings: Settings,
+    seed: u64,
+    held_out: f64,
+    network: Network,
+    recipe: Recipe,
 }
 
 impl Default for Configuration {
     /// The configuration of an empty table.
     fn default() -> Self {
-        let mut settings = Settings::default();
-        settings.network.spell_out();
-        Self { settings }
+        Self {
+            seed: 1,
+            held_out: 0.1,
+            network: Network::default(),
+            recipe: Recipe::default(),
+        }
     }
 }
 
@@ -81,19 +34,19 @@ impl Default for Configuration {
 pub enum ConfigurationError {
     /// A text that is not TOML, an unknown field, or a value of the wrong type, with the place in the text.
     #[error(transparent)]
-    Syntax(#[from] toml::de::Error),
+    Syntax(#[from] TomlError),
     #[error(transparent)]
     Value(#[from] Invalid),
 }
 
 impl Configuration {
-    /// Reads a configuration (TOML; the fields are those of [`Settings`]).
+    /// Reads a configuration (TOML; the fields are those of the message `Training`).
     ///
     /// # Errors
     /// The error names the place that is not TOML, the unknown field, or the value that is not allowed.
     pub fn from_toml(text: &str) -> Result<Self, ConfigurationError> {
-        let settings: Settings = toml::from_str(text)?;
-        Ok(settings.try_into()?)
+        let message: v1::Training = read_toml(text)?;
+        Ok(message.try_into()?)
     }
 
     /// A copy with another seed, 0 to 2^63 - 1.
@@ -101,11 +54,8 @@ impl Configuration {
     /// # Errors
     /// If the seed is out of range.
     pub fn with_seed(&self, seed: u64) -> Result<Self, Invalid> {
-        let settings = Settings {
-            seed,
-            ..self.settings.clone()
-        };
-        settings.try_into()
+        let seed = Some(seed);
+        v1::Training { seed, ..self.into() }.try_into()
     }
 
     /// A copy with another recipe.
@@ -113,36 +63,37 @@ impl Configuration {
     /// # Errors
     /// If a number of the recipe is out of range.
     pub fn with_recipe(&self, recipe: Recipe) -> Result<Self, Invalid> {
-        let settings = Settings {
+        let recipe = Some((&recipe).into());
+        v1::Training {
             recipe,
-            ..self.settings.clone()
-        };
-        settings.try_into()
+            ..self.into()
+        }
+        .try_into()
     }
 
     /// Writes the configuration with every field, as in a checkpoint's `configuration`. [`Configuration::from_toml`] reads the
     /// same configuration from it.
     #[must_use]
     pub fn to_toml(&self) -> String {
-        toml::to_string(&self.settings).unwrap_or_default()
+        toml::to_string(&v1::Training::from(self)).unwrap_or_default()
     }
 
     /// Seed of every random stream.
     #[must_use]
     pub const fn seed(&self) -> u64 {
-        self.settings.seed
+        self.seed
     }
 
     /// How the network is trained.
     #[must_use]
     pub const fn recipe(&self) -> &Recipe {
-        &self.settings.recipe
+        &self.recipe
     }
 
     /// Number of held-out behaviours out of `behaviours`: at least 2 and at most 1,000, with at least 2 left to train on.
     #[must_use]
     pub fn held_out(&self, behaviours: usize) -> usize {
-        let share = (self.settings.held_out * behaviours as f64) as usize;
+        let share = (self.held_out * behaviours as f64) as usize;
         share.min(1000).clamp(2, behaviours - 2)
     }
 
@@ -150,13 +101,12 @@ impl Configuration {
     #[must_use]
     pub fn judges_as(&self, other: &Self) -> bool {
         let triplets = |of: &Self| {
-            let Settings {
-                seed,
-                held_out,
-                recipe,
-                ..
-            } = &of.settings;
-            (*seed, *held_out, recipe.unlabelled_crop(), recipe.reflects())
+            (
+                of.seed,
+                of.held_out,
+                of.recipe.unlabelled_crop(),
+                of.recipe.reflects(),
+            )
         };
         triplets(self) == triplets(other)
     }
@@ -166,19 +116,7 @@ impl Configuration {
     /// # Errors
     /// If the network does not fit such pictures.
     pub fn architecture(&self, pictures: PictureShape) -> Result<Architecture, ArchitectureError> {
-        let NetworkSettings {
-            name,
-            dimensions,
-            layers,
-        } = &self.settings.network;
-        match layers {
-            Some(layers) => Architecture::new(pictures, layers.clone()),
-            None => Architecture::named(
-                name.as_deref().unwrap_or(NETWORK),
-                pictures,
-                dimensions.unwrap_or(DIMENSIONS),
-            ),
-        }
+        self.network.architecture(pictures)
     }
 }
 
@@ -196,28 +134,37 @@ impl Configuration {
     }
 }
 
-impl TryFrom<Settings> for Configuration {
+impl TryFrom<v1::Training> for Configuration {
     type Error = Invalid;
 
-    fn try_from(mut settings: Settings) -> Result<Self, Invalid> {
-        whole("seed", settings.seed, 0..=i64::MAX as u64)?;
-        real("held_out", settings.held_out, f64::MIN_POSITIVE..=0.5)?;
-        settings.recipe.check().map_err(|error| error.within("recipe"))?;
-        let network = &settings.network;
-        if network.layers.is_some() && (network.name.is_some() || network.dimensions.is_some()) {
-            let allowed = "absent where a name or dimensions are given";
-            return Err(Invalid::new("network.layers", "given", allowed));
+    fn try_from(message: v1::Training) -> Result<Self, Invalid> {
+        let default = Self::default();
+        let seed = message.seed.unwrap_or(default.seed);
+        let held_out = message.held_out.unwrap_or(default.held_out);
+        Ok(Self {
+            seed: whole("seed", seed, 0..=i64::MAX as u64)?,
+            held_out: real("held_out", held_out, f64::MIN_POSITIVE..=0.5)?,
+            recipe: match message.recipe {
+                Some(recipe) => recipe.try_into().map_err(|e: Invalid| e.within("recipe"))?,
+                None => default.recipe,
+            },
+            network: match message.network {
+                Some(network) => network.try_into().map_err(|e: Invalid| e.within("network"))?,
+                None => default.network,
+            },
+        })
+    }
+}
+
+/// The message has every field, because another version may have other defaults.
+impl From<&Configuration> for v1::Training {
+    fn from(configuration: &Configuration) -> Self {
+        Self {
+            seed: Some(configuration.seed),
+            held_out: Some(configuration.held_out),
+            network: Some((&configuration.network).into()),
+            recipe: Some((&configuration.recipe).into()),
         }
-        if let Some(name) = network
-            .name
-            .as_deref()
-            .filter(|name| !["compact", "paper"].contains(name))
-        {
-            let allowed = "\"compact\" or \"paper\"";
-            return Err(Invalid::new("network.name", format!("{name:?}"), allowed));
-        }
-        settings.network.spell_out();
-        Ok(Self { settings })
     }
 }
 
@@ -296,6 +243,10 @@ mod tests {
     #[test]
     fn what_is_wrong_is_named() {
         check_refused("sed = 1", "unknown field `sed`");
+        check_refused(
+            "seed = 1\n[recipe.in-batch]\nepoch = 1",
+            "3 | epoch = 1\n  | ^^^^^\nunknown field `epoch` in [recipe.in-batch]: did you mean `epochs`?",
+        );
         check_refused("held_out = 0", "held_out = 0");
         check_refused("held_out = nan", "held_out = NaN");
         check_refused(
@@ -326,6 +277,9 @@ mod tests {
             "recipe.paper-labelled.margin = 0",
         );
         check_refused("[recipe.in-batch]\ncrop = [0.6, 0.5]", "a number from 0.6 to 2");
-        check_refused("[recipe.supervised]\n", "unknown variant `supervised`");
+        check_refused(
+            "[recipe.supervised]\n",
+            "unknown value `supervised` of recipe. It may be `in-batch`, `paper`, `untrained`,",
+        );
     }
 }

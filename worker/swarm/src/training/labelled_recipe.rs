@@ -1,19 +1,18 @@
 //! Recipes that train a trained network further, on labels.
 
-use super::unlabelled_recipe::{RandomTriplets, check_crop};
+use super::{RandomTriplets, crop, size};
 use crate::{
     Invalid,
     invalid::{positive, real, whole},
 };
-use serde::{Deserialize, Serialize};
+use murmuration_proto::v1;
 
 /// The numbers of the labelled recipe. A step has equally many pictures of every class, and its loss counts all violated
 /// triplets. A triplet's weight is the number of labels of the negative's class times the square root of the number of labels
 /// of the anchor's class. Anchors of the class `random` count less, because two behaviours that fit no other class need not be
 /// alike. Triplets of unlabelled behaviours, as in [`InBatch`](super::InBatch), keep behaviours apart that no annotator has
 /// named yet. The weights after the last epoch are published: no labels are held out, because there may be few.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Labelled {
     /// Distance by which a negative must be farther than the positive, over 0 to 1,000.
     pub margin: f64,
@@ -78,99 +77,128 @@ impl Labelled {
             ..self.clone()
         }
     }
+}
 
-    pub(super) fn check(&self) -> Result<(), Invalid> {
-        positive("margin", self.margin, 1000.0)?;
-        whole("per_class", self.per_class, 2..=1024)?;
-        whole("classes", self.classes, 2..=1024)?;
-        real("random_anchors", self.random_anchors, 0.0..=1.0)?;
-        whole("unlabelled", self.unlabelled, 2..=65_536)?;
-        real("unlabelled_weight", self.unlabelled_weight, 0.0..=1000.0)?;
-        whole("enough_labels", self.enough_labels, 1..=1_000_000)?;
-        whole("steps", self.steps, 1..=100_000)?;
-        whole("epochs", self.epochs, 1..=100_000)?;
-        positive("learning_rate", self.learning_rate, 1.0)?;
-        real("weight_decay", self.weight_decay, 0.0..=1.0)?;
-        check_crop("crop", self.crop)?;
-        check_crop("unlabelled_crop", self.unlabelled_crop)
+impl TryFrom<v1::Labelled> for Labelled {
+    type Error = Invalid;
+
+    fn try_from(message: v1::Labelled) -> Result<Self, Invalid> {
+        let default = Self::default();
+        let per_class = size(message.per_class, default.per_class);
+        let classes = size(message.classes, default.classes);
+        let random_anchors = message.random_anchors.unwrap_or(default.random_anchors);
+        let unlabelled = size(message.unlabelled, default.unlabelled);
+        let unlabelled_weight = message.unlabelled_weight.unwrap_or(default.unlabelled_weight);
+        let enough_labels = size(message.enough_labels, default.enough_labels);
+        let steps = size(message.steps, default.steps);
+        let epochs = message.epochs.unwrap_or(default.epochs);
+        let learning_rate = message.learning_rate.unwrap_or(default.learning_rate);
+        let weight_decay = message.weight_decay.unwrap_or(default.weight_decay);
+        let unlabelled_crop = &message.unlabelled_crop;
+        Ok(Self {
+            margin: positive("margin", message.margin.unwrap_or(default.margin), 1000.0)?,
+            per_class: whole("per_class", per_class, 2..=1024)?,
+            classes: whole("classes", classes, 2..=1024)?,
+            random_anchors: real("random_anchors", random_anchors, 0.0..=1.0)?,
+            unlabelled: whole("unlabelled", unlabelled, 2..=65_536)?,
+            unlabelled_weight: real("unlabelled_weight", unlabelled_weight, 0.0..=1000.0)?,
+            enough_labels: whole("enough_labels", enough_labels, 1..=1_000_000)?,
+            steps: whole("steps", steps, 1..=100_000)?,
+            epochs: whole("epochs", epochs, 1..=100_000)?,
+            learning_rate: positive("learning_rate", learning_rate, 1.0)?,
+            weight_decay: real("weight_decay", weight_decay, 0.0..=1.0)?,
+            crop: crop("crop", &message.crop, default.crop)?,
+            unlabelled_crop: crop("unlabelled_crop", unlabelled_crop, default.unlabelled_crop)?,
+        })
+    }
+}
+
+impl From<&Labelled> for v1::Labelled {
+    fn from(recipe: &Labelled) -> Self {
+        Self {
+            margin: Some(recipe.margin),
+            per_class: Some(recipe.per_class as u64),
+            classes: Some(recipe.classes as u64),
+            random_anchors: Some(recipe.random_anchors),
+            unlabelled: Some(recipe.unlabelled as u64),
+            unlabelled_weight: Some(recipe.unlabelled_weight),
+            enough_labels: Some(recipe.enough_labels as u64),
+            steps: Some(recipe.steps as u64),
+            epochs: Some(recipe.epochs),
+            learning_rate: Some(recipe.learning_rate),
+            weight_decay: Some(recipe.weight_decay),
+            crop: recipe.crop.to_vec(),
+            unlabelled_crop: recipe.unlabelled_crop.to_vec(),
+        }
     }
 }
 
 /// The numbers of the paper's recipe on labels. Anchor and negative are unchanged labelled pictures of two classes. The
 /// positive is another picture of the anchor's class, or the augmented anchor.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct PaperLabelled {
     /// Share of the triplets whose positive is the augmented anchor, 0 to 1. An anchor that is alone in its class always has this
     /// positive.
     pub augmented: f64,
-    /// Distance by which a negative must be farther than the positive. This and the following fields have the limits of
-    /// [`RandomTriplets`].
-    pub margin: f64,
-    /// Triplets per step.
-    pub batch: usize,
-    /// Steps per epoch.
-    pub steps: usize,
-    /// Adam's first learning rate.
-    pub learning_rate: f64,
-    /// Share of the weights that is added to the gradient.
-    pub weight_decay: f64,
-    /// The learning rate falls after more than this many consecutive epochs without a lower loss.
-    pub plateau: u64,
-    /// The factor by which the learning rate falls.
-    pub plateau_factor: f64,
-    /// Maximum number of epochs.
-    pub epochs: u64,
-    /// Mean loss under which training stops.
-    pub enough: f64,
-    /// Number of epochs in the mean of `enough`.
-    pub enough_over: usize,
-    /// Smallest and largest share of width and height that a crop keeps.
-    pub crop: [f64; 2],
+    /// The numbers that the paper's recipe without labels has too.
+    pub triplets: RandomTriplets,
 }
 
 impl Default for PaperLabelled {
     fn default() -> Self {
-        let paper = RandomTriplets::default();
         Self {
             augmented: 0.6,
-            margin: paper.margin,
-            batch: paper.batch,
-            steps: paper.steps,
-            learning_rate: paper.learning_rate,
-            weight_decay: paper.weight_decay,
-            plateau: paper.plateau,
-            plateau_factor: paper.plateau_factor,
-            epochs: 300,
-            enough: paper.enough,
-            enough_over: paper.enough_over,
-            crop: paper.crop,
+            triplets: RandomTriplets {
+                epochs: 300,
+                ..RandomTriplets::default()
+            },
         }
     }
 }
 
-impl PaperLabelled {
-    /// The fields shared with the paper's recipe without labels.
-    #[must_use]
-    pub const fn triplets(&self) -> RandomTriplets {
-        RandomTriplets {
-            margin: self.margin,
-            batch: self.batch,
-            steps: self.steps,
-            learning_rate: self.learning_rate,
-            weight_decay: self.weight_decay,
-            plateau: self.plateau,
-            plateau_factor: self.plateau_factor,
-            epochs: self.epochs,
-            enough: self.enough,
-            enough_over: self.enough_over,
-            crop: self.crop,
-        }
-    }
+impl TryFrom<v1::PaperLabelled> for PaperLabelled {
+    type Error = Invalid;
 
-    pub(super) fn check(&self) -> Result<(), Invalid> {
-        real("augmented", self.augmented, 0.0..=1.0)?;
-        self.triplets().check()
+    fn try_from(message: v1::PaperLabelled) -> Result<Self, Invalid> {
+        let default = Self::default();
+        let augmented = message.augmented.unwrap_or(default.augmented);
+        let triplets = v1::RandomTriplets {
+            margin: message.margin,
+            batch: message.batch,
+            steps: message.steps,
+            learning_rate: message.learning_rate,
+            weight_decay: message.weight_decay,
+            plateau: message.plateau,
+            plateau_factor: message.plateau_factor,
+            epochs: message.epochs,
+            enough: message.enough,
+            enough_over: message.enough_over,
+            crop: message.crop,
+        };
+        Ok(Self {
+            augmented: real("augmented", augmented, 0.0..=1.0)?,
+            triplets: RandomTriplets::with_default(triplets, &default.triplets)?,
+        })
+    }
+}
+
+impl From<&PaperLabelled> for v1::PaperLabelled {
+    fn from(recipe: &PaperLabelled) -> Self {
+        let triplets = v1::RandomTriplets::from(&recipe.triplets);
+        Self {
+            augmented: Some(recipe.augmented),
+            margin: triplets.margin,
+            batch: triplets.batch,
+            steps: triplets.steps,
+            learning_rate: triplets.learning_rate,
+            weight_decay: triplets.weight_decay,
+            plateau: triplets.plateau,
+            plateau_factor: triplets.plateau_factor,
+            epochs: triplets.epochs,
+            enough: triplets.enough,
+            enough_over: triplets.enough_over,
+            crop: triplets.crop,
+        }
     }
 }
 

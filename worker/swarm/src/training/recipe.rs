@@ -5,11 +5,10 @@ use super::{
     unlabelled_recipe::{InBatch, RandomTriplets},
 };
 use crate::Invalid;
-use serde::{Deserialize, Serialize};
+use murmuration_proto::v1::{self, recipe::Kind};
 
 /// A way to train.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Recipe {
     /// The paper's recipe, with random negatives and a large margin.
     Paper(RandomTriplets),
@@ -78,7 +77,7 @@ impl Recipe {
             Self::Paper(recipe) => recipe.crop,
             Self::InBatch(recipe) => recipe.crop,
             Self::Labelled(recipe) => recipe.unlabelled_crop,
-            Self::PaperLabelled(recipe) => recipe.crop,
+            Self::PaperLabelled(recipe) => recipe.triplets.crop,
             Self::Untrained => Self::default().unlabelled_crop(),
         }
     }
@@ -100,7 +99,7 @@ impl Recipe {
             Self::Paper(recipe) => recipe.epochs,
             Self::InBatch(recipe) => recipe.epochs,
             Self::Labelled(recipe) => recipe.epochs,
-            Self::PaperLabelled(recipe) => recipe.epochs,
+            Self::PaperLabelled(recipe) => recipe.triplets.epochs,
             Self::Untrained => 0,
         }
     }
@@ -112,25 +111,43 @@ impl Recipe {
             Self::Paper(recipe) => recipe.learning_rate,
             Self::InBatch(recipe) => recipe.learning_rate,
             Self::Labelled(recipe) => recipe.learning_rate,
-            Self::PaperLabelled(recipe) => recipe.learning_rate,
+            Self::PaperLabelled(recipe) => recipe.triplets.learning_rate,
             Self::Untrained => 0.0,
         }
-    }
-
-    pub(crate) fn check(&self) -> Result<(), Invalid> {
-        let checked = match self {
-            Self::Paper(recipe) => recipe.check(),
-            Self::InBatch(recipe) => recipe.check(),
-            Self::Labelled(recipe) => recipe.check(),
-            Self::PaperLabelled(recipe) => recipe.check(),
-            Self::Untrained => Ok(()),
-        };
-        checked.map_err(|error| error.within(self.name()))
     }
 }
 
 impl Default for Recipe {
     fn default() -> Self {
         Self::InBatch(InBatch::default())
+    }
+}
+
+impl TryFrom<v1::Recipe> for Recipe {
+    type Error = Invalid;
+
+    fn try_from(message: v1::Recipe) -> Result<Self, Invalid> {
+        let kind = message.kind.ok_or_else(|| Invalid::missing("kind", "a recipe"))?;
+        let (name, recipe) = match kind {
+            Kind::InBatch(numbers) => ("in-batch", numbers.try_into().map(Self::InBatch)),
+            Kind::Paper(numbers) => ("paper", numbers.try_into().map(Self::Paper)),
+            Kind::Untrained(_) => ("untrained", Ok(Self::Untrained)),
+            Kind::Labelled(numbers) => ("labelled", numbers.try_into().map(Self::Labelled)),
+            Kind::PaperLabelled(numbers) => ("paper-labelled", numbers.try_into().map(Self::PaperLabelled)),
+        };
+        recipe.map_err(|error: Invalid| error.within(name))
+    }
+}
+
+impl From<&Recipe> for v1::Recipe {
+    fn from(recipe: &Recipe) -> Self {
+        let kind = match recipe {
+            Recipe::Paper(numbers) => Kind::Paper(numbers.into()),
+            Recipe::InBatch(numbers) => Kind::InBatch(numbers.into()),
+            Recipe::Labelled(numbers) => Kind::Labelled(numbers.into()),
+            Recipe::PaperLabelled(numbers) => Kind::PaperLabelled(numbers.into()),
+            Recipe::Untrained => Kind::Untrained(v1::Untrained {}),
+        };
+        Self { kind: Some(kind) }
     }
 }

@@ -1,15 +1,15 @@
 //! Recipes that learn without labels.
 
+use super::{crop, size};
 use crate::{
     Invalid,
     invalid::{positive, real, whole},
 };
-use serde::{Deserialize, Serialize};
+use murmuration_proto::v1;
 
 /// The numbers of the paper's recipe ("Data and Network Architecture"; the margin is from the authors' code). Only the
 /// positive is augmented, not the anchor and the negative.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct RandomTriplets {
     /// Distance by which a negative must be farther than the positive, over 0 to 1,000.
     pub margin: f64,
@@ -55,24 +55,61 @@ impl Default for RandomTriplets {
 }
 
 impl RandomTriplets {
-    pub(super) fn check(&self) -> Result<(), Invalid> {
-        positive("margin", self.margin, 1000.0)?;
-        whole("batch", self.batch, 1..=65_536)?;
-        whole("steps", self.steps, 1..=100_000)?;
-        positive("learning_rate", self.learning_rate, 1.0)?;
-        real("weight_decay", self.weight_decay, 0.0..=1.0)?;
-        whole("plateau", self.plateau, 1..=100_000)?;
-        positive("plateau_factor", self.plateau_factor, 1.0)?;
-        whole("epochs", self.epochs, 1..=100_000)?;
-        real("enough", self.enough, 0.0..=1e9)?;
-        whole("enough_over", self.enough_over, 1..=10_000)?;
-        check_crop("crop", self.crop)
+    /// Validates a message, whose absent fields take the values of `default`.
+    pub(super) fn with_default(message: v1::RandomTriplets, default: &Self) -> Result<Self, Invalid> {
+        let batch = size(message.batch, default.batch);
+        let steps = size(message.steps, default.steps);
+        let learning_rate = message.learning_rate.unwrap_or(default.learning_rate);
+        let weight_decay = message.weight_decay.unwrap_or(default.weight_decay);
+        let plateau = message.plateau.unwrap_or(default.plateau);
+        let plateau_factor = message.plateau_factor.unwrap_or(default.plateau_factor);
+        let epochs = message.epochs.unwrap_or(default.epochs);
+        let enough = message.enough.unwrap_or(default.enough);
+        let enough_over = size(message.enough_over, default.enough_over);
+        Ok(Self {
+            margin: positive("margin", message.margin.unwrap_or(default.margin), 1000.0)?,
+            batch: whole("batch", batch, 1..=65_536)?,
+            steps: whole("steps", steps, 1..=100_000)?,
+            learning_rate: positive("learning_rate", learning_rate, 1.0)?,
+            weight_decay: real("weight_decay", weight_decay, 0.0..=1.0)?,
+            plateau: whole("plateau", plateau, 1..=100_000)?,
+            plateau_factor: positive("plateau_factor", plateau_factor, 1.0)?,
+            epochs: whole("epochs", epochs, 1..=100_000)?,
+            enough: real("enough", enough, 0.0..=1e9)?,
+            enough_over: whole("enough_over", enough_over, 1..=10_000)?,
+            crop: crop("crop", &message.crop, default.crop)?,
+        })
+    }
+}
+
+impl TryFrom<v1::RandomTriplets> for RandomTriplets {
+    type Error = Invalid;
+
+    fn try_from(message: v1::RandomTriplets) -> Result<Self, Invalid> {
+        Self::with_default(message, &Self::default())
+    }
+}
+
+impl From<&RandomTriplets> for v1::RandomTriplets {
+    fn from(recipe: &RandomTriplets) -> Self {
+        Self {
+            margin: Some(recipe.margin),
+            batch: Some(recipe.batch as u64),
+            steps: Some(recipe.steps as u64),
+            learning_rate: Some(recipe.learning_rate),
+            weight_decay: Some(recipe.weight_decay),
+            plateau: Some(recipe.plateau),
+            plateau_factor: Some(recipe.plateau_factor),
+            epochs: Some(recipe.epochs),
+            enough: Some(recipe.enough),
+            enough_over: Some(recipe.enough_over as u64),
+            crop: recipe.crop.to_vec(),
+        }
     }
 }
 
 /// The numbers of the in-batch recipe. Anchors and positives are augmented.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct InBatch {
     /// Distance by which a negative must be farther than the positive, over 0 to 1,000.
     pub margin: f64,
@@ -109,21 +146,41 @@ impl Default for InBatch {
     }
 }
 
-impl InBatch {
-    pub(super) fn check(&self) -> Result<(), Invalid> {
-        positive("margin", self.margin, 1000.0)?;
-        whole("batch", self.batch, 2..=65_536)?;
-        positive("learning_rate", self.learning_rate, 1.0)?;
-        real("weight_decay", self.weight_decay, 0.0..=1.0)?;
-        whole("flattening", self.flattening, 0..=8)?;
-        whole("epochs", self.epochs, 1..=100_000)?;
-        whole("patience", self.patience, 1..=100_000)?;
-        check_crop("crop", self.crop)
+impl TryFrom<v1::InBatch> for InBatch {
+    type Error = Invalid;
+
+    fn try_from(message: v1::InBatch) -> Result<Self, Invalid> {
+        let default = Self::default();
+        let batch = size(message.batch, default.batch);
+        let learning_rate = message.learning_rate.unwrap_or(default.learning_rate);
+        let weight_decay = message.weight_decay.unwrap_or(default.weight_decay);
+        let flattening = message.flattening.unwrap_or(default.flattening);
+        let epochs = message.epochs.unwrap_or(default.epochs);
+        let patience = message.patience.unwrap_or(default.patience);
+        Ok(Self {
+            margin: positive("margin", message.margin.unwrap_or(default.margin), 1000.0)?,
+            batch: whole("batch", batch, 2..=65_536)?,
+            learning_rate: positive("learning_rate", learning_rate, 1.0)?,
+            weight_decay: real("weight_decay", weight_decay, 0.0..=1.0)?,
+            flattening: whole("flattening", flattening, 0..=8)?,
+            epochs: whole("epochs", epochs, 1..=100_000)?,
+            patience: whole("patience", patience, 1..=100_000)?,
+            crop: crop("crop", &message.crop, default.crop)?,
+        })
     }
 }
 
-pub(super) fn check_crop(field: &str, crop: [f64; 2]) -> Result<(), Invalid> {
-    positive(&format!("{field}[0]"), crop[0], 2.0)?;
-    real(&format!("{field}[1]"), crop[1], crop[0]..=2.0)?;
-    Ok(())
+impl From<&InBatch> for v1::InBatch {
+    fn from(recipe: &InBatch) -> Self {
+        Self {
+            margin: Some(recipe.margin),
+            batch: Some(recipe.batch as u64),
+            learning_rate: Some(recipe.learning_rate),
+            weight_decay: Some(recipe.weight_decay),
+            flattening: Some(recipe.flattening),
+            epochs: Some(recipe.epochs),
+            patience: Some(recipe.patience),
+            crop: recipe.crop.to_vec(),
+        }
+    }
 }
