@@ -17,7 +17,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-CONTRACT = ROOT / "proto/murmuration/v1/campaign.proto"
+CONTRACT = [ROOT / "proto/murmuration/v1" / file for file in ("campaign.proto", "training.proto")]
+# Tables that a message holds as TOML text: message, field, and the message of the table's fields.
+RECIPE = "Recipe"
+TEXTS = [("CampaignSpec", "training", "Training"), ("Feedback", "recipe", RECIPE)]
 # Messages that a campaign file writes as a value, not as a table.
 VALUES = {"SensorAngle": 'number, or "free"', "Ratio": "list of whole numbers", "Genes": "list of numbers"}
 SCALARS = {
@@ -83,6 +86,7 @@ def definitions(text: str) -> dict[str, tuple[str, list[Field]]]:
     found: dict[str, tuple[str, list[Field]]] = {}
     comment: list[str] = []
     inside = ""
+    is_choice = False
     for line in map(str.strip, text.splitlines()):
         if line.startswith("//"):
             comment.append(line.removeprefix("//").strip())
@@ -91,10 +95,14 @@ def definitions(text: str) -> dict[str, tuple[str, list[Field]]]:
         if opened := re.fullmatch(r"(?:message|enum) (\w+) \{", line):
             inside = opened[1]
             found[inside] = (about, [])
+        elif line.startswith("oneof "):
+            is_choice = True
         elif line == "}":
-            inside = ""
+            inside, is_choice = (inside if is_choice else ""), False
         elif inside and (field := re.fullmatch(r"(optional |repeated )?(\w+) (\w+) = \d+;", line)):
-            found[inside][1].append(Field(field[2], field[1] == "repeated ", field[3], about))
+            # In campaign files, the alternatives of a choice have hyphens.
+            name = field[3].replace("_", "-") if is_choice else field[3]
+            found[inside][1].append(Field(field[2], field[1] == "repeated ", name, about))
         elif inside and (value := re.fullmatch(r"([A-Z_]+) = \d+;", line)):
             found[inside][1].append(Field("", False, value[1], about))
         comment = []
@@ -102,18 +110,20 @@ def definitions(text: str) -> dict[str, tuple[str, list[Field]]]:
 
 
 def fields_chapter() -> str:
-    messages = definitions(CONTRACT.read_text())
+    messages = definitions("".join(file.read_text() for file in CONTRACT))
+    for message, name, kind in TEXTS:
+        for field in messages[message][1]:
+            field.kind = kind if field.name == name else field.kind
     lines = [
         "# Every field of a campaign",
         "",
-        "This chapter is generated from the comments of the contract (`proto/murmuration/v1/campaign.proto`).",
-        "[Campaign files](docs/campaigns.md) explains the fields by topic, and has those of `[training]` and of",
-        "recipes, which the contract carries as text. `murmuration show CAMPAIGN` prints every field of a campaign",
-        "with its value.",
+        "This chapter is generated from the comments of the contract (`campaign.proto` and `training.proto` in",
+        "`proto/murmuration/v1`). [Campaign files](docs/campaigns.md) explains the fields by topic.",
+        "`murmuration show CAMPAIGN` prints every field of a campaign with its value.",
         "",
     ]
     for path, message in sections(messages):
-        about, fields = messages[message]
+        about, fields = messages[message][0], fields_at(path, message, messages)
         title = f"`{path}`" if path else "The file"
         lines += [f"## {title}", "", about, "", "| field | type | what it says |", "|---|---|---|"]
         lines += [f"| `{one.name}` | {type_of(one, messages)} | {cell(one.about)} |" for one in fields]
@@ -128,14 +138,22 @@ def sections(messages: dict[str, tuple[str, list[Field]]]) -> Iterator[tuple[str
     while open_tables:
         path, message = open_tables.pop(0)
         # The robot of a species has the fields of `[robot]`.
-        if message in seen:
+        if message in seen and message != RECIPE:
             continue
         seen.add(message)
-        yield path, message
-        for field in messages[message][1]:
+        if messages[message][1]:
+            yield path, message
+        for field in fields_at(path, message, messages):
             if is_table(field, messages):
                 inner = f"{path.strip('[]')}.{field.name}".strip(".")
                 open_tables.append((f"[[{inner}]]" if field.repeated else f"[{inner}]", field.kind))
+
+
+def fields_at(path: str, message: str, messages: dict[str, tuple[str, list[Field]]]) -> list[Field]:
+    """The fields of the table at `path`. Recipes with labels belong in `feedback.recipe`, other recipes in `training.recipe`."""
+    with_labels = path.startswith("[feedback.")
+    fields = messages[message][1]
+    return [one for one in fields if message != RECIPE or one.name.endswith("labelled") == with_labels]
 
 
 def is_table(field: Field, messages: dict[str, tuple[str, list[Field]]]) -> bool:
@@ -143,13 +161,10 @@ def is_table(field: Field, messages: dict[str, tuple[str, list[Field]]]) -> bool
 
 
 def is_enum(kind: str, messages: dict[str, tuple[str, list[Field]]]) -> bool:
-    return kind in messages and all(not value.kind for value in messages[kind][1])
+    return kind in messages and any(not value.kind for value in messages[kind][1])
 
 
 def type_of(field: Field, messages: dict[str, tuple[str, list[Field]]]) -> str:
-    # The contract carries these tables as text.
-    if "TOML table" in field.about:
-        return "table"
     if field.kind in SCALARS or field.kind in VALUES:
         name = SCALARS.get(field.kind) or VALUES[field.kind]
         return f"list, each a {name}" if field.repeated else name
