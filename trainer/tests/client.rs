@@ -235,7 +235,11 @@ async fn what_cannot_be_trained_fails_for_good() {
             },
         )
         .await;
-    check_failure(session.result(3).await.0, fatal, "bytes of pictures came");
+    check_failure(
+        session.result(3).await.0,
+        fatal,
+        "received 6480 bytes of pictures, not 6642",
+    );
     session
         .lease(
             4,
