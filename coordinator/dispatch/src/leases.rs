@@ -49,6 +49,8 @@ const LATE: u32 = 4;
 /// that is longer.
 const HANGS_AFTER: Duration = Duration::from_secs(30);
 const HANGS: u32 = 8;
+/// Audits and disagreements wait for a machine that owes an answer for at least this time: its first task may take long.
+const HOPELESS_AFTER: Duration = Duration::from_secs(300);
 
 /// Decides when two results of a task count as the same result.
 pub trait Agree {
@@ -261,15 +263,8 @@ impl<R: Agree + Clone> LeaseTable<R> {
         let tasks = (0..params.tasks).map(|place| Task::new(params.audited.contains(&place)));
         let job = Job {
             tasks: tasks.collect(),
-            // Audited tasks go first, so that the end of a job does not wait for second votes.
-            queues: Queues::new(
-                params
-                    .audited
-                    .iter()
-                    .copied()
-                    .filter(|&place| place < params.tasks),
-                (0..params.tasks).filter(|place| !params.audited.contains(place)),
-            ),
+            // Audited tasks have no place of their own in the order, so that no worker knows them.
+            queues: Queues::new(0..params.tasks),
             settled: 0,
             served: self.served,
             cost: params.cost.max(1),

@@ -245,6 +245,7 @@ enum Request {
         worker: WorkerId,
         report: WorkerReport,
     },
+    WithdrawAudits(CampaignId),
     TrainingLease {
         worker: WorkerId,
         epoch: u64,
@@ -284,15 +285,26 @@ impl Dispatch {
         }
     }
 
-    /// Waits until the audits are over that went on after the jobs of a campaign. `job_progress` says meanwhile what is waited for.
+    /// Waits until the audits are over that went on after the jobs of a campaign, until one ends in a disagreement, or until a machine is
+    /// quarantined. `job_progress` says meanwhile what is waited for.
     pub async fn audited(&self, campaign: CampaignId, job_progress: Arc<JobProgress>) {
         let text = "another machine repeats some evaluations, to compare the results (an audit)";
         job_progress.set_trouble(Some(text.to_owned()));
-        // The sender is this handle's own, so that it is never closed.
+        let (mut audits, mut wrong) = (self.audits.subscribe(), self.quarantined.clone());
+        let known = wrong.borrow().len();
+        // Results of a machine that was found wrong are computed again first.
+        tokio::select! {
+            _ = audits.wait_for(|audits| audits.is_over(&campaign)) => {}
+            _ = wrong.wait_for(|wrong| wrong.len() != known) => {}
+        }
+    }
+
+    /// Ends the audits that go on after the jobs of a campaign, which is cancelled or deleted.
+    pub async fn withdraw_audits(&self, campaign: CampaignId) {
+        // Nothing goes on if the dispatcher has ended.
         let _ = self
-            .audits
-            .subscribe()
-            .wait_for(|audits| !audits.has(&campaign))
+            .commands
+            .send(Command::Work(Request::WithdrawAudits(campaign)))
             .await;
     }
 

@@ -27,13 +27,14 @@ impl OpenAudits {
         }
     }
 
-    pub(crate) fn disagree(&mut self, campaign: &CampaignId, error: JobError) {
-        self.disagreements.insert(campaign.clone(), error);
+    /// Notes a disagreement; returns whether the campaign had none.
+    pub(crate) fn disagree(&mut self, campaign: &CampaignId, error: JobError) -> bool {
+        self.disagreements.insert(campaign.clone(), error).is_none()
     }
 
-    /// Whether a campaign has audits that are not over.
-    pub(crate) fn has(&self, campaign: &CampaignId) -> bool {
-        self.jobs.contains_key(campaign)
+    /// Whether nothing goes on for a campaign, or there is a disagreement.
+    pub(crate) fn is_over(&self, campaign: &CampaignId) -> bool {
+        !self.jobs.contains_key(campaign) || self.disagreements.contains_key(campaign)
     }
 
     /// A campaign's disagreement, which is then forgotten.

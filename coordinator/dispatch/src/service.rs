@@ -209,6 +209,7 @@ impl Service {
                 return true;
             }
             Request::Report { worker, report } => return self.take_report(worker, report),
+            Request::WithdrawAudits(campaign) => self.withdraw_audits(&campaign),
             Request::TrainingLease {
                 worker,
                 epoch,
@@ -291,7 +292,8 @@ impl Service {
         let mut jobs = self.jobs.iter().rev();
         let earlier = jobs.find(|(_, earlier)| {
             let submitted = &earlier.submitted;
-            submitted.kind() == job.kind()
+            earlier.audits.is_none()
+                && submitted.kind() == job.kind()
                 && submitted
                     .campaign()
                     .is_some_and(|campaign| job.campaign() == Some(campaign))

@@ -167,7 +167,7 @@ impl<W: Work> AnyJob for Submitted<W> {
         outcome: Outcome,
         kind: EmbeddingKind,
     ) -> Result<Vec<Vote>, Unsound> {
-        let came = self.work.results(outcome, kind)?;
+        let came = self.work.results(places.len(), outcome, kind)?;
         if came.len() != places.len() {
             let (got, wanted) = (came.len(), places.len());
             return Err(Refused::WrongCount { got, wanted }.into());

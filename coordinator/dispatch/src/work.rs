@@ -67,8 +67,13 @@ pub(super) trait Work: Debug + Send + 'static {
     /// The tasks at these places, as a message.
     fn batch(&self, places: &[usize]) -> v1::lease::Work;
 
-    /// Reads the results of a batch. `kind` is the worker's kind of embedding.
-    fn results(&self, outcome: Outcome, kind: EmbeddingKind) -> Result<Vec<Self::Result>, Invalid>;
+    /// Reads the results of a batch of this many tasks. `kind` is the worker's kind of embedding.
+    fn results(
+        &self,
+        tasks: usize,
+        outcome: Outcome,
+        kind: EmbeddingKind,
+    ) -> Result<Vec<Self::Result>, Invalid>;
 
     /// Whether two results of one task count as the same.
     fn agree(one: &Self::Result, other: &Self::Result) -> bool;
@@ -176,7 +181,12 @@ impl Work for EvaluationJob {
         })
     }
 
-    fn results(&self, outcome: Outcome, kind: EmbeddingKind) -> Result<Vec<Self::Result>, Invalid> {
+    fn results(
+        &self,
+        tasks: usize,
+        outcome: Outcome,
+        kind: EmbeddingKind,
+    ) -> Result<Vec<Self::Result>, Invalid> {
         let Outcome::Evaluations(message) = outcome else {
             return Err(other_work());
         };
@@ -185,7 +195,7 @@ impl Work for EvaluationJob {
             judge: self.judges,
         };
         let bounds = FeatureBounds::of(&self.model, &self.world);
-        let trials = bounds.received(&message, &self.image, extras)?;
+        let trials = bounds.received(&message, tasks * self.starts.get(), &self.image, extras)?;
         let tasks = by_task("evaluations", trials, self.starts)?;
         Ok(tasks.into_iter().map(|trials| (trials, kind)).collect())
     }
@@ -256,7 +266,12 @@ impl Work for EmbeddingJob {
         })
     }
 
-    fn results(&self, outcome: Outcome, kind: EmbeddingKind) -> Result<Vec<Self::Result>, Invalid> {
+    fn results(
+        &self,
+        _tasks: usize,
+        outcome: Outcome,
+        kind: EmbeddingKind,
+    ) -> Result<Vec<Self::Result>, Invalid> {
         let Outcome::Embeddings(message) = outcome else {
             return Err(other_work());
         };
@@ -308,7 +323,12 @@ impl Work for ReplayJob {
         })
     }
 
-    fn results(&self, outcome: Outcome, _kind: EmbeddingKind) -> Result<Vec<Self::Result>, Invalid> {
+    fn results(
+        &self,
+        _tasks: usize,
+        outcome: Outcome,
+        _kind: EmbeddingKind,
+    ) -> Result<Vec<Self::Result>, Invalid> {
         let Outcome::Replay(message) = outcome else {
             return Err(other_work());
         };
@@ -374,7 +394,12 @@ impl Work for TrainingJob {
         })
     }
 
-    fn results(&self, outcome: Outcome, _kind: EmbeddingKind) -> Result<Vec<Self::Result>, Invalid> {
+    fn results(
+        &self,
+        _tasks: usize,
+        outcome: Outcome,
+        _kind: EmbeddingKind,
+    ) -> Result<Vec<Self::Result>, Invalid> {
         let Outcome::Checkpoint(digest) = outcome else {
             return Err(other_work());
         };

@@ -140,7 +140,7 @@ pub fn impossible(scale: &Scale, undisturbed: &Undisturbed) -> Row {
                 features: vec![0.0; 4],
                 ..lie()
             },
-            "must be 5 values",
+            "features = ",
         ),
         (
             "a picture too small",

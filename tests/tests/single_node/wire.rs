@@ -89,7 +89,7 @@ async fn impossible_results_are_refused_by_name() {
                 ..good()
             },
             0,
-            "features = 16 values: must be 5 values per trial",
+            "features = 16 values: must be 20",
         ),
         (
             v1::Evaluation {
@@ -107,7 +107,7 @@ async fn impossible_results_are_refused_by_name() {
             0,
             "verdicts = 4 values: must be 0",
         ),
-        (good(), 1, "results for a lease of"),
+        (good(), 1, "features = 25 values: must be 20"),
         (
             v1::Evaluation {
                 features: vec![1e4, 0.0, 0.0, 0.0, 0.0],

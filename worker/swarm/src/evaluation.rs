@@ -126,7 +126,7 @@ impl Evaluation {
 }
 
 impl Evaluation<CompressedImage> {
-    /// Validates the evaluations of a worker that was asked for pictures in `format` and for these `extras`.
+    /// Validates the evaluations of a worker that was asked for this many `trials`, for pictures in `format` and for these `extras`.
     ///
     /// # Errors
     /// Names what is wrong, with the number of the trial: a feature that is not finite or over [`MAX_FEATURE`], a picture that cannot
@@ -134,15 +134,10 @@ impl Evaluation<CompressedImage> {
     /// requested, or have different numbers of trials.
     pub fn received(
         message: &v1::Evaluations,
+        trials: usize,
         format: &ImageFormat,
         extras: Extras,
     ) -> Result<Vec<Self>, Invalid> {
-        let (features, rest) = message.features.as_chunks();
-        if !rest.is_empty() {
-            let found = counted(message.features.len() as u64, "value");
-            return Err(Invalid::new("features", found, "5 values per trial"));
-        }
-        let trials = features.len();
         let column = |name: &str, found: usize, wanted: usize| match found == wanted {
             true => Ok(()),
             false => Err(Invalid::new(
@@ -152,6 +147,9 @@ impl Evaluation<CompressedImage> {
             )),
         };
         let dimensions = extras.dimensions.unwrap_or(0);
+        // The number of trials comes first: what is decompressed must be what was asked for.
+        column("features", message.features.len(), trials * FEATURE_NAMES.len())?;
+        let (features, _) = message.features.as_chunks();
         column("embeddings", message.embeddings.len(), trials * dimensions)?;
         column(
             "verdicts",
@@ -403,7 +401,7 @@ mod tests {
                 ..Extras::default()
             };
             let message = Evaluation::message(&[evaluation]).unwrap();
-            let received = Evaluation::received(&message, &format, extras)?.pop();
+            let received = Evaluation::received(&message, 1, &format, extras)?.pop();
             received
                 .unwrap()
                 .decompressed()
@@ -433,7 +431,7 @@ mod tests {
             judge: false,
         };
         let sound = Evaluation::message(&evaluations).unwrap();
-        let received = |message: &v1::Evaluations| Evaluation::received(message, &format, extras);
+        let received = |message: &v1::Evaluations| Evaluation::received(message, 3, &format, extras);
         let taken = received(&sound)
             .unwrap()
             .into_iter()
@@ -454,7 +452,7 @@ mod tests {
             refused(|message| message.features[7] = f64::NAN),
         ];
         let expected = [
-            "features = 13 values: must be 5 values per trial",
+            "features = 13 values: must be 15",
             "embeddings = 7 values: must be 6",
             "verdicts = 1 value: must be 0",
             "evaluations[1].embedding[1] = NaN",

@@ -11,8 +11,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Maximum number of audits that go on after their jobs. Further audits are waived: those that are there already find a machine that
-/// is wrong, once another machine answers.
+/// Maximum number of audits that go on after their jobs. A job waits for further audits, unless all other machines hang: the audits that
+/// are there already find a machine that is wrong, once another machine answers.
 const MAX_AUDITS: usize = 256;
 
 /// A job of audits that go on after their job.
@@ -33,12 +33,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
         if places.is_empty() {
             return None;
         }
-        if self.audits_after_jobs() + places.len() > MAX_AUDITS {
-            let tasks = places.len();
-            self.events.push(Event::Waived { job: old, tasks });
-            return None;
-        }
-        let mut queues = Queues::new(std::iter::empty(), std::iter::empty());
+        let mut queues = Queues::new(std::iter::empty());
         (0..tasks.len()).for_each(|place| queues.want_second(place));
         let audits = Job {
             tasks,
@@ -59,10 +54,13 @@ impl<R: Agree + Clone> LeaseTable<R> {
         Some(Audits { job: id, places })
     }
 
-    /// Number of audits that go on after their jobs.
-    fn audits_after_jobs(&self) -> usize {
-        let audits = self.jobs.values().filter(|job| job.is_audits);
-        audits.map(|job| job.tasks.len() - job.settled).sum()
+    /// Whether a further audit may go on after its job.
+    pub(super) fn has_room_for_audits(&self) -> bool {
+        let open = |job: &Job<R>| match job.is_audits {
+            true => job.tasks.len() - job.settled,
+            false => job.tasks.iter().filter(|task| task.is_postponed()).count(),
+        };
+        self.jobs.values().map(open).sum::<usize>() < MAX_AUDITS
     }
 
     /// Ends audits that no machine can finish any more. Looks only once a second, since there may be many audits.

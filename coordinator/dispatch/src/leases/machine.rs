@@ -1,6 +1,6 @@
 //! The record of a machine with connected workers: its capacity, and the leases that it owes answers to.
 
-use super::{HANGS, HANGS_AFTER, LeaseNumber, workers::Worker};
+use super::{HANGS, HANGS_AFTER, HOPELESS_AFTER, LeaseNumber, workers::Worker};
 use std::{
     collections::BTreeMap,
     time::{Duration, Instant},
@@ -75,9 +75,19 @@ impl Machine {
         self.usual = Some(self.usual.map_or(took, |usual| (usual * 7 + took) / 8));
     }
 
-    /// Whether the machine owes an answer for so long that nobody should wait for the machine, although its workers send heartbeats.
+    /// Whether the machine owes an answer for so long that it gets no more work, although its workers send heartbeats.
     pub(super) fn hangs(&self, now: Instant) -> bool {
-        let limit = HANGS_AFTER.max(self.usual.unwrap_or_default() * HANGS);
+        self.owes_for(HANGS_AFTER, now)
+    }
+
+    /// Whether the machine owes an answer for so long that not even audits wait for the machine.
+    pub(super) fn is_hopeless(&self, now: Instant) -> bool {
+        self.owes_for(HOPELESS_AFTER, now)
+    }
+
+    /// Whether the machine owes an answer for longer than this, and for longer than [`HANGS`] times its own usual turnaround.
+    fn owes_for(&self, least: Duration, now: Instant) -> bool {
+        let limit = least.max(self.usual.unwrap_or_default() * HANGS);
         // Numbers of leases grow with time.
         let oldest = self.owed.first_key_value();
         oldest.is_some_and(|(_, &granted)| now.saturating_duration_since(granted) > limit)

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 /// The waiting tasks of a job, by the worker that they need. A task is in at most one queue.
 #[derive(Debug)]
 pub(super) struct Queues {
-    /// Tasks for any worker, leased before the tasks in `next`.
+    /// Tasks for any worker that were leased before, leased before the tasks in `next`.
     first: BTreeSet<usize>,
     /// Tasks for any worker.
     next: BTreeSet<usize>,
@@ -16,9 +16,9 @@ pub(super) struct Queues {
 }
 
 impl Queues {
-    pub(super) fn new(first: impl Iterator<Item = usize>, next: impl Iterator<Item = usize>) -> Self {
+    pub(super) fn new(next: impl Iterator<Item = usize>) -> Self {
         Self {
-            first: first.collect(),
+            first: BTreeSet::new(),
             next: next.collect(),
             second: BTreeSet::new(),
             alone: BTreeSet::new(),

@@ -189,11 +189,17 @@ impl Roster {
         self.change_machine(machine, |machine| machine.learn(tasks, took));
     }
 
-    /// Whether a machine owes an answer for so long that nobody should wait for the machine.
+    /// Whether a machine owes an answer for so long that it gets no more work.
     pub(super) fn hangs(&self, machine: MachineId, now: Instant) -> bool {
         self.machines
             .get(&machine)
             .is_some_and(|machine| machine.hangs(now))
+    }
+
+    /// Whether a machine owes an answer for so long that not even audits wait for the machine.
+    pub(super) fn is_hopeless(&self, machine: MachineId, now: Instant) -> bool {
+        let machine = self.machines.get(&machine);
+        machine.is_some_and(|machine| machine.is_hopeless(now))
     }
 
     /// Changes a machine, whose proven capacity may change too.

@@ -66,6 +66,8 @@ struct SimulatedCluster {
     jobs: BTreeMap<JobId, Submitted>,
     /// For each job of audits: the old job, and the places of the tasks there.
     origins: BTreeMap<JobId, (JobId, Vec<usize>)>,
+    /// Jobs of audits that a disagreement keeps open.
+    undecided: BTreeSet<JobId>,
     next_instance: u64,
     /// How often each kind of event occurred, to check that the schedules reach all kinds.
     seen: Seen,
@@ -93,6 +95,7 @@ impl SimulatedCluster {
             machines: BTreeMap::new(),
             jobs: BTreeMap::new(),
             origins: BTreeMap::new(),
+            undecided: BTreeSet::new(),
             next_instance: 0,
             seen: Seen::default(),
         }
@@ -366,6 +369,11 @@ impl SimulatedCluster {
                 self.start(machine, false, true);
             }
             self.grant();
+            // All machines may have answered or refused: then only the end of the campaign ends the audit.
+            for job in std::mem::take(&mut self.undecided) {
+                self.table.forget(job);
+                self.jobs.remove(&job);
+            }
             if self.jobs.is_empty() {
                 break;
             }

@@ -184,13 +184,17 @@ impl<R: Agree> Task<R> {
         self.is_postponed = true;
     }
 
+    /// Whether the audit of the task goes on after the job.
+    pub(super) fn is_postponed(&self) -> bool {
+        self.is_postponed && self.votes.len() == 1
+    }
+
     /// The task of an audit that goes on after the job of this task, with the vote that was cast.
     pub(super) fn postponed(&self) -> Option<Self>
     where
         R: Clone,
     {
-        let is_open = self.is_postponed && self.votes.len() == 1;
-        is_open.then(|| Self {
+        self.is_postponed().then(|| Self {
             votes: self.votes.clone(),
             ..Self::new(true)
         })

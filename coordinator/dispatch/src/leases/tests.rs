@@ -298,7 +298,7 @@ fn an_audit_that_is_too_slow_for_its_job_goes_on_and_finds_who_was_wrong() {
 }
 
 #[test]
-fn audits_beyond_the_limit_are_waived_and_the_oldest_go_on() {
+fn a_job_waits_for_audits_beyond_the_limit_unless_the_other_machines_hang() {
     let (mut table, [fast, _slow]) = workers([0, 1]);
     let start = now();
     table.submit(params(1));
@@ -306,22 +306,32 @@ fn audits_beyond_the_limit_are_waived_and_the_oldest_go_on() {
         .grant(start)
         .expect("a lease that the slow worker is late with");
     table.add_credits(fast, 1_000_000);
-    let later = start + 2 * SPECULATION_DELAY.1;
-    let mut waived = 0;
-    for _ in 0..20 {
-        table.submit(audited(30));
-        while let Some(grant) = table.grant(later) {
-            table.complete(fast, grant.lease, answers(&grant), later).unwrap();
+    let work = |table: &mut LeaseTable<u64>, now: Instant| {
+        let job = table.submit(audited(30));
+        while let Some(grant) = table.grant(now) {
+            table.complete(fast, grant.lease, answers(&grant), now).unwrap();
         }
-        let of = |event: &Event<u64>| match event {
-            Event::Waived { tasks, .. } => *tasks,
-            _ => 0,
-        };
-        waived += table.take_events().iter().map(of).sum::<usize>();
-    }
-    let audits = table.jobs.values().filter(|job| job.is_audits);
-    let go_on: usize = audits.map(|job| job.tasks.len()).sum();
-    assert_eq!((go_on, waived), (240, 360));
+        let waits = table.jobs.contains_key(&job);
+        table.forget(job);
+        waits
+    };
+    let later = start + 2 * SPECULATION_DELAY.1;
+    let waits: Vec<_> = (0..12).map(|_| work(&mut table, later)).collect();
+    assert_eq!(
+        waits.iter().filter(|&&waits| waits).count(),
+        4,
+        "8 jobs of 30 have room"
+    );
+    let audits = |table: &LeaseTable<u64>| {
+        let audits = table.jobs.values().filter(|job| job.is_audits);
+        audits.map(|job| job.tasks.len()).sum::<usize>()
+    };
+    assert_eq!(audits(&table), 240);
+    let hangs = start + 2 * HANGS_AFTER;
+    assert!(!work(&mut table, hangs), "nobody waits for a machine that hangs");
+    assert!(audits(&table) >= 240, "audits go on");
+    table.grant(start + 2 * HOPELESS_AFTER);
+    assert_eq!(audits(&table), 0, "no machine could answer any more");
 }
 
 #[test]

@@ -313,9 +313,13 @@ impl<R: Agree + Clone> LeaseTable<R> {
         }
         let late = self.late_machines(now);
         for (id, place) in wanting {
-            let anybody = self.could_say(id, place, &late, now);
-            let anybody_later = || self.could_ever_say(id, place, now);
-            let is_audit_for_later = !anybody && anybody_later();
+            let mut anybody = self.could_say(id, place, &late, now);
+            let is_audit_for_later = !anybody && self.could_ever_say(id, place, now);
+            if is_audit_for_later && !self.has_room_for_audits() {
+                // The job waits, unless it would wait for a machine that hangs.
+                anybody = self.could_say_without_hanging(id, place, now);
+            }
+            let has_room = self.has_room_for_audits();
             let Some(job) = self.jobs.get_mut(&id) else {
                 continue;
             };
@@ -328,7 +332,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
                 job.file(place, before);
                 concerned.insert(id);
             } else if !task.votes.is_empty() && !task.is_disputed() {
-                if is_audit_for_later {
+                if is_audit_for_later && has_room {
                     task.postpone_audit();
                 } else {
                     task.waive_audit();
@@ -346,7 +350,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
             }
         }
         for (id, task) in over {
-            self.end_undecided(id, task);
+            self.end_undecided(id, task, now);
         }
         for job in concerned {
             self.tell(job);
@@ -354,7 +358,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
     }
 
     /// Ends a job because one of its tasks is disputed or impossible.
-    fn end_undecided(&mut self, id: JobId, place: usize) {
+    fn end_undecided(&mut self, id: JobId, place: usize, now: Instant) {
         let between: Vec<_> = self
             .jobs
             .get(&id)
@@ -364,7 +368,11 @@ impl<R: Agree + Clone> LeaseTable<R> {
             self.end_as_impossible(id, place);
             return;
         }
-        self.forget(id);
+        match self.jobs.get_mut(&id) {
+            // A third machine may still come: the disagreement is not forgotten, and is an event again after a while.
+            Some(job) if job.is_audits => job.tasks[place].alone_since = Some(now),
+            _ => self.forget(id),
+        }
         self.events.push(Event::Disagreement {
             job: id,
             task: place,
@@ -436,8 +444,18 @@ impl<R: Agree + Clone> LeaseTable<R> {
     }
 
     /// Whether a connected worker could answer a task that needs another machine, however long it takes: a worker of a machine that
-    /// does not hang, and that asks for work.
+    /// is not hopeless, and that asks for work.
     pub(super) fn could_ever_say(&self, id: JobId, place: usize, now: Instant) -> bool {
+        let Some(job) = self.jobs.get(&id) else {
+            return false;
+        };
+        self.anybody_says(id, job, &job.tasks[place], |worker| {
+            !worker.asks_for_nothing(now) && !self.workers.is_hopeless(worker.machine(), now)
+        })
+    }
+
+    /// Like [`could_ever_say`](Self::could_ever_say), without the machines that hang.
+    fn could_say_without_hanging(&self, id: JobId, place: usize, now: Instant) -> bool {
         let Some(job) = self.jobs.get(&id) else {
             return false;
         };

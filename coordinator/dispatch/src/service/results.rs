@@ -6,7 +6,7 @@ use crate::{
     leases::{Audits, Event, JobId, LeaseNumber, Refused, Settled, WorkerId, WorkerProcessId},
     submitted::{Closing, Vote},
 };
-use murmuration_model::Quarantined;
+use murmuration_model::{CampaignId, Quarantined};
 use murmuration_proto::v1::{FailureClass, batch_result::Outcome};
 use murmuration_swarm::EmbeddingKind;
 use std::{sync::Arc, time::Instant};
@@ -156,28 +156,48 @@ impl Service {
         self.jobs.insert(id, audits);
     }
 
-    /// Fails a job because machines disagree about a task. If the job is of audits that went on after their job, its campaign learns of
-    /// the disagreement.
+    /// Fails a job because machines disagree about a task. Audits that go on after their job stay, and their campaign learns of the
+    /// disagreement.
     fn disagree(&mut self, id: JobId, task: usize, between: &[WorkerProcessId]) {
         let workers = self.names(between);
-        self.metrics.disagreed();
-        tracing::error!(
-            ?workers,
-            task,
-            "machines disagree, and no third machine can decide"
-        );
-        let job = self.jobs.get(&id);
-        let places = job.and_then(|job| job.audits.as_ref());
-        let task = places.map_or(task, |places| places[task]);
+        let Some(job) = self.jobs.get(&id) else { return };
+        let Some(places) = &job.audits else {
+            self.metrics.disagreed();
+            tracing::error!(
+                ?workers,
+                task,
+                "machines disagree, and no third machine can decide"
+            );
+            self.fail(id, JobError::Disagreement { task, workers });
+            return;
+        };
+        let Some(campaign) = job.submitted.campaign() else {
+            return;
+        };
+        let task = places[task];
         let error = JobError::Disagreement { task, workers };
-        if let Some(campaign) = job
-            .filter(|job| job.audits.is_some())
-            .and_then(|job| job.submitted.campaign())
+        if self
+            .audits
+            .send_if_modified(|audits| audits.disagree(campaign, error.clone()))
         {
-            self.audits
-                .send_modify(|audits| audits.disagree(campaign, error.clone()));
+            self.metrics.disagreed();
+            tracing::error!(%campaign, %error, "an audit ends in a disagreement");
         }
-        self.fail(id, error);
+    }
+
+    /// Ends the audits of a campaign that nobody wants any more.
+    pub(super) fn withdraw_audits(&mut self, campaign: &CampaignId) {
+        let of = |job: &Job| job.audits.is_some() && job.submitted.campaign() == Some(campaign);
+        let withdrawn: Vec<_> = self
+            .jobs
+            .iter()
+            .filter(|(_, job)| of(job))
+            .map(|(&id, _)| id)
+            .collect();
+        for id in withdrawn {
+            self.table.forget(id);
+            self.close(id);
+        }
     }
 
     fn tell_quarantine(&mut self, process: WorkerProcessId, workers: Vec<WorkerId>, again: usize) {

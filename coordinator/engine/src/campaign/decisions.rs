@@ -40,7 +40,9 @@ impl Campaigns {
     /// If there is no such campaign, or its state does not allow it to be cancelled.
     pub async fn cancel(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let record = self.record(id).await?;
-        self.decide(record.id, Decision::Cancel).await
+        let cancelled = self.decide(record.id.clone(), Decision::Cancel).await?;
+        self.context.dispatch.withdraw_audits(record.id).await;
+        Ok(cancelled)
     }
 
     /// Moves a campaign to a stored checkpoint, with which it continues; the decision is on disk when this returns.
@@ -107,6 +109,7 @@ impl Campaigns {
             campaigns.context.store.run(delete).await?;
             tracing::info!(campaign = %id, "deleted");
             campaigns.registry.stop(&deciding);
+            campaigns.context.dispatch.withdraw_audits(id).await;
             Ok(deletion)
         };
         let deleted = tokio::spawn(deleting.in_current_span()).await;

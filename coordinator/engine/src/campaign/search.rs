@@ -112,8 +112,7 @@ pub(super) async fn evolve(
             });
         }
         let Some(first) = evaluating.pop_front() else {
-            committed.await?;
-            return audited(context, &search.campaign.id, handle).await;
+            return committed.await;
         };
         let done = handle.until_done(&first.job_progress, evaluated.next());
         let (committed, done) = tokio::join!(committed, done);
@@ -166,12 +165,13 @@ async fn commit(
     context.commit(&handle, commit).await
 }
 
-/// Clusters the archive and completes the campaign. Returns whether the campaign is complete, see [`Store::complete`].
+/// Waits for audits, then clusters the archive and completes the campaign. Returns whether the campaign is complete, see [`Store::complete`].
 pub(super) async fn complete(
     context: &StageContext,
     record: CampaignRecord,
-    handle: &RunHandle,
+    handle: &mut RunHandle,
 ) -> Result<bool, CampaignError> {
+    audited(context, &record.id, handle).await?;
     let search = restore(context, record, handle).await?;
     let id = search.campaign.id.clone();
     let clustered = move || -> Result<_, CampaignError> {

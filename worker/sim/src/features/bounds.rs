@@ -71,10 +71,11 @@ impl FeatureBounds {
     pub fn received(
         &self,
         message: &v1::Evaluations,
+        trials: usize,
         format: &ImageFormat,
         extras: Extras,
     ) -> Result<Vec<Evaluation<CompressedImage>>, Invalid> {
-        let evaluations = Evaluation::received(message, format, extras)?;
+        let evaluations = Evaluation::received(message, trials, format, extras)?;
         for (place, evaluation) in evaluations.iter().enumerate() {
             let checked = self.check(evaluation.features());
             checked.map_err(|error| error.within(&format!("evaluations[{place}]")))?;

@@ -19,7 +19,12 @@ impl SimulatedCluster {
                     }
                 }
                 Event::Disagreement { job, between, .. } => {
-                    self.jobs.remove(&job).expect("a job ended twice");
+                    // Audits that go on after their job stay until a third machine decides.
+                    if self.origins.contains_key(&job) {
+                        self.undecided.insert(job);
+                    } else {
+                        self.jobs.remove(&job).expect("a job ended twice");
+                    }
                     assert!(self.are_several(&between), "a machine differs from itself");
                     let lies = |by: &WorkerProcessId| self.machines[&by.machine] == Character::Liar;
                     assert!(between.iter().any(lies), "honest machines differ");

@@ -307,7 +307,7 @@ fn a_machine_that_hangs_gets_nothing_until_it_answers() {
     table.submit(params(64));
     work_until_over(&mut table, sound, &mut hung);
     assert!(!hung.is_empty(), "the machine has leases");
-    let (later, leases) = (start + 3 * HANGS_AFTER, hung.len());
+    let (later, leases) = (start + 2 * HOPELESS_AFTER, hung.len());
     for _ in 0..100 {
         table.submit(audited(8));
         assert!(
