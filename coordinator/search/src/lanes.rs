@@ -77,6 +77,7 @@ macro_rules! with_dimensions {
             6 => $dispatch::<6>($task),
             8 => $dispatch::<8>($task),
             10 => $dispatch::<10>($task),
+            15 => $dispatch::<15>($task),
             _ => $dispatch::<0>($task),
         }
     };

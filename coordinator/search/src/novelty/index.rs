@@ -1,26 +1,20 @@
-//! An index of the archive: a few trees that grow with it.
-//!
-//! This is the logarithmic method of Bentley and Saxe: new behaviours, together with the last trees that are not much larger,
-//! become a new tree. Each tree is thus at least twice as large as the next tree. A query therefore searches a logarithmic number
-//! of trees, and a point is sorted a logarithmic number of times while the archive grows.
+//! An index of the archive, which grows with it.
 
 use super::{
     Behaviours,
     nearest::Nearest,
-    tree::{Path, Tree},
+    smallest::Smallest,
+    tree::Tree,
+    walk::{Path, look},
 };
 use crate::interrupt::{Interrupt, Interrupted};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// A tree that is at least this many times as large as the new tree is not merged into it.
-const LARGER: usize = 2;
-
 /// Finds the nearest behaviours of one archive. Every call passes the whole archive, and the index adds the new behaviours.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Index {
-    /// Trees over successive ranges of the archive, the largest first.
-    trees: Vec<Tree>,
+    tree: Tree,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,47 +23,40 @@ pub struct Neighbour {
     pub distance: f64,
 }
 
+impl Default for Index {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Index {
     /// An empty index.
     #[must_use]
     pub const fn new() -> Self {
-        Self { trees: Vec::new() }
+        Self { tree: Tree::new() }
     }
 
     /// Number of behaviours in the index.
     #[must_use]
-    pub fn len(&self) -> usize {
-        self.trees.last().map_or(0, |last| last.range().end)
+    pub const fn len(&self) -> usize {
+        self.tree.len()
     }
 
     #[must_use]
     pub const fn is_empty(&self) -> bool {
-        self.trees.is_empty()
+        self.tree.len() == 0
     }
 
-    /// Adds the new behaviours in `behaviours`, which must begin with the behaviours that are already in the index.
+    /// Adds the new ones of `behaviours`, which must begin with the behaviours that are in the index.
     pub fn extend(&mut self, behaviours: &Behaviours) {
-        let end = behaviours.len();
-        let mut begin = self.len();
-        if begin >= end {
-            return;
-        }
-        while let Some(last) = self
-            .trees
-            .pop_if(|last| last.range().len() < LARGER * (end - begin))
-        {
-            begin = last.range().start;
-        }
-        self.trees.push(Tree::build(behaviours, begin..end));
+        self.tree.extend(behaviours);
     }
 
-    /// Novelty of the points `queries`, in their order: the mean Euclidean distance of each query to the `k` nearest other points
-    /// of `behaviours` (paper, Eq. 1). `behaviours` must begin with the behaviours of earlier calls; new behaviours are added to
-    /// the index.
+    /// Novelty of the points `queries`, in their order: the mean Euclidean distance of each to the `k` nearest other points of
+    /// `behaviours` (paper, Eq. 1). `behaviours` must begin with those of earlier calls; new ones are added to the index.
     ///
-    /// A point does not count itself, but counts other points that coincide with it. With fewer than `k` other points, the mean
-    /// is over all other points. Without other points, or if `k` is 0, the novelty is 0. Indices beyond the last point are
-    /// ignored.
+    /// A point does not count itself, but counts others that coincide with it. With fewer than `k` others, the mean is over all
+    /// of them; it is 0 if there are none, or if `k` is 0. Indices beyond the last point are ignored.
     ///
     /// # Errors
     /// [`Interrupted`] once `interrupt` is raised.
@@ -83,42 +70,32 @@ impl Index {
         interrupt.check()?;
         self.extend(behaviours);
         let queries = queries.start.min(behaviours.len())..queries.end.min(behaviours.len());
-        // The search asks for one point more than `k`, because a query finds itself, or a point that coincides with it.
+        // One more than k, because a query finds itself, or a point that coincides with it.
         let asked = k.saturating_add(1).min(behaviours.len());
-        let novelty = |(nearest, path): &mut (Nearest, Path), query: usize| {
+        let novelty = |(nearest, path): &mut (Smallest, Path), query: usize| {
             interrupt.check()?;
-            self.look(behaviours.values_of(query), nearest, path);
+            look(&self.tree, behaviours.values_of(query), nearest, path);
             Ok(nearest.take_mean(1))
         };
         queries
             .into_par_iter()
-            .map_init(|| (Nearest::new(asked), Path::new()), novelty)
+            .map_init(|| (Smallest::new(asked), Path::new()), novelty)
             .collect()
     }
 
-    /// The `k` behaviours nearest to `place`, the nearest first; `place` has as many values as a behaviour. The order of equally
-    /// near behaviours is unspecified, also for the last place.
+    /// The `k` behaviours nearest to `place`, the nearest first; `place` has as many values as they. Which of several equally near
+    /// behaviours is the k-th is unspecified.
     #[must_use]
     pub fn nearest(&self, place: &[f64], k: usize) -> Vec<Neighbour> {
         let mut nearest = Nearest::new(k);
-        self.look(place, &mut nearest, &mut Path::new());
-        let neighbours = nearest.take().into_iter();
-        neighbours
+        look(&self.tree, place, &mut nearest, &mut Path::new());
+        nearest
+            .into_sorted()
+            .into_iter()
             .map(|offer| Neighbour {
                 index: offer.index as usize,
                 distance: offer.squared.sqrt(),
             })
             .collect()
-    }
-
-    #[cfg(test)]
-    pub(super) fn trees(&self) -> usize {
-        self.trees.len()
-    }
-
-    fn look(&self, place: &[f64], nearest: &mut Nearest, path: &mut Path) {
-        for tree in &self.trees {
-            tree.look(place, nearest, path);
-        }
     }
 }

@@ -8,16 +8,21 @@
 //! distances are summed in ascending order.
 
 mod behaviours;
+mod blocks;
 mod index;
 mod nearest;
+mod order;
+mod smallest;
 mod tree;
+mod walk;
 
 pub use behaviours::{Behaviours, MAX_COORDINATE, Misfit};
 pub use index::{Index, Neighbour};
 
 use crate::interrupt::{Interrupt, Interrupted};
-use nearest::Nearest;
 use rayon::prelude::*;
+use smallest::Smallest;
+use walk::Collect as _;
 
 /// Computes the novelty of `points`, in their order, as [`Index::novelty`] does, but by brute force. This suits a few points of
 /// an archive without an index.
@@ -33,7 +38,7 @@ pub fn novelty_of(
     k: usize,
     interrupt: &Interrupt,
 ) -> Result<Vec<f64>, Interrupted> {
-    let novelty = |nearest: &mut Nearest, &query: &usize| {
+    let novelty = |nearest: &mut Smallest, &query: &usize| {
         interrupt.check()?;
         behaviours.each_squared_distance(query, |other, squared| {
             if other != query {
@@ -42,7 +47,10 @@ pub fn novelty_of(
         });
         Ok(nearest.take_mean(0))
     };
-    points.par_iter().map_init(|| Nearest::new(k), novelty).collect()
+    points
+        .par_iter()
+        .map_init(|| Smallest::new(k.min(behaviours.len())), novelty)
+        .collect()
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
-//! The k smallest of many distances.
+//! The k nearest of many points.
 
+use super::walk::Collect;
 use std::{cmp::Ordering, collections::BinaryHeap};
 
 /// A point at a squared distance.
@@ -9,10 +10,10 @@ pub(super) struct Offer {
     pub(super) index: u32,
 }
 
-/// Keeps the `k` smallest of the offered squared distances, and their points.
+/// Keeps the `k` smallest of the squared distances that it is offered, and their points.
 pub(super) struct Nearest {
     k: usize,
-    /// The kept offers, the farthest first.
+    /// The farthest first.
     kept: BinaryHeap<Offer>,
     limit: f64,
 }
@@ -22,25 +23,7 @@ impl Nearest {
         Self {
             k,
             kept: BinaryHeap::new(),
-            limit: Self::limit_of_none(k),
-        }
-    }
-
-    const fn limit_of_none(k: usize) -> f64 {
-        if k == 0 { 0.0 } else { f64::INFINITY }
-    }
-
-    /// Squared distances at or above this limit are no longer among the `k` smallest.
-    #[inline(always)]
-    pub(super) const fn limit(&self) -> f64 {
-        self.limit
-    }
-
-    /// Takes a finite squared distance into account.
-    #[inline(always)]
-    pub(super) fn offer(&mut self, squared: f64, index: u32) {
-        if squared < self.limit {
-            self.keep(Offer { squared, index });
+            limit: if k == 0 { 0.0 } else { f64::INFINITY },
         }
     }
 
@@ -58,22 +41,23 @@ impl Nearest {
         }
     }
 
-    /// Removes and returns the kept offers, the nearest first.
-    pub(super) fn take(&mut self) -> Vec<Offer> {
-        self.limit = Self::limit_of_none(self.k);
-        std::mem::take(&mut self.kept).into_sorted_vec()
+    /// The kept offers, the nearest first.
+    pub(super) fn into_sorted(self) -> Vec<Offer> {
+        self.kept.into_sorted_vec()
+    }
+}
+
+impl Collect for Nearest {
+    #[inline(always)]
+    fn limit(&self) -> f64 {
+        self.limit
     }
 
-    /// Returns the mean of the kept distances except the `passed` smallest, summed in ascending order; 0 without further
-    /// distances. Removes all offers, but keeps the allocation.
-    pub(super) fn take_mean(&mut self, passed: usize) -> f64 {
-        let mut kept = self.take();
-        let counted = kept.get(passed..).unwrap_or_default();
-        let sum = counted.iter().fold(0.0, |sum, offer| sum + offer.squared.sqrt());
-        let mean = sum / counted.len().max(1) as f64;
-        kept.clear();
-        self.kept = kept.into();
-        mean
+    #[inline(always)]
+    fn offer(&mut self, squared: f64, index: u32) {
+        if squared < self.limit {
+            self.keep(Offer { squared, index });
+        }
     }
 }
 
