@@ -150,7 +150,7 @@ def sections(messages: dict[str, tuple[str, list[Field]]]) -> Iterator[tuple[str
 
 
 def fields_at(path: str, message: str, messages: dict[str, tuple[str, list[Field]]]) -> list[Field]:
-    """The fields of the table at `path`. Recipes with labels belong in `feedback.recipe`, other recipes in `training.recipe`."""
+    """The fields of the table at `path`. Recipes with labels are in `feedback.recipe`, others in `training.recipe`."""
     with_labels = path.startswith("[feedback.")
     fields = messages[message][1]
     return [one for one in fields if message != RECIPE or one.name.endswith("labelled") == with_labels]
