@@ -284,10 +284,10 @@ async fn an_embedder_that_was_trained_on_lies_is_trained_anew() {
     let mut liar = connect(&cluster, LIAR).await.unwrap();
     let pictures = 200;
     tell_lies(&mut liar, pictures).await;
-    drop(liar);
-    // The trainer learns from the lies, and the search begins.
+    // The trainer learns from the lies, and the search begins. Only then may the liar go: answers on their way would be lost.
     let searching = |status: &v1::Campaign| !status.checkpoint.is_empty();
     let status = cluster.watch_until(&campaign, searching).await;
+    drop(liar);
     assert_eq!(status.error, "");
     let mut liar = connect(&cluster, LIAR).await.unwrap();
     let (lease, batch) = liar.lease(1).await;
