@@ -126,7 +126,7 @@ fn a_damaged_study_hides_no_other() {
         listed[0]["problem"]
             .as_str()
             .unwrap()
-            .contains("the study damaged is damaged: its file: "),
+            .contains("the study damaged is damaged: the study's file: "),
         "{listed:?}"
     );
     assert_eq!(listed[1]["measured"], 4);

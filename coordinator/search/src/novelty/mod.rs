@@ -9,6 +9,7 @@
 
 mod behaviours;
 mod blocks;
+mod choice;
 mod index;
 mod nearest;
 mod order;

@@ -9,8 +9,8 @@
 use super::{
     Behaviours,
     blocks::{Boxes, Points},
+    choice::choose,
     order::order,
-    walk,
 };
 use crate::lanes::LANES;
 
@@ -115,7 +115,7 @@ impl Tree {
     fn insert(&mut self, point: &[f64], index: u32) {
         let mut group = 0;
         for boxes in self.levels[1..].iter_mut().rev() {
-            group = group * LANES + walk::choose(boxes, group, point);
+            group = group * LANES + choose(boxes, group, point);
             boxes.widen(group, point, point);
         }
         let lane = self.added[group] as usize % LANES;

@@ -4,10 +4,7 @@
 //! ([`super::Behaviours::squared_distance`]). Each operation is monotone, even with rounding, so no point is nearer than its box. Hence
 //! the search skips no point that brute force would count, without any tolerance.
 
-use super::{
-    blocks::{Boxes, Points},
-    tree::Tree,
-};
+use super::{blocks::Points, tree::Tree};
 use crate::lanes::{LANES, with_dimensions};
 use pulp::{Arch, Simd, WithSimd};
 
@@ -158,38 +155,5 @@ impl Iterator for Set {
         let lane = self.0.trailing_zeros() as usize;
         self.0 &= self.0.wrapping_sub(1);
         (lane < LANES).then_some(lane)
-    }
-}
-
-/// The lane of the box that a new point joins: the nearest, and of several in which the point lies, that with the nearest centre.
-///
-/// By centres alone, points join wide boxes that they lie outside of, and the boxes of large archives come to overlap.
-pub(super) fn choose(boxes: &Boxes, block: usize, point: &[f64]) -> usize {
-    with_dimensions!(point.len(), choice, (boxes, block, point))
-}
-
-fn choice<const D: usize>((boxes, block, point): (&Boxes, usize, &[f64])) -> usize {
-    Arch::new().dispatch(Choice::<D>(boxes, block, point))
-}
-
-/// A choice in `D` dimensions, or in any number if `D` is 0.
-struct Choice<'a, const D: usize>(&'a Boxes, usize, &'a [f64]);
-
-impl<const D: usize> WithSimd for Choice<'_, D> {
-    type Output = usize;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> usize {
-        let Self(boxes, block, point) = self;
-        let to_box = boxes.squared_distances::<D>(block, point);
-        let to_centre = boxes.centre_distances::<D>(block, point);
-        let mut best = 0;
-        for lane in 1..LANES {
-            let nearer = to_box[lane] < to_box[best];
-            if nearer || to_box[lane] == to_box[best] && to_centre[lane] < to_centre[best] {
-                best = lane;
-            }
-        }
-        best
     }
 }
