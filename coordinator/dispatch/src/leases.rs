@@ -45,8 +45,8 @@ pub(crate) const MOST_LOST: usize = 3;
 const SPECULATION_DELAY: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(5));
 /// A lease is late after `LATE` times the usual turnaround.
 const LATE: u32 = 4;
-/// A machine hangs if it owes the answer to a lease for longer than this time, or than [`HANGS`] times its own usual turnaround if
-/// that is longer.
+/// A machine hangs if it owes the answer to a lease for longer than this time, or than [`HANGS`] times its own usual turnaround
+/// if that is longer.
 const HANGS_AFTER: Duration = Duration::from_secs(30);
 const HANGS: u32 = 8;
 /// Audits and disagreements wait for a machine that owes an answer for at least this time: its first task may take long.
@@ -452,7 +452,8 @@ impl<R: Agree + Clone> LeaseTable<R> {
         }
     }
 
-    /// A worker need not answer a lease any more, or has answered it. Returns whether the worker owed the answer: its job may be over.
+    /// A worker need not answer a lease any more, or has answered it. Returns whether the worker owed the answer: its job may be
+    /// over.
     pub fn excuse(&mut self, worker: WorkerId, number: LeaseNumber) -> bool {
         self.workers.excuse(worker, number)
     }

@@ -285,8 +285,8 @@ impl Dispatch {
         }
     }
 
-    /// Waits until the audits are over that went on after the jobs of a campaign, until one ends in a disagreement, or until a machine is
-    /// quarantined. `job_progress` says meanwhile what is waited for.
+    /// Waits until the audits are over that went on after the jobs of a campaign, until one ends in a disagreement, or until a
+    /// machine is quarantined. `job_progress` says meanwhile what is waited for.
     pub async fn audited(&self, campaign: CampaignId, job_progress: Arc<JobProgress>) {
         let text = "another machine repeats some evaluations, to compare the results (an audit)";
         job_progress.set_trouble(Some(text.to_owned()));
@@ -308,7 +308,8 @@ impl Dispatch {
             .await;
     }
 
-    /// The disagreement that an audit found after a job of this campaign, if no third machine could decide it. It is then forgotten.
+    /// The disagreement that an audit found after a job of this campaign, if no third machine could decide it. It is then
+    /// forgotten.
     #[must_use]
     pub fn take_disagreement(&self, campaign: &CampaignId) -> Option<JobError> {
         let mut taken = None;

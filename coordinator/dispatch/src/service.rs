@@ -185,8 +185,8 @@ impl Service {
         taken
     }
 
-    /// Handles a request. Returns whether leases or events may follow from it: most messages of a large cluster are signs of life, and
-    /// answers that nobody waits for must not cost more.
+    /// Handles a request. Returns whether leases or events may follow from it: most messages of a large cluster are signs of
+    /// life, and answers that nobody waits for must not cost more.
     fn take(&mut self, request: Request) -> bool {
         match request {
             Request::Submit { job, job_progress } => {

@@ -2,8 +2,8 @@
 //!
 //! A job must not wait for a slow machine, and no audit may be dropped because the other machines are slow: else a machine that
 //! answers at once could have its results accepted unchecked. So a job ends without the audits that other machines are late with,
-//! and a job of audits takes them over, with the votes that were cast. If machines disagree there, the disagreement is decided as in
-//! any job, and the results of the machine that was wrong are verified where they are stored.
+//! and a job of audits takes them over, with the votes that were cast. If machines disagree there, the disagreement is decided as
+//! in any job, and the results of the machine that was wrong are verified where they are stored.
 
 use super::{Agree, Event, JobId, LeaseTable, job::Job, queues::Queues, task::Task};
 use std::{
@@ -11,8 +11,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Maximum number of audits that go on after their jobs. A job waits for further audits, unless all other machines hang: the audits that
-/// are there already find a machine that is wrong, once another machine answers.
+/// Maximum number of audits that go on after their jobs. A job waits for further audits, unless all other machines hang: the
+/// audits that are there already find a machine that is wrong, once another machine answers.
 const MAX_AUDITS: usize = 256;
 
 /// A job of audits that go on after their job.

@@ -203,14 +203,15 @@ impl Roster {
     }
 
     /// Changes a machine, whose proven capacity may change too.
-    fn change_machine<T>(&mut self, id: MachineId, change: impl FnOnce(&mut Machine) -> T) -> Option<T> {
-        let machine = self.machines.get_mut(&id)?;
+    fn change_machine(&mut self, id: MachineId, change: impl FnOnce(&mut Machine)) {
+        let Some(machine) = self.machines.get_mut(&id) else {
+            return;
+        };
         let before = machine.proven();
-        let changed = change(machine);
+        change(machine);
         let after = machine.proven();
         self.all.capacity = self.all.capacity - before.all + after.all;
         self.embedders.capacity = self.embedders.capacity - before.embedders + after.embedders;
-        Some(changed)
     }
 
     /// Changes a worker and its turn; `None` if the worker is unknown. Every change of a worker must use this function.

@@ -17,6 +17,17 @@ struct Choice {
     alone: bool,
 }
 
+/// The fate of an audit that no other machine could answer soon.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum LateAudit {
+    /// The audit goes on after its job.
+    GoesOn,
+    /// Too many audits go on already: the job waits.
+    Waits,
+    /// One vote is enough.
+    Ends,
+}
+
 /// Size of a worker's next batch when `waiting` tasks wait and all workers together run `capacity` tasks at once.
 ///
 /// A batch is at most half an even share of the waiting tasks, so that batches shrink towards the end of a job. A batch is also
@@ -299,9 +310,9 @@ impl<R: Agree + Clone> LeaseTable<R> {
         beside_late.or(behind)
     }
 
-    /// Decides about tasks that need another machine, if no other machine could answer soon. Audits are postponed if another machine
-    /// could answer later, and waived otherwise. Tasks with which three workers were lost are poisoned. A disputed task, or a task that one machine reports as impossible, ends the
-    /// job with an event, unless another machine joins in time.
+    /// Decides about tasks that need another machine, if no other machine could answer soon. Audits are postponed if another
+    /// machine could answer later, and waived otherwise. Tasks with which three workers were lost are poisoned. A disputed task,
+    /// or a task that one machine reports as impossible, ends the job with an event, unless another machine joins in time.
     fn decide_without_others(&mut self, now: Instant) {
         let mut concerned = BTreeSet::new();
         let mut over = BTreeMap::new();
@@ -313,26 +324,25 @@ impl<R: Agree + Clone> LeaseTable<R> {
         }
         let late = self.late_machines(now);
         for (id, place) in wanting {
-            let mut anybody = self.could_say(id, place, &late, now);
-            let is_audit_for_later = !anybody && self.could_ever_say(id, place, now);
-            if is_audit_for_later && !self.has_room_for_audits() {
-                // The job waits, unless it would wait for a machine that hangs.
-                anybody = self.could_say_without_hanging(id, place, now);
-            }
-            let has_room = self.has_room_for_audits();
+            let anybody = self.could_say(id, place, &late, now);
+            let late_audit = if anybody {
+                None
+            } else {
+                self.late_audit(id, place, now)
+            };
             let Some(job) = self.jobs.get_mut(&id) else {
                 continue;
             };
             let task = &mut job.tasks[place];
             let before = task.state();
-            if anybody {
+            if anybody || late_audit == Some(LateAudit::Waits) {
                 task.alone_since = None;
             } else if task.votes.is_empty() && task.has_lost_enough() {
                 task.blame();
                 job.file(place, before);
                 concerned.insert(id);
-            } else if !task.votes.is_empty() && !task.is_disputed() {
-                if is_audit_for_later && has_room {
+            } else if let Some(late_audit) = late_audit {
+                if late_audit == LateAudit::GoesOn {
                     task.postpone_audit();
                 } else {
                     task.waive_audit();
@@ -355,6 +365,23 @@ impl<R: Agree + Clone> LeaseTable<R> {
         for job in concerned {
             self.tell(job);
         }
+    }
+
+    /// The fate of an audit that no other machine could answer soon; `None` if the task is no audit.
+    fn late_audit(&self, id: JobId, place: usize, now: Instant) -> Option<LateAudit> {
+        let task = &self.jobs.get(&id)?.tasks[place];
+        if task.votes.is_empty() || task.is_disputed() {
+            return None;
+        }
+        Some(if !self.could_ever_say(id, place, now) {
+            LateAudit::Ends
+        } else if self.has_room_for_audits() {
+            LateAudit::GoesOn
+        } else if self.could_answer(id, place, now, |machine| !self.workers.hangs(machine, now)) {
+            LateAudit::Waits
+        } else {
+            LateAudit::Ends
+        })
     }
 
     /// Ends a job because one of its tasks is disputed or impossible.
@@ -443,24 +470,17 @@ impl<R: Agree + Clone> LeaseTable<R> {
         self.anybody_says(id, job, task, |worker| !is_no_help(worker))
     }
 
-    /// Whether a connected worker could answer a task that needs another machine, however long it takes: a worker of a machine that
-    /// is not hopeless, and that asks for work.
+    /// Whether a connected worker could answer a task that needs another machine, however long it takes: a worker of a machine
+    /// that is not hopeless, and that asks for work.
     pub(super) fn could_ever_say(&self, id: JobId, place: usize, now: Instant) -> bool {
-        let Some(job) = self.jobs.get(&id) else {
-            return false;
-        };
-        self.anybody_says(id, job, &job.tasks[place], |worker| {
-            !worker.asks_for_nothing(now) && !self.workers.is_hopeless(worker.machine(), now)
-        })
+        self.could_answer(id, place, now, |machine| !self.workers.is_hopeless(machine, now))
     }
 
-    /// Like [`could_ever_say`](Self::could_ever_say), without the machines that hang.
-    fn could_say_without_hanging(&self, id: JobId, place: usize, now: Instant) -> bool {
-        let Some(job) = self.jobs.get(&id) else {
-            return false;
-        };
-        self.anybody_says(id, job, &job.tasks[place], |worker| {
-            !worker.asks_for_nothing(now) && !self.workers.hangs(worker.machine(), now)
+    /// Whether a worker that asks for work, on one of these machines, could answer a task that needs another machine.
+    fn could_answer(&self, id: JobId, place: usize, now: Instant, on: impl Fn(MachineId) -> bool) -> bool {
+        self.jobs.get(&id).is_some_and(|job| {
+            let helps = |worker: &Worker| !worker.asks_for_nothing(now) && on(worker.machine());
+            self.anybody_says(id, job, &job.tasks[place], helps)
         })
     }
 

@@ -54,8 +54,8 @@ impl Worker {
         self.capacity > 0 && (self.embeds || !job.embeds)
     }
 
-    /// Number of tasks that the worker runs at once, if it has credits or holds tasks: a worker that asks for nothing must not make
-    /// the batches of other workers small.
+    /// Number of tasks that the worker runs at once, if it has credits or holds tasks: a worker that asks for nothing must not
+    /// make the batches of other workers small.
     pub(super) const fn claimed(&self) -> usize {
         if self.credits > 0 || self.tasks > 0 {
             self.capacity

@@ -156,8 +156,8 @@ impl Service {
         self.jobs.insert(id, audits);
     }
 
-    /// Fails a job because machines disagree about a task. Audits that go on after their job stay, and their campaign learns of the
-    /// disagreement.
+    /// Fails a job because machines disagree about a task. Audits that go on after their job stay, and their campaign learns of
+    /// the disagreement.
     fn disagree(&mut self, id: JobId, task: usize, between: &[WorkerProcessId]) {
         let workers = self.names(between);
         let Some(job) = self.jobs.get(&id) else { return };
