@@ -52,7 +52,7 @@ async fn read(
     Ok(context.store.run(read).await?)
 }
 
-/// Has workers simulate labelled controllers from further starts, if the pictures are not on disk yet. A controller keeps its
+/// Simulates labelled controllers from further starts on the workers, if the pictures are not on disk yet. A controller keeps its
 /// class from every start.
 async fn further_starts(
     context: &StageContext,

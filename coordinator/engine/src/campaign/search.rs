@@ -7,7 +7,7 @@ use super::{
     run_handle::{CommitHandle, RunHandle},
 };
 use crate::{blocking::blocking, space::SpaceError, taxonomy};
-use futures_util::{StreamExt as _, stream::FuturesOrdered};
+use futures_util::{FutureExt as _, StreamExt as _, future::BoxFuture, stream::FuturesOrdered};
 use murmuration_dispatch::{Dispatch, EvaluationJob, JobProgress};
 use murmuration_model::{CampaignId, CampaignRecord, EmbedderRef};
 use murmuration_search::{
@@ -67,7 +67,6 @@ pub(super) async fn evolve(
     seen: usize,
     handle: &mut RunHandle,
 ) -> Result<(), CampaignError> {
-    let generations = record.generations();
     let mut search = restore(context, record, handle).await?;
     let quarantined = context.dispatch.quarantined();
     let mut uncommitted = None;
@@ -83,34 +82,13 @@ pub(super) async fn evolve(
             committed.await?;
             return Err(error.into());
         }
-        loop {
-            let next = search.next_generation + evaluating.len() as u32;
-            if next >= generations || !search.can_propose(next) {
-                break;
+        search = match begin_evaluations(search, context, &mut evaluated, &mut evaluating).await {
+            Ok(search) => search,
+            Err(error) => {
+                committed.await?;
+                return Err(error);
             }
-            let (unchanged, proposal) = blocking(move || {
-                let proposal = search.propose(next);
-                (search, proposal)
-            })
-            .await?;
-            search = unchanged;
-            let Proposal {
-                controllers,
-                filtered,
-            } = match proposal {
-                Ok(proposal) => proposal,
-                Err(error) => {
-                    committed.await?;
-                    return Err(error.into());
-                }
-            };
-            let job_progress = Arc::<JobProgress>::default();
-            evaluated.push_back(search.evaluate(&context.dispatch, next, controllers, job_progress.clone()));
-            evaluating.push_back(Evaluating {
-                filtered,
-                job_progress,
-            });
-        }
+        };
         let Some(first) = evaluating.pop_front() else {
             return committed.await;
         };
@@ -122,6 +100,38 @@ pub(super) async fn evolve(
         let (absorbed, generation) = blocking(move || search.absorb(first.filtered, done)).await??;
         search = absorbed;
         uncommitted = Some(generation);
+    }
+}
+
+/// Proposes all generations that can be proposed now, and begins to evaluate each once `evaluated` is polled.
+async fn begin_evaluations(
+    mut search: Search,
+    context: &StageContext,
+    evaluated: &mut FuturesOrdered<BoxFuture<'static, Result<Done, CampaignError>>>,
+    evaluating: &mut VecDeque<Evaluating>,
+) -> Result<Search, CampaignError> {
+    loop {
+        let next = search.next_generation + evaluating.len() as u32;
+        if !search.can_propose(next) {
+            return Ok(search);
+        }
+        let (unchanged, proposal) = blocking(move || {
+            let proposal = search.propose(next);
+            (search, proposal)
+        })
+        .await?;
+        search = unchanged;
+        let Proposal {
+            controllers,
+            filtered,
+        } = proposal?;
+        let job_progress = Arc::<JobProgress>::default();
+        let evaluation = search.evaluate(&context.dispatch, next, controllers, job_progress.clone());
+        evaluated.push_back(evaluation.boxed());
+        evaluating.push_back(Evaluating {
+            filtered,
+            job_progress,
+        });
     }
 }
 
@@ -165,7 +175,8 @@ async fn commit(
     context.commit(&handle, commit).await
 }
 
-/// Waits for audits, then clusters the archive and completes the campaign. Returns whether the campaign is complete, see [`Store::complete`].
+/// Waits for audits, then clusters the archive and completes the campaign. Returns whether the campaign is complete, see
+/// [`Store::complete`].
 pub(super) async fn complete(
     context: &StageContext,
     record: CampaignRecord,
@@ -282,7 +293,7 @@ impl Search {
     fn can_propose(&self, generation: u32) -> bool {
         let parents = breeding::parents_of(&self.campaign.spec, generation);
         let has_parents = parents.is_none_or(|parents| parents < self.next_generation);
-        has_parents && generation <= self.next_generation + 1
+        has_parents && generation <= self.next_generation + 1 && generation < self.campaign.generations()
     }
 
     fn propose(&self, generation: u32) -> Result<Proposal, ProposeError> {
