@@ -12,8 +12,8 @@ const IN_WORDS: [&str; 5] = [
     "world.noise",
 ];
 
-/// The tables that document the fields of a section, each by its name in the first cell of its first row. A recipe's fields are in
-/// the table of its section; fields of a feedback recipe can also be in the table of training recipes.
+/// The tables that document the fields of a section, each by its name in the first cell of its first row. A recipe's fields are
+/// in the table of its section; fields of a feedback recipe can also be in the table of training recipes.
 fn tables_of(section: &str) -> Vec<String> {
     match section {
         "" => vec!["the file".to_owned()],

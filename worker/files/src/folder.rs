@@ -290,7 +290,7 @@ impl Folder {
         write_file(&path, text).map(drop).map_err(failed(&path))
     }
 
-    /// What exists at the path of a file.
+    /// Compares the file at a path with the list.
     fn state_of(&self, name: &str, listed: &Listed) -> State {
         let path = self.path.join(name);
         let above = Path::new(name).ancestors().skip(1);
@@ -313,7 +313,7 @@ impl Folder {
     }
 }
 
-/// What exists at the path of a file.
+/// State of the path of a file that a command is about to write or remove.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum State {
     Absent,

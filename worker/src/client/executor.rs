@@ -7,13 +7,17 @@ use super::{
 use murmuration_embed::{EmbedError, Embedder, Embedders};
 use murmuration_proto::v1;
 use murmuration_sim::{evaluate::Evaluator, replay::replay_frames, simulate::Start};
-use murmuration_swarm::{CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, Starts, World};
+use murmuration_swarm::{
+    CheckpointDigest, Compressor, Controller, Evaluation, ImageFormat, Invalid, Starts, World,
+};
 use std::{io, sync::Arc};
 
 pub(super) struct Executor {
     checkpoints: Arc<Checkpoints>,
     /// The evaluator of the last batch, and its parameters.
     evaluator: Option<(EvaluatorParams, Evaluator)>,
+    /// `None` until a lease has evaluations.
+    compressor: Option<Compressor>,
     /// `None` until a lease needs a checkpoint, because workers without ONNX Runtime can evaluate too.
     embedders: Option<Embedders>,
 }
@@ -43,6 +47,7 @@ impl Executor {
         Self {
             checkpoints,
             evaluator: None,
+            compressor: None,
             embedders: None,
         }
     }
@@ -79,7 +84,12 @@ impl Executor {
                     None => evaluations,
                 };
                 // Each worker compresses its own pictures, because the coordinator has many workers' pictures to keep.
-                Outcome::Evaluations(Evaluation::message(&evaluations)?)
+                let compressor = match self.compressor.take() {
+                    Some(compressor) => compressor,
+                    None => Compressor::new()?,
+                };
+                let compressor = self.compressor.insert(compressor);
+                Outcome::Evaluations(Evaluation::message(&evaluations, compressor)?)
             }
             Work::Embeddings {
                 checkpoint, images, ..

@@ -105,8 +105,8 @@ impl Decompressor {
         Ok(Self { frames, pixels })
     }
 
-    /// Decompresses one or more frames that follow each other. Never takes memory for more pixels than the decompressor's, whatever
-    /// sizes the frames give.
+    /// Decompresses one or more frames that follow each other. Never takes memory for more pixels than the decompressor's,
+    /// whatever sizes the frames give.
     ///
     /// # Errors
     /// See [`NoImage`].

@@ -49,8 +49,8 @@ pub fn mean_embedding<'a>(trials: impl Iterator<Item = &'a [f32]>) -> Vec<f32> {
     sum.unwrap_or_default().into_iter().map(mean).collect()
 }
 
-/// The outcome of simulating one controller from one start. `I` is its picture: the grey values, channel by channel, each with index
-/// `x * resolution + y`, or a [`CompressedImage`] of them if a worker sent it.
+/// The outcome of simulating one controller from one start. `I` is its picture: the grey values, channel by channel, each with
+/// index `x * resolution + y`, or a [`CompressedImage`] of them if a worker sent it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evaluation<I = Vec<u8>> {
     features: Features,
@@ -106,12 +106,11 @@ impl Evaluation {
         })
     }
 
-    /// The evaluations as a worker sends them.
+    /// The evaluations as a worker sends them, with their pictures compressed by `compressor`.
     ///
     /// # Errors
     /// If there is no memory to compress the pictures.
-    pub fn message(evaluations: &[Self]) -> io::Result<v1::Evaluations> {
-        let mut compressor = Compressor::new()?;
+    pub fn message(evaluations: &[Self], compressor: &mut Compressor) -> io::Result<v1::Evaluations> {
         let mut message = v1::Evaluations::default();
         for evaluation in evaluations {
             let image = compressor.compress(&evaluation.image)?;
@@ -126,12 +125,13 @@ impl Evaluation {
 }
 
 impl Evaluation<CompressedImage> {
-    /// Validates the evaluations of a worker that was asked for this many `trials`, for pictures in `format` and for these `extras`.
+    /// Validates the evaluations of a worker that was asked for this many `trials`, for pictures in `format` and for these
+    /// `extras`.
     ///
     /// # Errors
-    /// Names what is wrong, with the number of the trial: a feature that is not finite or over [`MAX_FEATURE`], a picture that cannot
-    /// be decompressed or has the wrong size, or an embedding as in [`check_embedding`]. Also if columns are missing, were not
-    /// requested, or have different numbers of trials.
+    /// Names what is wrong, with the number of the trial: a feature that is not finite or over [`MAX_FEATURE`], a picture that
+    /// cannot be decompressed or has the wrong size, or an embedding as in [`check_embedding`]. Also if columns are missing, were
+    /// not requested, or have different numbers of trials.
     pub fn received(
         message: &v1::Evaluations,
         trials: usize,
@@ -400,7 +400,7 @@ mod tests {
                 judge,
                 ..Extras::default()
             };
-            let message = Evaluation::message(&[evaluation]).unwrap();
+            let message = Evaluation::message(&[evaluation], &mut Compressor::new().unwrap()).unwrap();
             let received = Evaluation::received(&message, 1, &format, extras)?.pop();
             received
                 .unwrap()
@@ -430,7 +430,7 @@ mod tests {
             dimensions: Some(2),
             judge: false,
         };
-        let sound = Evaluation::message(&evaluations).unwrap();
+        let sound = Evaluation::message(&evaluations, &mut Compressor::new().unwrap()).unwrap();
         let received = |message: &v1::Evaluations| Evaluation::received(message, 3, &format, extras);
         let taken = received(&sound)
             .unwrap()

@@ -8,8 +8,8 @@ use murmuration_onnx::EmbedderModel;
 use murmuration_proto::v1;
 use murmuration_sim::{evaluate::Evaluator, simulate::Start};
 use murmuration_swarm::{
-    CampaignSpec, CapabilityModel, CheckpointDigest, Controller, Evaluation, ImageFormat, Purpose,
-    RandomStream, World,
+    CampaignSpec, CapabilityModel, CheckpointDigest, Compressor, Controller, Evaluation, ImageFormat,
+    Purpose, RandomStream, World,
 };
 use murmuration_tests::{Cluster, small_latent_spec};
 use rand::RngExt as _;
@@ -38,7 +38,7 @@ async fn evaluate(cluster: &Cluster, lease: v1::LeaseId, batch: v1::EvaluationBa
         let dimensions = other_kind.len();
         evaluation.embedded(other_kind, dimensions).unwrap()
     });
-    Evaluation::message(&evaluated.collect::<Vec<_>>()).unwrap()
+    Evaluation::message(&evaluated.collect::<Vec<_>>(), &mut Compressor::new().unwrap()).unwrap()
 }
 
 #[tokio::test(flavor = "multi_thread")]

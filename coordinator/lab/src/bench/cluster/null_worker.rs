@@ -5,7 +5,7 @@ use murmuration_coordinator::server::LocalWay;
 use murmuration_link::{Address, Broken, Health, Link, LinkError, Peer, Role, keep, stopped};
 use murmuration_proto::v1::{self, batch_result, coordinator_message, lease, worker_message};
 use murmuration_sim::{evaluate::Evaluator, simulate::Start};
-use murmuration_swarm::{CampaignSpec, EmbeddingKind, Evaluation, Invalid, Purpose, RandomStream};
+use murmuration_swarm::{CampaignSpec, Compressor, EmbeddingKind, Invalid, Purpose, RandomStream};
 use rand::RngExt as _;
 use std::{
     thread::{self, JoinHandle},
@@ -68,14 +68,15 @@ fn failed(error: LinkError) -> CliError {
 
 /// Compressed pictures of swarms with random controllers.
 fn pictures(spec: &CampaignSpec) -> Result<Vec<Vec<u8>>, Invalid> {
+    let no_memory = |error| Invalid::new("picture", error, "small enough to compress");
     let mut evaluator = Evaluator::new(spec.world(), spec.image())?;
+    let mut compressor = Compressor::new().map_err(no_memory)?;
     let mut stream = RandomStream::derive(2, Purpose::Propose, 0);
     let picture = |seed| {
         let controller = spec.controllers().sample(&mut stream);
         let evaluation = evaluator.evaluate(&controller, &Start::seeded(seed))?;
-        let message = Evaluation::message(&[evaluation]);
-        let message = message.map_err(|error| Invalid::new("picture", error, "small enough to compress"))?;
-        Ok(message.pictures)
+        let image = compressor.compress(evaluation.image()).map_err(no_memory)?;
+        Ok(image.frame().to_vec())
     };
     (0..SWARMS).map(picture).collect()
 }
