@@ -198,7 +198,8 @@ mod table {
         table.map_err(S::Error::custom)?.serialize(serializer)
     }
 
-    /// Reads the fields of a table into `Message`, so that errors have their places in the file, and writes the text of the table.
+    /// Reads the fields of a table into `Message`, so that errors have their places in the file, and writes the text of the
+    /// table.
     pub(super) fn deserialize<'de, Message, D>(deserializer: D) -> Result<Option<String>, D::Error>
     where
         Message: Deserialize<'de> + Serialize,

@@ -14,8 +14,8 @@ pub(super) fn specification(report: &Report) -> String {
     text + &report.spec.to_toml()
 }
 
-/// What the reader needs besides the specification to reproduce the archive, in entries of one or two sentences. Empty if the
-/// specification suffices.
+/// The things besides the specification that a reader needs to reproduce the archive, in entries of one or two sentences. Empty
+/// if the specification suffices.
 pub(super) fn also_needed(report: &Report) -> Vec<String> {
     let (campaign, repetition) = (&report.campaign, &report.repetition);
     let mut needed = Vec::new();

@@ -73,7 +73,7 @@ pub struct Report {
     pub names: Names,
     /// The rule-based judge's verdicts on the medoids, and on a sample of the archive.
     pub judged: Judged,
-    /// What determined the archive besides the specification: labels, rounds and checkpoints.
+    /// The labels, rounds and checkpoints that determined the archive, besides the specification.
     pub repetition: Repetition,
 }
 

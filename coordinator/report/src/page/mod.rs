@@ -207,7 +207,7 @@ fn inline_png(file: &[u8]) -> String {
     format!("data:image/png;base64,{}", STANDARD.encode(file))
 }
 
-/// What the page calls the images: at the beginning of a sentence, and within a sentence.
+/// The page's words for the images: at the beginning of a sentence, and within a sentence.
 fn image_names(report: &Report) -> [&'static str; 2] {
     match report.spec.image().shape().channels() {
         1 => ["Grey image", "grey image"],

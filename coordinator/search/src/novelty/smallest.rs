@@ -7,8 +7,8 @@ const STEP: usize = 8;
 
 /// Keeps the `k` smallest of the squared distances that it is offered.
 ///
-/// They are in ascending order. Putting one in its place shifts eight at a time with vector instructions: for the usual `k` of some
-/// 16 this takes a fourth of a heap's instructions.
+/// They are in ascending order. Putting one in its place shifts eight at a time with vector instructions: for the usual `k` of
+/// some 16 this takes a fourth of a heap's instructions.
 pub(super) struct Smallest {
     k: usize,
     /// Negative infinity, then at least `k` numbers, in steps; infinity where none was offered.

@@ -4,7 +4,8 @@
 //! below. The shape of the tree follows from the number of points, so it has no pointers.
 //!
 //! A new point joins the group whose box it lies in or near, and widens the box. The new points of a group are a chain of blocks.
-//! When the points are half as many again, the tree is built anew. Thus a point is sorted a few times over the life of the archive.
+//! When the points are half as many again, the tree is built anew. Thus a point is sorted a few times over the life of the
+//! archive.
 
 use super::{
     Behaviours,

@@ -1,14 +1,14 @@
 //! The search of the tree for the points nearest to a place.
 //!
 //! The distance to a box uses the same operations, in the same order, as a distance between points
-//! ([`super::Behaviours::squared_distance`]). Each operation is monotone, even with rounding, so no point is nearer than its box. Hence
-//! the search skips no point that brute force would count, without any tolerance.
+//! ([`super::Behaviours::squared_distance`]). Each operation is monotone, even with rounding, so no point is nearer than its box.
+//! Hence the search skips no point that brute force would count, without any tolerance.
 
 use super::{blocks::Points, tree::Tree};
 use crate::lanes::{LANES, with_dimensions};
 use pulp::{Arch, Simd, WithSimd};
 
-/// What is done with the points that may be among the nearest.
+/// A collector of the points that may be among the nearest.
 pub(super) trait Collect {
     /// Squared distances at or above this limit do not count.
     fn limit(&self) -> f64;

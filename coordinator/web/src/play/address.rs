@@ -30,7 +30,7 @@ pub(super) struct Address {
     pub(super) problems: Vec<Invalid>,
 }
 
-/// What an address says about the robots of a swarm.
+/// The robots of a swarm, as an address gives them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Robots {
     /// The name of a preset.
