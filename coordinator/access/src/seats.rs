@@ -289,7 +289,8 @@ impl Seats {
         }
     }
 
-    /// Takes a seat of `class`; `None` if that class needs no seat. Waits at most for `patience`, if given.
+    /// Takes a seat of `class`; `None` if that class needs no seat. Waits at most for `patience`; without `patience`, as long
+    /// as it takes.
     ///
     /// # Errors
     /// See [`NoSeat`].

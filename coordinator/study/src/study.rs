@@ -31,7 +31,7 @@ pub struct Study {
 pub struct Axis {
     /// Name of the axis: 1 to 32 lower-case letters, digits, `-` and `_`.
     pub name: String,
-    /// Names of the axis's values, 1 to 64, all different.
+    /// Names of the axis's values: 1 to 64 names, all different.
     pub values: Vec<String>,
     /// The path of the field that an axis of numbers sets, such as `world.agents`; `None` for other axes.
     pub field: Option<String>,

@@ -3,7 +3,7 @@
 use crate::{Features, Invalid, Method};
 use std::fmt;
 
-/// The parts of a behaviour vector.
+/// The measurements that make up a behaviour vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BehaviourSpace {
     /// The five hand-crafted features, unscaled (Brown et al.).

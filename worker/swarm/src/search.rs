@@ -16,14 +16,14 @@ record! {
         neighbours: u32,
         /// Number of candidates in a tournament, 1 to 100,000.
         tournament: u32,
-        /// Probability p that the best candidate of a tournament wins, over 0 to 1. Otherwise the second best wins with p, and so
-        /// on.
+        /// Probability p that the best candidate of a tournament wins, over 0 and at most 1. Otherwise the second best wins with
+        /// p, and so on.
         tournament_pressure: f64,
         /// Probability of one-point crossover, 0 to 1.
         crossover: f64,
         /// Probability that a gene mutates, 0 to 1.
         mutation: f64,
-        /// Largest change of a mutated speed, as a share of the largest speed, over 0 to 2.
+        /// Largest change of a mutated speed, as a share of the largest speed, over 0 and at most 2.
         mutation_step: f64,
         /// Probability that a mutated speed also changes its sign, 0 to 1.
         sign_flip: f64,

@@ -103,8 +103,8 @@ pub fn name(field: &str, name: &str, most: usize) -> Result<String, Invalid> {
     Ok(trimmed.to_owned())
 }
 
-/// The `known` word most similar to `word`; `None` if no word is similar enough. The measure is clap's for options, with a
-/// stricter limit because fields are short.
+/// The `known` word most similar to `word`; `None` if no word is similar enough. Similarity is measured as clap does for
+/// options (Jaro), but must be over 0.8 instead of 0.7, because names of fields are short.
 #[must_use]
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let likeness = known.into_iter().map(|known| (strsim::jaro(word, known), known));

@@ -384,7 +384,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
         })
     }
 
-    /// Ends a job because one of its tasks is disputed or impossible.
+    /// Reports a task that is disputed or impossible, and ends its job. A job of audits goes on after a dispute.
     fn end_undecided(&mut self, id: JobId, place: usize, now: Instant) {
         let between: Vec<_> = self
             .jobs

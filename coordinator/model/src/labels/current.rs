@@ -32,7 +32,7 @@ pub struct Labels {
     standing: RedBlackTreeMapSync<u64, RedBlackTreeMapSync<Annotator, u64>>,
     /// The entries of the standing answers, by annotator.
     own: RedBlackTreeMapSync<Annotator, RedBlackTreeSetSync<u64>>,
-    /// Number of standing answers by class, before merging.
+    /// Number of standing answers by the class that they named, even if that class was later merged into another.
     named: RedBlackTreeMapSync<ClassNumber, u64>,
     /// The changes of classes that were not reverted, by entry.
     class_changes: Arc<BTreeMap<u64, ClassChange>>,

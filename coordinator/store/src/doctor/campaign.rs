@@ -127,7 +127,7 @@ fn archive(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -
     (stored, whole)
 }
 
-/// Number of generations, from the first on, whose records exist.
+/// Number of generations before the first one whose record is missing.
 fn generations(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -> u32 {
     let records = match store.generations(&record.id) {
         Ok(records) => records,

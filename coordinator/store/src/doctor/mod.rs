@@ -63,7 +63,8 @@ pub async fn examine(data: &Path, location: Option<&str>) -> Result<Findings, Ch
 /// Prevents other processes from holding a data directory while the doctor examines it.
 struct Watched {
     _lock: Option<fs::File>,
-    /// The file of SQLite's index of the log, which is removed after the examination; `None` if the file existed before.
+    /// The file `-shm`, SQLite's index of its write-ahead log, which is removed after the examination; `None` if the file
+    /// existed before.
     index: Option<PathBuf>,
 }
 

@@ -53,7 +53,7 @@ impl LabelBudget {
         }
     }
 
-    /// The number of the budget's token, which stays the same while the process runs.
+    /// A number for the annotator's token. All budgets of one token have the same number until the process ends.
     #[must_use]
     pub const fn holder(&self) -> u64 {
         self.holder

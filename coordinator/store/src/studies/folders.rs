@@ -55,8 +55,8 @@ fn study(folder: &Path) -> Option<(CampaignName, StudyFile)> {
     Some((name, file))
 }
 
-/// The measurements in a study's folder, and the classes that people gave. `measures` is the digest of the settings of the last
-/// measurements.
+/// The records in a study's folder: measurements of cells, embedders, the reference, and the classes that people gave.
+/// `measures` is the digest of the settings of the last measurements.
 fn records(folder: &Path, measures: &str) -> Vec<StudyRecord> {
     let mut records = Vec::new();
     let mut add = |kind, key: &str, measures: &str, content: Vec<u8>| {

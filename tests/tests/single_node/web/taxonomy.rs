@@ -65,7 +65,7 @@ async fn a_finished_campaign_shows_its_behaviours() {
 
 const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
 
-/// Answers of ana, in the format in which a page's script sends answers.
+/// Ana's answers, as a page's script sends them.
 fn answers_of(request: &str, names: &[(u64, &str)]) -> String {
     let answers: Vec<Value> = names
         .iter()

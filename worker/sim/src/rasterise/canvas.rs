@@ -11,8 +11,9 @@ const MARGIN: usize = SIDE;
 /// A bitmap. A bitmap of the paper's 500 x 500 pixels fits the first-level cache; a bitmap of 10,000 x 10,000 pixels fits the
 /// memory.
 ///
-/// A word holds 16 pixels of a column. The words of neighbouring columns follow each other and make a band, so a stamp covers
-/// half a cache line in each of two bands. One band above and one band below the canvas are padding, which is never read.
+/// A word holds 16 pixels of a column. The words of neighbouring columns are neighbours in memory and make a band of 16 rows.
+/// So a stamp, 16 x 16 pixels, changes 16 words in a row (32 bytes) in each of two bands, one above the other. One band above
+/// and one band below the canvas are padding, which is never read.
 #[derive(Debug, Clone)]
 pub(super) struct Canvas {
     width: u32,

@@ -244,7 +244,7 @@ fn counted_share(share: f64, agents: u32) -> Result<u32, Invalid> {
     if share > 0.0 && share <= 1.0 && (count - whole).abs() < 1e-6 {
         return Ok(whole as u32);
     }
-    let allowed = format!("over 0 to 1, and a whole number of the {agents} agents");
+    let allowed = format!("over 0 and at most 1, and a whole number of the {agents} agents");
     Err(Invalid::new("share", share, allowed))
 }
 

@@ -14,7 +14,7 @@ use murmuration_proto::v1;
 /// named yet. The weights after the last epoch are published: no labels are held out, because there may be few.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Labelled {
-    /// Distance by which a negative must be farther than the positive, over 0 to 1,000.
+    /// Distance by which a negative must be farther than the positive, over 0 and at most 1,000.
     pub margin: f64,
     /// Number of pictures of each class in a step, 2 to 1,024. If a class has fewer pictures, they are repeated, mirrored or
     /// rotated.
@@ -35,14 +35,14 @@ pub struct Labelled {
     pub steps: usize,
     /// Number of epochs, 1 to 100,000.
     pub epochs: u64,
-    /// Adam's first learning rate, over 0 to 1. The rate falls linearly to zero over all epochs.
+    /// Adam's first learning rate, over 0 and at most 1. The rate falls linearly to zero over all epochs.
     pub learning_rate: f64,
     /// Share of the weights that is added to the gradient, 0 to 1.
     pub weight_decay: f64,
-    /// Smallest and largest share of width and height that a crop of a labelled picture keeps, over 0 to 2. Above 1, the
+    /// Smallest and largest share of width and height that a crop of a labelled picture keeps, over 0 and at most 2. Above 1, the
     /// picture shrinks on a black background.
     pub crop: [f64; 2],
-    /// Smallest and largest share of width and height that a crop of an unlabelled picture keeps, over 0 to 2.
+    /// Smallest and largest share of width and height that a crop of an unlabelled picture keeps, over 0 and at most 2.
     pub unlabelled_crop: [f64; 2],
 }
 

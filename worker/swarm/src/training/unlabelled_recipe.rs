@@ -11,19 +11,19 @@ use murmuration_proto::v1;
 /// positive is augmented, not the anchor and the negative.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RandomTriplets {
-    /// Distance by which a negative must be farther than the positive, over 0 to 1,000.
+    /// Distance by which a negative must be farther than the positive, over 0 and at most 1,000.
     pub margin: f64,
     /// Triplets per step, 1 to 65,536.
     pub batch: usize,
     /// Steps per epoch, each with new triplets, 1 to 100,000.
     pub steps: usize,
-    /// Adam's first learning rate, over 0 to 1.
+    /// Adam's first learning rate, over 0 and at most 1.
     pub learning_rate: f64,
     /// Share of the weights that is added to the gradient, 0 to 1.
     pub weight_decay: f64,
     /// The learning rate falls after more than this many consecutive epochs without a lower loss, 1 to 100,000.
     pub plateau: u64,
-    /// The factor by which the learning rate falls, over 0 to 1.
+    /// The factor by which the learning rate falls, over 0 and at most 1.
     pub plateau_factor: f64,
     /// Maximum number of epochs, 1 to 100,000.
     pub epochs: u64,
@@ -31,8 +31,8 @@ pub struct RandomTriplets {
     pub enough: f64,
     /// Number of epochs in the mean for `enough`, 1 to 10,000.
     pub enough_over: usize,
-    /// Smallest and largest share of width and height that a crop keeps, over 0 to 2. Above 1, the picture shrinks on a black
-    /// background.
+    /// Smallest and largest share of width and height that a crop keeps, over 0 and at most 2. Above 1, the picture shrinks on a
+    /// black background.
     pub crop: [f64; 2],
 }
 
@@ -111,11 +111,11 @@ impl From<&RandomTriplets> for v1::RandomTriplets {
 /// The numbers of the in-batch recipe. Anchors and positives are augmented.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InBatch {
-    /// Distance by which a negative must be farther than the positive, over 0 to 1,000.
+    /// Distance by which a negative must be farther than the positive, over 0 and at most 1,000.
     pub margin: f64,
     /// Number of anchors per step, each with a positive, 2 to 65,536, or all behaviours if there are fewer.
     pub batch: usize,
-    /// Adam's first learning rate, over 0 to 1. The rate falls linearly to zero over all epochs.
+    /// Adam's first learning rate, over 0 and at most 1. The rate falls linearly to zero over all epochs.
     pub learning_rate: f64,
     /// Share of the weights that is added to the gradient, 0 to 1.
     pub weight_decay: f64,
@@ -126,8 +126,8 @@ pub struct InBatch {
     pub epochs: u64,
     /// Consecutive epochs without a better accuracy on held-out triplets after which training stops, 1 to 100,000.
     pub patience: u64,
-    /// Smallest and largest share of width and height that a crop keeps, over 0 to 2. Above 1, the picture shrinks on a black
-    /// background.
+    /// Smallest and largest share of width and height that a crop keeps, over 0 and at most 2. Above 1, the picture shrinks on a
+    /// black background.
     pub crop: [f64; 2],
 }
 

@@ -275,7 +275,7 @@ async fn what_was_forgotten_is_made_again_and_the_same_is_asked() {
             let again = clusters(&ids[place]);
             assert_eq!(again, clustered[place]);
             assert!(!Arc::ptr_eq(&again, &clustered[place]), "it was kept");
-            // At most the last result that was made is kept.
+            // The bound is 1 byte, so each cache keeps at most its newest value.
             let heaviest = 40 * (5 * 8 + 4) + 40 * 8 + 256;
             assert!(campaign.queries.clusters.bytes() <= heaviest);
             assert!(campaign.queries.rankings.bytes() <= 40 * size_of::<Query>() + 256);
