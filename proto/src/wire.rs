@@ -38,6 +38,23 @@ pub enum Refused {
     NotAMessage,
 }
 
+/// Number of messages, texts and lists that were found in a message.
+#[derive(Debug)]
+struct Parts {
+    count: usize,
+    limit: usize,
+}
+
+impl Parts {
+    fn add(&mut self) -> Result<(), Refused> {
+        self.count += 1;
+        match self.count > self.limit {
+            true => Err(Refused::TooManyParts(self.limit)),
+            false => Ok(()),
+        }
+    }
+}
+
 impl MessageShapes {
     /// The messages of an encoded `FileDescriptorSet`; none if it cannot be decoded.
     #[must_use]
@@ -70,21 +87,16 @@ impl MessageShapes {
     /// # Errors
     /// If the message has more parts, or the bytes are not a message.
     pub fn check<M: Name>(&self, message: &[u8], limit: usize) -> Result<(), Refused> {
-        let mut left = limit;
-        let shape = self.messages.get(&M::full_name());
-        let counted = self.count(message, shape, &mut left);
-        counted.map_err(|refused| match refused {
-            Refused::TooManyParts(_) => Refused::TooManyParts(limit),
-            Refused::NotAMessage => refused,
-        })
+        let mut parts = Parts { count: 0, limit };
+        self.count(message, self.messages.get(&M::full_name()), &mut parts)
     }
 
-    /// Subtracts the number of parts of `message` from `left`. Enums have no shape, and no parts.
+    /// Adds the parts of `message` to `parts`. Enums have no shape, and no parts.
     fn count(
         &self,
         mut message: &[u8],
         shape: Option<&MessageShape>,
-        left: &mut usize,
+        parts: &mut Parts,
     ) -> Result<(), Refused> {
         while message.has_remaining() {
             let (tag, wire_type) = decode_key(&mut message).map_err(|_| Refused::NotAMessage)?;
@@ -93,7 +105,7 @@ impl MessageShapes {
                 skipped.map_err(|_| Refused::NotAMessage)?;
                 continue;
             }
-            *left = left.checked_sub(1).ok_or(Refused::TooManyParts(0))?;
+            parts.add()?;
             let length = decode_varint(&mut message).map(usize::try_from);
             let inner = match length {
                 Ok(Ok(length)) => message.split_at_checked(length),
@@ -102,7 +114,7 @@ impl MessageShapes {
             let (inner, rest) = inner.ok_or(Refused::NotAMessage)?;
             let name = shape.and_then(|shape| shape.get(&tag));
             if let Some(shape) = name.and_then(|name| self.messages.get(name)) {
-                self.count(inner, Some(shape), left)?;
+                self.count(inner, Some(shape), parts)?;
             }
             message = rest;
         }
