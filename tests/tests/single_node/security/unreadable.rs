@@ -5,8 +5,9 @@ use murmuration_proto::{
     codec::MAX_PARTS,
     v1::{self, worker_message::Message as Said},
 };
-use murmuration_tests::{Cluster, FakeWorker};
+use murmuration_tests::{Cluster, FakeWorker, quick_dispatch};
 use prost::Message;
+use std::time::Duration;
 use tokio_stream::StreamExt as _;
 use tonic::{Code, Request, Status, codegen::http::uri::PathAndQuery};
 
@@ -72,7 +73,12 @@ async fn a_message_that_cannot_be_read_is_its_senders_fault() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_small_message_of_many_parts_is_refused_before_it_is_decoded() {
     let folder = tempfile::tempdir().unwrap();
-    let cluster = Cluster::start(folder.path(), 0).await;
+    // A busy machine needs more than half a second to encode, send and count the parts.
+    let options = murmuration_dispatch::Options {
+        silence_limit: Duration::from_secs(20),
+        ..quick_dispatch()
+    };
+    let cluster = Cluster::start_with(folder.path(), 0, options).await;
     let check = |status: Status| {
         assert_eq!(status.code(), Code::ResourceExhausted, "{status}");
         assert!(status.message().contains("it has over 262144 parts"), "{status}");
