@@ -51,6 +51,10 @@ const HANGS_AFTER: Duration = Duration::from_secs(30);
 const HANGS: u32 = 8;
 /// Audits and disagreements wait for a machine that owes an answer for at least this time: its first task may take long.
 const HOPELESS_AFTER: Duration = Duration::from_secs(300);
+/// Longest time for which a machine's own usual turnaround makes others wait: a machine could answer slowly on purpose.
+const LONGEST_PATIENCE: Duration = Duration::from_hours(1);
+/// Audits and disagreements wait for a machine whose last worker has left for this time: the worker may be restarting.
+const AWAY: Duration = Duration::from_secs(30);
 
 /// Decides when two results of a task count as the same result.
 pub trait Agree {
@@ -272,6 +276,8 @@ impl<R: Agree + Clone> LeaseTable<R> {
             embeds: params.embeds,
             after: params.after,
             is_audits: false,
+            late_since: None,
+            asked: BTreeMap::new(),
             leases: BTreeSet::new(),
             rested: BTreeSet::new(),
             lost_with: BTreeMap::new(),
@@ -310,6 +316,13 @@ impl<R: Agree + Clone> LeaseTable<R> {
         self.workers.out()
     }
 
+    /// Whether machines disagree about a task, and nothing has decided yet which of them is right.
+    #[must_use]
+    pub fn is_disputed(&self, job: JobId, place: usize) -> bool {
+        let task = self.jobs.get(&job).and_then(|job| job.tasks.get(place));
+        task.is_some_and(|task| task.is_disputed() && task.wants_another_machine())
+    }
+
     /// Takes the events since the last call.
     pub fn take_events(&mut self) -> Vec<Event<R>> {
         std::mem::take(&mut self.events)
@@ -346,7 +359,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
             worker.active = now;
             worker.answered = worker.answered.saturating_add(answered);
         });
-        self.workers.learn(process.machine, answered, took);
+        self.workers.learn(process.machine, answered, took, now);
         self.learn_turnaround(took);
         let held = self.release(number);
         let Some(Lease { tasks, .. }) = self.leases.remove(&number) else {

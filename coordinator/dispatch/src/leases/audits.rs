@@ -5,7 +5,7 @@
 //! and a job of audits takes them over, with the votes that were cast. If machines disagree there, the disagreement is decided as
 //! in any job, and the results of the machine that was wrong are verified where they are stored.
 
-use super::{Agree, Event, JobId, LeaseTable, job::Job, queues::Queues, task::Task};
+use super::{Agree, Event, JobId, LeaseNumber, LeaseTable, job::Job, queues::Queues};
 use std::{
     collections::{BTreeMap, BTreeSet},
     time::{Duration, Instant},
@@ -25,33 +25,80 @@ pub struct Audits {
 }
 
 impl<R: Agree + Clone> LeaseTable<R> {
-    /// Starts a job for the postponed audits among the tasks of a job that is over.
+    /// Starts a job for the postponed audits among the tasks of a job that is over. The new job takes over the leases of these
+    /// audits that workers hold, with all their tasks, so that late answers count.
     pub(super) fn go_on_with_audits(&mut self, old: JobId) -> Option<Audits> {
         let job = self.jobs.get(&old).filter(|job| !job.is_audits)?;
-        let postponed = |(place, task): (usize, &Task<R>)| Some((place, task.postponed()?));
-        let (places, tasks): (Vec<_>, Vec<_>) = job.tasks.iter().enumerate().filter_map(postponed).unzip();
+        let is_postponed = |&place: &usize| job.tasks[place].is_postponed();
+        let mut places: BTreeSet<usize> = (0..job.tasks.len()).filter(is_postponed).collect();
         if places.is_empty() {
             return None;
         }
-        let mut queues = Queues::new(std::iter::empty());
-        (0..tasks.len()).for_each(|place| queues.want_second(place));
+        let is_held = |number: &LeaseNumber| {
+            let lease = self.leases.get(number);
+            lease.is_some_and(|lease| lease.holder.is_some() && lease.tasks.iter().any(is_postponed))
+        };
+        let held: BTreeSet<_> = job.leases.iter().copied().filter(is_held).collect();
+        let tasks_of_held = held
+            .iter()
+            .filter_map(|number| Some(&self.leases.get(number)?.tasks));
+        places.extend(tasks_of_held.flatten());
+        let tasks: Vec<_> = places
+            .iter()
+            .map(|&place| job.tasks[place].for_audits())
+            .collect();
         let audits = Job {
+            settled: tasks.iter().filter(|task| task.state().is_settled()).count(),
             tasks,
-            queues,
-            settled: 0,
+            queues: Queues::new(std::iter::empty()),
             served: job.served,
             cost: job.cost,
             speculative: job.speculative,
             embeds: job.embeds,
             after: None,
             is_audits: true,
+            late_since: None,
+            asked: BTreeMap::new(),
             leases: BTreeSet::new(),
             rested: BTreeSet::new(),
             lost_with: BTreeMap::new(),
         };
         let id = JobId(self.fresh_number());
         self.jobs.insert(id, audits);
+        let places: Vec<_> = places.into_iter().collect();
+        for number in held {
+            self.take_over(number, old, (id, &places));
+        }
+        let open = self.jobs.get_mut(&id)?;
+        for place in 0..open.tasks.len() {
+            if open.tasks[place].out == 0 && !open.tasks[place].state().is_settled() {
+                open.queues.want_second(place);
+            }
+        }
         Some(Audits { job: id, places })
+    }
+
+    /// Moves a held lease from a job to the job of its audits, whose tasks are those at these places of the old job.
+    fn take_over(&mut self, number: LeaseNumber, old: JobId, (new, places): (JobId, &[usize])) {
+        let Some(lease) = self.leases.get_mut(&number) else {
+            return;
+        };
+        lease.job = new;
+        for task in &mut lease.tasks {
+            *task = places.partition_point(|place| place < task);
+        }
+        if let Some(job) = self.jobs.get_mut(&old) {
+            job.leases.remove(&number);
+        }
+        if let Some(job) = self.jobs.get_mut(&new) {
+            job.leases.insert(number);
+            for &task in &lease.tasks {
+                job.tasks[task].out += 1;
+                job.asked
+                    .entry((task, lease.process.machine))
+                    .or_insert(lease.given);
+            }
+        }
     }
 
     /// Whether a further audit may go on after its job.
@@ -70,6 +117,9 @@ impl<R: Agree + Clone> LeaseTable<R> {
             return;
         }
         self.looked_at_audits = Some(now);
+        for job in self.jobs.values_mut().filter(|job| job.is_audits) {
+            job.late_since.get_or_insert(now);
+        }
         let mut hopeless: BTreeMap<JobId, Vec<usize>> = BTreeMap::new();
         for (&id, job) in self.jobs.iter().filter(|(_, job)| job.is_audits) {
             let open = job

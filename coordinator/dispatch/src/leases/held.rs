@@ -16,6 +16,11 @@ impl<R: Agree + Clone> LeaseTable<R> {
         (lease.process == self.process(worker)?).then_some(lease.job)
     }
 
+    /// The job of a lease, if the job is not over.
+    pub(crate) fn job(&self, lease: LeaseNumber) -> Option<JobId> {
+        Some(self.leases.get(&lease)?.job)
+    }
+
     /// The job of a lease that a worker on this machine holds.
     #[must_use]
     pub(crate) fn held_by(&self, machine: MachineId, lease: LeaseNumber) -> Option<JobId> {

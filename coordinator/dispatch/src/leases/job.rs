@@ -2,11 +2,15 @@
 
 use super::{
     Agree, JobId, LeaseNumber, WorkerId, WorkerProcessId,
+    machine::Machine,
     queues::Queues,
     task::{Task, TaskState},
 };
 use murmuration_model::MachineId;
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    time::Instant,
+};
 
 #[derive(Debug)]
 pub(super) struct Job<R> {
@@ -23,12 +27,37 @@ pub(super) struct Job<R> {
     pub(super) after: Option<JobId>,
     /// Whether the job is the rest of another job: audits that the other job did not wait for.
     pub(super) is_audits: bool,
+    /// Time since which some audit of the job waits for machines that are late or away.
+    pub(super) late_since: Option<Instant>,
+    /// When each machine was first asked to answer a task that another machine had answered. A machine that reconnects gets no
+    /// further time.
+    pub(super) asked: BTreeMap<(usize, MachineId), Instant>,
     /// The job's leases, including leases that no worker holds any more.
     pub(super) leases: BTreeSet<LeaseNumber>,
     /// Workers that gave back leases of the job.
     pub(super) rested: BTreeSet<WorkerId>,
     /// The tasks that each lost process held.
     pub(super) lost_with: BTreeMap<WorkerProcessId, BTreeSet<usize>>,
+}
+
+impl<R> Job<R> {
+    /// Whether a task has waited for this machine's answer for longer than the machine's patience allows.
+    pub(super) fn has_waited_for(
+        &self,
+        place: usize,
+        (id, machine): (MachineId, &Machine),
+        now: Instant,
+    ) -> bool {
+        // A machine that was not asked may be busy: it counts as long as it answers other leases.
+        let since = match self.asked.get(&(place, id)) {
+            Some(&asked) => Some(asked),
+            None => self
+                .late_since
+                .max(machine.active.filter(|_| self.late_since.is_some())),
+        };
+        let too_long = |since| now.saturating_duration_since(since) > machine.patience();
+        machine.is_hopeless(now) || since.is_some_and(too_long)
+    }
 }
 
 impl<R: Agree> Job<R> {

@@ -1,6 +1,6 @@
-//! The record of a machine with connected workers: its capacity, and the leases that it owes answers to.
+//! The record of a machine: its capacity, and the leases that it owes answers to. The record outlives short interruptions.
 
-use super::{HANGS, HANGS_AFTER, HOPELESS_AFTER, LeaseNumber, workers::Worker};
+use super::{HANGS, HANGS_AFTER, HOPELESS_AFTER, LONGEST_PATIENCE, LeaseNumber, workers::Worker};
 use std::{
     collections::BTreeMap,
     time::{Duration, Instant},
@@ -9,15 +9,19 @@ use std::{
 /// Maximum capacity that counts for a machine that has answered no task yet.
 const UNPROVEN: usize = 16;
 
-/// A machine with connected workers.
+/// A machine with connected workers, or whose last worker has left a moment ago.
 #[derive(Debug, Default)]
 pub(super) struct Machine {
-    /// Number of the machine's workers, at least one.
+    /// Number of the machine's connected workers.
     pub(super) workers: usize,
     /// Capacity of the workers that have credits or hold tasks: of all of them, and of those that embed.
     claimed: Capacity,
     /// Number of tasks that the machine has answered.
     answered: usize,
+    /// Time of the machine's last answer, or when its first worker joined.
+    pub(super) active: Option<Instant>,
+    /// Whether any worker of the machine embeds, or embedded.
+    pub(super) embeds: bool,
     /// Leases that the machine has not answered, with the times when they were granted. A lease stays here after its job is over,
     /// since workers answer such leases too; it goes with the connection of its worker.
     owed: BTreeMap<LeaseNumber, Instant>,
@@ -69,8 +73,9 @@ impl Machine {
         self.owed.remove(&lease);
     }
 
-    /// Records an answer to a lease of this many tasks, which took this long.
-    pub(super) fn learn(&mut self, tasks: usize, took: Duration) {
+    /// Records an answer at time `now` to a lease of this many tasks, which took this long.
+    pub(super) fn learn(&mut self, tasks: usize, took: Duration, now: Instant) {
+        self.active = Some(now);
         self.answered = self.answered.saturating_add(tasks);
         self.usual = Some(self.usual.map_or(took, |usual| (usual * 7 + took) / 8));
     }
@@ -85,9 +90,18 @@ impl Machine {
         self.owes_for(HOPELESS_AFTER, now)
     }
 
+    /// How long an audit waits for the machine's answer.
+    pub(super) fn patience(&self) -> Duration {
+        self.limit(HOPELESS_AFTER)
+    }
+
+    fn limit(&self, least: Duration) -> Duration {
+        least.max((self.usual.unwrap_or_default() * HANGS).min(LONGEST_PATIENCE))
+    }
+
     /// Whether the machine owes an answer for longer than this, and for longer than [`HANGS`] times its own usual turnaround.
     fn owes_for(&self, least: Duration, now: Instant) -> bool {
-        let limit = least.max(self.usual.unwrap_or_default() * HANGS);
+        let limit = self.limit(least);
         // Numbers of leases grow with time.
         let oldest = self.owed.first_key_value();
         oldest.is_some_and(|(_, &granted)| now.saturating_duration_since(granted) > limit)

@@ -1,7 +1,7 @@
 //! The connected workers, in the order of their turns. Look-ups take logarithmic time in the number of workers; only look-ups
 //! that iterate over all workers take longer.
 
-use super::{LeaseNumber, WorkerId, machine::Machine, workers::Worker};
+use super::{AWAY, LeaseNumber, WorkerId, machine::Machine, workers::Worker};
 use murmuration_model::MachineId;
 use std::{
     cmp::Reverse,
@@ -17,6 +17,8 @@ type Turn = (usize, Reverse<usize>, WorkerId);
 pub(super) struct Roster {
     workers: BTreeMap<WorkerId, Worker>,
     machines: BTreeMap<MachineId, Machine>,
+    /// Machines whose last worker has left a moment ago, with the time of its last message.
+    away: BTreeMap<MachineId, (Instant, Machine)>,
     /// Workers that can get more tasks.
     free: BTreeSet<Turn>,
     /// Workers that embed and can get more tasks.
@@ -46,6 +48,10 @@ impl Staff {
     }
 }
 
+fn is_recent(left: Instant, now: Instant) -> bool {
+    now.saturating_duration_since(left) <= AWAY
+}
+
 impl Worker {
     /// The worker's turn, if the worker can get more tasks.
     fn turn(&self, id: WorkerId) -> Option<Turn> {
@@ -63,6 +69,7 @@ impl Roster {
         Self {
             workers: BTreeMap::new(),
             machines: BTreeMap::new(),
+            away: BTreeMap::new(),
             free: BTreeSet::new(),
             free_embedders: BTreeSet::new(),
             by_leases: BTreeSet::new(),
@@ -128,7 +135,12 @@ impl Roster {
     }
 
     pub(super) fn insert(&mut self, id: WorkerId, worker: Worker) {
-        self.machines.entry(worker.machine()).or_default().workers += 1;
+        let away = self.away.remove(&worker.machine());
+        let returned = || away.map(|(_, machine)| machine).unwrap_or_default();
+        let machine = self.machines.entry(worker.machine()).or_insert_with(returned);
+        machine.workers += 1;
+        machine.embeds |= worker.embeds;
+        machine.active.get_or_insert(worker.heard);
         self.enter(id, &worker);
         self.workers.insert(id, worker);
     }
@@ -138,15 +150,33 @@ impl Roster {
             return;
         };
         self.strike(id, &worker);
-        if let Some(machine) = self.machines.get_mut(&worker.machine()) {
-            for &lease in &worker.owes {
-                machine.excuse(lease);
-            }
-            machine.workers -= 1;
-            if machine.workers == 0 {
-                self.machines.remove(&worker.machine());
-            }
+        let Some(mut machine) = self.machines.remove(&worker.machine()) else {
+            return;
+        };
+        for &lease in &worker.owes {
+            machine.excuse(lease);
         }
+        machine.workers -= 1;
+        if machine.workers > 0 {
+            self.machines.insert(worker.machine(), machine);
+            return;
+        }
+        self.away.retain(|_, (left, _)| is_recent(*left, worker.heard));
+        self.away.insert(worker.machine(), (worker.heard, machine));
+    }
+
+    /// Machines without workers whose last worker may be restarting.
+    pub(super) fn away(&self, now: Instant) -> impl Iterator<Item = (MachineId, &Machine)> {
+        let recent = self
+            .away
+            .iter()
+            .filter(move |(_, (left, _))| is_recent(*left, now));
+        recent.map(|(&id, (_, machine))| (id, machine))
+    }
+
+    /// A machine with workers.
+    pub(super) fn machine(&self, id: MachineId) -> Option<&Machine> {
+        self.machines.get(&id)
     }
 
     /// Records that a worker owes the answer to a lease.
@@ -184,9 +214,9 @@ impl Roster {
         }
     }
 
-    /// Records an answer of a machine to a lease of this many tasks, which took this long.
-    pub(super) fn learn(&mut self, machine: MachineId, tasks: usize, took: Duration) {
-        self.change_machine(machine, |machine| machine.learn(tasks, took));
+    /// Records an answer of a machine at time `now` to a lease of this many tasks, which took this long.
+    pub(super) fn learn(&mut self, machine: MachineId, tasks: usize, took: Duration, now: Instant) {
+        self.change_machine(machine, |machine| machine.learn(tasks, took, now));
     }
 
     /// Whether a machine owes an answer for so long that it gets no more work.
@@ -194,12 +224,6 @@ impl Roster {
         self.machines
             .get(&machine)
             .is_some_and(|machine| machine.hangs(now))
-    }
-
-    /// Whether a machine owes an answer for so long that not even audits wait for the machine.
-    pub(super) fn is_hopeless(&self, machine: MachineId, now: Instant) -> bool {
-        let machine = self.machines.get(&machine);
-        machine.is_some_and(|machine| machine.is_hopeless(now))
     }
 
     /// Changes a machine, whose proven capacity may change too.

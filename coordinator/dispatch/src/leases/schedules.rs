@@ -244,7 +244,11 @@ impl SimulatedCluster {
         }
         let (character, count) = (process.character, process.has.len());
         let place = self.die.random_range(0..count);
-        let grant = self.processes.get_mut(&id).unwrap().has.swap_remove(place);
+        let mut grant = self.processes.get_mut(&id).unwrap().has.swap_remove(place);
+        // The lease may have gone over to a job of audits.
+        if let Some(job) = self.table.job(grant.lease) {
+            (grant.job, grant.tasks) = (job, self.table.tasks(grant.lease).to_vec());
+        }
         let meets = |tasks: fn(&Submitted) -> &BTreeSet<usize>| {
             let job = self.jobs.get(&grant.job);
             job.is_some_and(|job| grant.tasks.iter().any(|place| tasks(job).contains(place)))

@@ -189,15 +189,22 @@ impl<R: Agree> Task<R> {
         self.is_postponed && self.votes.len() == 1
     }
 
-    /// The task of an audit that goes on after the job of this task, with the vote that was cast.
-    pub(super) fn postponed(&self) -> Option<Self>
+    /// This task with its votes, as a task of the job in which its audit goes on. A task without such an audit is settled there
+    /// too.
+    pub(super) fn for_audits(&self) -> Self
     where
         R: Clone,
     {
-        self.is_postponed().then(|| Self {
+        Self {
             votes: self.votes.clone(),
-            ..Self::new(true)
-        })
+            lost: if self.votes.is_empty() {
+                self.lost.clone()
+            } else {
+                BTreeSet::new()
+            },
+            one_machine_is_enough: self.one_machine_is_enough,
+            ..Self::new(self.is_postponed())
+        }
     }
 
     /// Processes whose votes differ from the settled result.

@@ -2,7 +2,7 @@
 
 use super::{
     AT_ONCE, Agree, Event, Grant, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH, SPECULATION_DELAY,
-    WorkerId, job::Job, task::Task, workers::Worker,
+    WorkerId, job::Job, machine::Machine, workers::Worker,
 };
 use murmuration_model::MachineId;
 use std::{
@@ -85,6 +85,9 @@ impl<R: Agree + Clone> LeaseTable<R> {
         for &place in &choice.tasks {
             job.queues.remove(place);
             job.tasks[place].out += 1;
+            if !job.tasks[place].votes.is_empty() {
+                job.asked.entry((place, process.machine)).or_insert(now);
+            }
         }
         self.served = self.served.max(job.served);
         job.served = job
@@ -333,6 +336,9 @@ impl<R: Agree + Clone> LeaseTable<R> {
             let Some(job) = self.jobs.get_mut(&id) else {
                 continue;
             };
+            if late_audit == Some(LateAudit::Waits) {
+                job.late_since.get_or_insert(now);
+            }
             let task = &mut job.tasks[place];
             let before = task.state();
             if anybody || late_audit == Some(LateAudit::Waits) {
@@ -377,7 +383,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
             LateAudit::Ends
         } else if self.has_room_for_audits() {
             LateAudit::GoesOn
-        } else if self.could_answer(id, place, now, |machine| !self.workers.hangs(machine, now)) {
+        } else if self.could_answer(id, place, now, |machine| !machine.hangs(now)) {
             LateAudit::Waits
         } else {
             LateAudit::Ends
@@ -467,29 +473,45 @@ impl<R: Agree + Clone> LeaseTable<R> {
                     || self.workers.hangs(worker.machine(), now)
                     || is_late())
         };
-        self.anybody_says(id, job, task, |worker| !is_no_help(worker))
+        self.anybody_says(id, place, job, |worker| !is_no_help(worker))
     }
 
-    /// Whether a connected worker could answer a task that needs another machine, however long it takes: a worker of a machine
-    /// that is not hopeless, and that asks for work.
+    /// Whether a machine could answer a task that needs another machine, however long it takes.
     pub(super) fn could_ever_say(&self, id: JobId, place: usize, now: Instant) -> bool {
-        self.could_answer(id, place, now, |machine| !self.workers.is_hopeless(machine, now))
+        self.could_answer(id, place, now, |_| true)
     }
 
-    /// Whether a worker that asks for work, on one of these machines, could answer a task that needs another machine.
-    fn could_answer(&self, id: JobId, place: usize, now: Instant, on: impl Fn(MachineId) -> bool) -> bool {
-        self.jobs.get(&id).is_some_and(|job| {
-            let helps = |worker: &Worker| !worker.asks_for_nothing(now) && on(worker.machine());
-            self.anybody_says(id, job, &job.tasks[place], helps)
-        })
+    /// Whether one of these machines could answer a task that needs another machine: a machine with a worker that asks for work
+    /// or holds the task, or a machine whose last worker may be restarting, if the task has not waited too long for the machine.
+    fn could_answer(&self, id: JobId, place: usize, now: Instant, on: impl Fn(&Machine) -> bool) -> bool {
+        let Some(job) = self.jobs.get(&id) else {
+            return false;
+        };
+        let task = &job.tasks[place];
+        let is_one = |id: MachineId, machine: &Machine| {
+            task.wants(id) && on(machine) && !job.has_waited_for(place, (id, machine), now)
+        };
+        let mut workers = self.workers.iter();
+        let by_worker = workers.any(|(_, worker)| {
+            let machine = self.workers.machine(worker.machine());
+            let asks = worker.suits(job) && !worker.asks_for_nothing(now) && !worker.gave_up(id);
+            (asks || self.has_in_hand(worker, id, place))
+                && machine.is_some_and(|machine| is_one(worker.machine(), machine))
+        });
+        by_worker
+            || self.workers.away(now).any(|(id, machine)| {
+                let suits = (machine.embeds || !job.embeds) && !self.quarantined.contains(&id);
+                suits && is_one(id, machine)
+            })
     }
 
-    fn anybody_says(&self, id: JobId, job: &Job<R>, task: &Task<R>, helps: impl Fn(&Worker) -> bool) -> bool {
+    fn anybody_says(&self, id: JobId, place: usize, job: &Job<R>, helps: impl Fn(&Worker) -> bool) -> bool {
+        let task = &job.tasks[place];
         let ends_the_job = task.is_disputed() || !task.refused.is_empty();
         let gives_back = |worker: &Worker| !ends_the_job && worker.gave_back(id);
         self.workers.iter().any(|(_, worker)| {
-            let could = worker.suits(job) && task.wants(worker.machine());
-            could && helps(worker) && !gives_back(worker)
+            let could = worker.suits(job) || self.has_in_hand(worker, id, place);
+            could && task.wants(worker.machine()) && helps(worker) && !gives_back(worker)
         })
     }
 

@@ -86,6 +86,11 @@ impl Worker {
         self.credits == 0 && self.owes.is_empty() && idle > SPECULATION_DELAY.1
     }
 
+    /// Whether the worker returned so many leases of this job in a row that it will hardly do any.
+    pub(super) fn gave_up(&self, job: JobId) -> bool {
+        self.rests.get(&job).is_some_and(|rest| rest.length == RESTS.1)
+    }
+
     /// Whether the worker returned its last lease of this job undone.
     pub(super) fn gave_back(&self, job: JobId) -> bool {
         self.rests.contains_key(&job)

@@ -74,7 +74,11 @@ impl SimulatedCluster {
             deadly: only(&submitted.deadly),
             impossible: only(&submitted.impossible),
             embeds: submitted.embeds,
-            lost: BTreeMap::new(),
+            lost: places
+                .iter()
+                .enumerate()
+                .filter_map(|(next, place)| Some((next, *submitted.lost.get(place)?)))
+                .collect(),
         };
         self.jobs.insert(job, audits);
         self.origins.insert(job, (old, places));
