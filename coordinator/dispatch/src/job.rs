@@ -9,13 +9,41 @@ use murmuration_swarm::{
     CapabilityModel, CheckpointDigest, CompressedImage, Controller, Evaluation, Frames, ImageFormat,
     PictureShape, Starts, World, training::Configuration,
 };
+use std::fmt;
 use tokio::sync::watch;
+
+/// Who submits evaluations, and waits for their audits.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Submitter {
+    Campaign(CampaignId),
+    /// A stream of evaluations without a campaign, see [`Dispatch::new_stream`](crate::Dispatch::new_stream).
+    Stream(u64),
+}
+
+impl Submitter {
+    #[must_use]
+    pub const fn campaign(&self) -> Option<&CampaignId> {
+        match self {
+            Self::Campaign(campaign) => Some(campaign),
+            Self::Stream(_) => None,
+        }
+    }
+}
+
+impl fmt::Display for Submitter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Campaign(campaign) => campaign.fmt(f),
+            Self::Stream(number) => write!(f, "stream {number}"),
+        }
+    }
+}
 
 /// Controllers to evaluate. Their tasks differ only in genome and seed.
 #[derive(Debug, Clone)]
 pub struct EvaluationJob {
-    /// Campaign of the tasks, if any.
-    pub campaign: Option<CampaignId>,
+    /// Who waits for the results, and for audits that go on after the job; `None` for a look at something that is not kept.
+    pub submitter: Option<Submitter>,
     /// The job's share of the workers.
     pub weight: Weight,
     pub model: CapabilityModel,
@@ -39,7 +67,7 @@ impl EvaluationJob {
     /// A job that simulates each controller once, from the start of its seed, in the world and picture format of this campaign.
     pub fn of(record: &CampaignRecord, embedder: Option<EmbedderRef>, tasks: Vec<(Controller, u64)>) -> Self {
         Self {
-            campaign: Some(record.id.clone()),
+            submitter: Some(Submitter::Campaign(record.id.clone())),
             weight: record.weight,
             model: record.spec.model().clone(),
             world: record.spec.world().clone(),

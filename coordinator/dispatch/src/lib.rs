@@ -14,7 +14,8 @@ mod trainers;
 mod work;
 
 pub use job::{
-    EmbeddingJob, Evaluated, EvaluationJob, FineTuningParams, JobError, PoisonedTask, ReplayJob, TrainingJob,
+    EmbeddingJob, Evaluated, EvaluationJob, FineTuningParams, JobError, PoisonedTask, ReplayJob, Submitter,
+    TrainingJob,
 };
 pub use job_progress::JobProgress;
 pub use leases::{LeaseNumber, WorkerId};
@@ -26,7 +27,16 @@ use murmuration_proto::v1;
 use murmuration_swarm::{CheckpointDigest, EmbeddingKind, Invalid, Replay, training::Configuration};
 use open_audits::OpenAudits;
 use service::Service;
-use std::{convert::Infallible, fmt, str::FromStr, sync::Arc, time::Duration};
+use std::{
+    convert::Infallible,
+    fmt,
+    str::FromStr,
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
+    time::Duration,
+};
 use submitted::{AnyJob, Submitted};
 use tokio::sync::{mpsc, oneshot, watch};
 use tonic::Status;
@@ -126,6 +136,8 @@ pub struct Dispatch {
     workers: watch::Receiver<usize>,
     quarantined: watch::Receiver<Vec<Quarantined>>,
     audits: watch::Sender<OpenAudits>,
+    /// Number of streams without a campaign so far.
+    streams: Arc<AtomicU64>,
 }
 
 #[derive(Debug)]
@@ -245,7 +257,7 @@ enum Request {
         worker: WorkerId,
         report: WorkerReport,
     },
-    WithdrawAudits(CampaignId),
+    WithdrawAudits(Submitter),
     TrainingLease {
         worker: WorkerId,
         epoch: u64,
@@ -282,39 +294,47 @@ impl Dispatch {
             workers,
             quarantined,
             audits,
+            streams: Arc::default(),
         }
     }
 
-    /// Waits until the audits are over that went on after the jobs of a campaign, until one ends in a disagreement, or until a
-    /// machine is quarantined. `job_progress` says meanwhile what is waited for.
-    pub async fn audited(&self, campaign: CampaignId, job_progress: Arc<JobProgress>) {
+    /// A submitter of evaluations without a campaign.
+    #[must_use]
+    pub fn new_stream(&self) -> Submitter {
+        Submitter::Stream(self.streams.fetch_add(1, Ordering::Relaxed))
+    }
+
+    /// Waits until the audits are over that went on after the jobs of a submitter, until one ends in a disagreement, or until
+    /// there are other than `seen` quarantined machines; returns false in the last case. `job_progress` says meanwhile what is
+    /// waited for.
+    pub async fn audited(&self, submitter: &Submitter, seen: usize, job_progress: &JobProgress) -> bool {
         let text = "another machine repeats some evaluations, to compare the results (an audit)";
         job_progress.set_trouble(Some(text.to_owned()));
         let (mut audits, mut wrong) = (self.audits.subscribe(), self.quarantined.clone());
-        let known = wrong.borrow().len();
         // Results of a machine that was found wrong are computed again first.
         tokio::select! {
-            _ = audits.wait_for(|audits| audits.is_over(&campaign)) => {}
-            _ = wrong.wait_for(|wrong| wrong.len() != known) => {}
+            biased;
+            _ = wrong.wait_for(|wrong| wrong.len() != seen) => false,
+            _ = audits.wait_for(|audits| audits.is_over(submitter)) => true,
         }
     }
 
-    /// Ends the audits that go on after the jobs of a campaign, which is cancelled or deleted.
-    pub async fn withdraw_audits(&self, campaign: CampaignId) {
+    /// Ends the audits that go on after the jobs of a submitter, which wants no results any more.
+    pub async fn withdraw_audits(&self, submitter: Submitter) {
         // Nothing goes on if the dispatcher has ended.
         let _ = self
             .commands
-            .send(Command::Work(Request::WithdrawAudits(campaign)))
+            .send(Command::Work(Request::WithdrawAudits(submitter)))
             .await;
     }
 
-    /// The disagreement that an audit found after a job of this campaign, if no third machine could decide it. It is then
-    /// forgotten.
+    /// The disagreement that an audit found after a job of this submitter, if no third machine could decide it. It is an error
+    /// again after a while, unless it is decided meanwhile.
     #[must_use]
-    pub fn take_disagreement(&self, campaign: &CampaignId) -> Option<JobError> {
+    pub fn take_disagreement(&self, submitter: &Submitter) -> Option<JobError> {
         let mut taken = None;
         self.audits.send_if_modified(|audits| {
-            taken = audits.take_disagreement(campaign);
+            taken = audits.take_disagreement(submitter);
             taken.is_some()
         });
         taken

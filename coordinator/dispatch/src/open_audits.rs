@@ -1,44 +1,73 @@
-//! Audits that go on after the jobs of campaigns, and the disagreements that they found.
+//! Audits that go on after their jobs, and the disagreements that they found.
 
-use crate::JobError;
-use murmuration_model::CampaignId;
+use crate::{JobError, Submitter, leases::JobId};
 use std::collections::BTreeMap;
 
-/// Audits that go on after their jobs, by campaign.
+/// Audits that go on after their jobs.
 #[derive(Debug, Default)]
 pub(crate) struct OpenAudits {
-    /// Number of jobs of audits that are not over.
-    jobs: BTreeMap<CampaignId, usize>,
-    /// Disagreements that no third machine could decide.
-    disagreements: BTreeMap<CampaignId, JobError>,
+    /// The jobs of audits that are not over.
+    jobs: BTreeMap<JobId, Submitter>,
+    /// Disagreements that no third machine could decide, by job and task.
+    disagreements: BTreeMap<(JobId, usize), Disagreement>,
+}
+
+#[derive(Debug)]
+struct Disagreement {
+    submitter: Submitter,
+    error: JobError,
+    /// Whether the submitter knows of it.
+    is_told: bool,
 }
 
 impl OpenAudits {
-    pub(crate) fn begin(&mut self, campaign: &CampaignId) {
-        *self.jobs.entry(campaign.clone()).or_default() += 1;
+    pub(crate) fn begin(&mut self, job: JobId, submitter: Submitter) {
+        self.jobs.insert(job, submitter);
     }
 
-    pub(crate) fn end(&mut self, campaign: &CampaignId) {
-        if let Some(jobs) = self.jobs.get_mut(campaign) {
-            *jobs -= 1;
-            if *jobs == 0 {
-                self.jobs.remove(campaign);
-            }
-        }
+    pub(crate) fn end(&mut self, job: JobId) {
+        self.jobs.remove(&job);
+        self.disagreements.retain(|&(of, _), _| of != job);
     }
 
-    /// Notes a disagreement; returns whether the campaign had none.
-    pub(crate) fn disagree(&mut self, campaign: &CampaignId, error: JobError) -> bool {
-        self.disagreements.insert(campaign.clone(), error).is_none()
+    /// Notes a disagreement about a task of a job, which the submitter is told again; returns whether it is new.
+    pub(crate) fn disagree(&mut self, job: JobId, task: usize, error: JobError) -> bool {
+        let Some(submitter) = self.jobs.get(&job).cloned() else {
+            return false;
+        };
+        let disagreement = Disagreement {
+            submitter,
+            error,
+            is_told: false,
+        };
+        self.disagreements.insert((job, task), disagreement).is_none()
     }
 
-    /// Whether nothing goes on for a campaign, or there is a disagreement.
-    pub(crate) fn is_over(&self, campaign: &CampaignId) -> bool {
-        !self.jobs.contains_key(campaign) || self.disagreements.contains_key(campaign)
+    /// Removes the disagreements of a job that were decided; returns whether there were any.
+    pub(crate) fn settle(&mut self, job: JobId, is_disputed: impl Fn(usize) -> bool) -> bool {
+        let before = self.disagreements.len();
+        self.disagreements
+            .retain(|&(of, task), _| of != job || is_disputed(task));
+        self.disagreements.len() < before
     }
 
-    /// A campaign's disagreement, which is then forgotten.
-    pub(crate) fn take_disagreement(&mut self, campaign: &CampaignId) -> Option<JobError> {
-        self.disagreements.remove(campaign)
+    /// Whether nothing goes on for a submitter, or there is a disagreement of which the submitter does not know.
+    pub(crate) fn is_over(&self, submitter: &Submitter) -> bool {
+        let mut disagreements = self.disagreements.values();
+        !self.jobs.values().any(|of| of == submitter)
+            || disagreements.any(|found| found.submitter == *submitter && !found.is_told)
+    }
+
+    /// A disagreement of which the submitter does not know. From now on, the submitter knows of all its disagreements.
+    pub(crate) fn take_disagreement(&mut self, submitter: &Submitter) -> Option<JobError> {
+        let news = self
+            .disagreements
+            .values_mut()
+            .filter(|found| found.submitter == *submitter && !found.is_told);
+        let told = news.map(|found| {
+            found.is_told = true;
+            found.error.clone()
+        });
+        told.reduce(|first, _| first)
     }
 }

@@ -154,14 +154,7 @@ impl Service {
                 },
                 _ = tick.tick() => self.lose_silent_workers(),
             }
-            self.forget_withdrawn_jobs();
-            self.send_leases();
-            self.tell_events();
-            self.tell_lacks();
-            let count = self.table.workers();
-            self.metrics.stand(count, self.table.waiting(), self.table.out());
-            self.count
-                .send_if_modified(|known| std::mem::replace(known, count) != count);
+            self.follow_up();
         }
         let workers: Vec<_> = self.workers.keys().copied().collect();
         for worker in workers {
@@ -170,6 +163,20 @@ impl Service {
                 Some(Status::unavailable("the coordinator is shutting down")),
             );
         }
+    }
+
+    /// Tells submitters and workers what follows from the messages that were taken.
+    fn follow_up(&mut self) {
+        // A job that is over must not be forgotten as withdrawn before its event: audits may go on after it.
+        self.tell_events();
+        self.forget_withdrawn_jobs();
+        self.send_leases();
+        self.tell_events();
+        self.tell_lacks();
+        let count = self.table.workers();
+        self.metrics.stand(count, self.table.waiting(), self.table.out());
+        self.count
+            .send_if_modified(|known| std::mem::replace(known, count) != count);
     }
 
     fn take_all(&mut self, commands: &mut Vec<Command>) -> Taken {
@@ -209,7 +216,7 @@ impl Service {
                 return true;
             }
             Request::Report { worker, report } => return self.take_report(worker, report),
-            Request::WithdrawAudits(campaign) => self.withdraw_audits(&campaign),
+            Request::WithdrawAudits(submitter) => self.withdraw_audits(&submitter),
             Request::TrainingLease {
                 worker,
                 epoch,
@@ -438,6 +445,10 @@ impl Service {
             // The job may be of audits that have only just begun.
             self.tell_events();
             let Some(content) = self.jobs.get(&job) else {
+                // The event ended the job. The worker never learns of the lease, and need not answer it.
+                self.table.forget(job);
+                self.table.excuse(worker, lease);
+                self.table.add_credits(worker, tasks.len());
                 continue;
             };
             let id = self.lease_id(lease);
@@ -575,3 +586,6 @@ impl Service {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

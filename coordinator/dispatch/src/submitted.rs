@@ -2,7 +2,7 @@
 
 use super::{
     DispatchMetrics, JobError, WorkKind,
-    job::{PoisonedTask, TrainingJob},
+    job::{PoisonedTask, Submitter, TrainingJob},
     leases::{Agree, JobParams, Refused, Settled, WorkerProcessId},
     work::Work,
 };
@@ -48,6 +48,7 @@ pub(super) struct Closing<'a> {
 pub(super) trait AnyJob: fmt::Debug + Send {
     fn kind(&self) -> WorkKind;
     fn campaign(&self) -> Option<&CampaignId>;
+    fn submitter(&self) -> Option<Submitter>;
     /// Parameters for the lease table. If the work is audited, `audited` decides for each task whether a second machine repeats
     /// the task.
     fn params(&self, audited: &mut dyn FnMut() -> bool) -> JobParams;
@@ -118,6 +119,10 @@ impl<W: Work> AnyJob for Submitted<W> {
 
     fn campaign(&self) -> Option<&CampaignId> {
         self.work.campaign()
+    }
+
+    fn submitter(&self) -> Option<Submitter> {
+        self.work.submitter()
     }
 
     fn params(&self, audited: &mut dyn FnMut() -> bool) -> JobParams {

@@ -1,6 +1,8 @@
 //! The kinds of work: the tasks of a job, their messages, and their results.
 
-use super::job::{EmbeddingJob, Evaluated, EvaluationJob, JobError, PoisonedTask, ReplayJob, TrainingJob};
+use super::job::{
+    EmbeddingJob, Evaluated, EvaluationJob, JobError, PoisonedTask, ReplayJob, Submitter, TrainingJob,
+};
 use crate::WorkKind;
 use murmuration_model::{CampaignId, MachineId, Maker, Weight};
 use murmuration_proto::v1::{self, batch_result::Outcome};
@@ -25,6 +27,11 @@ pub(super) trait Work: Debug + Send + 'static {
 
     /// The campaign that the work belongs to, if any.
     fn campaign(&self) -> Option<&CampaignId>;
+
+    /// Who waits for audits that go on after the job; `None` if nobody does.
+    fn submitter(&self) -> Option<Submitter> {
+        self.campaign().cloned().map(Submitter::Campaign)
+    }
 
     /// The campaign's share of the workers.
     fn weight(&self) -> Weight;
@@ -133,7 +140,11 @@ impl Work for EvaluationJob {
     const KIND: WorkKind = WorkKind::Evaluation;
 
     fn campaign(&self) -> Option<&CampaignId> {
-        self.campaign.as_ref()
+        self.submitter.as_ref()?.campaign()
+    }
+
+    fn submitter(&self) -> Option<Submitter> {
+        self.submitter.clone()
     }
 
     fn tasks(&self) -> usize {

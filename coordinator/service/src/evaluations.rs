@@ -6,7 +6,7 @@ use crate::{
     status::{IntoStatus as _, OrStatus as _},
 };
 use futures_util::{Stream, StreamExt as _, stream};
-use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob, JobError};
+use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, JobProgress, Submitter};
 use murmuration_engine::blocking::spawn;
 use murmuration_model::{EmbedderRef, MachineId, Maker, Quarantined, Weight};
 use murmuration_proto::{
@@ -19,7 +19,6 @@ use murmuration_swarm::{
 };
 use std::{
     collections::BTreeMap,
-    iter,
     pin::pin,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::Duration,
@@ -60,6 +59,7 @@ struct Described {
     pictures: bool,
     /// The seed from which the seeds of controllers derive; `None` if the requests contain them.
     seed: Option<u64>,
+    submitter: Submitter,
 }
 
 #[tonic::async_trait]
@@ -77,9 +77,12 @@ impl v1::evaluation_service_server::EvaluationService for EvaluationApi {
         let described = Arc::new(self.described(first).await?);
         let dispatch = self.dispatch.clone();
         let side = described.spec.image().resolution();
-        let quarantined = dispatch.quarantined();
         let unaudited = Arc::<Unaudited>::default();
-        let at_the_end = unaudited.clone();
+        let audits = StreamAudits {
+            dispatch: dispatch.clone(),
+            submitter: described.submitter.clone(),
+            unaudited: unaudited.clone(),
+        };
         let mut next = 0;
         let at_work = Arc::<AtWork>::default();
         let taken = at_work.clone();
@@ -99,12 +102,7 @@ impl v1::evaluation_service_server::EvaluationService for EvaluationApi {
             })
             .buffered(AT_ONCE)
             .flat_map(move |results| tokio_stream::iter(responses(results, side)))
-            .chain(
-                stream::iter(iter::once_with(move || {
-                    at_the_end.check(&quarantined.borrow()).err().map(Err)
-                }))
-                .filter_map(std::future::ready),
-            );
+            .chain(stream::once(audits.end()).filter_map(|end| std::future::ready(end.err().map(Err))));
         let (sender, receiver) = mpsc::channel(2);
         let (late, text) = oneshot::channel();
         tokio::spawn(async move {
@@ -155,6 +153,7 @@ impl EvaluationApi {
             embedder,
             pictures: description.pictures,
             seed: description.seed,
+            submitter: self.dispatch.new_stream(),
         })
     }
 }
@@ -185,15 +184,60 @@ async fn evaluated(
         .collect()
 }
 
+/// The audits that go on after the jobs of a stream. They end with the stream.
+struct StreamAudits {
+    dispatch: Dispatch,
+    submitter: Submitter,
+    unaudited: Arc<Unaudited>,
+}
+
+impl StreamAudits {
+    /// Waits until all results of the stream are as certain as they can become.
+    async fn end(self) -> Result<(), Status> {
+        let quarantined = self.dispatch.quarantined();
+        loop {
+            let seen = quarantined.borrow().len();
+            self.unaudited.check(&quarantined.borrow())?;
+            let are_over = self
+                .dispatch
+                .audited(&self.submitter, seen, &JobProgress::default())
+                .await;
+            if let Some(JobError::Disagreement { workers, .. }) =
+                self.dispatch.take_disagreement(&self.submitter)
+            {
+                return Err(disagree("a controller of this stream", &workers));
+            }
+            if are_over {
+                return Ok(());
+            }
+        }
+    }
+}
+
+impl Drop for StreamAudits {
+    fn drop(&mut self) {
+        let (dispatch, submitter) = (self.dispatch.clone(), self.submitter.clone());
+        // Outside of a runtime, the dispatcher has ended.
+        if let Ok(runtime) = tokio::runtime::Handle::try_current() {
+            runtime.spawn(async move { dispatch.withdraw_audits(submitter).await });
+        }
+    }
+}
+
+fn disagree(about: &str, workers: &[String]) -> Status {
+    Status::data_loss(format!(
+        "workers disagree about {about} ({}), and no third machine can decide which of them is right: start a worker on another \
+         machine, and evaluate again",
+        workers.join(" and ")
+    ))
+}
+
 /// Converts an error to a status that numbers the controllers as in the stream.
 fn disagreement(error: JobError, first: usize) -> Status {
     match error {
-        JobError::Disagreement { task, workers } => Status::data_loss(format!(
-            "workers disagree about controller {} ({}), and no third machine can decide which of them is right: start a worker \
-             on another machine, and evaluate again",
-            first + task,
-            workers.join(" and ")
-        )),
+        JobError::Disagreement { task, workers } => {
+            disagree(&format!("controller {}", first + task), &workers)
+        }
         error => error.into_status(),
     }
 }
@@ -249,7 +293,7 @@ impl Described {
             Ok((controller, derived.unwrap_or(task.seed)))
         });
         Ok(EvaluationJob {
-            campaign: None,
+            submitter: Some(self.submitter.clone()),
             weight: Weight::default(),
             model: model.clone(),
             world: self.spec.world().clone(),

@@ -2,11 +2,11 @@
 
 use super::{Given, Job, Service};
 use crate::{
-    JobError, JoinError, TrainingJob,
+    JobError, JoinError, Submitter, TrainingJob,
     leases::{Audits, Event, JobId, LeaseNumber, Refused, Settled, WorkerId, WorkerProcessId},
     submitted::{Closing, Vote},
 };
-use murmuration_model::{CampaignId, Quarantined};
+use murmuration_model::Quarantined;
 use murmuration_proto::v1::{FailureClass, batch_result::Outcome};
 use murmuration_swarm::EmbeddingKind;
 use std::{sync::Arc, time::Instant};
@@ -99,9 +99,12 @@ impl Service {
         for events in self.table.take_events() {
             match events {
                 Event::Progress { job, settled } => {
-                    if let Some(job) = self.jobs.get(&job) {
-                        job.job_progress.set_done(settled as u32);
+                    if let Some(known) = self.jobs.get(&job) {
+                        known.job_progress.set_done(settled as u32);
                     }
+                    let is_disputed = |place| self.table.is_disputed(job, place);
+                    self.audits
+                        .send_if_modified(|audits| audits.settle(job, is_disputed));
                 }
                 Event::Done { job, results, audits } => self.finish(job, results, audits),
                 Event::Waived { job, tasks } => {
@@ -127,10 +130,15 @@ impl Service {
 
     /// Sends a job's results to its submitter, and goes on with the audits for which the job does not wait.
     fn finish(&mut self, id: JobId, results: Vec<Settled<Vote>>, audits: Option<Audits>) {
-        let Some(job) = self.close(id) else { return };
-        if let Some(Audits { job: next, places }) = audits {
-            self.begin_audits(next, &job, places);
+        // The job of audits may have taken over leases.
+        for (&lease, given) in &mut self.given {
+            given.job = self.table.job(lease).unwrap_or(given.job);
         }
+        let job = self.close(id);
+        if let Some(Audits { job: next, places }) = audits {
+            self.begin_audits(next, job.as_ref(), places);
+        }
+        let Some(job) = job else { return };
         let closing = Closing {
             names: &|processes| self.names(processes),
             metrics: &self.metrics,
@@ -138,14 +146,16 @@ impl Service {
         job.submitted.finish(results, &closing);
     }
 
-    fn begin_audits(&mut self, id: JobId, job: &Job, places: Vec<usize>) {
-        let Some(submitted) = job.submitted.audits(&places) else {
+    /// Goes on with audits of a job, or ends them if nobody has waited for the job's results.
+    fn begin_audits(&mut self, id: JobId, job: Option<&Job>, places: Vec<usize>) {
+        let wanted = job.filter(|job| !job.submitted.is_withdrawn());
+        let audits =
+            wanted.and_then(|job| Some((job.submitted.audits(&places)?, job.submitted.submitter()?)));
+        let Some((submitted, submitter)) = audits else {
             self.table.forget(id);
             return;
         };
-        if let Some(campaign) = submitted.campaign() {
-            self.audits.send_modify(|audits| audits.begin(campaign));
-        }
+        self.audits.send_modify(|audits| audits.begin(id, submitter));
         let audits = Job {
             submitted,
             audits: Some(places),
@@ -156,7 +166,7 @@ impl Service {
         self.jobs.insert(id, audits);
     }
 
-    /// Fails a job because machines disagree about a task. Audits that go on after their job stay, and their campaign learns of
+    /// Fails a job because machines disagree about a task. Audits that go on after their job stay, and their submitter learns of
     /// the disagreement.
     fn disagree(&mut self, id: JobId, task: usize, between: &[WorkerProcessId]) {
         let workers = self.names(between);
@@ -171,23 +181,28 @@ impl Service {
             self.fail(id, JobError::Disagreement { task, workers });
             return;
         };
-        let Some(campaign) = job.submitted.campaign() else {
-            return;
+        let error = JobError::Disagreement {
+            task: places[task],
+            workers,
         };
-        let task = places[task];
-        let error = JobError::Disagreement { task, workers };
-        if self
-            .audits
-            .send_if_modified(|audits| audits.disagree(campaign, error.clone()))
-        {
+        let submitter = job.submitted.submitter();
+        let submitter = submitter
+            .map(|submitter| submitter.to_string())
+            .unwrap_or_default();
+        let mut is_new = false;
+        self.audits
+            .send_modify(|audits| is_new = audits.disagree(id, task, error.clone()));
+        if is_new {
             self.metrics.disagreed();
-            tracing::error!(%campaign, %error, "an audit ends in a disagreement");
+            tracing::error!(submitter, %error, "an audit ends in a disagreement");
         }
     }
 
-    /// Ends the audits of a campaign that nobody wants any more.
-    pub(super) fn withdraw_audits(&mut self, campaign: &CampaignId) {
-        let of = |job: &Job| job.audits.is_some() && job.submitted.campaign() == Some(campaign);
+    /// Ends the audits of a submitter that wants no results any more.
+    pub(super) fn withdraw_audits(&mut self, submitter: &Submitter) {
+        // The submitter's last job may just have ended.
+        self.tell_events();
+        let of = |job: &Job| job.audits.is_some() && job.submitted.submitter().as_ref() == Some(submitter);
         let withdrawn: Vec<_> = self
             .jobs
             .iter()
@@ -235,8 +250,8 @@ impl Service {
     fn close(&mut self, id: JobId) -> Option<Job> {
         self.given.retain(|_, given| given.job != id);
         let job = self.jobs.remove(&id)?;
-        if let (Some(_), Some(campaign)) = (&job.audits, job.submitted.campaign()) {
-            self.audits.send_modify(|audits| audits.end(campaign));
+        if job.audits.is_some() {
+            self.audits.send_modify(|audits| audits.end(id));
         }
         Some(job)
     }

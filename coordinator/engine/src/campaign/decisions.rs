@@ -6,6 +6,7 @@ use super::{
     preconditions::{check_classes, check_simulator},
     registry::Deciding,
 };
+use murmuration_dispatch::Submitter;
 use murmuration_model::{CampaignId, CampaignRecord, CampaignState, Change, NotAllowed};
 use murmuration_store::{Decision, Deletion, Store};
 use murmuration_swarm::{CampaignName, CheckpointDigest};
@@ -41,7 +42,8 @@ impl Campaigns {
     pub async fn cancel(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let record = self.record(id).await?;
         let cancelled = self.decide(record.id.clone(), Decision::Cancel).await?;
-        self.context.dispatch.withdraw_audits(record.id).await;
+        let submitter = Submitter::Campaign(record.id);
+        self.context.dispatch.withdraw_audits(submitter).await;
         Ok(cancelled)
     }
 
@@ -109,7 +111,8 @@ impl Campaigns {
             campaigns.context.store.run(delete).await?;
             tracing::info!(campaign = %id, "deleted");
             campaigns.registry.stop(&deciding);
-            campaigns.context.dispatch.withdraw_audits(id).await;
+            let submitter = Submitter::Campaign(id);
+            campaigns.context.dispatch.withdraw_audits(submitter).await;
             Ok(deletion)
         };
         let deleted = tokio::spawn(deleting.in_current_span()).await;

@@ -61,7 +61,7 @@ pub(super) async fn evaluate(
     let mut wanted: Vec<Placed> = tasks.iter().cloned().enumerate().collect();
     for attempt in 1.. {
         let job = EvaluationJob {
-            campaign: job.campaign.clone(),
+            submitter: job.submitter.clone(),
             model: job.model.clone(),
             world: job.world.clone(),
             tasks: wanted.iter().map(|(_, task)| task.clone()).collect(),

@@ -60,7 +60,7 @@ async fn stages(context: &StageContext, run: &RunId, handle: &mut RunHandle) -> 
             Stage::FineTune => fine_tune::fine_tune(context, record, handle).await?,
             Stage::Evolve => search::evolve(context, record, seen, handle).await?,
             // If `complete` returns false, a worker was quarantined meanwhile.
-            Stage::Taxonomy if search::complete(context, record, handle).await? => return Ok(()),
+            Stage::Taxonomy if search::complete(context, record, seen, handle).await? => return Ok(()),
             Stage::Taxonomy => {}
         }
     }

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{blocking::blocking, space::SpaceError, taxonomy};
 use futures_util::{FutureExt as _, StreamExt as _, future::BoxFuture, stream::FuturesOrdered};
-use murmuration_dispatch::{Dispatch, EvaluationJob, JobProgress};
+use murmuration_dispatch::{Dispatch, EvaluationJob, JobProgress, Submitter};
 use murmuration_model::{CampaignId, CampaignRecord, EmbedderRef};
 use murmuration_search::{
     breeding::{self, Parent, Proposal, ProposeError},
@@ -78,7 +78,8 @@ pub(super) async fn evolve(
         if quarantined.borrow().len() != seen {
             return committed.await;
         }
-        if let Some(error) = context.dispatch.take_disagreement(&search.campaign.id) {
+        let submitter = Submitter::Campaign(search.campaign.id.clone());
+        if let Some(error) = context.dispatch.take_disagreement(&submitter) {
             committed.await?;
             return Err(error.into());
         }
@@ -135,18 +136,22 @@ async fn begin_evaluations(
     }
 }
 
-/// Waits for the audits that were too slow for their generations.
+/// Waits for the audits that were too slow for their generations. Returns false if there are other than `seen` quarantined
+/// machines before all audits are over.
 async fn audited(
     context: &StageContext,
     campaign: &CampaignId,
+    seen: usize,
     handle: &mut RunHandle,
-) -> Result<(), CampaignError> {
-    handle
-        .until_stopped(|job_progress| context.dispatch.audited(campaign.clone(), job_progress))
-        .await?;
-    match context.dispatch.take_disagreement(campaign) {
+) -> Result<bool, CampaignError> {
+    let submitter = Submitter::Campaign(campaign.clone());
+    let (dispatch, of) = (&context.dispatch, &submitter);
+    let waits =
+        |job_progress: Arc<JobProgress>| async move { dispatch.audited(of, seen, &job_progress).await };
+    let are_over = handle.until_stopped(waits).await?;
+    match dispatch.take_disagreement(&submitter) {
         Some(error) => Err(error.into()),
-        None => Ok(()),
+        None => Ok(are_over),
     }
 }
 
@@ -176,13 +181,16 @@ async fn commit(
 }
 
 /// Waits for audits, then clusters the archive and completes the campaign. Returns whether the campaign is complete, see
-/// [`Store::complete`].
+/// [`Store::complete`]; it is not if there are other than `seen` quarantined machines.
 pub(super) async fn complete(
     context: &StageContext,
     record: CampaignRecord,
+    seen: usize,
     handle: &mut RunHandle,
 ) -> Result<bool, CampaignError> {
-    audited(context, &record.id, handle).await?;
+    if !audited(context, &record.id, seen, handle).await? {
+        return Ok(false);
+    }
     let search = restore(context, record, handle).await?;
     let id = search.campaign.id.clone();
     let clustered = move || -> Result<_, CampaignError> {

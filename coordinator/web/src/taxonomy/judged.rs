@@ -154,7 +154,7 @@ async fn evaluated(
     let dispatch = &web.archive.dispatch;
     dispatch.check_staffed().or_status()?;
     let job = EvaluationJob {
-        campaign: None,
+        submitter: None,
         judges: true,
         ..EvaluationJob::of(record, None, tasks)
     };

@@ -17,11 +17,21 @@ use tonic::{Code, Status};
 
 /// Machine and process of the liar's connections, unless a test uses other numbers.
 const LIAR: (u8, u64) = (2, 42);
+/// A worker that takes a lease and does not answer.
+const SLOW: (u8, u64) = (6, 45);
 
 fn audited(share: &str) -> Options {
     Options {
         audited: share.parse::<Share>().unwrap(),
         ..quick_dispatch()
+    }
+}
+
+/// Options as of [`audited`], with time for workers of the test that send nothing for a while.
+fn patient(share: &str) -> Options {
+    Options {
+        silence_limit: Duration::from_secs(20),
+        ..audited(share)
     }
 }
 
@@ -114,12 +124,8 @@ async fn undisturbed(spec: &CampaignSpec) -> String {
 /// Starts a campaign on a cluster that audits everything, with the liar as its only worker. Returns the cluster, the campaign's
 /// id and the liar.
 async fn with_a_liar(data: &Path, spec: &CampaignSpec) -> (Cluster, String, FakeWorker) {
-    let options = Options {
-        // The silence limit leaves enough time for the second honest worker to join.
-        silence_limit: Duration::from_secs(20),
-        ..audited("1")
-    };
-    let mut cluster = Cluster::start_with(data, 0, options).await;
+    // The silence limit leaves enough time for the second honest worker to join.
+    let mut cluster = Cluster::start_with(data, 0, patient("1")).await;
     let campaign = cluster.create(spec).await;
     let liar = connect(&cluster, LIAR).await.unwrap();
     (cluster, campaign, liar)
@@ -267,6 +273,37 @@ async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wron
     }
     let cluster = Cluster::start(folder.path(), 0).await;
     connect(&cluster, LIAR).await.unwrap();
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_campaign_whose_audits_are_late_waits_for_them_whoever_else_is_found_wrong() {
+    let folder = tempfile::tempdir().unwrap();
+    let spec = small_spec("");
+    let expected = undisturbed(&spec).await;
+    let mut cluster = Cluster::start_with(folder.path(), 0, patient("1")).await;
+    let mut slow = connect(&cluster, SLOW).await.unwrap();
+    let mut liar = connect(&cluster, LIAR).await.unwrap();
+    let campaign = cluster.create(&spec).await;
+    slow.lease(1).await;
+    let search = spec.search();
+    tell_lies(&mut liar, search.evaluations() as usize).await;
+    cluster
+        .watch_until(&campaign, |status| {
+            status.generations_done == search.generations()
+        })
+        .await;
+    let mut broken = connect(&cluster, (5, 44)).await.unwrap();
+    let (lease, batch) = broken.lease(1).await;
+    broken.answer(lease, impossible(), batch.tasks.len()).await;
+    assert_eq!(broken.dismissed().await.code(), Code::InvalidArgument);
+    drop(slow);
+    let workers = [3, 4].map(|machine| Honest::join(&cluster, folder.path(), machine));
+    cluster.finish(&campaign).await;
+    assert_eq!(cluster.digest(&campaign).await, expected);
+    for worker in workers {
+        worker.leave().await;
+    }
     cluster.stop().await;
 }
 
