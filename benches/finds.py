@@ -256,7 +256,10 @@ def main():
     options = options.parse_args()
     rows = [json.loads(line) for line in options.results.read_text().splitlines()] if options.results.exists() else []
     for name in options.robots:
-        with tempfile.TemporaryDirectory() as folder, murmuration.local(folder, programs=options.programs) as client:
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            murmuration.local(pathlib.Path(folder, "data"), programs=options.programs) as client,
+        ):
             robot = Robot(client, ROBOTS[name], options.searches, pathlib.Path(folder))
             print(f"{name}: {len(robot.radii)} targets, of which {POOL:,} uniform controllers show {robot.counts}", flush=True)
             for seed in range(1, options.seeds + 1):
