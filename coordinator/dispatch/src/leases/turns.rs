@@ -482,7 +482,8 @@ impl<R: Agree + Clone> LeaseTable<R> {
     }
 
     /// Whether one of these machines could answer a task that needs another machine: a machine with a worker that asks for work
-    /// or holds the task, or a machine whose last worker may be restarting, if the task has not waited too long for the machine.
+    /// or holds the task, or a machine whose last worker drains or has just left, since the worker may be restarting. The task
+    /// must not have waited too long for the machine.
     fn could_answer(&self, id: JobId, place: usize, now: Instant, on: impl Fn(&Machine) -> bool) -> bool {
         let Some(job) = self.jobs.get(&id) else {
             return false;
@@ -495,7 +496,8 @@ impl<R: Agree + Clone> LeaseTable<R> {
         let by_worker = workers.any(|(_, worker)| {
             let machine = self.workers.machine(worker.machine());
             let asks = worker.suits(job) && !worker.asks_for_nothing(now) && !worker.gave_up(id);
-            (asks || self.has_in_hand(worker, id, place))
+            let drains = worker.capacity == 0 && (worker.embeds || !job.embeds);
+            (asks || drains || self.has_in_hand(worker, id, place))
                 && machine.is_some_and(|machine| is_one(worker.machine(), machine))
         });
         by_worker

@@ -62,6 +62,20 @@ fn an_audit_waits_for_a_machine_that_restarts() {
 }
 
 #[test]
+fn an_audit_waits_for_a_machine_that_drains_and_restarts() {
+    let (mut table, start) = answered_beside(|table, worker, _| table.drain(worker));
+    let later = start + 2 * AWAY;
+    table.grant(later);
+    assert_eq!(waived(&mut table), 0);
+    table.grant(later + HOPELESS_AFTER + Duration::from_secs(2));
+    assert_eq!(
+        waived(&mut table),
+        1,
+        "a machine that drains for ever is not waited for"
+    );
+}
+
+#[test]
 fn an_audit_ends_once_the_other_machine_is_away_for_too_long() {
     let (mut table, start) = answered_beside(leave);
     assert_eq!(waived(&mut table), 0);
