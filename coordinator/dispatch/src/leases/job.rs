@@ -2,7 +2,6 @@
 
 use super::{
     Agree, JobId, LeaseNumber, WorkerId, WorkerProcessId,
-    machine::Machine,
     queues::Queues,
     task::{Task, TaskState},
 };
@@ -38,26 +37,6 @@ pub(super) struct Job<R> {
     pub(super) rested: BTreeSet<WorkerId>,
     /// The tasks that each lost process held.
     pub(super) lost_with: BTreeMap<WorkerProcessId, BTreeSet<usize>>,
-}
-
-impl<R> Job<R> {
-    /// Whether a task has waited for this machine's answer for longer than the machine's patience allows.
-    pub(super) fn has_waited_for(
-        &self,
-        place: usize,
-        (id, machine): (MachineId, &Machine),
-        now: Instant,
-    ) -> bool {
-        // A machine that was not asked may be busy: it counts as long as it answers other leases.
-        let since = match self.asked.get(&(place, id)) {
-            Some(&asked) => Some(asked),
-            None => self
-                .late_since
-                .max(machine.active.filter(|_| self.late_since.is_some())),
-        };
-        let too_long = |since| now.saturating_duration_since(since) > machine.patience();
-        machine.is_hopeless(now) || since.is_some_and(too_long)
-    }
 }
 
 impl<R: Agree> Job<R> {

@@ -53,6 +53,19 @@ fn share(waiting: usize, capacity: usize, worker: &Worker) -> usize {
     }
 }
 
+/// Whether a task has waited for this machine's answer for longer than the machine's patience allows.
+fn has_waited_for<R>(job: &Job<R>, place: usize, (id, machine): (MachineId, &Machine), now: Instant) -> bool {
+    // A machine that was not asked may be busy: it counts as long as it answers other leases.
+    let since = match job.asked.get(&(place, id)) {
+        Some(&asked) => Some(asked),
+        None => job
+            .late_since
+            .map(|since| machine.active.map_or(since, |active| since.max(active))),
+    };
+    let too_long = |since| now.saturating_duration_since(since) > machine.patience();
+    machine.is_hopeless(now) || since.is_some_and(too_long)
+}
+
 impl<R: Agree + Clone> LeaseTable<R> {
     /// Leases the next batch, if there is work and a worker with credits for it.
     ///
@@ -490,7 +503,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
         };
         let task = &job.tasks[place];
         let is_one = |id: MachineId, machine: &Machine| {
-            task.wants(id) && on(machine) && !job.has_waited_for(place, (id, machine), now)
+            task.wants(id) && on(machine) && !has_waited_for(job, place, (id, machine), now)
         };
         let mut workers = self.workers.iter();
         let by_worker = workers.any(|(_, worker)| {
