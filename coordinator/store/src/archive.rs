@@ -3,9 +3,10 @@
 use super::{
     Provenance, Store, StoreError,
     campaigns::number_of,
+    chunks::{self, EMBEDDINGS, IMAGES, INDIVIDUALS, Reader},
     hidden::HIDDEN,
     images::{Decompressor, StoredImage},
-    individual::{ArchivedIndividual, compressed, read},
+    individual::{ArchivedIndividual, Further, compressed, read},
     numbers::{clamped, floats_to_blob},
     provenance::{ResultKind, add_provenance},
 };
@@ -56,9 +57,9 @@ impl Store {
     /// Number of individuals in the archives of all campaigns.
     pub fn count_individuals(&self) -> Result<u64, StoreError> {
         self.read(|connection| {
-            // The largest place gives the number, because places have no gaps. Counting would read every row.
-            let individuals =
-                "SELECT coalesce(sum((SELECT max(place) + 1 FROM individuals WHERE campaign = number)), 0)
+            // The last chunk gives the number, because places have no gaps. Counting would read every row.
+            let individuals = "SELECT coalesce(sum((SELECT first + individuals FROM individual_chunks
+                    WHERE campaign = number ORDER BY first DESC LIMIT 1)), 0)
                 FROM campaigns WHERE state <> ?1";
             let count: i64 = connection.query_row(individuals, [HIDDEN], |row| row.get(0))?;
             Ok(count.unsigned_abs())
@@ -98,23 +99,27 @@ impl Store {
     ) -> Result<Vec<ArchivedIndividual>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
-            let mut statement = connection.prepare_cached(
-                "SELECT i.place, i.generation, i.controller, i.seed, i.features, i.novelty, m.image, e.embedding, i.verdicts
-                 FROM individuals i JOIN campaigns c ON c.number = i.campaign
-                 LEFT JOIN images m ON ?4 AND m.campaign = i.campaign AND m.place = i.place
-                 LEFT JOIN embeddings e
-                    ON e.campaign = i.campaign AND e.checkpoint = c.checkpoint AND e.place = i.place
-                 WHERE i.campaign = ?1 AND i.place >= ?2 AND i.place < ?3 ORDER BY i.place",
-            )?;
-            let bounds = params![number, clamped(range.start), clamped(range.end), with_images];
+            let mut rows = INDIVIDUALS.reader(connection, number, "TRUE")?;
+            let mut embeddings = EMBEDDINGS.reader(connection, number, chunks::CURRENT)?;
             let mut images = match with_images {
-                true => Some(Decompressor::of_individuals(connection, number)?),
+                true => Some((
+                    Decompressor::of_individuals(connection, number)?,
+                    IMAGES.reader(connection, number, "TRUE")?,
+                )),
                 false => None,
             };
-            let mut rows = statement.query(bounds)?;
-            let mut individuals = Vec::new();
-            while let Some(row) = rows.next()? {
-                individuals.push(read(row, model, images.as_mut())?);
+            let (mut range, mut individuals) = (range, Vec::new());
+            while let Some(member) = rows.next(&mut range)? {
+                let embeddings = embeddings.at(member.place)?;
+                let images = images.as_mut().map(|(decompressor, images)| {
+                    let found = images.at(member.place)?;
+                    Ok::<_, StoreError>(found.map(|found| (decompressor, found.value(0))))
+                });
+                let further = Further {
+                    images: images.transpose()?.flatten(),
+                    embeddings: embeddings.map_or(&[], |found| found.value(0)),
+                };
+                individuals.push(read(member, model, further)?);
             }
             Ok(individuals)
         })
@@ -144,15 +149,11 @@ impl Store {
     ) -> Result<Vec<ArchivedIndividual>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
-            let mut statement = connection.prepare_cached(
-                "SELECT place, generation, controller, seed, features, novelty, NULL, NULL, verdicts
-                 FROM individuals WHERE campaign = ?1 AND place = ?2",
-            )?;
+            let mut rows = INDIVIDUALS.reader(connection, number, "TRUE")?;
             let mut individuals = Vec::new();
             for &index in indices {
-                let mut rows = statement.query(params![number, clamped(index)])?;
-                if let Some(row) = rows.next()? {
-                    individuals.push(read(row, model, None)?);
+                if let Some(member) = rows.at(index)? {
+                    individuals.push(read(member, model, Further::default())?);
                 }
             }
             Ok(individuals)
@@ -198,12 +199,7 @@ impl Store {
     pub(crate) fn archive_len(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
-            let count: i64 = connection.query_row(
-                "SELECT coalesce(max(place) + 1, 0) FROM individuals WHERE campaign = ?1",
-                [number],
-                |row| row.get(0),
-            )?;
-            Ok(count.unsigned_abs())
+            chunks::archive_len(connection, number)
         })
     }
 
@@ -232,26 +228,37 @@ impl Store {
     pub fn most_novel(&self, campaign: &CampaignId, count: u32) -> Result<Vec<(u64, u32, f64)>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
-            let mut statement = connection.prepare_cached(
-                // The query chooses the generations first, so that it sorts the individuals of only these generations.
-                "SELECT (SELECT place FROM individuals i WHERE i.campaign = ?1 AND i.place BETWEEN
-                        g.generation * p.size AND (g.generation + 1) * p.size - 1 ORDER BY novelty DESC, place LIMIT 1),
-                    g.generation, g.best_novelty
-                 FROM (SELECT generation, best_novelty FROM generations WHERE campaign = ?1
-                        ORDER BY best_novelty DESC, generation LIMIT ?2) g,
-                    (SELECT (SELECT max(place) + 1 FROM individuals WHERE campaign = ?1)
-                        / (SELECT max(generation) + 1 FROM generations WHERE campaign = ?1) AS size) p
-                 ORDER BY g.best_novelty DESC, g.generation",
+            let len = chunks::archive_len(connection, number)?;
+            let mut generations = connection.prepare_cached(
+                "SELECT generation, best_novelty, (SELECT max(generation) + 1 FROM generations WHERE campaign = ?1)
+                 FROM generations WHERE campaign = ?1 ORDER BY best_novelty DESC, generation LIMIT ?2",
             )?;
-            let rows = statement.query_map(params![number, count], |row| {
-                Ok((row.get::<_, Option<i64>>(0)?, row.get(1)?, row.get(2)?))
-            })?;
-            let found = rows.collect::<Result<Vec<(Option<i64>, u32, f64)>, _>>()?.into_iter();
-            Ok(found
-                .filter_map(|(place, generation, novelty)| Some((place?.unsigned_abs(), generation, novelty)))
-                .collect())
+            let mut individuals = INDIVIDUALS.reader(connection, number, "TRUE")?;
+            let mut found = Vec::new();
+            let mut rows = generations.query(params![number, count])?;
+            while let Some(row) = rows.next()? {
+                let (generation, novelty, generations): (u32, f64, u32) = row.try_into()?;
+                let size = len / u64::from(generations).max(1);
+                let first = u64::from(generation) * size;
+                if let Some(place) = most_novel_in(&mut individuals, first..first + size)? {
+                    found.push((place, generation, novelty));
+                }
+            }
+            Ok(found)
         })
     }
+}
+
+/// The first of the most novel individuals in `range`, if the range has any.
+fn most_novel_in(individuals: &mut Reader<'_>, range: Range<u64>) -> Result<Option<u64>, StoreError> {
+    let (mut range, mut most) = (range, None);
+    while let Some(member) = individuals.next(&mut range)? {
+        let novelty = member.novelty()?;
+        if most.is_none_or(|(_, other)| novelty > other) {
+            most = Some((member.place, novelty));
+        }
+    }
+    Ok(most.map(|(place, _)| place))
 }
 
 /// Adds the record of a generation.
@@ -281,34 +288,30 @@ pub(super) fn insert_individuals<I>(
     individuals: &[ArchivedIndividual<I>],
     images: &[Option<Vec<u8>>],
 ) -> Result<(), StoreError> {
-    let mut individual = transaction.prepare(
-        "INSERT INTO individuals (campaign, place, generation, controller, seed, features, novelty, verdicts)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)",
-    )?;
-    let mut image = transaction.prepare("INSERT INTO images (campaign, place, image) VALUES (?1, ?2, ?3)")?;
-    let mut embedding = transaction.prepare(
-        "INSERT INTO embeddings (campaign, checkpoint, place, embedding)
-         VALUES (?1, (SELECT checkpoint FROM campaigns WHERE number = ?1), ?2, ?3)",
-    )?;
-    for (row, images) in individuals.iter().zip(images) {
-        let index = row.index as i64;
-        let (features, embeddings) = row.columns();
-        individual.execute(params![
-            campaign,
-            index,
-            row.generation,
-            floats_to_blob(row.controller.genes()),
-            row.seed.cast_signed(),
+    let checkpoint = "SELECT checkpoint FROM campaigns WHERE number = ?1";
+    let checkpoint: Option<i64> = transaction.query_row(checkpoint, [campaign], |row| row.get(0))?;
+    let mut rows = INDIVIDUALS.writer(transaction)?;
+    let mut frames = IMAGES.writer(transaction)?;
+    let mut further = EMBEDDINGS.writer(transaction)?;
+    for (individual, images) in individuals.iter().zip(images) {
+        let (place, generation) = (clamped(individual.index), Some(individual.generation.into()));
+        let (features, embeddings) = individual.columns();
+        let values = [
+            individual.seed.to_le_bytes().to_vec(),
+            floats_to_blob(individual.controller.genes()),
             features,
-            row.novelty,
-            row.verdict_column(),
-        ])?;
+            individual.novelty.to_le_bytes().to_vec(),
+            individual.verdict_column(),
+        ];
+        rows.add(campaign, generation, place, &values)?;
         if let Some(images) = images {
-            image.execute(params![campaign, index, images])?;
+            frames.add(campaign, generation, place, &[images])?;
         }
         if !embeddings.is_empty() {
-            embedding.execute(params![campaign, index, embeddings])?;
+            further.add(campaign, checkpoint, place, &[embeddings])?;
         }
     }
-    Ok(())
+    rows.finish()?;
+    frames.finish()?;
+    Ok(further.finish()?)
 }

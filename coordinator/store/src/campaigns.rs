@@ -28,8 +28,8 @@ const SELECT: &str = "
            (SELECT digest FROM checkpoints k WHERE k.number = c.checkpoint) AS checkpoint,
            (SELECT digest FROM checkpoints k WHERE k.number = c.next_checkpoint) AS next_checkpoint,
            (SELECT coalesce(max(place) + 1, 0) FROM pictures p WHERE p.campaign = c.number) AS pictures_done,
-           (SELECT coalesce(max(place) + 1, 0) FROM embeddings e
-            WHERE e.campaign = c.number AND e.checkpoint = c.next_checkpoint) AS embedded
+           coalesce((SELECT first + individuals FROM embedding_chunks e
+            WHERE e.campaign = c.number AND e.checkpoint = c.next_checkpoint ORDER BY first DESC LIMIT 1), 0) AS embedded
     FROM campaigns c LEFT JOIN generations l ON l.campaign = c.number
         AND l.generation = (SELECT max(generation) FROM generations g WHERE g.campaign = c.number)";
 

@@ -421,3 +421,5 @@ pub(super) fn set_novelty(
     Ok(())
 }
 
+#[cfg(test)]
+pub(crate) mod tests;

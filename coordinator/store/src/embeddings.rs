@@ -1,9 +1,10 @@
-//! Rows of embeddings, and the switch of an archive from one checkpoint to another.
+//! Embeddings, and the switch of an archive from one checkpoint to another.
 
 use super::{
     GenerationRecord, Provenance, Store, StoreError,
     campaigns::number_of,
-    numbers::{clamped, numbers_to_blob},
+    chunks::{EMBEDDINGS, NEXT, set_novelty},
+    numbers::{blob_to_numbers, clamped, numbers_to_blob},
     provenance::{ResultKind, add_provenance},
     taxonomies::retire_taxonomy,
 };
@@ -48,14 +49,13 @@ impl Store {
     ) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
-            let mut statement = transaction.prepare(
-                "INSERT INTO embeddings (campaign, checkpoint, place, embedding)
-                 VALUES (?1, (SELECT next_checkpoint FROM campaigns WHERE number = ?1), ?2, ?3)",
-            )?;
+            let next = "SELECT next_checkpoint FROM campaigns WHERE number = ?1";
+            let next = transaction.query_row(next, [number], |row| row.get(0))?;
+            let mut writer = EMBEDDINGS.writer(transaction)?;
             for (place, trials) in (place..).zip(embeddings) {
-                let embeddings = numbers_to_blob(&trials.concat());
-                statement.execute(params![number, clamped(place), embeddings])?;
+                writer.add(number, next, clamped(place), &[numbers_to_blob(&trials.concat())])?;
             }
+            writer.finish()?;
             add_provenance(transaction, number, ResultKind::Embedding, place, provenance)
         })
     }
@@ -68,11 +68,7 @@ impl Store {
     pub fn switch(&self, campaign: &CampaignId, switch: &Switch) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
-            let mut individual = transaction
-                .prepare("UPDATE individuals SET novelty = ?3 WHERE campaign = ?1 AND place = ?2")?;
-            for (place, novelty) in (0..).zip(&switch.novelty) {
-                individual.execute(params![number, clamped(place), novelty])?;
-            }
+            set_novelty(transaction, number, &switch.novelty)?;
             let mut generation = transaction.prepare(
                 "UPDATE generations SET best_novelty = ?3, mean_novelty = ?4
                  WHERE campaign = ?1 AND generation = ?2",
@@ -90,7 +86,7 @@ impl Store {
                 [number],
             )?;
             transaction.execute(
-                "DELETE FROM embeddings WHERE campaign = ?1
+                "DELETE FROM embedding_chunks WHERE campaign = ?1
                     AND checkpoint <> (SELECT checkpoint FROM campaigns WHERE number = ?1)",
                 [number],
             )?;
@@ -109,14 +105,13 @@ impl Store {
     ) -> Result<Vec<Vec<f32>>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
-            let mut statement = connection.prepare(
-                "SELECT embedding FROM embeddings WHERE campaign = ?1
-                    AND checkpoint = (SELECT next_checkpoint FROM campaigns WHERE number = ?1) ORDER BY place",
-            )?;
-            let rows = statement.query_map([number], |row| row.get::<_, Vec<u8>>(0))?;
-            let mean = |trials: Vec<f32>| mean_embedding(trials.chunks(dimensions.max(1)));
-            rows.map(|blob| Ok(mean(super::numbers::blob_to_numbers(&blob?))))
-                .collect()
+            let mut rows = EMBEDDINGS.reader(connection, number, NEXT)?;
+            let (mut range, mut embeddings) = (0..u64::MAX, Vec::new());
+            while let Some(member) = rows.next(&mut range)? {
+                let trials = blob_to_numbers(member.value(0));
+                embeddings.push(mean_embedding(trials.chunks(dimensions.max(1))));
+            }
+            Ok(embeddings)
         })
     }
 }
@@ -134,7 +129,7 @@ pub(super) fn begin_move(
     )?;
     // Deletes the embeddings of an earlier, unfinished move.
     transaction.execute(
-        "DELETE FROM embeddings WHERE campaign = ?1 AND checkpoint NOT IN
+        "DELETE FROM embedding_chunks WHERE campaign = ?1 AND checkpoint NOT IN
             (SELECT ?2 UNION SELECT checkpoint FROM campaigns WHERE number = ?1 AND checkpoint NOT NULL)",
         params![number, next],
     )?;

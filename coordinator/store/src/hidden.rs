@@ -9,23 +9,23 @@ use rusqlite::params;
 /// The state of the row of a hidden campaign.
 pub(crate) const HIDDEN: &str = "hidden";
 
-/// The tables with rows of campaigns, each with the columns that identify a row of one campaign.
-pub(crate) const TABLES: [(&str, &str); 11] = [
-    ("generations", "generation"),
-    ("individuals", "place"),
-    ("images", "place"),
-    ("embeddings", "checkpoint, place"),
-    ("pictures", "place"),
-    ("provenance", "result, place"),
-    ("epochs", "round, epoch"),
-    ("notices", "number"),
-    ("taxonomies", "version"),
-    ("trainings", "campaign"),
-    ("labels", "entry"),
+/// The tables with rows of campaigns, each with the columns that identify a row of one campaign, and with the maximum number of
+/// rows that one transaction removes.
+pub(crate) const TABLES: [(&str, &str, i64); 11] = [
+    ("generations", "generation", ROWS),
+    ("individual_chunks", "first", CHUNKS),
+    ("image_chunks", "first", CHUNKS),
+    ("embedding_chunks", "checkpoint, first", CHUNKS),
+    ("pictures", "place", ROWS),
+    ("provenance", "result, place", ROWS),
+    ("epochs", "round, epoch", ROWS),
+    ("notices", "number", ROWS),
+    ("taxonomies", "version", ROWS),
+    ("trainings", "campaign", ROWS),
+    ("labels", "entry", ROWS),
 ];
-
-/// Maximum number of rows that one transaction removes.
 const ROWS: i64 = if cfg!(test) { 16 } else { 1024 };
+const CHUNKS: i64 = 16;
 
 /// The id of a hidden campaign. No visible campaign has an id that begins with a dot.
 pub(crate) fn hidden_id(number: i64) -> String {
@@ -54,12 +54,12 @@ impl Store {
 
     /// Removes the rows of a hidden campaign. The campaign's own row is last, so that no row refers to a missing campaign.
     fn remove_hidden(&self, number: i64) -> Result<(), StoreError> {
-        for (table, key) in TABLES {
+        for (table, key, most) in TABLES {
             let some = format!(
                 "DELETE FROM {table} WHERE campaign = ?1 AND ({key}) IN
                     (SELECT {key} FROM {table} WHERE campaign = ?1 LIMIT ?2)"
             );
-            while self.write(|transaction| Ok(transaction.execute(&some, params![number, ROWS])?))? > 0 {}
+            while self.write(|transaction| Ok(transaction.execute(&some, params![number, most])?))? > 0 {}
         }
         self.write(|transaction| {
             let row = "DELETE FROM campaigns WHERE number = ?1 AND state = ?2";

@@ -1,7 +1,8 @@
-//! Individuals as rows. One value of a column has the measurements of all trials of an individual, one after the other.
+//! Individuals as values of columns. A value has the measurements of all trials of an individual, one after the other.
 
 use super::{
     StoreError,
+    chunks::Member,
     images::{Decompressor, StoredImage, columns},
     numbers::{blob_to_floats, blob_to_numbers, floats_to_blob, numbers_to_blob},
 };
@@ -9,7 +10,6 @@ use murmuration_proto::v1;
 use murmuration_swarm::{
     CapabilityModel, Controller, Features, Scale, Starts, Verdict, mean_embedding, mean_features,
 };
-use rusqlite::Row;
 
 /// One evaluated controller, with its images if the caller asked for images.
 #[derive(Debug, Clone, PartialEq)]
@@ -145,33 +145,39 @@ pub(super) fn compressed<I: StoredImage>(
     }))
 }
 
-/// The individual in a row (place, generation, controller, seed, features, novelty, image, embedding, verdicts), with its images
-/// if a decompressor is given.
+/// The pictures and embeddings of an individual, as values of their columns, as far as they exist and the caller asked for them.
+#[derive(Default)]
+pub(super) struct Further<'a> {
+    pub(super) images: Option<(&'a mut Decompressor, &'a [u8])>,
+    pub(super) embeddings: &'a [u8],
+}
+
+/// Decodes an individual, and the pictures and embeddings that belong to it.
 pub(super) fn read(
-    row: &Row<'_>,
+    member: Member<'_>,
     model: &CapabilityModel,
-    images: Option<&mut Decompressor>,
+    further: Further<'_>,
 ) -> Result<ArchivedIndividual, StoreError> {
-    let index: i64 = row.get(0)?;
+    let index = member.place;
     let damaged = |what: &dyn std::fmt::Display| StoreError::damaged(format!("individual {index}: {what}"));
-    let genes = blob_to_floats(&row.get::<_, Vec<u8>>(2)?);
-    let features = blob_to_floats(&row.get::<_, Vec<u8>>(4)?);
-    let column = row.get_ref(6)?.as_blob_or_null().map_err(rusqlite::Error::from)?;
-    let image = images
-        .zip(column)
-        .map(|(images, column)| images.decompress(column))
+    let [seed, controller, features, _, verdicts] = member.values();
+    let images = further.images.map(|(images, column)| images.decompress(column));
+    let images = images
         .transpose()
         .map_err(|error| damaged(&format_args!("its picture is {error}")))?;
-    let embeddings = blob_to_numbers(&row.get::<_, Option<Vec<u8>>>(7)?.unwrap_or_default());
-    let verdicts: Vec<u8> = row.get(8)?;
-    let trials = trials(&features, &embeddings, image.as_deref()).map_err(|error| damaged(&error))?;
+    let embeddings = blob_to_numbers(further.embeddings);
+    let trials = trials(&blob_to_floats(features), &embeddings, images.as_deref());
+    let trials = trials.and_then(|trials| judged(trials, verdicts));
     Ok(ArchivedIndividual {
-        index: index.unsigned_abs(),
-        generation: row.get(1)?,
-        controller: Controller::new(model, &genes).map_err(|error| damaged(&error))?,
-        seed: row.get::<_, i64>(3)?.cast_unsigned(),
-        trials: judged(trials, &verdicts).map_err(|error| damaged(&error))?,
-        novelty: row.get(5)?,
+        index,
+        generation: u32::try_from(member.common()).map_err(|_| damaged(&"its generation is no number"))?,
+        controller: Controller::new(model, &blob_to_floats(controller)).map_err(|error| damaged(&error))?,
+        seed: u64::from_le_bytes(
+            seed.try_into()
+                .map_err(|_| damaged(&"its seed is not of eight bytes"))?,
+        ),
+        trials: trials.map_err(|error| damaged(&error))?,
+        novelty: member.novelty()?,
     })
 }
 

@@ -1,6 +1,12 @@
 //! Inspection of a database whose rows may be damaged: no query relies on one row to read another row.
 
-use super::{Store, StoreError, campaigns::number_of, hidden::HIDDEN, labels, open};
+use super::{
+    Store, StoreError,
+    campaigns::number_of,
+    chunks::{CURRENT, EMBEDDINGS, IMAGES, INDIVIDUALS},
+    hidden::HIDDEN,
+    labels, open,
+};
 use murmuration_model::{CampaignId, labels::Labels};
 use murmuration_swarm::counted;
 use rusqlite::{Connection, OpenFlags, params};
@@ -62,6 +68,22 @@ impl Store {
                 connection.prepare("SELECT id FROM campaigns WHERE state <> ?1 ORDER BY number")?;
             let rows = statement.query_map([HIDDEN], |row| Ok(CampaignId::from_store(row.get(0)?)))?;
             Ok(rows.collect::<Result<_, _>>()?)
+        })
+    }
+
+    /// An individual of the archive that is in two chunks of a table, and the name of the table, if any.
+    ///
+    /// # Errors
+    /// If the chunks cannot be read.
+    pub(crate) fn overlap(&self, campaign: &CampaignId) -> Result<Option<(u64, &'static str)>, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            for (table, which) in [(INDIVIDUALS, "TRUE"), (IMAGES, "TRUE"), (EMBEDDINGS, CURRENT)] {
+                if let Some(place) = table.overlap(connection, number, which)? {
+                    return Ok(Some((place, table.name)));
+                }
+            }
+            Ok(None)
         })
     }
 

@@ -11,6 +11,7 @@ pub(super) use rows::{entries, entries_with_requests, insert};
 use super::{
     Store, StoreError,
     campaigns::{campaign, number_of},
+    chunks,
     hidden::HIDDEN,
     numbers::clamped,
 };
@@ -263,12 +264,7 @@ fn check_individuals(
     number: i64,
     changes: &[Change],
 ) -> Result<(), StoreError> {
-    let len: i64 = transaction.query_row(
-        "SELECT coalesce(max(place) + 1, 0) FROM individuals WHERE campaign = ?1",
-        [number],
-        |row| row.get(0),
-    )?;
-    let len = len.unsigned_abs();
+    let len = chunks::archive_len(transaction, number)?;
     for change in changes {
         if let Action::Answer { index, .. } = change.action
             && index >= len

@@ -9,7 +9,6 @@ pub mod blocking;
 mod campaigns;
 mod checkpoint_rows;
 pub mod checkpoints;
-#[expect(dead_code, reason = "the archive moves into chunks next")]
 mod chunks;
 mod data_directory;
 mod deletion;

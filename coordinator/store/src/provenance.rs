@@ -3,6 +3,7 @@
 use super::{
     Store, StoreError,
     campaigns::number_of,
+    chunks,
     numbers::{clamped, now_ms},
 };
 use murmuration_model::{CampaignId, MachineId, Maker, Quarantined};
@@ -218,14 +219,8 @@ pub(super) fn suspects(connection: &Connection, number: i64) -> Result<Suspects,
     }
     // A rollback of generations does not delete the provenance of their embeddings, so suspects beyond the archive are removed
     // here.
-    let individuals: i64 = connection.query_row(
-        "SELECT coalesce(max(place) + 1, 0) FROM individuals WHERE campaign = ?1",
-        [number],
-        |row| row.get(0),
-    )?;
-    suspects
-        .embeddings
-        .retain(|suspect| clamped(suspect.place) < individuals);
+    let individuals = chunks::archive_len(connection, number)?;
+    suspects.embeddings.retain(|suspect| suspect.place < individuals);
     suspects.machines = whose.into_values().collect();
     Ok(suspects)
 }

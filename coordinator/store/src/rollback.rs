@@ -46,7 +46,7 @@ impl Store {
     ) -> Result<(), StoreError> {
         self.roll_back(campaign, |transaction, number, labels| {
             let first: Option<u32> = transaction.query_row(
-                "SELECT min(generation) FROM individuals WHERE campaign = ?1 AND place >= ?2",
+                "SELECT min(generation) FROM individual_chunks WHERE campaign = ?1 AND first + individuals > ?2",
                 params![number, clamped(kept)],
                 |row| row.get(0),
             )?;
@@ -54,7 +54,7 @@ impl Store {
                 delete_generations(transaction, number, labels, generation)?;
             }
             withdraw_taxonomies(transaction, number)?;
-            transaction.execute("DELETE FROM embeddings WHERE campaign = ?1", [number])?;
+            transaction.execute("DELETE FROM embedding_chunks WHERE campaign = ?1", [number])?;
             forget(transaction, number, ResultKind::Embedding, 0)?;
             transaction.execute(
                 "UPDATE campaigns SET next_checkpoint = coalesce(next_checkpoint, checkpoint), checkpoint = NULL
@@ -78,7 +78,7 @@ impl Store {
     ) -> Result<(), StoreError> {
         self.roll_back(campaign, |transaction, number, labels| {
             delete_generations(transaction, number, labels, 0)?;
-            for table in ["embeddings", "trainings", "epochs"] {
+            for table in ["embedding_chunks", "trainings", "epochs"] {
                 transaction.execute(&format!("DELETE FROM {table} WHERE campaign = ?1"), [number])?;
             }
             forget(transaction, number, ResultKind::Embedding, 0)?;
@@ -138,19 +138,26 @@ fn delete_generations(
     generation: u32,
 ) -> Result<(), StoreError> {
     let first: Option<i64> = transaction.query_row(
-        "SELECT min(place) FROM individuals WHERE campaign = ?1 AND generation >= ?2",
+        "SELECT min(first) FROM individual_chunks WHERE campaign = ?1 AND generation >= ?2",
         params![number, generation],
         |row| row.get(0),
     )?;
     if let Some(first) = first {
         withdraw_answers(transaction, number, labels, first.unsigned_abs())?;
         forget(transaction, number, ResultKind::Evaluation, first.unsigned_abs())?;
-        for table in ["images", "embeddings"] {
-            let of_place = format!("DELETE FROM {table} WHERE campaign = ?1 AND place >= ?2");
-            transaction.execute(&of_place, params![number, first])?;
+        for table in ["image_chunks", "embedding_chunks"] {
+            let from_first = format!("DELETE FROM {table} WHERE campaign = ?1 AND first >= ?2");
+            transaction.execute(&from_first, params![number, first])?;
         }
+        // A move adds embeddings whose chunks can continue past `first`.
+        transaction.execute(
+            "UPDATE embedding_chunks SET individuals = ?2 - first,
+                 embeddings = substr(embeddings, 1, length(embeddings) / individuals * (?2 - first))
+             WHERE campaign = ?1 AND first + individuals > ?2",
+            params![number, first],
+        )?;
     }
-    for table in ["individuals", "generations"] {
+    for table in ["individual_chunks", "generations"] {
         let of_generation = format!("DELETE FROM {table} WHERE campaign = ?1 AND generation >= ?2");
         transaction.execute(&of_generation, params![number, generation])?;
     }

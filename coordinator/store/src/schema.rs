@@ -1,7 +1,10 @@
 //! The tables of the database, and the migrations from released schema versions.
 
-use super::StoreError;
-use rusqlite::Connection;
+use super::{
+    StoreError,
+    chunks::{EMBEDDINGS, IMAGES, INDIVIDUALS},
+};
+use rusqlite::{Connection, Transaction};
 use std::path::Path;
 
 /// The tables of schema version 1, which is released: this text must not change.
@@ -159,12 +162,19 @@ const TABLES: &str = "
     ) STRICT, WITHOUT ROWID;
 ";
 
+/// A step from a schema version to the next.
+enum Migration {
+    Sql(&'static str),
+    Rust(fn(&Transaction<'_>) -> rusqlite::Result<()>),
+}
+use Migration::{Rust, Sql};
+
 /// Each migration changes the tables to the next schema version; the first leads to version 2. A released migration must not
 /// change.
-const MIGRATIONS: &[&str] = &[
+const MIGRATIONS: &[Migration] = &[
     // Writes the former defaults of the behaviour space and the choice of medoids into specifications. The field `space` goes to
     // the beginning, because fields outside of tables must precede all tables.
-    r#"
+    Sql(r#"
     UPDATE campaigns SET spec = replace(
         'space = "' || iif(spec LIKE '%method = "latent"%' OR spec LIKE '%method = "untrained"%', 'embedding', 'features')
             || '"' || char(10) || replace(spec, 'by_class = true' || char(10), ''),
@@ -172,11 +182,11 @@ const MIGRATIONS: &[&str] = &[
         '[taxonomy]' || char(10) || 'choose = "'
             || iif(spec LIKE '%by_class = true%', 'by-class', 'medoids') || '"' || char(10)
     ) WHERE spec NOT LIKE '%space = "%';
-    "#,
+    "#),
     // Pictures of datasets get features, by which the in-batch recipe shows rare behaviours more often. Earlier campaigns and
     // checkpoints get `flattening = 0`, because they showed all behaviours equally often. The training configurations of a
     // campaign and of its checkpoint must stay equal (see `repetition`).
-    "
+    Sql("
     ALTER TABLE pictures ADD COLUMN features BLOB NOT NULL DEFAULT x'';
     UPDATE campaigns SET spec = replace(
         spec,
@@ -188,9 +198,9 @@ const MIGRATIONS: &[&str] = &[
         '[recipe.in-batch]' || char(10),
         '[recipe.in-batch]' || char(10) || 'flattening = 0' || char(10)
     ) WHERE configuration NOT LIKE '%flattening = %';
-    ",
+    "),
     // Adds tables for studies. Earlier versions kept studies as files in folders (`studies::take_over`).
-    "
+    Sql("
     CREATE TABLE studies (
         name TEXT PRIMARY KEY,
         toml TEXT NOT NULL,
@@ -209,8 +219,73 @@ const MIGRATIONS: &[&str] = &[
         content BLOB NOT NULL,
         PRIMARY KEY (study, kind, key)
     ) STRICT;
-    ",
+    "),
+    Rust(into_chunks),
 ];
+
+/// The tables of chunks (see `chunks`).
+const CHUNKS: &str = "
+    CREATE TABLE individual_chunks (
+        campaign INTEGER NOT NULL REFERENCES campaigns (number),
+        first INTEGER NOT NULL,
+        individuals INTEGER NOT NULL,
+        generation INTEGER NOT NULL,
+        seeds BLOB NOT NULL,
+        controllers BLOB NOT NULL,
+        features BLOB NOT NULL,
+        novelty BLOB NOT NULL,
+        verdicts BLOB NOT NULL,
+        UNIQUE (campaign, first)
+    ) STRICT;
+    CREATE TABLE image_chunks (
+        campaign INTEGER NOT NULL REFERENCES campaigns (number),
+        first INTEGER NOT NULL,
+        individuals INTEGER NOT NULL,
+        ends BLOB NOT NULL,
+        images BLOB NOT NULL,
+        UNIQUE (campaign, first)
+    ) STRICT;
+    CREATE TABLE embedding_chunks (
+        campaign INTEGER NOT NULL REFERENCES campaigns (number),
+        checkpoint INTEGER NOT NULL REFERENCES checkpoints (number),
+        first INTEGER NOT NULL,
+        individuals INTEGER NOT NULL,
+        embeddings BLOB NOT NULL,
+        UNIQUE (campaign, checkpoint, first)
+    ) STRICT;
+    CREATE TRIGGER individual_chunks_overlap BEFORE INSERT ON individual_chunks
+        WHEN (SELECT first + individuals FROM individual_chunks WHERE campaign = NEW.campaign
+            AND first < NEW.first + NEW.individuals ORDER BY first DESC LIMIT 1) > NEW.first
+        BEGIN SELECT RAISE (ABORT, 'there are such individuals already'); END;
+    CREATE TRIGGER image_chunks_overlap BEFORE INSERT ON image_chunks
+        WHEN (SELECT first + individuals FROM image_chunks WHERE campaign = NEW.campaign
+            AND first < NEW.first + NEW.individuals ORDER BY first DESC LIMIT 1) > NEW.first
+        BEGIN SELECT RAISE (ABORT, 'there are pictures of such individuals already'); END;
+    CREATE TRIGGER embedding_chunks_overlap BEFORE INSERT ON embedding_chunks
+        WHEN (SELECT first + individuals FROM embedding_chunks WHERE campaign = NEW.campaign AND checkpoint = NEW.checkpoint
+            AND first < NEW.first + NEW.individuals ORDER BY first DESC LIMIT 1) > NEW.first
+        BEGIN SELECT RAISE (ABORT, 'there are embeddings of such individuals already'); END;
+";
+
+/// Moves the rows of single individuals into chunks.
+fn into_chunks(transaction: &Transaction<'_>) -> rusqlite::Result<()> {
+    transaction.execute_batch(CHUNKS)?;
+    INDIVIDUALS.fill(
+        transaction,
+        "SELECT campaign, generation, place, seed, controller, features, novelty, verdicts
+         FROM individuals ORDER BY campaign, place",
+    )?;
+    IMAGES.fill(
+        transaction,
+        "SELECT campaign, (SELECT generation FROM individuals i WHERE i.campaign = m.campaign AND i.place = m.place), place, image
+         FROM images m ORDER BY campaign, place",
+    )?;
+    EMBEDDINGS.fill(
+        transaction,
+        "SELECT campaign, checkpoint, place, embedding FROM embeddings ORDER BY campaign, checkpoint, place",
+    )?;
+    transaction.execute_batch("DROP TABLE embeddings; DROP TABLE images; DROP TABLE individuals")
+}
 
 /// The newest schema version.
 pub(super) const VERSION: u32 = 1 + MIGRATIONS.len() as u32;
@@ -237,7 +312,7 @@ pub(super) fn version(connection: &Connection, path: &Path) -> Result<u32, Store
 
 /// Makes the tables of the newest version in an empty database.
 pub(super) fn create(connection: &mut Connection) -> rusqlite::Result<()> {
-    step(connection, TABLES, 1)?;
+    step(connection, &Sql(TABLES), 1)?;
     migrate(connection, 1)
 }
 
@@ -246,7 +321,7 @@ pub(super) fn migrate(connection: &mut Connection, from: u32) -> rusqlite::Resul
     migrate_by(MIGRATIONS, connection, from)
 }
 
-fn migrate_by(migrations: &[&str], connection: &mut Connection, from: u32) -> rusqlite::Result<()> {
+fn migrate_by(migrations: &[Migration], connection: &mut Connection, from: u32) -> rusqlite::Result<()> {
     for (version, migration) in (2..).zip(migrations) {
         if version > from {
             step(connection, migration, version)?;
@@ -255,11 +330,21 @@ fn migrate_by(migrations: &[&str], connection: &mut Connection, from: u32) -> ru
     Ok(())
 }
 
-fn step(connection: &mut Connection, change: &str, version: u32) -> rusqlite::Result<()> {
+fn step(connection: &mut Connection, change: &Migration, version: u32) -> rusqlite::Result<()> {
     let transaction = connection.transaction()?;
-    transaction.execute_batch(change)?;
+    match change {
+        Sql(statements) => transaction.execute_batch(statements)?,
+        Rust(change) => change(&transaction)?,
+    }
     transaction.pragma_update(None, "user_version", version)?;
     transaction.commit()
+}
+
+/// Makes the tables of an older version in an empty database.
+#[cfg(test)]
+pub(super) fn create_older(connection: &mut Connection, version: u32) {
+    step(connection, &Sql(TABLES), 1).unwrap();
+    migrate_by(&MIGRATIONS[..version as usize - 1], connection, 1).unwrap();
 }
 
 #[cfg(test)]
@@ -276,19 +361,20 @@ mod tests {
     #[test]
     fn what_an_older_version_holds_is_there_after_each_step_or_the_step_was_not_taken() {
         let mut connection = Connection::open_in_memory().unwrap();
-        step(&mut connection, TABLES, 1).unwrap();
+        step(&mut connection, &Sql(TABLES), 1).unwrap();
         let notice = "INSERT INTO campaigns (number, id, spec, simulator_version, state, error, created_ms)
                           VALUES (1, 'old-1', '', '1', 'paused', '', 5);
                       INSERT INTO notices VALUES (1, 1, 5, 'kept', 0)";
         connection.execute_batch(notice).unwrap();
 
+        let page_column = "ALTER TABLE notices ADD COLUMN page TEXT NOT NULL DEFAULT 'none'";
         let further = [
-            "ALTER TABLE notices ADD COLUMN page TEXT NOT NULL DEFAULT 'none'",
-            "UPDATE notices SET page = 'search'",
+            Sql(page_column),
+            Rust(|transaction| transaction.execute_batch("UPDATE notices SET page = 'search'")),
         ];
         let interrupted = [
-            further[0],
-            "UPDATE notices SET page = 'lost'; SELECT 1 FROM nowhere",
+            Sql(page_column),
+            Sql("UPDATE notices SET page = 'lost'; SELECT 1 FROM nowhere"),
         ];
         migrate_by(&interrupted, &mut connection, 1).unwrap_err();
         assert_eq!(version_of(&connection), 2);
@@ -314,7 +400,7 @@ mod tests {
                 "model = \"single-sensor\"\nmethod = \"{method}\"\n[taxonomy]\nmedoids = 5\n{taxonomy}"
             );
             let mut connection = Connection::open_in_memory().unwrap();
-            step(&mut connection, TABLES, 1).unwrap();
+            step(&mut connection, &Sql(TABLES), 1).unwrap();
             let add = "INSERT INTO campaigns (number, id, spec, simulator_version, state, error, created_ms)
                            VALUES (1, 'old-1', ?1, '1', 'paused', '', 5)";
             connection.execute(add, [spec]).unwrap();
@@ -341,8 +427,8 @@ mod tests {
         let before = now.replace("flattening = 2\n", "");
         assert_ne!(now, before);
         let mut connection = Connection::open_in_memory().unwrap();
-        step(&mut connection, TABLES, 1).unwrap();
-        step(&mut connection, MIGRATIONS[0], 2).unwrap();
+        step(&mut connection, &Sql(TABLES), 1).unwrap();
+        step(&mut connection, &MIGRATIONS[0], 2).unwrap();
         let add = "INSERT INTO campaigns (number, id, spec, simulator_version, state, error, created_ms)
                        VALUES (1, 'old-1', ?1, '1', 'paused', '', 5)";
         connection.execute(add, [before]).unwrap();

@@ -3,7 +3,8 @@
 use super::{
     Store, StoreError,
     campaigns::{ended_ms, number_of},
-    numbers::{blob_to_floats, blob_to_numbers, floats_to_blob, now_ms, numbers_to_blob},
+    chunks,
+    numbers::{blob_to_floats, blob_to_numbers, clamped, floats_to_blob, now_ms, numbers_to_blob},
     provenance::suspects,
 };
 use murmuration_model::{CampaignId, CampaignState};
@@ -227,10 +228,10 @@ pub(super) fn retire_taxonomy(transaction: &Transaction<'_>, campaign: i64) -> R
 /// Deletes the current version of a campaign's taxonomy, because it is wrong, and all versions with individuals that no longer
 /// exist.
 pub(super) fn withdraw_taxonomies(transaction: &Transaction<'_>, campaign: i64) -> Result<(), StoreError> {
+    let individuals = clamped(chunks::archive_len(transaction, campaign)?);
     transaction.execute(
-        "DELETE FROM taxonomies WHERE campaign = ?1 AND (stands OR length(clusters) / 4 >
-            (SELECT coalesce(max(place) + 1, 0) FROM individuals WHERE campaign = ?1))",
-        [campaign],
+        "DELETE FROM taxonomies WHERE campaign = ?1 AND (stands OR length(clusters) / 4 > ?2)",
+        [campaign, individuals],
     )?;
     Ok(())
 }

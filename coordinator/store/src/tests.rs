@@ -156,24 +156,16 @@ fn the_most_novel_are_each_of_another_generation() {
 fn the_most_novel_are_found_where_each_generation_is_more_novel() {
     let (_folder, store) = open();
     let id = store.create_campaign(&spec(), Weight::default(), 7).unwrap();
-    store
-        .write(|transaction| {
-            for generation in 0..50_i64 {
-                let novelty = generation as f64;
-                transaction.execute(
-                    "INSERT INTO generations VALUES (1, ?1, ?2, 0.0, 0)",
-                    rusqlite::params![generation, novelty],
-                )?;
-                for place in [0, 1] {
-                    transaction.execute(
-                        "INSERT INTO individuals VALUES (1, ?1, ?2, x'00', 5, x'', ?3, x'')",
-                        rusqlite::params![2 * generation + place, generation, novelty - place as f64],
-                    )?;
-                }
-            }
-            Ok(())
-        })
-        .unwrap();
+    for generation in 0..50 {
+        let individuals = [0, 1].map(|place| ArchivedIndividual {
+            novelty: f64::from(generation) - place as f64,
+            ..ArchivedIndividual::still(2 * u64::from(generation) + place, generation)
+        });
+        let record = GenerationRecord::of(generation, &[f64::from(generation)], 0);
+        store
+            .commit_generation(&id, &record, &individuals, &Provenance::default())
+            .unwrap();
+    }
     assert_eq!(
         store.most_novel(&id, 2).unwrap(),
         [(98, 49, 49.0), (96, 48, 48.0)]

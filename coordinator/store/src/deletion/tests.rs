@@ -84,7 +84,7 @@ fn a_campaign_goes_with_all_that_is_of_it_and_its_id_is_not_given_again() {
         let tables = tables.query_map([], |row| row.get(0))?.collect::<Result<Vec<String>, _>>()?;
         Ok(tables)
     });
-    let mut named = TABLES.map(|(table, _)| table).to_vec();
+    let mut named = TABLES.map(|(table, ..)| table).to_vec();
     named.sort_unstable();
     assert_eq!(left.unwrap(), named, "a table of campaigns is not emptied");
     assert_eq!(store.labels(&kept).unwrap().entries(), 1);
@@ -109,7 +109,7 @@ fn what_a_deletion_that_did_not_end_has_left_is_never_shown_and_is_removed_by_th
     );
     store.delete_campaign(&gone, None, false).unwrap();
     let rows = |store: &Store| -> i64 {
-        let counts = TABLES.map(|(table, _)| format!("(SELECT count(*) FROM {table} WHERE campaign = 1)"));
+        let counts = TABLES.map(|(table, ..)| format!("(SELECT count(*) FROM {table} WHERE campaign = 1)"));
         let all = format!(
             "SELECT {} + (SELECT count(*) FROM campaigns WHERE number = 1)",
             counts.join(" + ")

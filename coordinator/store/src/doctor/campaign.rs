@@ -185,10 +185,18 @@ fn individuals(store: &Store, record: &CampaignRecord, problems: &mut Vec<String
         }
         Ok(None)
     };
-    match first_fault(record.individuals(), check) {
+    let faulty = first_fault(record.individuals(), check).or_else(|| match store.overlap(&record.id) {
+        Ok(overlap) => overlap.map(|(index, table)| (index, format!("it is in two chunks of {table}"))),
+        Err(error) => Some((0, error.reason())),
+    });
+    match faulty {
         Some((index, fault)) => {
             let name = format!("individual {index}");
-            problems.push(format!("{name}: {}", without(&name, &fault)));
+            // The fault of a chunk names all its individuals.
+            problems.push(match fault.starts_with("individuals ") {
+                true => fault,
+                false => format!("{name}: {}", without(&name, &fault)),
+            });
             index
         }
         None => record.individuals(),

@@ -1,7 +1,9 @@
 //! Tests that damage rows one by one, and check the problems and the whole amounts that the doctor finds.
 
 use super::*;
-use crate::{ArchivedIndividual, ClusterMeasures, GenerationRecord, Picture, Provenance};
+use crate::{
+    ArchivedIndividual, ClusterMeasures, GenerationRecord, Picture, Provenance, chunks::tests::edit,
+};
 use murmuration_model::{
     CampaignId, Weight,
     labels::{Action, Answer, Change, RequestId},
@@ -54,16 +56,24 @@ fn data() -> (tempfile::TempDir, CampaignId) {
 
 /// The doctor's findings after the SQL statements `damage`.
 async fn examined(damage: &str) -> Findings {
+    examined_after(|connection| connection.execute_batch(damage).unwrap()).await
+}
+
+async fn examined_after(damage: impl FnOnce(&Connection)) -> Findings {
     let (folder, _) = data();
     let connection = Connection::open(folder.path().join(Store::FILE)).unwrap();
-    connection.execute_batch(damage).unwrap();
+    damage(&connection);
     drop(connection);
     examine(folder.path(), None).await.unwrap()
 }
 
 /// Checks which parts are whole after `damage`: generations, entries of the label log, the taxonomy.
 async fn check(damage: &str, expected: &str, whole: (u32, u64, bool)) {
-    let found = examined(damage).await;
+    check_found(&examined(damage).await, expected, whole);
+}
+
+#[track_caller]
+fn check_found(found: &Findings, expected: &str, whole: (u32, u64, bool)) {
     assert!(!found.is_healthy());
     let campaign = &found.campaigns[0];
     assert_eq!(campaign.condition, CampaignCondition::Damaged);
@@ -76,7 +86,7 @@ async fn check(damage: &str, expected: &str, whole: (u32, u64, bool)) {
     assert_eq!(
         (found.generations, found.labels, found.taxonomy),
         whole,
-        "{damage}"
+        "{expected}"
     );
 }
 
@@ -93,43 +103,84 @@ async fn a_sound_directory_is_healthy() {
 async fn an_archive_is_whole_up_to_the_first_generation_that_is_damaged() {
     let damaged = |generations| (generations, 3, false);
     check(
-        "DELETE FROM images WHERE place = 3",
-        "individual 3: its picture is missing",
+        "DELETE FROM image_chunks WHERE first = 2",
+        "individual 2: its picture is missing",
         damaged(1),
     )
     .await;
-    for (value, fault) in [
-        ("x'00'", "not of 2500 pixels"),
+    type Change = fn(&mut Vec<u8>);
+    let faults: [(Change, &str); 4] = [
+        (|image| *image = vec![0], "not of 2500 pixels"),
         // The beginning of a frame of one pixel.
-        ("x'28B52FFD2401'", "damaged"),
-        ("substr(image, 1, length(image) - 1)", "damaged"),
         (
-            "CAST(substr(image, 1, length(image) - 1) || x'00' AS BLOB)",
+            |image| *image = vec![0x28, 0xb5, 0x2f, 0xfd, 0x24, 0x01],
             "damaged",
         ),
-    ] {
-        check(
-            &format!("UPDATE images SET image = {value} WHERE place = 4"),
-            &format!("individual 4: its picture is {fault}"),
-            damaged(2),
-        )
-        .await;
+        (|image| image.truncate(image.len() - 1), "damaged"),
+        (|image| *image.last_mut().unwrap() = 0, "damaged"),
+    ];
+    for (change, fault) in faults {
+        let found = examined_after(|connection| edit(connection, "images", 3, change)).await;
+        check_found(
+            &found,
+            &format!("individual 3: its picture is {fault}"),
+            damaged(1),
+        );
     }
     check(
-        "DELETE FROM individuals WHERE place = 0",
+        "DELETE FROM individual_chunks WHERE first = 0",
         "individual 0: it is missing",
         damaged(0),
     )
     .await;
+    let found =
+        examined_after(|connection| edit(connection, "controllers", 5, |genes| genes.fill(0xff))).await;
+    check_found(&found, "individual 5: ", damaged(2));
     check(
-        "UPDATE individuals SET controller = x'00' WHERE place = 5",
-        "individual 5",
-        damaged(2),
+        "UPDATE individual_chunks SET generation = 7 WHERE first = 2",
+        "individual 2: it is of another",
+        damaged(1),
     )
     .await;
+    for (chunk, fault, generations) in [
+        (
+            "individual_chunks SET seeds = x'00'",
+            "individuals 2 to 3: values whose lengths",
+            1,
+        ),
+        (
+            "image_chunks SET ends = x'00'",
+            "individuals 2 to 3: values whose lengths",
+            1,
+        ),
+        ("individual_chunks SET individuals = 1", "individual 2: ", 1),
+        (
+            "individual_chunks SET first = 3",
+            "individual 2: it is missing",
+            1,
+        ),
+        (
+            "individual_chunks SET first = 1",
+            "individual 3: it is missing",
+            1,
+        ),
+        (
+            "image_chunks SET first = 1",
+            "individual 3: its picture is missing",
+            1,
+        ),
+    ] {
+        check(
+            &format!("UPDATE {chunk} WHERE first = 2"),
+            fault,
+            damaged(generations),
+        )
+        .await;
+    }
     check(
-        "UPDATE individuals SET generation = 7 WHERE place = 2",
-        "individual 2: it is of another",
+        "DROP TRIGGER image_chunks_overlap;
+         INSERT INTO image_chunks SELECT campaign, 3, individuals, ends, images FROM image_chunks WHERE first = 2",
+        "individual 3: it is in two chunks of image_chunks",
         damaged(1),
     )
     .await;

@@ -122,10 +122,8 @@ mod tests {
         }
         fs::write(data.path().join("studies").join(".beginning"), "").unwrap();
         let held = DataDirectory::hold(data.path()).unwrap();
-        drop(Store::open(&held).unwrap());
-        let connection = rusqlite::Connection::open(data.path().join(Store::FILE)).unwrap();
-        let before = "DROP TABLE study_records; DROP TABLE studies; PRAGMA user_version = 3";
-        connection.execute_batch(before).unwrap();
+        let mut connection = rusqlite::Connection::open(data.path().join(Store::FILE)).unwrap();
+        crate::schema::create_older(&mut connection, 3);
         drop(connection);
 
         let store = Store::open(&held).unwrap();

@@ -125,3 +125,42 @@ fn a_move_that_is_given_up_leaves_nothing_behind() {
     assert_eq!(store.campaign(id.as_str()).unwrap().embedder.embedded(), 0);
     assert_eq!(embeddings(&store, &id), [[0.0, -0.5], [1.0, -0.5]]);
 }
+
+#[test]
+fn a_rollback_cuts_off_the_embeddings_that_a_move_has_added_past_it() {
+    let (_folder, store, id, [first, second]) = embedded();
+    for generation in [1, 2] {
+        let record = GenerationRecord::of(generation, &[0.1, 0.2], 0);
+        let individuals = [0, 1].map(|place| {
+            let index = u64::from(generation) * 2 + place;
+            individual(index).with_trial(trial(index, vec![index as f32, -0.5]))
+        });
+        store
+            .commit_generation(&id, &record, &individuals, &Provenance::default())
+            .unwrap();
+    }
+    store.move_to(&id, second).unwrap();
+    let new = [7.0, 8.0, 9.0, 10.0, 11.0].map(|value| vec![vec![value]]);
+    store
+        .add_embeddings(&id, 0, &new, &Provenance::default())
+        .unwrap();
+    assert_eq!(store.campaign(id.as_str()).unwrap().embedder.embedded(), 5);
+    let again = store.add_embeddings(&id, 4, &new[..1], &Provenance::default());
+    assert!(again.is_err(), "it is there already");
+
+    store.roll_back_generations(&id, 1, "a worker was wrong").unwrap();
+    assert_eq!(store.next_embeddings(&id, 1).unwrap(), [[7.0], [8.0]]);
+    assert_eq!(store.campaign(id.as_str()).unwrap().embedder.embedded(), 2);
+    assert_eq!(embeddings(&store, &id), [[0.0, -0.5], [1.0, -0.5]]);
+    store.move_to(&id, first).unwrap();
+    assert_eq!(store.campaign(id.as_str()).unwrap().embedder.embedded(), 2);
+}
+
+#[test]
+fn a_switch_of_a_part_of_an_archive_leaves_the_other_novelty() {
+    let (_folder, store, id, [_, second]) = embedded();
+    store.move_to(&id, second).unwrap();
+    store.switch(&id, &unchanged(&[3.0])).unwrap();
+    let novelty = |index| store.individual(&id, &MODEL.into(), index).unwrap().novelty;
+    assert_eq!([novelty(0), novelty(1)], [3.0, 0.1]);
+}

@@ -34,11 +34,10 @@ const ROWS: [&str; 7] = [
      SELECT number, id, spec, simulator_version, state, error, created_ms, weight, rollbacks, checkpoint, next_checkpoint, rounds,
         label_cutoff, last_label_cutoff FROM source.campaigns WHERE number = ?1",
     "INSERT INTO generations SELECT * FROM source.generations WHERE campaign = ?1 ORDER BY generation",
-    "INSERT INTO individuals SELECT * FROM source.individuals WHERE campaign = ?1 ORDER BY place",
-    "INSERT INTO images (campaign, place, image)
-     SELECT campaign, place, image FROM source.images WHERE campaign = ?1 ORDER BY place",
-    "INSERT INTO embeddings SELECT * FROM source.embeddings WHERE campaign = ?1
-        AND checkpoint = (SELECT checkpoint FROM source.campaigns WHERE number = ?1) ORDER BY place",
+    "INSERT INTO individual_chunks SELECT * FROM source.individual_chunks WHERE campaign = ?1 ORDER BY first",
+    "INSERT INTO image_chunks SELECT * FROM source.image_chunks WHERE campaign = ?1 ORDER BY first",
+    "INSERT INTO embedding_chunks SELECT * FROM source.embedding_chunks WHERE campaign = ?1
+        AND checkpoint = (SELECT checkpoint FROM source.campaigns WHERE number = ?1) ORDER BY first",
     "INSERT INTO labels SELECT * FROM source.labels WHERE campaign = ?1 ORDER BY entry",
 ];
 

@@ -4,10 +4,13 @@
 //! module keeps in memory the current labels, the taxonomy, one checkpoint at a time, and some individuals of a generation at a
 //! time.
 
-use super::untrusted::{self, Unsound, expect_count, expect_none, foreign};
+use super::untrusted::{self, Unsound, expect_count, expect_individuals, expect_none, foreign};
 use crate::{
     ArchivedIndividual, CheckpointRecord, GenerationRecord, Store, StoredTaxonomy, Trial,
-    campaigns::number_of, digest::ArchiveHasher, labels::entries_with_requests,
+    campaigns::number_of,
+    chunks::{BYTES, MOST},
+    digest::ArchiveHasher,
+    labels::entries_with_requests,
 };
 use murmuration_model::{
     CampaignRecord, CampaignState, ExportedCampaign,
@@ -25,6 +28,8 @@ use std::{collections::HashSet, ops::Range, path::Path};
 const MAX_CHECKPOINTS: usize = 1000;
 /// Number of entries of a label log that are read at a time.
 const ENTRIES: usize = 1000;
+/// The campaign's checkpoint, in SQL.
+const OWN: &str = "(SELECT checkpoint FROM campaigns)";
 /// Assumed bytes of a trial's numbers, embedding included. The assumed size determines how many individuals are read at a time.
 const NUMBERS: usize = 4096;
 
@@ -222,44 +227,64 @@ impl ReceivedCampaign {
     fn check_rows(&self) -> Result<(), Unsound> {
         let record = &self.campaign.record;
         let (individuals, starts) = (record.individuals(), record.spec.starts().get());
-        let is_completed = record.state == CampaignState::Completed;
-        let (medoids, image) = (record.spec.medoids(), record.spec.individual_bytes());
-        let (genes, judged) = (
-            record.spec.model().genes(),
-            if record.spec.judges() { starts } else { 0 },
-        );
+        let (genes, image) = (record.spec.model().genes(), record.spec.individual_bytes());
+        let judged = if record.spec.judges() { starts } else { 0 };
         let (dimensions, embedded) = match self.dimensions {
             Some(dimensions) => (dimensions, individuals),
             None => (0, 0),
         };
-        let own = "(SELECT checkpoint FROM campaigns)";
-        for (table, rows, unfit) in [
-            ("generations", record.generations_done.into(), "filtered < 0 OR filtered > 1000000000000".to_owned()),
+        for (table, individuals, unfit) in [
             (
-                "individuals",
+                "individual_chunks",
                 individuals,
                 format!(
-                    "octet_length(controller) <> 8 * {genes} OR octet_length(features) <> 40 * {starts}
-                        OR octet_length(verdicts) <> {judged}"
+                    "octet_length(seeds) <> 8 * individuals OR octet_length(controllers) <> 8 * {genes} * individuals
+                        OR octet_length(features) <> 40 * {starts} * individuals OR octet_length(novelty) <> 8 * individuals
+                        OR octet_length(verdicts) <> {judged} * individuals"
                 ),
             ),
             // zstd adds only a few bytes to an image that it cannot compress.
-            ("images", individuals, format!("octet_length(image) > {image} + {image} / 64 + 1024")),
             (
-                "embeddings",
+                "image_chunks",
+                individuals,
+                format!(
+                    "octet_length(ends) <> 4 * individuals OR octet_length(images) > iif(individuals > 1, {BYTES},
+                        {image} + {image} / 64 + 1024)"
+                ),
+            ),
+            (
+                "embedding_chunks",
                 embedded,
-                format!("checkpoint IS NOT {own} OR octet_length(embedding) <> 4 * {dimensions} * {starts}"),
+                format!("checkpoint IS NOT {OWN} OR octet_length(embeddings) <> 4 * {dimensions} * {starts} * individuals"),
+            ),
+        ] {
+            expect_individuals(&self.store, table, individuals)?;
+            let outside = format!("first < 0 OR individuals NOT BETWEEN 1 AND {MOST}");
+            expect_none(&self.store, table, &format!("{outside} OR {unfit}"))?;
+        }
+        self.check_other_rows()
+    }
+
+    fn check_other_rows(&self) -> Result<(), Unsound> {
+        let record = &self.campaign.record;
+        let (individuals, starts) = (record.individuals(), record.spec.starts().get());
+        for (table, rows, unfit) in [
+            (
+                "generations",
+                record.generations_done.into(),
+                "filtered < 0 OR filtered > 1000000000000".to_owned(),
             ),
             (
                 "taxonomies",
-                is_completed.into(),
+                (record.state == CampaignState::Completed).into(),
                 format!(
-                    "version <> 1 OR stands <> 1 OR made_ms IS NOT NULL OR checkpoint IS NOT {own} OR rounds <> {}
-                        OR generations <> {} OR octet_length(medoids) > 8 * {medoids}
+                    "version <> 1 OR stands <> 1 OR made_ms IS NOT NULL OR checkpoint IS NOT {OWN} OR rounds <> {}
+                        OR generations <> {} OR octet_length(medoids) > 8 * {}
                         OR octet_length(measures) <> 2 * octet_length(medoids) OR octet_length(clusters) <> 4 * {individuals}
                         OR octet_length(robust_trials) <> {} OR octet_length(points) <> 0",
                     record.rounds.done,
                     record.generations_done,
+                    record.spec.medoids(),
                     if starts > 1 { individuals } else { 0 },
                 ),
             ),

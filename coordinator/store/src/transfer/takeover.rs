@@ -18,9 +18,9 @@ use std::collections::BTreeMap;
 /// The tables that are copied.
 const TABLES: [&str; 6] = [
     "generations",
-    "individuals",
-    "images",
-    "embeddings",
+    "individual_chunks",
+    "image_chunks",
+    "embedding_chunks",
     "labels",
     "taxonomies",
 ];

@@ -4,7 +4,7 @@
 //! an export's schema to the letter. Limits: this module checks tables and lengths of values, not the meaning of values.
 
 use super::{APPLICATION, FURTHER_TABLES};
-use crate::{Store, StoreError, open::uri_path, schema};
+use crate::{Store, StoreError, numbers::clamped, open::uri_path, schema};
 use murmuration_onnx::MAX_MODEL_BYTES;
 use murmuration_swarm::{Invalid, Text};
 use rusqlite::{Connection, ErrorCode, OpenFlags, config::DbConfig, limits::Limit};
@@ -29,11 +29,11 @@ const FILLED: [&str; 10] = [
     "campaigns",
     "checkpoints",
     "embedders",
-    "embeddings",
+    "embedding_chunks",
     "exported",
     "generations",
-    "images",
-    "individuals",
+    "image_chunks",
+    "individual_chunks",
     "labels",
     "taxonomies",
 ];
@@ -223,15 +223,26 @@ fn check_rows(store: &Store) -> Result<(), Unsound> {
 
 /// Checks that a table has `wanted` rows.
 pub(super) fn expect_count(store: &Store, table: &str, wanted: u64) -> Result<(), Unsound> {
-    let found = store.read(|connection| {
-        let count = connection.query_row(&format!("SELECT count(*) FROM {table}"), [], |row| {
-            row.get::<_, i64>(0)
-        });
-        Ok(count?.unsigned_abs())
-    })?;
-    match found == wanted {
+    expect_number(store, ("rows", "count(*)"), table, wanted)
+}
+
+/// Checks that the chunks of a table have `wanted` individuals.
+pub(super) fn expect_individuals(store: &Store, table: &str, wanted: u64) -> Result<(), Unsound> {
+    expect_number(store, ("individuals", "total(individuals)"), table, wanted)
+}
+
+/// Checks that an SQL expression about a table, which has this name, has the value `wanted`.
+fn expect_number(
+    store: &Store,
+    (name, expression): (&str, &str),
+    table: &str,
+    wanted: u64,
+) -> Result<(), Unsound> {
+    let query = format!("SELECT CAST({expression} AS INTEGER) FROM {table}");
+    let found: i64 = store.read(|connection| Ok(connection.query_row(&query, [], |row| row.get(0))?))?;
+    match found == clamped(wanted) {
         true => Ok(()),
-        false => Err(Invalid::new(format!("rows of {table}"), found, wanted.to_string()).into()),
+        false => Err(Invalid::new(format!("{name} of {table}"), found, wanted.to_string()).into()),
     }
 }
 

@@ -56,15 +56,15 @@ fn source(folder: &Path) -> (Store, CampaignId) {
             for place in 0..50 {
                 transaction.execute("INSERT INTO generations VALUES (1, ?1, 1.0, 0.5, 3)", [place])?;
                 transaction.execute(
-                    "INSERT INTO individuals VALUES (1, ?1, ?1, x'00', 5, zeroblob(100), 0.5, x'')",
+                    "INSERT INTO individual_chunks VALUES (1, ?1, 1, ?1, zeroblob(8), x'00', zeroblob(100), zeroblob(8), x'')",
                     [place],
                 )?;
                 transaction.execute(
-                    "INSERT INTO images (campaign, place, image) VALUES (1, ?1, zeroblob(200))",
+                    "INSERT INTO image_chunks VALUES (1, ?1, 1, x'c8000000', zeroblob(200))",
                     [place],
                 )?;
                 transaction.execute(
-                    "INSERT INTO embeddings VALUES (1, ?1, ?2, x'0102')",
+                    "INSERT INTO embedding_chunks VALUES (1, ?1, ?2, 1, x'0102')",
                     params![2 + place % 2, place],
                 )?;
                 transaction.execute(
@@ -112,7 +112,7 @@ fn campaigns_and_checkpoints_have_other_numbers_beside_others() {
     }
     for (digest, places) in [("b", 25), ("c", 25), ("a", 0)] {
         let embedded = format!(
-            "SELECT count(*) FROM embeddings WHERE campaign = 2
+            "SELECT count(*) FROM embedding_chunks WHERE campaign = 2
              AND checkpoint = (SELECT number FROM checkpoints WHERE substr(digest, 1, 1) = '{digest}')"
         );
         assert_eq!(count(&to, &embedded), places, "{digest}");
@@ -178,10 +178,10 @@ fn what_a_process_that_ended_has_left_is_never_shown_and_is_removed_by_the_next(
             campaign: number,
             checkpoints,
         }
-        .table("individuals")
+        .table("individual_chunks")
     });
     begun.unwrap();
-    assert_eq!(count(&to, "SELECT count(*) FROM individuals"), 50);
+    assert_eq!(count(&to, "SELECT count(*) FROM individual_chunks"), 50);
     assert!(to.campaigns().unwrap().is_empty() && to.campaign_ids().unwrap().is_empty());
     assert!(matches!(to.campaign("latest"), Err(StoreError::NoCampaign(_))));
     assert!(matches!(
@@ -194,7 +194,7 @@ fn what_a_process_that_ended_has_left_is_never_shown_and_is_removed_by_the_next(
     std::fs::create_dir(&half).unwrap();
     drop(to);
     let to = open(&data);
-    assert_eq!(count(&to, "SELECT count(*) FROM individuals"), 0);
+    assert_eq!(count(&to, "SELECT count(*) FROM individual_chunks"), 0);
     assert_eq!(to.campaigns().unwrap().len(), 1);
     assert!(!half.exists());
 }

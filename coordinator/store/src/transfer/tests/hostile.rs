@@ -1,7 +1,7 @@
 //! Files that no export wrote: each is refused with a reason, and leaves the store unchanged.
 
 use super::{super::untrusted::read_schema, *};
-use crate::schema;
+use crate::{chunks::tests::edit, schema};
 use murmuration_swarm::{Purpose, RandomStream};
 use rand::RngExt as _;
 use rusqlite::{Connection, config::DbConfig};
@@ -37,8 +37,13 @@ fn refused(bytes: &[u8]) -> String {
     looked_at
 }
 
-/// The sound file after these statements, which run without triggers and foreign keys.
+/// The sound file after these statements.
 fn changed(statements: &str) -> Vec<u8> {
+    changed_by(|connection| connection.execute_batch(statements).unwrap())
+}
+
+/// The sound file after a change, which is made without triggers and foreign keys.
+fn changed_by(change: impl FnOnce(&Connection)) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("file");
     fs::write(&file, &*SOUND).unwrap();
@@ -49,7 +54,7 @@ fn changed(statements: &str) -> Vec<u8> {
     ] {
         connection.set_db_config(setting, false).unwrap();
     }
-    connection.execute_batch(statements).unwrap();
+    change(&connection);
     connection.close().unwrap();
     fs::read(&file).unwrap()
 }
@@ -130,7 +135,7 @@ fn what_is_no_regular_file_is_not_opened() {
 
 /// Statements that give a schema a longer text than an import reads.
 const LONG_SCHEMA: &str = "PRAGMA writable_schema = ON;
-    UPDATE sqlite_schema SET sql = sql || printf('--%.100000c', 'x') WHERE name = 'images'";
+    UPDATE sqlite_schema SET sql = sql || printf('--%.100000c', 'x') WHERE name = 'image_chunks'";
 
 /// Statements that give a schema more entries than an import reads.
 const MANY_VIEWS: &str = "PRAGMA writable_schema = ON;
@@ -165,9 +170,9 @@ fn another_schema_is_refused() {
         "CREATE VIRTUAL TABLE extra USING fts5 (x)",
         "DROP TRIGGER labels_stay",
         "DROP TABLE notices",
-        "ALTER TABLE individuals ADD COLUMN extra TEXT",
-        "PRAGMA writable_schema = ON; UPDATE sqlite_schema SET sql = replace(sql, 'place INTEGER NOT NULL', 'place INTEGER')
-            WHERE name = 'images'",
+        "ALTER TABLE individual_chunks ADD COLUMN extra TEXT",
+        "PRAGMA writable_schema = ON; UPDATE sqlite_schema SET sql = replace(sql, 'first INTEGER NOT NULL', 'first INTEGER')
+            WHERE name = 'image_chunks'",
         LONG_SCHEMA,
         MANY_VIEWS,
     ] {
@@ -178,6 +183,7 @@ fn another_schema_is_refused() {
         &format!("PRAGMA user_version = {newer}"),
         &format!("it has schema version {newer}, and this murmuration"),
     );
+    assert_refused("PRAGMA user_version = 4", "it has schema version 4");
     assert_refused("PRAGMA user_version = 0", "it has schema version 0");
     assert_refused("PRAGMA application_id = 0", "it is a database of another program");
     assert_refused("PRAGMA journal_mode = WAL", "it is in SQLite's mode WAL");
@@ -187,11 +193,29 @@ fn another_schema_is_refused() {
 fn rows_that_are_missing_or_too_many_are_counted() {
     for (statements, reason) in [
         (
-            "DELETE FROM individuals WHERE place = 5",
-            "rows of individuals = 7: must be 8",
+            "DELETE FROM individual_chunks WHERE first = 4",
+            "individuals of individual_chunks = 4: must be 8",
         ),
-        ("DELETE FROM images WHERE place = 5", "rows of images = 7"),
-        ("DELETE FROM embeddings WHERE place = 5", "rows of embeddings = 7"),
+        (
+            "UPDATE individual_chunks SET individuals = 3 WHERE first = 4",
+            "individuals of individual_chunks = 7: must be 8",
+        ),
+        (
+            "UPDATE individual_chunks SET individuals = 9223372036854775807",
+            "individuals of individual_chunks = 9223372036854775807: must be 8",
+        ),
+        (
+            "DELETE FROM image_chunks WHERE first = 4",
+            "individuals of image_chunks = 4: must be 8",
+        ),
+        (
+            "DELETE FROM embedding_chunks WHERE first = 4",
+            "individuals of embedding_chunks = 4: must be 8",
+        ),
+        (
+            "INSERT INTO image_chunks SELECT campaign, 2, individuals, ends, images FROM image_chunks WHERE first = 4",
+            "individuals of image_chunks = 12: must be 8",
+        ),
         (
             "DELETE FROM generations WHERE generation = 0",
             "rows of generations = 1",
@@ -202,8 +226,20 @@ fn rows_that_are_missing_or_too_many_are_counted() {
         ("DELETE FROM exported", "rows of exported = 0: must be 1"),
         ("DELETE FROM campaigns", "to missing rows of campaigns"),
         (
-            "UPDATE individuals SET place = 9 WHERE place = 5",
-            "individuals[5].index = 6",
+            "UPDATE individual_chunks SET first = 5 WHERE first = 4",
+            "individuals[4].index = 5",
+        ),
+        (
+            "UPDATE individual_chunks SET first = 3 WHERE first = 4",
+            "individuals[4].seed",
+        ),
+        (
+            "UPDATE image_chunks SET first = 5 WHERE first = 4",
+            "individuals[4].image",
+        ),
+        (
+            "UPDATE embedding_chunks SET first = 5 WHERE first = 4",
+            "individuals[4].embedding",
         ),
         (
             "UPDATE generations SET generation = 5 WHERE generation = 0",
@@ -240,12 +276,21 @@ fn values_of_another_length_or_range_are_refused_before_they_are_read() {
     for (table, change) in [
         ("campaigns", "spec = printf('%.2000000c', 'x')"),
         ("campaigns", "study = 'mine'"),
-        ("individuals", "features = zeroblob(50000000)"),
-        ("individuals", "controller = x''"),
-        ("individuals", "verdicts = x'01'"),
-        ("images", "image = zeroblob(50000000)"),
-        ("embeddings", "embedding = x'00'"),
-        ("embeddings", "checkpoint = (SELECT min(number) FROM checkpoints)"),
+        ("individual_chunks", "individuals = iif(first = 0, 257, -249)"),
+        ("individual_chunks", "first = first - 1"),
+        ("individual_chunks", "seeds = x''"),
+        ("individual_chunks", "features = zeroblob(50000000)"),
+        ("individual_chunks", "controllers = x''"),
+        ("individual_chunks", "novelty = zeroblob(50000000)"),
+        ("individual_chunks", "verdicts = x'01'"),
+        ("image_chunks", "ends = x'00'"),
+        ("image_chunks", "images = zeroblob(50000000)"),
+        ("image_chunks", "individuals = iif(first = 0, 8, 0)"),
+        ("embedding_chunks", "embeddings = x'00'"),
+        (
+            "embedding_chunks",
+            "checkpoint = (SELECT min(number) FROM checkpoints)",
+        ),
         ("campaigns", "created_ms = -77"),
         ("campaigns", "rollbacks = -5"),
         ("campaigns", "label_cutoff = -3"),
@@ -295,65 +340,20 @@ fn values_that_no_campaign_has_are_named() {
         ("UPDATE campaigns SET rounds = 4", "rounds = 4"),
         ("UPDATE campaigns SET checkpoint = NULL", "checkpoint"),
         (
-            "UPDATE individuals SET novelty = 9e999 WHERE place = 5",
-            "individuals[5].novelty",
+            "UPDATE individual_chunks SET generation = 7 WHERE first = 4",
+            "individuals[4].generation = 7",
         ),
         (
-            "UPDATE individuals SET novelty = -1 WHERE place = 5",
-            "individuals[5].novelty = -1",
+            "UPDATE individual_chunks SET generation = -1 WHERE first = 4",
+            "individual 4: its generation",
         ),
         (
-            "UPDATE individuals SET seed = seed + 1 WHERE place = 5",
-            "individuals[5].seed",
+            "UPDATE image_chunks SET ends = CAST(x'ffffffff' || substr(ends, 5) AS BLOB) WHERE first = 4",
+            "individuals 4 to 7: values whose lengths do not fit",
         ),
         (
-            "UPDATE individuals SET generation = 7 WHERE place = 5",
-            "individuals[5].generation = 7",
-        ),
-        (
-            "UPDATE individuals SET verdicts = x'0163' WHERE place = 5",
-            "an unknown verdict",
-        ),
-        (
-            "UPDATE individuals SET controller = CAST(x'000000000000f87f' || substr(controller, 9) AS BLOB) WHERE place = 5",
-            "individual 5",
-        ),
-        (
-            "UPDATE individuals SET features = CAST(x'000000000000f87f' || substr(features, 9) AS BLOB) WHERE place = 5",
-            "individuals[5].features",
-        ),
-        (
-            "UPDATE individuals SET features = CAST(x'9c7500883ce4377e' || substr(features, 9) AS BLOB) WHERE place = 5",
-            "individuals[5].features",
-        ),
-        (
-            // These features have an average speed of -1e12, and the next features an average speed of 1000.
-            "UPDATE individuals SET features = CAST(x'000000a2941a6dc2' || substr(features, 9) AS BLOB) WHERE place = 5",
-            "individuals[5].features.average_speed = -1e12: must be from 0.000 to",
-        ),
-        (
-            "UPDATE individuals SET features = CAST(x'0000000000408f40' || substr(features, 9) AS BLOB) WHERE place = 5",
-            "individuals[5].features.average_speed = 1e3: must be from 0.000 to",
-        ),
-        (
-            "UPDATE individuals SET novelty = 1e308 WHERE place = 5",
-            "individuals[5].novelty = 1e308: must be 0 or more, and at most 1e30",
-        ),
-        (
-            "UPDATE individuals SET features = CAST(x'000000000000f03f' || substr(features, 9) AS BLOB) WHERE place = 5",
-            "its archive has digest",
-        ),
-        (
-            "UPDATE embeddings SET embedding = CAST(x'0000c07f' || substr(embedding, 5) AS BLOB) WHERE place = 5",
-            "individuals[5].embedding",
-        ),
-        (
-            "UPDATE embeddings SET embedding = CAST(x'caf24971' || substr(embedding, 5) AS BLOB) WHERE place = 5",
-            "individuals[5].embedding[0] = 1e30: must be finite, and at most 1e12",
-        ),
-        (
-            "UPDATE images SET image = x'00' WHERE place = 5",
-            "its picture is not of",
+            "UPDATE image_chunks SET images = CAST(images || x'00' AS BLOB) WHERE first = 4",
+            "individuals 4 to 7: values whose lengths do not fit",
         ),
         (
             "UPDATE generations SET best_novelty = best_novelty + 1",
@@ -377,16 +377,65 @@ fn values_that_no_campaign_has_are_named() {
 }
 
 #[test]
-fn a_novelty_that_is_no_number_is_refused() {
-    let novelty = 0.123_456_789_f64;
-    let mut bytes = changed(&format!(
-        "UPDATE individuals SET novelty = {novelty} WHERE place = 5"
-    ));
-    let pattern = novelty.to_be_bytes();
-    let place = bytes.windows(8).position(|window| window == pattern).unwrap();
-    bytes[place..place + 8].copy_from_slice(&f64::NAN.to_be_bytes());
-    let message = refused(&bytes);
-    assert!(message.contains("NULL value in individuals.novelty"), "{message}");
+fn values_that_no_individual_has_are_named() {
+    for (column, beginning, reason) in [
+        (
+            "novelty",
+            &f64::INFINITY.to_le_bytes()[..],
+            "individuals[5].novelty",
+        ),
+        (
+            "novelty",
+            &(-1.0_f64).to_le_bytes(),
+            "individuals[5].novelty = -1",
+        ),
+        (
+            "novelty",
+            &f64::NAN.to_le_bytes(),
+            "individual 5: its novelty is not a number",
+        ),
+        (
+            "novelty",
+            &1e308_f64.to_le_bytes(),
+            "individuals[5].novelty = 1e308: must be 0 or more, and at most 1e30",
+        ),
+        ("seeds", &[7; 8], "individuals[5].seed"),
+        ("verdicts", &[1, 99], "an unknown verdict"),
+        ("controllers", &f64::NAN.to_le_bytes(), "individual 5"),
+        ("features", &f64::NAN.to_le_bytes(), "individuals[5].features"),
+        ("features", &1e300_f64.to_le_bytes(), "individuals[5].features"),
+        (
+            "features",
+            &(-1e12_f64).to_le_bytes(),
+            "individuals[5].features.average_speed = -1e12: must be from 0.000 to",
+        ),
+        (
+            "features",
+            &1000_f64.to_le_bytes(),
+            "individuals[5].features.average_speed = 1e3: must be from 0.000 to",
+        ),
+        ("features", &1_f64.to_le_bytes(), "its archive has digest"),
+        ("embeddings", &f32::NAN.to_le_bytes(), "individuals[5].embedding"),
+        (
+            "embeddings",
+            &1e30_f32.to_le_bytes(),
+            "individuals[5].embedding[0] = 1e30: must be finite, and at most 1e12",
+        ),
+    ] {
+        let message = refused(&changed_by(|connection| {
+            edit(connection, column, 5, |value| {
+                value[..beginning.len()].copy_from_slice(beginning)
+            });
+        }));
+        assert!(message.contains(reason), "{column}\n{message}\n{reason}");
+    }
+    let message = refused(&changed_by(|connection| {
+        edit(connection, "images", 5, |image| *image = vec![0])
+    }));
+    assert!(
+        message.contains("individual 5: its picture is not of"),
+        "{message}"
+    );
 }
 
 #[test]
