@@ -284,8 +284,25 @@ fn into_chunks(transaction: &Transaction<'_>) -> rusqlite::Result<()> {
         transaction,
         "SELECT campaign, checkpoint, place, embedding FROM embeddings ORDER BY campaign, checkpoint, place",
     )?;
-    transaction.execute_batch("DROP TABLE embeddings; DROP TABLE images; DROP TABLE individuals")
+    transaction.execute_batch("DROP TABLE embeddings; DROP TABLE images; DROP TABLE individuals")?;
+    transaction.execute_batch(PROVENANCE)
 }
+
+/// The provenance of 100 results is longer than a row without a rowid can be on its page, and would take a page of its own.
+const PROVENANCE: &str = "
+    ALTER TABLE provenance RENAME TO provenance_before;
+    CREATE TABLE provenance (
+        campaign INTEGER NOT NULL REFERENCES campaigns (number),
+        result TEXT NOT NULL,
+        place INTEGER NOT NULL,
+        machines BLOB NOT NULL,
+        kinds BLOB NOT NULL,
+        UNIQUE (campaign, result, place)
+    ) STRICT;
+    INSERT INTO provenance SELECT campaign, result, place, machines, kinds FROM provenance_before
+        ORDER BY campaign, result, place;
+    DROP TABLE provenance_before;
+";
 
 /// The newest schema version.
 pub(super) const VERSION: u32 = 1 + MIGRATIONS.len() as u32;
