@@ -315,7 +315,7 @@ impl Dispatch {
         tokio::select! {
             biased;
             _ = wrong.wait_for(|wrong| wrong.len() != seen) => false,
-            _ = audits.wait_for(|audits| audits.is_over(submitter)) => true,
+            _ = audits.wait_for(|audits| audits.is_over(submitter)) => self.quarantined.borrow().len() == seen,
         }
     }
 

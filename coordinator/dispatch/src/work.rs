@@ -160,7 +160,7 @@ impl Work for EvaluationJob {
     }
 
     fn is_audited(&self) -> bool {
-        true
+        self.submitter.is_some()
     }
 
     fn only(&self, places: &[usize]) -> Option<Self> {
@@ -257,8 +257,11 @@ impl Work for EmbeddingJob {
 
     fn only(&self, places: &[usize]) -> Option<Self> {
         Some(Self {
+            campaign: self.campaign.clone(),
+            weight: self.weight,
+            embedder: self.embedder,
+            starts: self.starts,
             images: places.iter().map(|&place| self.images[place].clone()).collect(),
-            ..self.clone()
         })
     }
 

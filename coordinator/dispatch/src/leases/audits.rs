@@ -47,6 +47,11 @@ impl<R: Agree + Clone> LeaseTable<R> {
             .iter()
             .map(|&place| job.tasks[place].for_audits())
             .collect();
+        let places: Vec<_> = places.into_iter().collect();
+        let asked = job.asked.iter().filter_map(|(&(place, machine), &at)| {
+            let place = places.binary_search(&place).ok()?;
+            Some(((place, machine), at))
+        });
         let audits = Job {
             settled: tasks.iter().filter(|task| task.state().is_settled()).count(),
             tasks,
@@ -58,14 +63,13 @@ impl<R: Agree + Clone> LeaseTable<R> {
             after: None,
             is_audits: true,
             late_since: None,
-            asked: BTreeMap::new(),
+            asked: asked.collect(),
             leases: BTreeSet::new(),
             rested: BTreeSet::new(),
             lost_with: BTreeMap::new(),
         };
         let id = JobId(self.fresh_number());
         self.jobs.insert(id, audits);
-        let places: Vec<_> = places.into_iter().collect();
         for number in held {
             self.take_over(number, old, (id, &places));
         }
@@ -104,7 +108,12 @@ impl<R: Agree + Clone> LeaseTable<R> {
     /// Whether a further audit may go on after its job.
     pub(super) fn has_room_for_audits(&self) -> bool {
         let open = |job: &Job<R>| match job.is_audits {
-            true => job.tasks.len() - job.settled,
+            // A disagreement stays until somebody decides, and must not keep audits of others from going on.
+            true => job
+                .tasks
+                .iter()
+                .filter(|task| task.votes.len() == 1 && task.wants_another_machine())
+                .count(),
             false => job.tasks.iter().filter(|task| task.is_postponed()).count(),
         };
         self.jobs.values().map(open).sum::<usize>() < MAX_AUDITS

@@ -18,7 +18,7 @@ pub(super) struct Machine {
     claimed: Capacity,
     /// Number of tasks that the machine has answered.
     answered: usize,
-    /// Time of the machine's last answer, or when its first worker joined.
+    /// Time of the machine's last answer, if any.
     pub(super) active: Option<Instant>,
     /// Whether any worker of the machine embeds, or embedded.
     pub(super) embeds: bool,

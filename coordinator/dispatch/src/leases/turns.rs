@@ -1,8 +1,8 @@
 //! Turns: chooses the next job, its tasks, and their worker.
 
 use super::{
-    AT_ONCE, Agree, Event, Grant, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH, SPECULATION_DELAY,
-    WorkerId, job::Job, machine::Machine, workers::Worker,
+    AT_ONCE, Agree, Event, Grant, HANGS_AFTER, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH,
+    SPECULATION_DELAY, WorkerId, job::Job, machine::Machine, workers::Worker,
 };
 use murmuration_model::MachineId;
 use std::{
@@ -81,12 +81,16 @@ impl<R: Agree + Clone> LeaseTable<R> {
             .collect();
         turns.sort_unstable();
         let reserved = self.reserved(now);
+        // Else an audit that a machine holds and does not answer would wait until no other work is left.
+        if let Some((job, choice)) = self.speculate(reserved, now, |job| job.is_audits) {
+            return self.lease(job, choice, now);
+        }
         for (_, job) in turns {
             if let Some(choice) = self.choose(job, reserved, now) {
                 return self.lease(job, choice, now);
             }
         }
-        let (job, choice) = self.speculate(reserved, now)?;
+        let (job, choice) = self.speculate(reserved, now, |_| true)?;
         self.lease(job, choice, now)
     }
 
@@ -202,10 +206,15 @@ impl<R: Agree + Clone> LeaseTable<R> {
 
     /// Chooses a second worker for tasks of a late lease; the first result counts. Each further worker has twice as much time
     /// before the next worker gets the tasks.
-    fn speculate(&self, reserved: Option<WorkerId>, now: Instant) -> Option<(JobId, Choice)> {
+    fn speculate(
+        &self,
+        reserved: Option<WorkerId>,
+        now: Instant,
+        of: impl Fn(&Job<R>) -> bool,
+    ) -> Option<(JobId, Choice)> {
         for lease in self.late(now) {
             let job = self.jobs.get(&lease.job)?;
-            if !job.speculative {
+            if !job.speculative || !of(job) {
                 continue;
             }
             let late = |place: usize| {
@@ -340,6 +349,15 @@ impl<R: Agree + Clone> LeaseTable<R> {
         }
         let late = self.late_machines(now);
         for (id, place) in wanting {
+            let Some(job) = self.jobs.get_mut(&id) else {
+                continue;
+            };
+            if job.tasks[place].state().is_settled() {
+                continue;
+            }
+            if job.tasks[place].is_disputed() {
+                job.late_since.get_or_insert(now);
+            }
             let anybody = self.could_say(id, place, &late, now);
             let late_audit = if anybody {
                 None
@@ -484,9 +502,25 @@ impl<R: Agree + Clone> LeaseTable<R> {
                 && (worker.asks_for_nothing(now)
                     || late.contains(&(id, place, worker.machine()))
                     || self.workers.hangs(worker.machine(), now)
+                    || self.delays_audit(job, place, worker, now)
                     || is_late())
         };
         self.anybody_says(id, place, job, |worker| !is_no_help(worker))
+    }
+
+    /// Whether a job should not wait for a worker with an audit: its machine was asked long ago, on whatever connection, or has not
+    /// answered anything for a while and does not ask for work. The audit then goes on after the job.
+    fn delays_audit(&self, job: &Job<R>, place: usize, worker: &Worker, now: Instant) -> bool {
+        let is_longer = |since: Instant, limit| now.saturating_duration_since(since) > limit;
+        let asked = job.asked.get(&(place, worker.machine()));
+        let active = self
+            .workers
+            .machine(worker.machine())
+            .and_then(|machine| machine.active);
+        let is_idle = active.is_none_or(|active| is_longer(active, SPECULATION_DELAY.1));
+        !job.tasks[place].votes.is_empty()
+            && (asked.is_some_and(|&asked| is_longer(asked, HANGS_AFTER))
+                || (is_idle && worker.credits == 0 && worker.owes.is_empty()))
     }
 
     /// Whether a machine could answer a task that needs another machine, however long it takes.

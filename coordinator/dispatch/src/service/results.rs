@@ -16,6 +16,8 @@ use tracing::Span;
 impl Service {
     /// Takes the outcome of a lease. Returns whether leases or events may follow from it.
     pub(super) fn take_result(&mut self, worker: WorkerId, lease: LeaseNumber, outcome: Outcome) -> bool {
+        // A result of the same batch of messages may have moved the lease to a job of audits.
+        self.tell_events();
         let Some(id) = self.table.leased(worker, lease) else {
             tracing::debug!(?worker, ?lease, "a result that nobody waits for");
             // A worker that owed the answer may have been avoided until now.
@@ -153,6 +155,7 @@ impl Service {
             wanted.and_then(|job| Some((job.submitted.audits(&places)?, job.submitted.submitter()?)));
         let Some((submitted, submitter)) = audits else {
             self.table.forget(id);
+            self.given.retain(|_, given| given.job != id);
             return;
         };
         self.audits.send_modify(|audits| audits.begin(id, submitter));
