@@ -266,7 +266,9 @@ impl Reader<'_> {
         let gap_end = first.map_or(u64::MAX, |first| first.try_into().unwrap_or(0));
         let within = row.filter(|_| gap_end <= place);
         self.chunk = within.map(|row| Chunk::read(row, self.table)).transpose()?;
-        self.known = place..self.chunk.as_ref().map_or(gap_end, Chunk::end);
+        // In a damaged row, the end can be too large for SQLite to compare.
+        self.chunk = self.chunk.take().filter(|chunk| chunk.end() > place);
+        self.known = place..self.chunk.as_ref().map_or(gap_end.max(place + 1), Chunk::end);
         Ok(())
     }
 }

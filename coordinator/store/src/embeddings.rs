@@ -108,6 +108,10 @@ impl Store {
             let mut rows = EMBEDDINGS.reader(connection, number, NEXT)?;
             let (mut range, mut embeddings) = (0..u64::MAX, Vec::new());
             while let Some(member) = rows.next(&mut range)? {
+                if member.place != embeddings.len() as u64 {
+                    let text = format!("the embedding of individual {} is missing", embeddings.len());
+                    return Err(StoreError::damaged(text));
+                }
                 let trials = blob_to_numbers(member.value(0));
                 embeddings.push(mean_embedding(trials.chunks(dimensions.max(1))));
             }

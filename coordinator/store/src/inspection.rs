@@ -3,7 +3,7 @@
 use super::{
     Store, StoreError,
     campaigns::number_of,
-    chunks::{CURRENT, EMBEDDINGS, IMAGES, INDIVIDUALS},
+    chunks::{CURRENT, EMBEDDINGS, IMAGES, INDIVIDUALS, NEXT},
     hidden::HIDDEN,
     labels, open,
 };
@@ -78,7 +78,11 @@ impl Store {
     pub(crate) fn overlap(&self, campaign: &CampaignId) -> Result<Option<(u64, &'static str)>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
-            for (table, which) in [(INDIVIDUALS, "TRUE"), (IMAGES, "TRUE"), (EMBEDDINGS, CURRENT)] {
+            let of_embeddings = [(EMBEDDINGS, CURRENT), (EMBEDDINGS, NEXT)];
+            for (table, which) in [(INDIVIDUALS, "TRUE"), (IMAGES, "TRUE")]
+                .into_iter()
+                .chain(of_embeddings)
+            {
                 if let Some(place) = table.overlap(connection, number, which)? {
                     return Ok(Some((place, table.name)));
                 }

@@ -59,8 +59,16 @@ pub(super) fn to_write(path: &Path) -> Result<Connection, StoreError> {
         )
         .and_then(|()| connection.pragma_update(None, "journal_size_limit", LONG_LOG.cast_signed()))
         .map_err(named)?;
+    if version < schema::VERSION {
+        let to = schema::VERSION;
+        tracing::info!(from = version, to, "the database is converted to a newer schema");
+    }
     schema::migrate(&mut connection, version).map_err(named)?;
     take_over(&mut connection, folder_of(path))?;
+    if version < schema::VERSION {
+        // The log of the conversion can be as long as the database. After this, the next change restarts it.
+        shorten_log(&connection).map_err(named)?;
+    }
     Ok(connection)
 }
 
@@ -97,6 +105,8 @@ pub(super) fn to_look(path: &Path, alone: bool) -> Result<(Connection, u32), Sto
     // A database with an older schema is copied into memory, and the copy is migrated.
     let mut copy = Connection::open_in_memory().map_err(named)?;
     copy_whole(&connection, &mut copy).map_err(named)?;
+    // The doctor reports references to rows that are not there.
+    copy.pragma_update(None, "foreign_keys", false).map_err(named)?;
     schema::migrate(&mut copy, version).map_err(named)?;
     take_over(&mut copy, folder_of(path))?;
     Ok((copy, version))

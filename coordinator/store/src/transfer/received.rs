@@ -229,6 +229,7 @@ impl ReceivedCampaign {
         let (individuals, starts) = (record.individuals(), record.spec.starts().get());
         let (genes, image) = (record.spec.model().genes(), record.spec.individual_bytes());
         let judged = if record.spec.judges() { starts } else { 0 };
+        let population = record.spec.search().population();
         let (dimensions, embedded) = match self.dimensions {
             Some(dimensions) => (dimensions, individuals),
             None => (0, 0),
@@ -240,7 +241,9 @@ impl ReceivedCampaign {
                 format!(
                     "octet_length(seeds) <> 8 * individuals OR octet_length(controllers) <> 8 * {genes} * individuals
                         OR octet_length(features) <> 40 * {starts} * individuals OR octet_length(novelty) <> 8 * individuals
-                        OR octet_length(verdicts) <> {judged} * individuals"
+                        OR octet_length(verdicts) <> {judged} * individuals
+                        OR individuals > 1 AND octet_length(seeds) + octet_length(controllers) + octet_length(features)
+                            + octet_length(novelty) + octet_length(verdicts) > {BYTES}"
                 ),
             ),
             // zstd adds only a few bytes to an image that it cannot compress.
@@ -249,13 +252,17 @@ impl ReceivedCampaign {
                 individuals,
                 format!(
                     "octet_length(ends) <> 4 * individuals OR octet_length(images) > iif(individuals > 1, {BYTES},
-                        {image} + {image} / 64 + 1024)"
+                        {image} + {image} / 64 + 1024)
+                        OR first / {population} <> (first + individuals - 1) / {population}"
                 ),
             ),
             (
                 "embedding_chunks",
                 embedded,
-                format!("checkpoint IS NOT {OWN} OR octet_length(embeddings) <> 4 * {dimensions} * {starts} * individuals"),
+                format!(
+                    "checkpoint IS NOT {OWN} OR octet_length(embeddings) <> 4 * {dimensions} * {starts} * individuals
+                        OR individuals > 1 AND octet_length(embeddings) > {BYTES}"
+                ),
             ),
         ] {
             expect_individuals(&self.store, table, individuals)?;

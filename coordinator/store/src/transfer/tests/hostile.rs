@@ -234,7 +234,7 @@ fn rows_that_are_missing_or_too_many_are_counted() {
             "individuals[4].seed",
         ),
         (
-            "UPDATE image_chunks SET first = 5 WHERE first = 4",
+            "UPDATE image_chunks SET first = 12 WHERE first = 4",
             "individuals[4].image",
         ),
         (
@@ -284,6 +284,7 @@ fn values_of_another_length_or_range_are_refused_before_they_are_read() {
         ("individual_chunks", "novelty = zeroblob(50000000)"),
         ("individual_chunks", "verdicts = x'01'"),
         ("image_chunks", "ends = x'00'"),
+        ("image_chunks", "first = first + 2"),
         ("image_chunks", "images = zeroblob(50000000)"),
         ("image_chunks", "individuals = iif(first = 0, 8, 0)"),
         ("embedding_chunks", "embeddings = x'00'"),
