@@ -283,6 +283,10 @@ impl Rollback {
             Wrong::Individual { index, generation } if index >= moved && !moves => {
                 Some(Self::Generations { generation })
             }
+            // No generation was bred with embeddings by the next embedder yet.
+            Wrong::Embedding(_) if record.embedder.next().is_some() => Some(Self::Embeddings {
+                kept: record.individuals(),
+            }),
             Wrong::Embedding(_) => Some(Self::Embeddings { kept: moved }),
             Wrong::Picture(_) | Wrong::Individual { .. } => None,
         }

@@ -65,4 +65,16 @@ fn a_wrong_individual_takes_its_generation_back_unless_the_archive_has_moved_sin
 fn a_wrong_embedding_has_the_archive_embedded_again() {
     let again = Some(Rollback::Embeddings { kept: 200 });
     assert_eq!(Rollback::of(&embedded(), Wrong::Embedding(3), 30, 200), again);
+    // In a move, 200 is the number of individuals that the next embedder has embedded so far, and no generation depends on them.
+    let moving = CampaignRecord {
+        embedder: ArchiveEmbedder::Switching {
+            from: embedded().embedder.checkpoint(),
+            to: CheckpointDigest::of(b"next"),
+            embedded: 200,
+        },
+        generations_done: 5,
+        ..embedded()
+    };
+    let all = Some(Rollback::Embeddings { kept: 500 });
+    assert_eq!(Rollback::of(&moving, Wrong::Embedding(3), 30, 200), all);
 }
