@@ -13,10 +13,10 @@ use murmuration_proto::v1::{self, campaign_service_client::CampaignServiceClient
 use murmuration_tests::{FakeWorker, ProcessCluster};
 use std::{
     io::{ErrorKind, Read as _},
-    net::{Ipv4Addr, TcpStream},
+    net::{Ipv4Addr, SocketAddr, TcpStream},
     time::Instant,
 };
-use tokio::net::TcpSocket;
+use tokio::{net::TcpSocket, task::JoinSet};
 use tonic::{Code, Status};
 
 pub fn connections(scale: &Scale, undisturbed: &Undisturbed) -> Row {
@@ -118,10 +118,17 @@ pub fn limits(scale: &Scale, undisturbed: &Undisturbed) -> Row {
 fn kept_open(cluster: &ProcessCluster) -> usize {
     let mut open = Vec::new();
     for peer in 0..PEERS {
-        for _ in 0..PER_PEER {
-            let from = Ipv4Addr::new(127, 0, 0, 2 + peer);
-            open.push(cluster.runtime().block_on(connect(from, cluster.address())));
-        }
+        let from = Ipv4Addr::new(127, 0, 0, 2 + peer);
+        // One after the other would take longer on a busy machine than the coordinator allows the first ones to be silent.
+        let to = cluster.address().parse().unwrap();
+        let connections = async {
+            (0..PER_PEER)
+                .map(|_| connect(from, to))
+                .collect::<JoinSet<_>>()
+                .join_all()
+                .await
+        };
+        open.extend(cluster.runtime().block_on(connections));
     }
     let begun = Instant::now();
     // The workers and this test's client occupy some of the connections.
@@ -136,10 +143,10 @@ fn kept_open(cluster: &ProcessCluster) -> usize {
     kept
 }
 
-async fn connect(from: Ipv4Addr, to: &str) -> TcpStream {
+async fn connect(from: Ipv4Addr, to: SocketAddr) -> TcpStream {
     let socket = TcpSocket::new_v4().unwrap();
     socket.bind((from, 0).into()).unwrap();
-    let stream = socket.connect(to.parse().unwrap()).await.unwrap();
+    let stream = socket.connect(to).await.unwrap();
     stream.into_std().unwrap()
 }
 
