@@ -18,6 +18,8 @@ pub(super) struct Machine {
     claimed: Capacity,
     /// Number of tasks that the machine has answered.
     answered: usize,
+    /// When the machine's first worker joined.
+    pub(super) joined: Option<Instant>,
     /// Time of the machine's last answer, if any.
     pub(super) active: Option<Instant>,
     /// Whether any worker of the machine embeds, or embedded.

@@ -140,6 +140,7 @@ impl Roster {
         let machine = self.machines.entry(worker.machine()).or_insert_with(returned);
         machine.workers += 1;
         machine.embeds |= worker.embeds;
+        machine.joined.get_or_insert(worker.heard);
         self.enter(id, &worker);
         self.workers.insert(id, worker);
     }

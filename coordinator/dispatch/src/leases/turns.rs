@@ -513,10 +513,9 @@ impl<R: Agree + Clone> LeaseTable<R> {
     fn delays_audit(&self, job: &Job<R>, place: usize, worker: &Worker, now: Instant) -> bool {
         let is_longer = |since: Instant, limit| now.saturating_duration_since(since) > limit;
         let asked = job.asked.get(&(place, worker.machine()));
-        let active = self
-            .workers
-            .machine(worker.machine())
-            .and_then(|machine| machine.active);
+        let machine = self.workers.machine(worker.machine());
+        // A machine that joined a moment ago is about to ask for work.
+        let active = machine.and_then(|machine| machine.active.max(machine.joined));
         let is_idle = active.is_none_or(|active| is_longer(active, SPECULATION_DELAY.1));
         !job.tasks[place].votes.is_empty()
             && (asked.is_some_and(|&asked| is_longer(asked, HANGS_AFTER))
