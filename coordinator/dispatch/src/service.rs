@@ -72,7 +72,6 @@ pub(super) struct Service {
 
 /// A granted lease.
 struct Given {
-    job: JobId,
     at: Instant,
     /// Identifies the lease in the log; the worker logs under the same span.
     span: Span,
@@ -386,7 +385,7 @@ impl Service {
         for id in withdrawn {
             let held: Vec<_> = self.table.held(id).collect();
             self.table.forget(id);
-            self.given.retain(|_, given| given.job != id);
+            self.forget_given();
             let job = self.jobs.remove(&id);
             // Only trainings are withdrawn: an evaluation ends before the message would arrive.
             if job.is_some_and(|job| job.training().is_some()) {
@@ -468,7 +467,7 @@ impl Service {
                 work: Some(content.submitted.batch(&tasks)),
             });
             let at = Instant::now();
-            self.given.insert(lease, Given { job, at, span });
+            self.given.insert(lease, Given { at, span });
             self.send(worker, message);
         }
     }

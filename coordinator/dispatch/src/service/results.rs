@@ -132,10 +132,6 @@ impl Service {
 
     /// Sends a job's results to its submitter, and goes on with the audits for which the job does not wait.
     fn finish(&mut self, id: JobId, results: Vec<Settled<Vote>>, audits: Option<Audits>) {
-        // The job of audits may have taken over leases.
-        for (&lease, given) in &mut self.given {
-            given.job = self.table.job(lease).unwrap_or(given.job);
-        }
         let job = self.close(id);
         if let Some(Audits { job: next, places }) = audits {
             self.begin_audits(next, job.as_ref(), places);
@@ -155,7 +151,7 @@ impl Service {
             wanted.and_then(|job| Some((job.submitted.audits(&places)?, job.submitted.submitter()?)));
         let Some((submitted, submitter)) = audits else {
             self.table.forget(id);
-            self.given.retain(|_, given| given.job != id);
+            self.forget_given();
             return;
         };
         self.audits.send_modify(|audits| audits.begin(id, submitter));
@@ -249,9 +245,14 @@ impl Service {
         }
     }
 
+    /// Forgets the leases of jobs that are over. A job of audits can have taken over leases of its job.
+    pub(super) fn forget_given(&mut self) {
+        self.given.retain(|&lease, _| self.table.job(lease).is_some());
+    }
+
     /// Forgets a job that is over.
     fn close(&mut self, id: JobId) -> Option<Job> {
-        self.given.retain(|_, given| given.job != id);
+        self.forget_given();
         let job = self.jobs.remove(&id)?;
         if job.audits.is_some() {
             self.audits.send_modify(|audits| audits.end(id));
