@@ -101,12 +101,15 @@ impl Service {
         for events in self.table.take_events() {
             match events {
                 Event::Progress { job, settled } => {
-                    if let Some(known) = self.jobs.get(&job) {
-                        known.job_progress.set_done(settled as u32);
+                    let Some(known) = self.jobs.get(&job) else {
+                        continue;
+                    };
+                    known.job_progress.set_done(settled as u32);
+                    if known.audits.is_some() {
+                        let is_disputed = |place| self.table.is_disputed(job, place);
+                        self.audits
+                            .send_if_modified(|audits| audits.settle(job, is_disputed));
                     }
-                    let is_disputed = |place| self.table.is_disputed(job, place);
-                    self.audits
-                        .send_if_modified(|audits| audits.settle(job, is_disputed));
                 }
                 Event::Done { job, results, audits } => self.finish(job, results, audits),
                 Event::Waived { job, tasks } => {
