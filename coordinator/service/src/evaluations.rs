@@ -242,15 +242,16 @@ fn disagreement(error: JobError, first: usize) -> Status {
     }
 }
 
-/// The controllers of a stream whose results only one machine has computed.
+/// For each machine, the controllers of a stream whose results only this machine has computed: the first one, and their number.
 #[derive(Debug, Default)]
-struct Unaudited(Mutex<BTreeMap<MachineId, Vec<usize>>>);
+struct Unaudited(Mutex<BTreeMap<MachineId, (usize, u64)>>);
 
 impl Unaudited {
     fn add(&self, maker: Maker, controller: usize) {
         if let Some(machine) = maker.unaudited {
             let mut by_machine = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-            by_machine.entry(machine).or_default().push(controller);
+            let (first, count) = by_machine.entry(machine).or_insert((controller, 0));
+            (*first, *count) = ((*first).min(controller), *count + 1);
         }
     }
 
@@ -258,13 +259,12 @@ impl Unaudited {
     fn check(&self, quarantined: &[Quarantined]) -> Result<(), Status> {
         let by_machine = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         for wrong in quarantined {
-            if let Some(controllers) = by_machine.get(&wrong.machine) {
-                let first = controllers.iter().min().copied().unwrap_or_default();
+            if let Some(&(first, count)) = by_machine.get(&wrong.machine) {
                 return Err(Status::data_loss(format!(
                     "{} returned wrong results, and had evaluated {} of this stream, controller {first} among them: evaluate \
                      all controllers again",
                     wrong.name,
-                    counted(controllers.len() as u64, "controller"),
+                    counted(count, "controller"),
                 )));
             }
         }
