@@ -22,6 +22,7 @@ mod queues;
 mod roster;
 mod task;
 mod turns;
+mod undecided;
 mod workers;
 
 pub use audits::Audits;

@@ -110,15 +110,15 @@ fn an_audit_of_a_worker_that_drains_waits_for_its_answer() {
 #[test]
 fn late_answers_to_a_lease_that_went_over_count_for_all_its_tasks() {
     let (mut table, start) = (LeaseTable::new(DISPUTE_TIMEOUT), now());
-    let slow = join(&mut table, process(2), 8);
+    let slow = join(&mut table, process(2), 64);
     let job = table.submit(JobParams {
         audited: BTreeSet::from([1]),
-        ..params(2)
+        ..params(64)
     });
-    let lease = table.grant(start).unwrap();
-    assert_eq!(lease.tasks.len(), 1, "two leases of a task each");
-    let other = table.grant(start).unwrap();
-    let fast = join(&mut table, process(1), 8);
+    let late = table.grant(start).unwrap();
+    assert!(late.tasks.contains(&1) && late.tasks.len() > 1);
+    let fast = join(&mut table, process(1), 1000);
+    table.drain(slow);
     let later = start + 2 * SPECULATION_DELAY.1;
     while let Some(grant) = table.grant(later) {
         let lies = vec![13; grant.tasks.len()];
@@ -130,10 +130,9 @@ fn late_answers_to_a_lease_that_went_over_count_for_all_its_tasks() {
     });
     let (of, audits) = done.expect("nothing waits for the slow machine");
     let audits = audits.expect("the audit goes on");
-    assert_eq!((of, &audits.places[..]), (job, &[1][..]));
-    let results = [lease, other].map(|grant| table.complete(slow, grant.lease, answers(&grant), later));
-    assert_eq!(results.iter().filter(|result| result.is_ok()).count(), 1);
-    assert!(table.is_disputed(audits.job, 0));
+    assert_eq!((of, &audits.places), (job, &late.tasks));
+    table.complete(slow, late.lease, answers(&late), later).unwrap();
+    assert!((0..late.tasks.len()).all(|place| table.is_disputed(audits.job, place)));
 }
 
 #[test]
@@ -209,4 +208,71 @@ fn a_machine_that_answers_slowly_on_purpose_is_waited_for_an_hour_at_most() {
     table.grant(late + LONGEST_PATIENCE + AWAY);
     table.grant(late + LONGEST_PATIENCE + AWAY + Duration::from_secs(2));
     assert!(table.jobs.is_empty());
+}
+
+#[test]
+fn a_generation_does_not_wait_for_a_machine_that_only_reconnects() {
+    let (mut table, start) = (LeaseTable::new(DISPUTE_TIMEOUT), now());
+    let fast = join(&mut table, process(1), 1);
+    let mut idle = table.join(worker_of(2, 0), ABLE, start).unwrap();
+    let job = table.submit(audited(1));
+    let grant = table.grant(start).unwrap();
+    table.complete(fast, grant.lease, answers(&grant), start).unwrap();
+    assert_eq!(table.grant(start), None);
+    assert!(
+        table.jobs.contains_key(&job),
+        "the machine is about to ask for work"
+    );
+    let mut rounds = (1..10).map(|round| (round, start + Duration::from_secs(4) * round as u32));
+    let ended = rounds.find(|&(round, at)| {
+        let next = table.join(worker_of(2, round), ABLE, at).unwrap();
+        table.lose(idle);
+        idle = next;
+        table.grant(at);
+        !table.jobs.contains_key(&job)
+    });
+    assert!(ended.is_some(), "the audit goes on after the job");
+    assert!(table.jobs.values().all(|job| job.is_audits) && !table.jobs.is_empty());
+}
+
+#[test]
+fn a_dispute_ends_beside_a_machine_that_drains() {
+    let (mut table, start) = (LeaseTable::new(DISPUTE_TIMEOUT), now());
+    let two = [1, 2].map(|number| join(&mut table, process(number), 1));
+    let drains = join(&mut table, process(3), 0);
+    table.drain(drains);
+    let job = table.submit(audited(1));
+    for result in [7, 13] {
+        let grant = table.grant(start).unwrap();
+        assert!(two.contains(&grant.worker));
+        table
+            .complete(grant.worker, grant.lease, vec![result], start)
+            .unwrap();
+    }
+    let end = start + HOPELESS_AFTER + Duration::from_secs(1);
+    for at in [start, end, end + 2 * DISPUTE_TIMEOUT] {
+        assert!(table.jobs.contains_key(&job));
+        table.grant(at);
+    }
+    assert!(!table.jobs.contains_key(&job), "the job ends in a disagreement");
+}
+
+#[test]
+fn an_audit_that_a_machine_sits_on_comes_before_other_work() {
+    let (mut table, start) = (LeaseTable::new(DISPUTE_TIMEOUT), now());
+    let fast = join(&mut table, process(1), 1);
+    let hangs = join(&mut table, process(2), 0);
+    table.submit(audited(1));
+    let grant = table.grant(start).unwrap();
+    table.complete(fast, grant.lease, answers(&grant), start).unwrap();
+    table.add_credits(hangs, 1);
+    let audit = table.grant(start).unwrap();
+    assert_eq!(audit.worker, hangs);
+    let later = start + 2 * SPECULATION_DELAY.1;
+    assert_eq!(table.grant(later), None, "the audit goes on after its job");
+    let audits = table.leased(hangs, audit.lease).unwrap();
+    table.submit(params(1000));
+    let third = join(&mut table, process(3), 1);
+    let next = table.grant(later).unwrap();
+    assert_eq!((next.worker, next.job), (third, audits));
 }

@@ -1,0 +1,266 @@
+//! Tasks that need another machine: audits, disputes, tasks that a machine reported as impossible, and tasks with which workers
+//! were lost. Decides whether another machine could answer such a task, and what becomes of the task if none could.
+
+use super::{
+    Agree, Event, HANGS_AFTER, JobId, Lease, LeaseTable, SPECULATION_DELAY, job::Job, machine::Machine,
+    workers::Worker,
+};
+use murmuration_model::MachineId;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    time::Instant,
+};
+
+/// The fate of an audit that no other machine could answer soon.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum LateAudit {
+    /// The audit goes on after its job.
+    GoesOn,
+    /// Too many audits go on already: the job waits.
+    Waits,
+    /// One vote is enough.
+    Ends,
+}
+
+/// Whether a task has waited for this machine's answer for longer than the machine's patience allows.
+fn has_waited_for<R>(job: &Job<R>, place: usize, (id, machine): (MachineId, &Machine), now: Instant) -> bool {
+    // A machine that was not asked may be busy: it counts as long as it answers other leases.
+    let since = match job.asked.get(&(place, id)) {
+        Some(&asked) => Some(asked),
+        None => job
+            .late_since
+            .map(|since| machine.active.map_or(since, |active| since.max(active))),
+    };
+    let too_long = |since| now.saturating_duration_since(since) > machine.patience();
+    machine.is_hopeless(now) || since.is_some_and(too_long)
+}
+
+impl<R: Agree + Clone> LeaseTable<R> {
+    /// Decides about tasks that need another machine, if no other machine could answer soon. Audits are postponed if another
+    /// machine could answer later, and waived otherwise. Tasks with which three workers were lost are poisoned. A disputed task,
+    /// or a task that one machine reports as impossible, ends the job with an event, unless another machine joins in time.
+    pub(super) fn decide_without_others(&mut self, now: Instant) {
+        let mut concerned = BTreeSet::new();
+        let mut over = BTreeMap::new();
+        let anybody_works = self.workers() > 0;
+        self.end_hopeless_audits(now);
+        let wanting = self.wanting_another_machine(now);
+        if wanting.is_empty() {
+            return;
+        }
+        let late = self.late_machines(now);
+        for (id, place) in wanting {
+            let Some(job) = self.jobs.get_mut(&id) else {
+                continue;
+            };
+            if job.tasks[place].state().is_settled() {
+                continue;
+            }
+            if job.tasks[place].is_disputed() {
+                job.late_since.get_or_insert(now);
+            }
+            let anybody = self.could_say(id, place, &late, now);
+            let late_audit = if anybody {
+                None
+            } else {
+                self.late_audit(id, place, now)
+            };
+            let Some(job) = self.jobs.get_mut(&id) else {
+                continue;
+            };
+            if late_audit == Some(LateAudit::Waits) {
+                job.late_since.get_or_insert(now);
+            }
+            let task = &mut job.tasks[place];
+            let before = task.state();
+            if anybody || late_audit == Some(LateAudit::Waits) {
+                task.alone_since = None;
+            } else if task.votes.is_empty() && task.has_lost_enough() {
+                task.blame();
+                job.file(place, before);
+                concerned.insert(id);
+            } else if let Some(late_audit) = late_audit {
+                if late_audit == LateAudit::GoesOn {
+                    task.postpone_audit();
+                } else {
+                    task.waive_audit();
+                    self.events.push(Event::Waived { job: id, tasks: 1 });
+                }
+                job.file(place, before);
+                concerned.insert(id);
+            } else if task.votes.is_empty() && !anybody_works {
+                // The operator may have stopped the worker that failed, and may be starting another worker.
+                task.alone_since = None;
+            } else if now.saturating_duration_since(*task.alone_since.get_or_insert(now))
+                >= self.dispute_timeout
+            {
+                over.insert(id, place);
+            }
+        }
+        for (id, task) in over {
+            self.end_undecided(id, task, now);
+        }
+        for job in concerned {
+            self.tell(job);
+        }
+    }
+
+    /// The fate of an audit that no other machine could answer soon; `None` if the task is no audit.
+    fn late_audit(&self, id: JobId, place: usize, now: Instant) -> Option<LateAudit> {
+        let task = &self.jobs.get(&id)?.tasks[place];
+        if task.votes.is_empty() || task.is_disputed() {
+            return None;
+        }
+        Some(if !self.could_ever_say(id, place, now) {
+            LateAudit::Ends
+        } else if self.has_room_for_audits() {
+            LateAudit::GoesOn
+        } else if self.could_answer(id, place, now, |machine| !machine.hangs(now)) {
+            LateAudit::Waits
+        } else {
+            LateAudit::Ends
+        })
+    }
+
+    /// Reports a task that is disputed or impossible, and ends its job. A job of audits goes on after a dispute.
+    fn end_undecided(&mut self, id: JobId, place: usize, now: Instant) {
+        let between: Vec<_> = self
+            .jobs
+            .get(&id)
+            .map(|job| job.tasks[place].voters().collect())
+            .unwrap_or_default();
+        if between.is_empty() {
+            self.end_as_impossible(id, place);
+            return;
+        }
+        match self.jobs.get_mut(&id) {
+            // A third machine may still come: the disagreement is not forgotten, and is an event again after a while.
+            Some(job) if job.is_audits => job.tasks[place].alone_since = Some(now),
+            _ => self.forget(id),
+        }
+        self.events.push(Event::Disagreement {
+            job: id,
+            task: place,
+            between,
+        });
+    }
+
+    /// Tasks that only another machine can settle: tasks that wait for a machine, and tasks of late leases.
+    fn wanting_another_machine(&self, now: Instant) -> Vec<(JobId, usize)> {
+        let jobs = self.jobs.iter();
+        let waiting = jobs.flat_map(|(&id, job)| {
+            let queues = job.queues.second.iter().chain(&job.queues.alone);
+            queues.map(move |&place| (id, place))
+        });
+        let late = self
+            .late(now)
+            .flat_map(|lease| lease.tasks.iter().map(|&place| (lease.job, place)));
+        let wants = |(id, place): &(JobId, usize)| {
+            let job = self.jobs.get(id);
+            // Audits that go on after their jobs wait for any machine that could answer (`end_hopeless_audits`).
+            let is_decided = |job: &Job<R>| !job.is_audits || job.tasks[*place].votes.len() != 1;
+            job.is_some_and(|job| job.tasks[*place].wants_another_machine() && is_decided(job))
+        };
+        waiting.chain(late).filter(wants).collect()
+    }
+
+    /// The machines that are late, with their tasks.
+    fn late_machines(&self, now: Instant) -> BTreeSet<(JobId, usize, MachineId)> {
+        let of = |lease: &Lease| (lease.job, lease.process.machine, lease.tasks.clone());
+        let late = self.late(now).map(of);
+        late.flat_map(|(job, machine, tasks)| tasks.into_iter().map(move |place| (job, place, machine)))
+            .collect()
+    }
+
+    /// Whether a connected worker could soon answer a task that needs another machine.
+    ///
+    /// A worker does not count if its machine is late with the task or hangs, if it is late with other tasks and takes no more
+    /// work, if it has long been idle without asking for work, or if it would delay the job with an audit. Nor does it count if
+    /// it gave the task's job back and has completed no lease of the job since, unless the job would end without such workers.
+    /// Late, hanging and idle workers count for a task without votes that a machine refused, or whose job is not speculative: jobs
+    /// that are not speculative take minutes.
+    fn could_say(
+        &self,
+        id: JobId,
+        place: usize,
+        late: &BTreeSet<(JobId, usize, MachineId)>,
+        now: Instant,
+    ) -> bool {
+        let Some(job) = self.jobs.get(&id) else {
+            return false;
+        };
+        let task = &job.tasks[place];
+        // A disagreement is worth waiting for a slow machine: it shows that a machine is wrong.
+        if task.is_disputed() {
+            return self.could_ever_say(id, place, now);
+        }
+        let is_urgent = !task.votes.is_empty() || (job.speculative && task.refused.is_empty());
+        let is_no_help = |worker: &Worker| {
+            // A worker that is late with another task can still get this task, unless the worker takes no more work.
+            let takes_more = worker.credits > 0 && !worker.alone;
+            let is_late = || self.is_behind(worker, now) && !takes_more;
+            is_urgent
+                && (worker.asks_for_nothing(now)
+                    || late.contains(&(id, place, worker.machine()))
+                    || self.workers.hangs(worker.machine(), now)
+                    || self.delays_audit(job, place, worker, now)
+                    || is_late())
+        };
+        self.anybody_says(id, place, job, |worker| !is_no_help(worker))
+    }
+
+    /// Whether a job should not wait for a worker with an audit: its machine was asked long ago, on whatever connection, or has
+    /// answered nothing for a while and does not ask for work. The audit then goes on after the job.
+    fn delays_audit(&self, job: &Job<R>, place: usize, worker: &Worker, now: Instant) -> bool {
+        let is_longer = |since: Instant, limit| now.saturating_duration_since(since) > limit;
+        let asked = job.asked.get(&(place, worker.machine()));
+        let machine = self.workers.machine(worker.machine());
+        // A machine that joined a moment ago is about to ask for work.
+        let active = machine.and_then(|machine| machine.active.max(machine.joined));
+        let is_idle = active.is_none_or(|active| is_longer(active, SPECULATION_DELAY.1));
+        !job.tasks[place].votes.is_empty()
+            && (asked.is_some_and(|&asked| is_longer(asked, HANGS_AFTER))
+                || (is_idle && worker.credits == 0 && worker.owes.is_empty()))
+    }
+
+    /// Whether a machine could answer a task that needs another machine, however long it takes.
+    pub(super) fn could_ever_say(&self, id: JobId, place: usize, now: Instant) -> bool {
+        self.could_answer(id, place, now, |_| true)
+    }
+
+    /// Whether one of these machines could answer a task that needs another machine: a machine with a worker that asks for work
+    /// or holds the task, or a machine whose last worker drains or has just left, since the worker may be restarting. The task
+    /// must not have waited too long for the machine.
+    fn could_answer(&self, id: JobId, place: usize, now: Instant, on: impl Fn(&Machine) -> bool) -> bool {
+        let Some(job) = self.jobs.get(&id) else {
+            return false;
+        };
+        let task = &job.tasks[place];
+        let is_one = |id: MachineId, machine: &Machine| {
+            task.wants(id) && on(machine) && !has_waited_for(job, place, (id, machine), now)
+        };
+        let mut workers = self.workers.iter();
+        let by_worker = workers.any(|(_, worker)| {
+            let machine = self.workers.machine(worker.machine());
+            let asks = worker.suits(job) && !worker.asks_for_nothing(now) && !worker.gave_up(id);
+            let drains = worker.capacity == 0 && (worker.embeds || !job.embeds);
+            (asks || drains || self.has_in_hand(worker, id, place))
+                && machine.is_some_and(|machine| is_one(worker.machine(), machine))
+        });
+        by_worker
+            || self.workers.away(now).any(|(id, machine)| {
+                let suits = (machine.embeds || !job.embeds) && !self.quarantined.contains(&id);
+                suits && is_one(id, machine)
+            })
+    }
+
+    fn anybody_says(&self, id: JobId, place: usize, job: &Job<R>, helps: impl Fn(&Worker) -> bool) -> bool {
+        let task = &job.tasks[place];
+        let ends_the_job = task.is_disputed() || !task.refused.is_empty();
+        let gives_back = |worker: &Worker| !ends_the_job && worker.gave_back(id);
+        self.workers.iter().any(|(_, worker)| {
+            let could = worker.suits(job) || self.has_in_hand(worker, id, place);
+            could && task.wants(worker.machine()) && helps(worker) && !gives_back(worker)
+        })
+    }
+}
