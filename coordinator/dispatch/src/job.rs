@@ -12,7 +12,7 @@ use murmuration_swarm::{
 use std::fmt;
 use tokio::sync::watch;
 
-/// Who submits evaluations, and waits for their audits.
+/// A campaign, or a stream of evaluations. It ends only after the audits of its jobs.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Submitter {
     Campaign(CampaignId),
@@ -42,7 +42,7 @@ impl fmt::Display for Submitter {
 /// Controllers to evaluate. Their tasks differ only in genome and seed.
 #[derive(Debug, Clone)]
 pub struct EvaluationJob {
-    /// Who waits for the results, and for audits that go on after the job; `None` for a look at something that is not kept.
+    /// Campaign or stream that the job belongs to; `None` if the results are only shown. Audits of such a job end with the job.
     pub submitter: Option<Submitter>,
     /// The job's share of the workers.
     pub weight: Weight,

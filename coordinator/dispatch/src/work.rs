@@ -28,7 +28,7 @@ pub(super) trait Work: Debug + Send + 'static {
     /// The campaign that the work belongs to, if any.
     fn campaign(&self) -> Option<&CampaignId>;
 
-    /// Who waits for audits that go on after the job; `None` if nobody does.
+    /// Campaign or stream for which audits go on after the job; `None` if audits end with the job.
     fn submitter(&self) -> Option<Submitter> {
         self.campaign().cloned().map(Submitter::Campaign)
     }

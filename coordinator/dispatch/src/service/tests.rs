@@ -155,3 +155,31 @@ fn audits_of_a_job_whose_submitter_has_gone_take_no_worker() {
     service.follow_up();
     assert!(third.lease().is_some());
 }
+
+#[test]
+fn a_late_answer_counts_in_the_same_batch_of_messages_as_the_end_of_its_job() {
+    let mut service = service();
+    let mut fast = Peer::join(&mut service, 1);
+    let mut slow = Peer::join(&mut service, 2);
+    let (job, mut results) = Submitted::new(two_pictures());
+    service.take(Request::Submit {
+        job: Box::new(job),
+        job_progress: Arc::default(),
+    });
+    let first = fast.ask(&mut service);
+    fast.answer(&mut service, first);
+    let late = slow.ask(&mut service);
+    let second = fast.ask(&mut service);
+    // The worker is late with the audit after a tenth of a second, and takes no other work: the audit will go on after the job.
+    slow.report(&mut service, WorkerReport::Drain);
+    std::thread::sleep(Duration::from_millis(150));
+    service.follow_up();
+    fast.answer(&mut service, second);
+    let mut third = Peer::join(&mut service, 3);
+    let last = third.ask(&mut service);
+    third.answer(&mut service, last);
+    slow.answer(&mut service, late);
+    service.follow_up();
+    assert!(results.try_recv().is_ok());
+    assert!(service.jobs.is_empty() && service.given.is_empty());
+}
