@@ -18,6 +18,19 @@ pub struct CheckpointRecord {
     pub created_ms: u64,
 }
 
+#[cfg(test)]
+impl CheckpointRecord {
+    /// A checkpoint without parent, data or labels.
+    pub(crate) fn of(bytes: &[u8]) -> Self {
+        Self {
+            digest: CheckpointDigest::of(bytes),
+            size: bytes.len() as u64,
+            lineage: Lineage::default(),
+            created_ms: 0,
+        }
+    }
+}
+
 const SELECT: &str = "
     SELECT digest, size, parent, data_digest, label_digest, configuration, metrics, created_ms, labelled FROM checkpoints";
 

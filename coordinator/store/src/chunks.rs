@@ -24,7 +24,7 @@ pub(super) const BYTES: usize = 64 << 10;
 /// A table of chunks.
 pub(super) struct Table {
     pub(super) name: &'static str,
-    /// The column for what is the same for all individuals of a chunk, or the column `ends`.
+    /// The column of a value that all individuals of a chunk share, or the column `ends`.
     common: &'static str,
     /// The columns with a value of each individual.
     columns: &'static [&'static str],
@@ -125,7 +125,7 @@ impl Table {
         Ok(first.map(i64::unsigned_abs))
     }
 
-    /// Adds the individuals of a query's rows: campaign, what is common to the individuals of a chunk, place, value of each column.
+    /// Adds the individuals of a query's rows: campaign, generation or checkpoint, place, value of each column.
     pub(super) fn fill(&self, transaction: &Transaction<'_>, query: &str) -> rusqlite::Result<()> {
         let mut writer = self.writer(transaction)?;
         let mut select = transaction.prepare(query)?;
@@ -161,7 +161,7 @@ pub(super) struct Writer<'t> {
 
 impl Writer<'_> {
     /// Adds the values of the individual at `place`. Begins another chunk if the current one is full, or if the individual does
-    /// not continue it. Pictures have their generation in common.
+    /// not continue it. All pictures of a chunk are from one generation.
     pub(super) fn add(
         &mut self,
         campaign: i64,
@@ -278,7 +278,7 @@ impl Reader<'_> {
 struct Chunk {
     first: u64,
     individuals: usize,
-    /// What the individuals have in common; 0 for pictures.
+    /// Value of the column [`Table::common`], which all individuals of the chunk share; 0 for pictures.
     common: i64,
     ends: Option<Vec<usize>>,
     columns: Vec<Vec<u8>>,
@@ -340,7 +340,7 @@ pub(super) struct Member<'a> {
 }
 
 impl<'a> Member<'a> {
-    /// What all individuals of the chunk have in common; 0 for pictures.
+    /// Generation or checkpoint that all individuals of the chunk share; 0 for pictures.
     pub(super) const fn common(self) -> i64 {
         self.chunk.common
     }

@@ -7,9 +7,7 @@ mod taxonomies;
 use super::*;
 use murmuration_model::{CampaignId, CampaignState, MachineId, Maker, Quarantined, SavedTraining, Weight};
 use murmuration_search::medoids::Clustering;
-use murmuration_swarm::{
-    CampaignSpec, CheckpointDigest, Controller, EmbeddingKind, Lineage, Preset, Verdict,
-};
+use murmuration_swarm::{CampaignSpec, CheckpointDigest, Controller, EmbeddingKind, Preset, Verdict};
 use std::fs;
 
 const MODEL: Preset = Preset::SingleSensor;
@@ -63,16 +61,11 @@ fn commit(store: &Store, id: &CampaignId, generation: u32) -> Result<(), StoreEr
 /// A store with two checkpoints and a latent campaign of one generation, which the first checkpoint embeds.
 fn embedded() -> (tempfile::TempDir, Store, CampaignId, [CheckpointDigest; 2]) {
     let (folder, store) = open();
-    let digests = [b"one", b"two"].map(|bytes| CheckpointDigest::of(bytes));
-    for digest in digests {
-        let record = CheckpointRecord {
-            digest,
-            size: 3,
-            lineage: Lineage::default(),
-            created_ms: 0,
-        };
-        store.add_checkpoint(&record).unwrap();
+    let checkpoints = [b"one", b"two"].map(|bytes| CheckpointRecord::of(bytes));
+    for checkpoint in &checkpoints {
+        store.add_checkpoint(checkpoint).unwrap();
     }
+    let digests = checkpoints.map(|checkpoint| checkpoint.digest);
     let text = format!(
         "model = \"single-sensor\"\nmethod = \"latent\"\ncheckpoint = \"{}\"",
         digests[0]

@@ -9,7 +9,7 @@ use crate::{
     schema,
 };
 use murmuration_model::{CampaignId, Weight};
-use murmuration_swarm::{CampaignSpec, CheckpointDigest, Lineage, Verdict};
+use murmuration_swarm::{CampaignSpec, Verdict};
 use proptest::prelude::*;
 
 /// Changes the value of one individual in a column of a database's only campaign.
@@ -53,7 +53,7 @@ pub(crate) fn edit(connection: &Connection, column: &str, place: i64, change: im
     }
 }
 
-/// What the individuals of a campaign have.
+/// Values that each individual of a campaign has.
 #[derive(Debug, Clone, Copy)]
 struct Kind {
     starts: usize,
@@ -85,18 +85,12 @@ fn individual(kind: Kind, index: u64, generation: u32) -> ArchivedIndividual {
 fn store(kind: Kind, generations: &[u64]) -> (tempfile::TempDir, Store, CampaignId, Vec<ArchivedIndividual>) {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
-    let digest = CheckpointDigest::of(b"one");
-    let record = CheckpointRecord {
-        digest,
-        size: 3,
-        lineage: Lineage::default(),
-        created_ms: 0,
-    };
-    store.add_checkpoint(&record).unwrap();
+    let checkpoint = CheckpointRecord::of(b"one");
+    store.add_checkpoint(&checkpoint).unwrap();
     let spec = format!(
-        "model = \"single-sensor\"\nmethod = \"latent\"\ncheckpoint = \"{digest}\"\n[image]\nresolution = 8\n\
+        "model = \"single-sensor\"\nmethod = \"latent\"\ncheckpoint = \"{}\"\n[image]\nresolution = 8\n\
          [evaluation]\nstarts = {}\njudge = {}",
-        kind.starts, kind.judge
+        checkpoint.digest, kind.starts, kind.judge
     );
     let spec = CampaignSpec::from_toml(&spec).unwrap();
     let id = store.create_campaign(&spec, Weight::default(), 0).unwrap();

@@ -3,22 +3,17 @@
 use super::*;
 use crate::{ArchivedIndividual, CheckpointRecord, DataDirectory, GenerationRecord, Provenance};
 use murmuration_model::{SavedTraining, Weight, labels::Action};
-use murmuration_swarm::{CampaignSpec, Lineage};
+use murmuration_swarm::CampaignSpec;
 
 /// A completed campaign of 5 individuals that began with a published checkpoint, and another checkpoint.
 fn open() -> (tempfile::TempDir, Store, CampaignId, CheckpointDigest) {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
-    let [first, second] = [b"first", b"other"].map(|bytes| CheckpointDigest::of(bytes));
-    for digest in [first, second] {
-        let record = CheckpointRecord {
-            digest,
-            size: 5,
-            lineage: Lineage::default(),
-            created_ms: 0,
-        };
-        store.add_checkpoint(&record).unwrap();
+    let checkpoints = [b"first", b"other"].map(|bytes| CheckpointRecord::of(bytes));
+    for checkpoint in &checkpoints {
+        store.add_checkpoint(checkpoint).unwrap();
     }
+    let [first, second] = checkpoints.map(|checkpoint| checkpoint.digest);
     let spec = format!(
         "model = \"single-sensor\"\nmethod = \"latent\"\ncheckpoint = \"{first}\"\n\
          [search]\npopulation = 5\ngenerations = 1\n[taxonomy]\nmedoids = 2\n[feedback]\ngenerations = 3"

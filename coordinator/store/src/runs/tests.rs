@@ -4,7 +4,7 @@ use super::*;
 use crate::{ArchivedIndividual, DataDirectory, GenerationRecord, Picture, Provenance, Switch};
 use murmuration_model::{SavedTraining, Weight, labels::RequestId};
 use murmuration_search::medoids::Clustering;
-use murmuration_swarm::{CampaignSpec, Controller, Lineage, Preset};
+use murmuration_swarm::{CampaignSpec, Controller, Preset};
 
 fn open() -> (tempfile::TempDir, Store, CampaignId) {
     let folder = tempfile::tempdir().unwrap();
@@ -20,15 +20,9 @@ fn running(store: &Store, id: &CampaignId) -> Store {
 }
 
 fn checkpoint(store: &Store) -> CheckpointDigest {
-    let digest = CheckpointDigest::of(b"checkpoint");
-    let record = crate::CheckpointRecord {
-        digest,
-        size: 10,
-        created_ms: 0,
-        lineage: Lineage::default(),
-    };
+    let record = crate::CheckpointRecord::of(b"checkpoint");
     store.add_checkpoint(&record).unwrap();
-    digest
+    record.digest
 }
 
 /// A change that a stage makes.
