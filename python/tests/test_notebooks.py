@@ -17,7 +17,7 @@ from nbformat import NotebookNode
 from test_learned import LATENT
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples/notebooks"
-SECONDS_FOR_A_CELL = 120
+SECONDS_FOR_A_CELL = 600
 # The tag of cells at the end of a notebook that need PyTorch. On Linux with x86-64, PyPI has it only with
 # 3 GB of CUDA, so it is not a dependency of the tests.
 NEEDS_PYTORCH = "pytorch"

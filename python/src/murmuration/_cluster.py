@@ -20,8 +20,8 @@ from ._programs import environment
 # A coordinator checks its database before it listens.
 _SECONDS_TO_START = 120
 _SECONDS_TO_LOOK_AGAIN = 0.01
-# Time limit for a guard to end after its coordinator.
-_SECONDS_TO_END = 0.5
+# Time limit for a coordinator that answers no more, and its guard, to end: a coordinator needs up to 5 s.
+_SECONDS_TO_END = 6
 # Most bytes of the log that a message quotes.
 _QUOTED_BYTES = 2_000
 

@@ -12,7 +12,7 @@ use murmuration_access::limits::{
 use murmuration_proto::v1::{self, campaign_service_client::CampaignServiceClient, worker_message::Message};
 use murmuration_tests::{FakeWorker, ProcessCluster};
 use std::{
-    io::{ErrorKind, Read as _},
+    io::{ErrorKind, Read as _, Write as _},
     net::{Ipv4Addr, SocketAddr, TcpStream},
     time::Instant,
 };
@@ -84,6 +84,11 @@ const WANTED: usize = PER_PEER * PEERS as usize;
 
 const _: () = assert!(WANTED > MAX_CONNECTIONS + 500);
 
+/// The first bytes of an HTTP/2 connection.
+const PREFACE: &[u8] = b"PRI * HTTP/2.0";
+
+const _: () = assert!(PREFACE.len() >= PEERS as usize);
+
 /// Number of open files that either end of the connections needs. Both ends are processes of this machine, with the same limit of
 /// open files.
 pub const FILES: u64 = WANTED as u64 + 500;
@@ -129,6 +134,11 @@ fn kept_open(cluster: &ProcessCluster) -> usize {
                 .await
         };
         open.extend(cluster.runtime().block_on(connections));
+        // On a busy machine all connections together may take longer than a connection may be silent.
+        for stream in &mut open {
+            // The coordinator has closed some of the connections.
+            let _ = stream.write(&PREFACE[usize::from(peer)..=usize::from(peer)]);
+        }
     }
     let begun = Instant::now();
     // The workers and this test's client occupy some of the connections.
