@@ -341,7 +341,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
         results: Vec<R>,
         now: Instant,
     ) -> Result<(), Refused> {
-        self.excuse(worker, number);
+        self.answered(worker, number, now);
         let lease = self.leases.get(&number).ok_or(Refused::UnknownLease)?;
         let process = self.process(worker).ok_or(Refused::UnknownLease)?;
         if lease.process != process {
@@ -357,7 +357,6 @@ impl<R: Agree + Clone> LeaseTable<R> {
         let answered = lease.tasks.len();
         self.workers.change(worker, |worker| {
             worker.rests.remove(&id);
-            worker.active = now;
             worker.answered = worker.answered.saturating_add(answered);
         });
         self.workers.learn(process.machine, answered, took, now);
@@ -466,10 +465,18 @@ impl<R: Agree + Clone> LeaseTable<R> {
         }
     }
 
-    /// A worker need not answer a lease any more, or has answered it. Returns whether the worker owed the answer: its job may be
-    /// over.
-    pub fn excuse(&mut self, worker: WorkerId, number: LeaseNumber) -> bool {
-        self.workers.excuse(worker, number)
+    /// A worker need not answer a lease any more.
+    pub fn excuse(&mut self, worker: WorkerId, number: LeaseNumber) {
+        self.workers.excuse(worker, number);
+    }
+
+    /// A worker has answered a lease, whose job may be over. Returns whether the worker owed the answer.
+    pub fn answered(&mut self, worker: WorkerId, number: LeaseNumber, now: Instant) -> bool {
+        let owed = self.workers.excuse(worker, number);
+        if owed {
+            self.workers.be_active(worker, now);
+        }
+        owed
     }
 
     /// Records a job's progress as an event, and forgets the job once it is over.

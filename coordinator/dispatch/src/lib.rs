@@ -258,6 +258,10 @@ enum Request {
         report: WorkerReport,
     },
     WithdrawAudits(Submitter),
+    Mistrust {
+        wrong: Vec<Quarantined>,
+        reply: oneshot::Sender<()>,
+    },
     TrainingLease {
         worker: WorkerId,
         epoch: u64,
@@ -316,6 +320,16 @@ impl Dispatch {
             biased;
             _ = wrong.wait_for(|wrong| wrong.len() != seen) => false,
             _ = audits.wait_for(|audits| audits.is_over(submitter)) => self.quarantined.borrow().len() == seen,
+        }
+    }
+
+    /// Quarantines machines that were found wrong elsewhere, and returns when they are quarantined.
+    pub async fn mistrust(&self, wrong: Vec<Quarantined>) {
+        let (reply, done) = oneshot::channel();
+        let mistrust = Request::Mistrust { wrong, reply };
+        if self.commands.send(Command::Work(mistrust)).await.is_ok() {
+            // A dispatcher that has ended quarantines nobody.
+            let _ = done.await;
         }
     }
 

@@ -31,6 +31,9 @@ use tracing::Span;
 
 /// How often the service looks for silent workers and late leases.
 const TICK: Duration = Duration::from_millis(100);
+/// If the coordinator was stopped for longer than this time, it has not read the heartbeats of this time, so that no worker counts
+/// as silent.
+const STALL: Duration = Duration::from_secs(1);
 /// Once this number of names is remembered, names of processes that are gone are forgotten.
 const MOST_NAMES: usize = 4096;
 /// Maximum number of answers on one connection to leases that the worker does not owe. A sound worker sends a few after it or the
@@ -143,6 +146,7 @@ impl Service {
         let mut tick = tokio::time::interval(TICK);
         tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut commands = Vec::with_capacity(AT_ONCE);
+        let mut looked = Instant::now();
         loop {
             tokio::select! {
                 received = inbox.recv_many(&mut commands, AT_ONCE) => match self.take_all(&mut commands) {
@@ -151,7 +155,10 @@ impl Service {
                     Taken::SignsOfLife => continue,
                     Taken::Work => {}
                 },
-                _ = tick.tick() => self.lose_silent_workers(),
+                _ = tick.tick() => {
+                    let since = std::mem::replace(&mut looked, Instant::now());
+                    self.lose_silent_workers(since);
+                }
             }
             self.follow_up();
         }
@@ -216,6 +223,12 @@ impl Service {
             }
             Request::Report { worker, report } => return self.take_report(worker, report),
             Request::WithdrawAudits(submitter) => self.withdraw_audits(&submitter),
+            Request::Mistrust { wrong, reply } => {
+                self.mistrust(wrong);
+                // The submitter may have gone.
+                let _ = reply.send(());
+                return true;
+            }
             Request::TrainingLease {
                 worker,
                 epoch,
@@ -400,8 +413,14 @@ impl Service {
         }
     }
 
-    fn lose_silent_workers(&mut self) {
-        for id in self.table.silent(Instant::now(), self.options.silence_limit) {
+    /// Loses workers that have been silent for too long. `looked` is the last time when this function was called.
+    fn lose_silent_workers(&mut self, looked: Instant) {
+        let now = Instant::now();
+        if now.saturating_duration_since(looked) > STALL {
+            let workers: Vec<_> = self.workers.keys().copied().collect();
+            workers.into_iter().for_each(|id| self.table.keep_alive(id, now));
+        }
+        for id in self.table.silent(now, self.options.silence_limit) {
             let text = format!(
                 "no message for {:?}: the leases went to other workers",
                 self.options.silence_limit

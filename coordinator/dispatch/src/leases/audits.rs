@@ -105,8 +105,8 @@ impl<R: Agree + Clone> LeaseTable<R> {
         }
     }
 
-    /// Whether a further audit may go on after its job.
-    pub(super) fn has_room_for_audits(&self) -> bool {
+    /// Number of further audits that may go on after their jobs.
+    pub(super) fn room_for_audits(&self) -> usize {
         let open = |job: &Job<R>| match job.is_audits {
             // A disagreement stays until somebody decides, and must not keep audits of others from going on.
             true => job
@@ -116,7 +116,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
                 .count(),
             false => job.tasks.iter().filter(|task| task.is_postponed()).count(),
         };
-        self.jobs.values().map(open).sum::<usize>() < MAX_AUDITS
+        MAX_AUDITS.saturating_sub(self.jobs.values().map(open).sum())
     }
 
     /// Ends audits that no machine can finish any more. Looks only once a second, since there may be many audits.

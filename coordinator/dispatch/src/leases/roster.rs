@@ -207,6 +207,15 @@ impl Roster {
         owed
     }
 
+    /// Records that a worker has answered a lease at time `now`.
+    pub(super) fn be_active(&mut self, id: WorkerId, now: Instant) {
+        if let Some(worker) = self.workers.get_mut(&id) {
+            worker.active = now;
+            let machine = worker.machine();
+            self.change_machine(machine, |machine| machine.active = Some(now));
+        }
+    }
+
     /// Records that a worker makes progress with a lease that takes long.
     pub(super) fn renew(&mut self, id: WorkerId, lease: LeaseNumber, now: Instant) {
         if self.excuse(id, lease) {

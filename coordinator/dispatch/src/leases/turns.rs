@@ -10,6 +10,15 @@ use std::{
     time::{Duration, Instant},
 };
 
+/// Facts that decide who gets the next lease.
+struct Turn {
+    now: Instant,
+    /// The worker that gets no other work, because a task that must be leased alone waits for this worker.
+    reserved: Option<WorkerId>,
+    /// Machines with a worker that is late with a lease.
+    late: BTreeSet<MachineId>,
+}
+
 /// A worker, the tasks to lease to it, and whether it must hold no other tasks meanwhile.
 struct Choice {
     worker: WorkerId,
@@ -56,17 +65,24 @@ impl<R: Agree + Clone> LeaseTable<R> {
             .map(|(&id, job)| (self.served_with_earlier(job), id))
             .collect();
         turns.sort_unstable();
-        let reserved = self.reserved(now);
+        let late = self.late(now);
+        let turn = Turn {
+            now,
+            reserved: self.reserved(now),
+            late: late
+                .filter_map(|lease| Some(self.workers.get(lease.holder?)?.machine()))
+                .collect(),
+        };
         // Else an audit that a machine holds and does not answer would wait until no other work is left.
-        if let Some((job, choice)) = self.speculate(reserved, now, |job| job.is_audits) {
+        if let Some((job, choice)) = self.speculate(&turn, |job| job.is_audits) {
             return self.lease(job, choice, now);
         }
         for (_, job) in turns {
-            if let Some(choice) = self.choose(job, reserved, now) {
+            if let Some(choice) = self.choose(job, &turn) {
                 return self.lease(job, choice, now);
             }
         }
-        let (job, choice) = self.speculate(reserved, now, |_| true)?;
+        let (job, choice) = self.speculate(&turn, |_| true)?;
         self.lease(job, choice, now)
     }
 
@@ -120,14 +136,14 @@ impl<R: Agree + Clone> LeaseTable<R> {
     }
 
     /// Chooses tasks of a job, and a worker for them.
-    fn choose(&self, id: JobId, reserved: Option<WorkerId>, now: Instant) -> Option<Choice> {
+    fn choose(&self, id: JobId, turn: &Turn) -> Option<Choice> {
         let job = self.jobs.get(&id)?;
-        let choice = self.choose_second(id, job, reserved, now);
-        if let Some(choice) = choice.or_else(|| self.choose_alone(id, job, now)) {
+        let choice = self.choose_second(id, job, turn);
+        if let Some(choice) = choice.or_else(|| self.choose_alone(id, job, turn.now)) {
             return Some(choice);
         }
         let waiting = job.queues.ready_len();
-        let (id, worker) = self.free(id, reserved, now, |_| waiting > 0)?;
+        let (id, worker) = self.free((id, None), turn, |_| waiting > 0)?;
         let share = share(waiting, self.workers.capacity(job.embeds), worker);
         Some(Choice {
             worker: id,
@@ -137,19 +153,11 @@ impl<R: Agree + Clone> LeaseTable<R> {
     }
 
     /// Chooses a worker for tasks that another machine has already answered.
-    fn choose_second(
-        &self,
-        id: JobId,
-        job: &Job<R>,
-        reserved: Option<WorkerId>,
-        now: Instant,
-    ) -> Option<Choice> {
-        if job.queues.second.is_empty() || self.free(id, reserved, now, |_| true).is_none() {
-            return None;
-        }
+    fn choose_second(&self, id: JobId, job: &Job<R>, turn: &Turn) -> Option<Choice> {
+        self.workers.free(job.embeds).next()?;
         job.queues.second.iter().find_map(|&place| {
             let fits = |worker: &Worker| job.tasks[place].wants(worker.machine());
-            let (id, worker) = self.free(id, reserved, now, fits)?;
+            let (id, worker) = self.free((id, Some(place)), turn, fits)?;
             let wanted = |place: &usize| job.tasks[*place].wants(worker.machine());
             let tasks = job.queues.second.iter().copied().filter(wanted);
             Some(Choice {
@@ -169,7 +177,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
         job.queues.alone.iter().find_map(|&place| {
             let wants = |worker: &Worker| job.tasks[place].wants(worker.machine());
             let mut fitting = idle().filter(|(_, worker)| {
-                !worker.rests(id, now) && wants(worker) && !self.is_avoided(job, worker, now)
+                !worker.rests(id, now) && wants(worker) && !self.is_avoided(job, Some(place), worker, now)
             });
             let (worker, _) = fitting.next()?;
             Some(Choice {
@@ -182,12 +190,9 @@ impl<R: Agree + Clone> LeaseTable<R> {
 
     /// Chooses a second worker for tasks of a late lease; the first result counts. Each further worker has twice as much time
     /// before the next worker gets the tasks.
-    fn speculate(
-        &self,
-        reserved: Option<WorkerId>,
-        now: Instant,
-        of: impl Fn(&Job<R>) -> bool,
-    ) -> Option<(JobId, Choice)> {
+    fn speculate(&self, turn: &Turn, of: impl Fn(&Job<R>) -> bool) -> Option<(JobId, Choice)> {
+        let now = turn.now;
+        self.workers.free(false).next()?;
         for lease in self.late(now) {
             let job = self.jobs.get(&lease.job)?;
             if !job.speculative || !of(job) {
@@ -210,10 +215,12 @@ impl<R: Agree + Clone> LeaseTable<R> {
             let is_proven =
                 |worker: &Worker| worker.answered > 0 && worker.suits(job) && new_to(worker, place);
             let is_on_time = |worker: &Worker| {
-                is_proven(worker) && !self.is_behind(worker, now) && !self.is_avoided(job, worker, now)
+                is_proven(worker)
+                    && !self.is_behind(worker, now)
+                    && !self.is_avoided(job, Some(place), worker, now)
             };
             let waits = self.workers.iter().any(|(_, worker)| is_on_time(worker));
-            let free = self.free(lease.job, reserved, now, |worker| {
+            let free = self.free((lease.job, Some(place)), turn, |worker| {
                 fits(worker) && (!waits || is_proven(worker))
             });
             let Some((id, worker)) = free else {
@@ -262,15 +269,17 @@ impl<R: Agree + Clone> LeaseTable<R> {
 
     /// The worker that gets no other work, because a task that must be leased alone waits for this worker.
     fn reserved(&self, now: Instant) -> Option<WorkerId> {
-        let mut alone = self.jobs.values().flat_map(|job| {
-            job.queues
-                .alone
-                .iter()
-                .map(move |&place| (job, &job.tasks[place]))
-        });
-        alone.find_map(|(job, task)| {
+        let mut alone = self
+            .jobs
+            .iter()
+            .flat_map(|(&id, job)| job.queues.alone.iter().map(move |&place| (id, job, place)));
+        alone.find_map(|(id, job, place)| {
+            // A worker that asks for no work would be reserved for ever, and the task would never be leased.
+            let could = |worker: &Worker| worker.suits(job) && worker.claimed() > 0 && !worker.rests(id, now);
             let fits = |worker: &Worker| {
-                worker.suits(job) && task.wants(worker.machine()) && !self.is_avoided(job, worker, now)
+                could(worker)
+                    && job.tasks[place].wants(worker.machine())
+                    && !self.is_avoided(job, Some(place), worker, now)
             };
             let fitting = || self.workers.by_leases().filter(|(_, worker)| fits(worker));
             let on_time = fitting().find(|(_, worker)| !self.is_behind(worker, now));
@@ -279,28 +288,23 @@ impl<R: Agree + Clone> LeaseTable<R> {
         })
     }
 
-    /// The worker with the lowest load that can get more tasks of a job. A worker on a machine that is late is chosen only if all
+    /// The worker with the lowest load that can get more tasks of a job, or the task at a place of it. A worker on a machine that is late is chosen only if all
     /// machines are late, and a worker that is late itself only if all workers are late. A worker on a machine that
     /// hangs is chosen only if all machines hang.
     fn free(
         &self,
-        id: JobId,
-        reserved: Option<WorkerId>,
-        now: Instant,
+        (id, place): (JobId, Option<usize>),
+        turn: &Turn,
         fits: impl Fn(&Worker) -> bool,
     ) -> Option<(WorkerId, &Worker)> {
-        let job = self.jobs.get(&id)?;
-        let late: BTreeSet<MachineId> = self
-            .late(now)
-            .filter_map(|lease| Some(self.workers.get(lease.holder?)?.machine()))
-            .collect();
+        let (job, now) = (self.jobs.get(&id)?, turn.now);
         let (mut beside_late, mut behind) = (None, None);
         for (worker, known) in self.workers.free(job.embeds) {
-            let is_kept = reserved == Some(worker) || known.rests(id, now);
-            if is_kept || !fits(known) || self.is_avoided(job, known, now) {
+            let is_kept = turn.reserved == Some(worker) || known.rests(id, now);
+            if is_kept || !fits(known) || self.is_avoided(job, place, known, now) {
                 continue;
             }
-            if !late.contains(&known.machine()) {
+            if !turn.late.contains(&known.machine()) {
                 return Some((worker, known));
             }
             match self.is_behind(known, now) {
@@ -311,12 +315,17 @@ impl<R: Agree + Clone> LeaseTable<R> {
         beside_late.or(behind)
     }
 
-    /// Whether a worker gets nothing of a job because its machine hangs and another machine, which does not, could do it.
-    fn is_avoided(&self, job: &Job<R>, worker: &Worker, now: Instant) -> bool {
-        self.workers.hangs(worker.machine(), now) && {
-            let mut workers = self.workers.iter();
-            workers.any(|(_, other)| other.suits(job) && !self.workers.hangs(other.machine(), now))
-        }
+    /// Whether a worker gets nothing of a job, or not the task at a place of it, because its machine hangs and another machine,
+    /// which does not, could do it. An audit goes on after its job instead, so it never needs a machine that hangs.
+    fn is_avoided(&self, job: &Job<R>, place: Option<usize>, worker: &Worker, now: Instant) -> bool {
+        let task = place.map(|place| &job.tasks[place]);
+        let needed = task.filter(|task| task.votes.is_empty() || task.is_disputed());
+        let could = |other: &Worker| {
+            other.suits(job)
+                && !self.workers.hangs(other.machine(), now)
+                && needed.is_none_or(|task| task.wants(other.machine()))
+        };
+        self.workers.hangs(worker.machine(), now) && self.workers.iter().any(|(_, other)| could(other))
     }
 
     /// Whether a worker is late with the answer to any lease, even if the lease's job is over: the worker is busy with it.

@@ -42,6 +42,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
     pub(super) fn decide_without_others(&mut self, now: Instant) {
         let mut concerned = BTreeSet::new();
         let mut over = BTreeMap::new();
+        let mut room = None;
         let anybody_works = self.workers() > 0;
         self.end_hopeless_audits(now);
         let wanting = self.wanting_another_machine(now);
@@ -63,7 +64,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
             let late_audit = if anybody {
                 None
             } else {
-                self.late_audit(id, place, now)
+                self.late_audit(id, place, now, &mut room)
             };
             let Some(job) = self.jobs.get_mut(&id) else {
                 continue;
@@ -105,15 +106,23 @@ impl<R: Agree + Clone> LeaseTable<R> {
         }
     }
 
-    /// The fate of an audit that no other machine could answer soon; `None` if the task is no audit.
-    fn late_audit(&self, id: JobId, place: usize, now: Instant) -> Option<LateAudit> {
+    /// The fate of an audit that no other machine could answer soon; `None` if the task is no audit. `room` is the number of
+    /// further audits that may go on after their jobs, once it is counted.
+    fn late_audit(
+        &self,
+        id: JobId,
+        place: usize,
+        now: Instant,
+        room: &mut Option<usize>,
+    ) -> Option<LateAudit> {
         let task = &self.jobs.get(&id)?.tasks[place];
         if task.votes.is_empty() || task.is_disputed() {
             return None;
         }
         Some(if !self.could_ever_say(id, place, now) {
             LateAudit::Ends
-        } else if self.has_room_for_audits() {
+        } else if let Some(left) = room.get_or_insert_with(|| self.room_for_audits()).checked_sub(1) {
+            *room = Some(left);
             LateAudit::GoesOn
         } else if self.could_answer(id, place, now, |machine| !machine.hangs(now)) {
             LateAudit::Waits
@@ -147,21 +156,25 @@ impl<R: Agree + Clone> LeaseTable<R> {
 
     /// Tasks that only another machine can settle: tasks that wait for a machine, and tasks of late leases.
     fn wanting_another_machine(&self, now: Instant) -> Vec<(JobId, usize)> {
-        let jobs = self.jobs.iter();
-        let waiting = jobs.flat_map(|(&id, job)| {
-            let queues = job.queues.second.iter().chain(&job.queues.alone);
-            queues.map(move |&place| (id, place))
-        });
-        let late = self
-            .late(now)
-            .flat_map(|lease| lease.tasks.iter().map(|&place| (lease.job, place)));
-        let wants = |(id, place): &(JobId, usize)| {
-            let job = self.jobs.get(id);
+        let wants = |job: &Job<R>, place: usize| {
+            let task = &job.tasks[place];
             // Audits that go on after their jobs wait for any machine that could answer (`end_hopeless_audits`).
-            let is_decided = |job: &Job<R>| !job.is_audits || job.tasks[*place].votes.len() != 1;
-            job.is_some_and(|job| job.tasks[*place].wants_another_machine() && is_decided(job))
+            task.wants_another_machine() && (!job.is_audits || task.votes.len() != 1)
         };
-        waiting.chain(late).filter(wants).collect()
+        let waiting = self.jobs.iter().flat_map(|(&id, job)| {
+            let queues = job.queues.second.iter().chain(&job.queues.alone);
+            queues
+                .filter(move |&&place| wants(job, place))
+                .map(move |&place| (id, place))
+        });
+        let leases = self
+            .late(now)
+            .filter_map(|lease| Some((lease, self.jobs.get(&lease.job)?)));
+        let late = leases.flat_map(|(lease, job)| {
+            let places = lease.tasks.iter().filter(move |&&place| wants(job, place));
+            places.map(|&place| (lease.job, place))
+        });
+        waiting.chain(late).collect()
     }
 
     /// The machines that are late, with their tasks.
@@ -174,11 +187,10 @@ impl<R: Agree + Clone> LeaseTable<R> {
 
     /// Whether a connected worker could soon answer a task that needs another machine.
     ///
-    /// A worker does not count if its machine is late with the task or hangs, if it is late with other tasks and takes no more
-    /// work, if it has long been idle without asking for work, or if it would delay the job with an audit. Nor does it count if
-    /// it gave the task's job back and has completed no lease of the job since, unless the job would end without such workers.
-    /// Late, hanging and idle workers count for a task without votes that a machine refused, or whose job is not speculative: jobs
-    /// that are not speculative take minutes.
+    /// An audit does not count on a worker whose machine is late with the task or hangs, that is late with other tasks and takes no
+    /// more work, or that would delay the job. A task without votes counts on all workers but those that never answer: another
+    /// machine may still show that the task is possible, or kills no worker. A worker that gave the task's job back, and has
+    /// completed no lease of the job since, counts only if the job would end without such workers.
     fn could_say(
         &self,
         id: JobId,
@@ -194,33 +206,52 @@ impl<R: Agree + Clone> LeaseTable<R> {
         if task.is_disputed() {
             return self.could_ever_say(id, place, now);
         }
-        let is_urgent = !task.votes.is_empty() || (job.speculative && task.refused.is_empty());
+        let is_audit = !task.votes.is_empty();
         let is_no_help = |worker: &Worker| {
             // A worker that is late with another task can still get this task, unless the worker takes no more work.
             let takes_more = worker.credits > 0 && !worker.alone;
             let is_late = || self.is_behind(worker, now) && !takes_more;
-            is_urgent
-                && (worker.asks_for_nothing(now)
-                    || late.contains(&(id, place, worker.machine()))
-                    || self.workers.hangs(worker.machine(), now)
-                    || self.delays_audit(job, place, worker, now)
-                    || is_late())
+            self.never_answers(worker, now)
+                || is_audit
+                    && (late.contains(&(id, place, worker.machine()))
+                        || self.workers.hangs(worker.machine(), now)
+                        || self.delays_audit(job, place, worker, now)
+                        || is_late())
         };
-        self.anybody_says(id, place, job, |worker| !is_no_help(worker))
+        let gives_back = |worker: &Worker| match (is_audit, task.refused.is_empty()) {
+            (true, _) => worker.gave_back(id),
+            (false, true) => worker.gave_up(id),
+            (false, false) => false,
+        };
+        self.workers.iter().any(|(_, worker)| {
+            let could = worker.suits(job) || self.has_in_hand(worker, id, place);
+            could && task.wants(worker.machine()) && !is_no_help(worker) && !gives_back(worker)
+        })
     }
 
-    /// Whether a job should not wait for a worker with an audit: its machine was asked long ago, on whatever connection, or has
-    /// answered nothing for a while and does not ask for work. The audit then goes on after the job.
-    fn delays_audit(&self, job: &Job<R>, place: usize, worker: &Worker, now: Instant) -> bool {
-        let is_longer = |since: Instant, limit| now.saturating_duration_since(since) > limit;
-        let asked = job.asked.get(&(place, worker.machine()));
+    /// Whether a worker has long asked for nothing, on whatever connection, or its machine has owed an answer for very long.
+    fn never_answers(&self, worker: &Worker, now: Instant) -> bool {
+        let machine = self.workers.machine(worker.machine());
+        worker.asks_for_nothing(now)
+            || self.is_idle(worker, now)
+            || machine.is_none_or(|machine| machine.is_hopeless(now))
+    }
+
+    /// Whether a worker asks for no work, and its machine has answered nothing for a while.
+    fn is_idle(&self, worker: &Worker, now: Instant) -> bool {
         let machine = self.workers.machine(worker.machine());
         // A machine that joined a moment ago is about to ask for work.
         let active = machine.and_then(|machine| machine.active.max(machine.joined));
-        let is_idle = active.is_none_or(|active| is_longer(active, SPECULATION_DELAY.1));
-        !job.tasks[place].votes.is_empty()
-            && (asked.is_some_and(|&asked| is_longer(asked, HANGS_AFTER))
-                || (is_idle && worker.credits == 0 && worker.owes.is_empty()))
+        let is_long = |active| now.saturating_duration_since(active) > SPECULATION_DELAY.1;
+        worker.credits == 0 && worker.owes.is_empty() && active.is_none_or(is_long)
+    }
+
+    /// Whether a job should not wait for a worker with an audit: its machine was asked long ago, on whatever connection, or is
+    /// idle. The audit then goes on after the job.
+    fn delays_audit(&self, job: &Job<R>, place: usize, worker: &Worker, now: Instant) -> bool {
+        let asked = job.asked.get(&(place, worker.machine()));
+        asked.is_some_and(|&asked| now.saturating_duration_since(asked) > HANGS_AFTER)
+            || self.is_idle(worker, now)
     }
 
     /// Whether a machine could answer a task that needs another machine, however long it takes.
@@ -252,15 +283,5 @@ impl<R: Agree + Clone> LeaseTable<R> {
                 let suits = (machine.embeds || !job.embeds) && !self.quarantined.contains(&id);
                 suits && is_one(id, machine)
             })
-    }
-
-    fn anybody_says(&self, id: JobId, place: usize, job: &Job<R>, helps: impl Fn(&Worker) -> bool) -> bool {
-        let task = &job.tasks[place];
-        let ends_the_job = task.is_disputed() || !task.refused.is_empty();
-        let gives_back = |worker: &Worker| !ends_the_job && worker.gave_back(id);
-        self.workers.iter().any(|(_, worker)| {
-            let could = worker.suits(job) || self.has_in_hand(worker, id, place);
-            could && task.wants(worker.machine()) && helps(worker) && !gives_back(worker)
-        })
     }
 }

@@ -21,7 +21,7 @@ impl Service {
         let Some(id) = self.table.leased(worker, lease) else {
             tracing::debug!(?worker, ?lease, "a result that nobody waits for");
             // A worker that owed the answer may have been avoided until now.
-            return self.table.excuse(worker, lease) || self.count_stray(worker);
+            return self.table.answered(worker, lease, Instant::now()) || self.count_stray(worker);
         };
         let (kind, places) = (self.kind(worker), self.table.tasks(lease));
         let Some(job) = self.jobs.get_mut(&id) else {
@@ -215,6 +215,17 @@ impl Service {
             self.table.forget(id);
             self.close(id);
         }
+    }
+
+    /// Quarantines machines that were found wrong by another dispatcher.
+    pub(super) fn mistrust(&mut self, wrong: Vec<Quarantined>) {
+        for Quarantined { machine, name } in wrong {
+            // No process of this dispatcher was found wrong, but the message names the one that was.
+            let process = WorkerProcessId { machine, instance: 0 };
+            self.names.entry(process).or_insert(name);
+            self.table.quarantine(process);
+        }
+        self.tell_events();
     }
 
     fn tell_quarantine(&mut self, process: WorkerProcessId, workers: Vec<WorkerId>, again: usize) {

@@ -183,3 +183,50 @@ fn a_late_answer_counts_in_the_same_batch_of_messages_as_the_end_of_its_job() {
     assert!(results.try_recv().is_ok());
     assert!(service.jobs.is_empty() && service.given.is_empty());
 }
+
+#[test]
+fn a_machine_that_is_wrong_elsewhere_is_quarantined_here() {
+    let mut service = service();
+    let mut wrong = Peer::join(&mut service, 1);
+    let (job, _results) = Submitted::new(two_pictures());
+    service.take(Request::Submit {
+        job: Box::new(job),
+        job_progress: Arc::default(),
+    });
+    let lie = wrong.ask(&mut service);
+    wrong.answer(&mut service, lie);
+    let found = Quarantined {
+        machine: MachineId(1),
+        name: "trainer-1".to_owned(),
+    };
+    for _ in 0..2 {
+        let (reply, mut done) = oneshot::channel();
+        let wrong = vec![found.clone()];
+        service.take(Request::Mistrust { wrong, reply });
+        assert!(done.try_recv().is_ok());
+    }
+    service.follow_up();
+    assert_eq!(*service.wrong.borrow(), [found]);
+    let dismissed = std::iter::from_fn(|| wrong.inbox.try_recv().ok()).find_map(Result::err);
+    assert!(dismissed.is_some_and(|status| status.message().contains("quarantined")));
+    // The other machine gets both pictures.
+    let mut sound = Peer::join(&mut service, 2);
+    for _ in 0..2 {
+        let lease = sound.ask(&mut service);
+        sound.answer(&mut service, lease);
+    }
+}
+
+#[test]
+fn after_a_stall_of_the_coordinator_no_worker_counts_as_silent() {
+    let mut service = service();
+    service.options.silence_limit = Duration::from_millis(50);
+    let _worker = Peer::join(&mut service, 1);
+    std::thread::sleep(Duration::from_millis(60));
+    let long_ago = Instant::now().checked_sub(2 * STALL).unwrap();
+    service.lose_silent_workers(long_ago);
+    assert_eq!(service.workers.len(), 1);
+    std::thread::sleep(Duration::from_millis(60));
+    service.lose_silent_workers(Instant::now());
+    assert!(service.workers.is_empty());
+}

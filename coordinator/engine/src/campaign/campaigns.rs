@@ -194,13 +194,17 @@ impl Campaigns {
     }
 
     /// Records quarantined workers and trainers, and reopens completed campaigns that contain their results. Running campaigns
-    /// check their own results. This function ends when the dispatcher ends.
+    /// check their own results. A machine that was wrong as a trainer is quarantined as a worker too, and the other way round.
+    /// This function ends when the dispatcher ends.
     pub async fn watch_quarantine(self) {
         let mut workers = self.context.dispatch.quarantined();
         let mut trainers = self.context.trainers.quarantined();
         loop {
             let mut wrong = workers.borrow_and_update().clone();
             wrong.extend(trainers.borrow_and_update().iter().cloned());
+            // The dispatchers come first: what the store knows, and no dispatcher, would not be computed again.
+            self.context.dispatch.mistrust(wrong.clone()).await;
+            self.context.trainers.dispatch().mistrust(wrong.clone()).await;
             if !wrong.is_empty()
                 && let Err(error) = self.reopen(wrong).await
             {
@@ -408,6 +412,7 @@ impl Campaigns {
         let job = EvaluationJob {
             model: controller.model().clone(),
             world,
+            submitter: None,
             ..EvaluationJob::of(
                 record,
                 self.context.embedder(record).await?,

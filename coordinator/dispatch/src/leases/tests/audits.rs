@@ -276,3 +276,27 @@ fn an_audit_that_a_machine_sits_on_comes_before_other_work() {
     let next = table.grant(later).unwrap();
     assert_eq!((next.worker, next.job), (third, audits));
 }
+
+#[test]
+fn an_audit_waits_for_a_machine_that_has_just_answered_too_late() {
+    let (mut table, start) = (LeaseTable::new(DISPUTE_TIMEOUT), now());
+    let slow = join(&mut table, process(2), 1);
+    let over = table.submit(params(1));
+    let late = table.grant(start).unwrap();
+    assert_eq!(late.worker, slow);
+    let later = start + 3 * SPECULATION_DELAY.1;
+    let fast = join(&mut table, process(1), 1);
+    let again = table.grant(later).unwrap();
+    assert_eq!((again.worker, again.job), (fast, over));
+    table.complete(fast, again.lease, answers(&again), later).unwrap();
+    // The worker's credits come after its answer.
+    assert!(table.answered(slow, late.lease, later));
+    table.add_credits(fast, 1);
+    table.submit(audited(1));
+    let first = table.grant(later).unwrap();
+    table.complete(fast, first.lease, answers(&first), later).unwrap();
+    assert_eq!(table.grant(later), None);
+    assert_eq!(waived(&mut table), 0);
+    table.add_credits(slow, 1);
+    assert_eq!(table.grant(later).expect("the audit goes on").worker, slow);
+}

@@ -361,6 +361,91 @@ fn a_machine_that_hangs_gets_work_that_no_other_can_do() {
     assert_ne!(grant.worker, sound);
 }
 
+/// A table in which machine 1 reported the only task of a job as impossible. Machine 2 owes an answer for so long that it hangs,
+/// and has another worker with this number of credits. Also that worker and the time.
+fn refused_beside_a_machine_that_hangs(credits: usize) -> (LeaseTable<u64>, WorkerId, Instant) {
+    let (mut table, start) = (LeaseTable::new(DISPUTE_TIMEOUT), now());
+    let sound = join(&mut table, worker_of(1, 1), 0);
+    join(&mut table, worker_of(2, 2), 1);
+    table.submit(JobParams {
+        speculative: false,
+        ..params(1)
+    });
+    table.grant(start).unwrap();
+    let healthy = join(&mut table, worker_of(2, 3), credits);
+    let later = start + 2 * HANGS_AFTER;
+    table.submit(params(1));
+    table.add_credits(sound, 1);
+    let grant = table.grant(later).unwrap();
+    assert_eq!(grant.worker, sound);
+    table.refuse(sound, grant.lease, later);
+    (table, healthy, later)
+}
+
+#[test]
+fn what_one_machine_cannot_do_another_tries_even_if_it_hangs() {
+    let (mut table, healthy, later) = refused_beside_a_machine_that_hangs(1);
+    let grant = table
+        .grant(later)
+        .expect("only the machine that hangs can try it");
+    assert_eq!(grant.worker, healthy);
+}
+
+#[test]
+fn what_one_machine_cannot_do_does_not_wait_for_ever_for_a_machine_that_hangs() {
+    let (mut table, _, later) = refused_beside_a_machine_that_hangs(0);
+    let hopeless = later + HOPELESS_AFTER;
+    table.grant(hopeless);
+    table.grant(hopeless + 2 * DISPUTE_TIMEOUT);
+    assert!(impossible(table.take_events()).is_some());
+}
+
+#[test]
+fn a_task_is_not_poisoned_while_another_machine_is_busy() {
+    let (mut table, start) = (LeaseTable::new(DISPUTE_TIMEOUT), now());
+    let busy = join(&mut table, process(1), 1);
+    table.submit(params(2));
+    let long = table.grant(start).unwrap();
+    assert_eq!((long.worker, long.tasks.len()), (busy, 1));
+    let late = start + 2 * SPECULATION_DELAY.1;
+    for instance in 1..=3 {
+        let victim = join(&mut table, worker_of(7, instance), 1);
+        let tasks = table.grant(late).unwrap().tasks;
+        assert_ne!(tasks, long.tasks);
+        table.lose(victim);
+    }
+    table.grant(late);
+    let events = table.take_events();
+    let is_over = |event: &Event<u64>| matches!(event, Event::Done { .. });
+    assert!(!events.iter().any(is_over), "{events:?}");
+    table.complete(busy, long.lease, answers(&long), late).unwrap();
+    table.add_credits(busy, 1);
+    let grant = table.grant(late).expect("the other machine tries the task");
+    table.complete(busy, grant.lease, answers(&grant), late).unwrap();
+    let done = results(table.take_events());
+    assert!(matches!(
+        done[..],
+        [Settled::Result { .. }, Settled::Result { .. }]
+    ));
+}
+
+#[test]
+fn a_task_of_a_lost_worker_does_not_wait_for_a_worker_that_asks_for_nothing() {
+    let (mut table, [_silent, victim, busy]) = workers([0, 1, 0]);
+    table.submit(params(1));
+    assert_eq!(table.grant(now()).unwrap().worker, victim);
+    table.lose(victim);
+    table.submit(params(64));
+    table.add_credits(busy, 2 * AT_ONCE);
+    let first = table.grant(now()).unwrap();
+    assert_eq!(first.worker, busy);
+    assert_eq!(
+        first.tasks.len(),
+        1,
+        "the task of the lost worker comes first, alone"
+    );
+}
+
 #[test]
 fn connections_that_ask_for_nothing_or_answer_nothing_do_not_make_batches_small() {
     let (mut table, sound) = beside_a_machine_that_hangs(60);
