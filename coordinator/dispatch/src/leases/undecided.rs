@@ -188,7 +188,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
     /// Whether a connected worker could soon answer a task that needs another machine.
     ///
     /// An audit does not count on a worker whose machine is late with the task or hangs, that is late with other tasks and takes no
-    /// more work, or that would delay the job. A task without votes counts on all workers but those that never answer: another
+    /// more work, or whose machine was asked long ago, on whatever connection. A task without votes counts on all workers but those that never answer: another
     /// machine may still show that the task is possible, or kills no worker. A worker that gave the task's job back, and has
     /// completed no lease of the job since, counts only if the job would end without such workers.
     fn could_say(
@@ -207,6 +207,10 @@ impl<R: Agree + Clone> LeaseTable<R> {
             return self.could_ever_say(id, place, now);
         }
         let is_audit = !task.votes.is_empty();
+        let was_asked_long_ago = |worker: &Worker| {
+            let asked = job.asked.get(&(place, worker.machine()));
+            asked.is_some_and(|&asked| now.saturating_duration_since(asked) > HANGS_AFTER)
+        };
         let is_no_help = |worker: &Worker| {
             // A worker that is late with another task can still get this task, unless the worker takes no more work.
             let takes_more = worker.credits > 0 && !worker.alone;
@@ -215,7 +219,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
                 || is_audit
                     && (late.contains(&(id, place, worker.machine()))
                         || self.workers.hangs(worker.machine(), now)
-                        || self.delays_audit(job, place, worker, now)
+                        || was_asked_long_ago(worker)
                         || is_late())
         };
         let gives_back = |worker: &Worker| match (is_audit, task.refused.is_empty()) {
@@ -244,14 +248,6 @@ impl<R: Agree + Clone> LeaseTable<R> {
         let active = machine.and_then(|machine| machine.active.max(machine.joined));
         let is_long = |active| now.saturating_duration_since(active) > SPECULATION_DELAY.1;
         worker.credits == 0 && worker.owes.is_empty() && active.is_none_or(is_long)
-    }
-
-    /// Whether a job should not wait for a worker with an audit: its machine was asked long ago, on whatever connection, or is
-    /// idle. The audit then goes on after the job.
-    fn delays_audit(&self, job: &Job<R>, place: usize, worker: &Worker, now: Instant) -> bool {
-        let asked = job.asked.get(&(place, worker.machine()));
-        asked.is_some_and(|&asked| now.saturating_duration_since(asked) > HANGS_AFTER)
-            || self.is_idle(worker, now)
     }
 
     /// Whether a machine could answer a task that needs another machine, however long it takes.

@@ -212,27 +212,31 @@ fn a_machine_that_answers_slowly_on_purpose_is_waited_for_an_hour_at_most() {
 
 #[test]
 fn a_generation_does_not_wait_for_a_machine_that_only_reconnects() {
-    let (mut table, start) = (LeaseTable::new(DISPUTE_TIMEOUT), now());
-    let fast = join(&mut table, process(1), 1);
-    let mut idle = table.join(worker_of(2, 0), ABLE, start).unwrap();
-    let job = table.submit(audited(1));
-    let grant = table.grant(start).unwrap();
-    table.complete(fast, grant.lease, answers(&grant), start).unwrap();
-    assert_eq!(table.grant(start), None);
-    assert!(
-        table.jobs.contains_key(&job),
-        "the machine is about to ask for work"
-    );
-    let mut rounds = (1..10).map(|round| (round, start + Duration::from_secs(4) * round as u32));
-    let ended = rounds.find(|&(round, at)| {
-        let next = table.join(worker_of(2, round), ABLE, at).unwrap();
-        table.lose(idle);
-        idle = next;
-        table.grant(at);
-        !table.jobs.contains_key(&job)
-    });
-    assert!(ended.is_some(), "the audit goes on after the job");
-    assert!(table.jobs.values().all(|job| job.is_audits) && !table.jobs.is_empty());
+    // The machine never asks for work, or takes the audit on each connection.
+    for credits in [0, 1] {
+        let (mut table, start) = (LeaseTable::new(DISPUTE_TIMEOUT), now());
+        let fast = join(&mut table, process(1), 1);
+        let mut last = table.join(worker_of(2, 0), ABLE, start).unwrap();
+        let job = table.submit(audited(1));
+        let grant = table.grant(start).unwrap();
+        table.complete(fast, grant.lease, answers(&grant), start).unwrap();
+        assert_eq!(table.grant(start), None);
+        assert!(
+            table.jobs.contains_key(&job),
+            "the machine is about to ask for work"
+        );
+        let mut times = (1..20).map(|round| start + Duration::from_secs(4) * round);
+        let ended = times.find(|&at| {
+            let next = table.join(worker_of(2, 0), ABLE, at).unwrap();
+            table.add_credits(next, credits);
+            table.lose(last);
+            last = next;
+            table.grant(at);
+            !table.jobs.contains_key(&job)
+        });
+        assert!(ended.is_some(), "the audit goes on after the job");
+        assert!(table.jobs.values().all(|job| job.is_audits) && !table.jobs.is_empty());
+    }
 }
 
 #[test]
