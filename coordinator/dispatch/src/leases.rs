@@ -281,6 +281,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
             asked: BTreeMap::new(),
             leases: BTreeSet::new(),
             rested: BTreeSet::new(),
+            unreliable: BTreeSet::new(),
             lost_with: BTreeMap::new(),
         };
         self.jobs.insert(id, job);
@@ -367,6 +368,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
         };
         if let Some(job) = self.jobs.get_mut(&id) {
             job.leases.remove(&number);
+            job.unreliable.remove(&process.machine);
         }
         let mut wrong = BTreeSet::new();
         for (place, result) in tasks.into_iter().zip(results) {
@@ -385,7 +387,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
         let Some(job) = self.leased(worker, number) else {
             return;
         };
-        self.excuse(worker, number);
+        self.answered(worker, number, now);
         self.workers.change(worker, |worker| worker.rest_from(job, now));
         if let Some(job) = self.jobs.get_mut(&job) {
             job.rested.insert(worker);
@@ -440,6 +442,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
         };
         let id = *id;
         if let Some(job) = self.jobs.get_mut(&id) {
+            job.unreliable.insert(process.machine);
             for &place in tasks {
                 job.come_back(place, (how == Back::Broken).then_some(*process));
             }

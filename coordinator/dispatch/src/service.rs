@@ -31,8 +31,7 @@ use tracing::Span;
 
 /// How often the service looks for silent workers and late leases.
 const TICK: Duration = Duration::from_millis(100);
-/// If the coordinator was stopped for longer than this time, it has not read the heartbeats of this time, so that no worker counts
-/// as silent.
+/// If the coordinator was stopped for longer than this time, it has read no messages of this time, and the time counts for nobody.
 const STALL: Duration = Duration::from_secs(1);
 /// Once this number of names is remembered, names of processes that are gone are forgotten.
 const MOST_NAMES: usize = 4096;
@@ -71,6 +70,10 @@ pub(super) struct Service {
     audits: watch::Sender<OpenAudits>,
     /// Leases without an answer, whose jobs are not over.
     given: BTreeMap<LeaseNumber, Given>,
+    /// When the service last woke; it wakes at every tick.
+    woken: Instant,
+    /// Total time in which the coordinator was stopped.
+    stalled: Duration,
 }
 
 /// A granted lease.
@@ -138,6 +141,8 @@ impl Service {
             metrics,
             audits,
             given: BTreeMap::new(),
+            woken: Instant::now(),
+            stalled: Duration::ZERO,
         }
     }
 
@@ -146,18 +151,20 @@ impl Service {
         let mut tick = tokio::time::interval(TICK);
         tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut commands = Vec::with_capacity(AT_ONCE);
-        let mut looked = Instant::now();
         loop {
             tokio::select! {
-                received = inbox.recv_many(&mut commands, AT_ONCE) => match self.take_all(&mut commands) {
-                    _ if received == 0 => break,
-                    Taken::Stop => break,
-                    Taken::SignsOfLife => continue,
-                    Taken::Work => {}
-                },
+                received = inbox.recv_many(&mut commands, AT_ONCE) => {
+                    self.notice_stall();
+                    match self.take_all(&mut commands) {
+                        _ if received == 0 => break,
+                        Taken::Stop => break,
+                        Taken::SignsOfLife => continue,
+                        Taken::Work => {}
+                    }
+                }
                 _ = tick.tick() => {
-                    let since = std::mem::replace(&mut looked, Instant::now());
-                    self.lose_silent_workers(since);
+                    self.notice_stall();
+                    self.lose_silent_workers();
                 }
             }
             self.follow_up();
@@ -260,7 +267,8 @@ impl Service {
     }
 
     fn take_report(&mut self, worker: WorkerId, report: WorkerReport) -> bool {
-        self.table.keep_alive(worker, Instant::now());
+        let now = self.now();
+        self.table.keep_alive(worker, now);
         match report {
             WorkerReport::Credits(count) => self.table.add_credits(worker, count),
             WorkerReport::Heartbeat => return false,
@@ -338,7 +346,8 @@ impl Service {
             capacity,
             embeds: kind.is_known(),
         };
-        let Some(id) = self.table.join(process, abilities, Instant::now()) else {
+        let now = self.now();
+        let Some(id) = self.table.join(process, abilities, now) else {
             // The worker may have disconnected.
             let _ = reply.send(Err(JoinError::Quarantined(process.machine)));
             return;
@@ -413,13 +422,22 @@ impl Service {
         }
     }
 
-    /// Loses workers that have been silent for too long. `looked` is the last time when this function was called.
-    fn lose_silent_workers(&mut self, looked: Instant) {
+    /// The time by which the lease table judges machines: without the times in which the coordinator was stopped.
+    fn now(&self) -> Instant {
         let now = Instant::now();
-        if now.saturating_duration_since(looked) > STALL {
-            let workers: Vec<_> = self.workers.keys().copied().collect();
-            workers.into_iter().for_each(|id| self.table.keep_alive(id, now));
+        now.checked_sub(self.stalled).unwrap_or(now)
+    }
+
+    fn notice_stall(&mut self) {
+        let last = std::mem::replace(&mut self.woken, Instant::now());
+        let since = self.woken.saturating_duration_since(last);
+        if since > STALL {
+            self.stalled += since;
         }
+    }
+
+    fn lose_silent_workers(&mut self) {
+        let now = self.now();
         for id in self.table.silent(now, self.options.silence_limit) {
             let text = format!(
                 "no message for {:?}: the leases went to other workers",
@@ -458,7 +476,7 @@ impl Service {
             lease,
             job,
             tasks,
-        }) = self.table.grant(Instant::now())
+        }) = self.table.grant(self.now())
         {
             // The job may be of audits that have only just begun.
             self.tell_events();

@@ -66,6 +66,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
             asked: asked.collect(),
             leases: BTreeSet::new(),
             rested: BTreeSet::new(),
+            unreliable: BTreeSet::new(),
             lost_with: BTreeMap::new(),
         };
         let id = JobId(self.fresh_number());

@@ -35,11 +35,18 @@ pub(super) struct Job<R> {
     pub(super) leases: BTreeSet<LeaseNumber>,
     /// Workers that gave back leases of the job.
     pub(super) rested: BTreeSet<WorkerId>,
+    /// Machines that returned or lost a lease of the job, on whatever connection, and have completed none since.
+    pub(super) unreliable: BTreeSet<MachineId>,
     /// The tasks that each lost process held.
     pub(super) lost_with: BTreeMap<WorkerProcessId, BTreeSet<usize>>,
 }
 
 impl<R: Agree> Job<R> {
+    /// Whether the machine has completed the last lease of the job that it did not keep.
+    pub(super) fn relies_on(&self, machine: MachineId) -> bool {
+        !self.unreliable.contains(&machine)
+    }
+
     /// Records a worker's result of a task; `held` is whether the worker still held the task. Returns the processes that this
     /// result proves wrong.
     pub(super) fn record_vote(

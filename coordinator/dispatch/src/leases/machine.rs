@@ -102,7 +102,7 @@ impl Machine {
     }
 
     /// Whether the machine owes an answer for longer than this, and for longer than [`HANGS`] times its own usual turnaround.
-    fn owes_for(&self, least: Duration, now: Instant) -> bool {
+    pub(super) fn owes_for(&self, least: Duration, now: Instant) -> bool {
         let limit = self.limit(least);
         // Numbers of leases grow with time.
         let oldest = self.owed.first_key_value();

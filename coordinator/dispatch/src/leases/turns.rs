@@ -6,6 +6,7 @@ use super::{
 };
 use murmuration_model::MachineId;
 use std::{
+    cell::OnceCell,
     collections::BTreeSet,
     time::{Duration, Instant},
 };
@@ -17,6 +18,8 @@ struct Turn {
     reserved: Option<WorkerId>,
     /// Machines with a worker that is late with a lease.
     late: BTreeSet<MachineId>,
+    /// Workers that could take work from machines that hang; looked up only if a machine hangs.
+    sound: OnceCell<Vec<WorkerId>>,
 }
 
 /// A worker, the tasks to lease to it, and whether it must hold no other tasks meanwhile.
@@ -66,13 +69,15 @@ impl<R: Agree + Clone> LeaseTable<R> {
             .collect();
         turns.sort_unstable();
         let late = self.late(now);
-        let turn = Turn {
+        let mut turn = Turn {
             now,
-            reserved: self.reserved(now),
+            reserved: None,
             late: late
                 .filter_map(|lease| Some(self.workers.get(lease.holder?)?.machine()))
                 .collect(),
+            sound: OnceCell::new(),
         };
+        turn.reserved = self.reserved(&turn);
         // Else an audit that a machine holds and does not answer would wait until no other work is left.
         if let Some((job, choice)) = self.speculate(&turn, |job| job.is_audits) {
             return self.lease(job, choice, now);
@@ -139,7 +144,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
     fn choose(&self, id: JobId, turn: &Turn) -> Option<Choice> {
         let job = self.jobs.get(&id)?;
         let choice = self.choose_second(id, job, turn);
-        if let Some(choice) = choice.or_else(|| self.choose_alone(id, job, turn.now)) {
+        if let Some(choice) = choice.or_else(|| self.choose_alone(id, job, turn)) {
             return Some(choice);
         }
         let waiting = job.queues.ready_len();
@@ -157,11 +162,14 @@ impl<R: Agree + Clone> LeaseTable<R> {
         self.workers.free(job.embeds).next()?;
         job.queues.second.iter().find_map(|&place| {
             let fits = |worker: &Worker| job.tasks[place].wants(worker.machine());
-            let (id, worker) = self.free((id, Some(place)), turn, fits)?;
-            let wanted = |place: &usize| job.tasks[*place].wants(worker.machine());
+            let (chosen, worker) = self.free((id, Some(place)), turn, fits)?;
+            let wanted = |&place: &usize| {
+                let is_avoided = self.is_avoided(turn, (id, job), Some(place), worker);
+                job.tasks[place].wants(worker.machine()) && !is_avoided
+            };
             let tasks = job.queues.second.iter().copied().filter(wanted);
             Some(Choice {
-                worker: id,
+                worker: chosen,
                 tasks: tasks.take(worker.credits.min(MAX_BATCH)).collect(),
                 alone: false,
             })
@@ -169,17 +177,20 @@ impl<R: Agree + Clone> LeaseTable<R> {
     }
 
     /// Chooses a worker for a task that may end the worker's process. The task is leased alone.
-    fn choose_alone(&self, id: JobId, job: &Job<R>, now: Instant) -> Option<Choice> {
+    fn choose_alone(&self, id: JobId, job: &Job<R>, turn: &Turn) -> Option<Choice> {
         let idle = || self.workers.idle(job.embeds);
         if job.queues.alone.is_empty() || idle().next().is_none() {
             return None;
         }
         job.queues.alone.iter().find_map(|&place| {
-            let wants = |worker: &Worker| job.tasks[place].wants(worker.machine());
-            let mut fitting = idle().filter(|(_, worker)| {
-                !worker.rests(id, now) && wants(worker) && !self.is_avoided(job, Some(place), worker, now)
-            });
-            let (worker, _) = fitting.next()?;
+            let could = |worker: &Worker| {
+                !worker.rests(id, turn.now)
+                    && job.tasks[place].wants(worker.machine())
+                    && !self.is_avoided(turn, (id, job), Some(place), worker)
+            };
+            let fitting = || idle().filter(|(_, worker)| could(worker));
+            let reliable = fitting().find(|(_, worker)| job.relies_on(worker.machine()));
+            let (worker, _) = reliable.or_else(|| fitting().next())?;
             Some(Choice {
                 worker,
                 tasks: vec![place],
@@ -217,7 +228,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
             let is_on_time = |worker: &Worker| {
                 is_proven(worker)
                     && !self.is_behind(worker, now)
-                    && !self.is_avoided(job, Some(place), worker, now)
+                    && !self.is_avoided(turn, (lease.job, job), Some(place), worker)
             };
             let waits = self.workers.iter().any(|(_, worker)| is_on_time(worker));
             let free = self.free((lease.job, Some(place)), turn, |worker| {
@@ -268,7 +279,8 @@ impl<R: Agree + Clone> LeaseTable<R> {
     }
 
     /// The worker that gets no other work, because a task that must be leased alone waits for this worker.
-    fn reserved(&self, now: Instant) -> Option<WorkerId> {
+    fn reserved(&self, turn: &Turn) -> Option<WorkerId> {
+        let now = turn.now;
         let mut alone = self
             .jobs
             .iter()
@@ -279,18 +291,19 @@ impl<R: Agree + Clone> LeaseTable<R> {
             let fits = |worker: &Worker| {
                 could(worker)
                     && job.tasks[place].wants(worker.machine())
-                    && !self.is_avoided(job, Some(place), worker, now)
+                    && !self.is_avoided(turn, (id, job), Some(place), worker)
             };
             let fitting = || self.workers.by_leases().filter(|(_, worker)| fits(worker));
-            let on_time = fitting().find(|(_, worker)| !self.is_behind(worker, now));
-            let (id, _) = on_time.or_else(|| fitting().next())?;
+            let is_best = |worker: &Worker| job.relies_on(worker.machine()) && !self.is_behind(worker, now);
+            let best = fitting().find(|(_, worker)| is_best(worker));
+            let (id, _) = best.or_else(|| fitting().next())?;
             Some(id)
         })
     }
 
-    /// The worker with the lowest load that can get more tasks of a job, or the task at a place of it. A worker on a machine that is late is chosen only if all
-    /// machines are late, and a worker that is late itself only if all workers are late. A worker on a machine that
-    /// hangs is chosen only if all machines hang.
+    /// The worker with the lowest load that can get more tasks of a job, or the task at a place of it. A worker on a machine that
+    /// is late, or that did not finish its last lease of the job, is chosen only if there are no others, and a worker that is late
+    /// itself only if all workers are late. A worker on a machine that hangs is chosen only if all machines hang.
     fn free(
         &self,
         (id, place): (JobId, Option<usize>),
@@ -301,10 +314,10 @@ impl<R: Agree + Clone> LeaseTable<R> {
         let (mut beside_late, mut behind) = (None, None);
         for (worker, known) in self.workers.free(job.embeds) {
             let is_kept = turn.reserved == Some(worker) || known.rests(id, now);
-            if is_kept || !fits(known) || self.is_avoided(job, place, known, now) {
+            if is_kept || !fits(known) || self.is_avoided(turn, (id, job), place, known) {
                 continue;
             }
-            if !turn.late.contains(&known.machine()) {
+            if !turn.late.contains(&known.machine()) && job.relies_on(known.machine()) {
                 return Some((worker, known));
             }
             match self.is_behind(known, now) {
@@ -317,15 +330,29 @@ impl<R: Agree + Clone> LeaseTable<R> {
 
     /// Whether a worker gets nothing of a job, or not the task at a place of it, because its machine hangs and another machine,
     /// which does not, could do it. An audit goes on after its job instead, so it never needs a machine that hangs.
-    fn is_avoided(&self, job: &Job<R>, place: Option<usize>, worker: &Worker, now: Instant) -> bool {
+    fn is_avoided(
+        &self,
+        turn: &Turn,
+        (id, job): (JobId, &Job<R>),
+        place: Option<usize>,
+        worker: &Worker,
+    ) -> bool {
+        if !self.workers.hangs(worker.machine(), turn.now) {
+            return false;
+        }
         let task = place.map(|place| &job.tasks[place]);
         let needed = task.filter(|task| task.votes.is_empty() || task.is_disputed());
         let could = |other: &Worker| {
-            other.suits(job)
-                && !self.workers.hangs(other.machine(), now)
-                && needed.is_none_or(|task| task.wants(other.machine()))
+            other.suits(job) && !other.gave_back(id) && needed.is_none_or(|task| task.wants(other.machine()))
         };
-        self.workers.hangs(worker.machine(), now) && self.workers.iter().any(|(_, other)| could(other))
+        let is_sound = |other: &Worker| {
+            !self.workers.hangs(other.machine(), turn.now) && !self.never_answers(None, other, turn.now)
+        };
+        let sound = turn.sound.get_or_init(|| {
+            let workers = self.workers.iter().filter(|(_, other)| is_sound(other));
+            workers.map(|(id, _)| id).collect()
+        });
+        sound.iter().filter_map(|&id| self.workers.get(id)).any(could)
     }
 
     /// Whether a worker is late with the answer to any lease, even if the lease's job is over: the worker is busy with it.

@@ -2,8 +2,8 @@
 //! were lost. Decides whether another machine could answer such a task, and what becomes of the task if none could.
 
 use super::{
-    Agree, Event, HANGS_AFTER, JobId, Lease, LeaseTable, SPECULATION_DELAY, job::Job, machine::Machine,
-    workers::Worker,
+    Agree, Event, HANGS_AFTER, HOPELESS_AFTER, JobId, LONGEST_PATIENCE, Lease, LeaseTable, SPECULATION_DELAY,
+    job::Job, machine::Machine, workers::Worker,
 };
 use murmuration_model::MachineId;
 use std::{
@@ -215,7 +215,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
             // A worker that is late with another task can still get this task, unless the worker takes no more work.
             let takes_more = worker.credits > 0 && !worker.alone;
             let is_late = || self.is_behind(worker, now) && !takes_more;
-            self.never_answers(worker, now)
+            self.never_answers(Some(job), worker, now)
                 || is_audit
                     && (late.contains(&(id, place, worker.machine()))
                         || self.workers.hangs(worker.machine(), now)
@@ -233,12 +233,17 @@ impl<R: Agree + Clone> LeaseTable<R> {
         })
     }
 
-    /// Whether a worker has long asked for nothing, on whatever connection, or its machine has owed an answer for very long.
-    fn never_answers(&self, worker: &Worker, now: Instant) -> bool {
+    /// Whether a worker has long asked for nothing, on whatever connection, or its machine has owed an answer for very long: a
+    /// training may take an hour.
+    pub(super) fn never_answers(&self, job: Option<&Job<R>>, worker: &Worker, now: Instant) -> bool {
         let machine = self.workers.machine(worker.machine());
+        let longest = match job {
+            Some(job) if !job.speculative => LONGEST_PATIENCE,
+            _ => HOPELESS_AFTER,
+        };
         worker.asks_for_nothing(now)
             || self.is_idle(worker, now)
-            || machine.is_none_or(|machine| machine.is_hopeless(now))
+            || machine.is_none_or(|machine| machine.owes_for(longest, now))
     }
 
     /// Whether a worker asks for no work, and its machine has answered nothing for a while.

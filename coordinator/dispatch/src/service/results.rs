@@ -6,10 +6,10 @@ use crate::{
     leases::{Audits, Event, JobId, LeaseNumber, Refused, Settled, WorkerId, WorkerProcessId},
     submitted::{Closing, Vote},
 };
-use murmuration_model::Quarantined;
+use murmuration_model::{MachineId, Quarantined};
 use murmuration_proto::v1::{FailureClass, batch_result::Outcome};
 use murmuration_swarm::EmbeddingKind;
-use std::{sync::Arc, time::Instant};
+use std::sync::Arc;
 use tonic::Status;
 use tracing::Span;
 
@@ -21,9 +21,9 @@ impl Service {
         let Some(id) = self.table.leased(worker, lease) else {
             tracing::debug!(?worker, ?lease, "a result that nobody waits for");
             // A worker that owed the answer may have been avoided until now.
-            return self.table.answered(worker, lease, Instant::now()) || self.count_stray(worker);
+            return self.table.answered(worker, lease, self.now()) || self.count_stray(worker);
         };
-        let (kind, places) = (self.kind(worker), self.table.tasks(lease));
+        let (kind, places, now) = (self.kind(worker), self.table.tasks(lease), self.now());
         let Some(job) = self.jobs.get_mut(&id) else {
             return false;
         };
@@ -54,9 +54,9 @@ impl Service {
                 }
                 if is_fatal {
                     job.refusal = Some(failure.message);
-                    self.table.refuse(worker, lease, Instant::now());
+                    self.table.refuse(worker, lease, now);
                 } else {
-                    self.table.give_back(worker, lease, Instant::now());
+                    self.table.give_back(worker, lease, now);
                 }
             }
             outcome => match job.submitted.keep(places, outcome, kind) {
@@ -80,7 +80,7 @@ impl Service {
     }
 
     fn count_votes(&mut self, worker: WorkerId, lease: LeaseNumber, votes: Vec<Vote>) {
-        match self.table.complete(worker, lease, votes, Instant::now()) {
+        match self.table.complete(worker, lease, votes, self.now()) {
             Ok(()) | Err(Refused::UnknownLease | Refused::NotYours) => {}
             Err(refused @ Refused::WrongCount { .. }) => self.found_wrong(worker, &refused.to_string()),
         }
@@ -219,24 +219,36 @@ impl Service {
 
     /// Quarantines machines that were found wrong by another dispatcher.
     pub(super) fn mistrust(&mut self, wrong: Vec<Quarantined>) {
-        for Quarantined { machine, name } in wrong {
-            // No process of this dispatcher was found wrong, but the message names the one that was.
-            let process = WorkerProcessId { machine, instance: 0 };
-            self.names.entry(process).or_insert(name);
-            self.table.quarantine(process);
+        for wrong in wrong {
+            let machine = wrong.machine;
+            if self.is_known_as_wrong(machine) {
+                continue;
+            }
+            self.wrong.send_modify(|known| known.push(wrong));
+            self.table.quarantine(WorkerProcessId { machine, instance: 0 });
         }
         self.tell_events();
     }
 
+    fn is_known_as_wrong(&self, machine: MachineId) -> bool {
+        self.wrong.borrow().iter().any(|known| known.machine == machine)
+    }
+
     fn tell_quarantine(&mut self, process: WorkerProcessId, workers: Vec<WorkerId>, again: usize) {
-        let (machine, name) = (process.machine, self.names(&[process]).concat());
-        self.metrics.quarantined();
-        tracing::error!(
-            worker = name,
-            %machine,
-            again,
-            "a machine was found wrong, and is quarantined"
-        );
+        let machine = process.machine;
+        let name = self.names(&[process]).concat();
+        if !self.is_known_as_wrong(machine) {
+            self.metrics.quarantined();
+            tracing::error!(
+                worker = name,
+                %machine,
+                again,
+                "a machine was found wrong, and is quarantined"
+            );
+            let name = name.clone();
+            self.wrong
+                .send_modify(|wrong| wrong.push(Quarantined { machine, name }));
+        }
         for worker in workers {
             let status = Status::failed_precondition(JoinError::Quarantined(machine).to_string());
             self.dismiss(worker, Some(status));
@@ -249,8 +261,6 @@ impl Service {
                 job.job_progress.set_trouble(Some(trouble.clone()));
             }
         }
-        self.wrong
-            .send_modify(|wrong| wrong.push(Quarantined { machine, name }));
     }
 
     fn fail(&mut self, id: JobId, error: JobError) {
@@ -292,7 +302,7 @@ impl Service {
         {
             tell(training);
             job.job_progress.set_trouble(None);
-            self.table.get_on(lease, Instant::now());
+            self.table.get_on(lease, self.now());
         }
     }
 }

@@ -219,14 +219,14 @@ fn a_machine_that_is_wrong_elsewhere_is_quarantined_here() {
 
 #[test]
 fn after_a_stall_of_the_coordinator_no_worker_counts_as_silent() {
-    let mut service = service();
-    service.options.silence_limit = Duration::from_millis(50);
-    let _worker = Peer::join(&mut service, 1);
-    std::thread::sleep(Duration::from_millis(60));
-    let long_ago = Instant::now().checked_sub(2 * STALL).unwrap();
-    service.lose_silent_workers(long_ago);
-    assert_eq!(service.workers.len(), 1);
-    std::thread::sleep(Duration::from_millis(60));
-    service.lose_silent_workers(Instant::now());
-    assert!(service.workers.is_empty());
+    for (stall, workers) in [(Duration::ZERO, 0), (2 * STALL, 1)] {
+        let mut service = service();
+        service.options.silence_limit = Duration::from_millis(50);
+        let _worker = Peer::join(&mut service, 1);
+        std::thread::sleep(Duration::from_millis(60));
+        service.woken = Instant::now().checked_sub(stall).unwrap();
+        service.notice_stall();
+        service.lose_silent_workers();
+        assert_eq!(service.workers.len(), workers);
+    }
 }

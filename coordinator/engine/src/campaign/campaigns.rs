@@ -99,6 +99,9 @@ impl CampaignStatus {
     }
 }
 
+/// Pause after which a quarantine that could not be stored is stored again: the disk may be full.
+const CHECKED_AGAIN_AFTER: Duration = Duration::from_secs(10);
+
 /// A campaign in a list that is not yet split into pages.
 #[derive(Debug, Clone)]
 pub struct ListedCampaign {
@@ -205,14 +208,17 @@ impl Campaigns {
             // The dispatchers come first: what the store knows, and no dispatcher, would not be computed again.
             self.context.dispatch.mistrust(wrong.clone()).await;
             self.context.trainers.dispatch().mistrust(wrong.clone()).await;
+            let mut again = None;
             if !wrong.is_empty()
                 && let Err(error) = self.reopen(wrong).await
             {
                 tracing::error!(%error, "completed campaigns cannot be checked for results of wrong workers");
+                again = Some(CHECKED_AGAIN_AFTER);
             }
             let changed = tokio::select! {
                 changed = workers.changed() => changed,
                 changed = trainers.changed() => changed,
+                () = tokio::time::sleep(again.unwrap_or_default()), if again.is_some() => Ok(()),
             };
             if changed.is_err() {
                 return;

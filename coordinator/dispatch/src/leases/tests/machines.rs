@@ -447,6 +447,55 @@ fn a_task_of_a_lost_worker_does_not_wait_for_a_worker_that_asks_for_nothing() {
 }
 
 #[test]
+fn a_machine_with_a_hung_process_works_on_beside_a_machine_that_does_nothing() {
+    // The other machine asks for nothing, or returns every lease.
+    for returns in [false, true] {
+        let (mut table, start) = (LeaseTable::new(DISPUTE_TIMEOUT), now());
+        join(&mut table, worker_of(1, 1), 1);
+        table.submit(JobParams {
+            speculative: false,
+            ..params(1)
+        });
+        table.grant(start).unwrap();
+        let healthy = join(&mut table, worker_of(1, 2), 1);
+        let other = join(&mut table, worker_of(2, 3), usize::from(returns));
+        table.submit(params(1));
+        let later = start + 2 * HANGS_AFTER;
+        if returns {
+            table.add_credits(other, 1);
+            let grant = table.grant(later).unwrap();
+            assert_eq!(grant.worker, other);
+            table.give_back(other, grant.lease, later);
+        }
+        assert_eq!(table.grant(later).map(|grant| grant.worker), Some(healthy));
+    }
+}
+
+#[test]
+fn a_machine_that_returns_a_task_gets_it_again_only_after_the_others() {
+    // The machine drains each connection, returns the task, or breaks off as the same process.
+    let end: [fn(&mut LeaseTable<u64>, &Grant); 3] = [
+        |table, grant| {
+            table.drain(grant.worker);
+            table.lose(grant.worker);
+        },
+        |table, grant| table.give_back(grant.worker, grant.lease, now()),
+        |table, grant| table.lose(grant.worker),
+    ];
+    for end in end {
+        let (mut table, []) = workers([]);
+        let greedy = join(&mut table, worker_of(7, 1), 4096);
+        let honest = join(&mut table, process(1), 1);
+        table.submit(params(1));
+        let grant = table.grant(now()).unwrap();
+        assert_eq!(grant.worker, greedy);
+        end(&mut table, &grant);
+        join(&mut table, worker_of(7, 1), 4096);
+        assert_eq!(table.grant(now()).map(|grant| grant.worker), Some(honest));
+    }
+}
+
+#[test]
 fn connections_that_ask_for_nothing_or_answer_nothing_do_not_make_batches_small() {
     let (mut table, sound) = beside_a_machine_that_hangs(60);
     for instance in 100..400 {
