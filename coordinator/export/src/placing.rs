@@ -13,8 +13,8 @@ use std::{
 
 /// Prefix of a folder that is being filled.
 const PREFIX: &str = ".murmuration-export-";
-/// Extension of a former export that is being replaced. If a folder with this extension remains, the new export possibly did not
-/// get its name.
+/// Ending of the name that the folder of a former export has while a new export replaces it. If such a folder remains, the new
+/// export possibly did not get its name.
 const REPLACED: &str = "replaced";
 
 /// The absolute path of an export, without links. The path must be an empty folder or not exist, unless `replaces` allows an
@@ -121,7 +121,7 @@ fn move_up(folder: &Path, target: &Path) -> Result<(), ExportError> {
 fn rename(folder: &Path, target: &Path, replaces: bool) -> Result<(), ExportError> {
     let failed = |error| ExportError::file("write", target)(error);
     if is_empty(target).map_err(failed)? {
-        // The target did not exist when this export began.
+        // The target is missing or empty, so nothing is replaced.
         fs::rename(folder, target).map_err(failed)?;
         return sync(parent(target));
     }

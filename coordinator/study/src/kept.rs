@@ -1,4 +1,5 @@
-//! A study as a coordinator stores it: the study's file, and records of embedders, measurements, the atlas and people's classes.
+//! A study as a coordinator stores it: the study's file, and records of embedders, measurements, the atlas and the
+//! classes that people gave.
 
 use crate::{
     corrections::{Corrections, CorrectionsError},

@@ -1,4 +1,4 @@
-//! Recall: the share of an atlas's content that a search finds after a number of evaluations.
+//! Recall: the share of an atlas's niches, or of its classes and patterns, that a search finds in a number of evaluations.
 
 use crate::{
     figure::Figure,

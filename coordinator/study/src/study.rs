@@ -91,7 +91,8 @@ pub enum RandomBatches {
 pub(crate) struct Published {
     /// The publication; can be empty.
     pub source: String,
-    /// The rows that the figures belong to: the place of a value, by the place of its axis. Other axes can have any value.
+    /// The rows that the figures belong to. Key: index of an axis; value: index of one of the axis's values. Other axes can have
+    /// any value.
     pub rows: BTreeMap<usize, usize>,
     pub figures: BTreeMap<Figure, f64>,
 }

@@ -39,7 +39,7 @@ const READ: Duration = Duration::from_secs(2);
 /// Longest permitted answer time while an archive is clustered.
 const LIMIT: Duration = Duration::from_secs(10);
 
-/// Cancels campaigns while the coordinator starts, and while it creates the campaigns.
+/// Kills the coordinator, and cancels campaigns while it starts again. Then cancels further campaigns while they are created.
 pub fn cancels(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.coordinator_kills as usize;
     let spec = campaign(scale, 4, 100);

@@ -83,8 +83,8 @@ impl Index {
             .collect()
     }
 
-    /// The `k` behaviours nearest to `place`, the nearest first; `place` has as many values as they. Which of several equally
-    /// near behaviours is the k-th is unspecified.
+    /// The `k` behaviours nearest to `place`, the nearest first. `place` has a value for each dimension of the behaviour space.
+    /// Which of several equally near behaviours is the k-th is unspecified.
     #[must_use]
     pub fn nearest(&self, place: &[f64], k: usize) -> Vec<Neighbour> {
         let mut nearest = Nearest::new(k);

@@ -86,8 +86,8 @@ pub(super) struct Known {
 }
 
 impl Known {
-    /// Reads the campaigns, with only some records in memory at a time. If the digest of a campaign is known, the campaign's
-    /// record is read only if the campaign is running or failed.
+    /// Reads the campaigns, with only some records in memory at a time. A campaign's record is read if its digest is not known
+    /// yet, or if the campaign is running or failed.
     pub(super) async fn read(campaigns: &Campaigns, digests: &Arc<Digests>) -> Result<Self, CampaignError> {
         let listed = Instant::now();
         let heads = campaigns.heads().await?;

@@ -1,5 +1,5 @@
 //! The studies of a data directory, as read from the store. A study is read again when it changes, but reading must not take more
-//! than a share of the time. If only people's classes change, the rest of the study is not read again.
+//! than a share of the time. If only the classes that people gave change, only these classes are read again.
 
 use super::known::{Digests, Known};
 use axum::body::Bytes;
@@ -80,7 +80,7 @@ pub(super) struct Loaded {
     name: CampaignName,
     pub(super) outcome: Outcome,
     pub(super) jobs: Arc<Jobs>,
-    /// The reason why people's classes cannot be read, if they cannot; the judge's verdicts then replace all classes.
+    /// The reason why the classes that people gave cannot be read, if they cannot; the judge's verdicts then replace all classes.
     pub(super) problem: Option<String>,
     /// The markup of the tables and plots.
     pub(super) tables: String,

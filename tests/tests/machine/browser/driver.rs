@@ -196,10 +196,10 @@ impl Window {
     pub async fn click(&self, selector: &str) {
         let begun = Instant::now();
         loop {
-            // After one of these errors, the driver has not clicked, because the page is still changing.
             let why = match self.try_click(selector).await.map_err(WebDriverError::into_inner) {
                 Ok(true) => return,
                 Ok(false) => "it is hidden or disabled".to_owned(),
+                // These errors mean that the page is still changing. The driver has not clicked.
                 Err(
                     error @ (ElementClickIntercepted(_)
                     | ElementNotInteractable(_)

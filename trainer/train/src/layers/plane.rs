@@ -1,8 +1,8 @@
 //! The convolutions of the paper's network: one channel with one channel, with stride 1 and without padding, computed directly on
 //! pictures. A matrix of patches would be nine times as large as the picture, and be multiplied by a single column.
 //!
-//! A run of values of a row stays in registers from the first weight of the kernel to the last. Vectors have the CPU's widest
-//! size. Their size changes no bit of the result, because no sum is reordered and no product is fused.
+//! A run is some neighbouring values of an output row: their sums stay in registers until every weight of the kernel is applied.
+//! Vectors have the CPU's widest size. Their size changes no bit of the result, because no sum is reordered and no product is fused.
 
 use crate::real::Real;
 use pulp::{Arch, Simd, WithSimd};
