@@ -245,10 +245,13 @@ impl Coordinator {
             seats: seats.clone(),
             stopped,
         };
+        if options.resume {
+            // Clients that connect meanwhile wait: they would be told that their campaigns are interrupted.
+            campaigns.resume_interrupted().await?;
+        }
         let (local, servers) = served.open(listener, &options).await?;
         options.data.announce(&local.url)?;
         if options.resume {
-            campaigns.resume_interrupted().await?;
             let (campaigns, mut stopped) = (campaigns.clone(), stop.subscribe());
             tokio::spawn(async move {
                 tokio::select! {

@@ -24,7 +24,7 @@ IMAGE = bytes(range(SIDE * SIDE))
 DIGEST = "0123456789abcdef" * 4
 
 # The answer of each method, `SERVICE/METHOD`; a list if the answer is a stream. Bytes stand for an invalid message, and
-# a status stands for a refusal.
+# a status with its text stands for a refusal.
 Told = dict[str, Any]
 
 
@@ -38,8 +38,8 @@ class _Handler(grpc.GenericRpcHandler):
         told = self._told.get(details.method.removeprefix("/murmuration.v1."))
         if told is None:
             return None
-        if isinstance(told, grpc.StatusCode):
-            return grpc.stream_stream_rpc_method_handler(lambda _, context: context.abort(told, "not now"))
+        if isinstance(told, tuple):
+            return grpc.stream_stream_rpc_method_handler(lambda _, context: context.abort(*told))
         if not isinstance(told, list):
             return grpc.unary_unary_rpc_method_handler(lambda *_: told, response_serializer=_bytes)
         if details.method.endswith("/Evaluate"):

@@ -149,9 +149,17 @@ def test_an_answer_that_cannot_be_is_named(
 
 
 def test_who_asks_for_too_much_at_once_is_told_so(client: mm.Client, told: Told) -> None:
-    told["EvaluationService/Evaluate"] = grpc.StatusCode.RESOURCE_EXHAUSTED
+    told["EvaluationService/Evaluate"] = (grpc.StatusCode.RESOURCE_EXHAUSTED, "not now")
     with pytest.raises(mm.BusyError, match="not now"):
         client.evaluate(ROBOT, TWO)
+
+
+def test_the_text_of_an_error_cannot_control_a_terminal(client: mm.Client, told: Told) -> None:
+    told["EvaluationService/Evaluate"] = (grpc.StatusCode.INTERNAL, "\x1b]0;title\x07 \u202elie " + "x" * 6_000)
+    with pytest.raises(mm.MurmurationError) as raised:
+        client.evaluate(ROBOT, TWO)
+    assert not {"\x1b", "\x07", "\u202e"} & set(str(raised.value))
+    assert len(str(raised.value)) <= 4_000
 
 
 def test_one_picture_is_that_of_its_individual(client: mm.Client, told: Told) -> None:

@@ -177,6 +177,12 @@ pub enum Event<R> {
         /// Workers that report the task as impossible.
         by: Vec<WorkerProcessId>,
     },
+    /// A worker made no progress for long with a task that is not speculative, and another worker gets the task.
+    TakenBack {
+        job: JobId,
+        /// Worker without progress; its result still counts.
+        from: WorkerProcessId,
+    },
     /// A machine was found wrong: its connections are closed, and its unaudited results are computed again.
     Quarantined {
         /// The worker that was found wrong.

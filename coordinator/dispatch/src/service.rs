@@ -571,17 +571,16 @@ impl Service {
         let message = v1::CoordinatorMessage {
             message: Some(message),
         };
-        let sent = self
-            .workers
-            .get(&id)
-            .is_some_and(|worker| worker.outbox.try_send(Ok(message)).is_ok());
-        if !sent {
-            self.lose(
-                id,
-                Some(Status::resource_exhausted(
-                    "this worker does not read its messages",
-                )),
-            );
+        let Some(worker) = self.workers.get(&id) else {
+            return;
+        };
+        match worker.outbox.try_send(Ok(message)) {
+            Ok(()) => {}
+            Err(mpsc::error::TrySendError::Closed(_)) => self.lose(id, None),
+            Err(mpsc::error::TrySendError::Full(_)) => {
+                let text = "this worker does not read its messages";
+                self.lose(id, Some(Status::resource_exhausted(text)));
+            }
         }
     }
 

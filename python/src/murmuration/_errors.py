@@ -94,6 +94,9 @@ class ProgramError(MurmurationError):
     """A program of Murmuration that cannot be found, or that failed."""
 
 
+# Maximum number of characters of a coordinator's error text.
+_LONGEST = 4_000
+
 _BY_CODE: dict[grpc.StatusCode, type[MurmurationError]] = {
     grpc.StatusCode.INVALID_ARGUMENT: InvalidError,
     # The message is larger than the coordinator accepts.
@@ -114,9 +117,14 @@ def of_status(error: grpc.RpcError) -> MurmurationError:
     # The error that grpc raises for a call is also the call, which has the status.
     if not isinstance(error, grpc.Call):
         return MurmurationError(str(error))
-    message = error.details() or error.code().name
+    message = _clean(error.details() or error.code().name)
     kind = _BY_CODE.get(error.code(), MurmurationError)
     return _invalid(message, error) if kind is InvalidError else kind(message)
+
+
+def _clean(text: str) -> str:
+    """A coordinator's text, cut to a length to read, without characters that control a terminal."""
+    return "".join(letter if letter.isprintable() or letter == "\n" else "\ufffd" for letter in text[:_LONGEST])
 
 
 def _invalid(message: str, call: grpc.Call) -> InvalidError:

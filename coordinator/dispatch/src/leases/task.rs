@@ -14,6 +14,8 @@ pub(super) struct Task<R> {
     pub(super) lost: BTreeSet<WorkerProcessId>,
     /// Number of workers that hold the task.
     pub(super) out: usize,
+    /// How often the task was taken back from a worker that made no progress.
+    pub(super) taken_back: u32,
     /// Time since which no other machine could decide about the task.
     pub(super) alone_since: Option<Instant>,
     /// Whether one vote does not settle the task.
@@ -48,6 +50,7 @@ impl<R: Agree> Task<R> {
             refused: Vec::new(),
             lost: BTreeSet::new(),
             out: 0,
+            taken_back: 0,
             alone_since: None,
             audited,
             is_postponed: false,

@@ -1,8 +1,8 @@
 //! Turns: chooses the next job, its tasks, and their worker.
 
 use super::{
-    AT_ONCE, Agree, Grant, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH, SPECULATION_DELAY,
-    WorkerId, job::Job, workers::Worker,
+    AT_ONCE, Agree, Back, Event, Grant, HOPELESS_AFTER, JobId, LATE, LONGEST_PATIENCE, Lease, LeaseNumber,
+    LeaseTable, MAX_BATCH, SPECULATION_DELAY, WorkerId, job::Job, workers::Worker,
 };
 use murmuration_model::MachineId;
 use std::{
@@ -61,6 +61,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
     /// worker gets tasks that another worker is late with.
     pub fn grant(&mut self, now: Instant) -> Option<Grant> {
         self.decide_without_others(now);
+        self.take_back_stalled(now);
         let mut turns: Vec<(u64, JobId)> = self
             .jobs
             .iter()
@@ -249,6 +250,48 @@ impl<R: Agree + Clone> LeaseTable<R> {
             return Some((lease.job, choice));
         }
         None
+    }
+
+    /// Takes back leases that are not speculative and have made no progress for long, if another worker is free. Each further time
+    /// takes twice as long, so that a task whose steps take long is not handed round for ever.
+    fn take_back_stalled(&mut self, now: Instant) {
+        let stalled: Vec<_> = self
+            .leases
+            .iter()
+            .take_while(|(_, lease)| now.saturating_duration_since(lease.given) > HOPELESS_AFTER)
+            .filter(|(number, lease)| self.is_stalled(**number, lease, now))
+            .map(|(&number, lease)| (number, lease.job, lease.process))
+            .collect();
+        for (number, id, from) in stalled {
+            let Some(job) = self.jobs.get_mut(&id) else {
+                continue;
+            };
+            for &place in self.leases.get(&number).iter().flat_map(|lease| &lease.tasks) {
+                job.tasks[place].taken_back += 1;
+            }
+            self.events.push(Event::TakenBack { job: id, from });
+            self.come_back(number, Back::Returned);
+        }
+    }
+
+    fn is_stalled(&self, number: LeaseNumber, lease: &Lease, now: Instant) -> bool {
+        let job = self.jobs.get(&lease.job).filter(|job| !job.speculative);
+        let (Some(holder), Some(job)) = (lease.holder, job) else {
+            return false;
+        };
+        let tasks = || lease.tasks.iter().map(|&place| &job.tasks[place]);
+        let times = tasks().map(|task| task.taken_back).max().unwrap_or_default();
+        let patience = (HOPELESS_AFTER * (1 << times.min(10))).min(LONGEST_PATIENCE);
+        let machine = self.workers.machine(lease.process.machine);
+        // A report of progress counts as a new beginning.
+        let since = machine.and_then(|machine| machine.granted(number));
+        let is_free =
+            |other: &Worker| !other.rests(lease.job, now) && tasks().all(|task| task.wants(other.machine()));
+        since.is_some_and(|since| now.saturating_duration_since(since) > patience)
+            && self
+                .workers
+                .free(job.embeds)
+                .any(|(id, other)| id != holder && is_free(other))
     }
 
     /// The leases that their holders are late with, oldest first.

@@ -117,6 +117,15 @@ impl Service {
                     tracing::debug!(?job, tasks, "audits ended without a second result");
                 }
                 Event::Disagreement { job, task, between } => self.disagree(job, task, &between),
+                Event::TakenBack { job, from } => {
+                    let name = self.names(&[from]).concat();
+                    let text =
+                        format!("{name} has reported no progress for long, so another machine goes on");
+                    tracing::warn!("{text}");
+                    if let Some(job) = self.jobs.get(&job) {
+                        job.job_progress.set_trouble(Some(text));
+                    }
+                }
                 Event::Impossible { job, by } => {
                     let workers = self.names(&by).join(" and ");
                     let message = self.jobs.get_mut(&job).and_then(|job| job.refusal.take());

@@ -40,6 +40,10 @@ impl SimulatedCluster {
                     );
                     self.seen.impossible += 1;
                 }
+                Event::TakenBack { job, .. } => {
+                    let job = self.table.jobs.get(&job);
+                    assert!(job.is_none_or(|job| !job.speculative));
+                }
                 Event::Quarantined { process, workers, .. } => {
                     self.seen.quarantines += 1;
                     let machine = process.machine;

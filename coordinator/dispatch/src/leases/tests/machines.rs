@@ -472,6 +472,39 @@ fn a_machine_with_a_hung_process_works_on_beside_a_machine_that_does_nothing() {
 }
 
 #[test]
+fn a_training_whose_trainer_makes_no_progress_goes_to_another() {
+    let (mut table, start) = (LeaseTable::new(DISPUTE_TIMEOUT), now());
+    let silent = join(&mut table, process(1), 1);
+    let job = table.submit(JobParams {
+        speculative: false,
+        ..params(1)
+    });
+    let first = table.grant(start).unwrap();
+    let other = join(&mut table, process(2), 1);
+    // Progress counts as a new beginning.
+    let progress = start + HOPELESS_AFTER;
+    table.get_on(first.lease, progress);
+    let late = progress + HOPELESS_AFTER + Duration::from_secs(1);
+    assert_eq!(table.grant(progress + HOPELESS_AFTER), None);
+    let second = table.grant(late).expect("the other trainer goes on");
+    assert_eq!(second.worker, other);
+    let from = process(1);
+    assert!(table.take_events().contains(&Event::TakenBack { job, from }));
+    // The other trainer has twice as much time.
+    table.add_credits(silent, 1);
+    assert_eq!(table.grant(late + HOPELESS_AFTER + Duration::from_secs(1)), None);
+    assert!(table.grant(late + 3 * HOPELESS_AFTER).is_some());
+    // The first result counts.
+    table
+        .complete(silent, first.lease, answers(&first), late)
+        .unwrap();
+    assert!(matches!(
+        results(table.take_events())[..],
+        [Settled::Result { .. }]
+    ));
+}
+
+#[test]
 fn a_machine_that_returns_a_task_gets_it_again_only_after_the_others() {
     // The machine drains each connection, returns the task, or breaks off as the same process.
     let end: [fn(&mut LeaseTable<u64>, &Grant); 3] = [
