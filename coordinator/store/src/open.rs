@@ -8,6 +8,7 @@ use rusqlite::{
 };
 use std::{
     fs, io,
+    os::unix::ffi::OsStrExt as _,
     path::{Path, PathBuf},
 };
 use tempfile::TempPath;
@@ -182,11 +183,12 @@ fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     name.into()
 }
 
-/// A path for a URI of SQLite, with the characters `%`, `?` and `#` escaped.
+/// A path for a URI of SQLite: escapes the bytes `%`, `?` and `#`, and all bytes that are not ASCII, since a path need not be text.
 pub(super) fn uri_path(path: &Path) -> String {
-    path.display()
-        .to_string()
-        .replace('%', "%25")
-        .replace('?', "%3f")
-        .replace('#', "%23")
+    let bytes = path.as_os_str().as_bytes().iter();
+    let escaped = |&byte: &u8| match byte {
+        b'%' | b'?' | b'#' | 128.. => format!("%{byte:02x}"),
+        _ => char::from(byte).to_string(),
+    };
+    bytes.map(escaped).collect()
 }

@@ -8,7 +8,7 @@ use super::*;
 use murmuration_model::{CampaignId, CampaignState, MachineId, Maker, Quarantined, SavedTraining, Weight};
 use murmuration_search::medoids::Clustering;
 use murmuration_swarm::{CampaignSpec, CheckpointDigest, Controller, EmbeddingKind, Preset, Verdict};
-use std::fs;
+use std::{ffi::OsStr, fs, os::unix::ffi::OsStrExt as _};
 
 const MODEL: Preset = Preset::SingleSensor;
 
@@ -458,4 +458,21 @@ fn an_id_that_is_almost_that_of_a_campaign_is_answered_with_that() {
     store.decide(&id, Decision::Cancel, false).unwrap();
     store.delete_campaign(&id, None, false).unwrap();
     assert!(!message(id.as_str()).contains("did you mean"));
+}
+
+#[test]
+fn a_data_directory_whose_name_is_no_text_is_looked_at() {
+    let parent = tempfile::tempdir().unwrap();
+    // A file system may accept only text.
+    let folder = parent.path().join(OsStr::from_bytes(b"odd \xff%?#"));
+    if fs::create_dir(&folder).is_err() {
+        return;
+    }
+    drop(Store::open(&DataDirectory::hold(&folder).unwrap()).unwrap());
+    let path = folder.join(Store::FILE);
+    let (connection, _) = crate::open::to_look(&path, true).unwrap();
+    let campaigns: i64 = connection
+        .query_row("SELECT count(*) FROM campaigns", [], |row| row.get(0))
+        .unwrap();
+    assert_eq!(campaigns, 0);
 }

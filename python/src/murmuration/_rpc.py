@@ -16,6 +16,9 @@ from ._errors import AnswerError, InvalidError, MurmurationError, UnavailableErr
 
 Answer = TypeVar("Answer", bound=Message)
 
+# Maximum number of bytes of a whole answer, as for Murmuration's programs: more than all labels of the largest campaign.
+_LONGEST_ANSWER = 4 << 30
+
 # Beginnings of gRPC's messages if no server answers, or not in time.
 _NOBODY = ("failed to connect to all addresses", "Deadline Exceeded")
 _OPTIONS = [
@@ -79,8 +82,11 @@ class Connection:
 
     def whole(self, method: str, request: Message, answer: type[Answer]) -> Answer:
         """Calls a method whose answer comes in parts, and joins them."""
-        whole = answer()
+        whole, size = answer(), 0
         for part in self.stream(method, request, answer):
+            size += part.ByteSize()
+            if size > _LONGEST_ANSWER:
+                raise AnswerError(f"{method}: the answer is longer than {_LONGEST_ANSWER} bytes")
             whole.MergeFrom(part)
         return whole
 
