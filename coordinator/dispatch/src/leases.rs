@@ -177,11 +177,12 @@ pub enum Event<R> {
         /// Workers that report the task as impossible.
         by: Vec<WorkerProcessId>,
     },
-    /// A worker made no progress for long with a task that is not speculative, and another worker gets the task.
+    /// A worker made no progress for long with a lease that is not speculative, and another worker gets the tasks.
     TakenBack {
         job: JobId,
-        /// Worker without progress; its result still counts.
-        from: WorkerProcessId,
+        /// Worker without progress.
+        worker: WorkerId,
+        lease: LeaseNumber,
     },
     /// A machine was found wrong: its connections are closed, and its unaudited results are computed again.
     Quarantined {
@@ -397,8 +398,11 @@ impl<R: Agree + Clone> LeaseTable<R> {
         self.workers.change(worker, |worker| worker.rest_from(job, now));
         if let Some(job) = self.jobs.get_mut(&job) {
             job.rested.insert(worker);
+            job.leases.remove(&number);
         }
         self.come_back(number, Back::Returned);
+        // The worker will not answer a lease that it has given back.
+        self.leases.remove(&number);
     }
 
     /// A worker reports that the tasks of a lease are impossible. Other machines get the tasks, and the job ends if a second

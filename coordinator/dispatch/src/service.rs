@@ -31,8 +31,9 @@ use tracing::Span;
 
 /// How often the service looks for silent workers and late leases.
 const TICK: Duration = Duration::from_millis(100);
-/// If the coordinator was stopped for longer than this time, it has read no messages of this time, and the time counts for nobody.
-const STALL: Duration = Duration::from_secs(1);
+/// Longest time from one wake of the service to the next that counts when it judges machines. If the coordinator was stopped or
+/// busy for longer, it has read no messages of this time.
+const STALL: Duration = Duration::from_millis(250);
 /// Once this number of names is remembered, names of processes that are gone are forgotten.
 const MOST_NAMES: usize = 4096;
 /// Maximum number of answers on one connection to leases that the worker does not owe. A sound worker sends a few after it or the
@@ -72,8 +73,9 @@ pub(super) struct Service {
     given: BTreeMap<LeaseNumber, Given>,
     /// When the service last woke; it wakes at every tick.
     woken: Instant,
-    /// Total time in which the coordinator was stopped.
-    stalled: Duration,
+    /// Time by which the lease table judges machines. It is the same for all messages of a wake, and stands still while the
+    /// coordinator is stopped.
+    clock: Instant,
 }
 
 /// A granted lease.
@@ -142,7 +144,7 @@ impl Service {
             audits,
             given: BTreeMap::new(),
             woken: Instant::now(),
-            stalled: Duration::ZERO,
+            clock: Instant::now(),
         }
     }
 
@@ -154,7 +156,7 @@ impl Service {
         loop {
             tokio::select! {
                 received = inbox.recv_many(&mut commands, AT_ONCE) => {
-                    self.notice_stall();
+                    self.wake();
                     match self.take_all(&mut commands) {
                         _ if received == 0 => break,
                         Taken::Stop => break,
@@ -163,7 +165,7 @@ impl Service {
                     }
                 }
                 _ = tick.tick() => {
-                    self.notice_stall();
+                    self.wake();
                     self.lose_silent_workers();
                 }
             }
@@ -267,8 +269,7 @@ impl Service {
     }
 
     fn take_report(&mut self, worker: WorkerId, report: WorkerReport) -> bool {
-        let now = self.now();
-        self.table.keep_alive(worker, now);
+        self.table.keep_alive(worker, self.clock);
         match report {
             WorkerReport::Credits(count) => self.table.add_credits(worker, count),
             WorkerReport::Heartbeat => return false,
@@ -346,8 +347,7 @@ impl Service {
             capacity,
             embeds: kind.is_known(),
         };
-        let now = self.now();
-        let Some(id) = self.table.join(process, abilities, now) else {
+        let Some(id) = self.table.join(process, abilities, self.clock) else {
             // The worker may have disconnected.
             let _ = reply.send(Err(JoinError::Quarantined(process.machine)));
             return;
@@ -412,33 +412,27 @@ impl Service {
             // Only trainings are withdrawn: an evaluation ends before the message would arrive.
             if job.is_some_and(|job| job.training().is_some()) {
                 for (worker, lease) in held {
-                    // The trainer need not answer.
-                    self.table.excuse(worker, lease);
-                    let lease = Some(self.lease_id(lease));
-                    let withdrawal = v1::coordinator_message::Message::Withdrawal(v1::Withdrawal { lease });
-                    self.send(worker, withdrawal);
+                    self.withdraw(worker, lease);
                 }
             }
         }
     }
 
-    /// The time by which the lease table judges machines: without the times in which the coordinator was stopped.
-    fn now(&self) -> Instant {
-        let now = Instant::now();
-        now.checked_sub(self.stalled).unwrap_or(now)
+    /// Tells a trainer to stop its training. The trainer need not answer.
+    fn withdraw(&mut self, worker: WorkerId, lease: LeaseNumber) {
+        self.table.excuse(worker, lease);
+        let lease = Some(self.lease_id(lease));
+        let withdrawal = v1::coordinator_message::Message::Withdrawal(v1::Withdrawal { lease });
+        self.send(worker, withdrawal);
     }
 
-    fn notice_stall(&mut self) {
+    fn wake(&mut self) {
         let last = std::mem::replace(&mut self.woken, Instant::now());
-        let since = self.woken.saturating_duration_since(last);
-        if since > STALL {
-            self.stalled += since;
-        }
+        self.clock += self.woken.saturating_duration_since(last).min(STALL);
     }
 
     fn lose_silent_workers(&mut self) {
-        let now = self.now();
-        for id in self.table.silent(now, self.options.silence_limit) {
+        for id in self.table.silent(self.clock, self.options.silence_limit) {
             let text = format!(
                 "no message for {:?}: the leases went to other workers",
                 self.options.silence_limit
@@ -476,7 +470,7 @@ impl Service {
             lease,
             job,
             tasks,
-        }) = self.table.grant(self.now())
+        }) = self.table.grant(self.clock)
         {
             // The job may be of audits that have only just begun.
             self.tell_events();

@@ -260,17 +260,19 @@ impl<R: Agree + Clone> LeaseTable<R> {
             .iter()
             .take_while(|(_, lease)| now.saturating_duration_since(lease.given) > HOPELESS_AFTER)
             .filter(|(number, lease)| self.is_stalled(**number, lease, now))
-            .map(|(&number, lease)| (number, lease.job, lease.process))
+            .filter_map(|(&number, lease)| Some((number, lease.job, lease.holder?)))
             .collect();
-        for (number, id, from) in stalled {
+        for (lease, id, worker) in stalled {
             let Some(job) = self.jobs.get_mut(&id) else {
                 continue;
             };
-            for &place in self.leases.get(&number).iter().flat_map(|lease| &lease.tasks) {
+            for &place in self.leases.get(&lease).iter().flat_map(|lease| &lease.tasks) {
                 job.tasks[place].taken_back += 1;
             }
-            self.events.push(Event::TakenBack { job: id, from });
-            self.come_back(number, Back::Returned);
+            self.excuse(worker, lease);
+            self.come_back(lease, Back::Returned);
+            let job = id;
+            self.events.push(Event::TakenBack { job, worker, lease });
         }
     }
 

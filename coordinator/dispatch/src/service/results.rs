@@ -21,9 +21,9 @@ impl Service {
         let Some(id) = self.table.leased(worker, lease) else {
             tracing::debug!(?worker, ?lease, "a result that nobody waits for");
             // A worker that owed the answer may have been avoided until now.
-            return self.table.answered(worker, lease, self.now()) || self.count_stray(worker);
+            return self.table.answered(worker, lease, self.clock) || self.count_stray(worker);
         };
-        let (kind, places, now) = (self.kind(worker), self.table.tasks(lease), self.now());
+        let (kind, places, now) = (self.kind(worker), self.table.tasks(lease), self.clock);
         let Some(job) = self.jobs.get_mut(&id) else {
             return false;
         };
@@ -80,7 +80,7 @@ impl Service {
     }
 
     fn count_votes(&mut self, worker: WorkerId, lease: LeaseNumber, votes: Vec<Vote>) {
-        match self.table.complete(worker, lease, votes, self.now()) {
+        match self.table.complete(worker, lease, votes, self.clock) {
             Ok(()) | Err(Refused::UnknownLease | Refused::NotYours) => {}
             Err(refused @ Refused::WrongCount { .. }) => self.found_wrong(worker, &refused.to_string()),
         }
@@ -117,15 +117,7 @@ impl Service {
                     tracing::debug!(?job, tasks, "audits ended without a second result");
                 }
                 Event::Disagreement { job, task, between } => self.disagree(job, task, &between),
-                Event::TakenBack { job, from } => {
-                    let name = self.names(&[from]).concat();
-                    let text =
-                        format!("{name} has reported no progress for long, so another machine goes on");
-                    tracing::warn!("{text}");
-                    if let Some(job) = self.jobs.get(&job) {
-                        job.job_progress.set_trouble(Some(text));
-                    }
-                }
+                Event::TakenBack { job, worker, lease } => self.take_back(job, worker, lease),
                 Event::Impossible { job, by } => {
                     let workers = self.names(&by).join(" and ");
                     let message = self.jobs.get_mut(&job).and_then(|job| job.refusal.take());
@@ -226,15 +218,31 @@ impl Service {
         }
     }
 
+    /// Tells a trainer that another one goes on with its training.
+    fn take_back(&mut self, job: JobId, worker: WorkerId, lease: LeaseNumber) {
+        let process = self.table.process(worker);
+        let name = self.names(process.as_slice()).concat();
+        let text = format!("{name} has reported no progress for long, so another trainer goes on");
+        tracing::warn!("{text}");
+        self.metrics.returned(1);
+        if let Some(job) = self.jobs.get(&job) {
+            job.job_progress.set_trouble(Some(text));
+        }
+        self.withdraw(worker, lease);
+    }
+
     /// Quarantines machines that were found wrong by another dispatcher.
     pub(super) fn mistrust(&mut self, wrong: Vec<Quarantined>) {
+        self.tell_events();
         for wrong in wrong {
             let machine = wrong.machine;
             if self.is_known_as_wrong(machine) {
                 continue;
             }
+            let process = WorkerProcessId { machine, instance: 0 };
+            self.remember(process, wrong.name.clone());
             self.wrong.send_modify(|known| known.push(wrong));
-            self.table.quarantine(WorkerProcessId { machine, instance: 0 });
+            self.table.quarantine(process);
         }
         self.tell_events();
     }
@@ -311,7 +319,7 @@ impl Service {
         {
             tell(training);
             job.job_progress.set_trouble(None);
-            self.table.get_on(lease, self.now());
+            self.table.get_on(lease, self.clock);
         }
     }
 }

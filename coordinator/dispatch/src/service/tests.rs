@@ -2,9 +2,11 @@
 
 use super::*;
 use crate::{EmbeddingJob, Families, PeerKind, Share, submitted::Submitted};
-use murmuration_model::{EmbedderRef, Origin, Weight};
+use murmuration_model::{
+    ArchiveEmbedder, CampaignRecord, CampaignState, EmbedderRef, Origin, Rounds, TrainingPictures, Weight,
+};
 use murmuration_proto::v1::{batch_result::Outcome, coordinator_message::Message};
-use murmuration_swarm::{CheckpointDigest, Starts};
+use murmuration_swarm::{CampaignSpec, CheckpointDigest, Starts, training::Configuration};
 use prometheus_client::registry::Registry;
 use std::net::Ipv4Addr;
 
@@ -173,6 +175,7 @@ fn a_late_answer_counts_in_the_same_batch_of_messages_as_the_end_of_its_job() {
     // The worker is late with the audit after a tenth of a second, and takes no other work: the audit will go on after the job.
     slow.report(&mut service, WorkerReport::Drain);
     std::thread::sleep(Duration::from_millis(150));
+    service.wake();
     service.follow_up();
     fast.answer(&mut service, second);
     let mut third = Peer::join(&mut service, 3);
@@ -219,14 +222,73 @@ fn a_machine_that_is_wrong_elsewhere_is_quarantined_here() {
 
 #[test]
 fn after_a_stall_of_the_coordinator_no_worker_counts_as_silent() {
-    for (stall, workers) in [(Duration::ZERO, 0), (2 * STALL, 1)] {
+    let silence = 2 * STALL;
+    // The same silence with the coordinator awake, or stopped.
+    for (wakes, workers) in [(4, 0), (1, 1)] {
         let mut service = service();
-        service.options.silence_limit = Duration::from_millis(50);
+        service.options.silence_limit = silence;
         let _worker = Peer::join(&mut service, 1);
-        std::thread::sleep(Duration::from_millis(60));
-        service.woken = Instant::now().checked_sub(stall).unwrap();
-        service.notice_stall();
+        for _ in 0..wakes {
+            service.woken = service.woken.checked_sub(4 * STALL / wakes).unwrap();
+            service.wake();
+        }
         service.lose_silent_workers();
         assert_eq!(service.workers.len(), workers);
     }
+}
+
+fn training() -> TrainingJob {
+    let record = CampaignRecord {
+        id: CampaignId::from_store("small-1".to_owned()),
+        spec: CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"latent\"").unwrap(),
+        weight: Weight::default(),
+        study: None,
+        state: CampaignState::Running,
+        error: String::new(),
+        created_ms: 0,
+        ended_ms: None,
+        rollbacks: 0,
+        decisions: 0,
+        simulator_version: String::new(),
+        generations_done: 0,
+        last_novelty: None,
+        embedder: ArchiveEmbedder::Checkpoint(CheckpointDigest::of(b"none")),
+        pictures_done: 0,
+        rounds: Rounds::default(),
+    };
+    TrainingJob {
+        campaign: record.id.clone(),
+        weight: record.weight,
+        configuration: Configuration::default(),
+        shape: record.spec.image().shape(),
+        pictures: TrainingPictures::of(&record),
+        fine_tuning: None,
+        progress: watch::Sender::default(),
+        saved: watch::Sender::default(),
+    }
+}
+
+#[test]
+fn a_trainer_that_makes_no_progress_is_told_to_stop() {
+    let mut service = service();
+    let mut slow = Peer::join(&mut service, 1);
+    let (job, _results) = Submitted::new(training());
+    service.take(Request::Submit {
+        job: Box::new(job),
+        job_progress: Arc::default(),
+    });
+    let lease = slow.ask(&mut service);
+    let mut other = Peer::join(&mut service, 2);
+    other.report(&mut service, WorkerReport::Credits(1));
+    service.clock += Duration::from_mins(6);
+    service.follow_up();
+    let told = std::iter::from_fn(|| slow.inbox.try_recv().ok()).find_map(|message| {
+        match message.unwrap().message {
+            Some(Message::Withdrawal(withdrawal)) => withdrawal.lease,
+            _ => None,
+        }
+    });
+    assert_eq!(told, Some(lease));
+    service.follow_up();
+    assert!(other.lease().is_some());
 }

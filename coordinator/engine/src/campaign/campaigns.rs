@@ -238,13 +238,16 @@ impl Campaigns {
             }
             Ok(concerned)
         };
+        let mut refused = None;
         for record in self.context.store.run(concerned).await? {
             tracing::warn!(campaign = %record.id, "uses results of a wrong worker: checked again");
-            if let Err(error) = self.check_again(&record).await {
-                tracing::error!(campaign = %record.id, %error, "cannot be checked again");
+            match self.check_again(&record).await {
+                Ok(()) => {}
+                Err(CampaignError::Store(error)) => refused = Some(error),
+                Err(error) => tracing::error!(campaign = %record.id, %error, "cannot be checked again"),
             }
         }
-        Ok(())
+        refused.map_or(Ok(()), |error| Err(error.into()))
     }
 
     async fn check_again(&self, record: &CampaignRecord) -> Result<(), CampaignError> {

@@ -488,8 +488,12 @@ fn a_training_whose_trainer_makes_no_progress_goes_to_another() {
     assert_eq!(table.grant(progress + HOPELESS_AFTER), None);
     let second = table.grant(late).expect("the other trainer goes on");
     assert_eq!(second.worker, other);
-    let from = process(1);
-    assert!(table.take_events().contains(&Event::TakenBack { job, from }));
+    let taken = Event::TakenBack {
+        job,
+        worker: silent,
+        lease: first.lease,
+    };
+    assert!(table.take_events().contains(&taken));
     // The other trainer has twice as much time.
     table.add_credits(silent, 1);
     assert_eq!(table.grant(late + HOPELESS_AFTER + Duration::from_secs(1)), None);
