@@ -16,7 +16,7 @@ from ._errors import AnswerError, InvalidError, MurmurationError, UnavailableErr
 
 Answer = TypeVar("Answer", bound=Message)
 
-# Maximum number of bytes of a whole answer, as for Murmuration's programs: more than all labels of the largest campaign.
+# Maximum number of bytes of a whole answer, as for the programs: more than all labels of the largest campaign.
 _LONGEST_ANSWER = 4 << 30
 
 # Beginnings of gRPC's messages if no server answers, or not in time.
