@@ -34,6 +34,31 @@ pub struct CampaignRecord {
     pub rounds: Rounds,
 }
 
+impl CampaignRecord {
+    /// The record of a campaign that has computed nothing yet, created at time 0.
+    #[must_use]
+    pub fn begun(id: CampaignId, spec: CampaignSpec) -> Self {
+        Self {
+            id,
+            spec,
+            weight: Weight::default(),
+            study: None,
+            state: CampaignState::Running,
+            error: String::new(),
+            created_ms: 0,
+            ended_ms: None,
+            rollbacks: 0,
+            decisions: 0,
+            simulator_version: String::new(),
+            generations_done: 0,
+            last_novelty: None,
+            embedder: ArchiveEmbedder::None,
+            pictures_done: 0,
+            rounds: Rounds::default(),
+        }
+    }
+}
+
 /// The rounds of feedback of a campaign. A round's *label cutoff* is the number of entries, from the first of the label log, that
 /// the round learns from. Later entries are for the next round.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -60,28 +60,18 @@ impl From<Stage> for v1::CampaignStage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ArchiveEmbedder, CampaignState, Rounds, Weight};
+    use crate::{ArchiveEmbedder, Rounds};
     use murmuration_swarm::{CampaignSpec, CheckpointDigest};
 
     /// A campaign with its embedder and all pictures.
     fn record() -> CampaignRecord {
         CampaignRecord {
-            id: "two-1".parse().unwrap(),
-            spec: CampaignSpec::from_toml("model = \"two-sensor\"\nmethod = \"latent\"").unwrap(),
-            weight: Weight::default(),
-            study: None,
-            state: CampaignState::Running,
-            error: String::new(),
-            created_ms: 7,
-            ended_ms: None,
-            rollbacks: 0,
-            decisions: 0,
-            simulator_version: String::new(),
-            generations_done: 0,
-            last_novelty: None,
             embedder: ArchiveEmbedder::Checkpoint(CheckpointDigest::of(b"own")),
             pictures_done: 20_000,
-            rounds: Rounds::default(),
+            ..CampaignRecord::begun(
+                "two-1".parse().unwrap(),
+                CampaignSpec::from_toml("model = \"two-sensor\"\nmethod = \"latent\"").unwrap(),
+            )
         }
     }
 

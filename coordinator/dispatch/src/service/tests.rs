@@ -2,9 +2,7 @@
 
 use super::*;
 use crate::{EmbeddingJob, Families, PeerKind, Share, submitted::Submitted};
-use murmuration_model::{
-    ArchiveEmbedder, CampaignRecord, CampaignState, EmbedderRef, Origin, Rounds, TrainingPictures, Weight,
-};
+use murmuration_model::{CampaignRecord, EmbedderRef, Origin, TrainingPictures, Weight};
 use murmuration_proto::v1::{batch_result::Outcome, coordinator_message::Message};
 use murmuration_swarm::{CampaignSpec, CheckpointDigest, Starts, training::Configuration};
 use prometheus_client::registry::Registry;
@@ -238,24 +236,8 @@ fn after_a_stall_of_the_coordinator_no_worker_counts_as_silent() {
 }
 
 fn training() -> TrainingJob {
-    let record = CampaignRecord {
-        id: CampaignId::from_store("small-1".to_owned()),
-        spec: CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"latent\"").unwrap(),
-        weight: Weight::default(),
-        study: None,
-        state: CampaignState::Running,
-        error: String::new(),
-        created_ms: 0,
-        ended_ms: None,
-        rollbacks: 0,
-        decisions: 0,
-        simulator_version: String::new(),
-        generations_done: 0,
-        last_novelty: None,
-        embedder: ArchiveEmbedder::Checkpoint(CheckpointDigest::of(b"none")),
-        pictures_done: 0,
-        rounds: Rounds::default(),
-    };
+    let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"latent\"").unwrap();
+    let record = CampaignRecord::begun(CampaignId::from_store("small-1".to_owned()), spec);
     TrainingJob {
         campaign: record.id.clone(),
         weight: record.weight,
