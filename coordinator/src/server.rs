@@ -248,10 +248,6 @@ impl Coordinator {
         if options.resume {
             // Clients that connect meanwhile wait: they would be told that their campaigns are interrupted.
             campaigns.resume_interrupted().await?;
-        }
-        let (local, servers) = served.open(listener, &options).await?;
-        options.data.announce(&local.url)?;
-        if options.resume {
             let (campaigns, mut stopped) = (campaigns.clone(), stop.subscribe());
             tokio::spawn(async move {
                 tokio::select! {
@@ -261,6 +257,8 @@ impl Coordinator {
                 }
             });
         }
+        let (local, servers) = served.open(listener, &options).await?;
+        options.data.announce(&local.url)?;
         readiness.set(true).await;
         Ok(Self {
             address,

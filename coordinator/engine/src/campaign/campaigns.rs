@@ -205,20 +205,22 @@ impl Campaigns {
         loop {
             let mut wrong = workers.borrow_and_update().clone();
             wrong.extend(trainers.borrow_and_update().iter().cloned());
-            // The dispatchers come first: what the store knows, and no dispatcher, would not be computed again.
-            self.context.dispatch.mistrust(wrong.clone()).await;
-            self.context.trainers.dispatch().mistrust(wrong.clone()).await;
-            let mut again = None;
-            if !wrong.is_empty()
-                && let Err(error) = self.reopen(wrong).await
-            {
+            let checked = match wrong.is_empty() {
+                true => Ok(()),
+                false => {
+                    // The dispatchers come first: what the store knows, and no dispatcher, would not be computed again.
+                    self.context.dispatch.mistrust(wrong.clone()).await;
+                    self.context.trainers.dispatch().mistrust(wrong.clone()).await;
+                    self.reopen(wrong).await
+                }
+            };
+            if let Err(error) = &checked {
                 tracing::error!(%error, "completed campaigns cannot be checked for results of wrong workers");
-                again = Some(CHECKED_AGAIN_AFTER);
             }
             let changed = tokio::select! {
                 changed = workers.changed() => changed,
                 changed = trainers.changed() => changed,
-                () = tokio::time::sleep(again.unwrap_or_default()), if again.is_some() => Ok(()),
+                () = tokio::time::sleep(CHECKED_AGAIN_AFTER), if checked.is_err() => Ok(()),
             };
             if changed.is_err() {
                 return;
