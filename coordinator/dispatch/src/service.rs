@@ -234,7 +234,7 @@ impl Service {
             Request::WithdrawAudits(submitter) => self.withdraw_audits(&submitter),
             Request::Mistrust { wrong, reply } => {
                 self.mistrust(wrong);
-                // The submitter may have gone.
+                // The caller may have gone.
                 let _ = reply.send(());
                 return true;
             }

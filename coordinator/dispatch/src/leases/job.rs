@@ -42,8 +42,8 @@ pub(super) struct Job<R> {
 }
 
 impl<R: Agree> Job<R> {
-    /// Whether the machine has completed the last lease of the job that it did not keep.
-    pub(super) fn relies_on(&self, machine: MachineId) -> bool {
+    /// Whether the machine has returned and lost no lease of the job since it last completed one.
+    pub(super) fn is_reliable(&self, machine: MachineId) -> bool {
         !self.unreliable.contains(&machine)
     }
 

@@ -190,7 +190,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
                     && !self.is_avoided(turn, (id, job), Some(place), worker)
             };
             let fitting = || idle().filter(|(_, worker)| could(worker));
-            let reliable = fitting().find(|(_, worker)| job.relies_on(worker.machine()));
+            let reliable = fitting().find(|(_, worker)| job.is_reliable(worker.machine()));
             let (worker, _) = reliable.or_else(|| fitting().next())?;
             Some(Choice {
                 worker,
@@ -339,7 +339,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
                     && !self.is_avoided(turn, (id, job), Some(place), worker)
             };
             let fitting = || self.workers.by_leases().filter(|(_, worker)| fits(worker));
-            let is_best = |worker: &Worker| job.relies_on(worker.machine()) && !self.is_behind(worker, now);
+            let is_best = |worker: &Worker| job.is_reliable(worker.machine()) && !self.is_behind(worker, now);
             let best = fitting().find(|(_, worker)| is_best(worker));
             let (id, _) = best.or_else(|| fitting().next())?;
             Some(id)
@@ -347,7 +347,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
     }
 
     /// The worker with the lowest load that can get more tasks of a job, or the task at a place of it. A worker on a machine that
-    /// is late, or that did not finish its last lease of the job, is chosen only if there are no others, and a worker that is late
+    /// is late, or that has returned or lost its last lease of the job, is chosen only if there are no others, and a worker that is late
     /// itself only if all workers are late. A worker on a machine that hangs is chosen only if all machines hang.
     fn free(
         &self,
@@ -362,7 +362,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
             if is_kept || !fits(known) || self.is_avoided(turn, (id, job), place, known) {
                 continue;
             }
-            if !turn.late.contains(&known.machine()) && job.relies_on(known.machine()) {
+            if !turn.late.contains(&known.machine()) && job.is_reliable(known.machine()) {
                 return Some((worker, known));
             }
             match self.is_behind(known, now) {
@@ -390,9 +390,8 @@ impl<R: Agree + Clone> LeaseTable<R> {
         let could = |other: &Worker| {
             other.suits(job) && !other.gave_back(id) && needed.is_none_or(|task| task.wants(other.machine()))
         };
-        let is_sound = |other: &Worker| {
-            !self.workers.hangs(other.machine(), turn.now) && !self.never_answers(None, other, turn.now)
-        };
+        let is_sound =
+            |other: &Worker| !self.workers.hangs(other.machine(), turn.now) && !self.is_idle(other, turn.now);
         let sound = turn.sound.get_or_init(|| {
             let workers = self.workers.iter().filter(|(_, other)| is_sound(other));
             workers.map(|(id, _)| id).collect()

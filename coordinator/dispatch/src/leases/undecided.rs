@@ -187,10 +187,13 @@ impl<R: Agree + Clone> LeaseTable<R> {
 
     /// Whether a connected worker could soon answer a task that needs another machine.
     ///
-    /// An audit does not count on a worker whose machine is late with the task or hangs, that is late with other tasks and takes no
-    /// more work, or whose machine was asked long ago, on whatever connection. A task without votes counts on all workers but those that never answer: another
-    /// machine may still show that the task is possible, or kills no worker. A worker that gave the task's job back, and has
-    /// completed no lease of the job since, counts only if the job would end without such workers.
+    /// A worker does not count if it is idle and asks for no work, or if its machine has owed an answer for very long. For an
+    /// audit, nor does a worker whose machine is late with the task, hangs, or was asked long ago on whatever connection, or that
+    /// is late with other tasks and takes no more work. A task without votes waits for such workers: another machine may still
+    /// show that the task is possible, or that it ends no worker.
+    ///
+    /// A worker that returned its last lease of the job does not count for an audit. For a task that ended workers, it counts
+    /// until it has returned several leases in a row, and for a task that a machine reported as impossible, it always counts.
     fn could_say(
         &self,
         id: JobId,
@@ -207,6 +210,12 @@ impl<R: Agree + Clone> LeaseTable<R> {
             return self.could_ever_say(id, place, now);
         }
         let is_audit = !task.votes.is_empty();
+        // A training may take an hour.
+        let longest = if job.speculative {
+            HOPELESS_AFTER
+        } else {
+            LONGEST_PATIENCE
+        };
         let was_asked_long_ago = |worker: &Worker| {
             let asked = job.asked.get(&(place, worker.machine()));
             asked.is_some_and(|&asked| now.saturating_duration_since(asked) > HANGS_AFTER)
@@ -215,7 +224,9 @@ impl<R: Agree + Clone> LeaseTable<R> {
             // A worker that is late with another task can still get this task, unless the worker takes no more work.
             let takes_more = worker.credits > 0 && !worker.alone;
             let is_late = || self.is_behind(worker, now) && !takes_more;
-            self.never_answers(Some(job), worker, now)
+            let machine = self.workers.machine(worker.machine());
+            self.is_idle(worker, now)
+                || machine.is_none_or(|machine| machine.owes_for(longest, now))
                 || is_audit
                     && (late.contains(&(id, place, worker.machine()))
                         || self.workers.hangs(worker.machine(), now)
@@ -233,26 +244,14 @@ impl<R: Agree + Clone> LeaseTable<R> {
         })
     }
 
-    /// Whether a worker has long asked for nothing, on whatever connection, or its machine has owed an answer for very long: a
-    /// training may take an hour.
-    pub(super) fn never_answers(&self, job: Option<&Job<R>>, worker: &Worker, now: Instant) -> bool {
-        let machine = self.workers.machine(worker.machine());
-        let longest = match job {
-            Some(job) if !job.speculative => LONGEST_PATIENCE,
-            _ => HOPELESS_AFTER,
-        };
-        worker.asks_for_nothing(now)
-            || self.is_idle(worker, now)
-            || machine.is_none_or(|machine| machine.owes_for(longest, now))
-    }
-
-    /// Whether a worker asks for no work, and its machine has answered nothing for a while.
-    fn is_idle(&self, worker: &Worker, now: Instant) -> bool {
+    /// Whether a worker asks for no work, owes no answer, and has done so for a while, on whatever connection.
+    pub(super) fn is_idle(&self, worker: &Worker, now: Instant) -> bool {
         let machine = self.workers.machine(worker.machine());
         // A machine that joined a moment ago is about to ask for work.
         let active = machine.and_then(|machine| machine.active.max(machine.joined));
         let is_long = |active| now.saturating_duration_since(active) > SPECULATION_DELAY.1;
-        worker.credits == 0 && worker.owes.is_empty() && active.is_none_or(is_long)
+        let is_machine_idle = || active.is_none_or(is_long);
+        worker.asks_for_nothing(now) || (worker.credits == 0 && worker.owes.is_empty() && is_machine_idle())
     }
 
     /// Whether a machine could answer a task that needs another machine, however long it takes.
