@@ -472,6 +472,38 @@ fn a_machine_with_a_hung_process_works_on_beside_a_machine_that_does_nothing() {
 }
 
 #[test]
+fn a_training_that_one_trainer_cannot_do_waits_for_a_trainer_that_is_busy_for_long() {
+    let (mut table, start) = (LeaseTable::new(DISPUTE_TIMEOUT), now());
+    let training = JobParams {
+        speculative: false,
+        ..params(1)
+    };
+    let busy = join(&mut table, process(2), 1);
+    table.submit(training.clone());
+    table.grant(start).unwrap();
+    let refuses = join(&mut table, process(1), 1);
+    table.submit(training);
+    let grant = table.grant(start).unwrap();
+    assert_eq!(grant.worker, refuses);
+    table.refuse(refuses, grant.lease, start);
+    let late = start + 2 * HOPELESS_AFTER;
+    for at in [late, late + 2 * DISPUTE_TIMEOUT] {
+        table.keep_alive(busy, at);
+        assert_eq!(table.grant(at), None);
+    }
+    assert_eq!(impossible(table.take_events()), None);
+}
+
+#[test]
+fn a_lease_that_was_given_back_is_forgotten() {
+    let (mut table, [worker]) = workers([1]);
+    table.submit(params(1));
+    let grant = table.grant(now()).unwrap();
+    table.give_back(worker, grant.lease, now());
+    assert!(table.leases.is_empty() && table.jobs[&grant.job].leases.is_empty());
+}
+
+#[test]
 fn a_training_whose_trainer_makes_no_progress_goes_to_another() {
     let (mut table, start) = (LeaseTable::new(DISPUTE_TIMEOUT), now());
     let silent = join(&mut table, process(1), 1);
